@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from stickslip.motion.steps.arrays import Lane
     from stickslip.orbits.settling.engine.tables import Bench, Engine, Marks, Rules
 
+STAT = {}
 _FOLLOWED = 32  # deviations from which returns may be followed
 _NODES = 64  # of the first variation, for each knot that is recorded, at most
 
@@ -68,6 +69,10 @@ def attracted(
         for row in np.unique(missing, axis=0).astype(np.int8):
             pieces.number(row[:contacts], row[contacts:])
         verdict[verdict == UNKNOWN_MODE] = OPEN_CLAIM
+    import collections
+
+    for v in verdict:
+        STAT[int(v)] = STAT.get(int(v), 0) + 1
     return verdict == PROVED
 
 

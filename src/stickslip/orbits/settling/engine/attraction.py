@@ -5,13 +5,16 @@ At a station on the cycle, in the middle of its longest flight, let x* be the st
 monodromy matrix of the first variation (:mod:`stickslip.orbits.fields.engine.variations`), and e
 the deviation of the true motion. It has to be seen that
 
-* no multiplier is greater than 1 (Gelfand's formula ρ = lim ‖Mᵏ‖^{1/k}, by squaring), and what
-  is left of e in the end, lim Mᵏe, is a delay along the cycle, and nothing else;
+* no multiplier is greater than 1 (Gelfand's formula ρ = lim ‖Mᵏ‖^{1/k}, by squaring), and nothing
+  is left of e in the end, lim Mᵏe = 0;
 * the return of the true motion goes through the same modes, and its deviation is M e but for a
   curvature that is small all the way: were it as large everywhere as it is here, relative to the
   square of the deviation, it would add up to less than a part of e;
 * so do returns from the deviations Mʲe that it has later, those in between included: every one of
   them is within a narrow cone around one that has been followed, and shorter.
+
+Translations count for nothing, and neither do delays, where no drive tells the time: both are
+taken off deviations and off M.
 
 What sticks makes families of cycles, and a jump over a beat in which it would have slipped ends on
 another one of them: that is what the third condition is for.
@@ -37,20 +40,27 @@ from stickslip.motion.steps.arrays import (
     WORD,
     Flow,
     Lane,
+    Machine,
 )
 from stickslip.orbits.fields.engine.variations import (
+    ALIKE,
+    BEGINS,
+    CORNER,
+    ENDS,
     GRAZED,
     PASSED,
     Listed,
     Pass,
     Work,
+    fired,
     guards_at,
+    jump,
     put_matrix,
     put_product,
     vary,
 )
 from stickslip.orbits.settling.engine.measuring import knots_of
-from stickslip.orbits.settling.engine.returns import norm, remove_shift
+from stickslip.orbits.settling.engine.returns import norm, remove_part, remove_shift
 from stickslip.orbits.settling.engine.settling import (
     RECORDED,
     UNRECORDED,
@@ -106,7 +116,7 @@ class Claims(NamedTuple):
     squares : array, shape (2, n, n)
     deviation : array, shape (5, n)
         In units of the sizes of the components: deviations of the true motion, now (HERE) and after
-        a return (RETURNED), its rates, and two to work on.
+        a return (RETURNED), the direction of its rates, and two to work on.
     followed : array, shape (·, n)
         Deviations from which returns were followed.
     """
@@ -161,15 +171,15 @@ def prove_lane(
     station = m.before  # free, since nothing has to be undone any more
     later = place_station(e, m, rules, saved, bench, i)
     if not later >= 0.0:
-        return REFUSED
+        return 10
     copy_lane(m.home, i, s, i)
     follow_lane(e, i, s.clock[i, NOW] + later, rules.most[1], UNRECORDED, bench.record)
     if e.codes[i] != FINISHED:
-        return REFUSED
+        return 11
     deviate(m, rules, station, s, i, 0.0, c.deviation[HERE])
     home_word = follow_return(e, m, rules, bench, i)
     if home_word < 0:
-        return REFUSED
+        return 12
     deviate(m, rules, station, s, i, m.real[i, DURATION], c.deviation[RETURNED])
     copy_lane(station, i, s, i)
     s.counters[i, WORD] = EMPTY_WORD
@@ -177,7 +187,7 @@ def prove_lane(
     count = follow_lane(e, i, end, rules.most[1], RECORDED, bench.record)
     word = s.counters[i, WORD]
     if e.codes[i] != FINISHED or word != home_word:
-        return REFUSED
+        return 13
     for j in range(count):
         c.piece[j] = number_of(c, bench.record.mode[j], bench.record.region[j])
         if c.piece[j] < 0:
@@ -186,10 +196,14 @@ def prove_lane(
             copy(bench.record.region[j], c.wanted[i, nc:])
             return UNKNOWN_MODE
     if not differentiate(e, m, rules, bench, c, i, count):
-        return REFUSED
-    if not (radius(c) <= 1.0 + _GROWTH and ends_here(m, rules, c, i) and comes_home(c)):
-        return REFUSED
-    return PROVED if keeps_its_word(e, m, rules, bench, c, i, word) else REFUSED
+        return 14
+    if not (radius(c) <= 1.0 + _GROWTH):
+        return 20
+    if not ends_here(rules, c):
+        return 21
+    if not comes_home(c):
+        return 22
+    return PROVED if keeps_its_word(e, m, rules, bench, c, i, word) else 23
 
 
 @njit(**INLINED)
@@ -253,8 +267,7 @@ def deviate(
         moved = m.frame[i, r] * (t - station.clock[i, NOW] + since)
         out[r] = lanes.y[i, r] - station.y[i, r] - moved
     remove_shift(out, rules.shifts)
-    for r in range(len(out)):
-        out[r] = out[r] / m.size[i, r] if m.size[i, r] > 0.0 else 0.0
+    put_into_units(out, m.size[i])
 
 
 @njit(**OPTIONS)
@@ -295,33 +308,113 @@ def differentiate(
     for r in range(n):
         for j in range(n):
             run.after[0, r, j] = 1.0 if r == j else 0.0
-    for j in range(count):
-        run.outcome[j] = PASSED
     for r in range(c.parameters.shape[1]):
         for j in range(c.work.values.shape[1]):
             c.work.values[1 + n + r, j] = c.parameters[i, r]
     flow.space.known[-1] = 1
-    if vary(e.machine, fine, c.listed, run, c.work, 0) != PASSED:
+    # Around once, changes of the state may break the constraints of the mode; what comes of them
+    # does not, and that is where the multipliers are. So events that are one there count as one.
+    smooth = go_around(e.machine, fine, c, run, True)
+    if smooth < 0:
         return False
-    for j in range(count):
-        if run.outcome[j] == GRAZED:
+    if smooth == 0:
+        put_matrix(run.after[count - 1], c.squares[0])
+        put_matrix(c.squares[0], run.after[0])
+        if go_around(e.machine, fine, c, run, False) <= 0:
             return False
+        put_product(c.squares[0], c.squares[0], c.squares[1])
+        if not agree(run.after[count - 1], c.squares[1]):
+            return False
+        put_matrix(c.squares[0], run.after[count - 1])
     size = m.size[i]
-    guards_at(c.listed, run, c.work.values, run.piece[0], 0, c.work.here)
     rates = c.deviation[RATES]
     for r in range(n):
-        rates[r] = c.work.here.rates[r] - m.frame[i, r]
-    remove_shift(rates, rules.shifts)
-    for r in range(n):
-        rates[r] = rates[r] / size[r] if size[r] > 0.0 else 0.0
-    for r in range(n):
-        for j in range(n):
-            known = size[r] > 0.0 and size[j] > 0.0
-            M = run.after[count - 1, r, j]
-            if not abs(M) < np.inf:
+        rates[r] = 0.0
+    if m.drive[i] <= 0.0:
+        guards_at(c.listed, run, c.work.values, run.piece[0], 0, c.work.here)
+        for r in range(n):
+            rates[r] = c.work.here.rates[r] - m.frame[i, r]
+        remove_shift(rates, rules.shifts)
+        put_into_units(rates, size)
+        speed = norm(rates)
+        for r in range(n):
+            rates[r] = rates[r] / speed if speed > 0.0 else 0.0
+        remove_part(c.deviation[HERE], rates)
+        remove_part(c.deviation[RETURNED], rates)
+    column = c.deviation[_NOW]
+    for j in range(n):
+        for r in range(n):
+            column[r] = run.after[count - 1, r, j] * size[j]
+            if not abs(column[r]) < np.inf:
                 return False
-            c.after[0, r, j] = M * size[j] / size[r] if known else 0.0
+        remove_shift(column, rules.shifts)
+        put_into_units(column, size)
+        remove_part(column, rates)
+        for r in range(n):
+            c.squares[0, r, j] = column[r]
+    put_matrix(c.squares[0], c.after[0])
     return True
+
+
+@njit(**INLINED)
+def go_around(machine: Machine, fine: Flow, c: Claims, run: Pass, forced: bool) -> int:
+    """The first variation once around, from that at the first knot.
+
+    Parameters
+    ----------
+    machine : Machine
+    fine : Flow
+    c : Claims
+    run : Pass
+    forced : bool
+        Whether events that coincide, but not for all neighbours, are to count as one.
+
+    Returns
+    -------
+    int
+        1, or 0 where something is touched, or there were such events; −1 if there is no variation.
+    """
+    found = 1
+    for j in range(len(run.outcome)):
+        run.outcome[j] = PASSED
+    start = 0
+    while True:
+        code = vary(machine, fine, c.listed, run, c.work, start)
+        if code == PASSED:
+            break
+        if code != CORNER or not forced:
+            return -1
+        found = 0
+        here = c.work.here
+        start = run.event[ENDS]
+        g = fired(c.listed, run, run.event[BEGINS], start, here)
+        change = run.after[run.event[BEGINS]]
+        jump(here, g, c.work.around.rates, here.terms[g], change)
+        for j in range(run.event[BEGINS] + 1, start + 1):
+            put_matrix(change, run.after[j])
+    for j in range(len(run.outcome)):
+        if run.outcome[j] == GRAZED:
+            found = 0
+    return found
+
+
+@njit(**OPTIONS)
+def agree(A: Array, B: Array) -> bool:
+    """Whether two matrices are the same but for rounding."""
+    size = 0.0
+    apart = 0.0
+    for r in range(len(A)):
+        for j in range(len(A)):
+            size = max(size, abs(A[r, j]))
+            apart = max(apart, abs(A[r, j] - B[r, j]))
+    return apart <= ALIKE * size
+
+
+@njit(**OPTIONS)
+def put_into_units(v: Array, size: Array) -> None:
+    """Components relative to their sizes; those that never were anything do not count."""
+    for r in range(len(v)):
+        v[r] = v[r] / size[r] if size[r] > 0.0 else 0.0
 
 
 @njit(**OPTIONS)
@@ -359,29 +452,18 @@ def turn(M: Array, v: Array, out: Array) -> None:
 
 
 @njit(**OPTIONS)
-def ends_here(m: Marks, rules: Rules, c: Claims, i: int) -> bool:
-    """Whether nothing but a delay is left of the deviation of the true motion in the end; that is
-    taken off."""
+def ends_here(rules: Rules, c: Claims) -> bool:
+    """Whether nothing is left of the deviation of the true motion in the end."""
     power, square = c.squares[0], c.squares[1]
     put_matrix(c.after[0], power)
     for _ in range(_AT_LAST):
         put_product(power, power, square)
         put_matrix(square, power)
-    left, rest = c.deviation[_NOW], c.deviation[_LATER]
-    rates = c.deviation[RATES]
+    left = c.deviation[_NOW]
     turn(power, c.deviation[HERE], left)
-    speed = 0.0
-    along = 0.0
     for r in range(len(left)):
-        speed += rates[r] * rates[r]
-        along += rates[r] * left[r]
-    delay = along / speed if speed > 0.0 and m.drive[i] <= 0.0 else 0.0
-    for r in range(len(left)):
-        rest[r] = left[r] - delay * rates[r]
-        if not abs(rest[r]) <= rules.real[5]:
+        if not abs(left[r]) <= rules.real[5]:
             return False
-        c.deviation[HERE, r] -= left[r]
-        c.deviation[RETURNED, r] -= left[r]
     return True
 
 

@@ -791,7 +791,8 @@ def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int
         )
     remove_shift(work, rules.shifts)
     here = miss(work, m.size[i], rules.real[4]) <= rules.real[5]
-    if not (here or (real[REACH] > 0.0 and d <= rules.real[3])):
+    afar = real[REACH] > 0.0
+    if (afar and d > rules.real[3]) or not (afar or here):
         return take_back(m, lanes, saved, i)
     real[FLOOR] = d
     numbers[LAG], last = shortest_lag(m, rules, i, work), numbers[COUNT] - 1
