@@ -24,20 +24,12 @@ if TYPE_CHECKING:
     from stickslip.motion.steps.arrays import Lane
     from stickslip.orbits.settling.engine.tables import Bench, Engine, Marks, Rules
 
-STAT = {}
 _FOLLOWED = 32  # deviations from which returns may be followed
-_NODES = 64  # of the first variation, for each knot that is recorded, at most
+_PARTS = 4  # of the step between two knots, on the average, in which it may have to be resolved
 
 
-def attracted(
-    problem: Problem,
-    pieces: Pieces,
-    table: Array,
-    engine: Engine,
-    settling: tuple[Marks, Rules, Lane, Bench],
-    stop: Array,
-) -> Array:
-    """Which lanes that were carried on by hand come to their cycles by themselves.
+class Attraction:
+    """The proof, for motions of one system.
 
     Parameters
     ----------
@@ -45,71 +37,74 @@ def attracted(
     pieces : Pieces
         Of its system; receives the fields of the modes that are met.
     table : array, shape (lanes, parameters)
-    engine, settling
-        As of :func:`stickslip.orbits.settling.engine.attraction.prove_all`.
-    stop : array, shape (1,)
-
-    Returns
-    -------
-    array of bool, shape (lanes,)
     """
-    lanes = len(table)
-    contacts, kinks = len(problem.rows.u), len(problem.rows.kinks)
-    verdict = np.full(lanes, OPEN_CLAIM)
-    wanted = np.zeros((lanes, contacts + kinks), np.int64)
-    if not pieces.made:
-        first = settling[2]
-        pieces.number(first.mode[0].astype(np.int8), first.reg[0].astype(np.int8))
-    while np.any(verdict == OPEN_CLAIM) and stop[0] == 0:
-        claims = _claims(problem, pieces, table, engine, settling, verdict, wanted)
-        prove_all(engine, *settling, claims, stop)
-        missing = wanted[verdict == UNKNOWN_MODE]
-        if len(missing) == 0:
-            break
-        for row in np.unique(missing, axis=0).astype(np.int8):
-            pieces.number(row[:contacts], row[contacts:])
-        verdict[verdict == UNKNOWN_MODE] = OPEN_CLAIM
-    import collections
 
-    for v in verdict:
-        STAT[int(v)] = STAT.get(int(v), 0) + 1
-    return verdict == PROVED
+    def __init__(self, problem: Problem, pieces: Pieces, table: Array) -> None:
+        self.problem = problem
+        self.pieces = pieces
+        self.table = np.ascontiguousarray(table)
+        self._claims: Claims | None = None
 
+    def prove(
+        self, engine: Engine, settling: tuple[Marks, Rules, Lane, Bench], stop: Array
+    ) -> Array:
+        """Which lanes that were carried on by hand come to their cycles by themselves.
 
-def _claims(
-    problem: Problem,
-    pieces: Pieces,
-    table: Array,
-    engine: Engine,
-    settling: tuple[Marks, Rules, Lane, Bench],
-    verdict: Array,
-    wanted: Array,
-) -> Claims:
-    bench = settling[3]
-    knots = len(bench.record.time)
-    n = bench.record.state.shape[1]
-    listed = pieces.listed
-    omega = engine.flow.k.omega[engine.group]
-    between = make_scratch(problem.rows, (0, 2))
-    made = [piece.field for piece in pieces.made]
-    return Claims(
-        verdict=verdict,
-        wanted=wanted,
-        parameters=np.ascontiguousarray(table),
-        drives=np.max(np.abs(omega), axis=1, initial=0.0),
-        origin=float(problem.origin),
-        listed=listed,
-        modes=np.array([field.mode for field in made], np.int64).reshape(len(made), -1),
-        regions=np.array([field.region for field in made], np.int64).reshape(len(made), -1),
-        piece=np.zeros(knots, np.int64),
-        parts=np.zeros(knots, np.int64),
-        outcome=np.zeros(knots, np.int64),
-        event=np.zeros(MET + 1 + listed.switches.shape[1], np.int64),
-        after=np.zeros((knots, n, n)),
-        work=room_for_pass(
-            listed, places_of(pieces.made), _NODES * STAGES * knots, (n, n), between
-        ),
-        squares=np.zeros((2, n, n)),
-        deviation=np.zeros((5, n)),
-        followed=np.zeros((_FOLLOWED, n)),
-    )
+        Parameters
+        ----------
+        engine, settling
+            As of :func:`stickslip.orbits.settling.engine.attraction.prove_all`.
+        stop : array, shape (1,)
+
+        Returns
+        -------
+        array of bool, shape (lanes,)
+        """
+        contacts = len(self.problem.rows.u)
+        if self._claims is None:
+            where = settling[2]
+            self.pieces.number(where.mode[0].astype(np.int8), where.reg[0].astype(np.int8))
+            self._claims = self._made(engine, settling[3])
+        self._claims.verdict[:] = OPEN_CLAIM
+        while stop[0] == 0:
+            claims = self._claims
+            prove_all(engine, *settling, claims, stop)
+            missing = claims.verdict == UNKNOWN_MODE
+            if not np.any(missing):
+                break
+            for row in np.unique(claims.wanted[missing], axis=0).astype(np.int8):
+                self.pieces.number(row[:contacts], row[contacts:])
+            self._claims = self._made(engine, settling[3])
+            self._claims.verdict[:] = np.where(missing, OPEN_CLAIM, claims.verdict)
+        return self._claims.verdict == PROVED
+
+    def _made(self, engine: Engine, bench: Bench) -> Claims:
+        """Room for the claims, and the fields as they are listed by now."""
+        knots = len(bench.record.time)
+        n = bench.record.state.shape[1]
+        rows = self.problem.rows
+        listed = self.pieces.listed
+        omega = engine.flow.k.omega[engine.group]
+        between = make_scratch(rows, (0, 2))
+        made = [piece.field for piece in self.pieces.made]
+        places = places_of(self.pieces.made)
+        lanes = len(self.table)
+        return Claims(
+            verdict=np.full(lanes, OPEN_CLAIM),
+            wanted=np.zeros((lanes, len(rows.u) + len(rows.kinks)), np.int64),
+            parameters=self.table,
+            drives=np.max(np.abs(omega), axis=1, initial=0.0),
+            origin=float(self.problem.origin),
+            listed=listed,
+            modes=np.array([field.mode for field in made], np.int64).reshape(len(made), -1),
+            regions=np.array([field.region for field in made], np.int64).reshape(len(made), -1),
+            piece=np.zeros(knots, np.int64),
+            parts=np.zeros(knots, np.int64),
+            outcome=np.zeros(knots, np.int64),
+            event=np.zeros(MET + 1 + listed.switches.shape[1], np.int64),
+            after=np.zeros((knots, n, n)),
+            work=room_for_pass(listed, places, _PARTS * STAGES * knots, (n, n), between),
+            squares=np.zeros((2, n, n)),
+            deviation=np.zeros((5, n)),
+            followed=np.zeros((_FOLLOWED, n)),
+        )

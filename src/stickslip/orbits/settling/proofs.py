@@ -26,7 +26,7 @@ from stickslip.motion.engine.forms import AFFINE, GUARDS
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.steps.arrays import NOW
 from stickslip.orbits.fields.mode_field import Pieces
-from stickslip.orbits.settling.attraction import attracted
+from stickslip.orbits.settling.attraction import Attraction
 from stickslip.orbits.settling.engine.tables import (
     ASK,
     COUNT,
@@ -99,6 +99,7 @@ class Prover:
         self.rules = rules
         self.repetition: Repetition = Repetition(problem.compiled.equations)
         self.pieces: Pieces = Pieces(problem.compiled.equations)
+        self.attraction: Attraction = Attraction(problem, self.pieces, table)
         self.acting: Array = self._acting()
 
     def _acting(self) -> Array:
@@ -192,7 +193,7 @@ class Prover:
         claimed = (marks.numbers[:, PHASE] == PROVING) & (marks.numbers[:, LEAPT] > 0)
         if not np.any(claimed):
             return
-        comes = attracted(self.problem, self.pieces, self.table, engine, settling, stop)
+        comes = self.attraction.prove(engine, settling, stop)
         marks.outcome[claimed & ~comes] = _NOTHING
         marks.numbers[claimed & ~comes, PHASE] = SETTLING
         marks.numbers[claimed & ~comes, LEAPT] = -1

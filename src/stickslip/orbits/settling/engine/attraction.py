@@ -171,15 +171,15 @@ def prove_lane(
     station = m.before  # free, since nothing has to be undone any more
     later = place_station(e, m, rules, saved, bench, i)
     if not later >= 0.0:
-        return 10
+        return REFUSED
     copy_lane(m.home, i, s, i)
     follow_lane(e, i, s.clock[i, NOW] + later, rules.most[1], UNRECORDED, bench.record)
     if e.codes[i] != FINISHED:
-        return 11
+        return REFUSED
     deviate(m, rules, station, s, i, 0.0, c.deviation[HERE])
     home_word = follow_return(e, m, rules, bench, i)
     if home_word < 0:
-        return 12
+        return REFUSED
     deviate(m, rules, station, s, i, m.real[i, DURATION], c.deviation[RETURNED])
     copy_lane(station, i, s, i)
     s.counters[i, WORD] = EMPTY_WORD
@@ -187,7 +187,7 @@ def prove_lane(
     count = follow_lane(e, i, end, rules.most[1], RECORDED, bench.record)
     word = s.counters[i, WORD]
     if e.codes[i] != FINISHED or word != home_word:
-        return 13
+        return REFUSED
     for j in range(count):
         c.piece[j] = number_of(c, bench.record.mode[j], bench.record.region[j])
         if c.piece[j] < 0:
@@ -196,14 +196,10 @@ def prove_lane(
             copy(bench.record.region[j], c.wanted[i, nc:])
             return UNKNOWN_MODE
     if not differentiate(e, m, rules, bench, c, i, count):
-        return 14
-    if not (radius(c) <= 1.0 + _GROWTH):
-        return 20
-    if not ends_here(rules, c):
-        return 21
-    if not comes_home(c):
-        return 22
-    return PROVED if keeps_its_word(e, m, rules, bench, c, i, word) else 23
+        return REFUSED
+    if not (radius(c) <= 1.0 + _GROWTH and ends_here(rules, c) and comes_home(c)):
+        return REFUSED
+    return PROVED if keeps_its_word(e, m, rules, bench, c, i, word) else REFUSED
 
 
 @njit(**INLINED)
