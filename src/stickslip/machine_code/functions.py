@@ -73,9 +73,10 @@ class Intrinsic:
     def _numba_type_(self) -> Any:
         from numba.core.registry import cpu_target
 
+        context: Any = cpu_target.typing_context
         made = self._make()
-        cpu_target.typing_context.refresh()
-        return cpu_target.typing_context.resolve_value_type(made)
+        context.refresh()
+        return context.resolve_value_type(made)
 
     def __call__(self, *arguments: Any) -> Any:
         """Compiled functions alone do that.

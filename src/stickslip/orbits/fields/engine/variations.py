@@ -151,7 +151,7 @@ class PassSpace(NamedTuple):
     ----------
     values : array, shape (places, LANES)
         Of the instructions.
-    index, clock, states : arrays, shapes (room,), (room,) and (room, states)
+    step, clock, states : arrays, shapes (room,), (room,) and (room, states)
         The nodes of all steps: the knot before each, when it is, and the state there.
     squares : array, shape (4, states, states)
     moved : array, shape (states, directions)
@@ -163,7 +163,7 @@ class PassSpace(NamedTuple):
     """
 
     values: Array
-    index: Array
+    step: Array
     clock: Array
     states: Array
     squares: Array
@@ -310,7 +310,7 @@ def place_nodes(listed: Listed, run: Pass, work: PassSpace) -> None:
         begin = time_of(run, i)
         h = (time_of(run, i + 1) - begin) / run.parts[i]
         for j in range(nodes_of(listed, run, i)):
-            work.index[place] = i
+            work.step[place] = i
             work.clock[place] = begin + (j // STAGES + NODES[j % STAGES]) * h - run.origin
             place += 1
 
@@ -695,12 +695,12 @@ def vary(
     """
     if start == 0:
         nodes = resolve_steps(listed, run, work)
-        if nodes > len(work.index):
+        if nodes > len(work.step):
             run.event[BEGINS] = nodes
             return CROWDED
         place_nodes(listed, run, work)
-        index, clock = work.index[:nodes], work.clock[:nodes]
-        states_at(machine, flow, run.seen, run.knots, index, clock, work.between, work.states)
+        step, clock = work.step[:nodes], work.clock[:nodes]
+        states_at(machine, flow, run.seen, run.knots, step, clock, work.between, work.states)
     knots = len(run.piece)
     together = TOGETHER * (time_of(run, knots - 1) - time_of(run, 0))
     node = 0
