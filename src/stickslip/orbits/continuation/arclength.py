@@ -40,6 +40,7 @@ _RESOLVED = 100.0  # a step this much longer than the corrector's tolerance has 
 _ZERO = 1e-13
 # … and what is larger and has not shrunk by the second part for a few looks is rounding
 _SMALL, _SHRINKS, _LOOKS = 1e-9, 0.1, 2
+_SAME = 1e-12  # places that are nearer to each other, as a part of the step, are one
 
 
 class Stop(Enum):
@@ -611,7 +612,9 @@ class _Tracer:
         with suppress(_Found):
             zero_between(value, 0.0, distance, *ends)
         finite = [point for point in known.values() if np.isfinite(point.tests[name])]
-        return min(finite, key=lambda point: abs(point.tests[name]))
+        found = min(finite, key=lambda point: abs(point.tests[name]))
+        same = (p for p in (last, new) if abs(p.length - found.length) <= _SAME * distance)
+        return next(same, found)
 
 
 def _angle(u: Array, v: Array) -> float:
