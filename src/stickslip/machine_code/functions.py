@@ -70,11 +70,16 @@ class Intrinsic:
         self._make = make
 
     @cached_property
+    def _made(self) -> Any:
+        """What numba knows only as long as somebody holds it."""
+        return self._make()
+
+    @cached_property
     def _numba_type_(self) -> Any:
         from numba.core.registry import cpu_target
 
         context: Any = cpu_target.typing_context
-        made = self._make()
+        made = self._made
         context.refresh()
         return context.resolve_value_type(made)
 
