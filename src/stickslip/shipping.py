@@ -81,7 +81,7 @@ def ship(levels: Sequence[str], folder: Path = shelf.SHIPPED, quiet: bool = Fals
 
 def _facts() -> str:
     """What machine code is good for."""
-    rooms = Path(__file__).parent / "orbits", Path(__file__).parent / "motion"
+    rooms = [Path(__file__).parent / room for room in ("motion", "orbits", "orbits/fields")]
     tours = Path(__file__).read_text(encoding="utf-8")
     facts = [*map(stamp, rooms), digest(tours), str(shelf.target_of(shelf.level()))]
     return "\n".join([*facts, ""])
