@@ -130,7 +130,7 @@ def _first_way() -> None:
     block = _block_on_a_belt()
     ss.simulate(block, (0.0, 20.0))
     ss.simulate(block, (0.0, 1.0), initial={"d_x": 0.3})  # carried along by the belt to the end
-    ss.find_cycle(block)
+    ss.find_cycle(block).extrema  # noqa: B018
     ss.find_cycle(_blocks_pushed_alike())
 
 

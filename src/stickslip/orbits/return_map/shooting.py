@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 MOST_EVENTS = 100_000  # of one period
 _PLACED = 1e-14  # a correction this small, in units of the cycle, changes no derivative
-_MOST_PLACINGS = 4
+_MOST_PLACINGS = 3
 
 
 class NoReturn(ConvergenceError):
@@ -152,11 +152,12 @@ class Station:
         if self.normal.shape[1] == 0:
             return Place(y, self.basis, np.zeros(n), np.zeros(n))
         # Newton's method across the constraints of the mode; along them lie the free directions.
+        off, along, by_time, by_parameter = self._solve(y, t, p)
         for _ in range(_MOST_PLACINGS):
-            off, along, by_time, by_parameter = self._solve(y, t, p)
             y = y - self.normal @ off
             if np.max(np.abs(off)) <= _PLACED:
                 break
+            off, along, by_time, by_parameter = self._solve(y, t, p)
         return Place(
             y, self.basis - self.normal @ along, -self.normal @ by_time, -self.normal @ by_parameter
         )
