@@ -81,7 +81,7 @@ def ship(levels: Sequence[str], folder: Path = shelf.SHIPPED, quiet: bool = Fals
 
 def _facts() -> str:
     """What machine code is good for."""
-    rooms = Path(__file__).parent / "orbits", Path(__file__).parent / "motion"
+    rooms = [Path(__file__).parent / room for room in ("motion", "orbits", "orbits/fields")]
     tours = Path(__file__).read_text(encoding="utf-8")
     facts = [*map(stamp, rooms), digest(tours), str(shelf.target_of(shelf.level()))]
     return "\n".join([*facts, ""])
@@ -109,26 +109,29 @@ def _block_on_a_belt() -> System:
     )
 
 
-def _corner() -> System:
-    """A motion that meets two surfaces where they meet, as its neighbours do not."""
-    from stickslip import Internal, System
+def _blocks_pushed_alike() -> System:
+    """A cycle on which events coincide that do not for neighbours."""
+    from stickslip import Contact, Inertial, System
 
-    laws = {"x": "1", "y": "1", "z": "piecewise(x < 1, 0, piecewise(y < 1, 5, 1))"}
-    return System("corner", internal={name: Internal(law) for name, law in laws.items()})
+    return System(
+        "blocks that are pushed alike",
+        drives={"push": "2*cos(t/2)"},
+        coordinates={"x": Inertial(), "y": Inertial()},
+        kinetic="d_x**2/2 + d_y**2/2",
+        potential="x**2/2 + y**2/2 - push*(x + y)",
+        contacts={"first": Contact("d_x", threshold="1"), "other": Contact("d_y", threshold="1")},
+    )
 
 
 def _first_way() -> None:
     """Closed forms, motions that settle, and their derivatives."""
     import stickslip as ss
-    from stickslip.orbits.fields.mode_field import Pieces
-    from stickslip.orbits.fields.variational import variation
 
     block = _block_on_a_belt()
     ss.simulate(block, (0.0, 20.0))
     ss.simulate(block, (0.0, 1.0), initial={"d_x": 0.3})  # carried along by the belt to the end
-    ss.find_cycle(block)
-    motion = ss.simulate(_corner(), (0.0, 2.0))
-    variation(motion, Pieces(motion._problem.compiled.equations))
+    ss.find_cycle(block).extrema  # noqa: B018
+    ss.find_cycle(_blocks_pushed_alike())
 
 
 def _second_way() -> None:

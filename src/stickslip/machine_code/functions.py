@@ -57,6 +57,42 @@ class Compiled:
         return self.dispatcher(*arguments)
 
 
+class Intrinsic:
+    """An instruction of LLVM's that compiled functions call.
+
+    Parameters
+    ----------
+    make : callable
+        Makes what numba calls an intrinsic, when numba asks for it.
+    """
+
+    def __init__(self, make: Callable[[], Any]) -> None:
+        self._make = make
+
+    @cached_property
+    def _made(self) -> Any:
+        """What numba knows only as long as somebody holds it."""
+        return self._make()
+
+    @cached_property
+    def _numba_type_(self) -> Any:
+        from numba.core.registry import cpu_target
+
+        context: Any = cpu_target.typing_context
+        made = self._made
+        context.refresh()
+        return context.resolve_value_type(made)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Compiled functions alone do that.
+
+        Raises
+        ------
+        TypeError
+        """
+        raise TypeError("an intrinsic is called by compiled functions alone")
+
+
 class Entry(Compiled):
     """A function of the engine that Python calls: compiled ahead of time for the kinds of its
     arguments.

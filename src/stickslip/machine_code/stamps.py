@@ -21,13 +21,7 @@ _SHAPED_BY = {
     "motion": _ENGINE,
     "equations": _ENGINE,
     "orbits": (*_ENGINE, "orbits/settling/engine"),
-    "orbits/fields": (
-        "equations/codegen/program.py",
-        "motion/steps/arrays.py",
-        "orbits/fields/engine",
-        "machine_code/by_numba.py",
-        "machine_code/kinds.py",
-    ),
+    "orbits/fields": (*_ENGINE, "orbits/fields/engine"),
     "rate_independent": (
         "rate_independent/signals",
         "rate_independent/solvers",

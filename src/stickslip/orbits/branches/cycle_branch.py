@@ -24,7 +24,6 @@ from stickslip.orbits.branches.halving import doubles_at, half_gap
 from stickslip.orbits.branches.special_points import (
     APART,
     NOT_SMOOTH,
-    STEP,
     TWICE,
     Spacing,
     confirmed,
@@ -386,13 +385,16 @@ class _Follower:
             other.step = self.spacing(one.cycle, other.cycle)
         stations[0].step = 0.0
         special = [self._special(event, i) for i, s in enumerate(stations) for event in s.events]
-        values, cycles = [s.value for s in stations], [s.cycle for s in stations]
-        points = dataset(self.parameter, values, cycles)
-        points["step"] = "point", np.array([s.step for s in stations]), STEP
-        certificate = of_branch(cycles, {self.parameter: self.span}, points["step"].values)
-        system = self.cycle.system
-        parameters = dict(self.cycle.parameters)
-        return Branch(system, parameters, self.parameter, points, special, ends, certificate)
+        cycles, steps = [s.cycle for s in stations], np.array([s.step for s in stations])
+        return Branch(
+            self.cycle.system,
+            dict(self.cycle.parameters),
+            self.parameter,
+            lambda: dataset([self.parameter], cycles, steps),
+            special,
+            ends,
+            of_branch(cycles, {self.parameter: self.span}, steps),
+        )
 
     def _special(self, event: _Event, index: int) -> SpecialPoint:
         cycle = event.cycle

@@ -384,11 +384,18 @@ class _Follower:
             for s in self._special(station, kind, i)
         ]
         certified = [s.certified for s in stations]
-        points = self._dataset(system, stations, certified)
         within = in_range(ranges({self.parameter: self.span}), [s.point.x for s in stations])
         found = worst([found for found, _ in certified])
         certificate = replace(found, residuals=(*found.residuals, within))
-        return Branch(system, dict(self.values), self.parameter, points, special, ends, certificate)
+        return Branch(
+            system,
+            dict(self.values),
+            self.parameter,
+            lambda: self._dataset(system, stations, certified),
+            special,
+            ends,
+            certificate,
+        )
 
     def _ending(self, piece: _Piece) -> Ending:
         guard = self._guard_that_ended(piece)

@@ -288,9 +288,15 @@ class _Curve:
         first, second = self.spans
         found = worst([self._certificate(x, problem) for x in points])
         certificate = Certificate((*found.residuals, in_range(ranges(self.spans), points)))
-        table = self._dataset(system, kind, points, problem)
         return Branch(
-            system, dict(self.steady.values), first, table, special, ends, certificate, second
+            system,
+            dict(self.steady.values),
+            first,
+            lambda: self._dataset(system, kind, points, problem),
+            special,
+            ends,
+            certificate,
+            second,
         )
 
     def _certificate(self, x: Array, problem: _Extended) -> Certificate:

@@ -28,7 +28,7 @@ from stickslip.orbits.branches.chart import (
 )
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.branches.onset import Onset, nearest_onset
-from stickslip.orbits.branches.special_points import STEP, Spacing, dataset, of_branch
+from stickslip.orbits.branches.special_points import Spacing, dataset, of_branch
 from stickslip.orbits.continuation.arclength import (
     NOT_DEFINED,
     Ending,
@@ -56,7 +56,7 @@ from stickslip.orbits.return_map.recurrence import Recurrence, window
 from stickslip.orbits.return_map.shooting import Orbit, follow_state, with_value
 
 if TYPE_CHECKING:
-    import xarray
+    pass
 
 
 _STEPS = StepControl(first=0.05, largest=0.4, tolerance=1e-10, turn=0.3)
@@ -260,21 +260,17 @@ class _Follower:
                 f"onsets of stick of {self.closed.orbit.problem.system.name}", behind.text
             )
         cycles = joined(back, forth)
-        system = self.closed.orbit.problem.system
-        parameters = dict(self.closed.orbit.problem.parameters)
-        points: xarray.Dataset = dataset(
-            self.first, [c.parameters[self.first] for c in cycles], cycles
-        )
-        points[self.second] = "point", np.array([c.parameters[self.second] for c in cycles])
-        points["step"] = (
-            "point",
-            np.array([0.0, *(self.spacing(a, b) for a, b in itertools.pairwise(cycles))]),
-            STEP,
-        )
-        points.attrs["kind"] = "stick onsets"
-        certificate = of_branch(cycles, self.spans, points["step"].values)
+        problem = self.closed.orbit.problem
+        steps = np.array([0.0, *(self.spacing(a, b) for a, b in itertools.pairwise(cycles))])
         return Branch(
-            system, parameters, self.first, points, [], (behind, ahead), certificate, self.second
+            problem.system,
+            dict(problem.parameters),
+            self.first,
+            lambda: dataset(self.spans, cycles, steps).assign_attrs(kind="stick onsets"),
+            [],
+            (behind, ahead),
+            of_branch(cycles, self.spans, steps),
+            self.second,
         )
 
     def follow(self, sign: float) -> tuple[list[Cycle], Ending]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -48,7 +48,7 @@ _CLOSE = 1e-13  # a change is enclosed to this length
 _FINE = 1e-11  # corrector's tolerance where a change is located
 APART = 0.3  # neighbours on a branch are at most so far from each other …
 TWICE = 1e-10  # … and at least so far: nearer ones are one
-STEP = {
+_STEP = {
     "long_name": "distance from the point before: the largest change of parameter, period and "
     "ranges, relative to the branch's own"
 }
@@ -324,9 +324,9 @@ def of_branch(
     return replace(found, residuals=(*found.residuals, *own))
 
 
-def dataset(parameter: str, values: list[float], cycles: list[Cycle]) -> xarray.Dataset:
-    """Parameter, period, extremes, multipliers, stability, stick and slip, drift and certificate of
-    every point."""
+def dataset(parameters: Iterable[str], cycles: list[Cycle], steps: Array) -> xarray.Dataset:
+    """Parameters, period, extremes, multipliers, stability, stick and slip, drift, certificate and
+    distance from the one before of every point."""
     import xarray as xr
 
     system = cycles[0].system
@@ -336,7 +336,7 @@ def dataset(parameter: str, values: list[float], cycles: list[Cycle]) -> xarray.
         return "point", np.array([getattr(c, quantity) for c in cycles], dtype=float)
 
     data: dict = {
-        parameter: ("point", np.array(values)),
+        **{name: ("point", np.array([c.parameters[name] for c in cycles])) for name in parameters},
         "period": column("period"),
         "time": column("time"),
     }
@@ -361,6 +361,7 @@ def dataset(parameter: str, values: list[float], cycles: list[Cycle]) -> xarray.
         },
         "residual": column("residual"),
         "certified": ("point", np.array([c.certificate.ok for c in cycles], np.int8)),
+        "step": ("point", steps, _STEP),
     }
     for name in cycles[0].contacts:
         data[f"stick_time_{contact_key(name)}"] = (

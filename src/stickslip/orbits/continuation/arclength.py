@@ -24,6 +24,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.certificates import Residual
 from stickslip.errors import StickslipError
+from stickslip.orbits.continuation.bracket import zero_between
 
 FunctionAndJacobian = Callable[[Array], tuple[Array, Array]]
 Test = str | int
@@ -35,9 +36,11 @@ _BRIDGE = 1e-2  # part of the first step over which the orientation of the curve
 NOT_DEFINED = (ArithmeticError, StickslipError, np.linalg.LinAlgError)
 """What the equations may raise where they are not defined; the step is then shortened."""
 _RESOLVED = 100.0  # a step this much longer than the corrector's tolerance has a direction
-# a test function that is this small, relative to its values at the ends of a step, and has not
-# shrunk by the second part for a few looks, is rounding
-_SMALL, _SHRINKS, _LOOKS = 1e-9, 0.1, 3
+# a test function that is this small, relative to its values at the ends of a step, is zero, …
+_ZERO = 1e-13
+# … and what is larger and has not shrunk by the second part for a few looks is rounding
+_SMALL, _SHRINKS, _LOOKS = 1e-9, 0.1, 2
+_SAME = 1e-12  # places that are nearer to each other, as a part of the step, are one
 
 
 class Stop(Enum):
@@ -409,14 +412,18 @@ class _Tracer:
         return Point(x, tangent, length, dict(self.tests(x, tangent)), orientation)
 
     def step(
-        self, last: Point, along: float, limit: Limit | None = None, other: Point | None = None
+        self,
+        last: Point,
+        along: float,
+        limit: Limit | None = None,
+        near: tuple[Point, Point] | None = None,
     ) -> Point:
         """The point at a distance along the tangent; or that at a limit, which is there by the
-        tangent. `other` is another point of the curve, through which it is bent."""
+        tangent. It is looked for on the curve through two points near it, if they are given."""
         units, tangent = self._tangent(last)
         guess = last.x + units * tangent * along
         if limit is None:
-            start = guess if other is None else self._bent(last, other, along)
+            start = guess if near is None else self._bent(last, near, along)
             x = correct(self.equations, guess, units, tangent, self.steps.tolerance, start)
         else:
             x = correct_at(
@@ -428,14 +435,15 @@ class _Tracer:
             x, *direction(self.equations, x, there, last.tangent / there), last.length + along
         )
 
-    def _bent(self, last: Point, other: Point, along: float) -> Array:
+    def _bent(self, last: Point, near: tuple[Point, Point], along: float) -> Array:
         """Where the curve through two points is, if that is near the tangent and in the range."""
         units, tangent = self._tangent(last)
         straight = last.x + units * tangent * along
-        bent = curve_between(last, other, units, tangent, along)
-        near = np.linalg.norm((bent - straight) / units) <= self.steps.turn * along
+        offset = float(tangent @ ((near[0].x - last.x) / units))
+        bent = curve_between(*near, units, tangent, along - offset)
+        close = np.linalg.norm((bent - straight) / units) <= self.steps.turn * along
         inside = all(limit.room(bent) >= 0.0 for limit in self.limits.values())
-        return bent if near and inside else straight
+        return bent if close and inside else straight
 
     def _tangent(self, last: Point) -> tuple[Array, Array]:
         units = self.scale(last.x)
@@ -500,7 +508,7 @@ class _Tracer:
     def _within(self, path: Path, step: float) -> tuple[Point, str]:
         """The next point, and the limit that it stands on, if a step leads there or beyond."""
         last = path.points[-1]
-        before = path.points[-2] if len(path.points) > 1 else None
+        near = (last, path.points[-2]) if len(path.points) > 1 else None
         units, tangent = self._tangent(last)
         ahead = [
             (self._distance(limit, last.x, units * tangent), name)
@@ -509,7 +517,7 @@ class _Tracer:
         distance, name = min(ahead, default=(np.inf, ""))
         if distance <= step:
             return self._inside(self.step(last, distance, self.limits[name])), name
-        new = self.step(last, step, other=before)
+        new = self.step(last, step, near=near)
         beyond = [name for name, limit in self.limits.items() if limit.room(new.x) < 0.0]
         if beyond:
             limit = self.limits[beyond[0]]
@@ -579,34 +587,34 @@ class _Tracer:
     def _locate(self, name: Test, last: Point, new: Point) -> Point:
         """The point of a step at which a test function vanishes, or jumps from one sign to the
         other."""
-        from scipy.optimize import toms748
-
         distance = new.length - last.length
         known = {0.0: last, distance: new}
-        size = max(abs(last.tests[name]), abs(new.tests[name]))
+        ends = last.tests[name], new.tests[name]
+        size = max(map(abs, ends))
         least = size
         stalled = 0
 
         def value(along: float) -> float:
             nonlocal least, stalled
-            if along in known:
-                return known[along].tests[name]
-            point = self.step(last, along, other=new)
+            near, other = sorted(known, key=lambda place: abs(place - along))[:2]
+            point = self.step(last, along, near=(known[near], known[other]))
             if self._bend(last, point) > self.steps.turn:
                 raise Lost("the curve turns too sharply")
             known[along] = point
             found = point.tests[name]
             stalled = stalled + 1 if abs(found) > _SHRINKS * least else 0
             least = min(least, abs(found))
-            if not np.isfinite(found) or (least <= _SMALL * size and stalled == _LOOKS):
+            if least <= _ZERO * size or (least <= _SMALL * size and stalled == _LOOKS):
                 raise _Found
             return found
 
         # Where it jumps, or is no number in between, the nearest point is the answer.
         with suppress(_Found):
-            toms748(value, 0.0, distance, xtol=1e-15 * distance, maxiter=100, disp=False)
+            zero_between(value, 0.0, distance, *ends)
         finite = [point for point in known.values() if np.isfinite(point.tests[name])]
-        return min(finite, key=lambda point: abs(point.tests[name]))
+        found = min(finite, key=lambda point: abs(point.tests[name]))
+        same = (p for p in (last, new) if abs(p.length - found.length) <= _SAME * distance)
+        return next(same, found)
 
 
 def _angle(u: Array, v: Array) -> float:

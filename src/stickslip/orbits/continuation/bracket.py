@@ -1,14 +1,61 @@
-"""Zeros of a function of one parameter near a guess, by bracketing: nothing is divided by what
-might vanish."""
+"""Zeros of a function of one parameter by bracketing: nothing is divided by what might vanish.
+
+Reference: T. R. Chandrupatla, *A new hybrid quadratic/bisection algorithm for finding the zero of a
+nonlinear function without using derivatives*, Advances in Engineering Software 28 (1997) 145-149.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 # how much further than the guess a change of sign is looked for
 _WIDER = (1.0, 1.1, 1.5, 2.0, 4.0, 8.0)
+_FINEST = 1e-15  # part of a bracket to which a zero in it is found
+_MOST_LOOKS = 100
+
+
+def zero_between(
+    function: Callable[[float], float], a: float, b: float, at_a: float, at_b: float
+) -> float:
+    """The zero of a function between two places where it has different signs: by secants at first,
+    then by parabolas through the last three places, where these are sure to lie in between, and by
+    halves where not. NaN if the function is.
+
+    Parameters
+    ----------
+    function : callable
+        May raise; that is passed on.
+    a, b : float
+    at_a, at_b : float
+        What it is there.
+    """
+    finest = _FINEST * abs(b - a)
+    part = at_a / (at_a - at_b)
+    nearest = a
+    for _ in range(_MOST_LOOKS):
+        x = a + part * (b - a)
+        value = function(x)
+        if math.isnan(value):
+            return math.nan
+        # The last place is a, that on the other side of the zero is b, c is the one before.
+        if (value > 0.0) == (at_a > 0.0):
+            c, at_c = a, at_a
+        else:
+            c, at_c, b, at_b = b, at_b, a, at_a
+        a, at_a = x, value
+        nearest = a if abs(at_a) < abs(at_b) else b
+        width = abs(b - a)
+        if value == 0.0 or width <= 2.0 * finest:
+            break
+        along = (a - b) / (c - b)
+        up = (at_a - at_b) / (at_c - at_b)
+        part = 0.5
+        if up**2 < along and (1.0 - up) ** 2 < 1.0 - along:
+            part = at_a / (at_b - at_a) * at_c / (at_b - at_c)
+            part += (c - a) / (b - a) * at_a / (at_c - at_a) * at_b / (at_c - at_b)
+        part = min(max(part, finest / width), 1.0 - finest / width)
+    return nearest
 
 
 def zero_near(function: Callable[[float], float], known: float, guess: float) -> float | None:
@@ -17,8 +64,6 @@ def zero_near(function: Callable[[float], float], known: float, guess: float) ->
 
     The function may raise where it is not defined; that is passed on.
     """
-    from scipy.optimize import brentq
-
     first = function(known)
     if math.isnan(first):
         return None
@@ -26,7 +71,7 @@ def zero_near(function: Callable[[float], float], known: float, guess: float) ->
         return known
     if guess == known:
         guess = known + 1e-6 * (abs(known) or 1.0)
-    near = known
+    near, before = known, first
     for part in _WIDER:
         far = known + part * (guess - known)
         value = function(far)
@@ -35,9 +80,7 @@ def zero_near(function: Callable[[float], float], known: float, guess: float) ->
         if value == 0.0:
             return far
         if (value > 0.0) != (first > 0.0):
-            found: Any = brentq(
-                function, near, far, xtol=1e-15 * abs(far - near) + 1e-300, maxiter=100, disp=False
-            )
-            return float(found)
-        near = far
+            found = zero_between(function, near, far, before, value)
+            return None if math.isnan(found) else found
+        near, before = far, value
     return None

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from stickslip.certificates import Certificate
@@ -68,7 +69,7 @@ class SpecialPoint:
         return ", ".join(part for part in parts if part)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Branch(Result):
     """Points of a curve of equilibria or cycles.
 
@@ -79,8 +80,6 @@ class Branch(Result):
         Values of the parameters that stay fixed (and the start value of the others).
     parameter : str
         The parameter of the branch.
-    points : xarray.Dataset
-        Dimension ``point``, in the order along the curve.
     special : list of SpecialPoint
         In the same order.
     ends : (Ending, Ending)
@@ -97,7 +96,7 @@ class Branch(Result):
     system: System
     parameters: dict[str, float]
     parameter: str
-    points: xarray.Dataset
+    _table: Callable[[], xarray.Dataset] = field(repr=False)
     special: list[SpecialPoint]
     ends: tuple[Ending, Ending]
     certificate: Certificate
@@ -110,6 +109,12 @@ class Branch(Result):
             f"{values.min():g} ... "
             f"{values.max():g}, special points: {len(self.special)}>"
         )
+
+    @cached_property
+    def points(self) -> xarray.Dataset:
+        """What is said of every point, measured when it is first asked for: dimension ``point``, in
+        the order along the curve."""
+        return self._table()
 
     @property
     def ended(self) -> str:
@@ -223,7 +228,7 @@ class Branch(Result):
             loads(parts["system"], f"{where}: system"),
             json.loads(parts["parameters"]),
             parts["parameter"],
-            data,
+            lambda: data,
             [_special(entry) for entry in json.loads(parts["special"])],
             (first, last),
             restored_certificate(json.loads(parts["certificate"])),

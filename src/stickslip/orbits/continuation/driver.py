@@ -23,7 +23,6 @@ from stickslip.orbits.continuation.arclength import (
     FunctionAndJacobian,
     Limit,
     Path,
-    Point,
     StepControl,
     Stop,
     Test,
@@ -149,9 +148,11 @@ def joined(back: Sequence[_P], forth: Sequence[_P]) -> list[_P]:
 
 
 def step_after(path: Path, steps: StepControl) -> float:
-    """Length of the first step of the next stretch."""
-    before: Point
-    before, last = path.points[-2:]
+    """Length of the first step of the next stretch. Zeros of test functions that were located on
+    the way say nothing of it."""
+    located = {crossing.index for crossing in path.crossings}
+    *others, last = path.points
+    before = next(p for i, p in reversed([*enumerate(others)]) if i == 0 or i not in located)
     return min(_WIDER * (last.length - before.length), steps.largest)
 
 

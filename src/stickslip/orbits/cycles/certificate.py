@@ -7,8 +7,8 @@ do what the multipliers say.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,12 +18,8 @@ from stickslip.errors import StickslipError
 from stickslip.orbits.cycles.period import same, shorter
 from stickslip.orbits.fields.engine.variations import TOGETHER
 from stickslip.orbits.return_map.damped_newton import CLOSED, Closed, largest_growth
-from stickslip.orbits.return_map.mode_sequence import Sequence, sequence
-from stickslip.orbits.return_map.shooting import follow_state, parameter_values
-
-if TYPE_CHECKING:
-    pass
-
+from stickslip.orbits.return_map.mode_sequence import sequence
+from stickslip.orbits.return_map.shooting import arrivals, follow_state, parameter_values
 
 # least range of a cycle, relative to the state: below, its size is not known to the tolerance
 _MOVES = 1e-7
@@ -132,46 +128,62 @@ def _along(closed: Closed, j: int, matrix: Array, direction: Array) -> Residual:
 
     If a neighbour passes other modes, those on the side on which it does not decide.
     """
-    here = sequence(closed.orbit.legs[j].motion)
     expected = matrix @ direction
     size = max(float(np.linalg.norm(expected)), 1.0)
     best = Residual("neighbours", float("nan"), _AGREES)
+
+    def better(apart: float, ends: list[tuple[float, Array]]) -> Residual:
+        # Differences on both sides cancel the curvature; on one side of a corner there is only one.
+        slope = sum(sign * end for sign, end in ends) / (len(ends) * apart)
+        value = float(np.linalg.norm(slope - expected)) / size
+        note = f"of their distance {apart:.0e}" + ("" if len(ends) == 2 else ", on one side")
+        return best if value > best.value else Residual("neighbours", value, _AGREES, note=note)
+
     for apart in (apart / size for apart in _APART):
+        starts = _beside(closed, j, [apart * direction, -apart * direction])
+        ends = _arrived(closed, j, starts)
+        if len(ends) == 2:
+            best = better(apart, ends)
+        if not best.ok:
+            alike = _alike(closed, j, starts)
+            kept = [end for end in ends if end[0] in alike]
+            best = better(apart, kept) if kept else best
         if best.ok:
             break
-        # Differences on both sides cancel the curvature; on one side of a corner there is only one.
-        sides = [(sign, _arrived(closed, j, sign * apart * direction)) for sign in (1.0, -1.0)]
-        alike = [(sign, end) for sign, end in sides if end is not None and end[1] == here]
-        for chosen in (sides, alike):
-            ends = [sign * end[0] for sign, end in chosen if end is not None]
-            if len(ends) == len(chosen) > 0:
-                value = float(np.linalg.norm(sum(ends) / (len(ends) * apart) - expected)) / size
-                note = f"of their distance {apart:.0e}" + (
-                    "" if len(ends) == 2 else ", on one side"
-                )
-                best = (
-                    best
-                    if value > best.value
-                    else Residual("neighbours", value, _AGREES, note=note)
-                )
     return best
 
 
-def _arrived(closed: Closed, j: int, xi: Array) -> tuple[Array, Sequence] | None:
-    """Where a neighbour at the start of a leg is at its end, from the cycle, and its sequence of
-    modes."""
-    orbit = closed.orbit
+def _beside(closed: Closed, j: int, changes: list[Array]) -> Array:
+    """Neighbours at the start of a leg, by the changes of its station's coordinates."""
     shooting = closed.shooting
     p = parameter_values(closed.orbit.problem)
-    leg = orbit.legs[j]
-    station = shooting.stations[j]
-    own = slice(*shooting.first[j : j + 2])
-    begin, end = (float(leg.motion.knots.time[i]) for i in (0, -1))
-    try:
-        motion = follow_state(
-            orbit.problem, begin, end, station.place(orbit.x[own] + xi, begin, p).state
-        )
-    except StickslipError:
-        return None
-    there = shooting.stations[(j + 1) % len(orbit.legs)]
-    return there.chart @ (motion.knots.state[-1] - leg.motion.knots.state[-1]), sequence(motion)
+    begin = float(closed.orbit.legs[j].motion.knots.time[0])
+    own = closed.orbit.x[slice(*shooting.first[j : j + 2])]
+    return np.array([shooting.stations[j].place(own + xi, begin, p).state for xi in changes])
+
+
+def _arrived(closed: Closed, j: int, starts: Array) -> list[tuple[float, Array]]:
+    """Where the neighbours on both sides are at the end of a leg, from the cycle, each with the
+    sign of its side; without those that end early."""
+    knots = closed.orbit.legs[j].motion.knots
+    begin, end = float(knots.time[0]), float(knots.time[-1])
+    there = closed.shooting.stations[(j + 1) % len(closed.orbit.legs)]
+    arrived = arrivals(closed.orbit.problem, begin, end, starts)
+    return [
+        (sign, there.chart @ (y - knots.state[-1]))
+        for sign, y in zip((1.0, -1.0), arrived, strict=True)
+        if y is not None
+    ]
+
+
+def _alike(closed: Closed, j: int, starts: Array) -> set[float]:
+    """The sides on which neighbours pass the same modes as the cycle."""
+    motion = closed.orbit.legs[j].motion
+    here = sequence(motion)
+    found = set[float]()
+    for sign, start in zip((1.0, -1.0), starts, strict=True):
+        with suppress(StickslipError):
+            begin, end = float(motion.knots.time[0]), float(motion.knots.time[-1])
+            other = follow_state(closed.orbit.problem, begin, end, start)
+            found |= {sign} if sequence(other) == here else set()
+    return found

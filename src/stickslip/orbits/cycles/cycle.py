@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -34,6 +34,7 @@ from stickslip.orbits.cycles.finding import from_cycle, from_motion, from_state
 from stickslip.orbits.cycles.measure import ContactShare, Phase
 from stickslip.orbits.return_map.damped_newton import Closed
 from stickslip.orbits.return_map.mode_sequence import nearest_change
+from stickslip.orbits.settling.engine.tables import Sums
 from stickslip.results import Result, listed, restored_certificate
 
 if TYPE_CHECKING:
@@ -48,77 +49,22 @@ _TOUCHED = 1e-9  # a guard that comes down to this part of its size is touched
 _NEUTRAL = 1e-9  # multipliers this close to the unit circle are on it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Cycle(Result):
-    """A periodic motion, or one that repeats up to a drift.
+    """A periodic motion, or one that repeats up to a drift. What is said of it is measured when it
+    is first asked for.
 
     Attributes
     ----------
     system : System
     parameters : dict of str to float
-    period : float
-    time : float
-        When `state` is passed: only systems that are driven care.
-    state : dict of str to float
-        Where the period starts.
-    section : str
-        What is special about this state.
-    multipliers : array of complex
-        Floquet multipliers, the largest first: how a small change of the state has grown a period
-        later. Exactly 0 for what stick, or sliding without mass, forgets.
-    nontrivial : array of complex
-        The multipliers that say something: without those that are 1 by symmetry.
-    trivial : int
-        How many of them are 1 by symmetry: 1 of an autonomous system (a later start), 1 for each
-        translation, and 1 for each position in which a contact rests that never slips.
-    differentiable : bool
-        Whether the return map has a derivative there; not where events coincide or a guard is
-        touched. The multipliers are then those of one side.
-    phases : tuple of Phase
-        The sequence of modes, from the simulation.
-    extrema : dict of str to (float, float)
-    contacts : dict of str to ContactShare
-        Time in stick and slip and dissipated energy, in one period.
-    stick_time, slip_time : float
-        Time in which all contacts stick, and the rest of the period.
-    dissipated, supplied : float
-        Energy in one period.
-    direction : dict of str to float
-        Of the drift: the declared translation, or scaled to the largest component 1. Empty without
-        drift.
-    drift : float
-        Shift along `direction` in one period.
-    residual : float
-        By how much the motion fails to close, relative to its size.
-    trajectory : Trajectory
-        One period.
     """
 
     KIND: ClassVar[str] = "cycle"
 
     system: System
     parameters: dict[str, float]
-    period: float
-    time: float
-    state: dict[str, float]
-    section: str
-    multipliers: Array
-    nontrivial: Array
-    trivial: int
-    differentiable: bool
-    phases: tuple[Phase, ...]
-    extrema: dict[str, tuple[float, float]]
-    contacts: dict[str, ContactShare]
-    stick_time: float
-    slip_time: float
-    dissipated: float
-    supplied: float
-    direction: dict[str, float]
-    drift: float
-    residual: float
-    trajectory: Trajectory = field(repr=False)
-    found: Closed | None = field(default=None, repr=False)
-    measured: Certificate | None = field(default=None, repr=False)
+    _found: Closed | None = None
 
     def __repr__(self) -> str:
         period = with_unit(self.period, self.units["time"])
@@ -128,8 +74,8 @@ class Cycle(Result):
     @cached_property
     def closed(self) -> Closed:
         """The orbit as Newton's method has closed it; of a stored cycle it is closed again."""
-        if self.found is not None:
-            return self.found
+        if self._found is not None:
+            return self._found
         problem = pose(
             self.system, {name: self.parameters[name] for name in self.system.parameters}
         )
@@ -139,7 +85,114 @@ class Cycle(Result):
     def certificate(self) -> Certificate:
         """What was measured of it; see
         :func:`stickslip.orbits.cycles.certificate.certify_cycle`."""
-        return certify_cycle(self.closed) if self.measured is None else self.measured
+        return certify_cycle(self.closed)
+
+    @cached_property
+    def trajectory(self) -> Trajectory:
+        """One period."""
+        return self.closed.orbit.motion
+
+    @cached_property
+    def period(self) -> float:
+        """Its period."""
+        return self.closed.orbit.period
+
+    @cached_property
+    def time(self) -> float:
+        """When `state` is passed: only systems that are driven care."""
+        return self.closed.shooting.start
+
+    @cached_property
+    def state(self) -> dict[str, float]:
+        """Where the period starts."""
+        first = self.closed.orbit.legs[0].place.state
+        return dict(zip(self.system.declaration.state, map(float, first), strict=True))
+
+    @cached_property
+    def section(self) -> str:
+        """What is special about this state."""
+        modes = ", ".join(f"{c}: {MODE_NAMES[m]}" for c, m in self.phases[0].modes.items())
+        return "the middle of a phase" + (f" ({modes})" if modes else "")
+
+    @cached_property
+    def multipliers(self) -> Array:
+        """Floquet multipliers, complex, the largest first: how a small change of the state has
+        grown a period later. Exactly 0 for what stick, or sliding without mass, forgets."""
+        return self.closed.spectrum.every
+
+    @cached_property
+    def nontrivial(self) -> Array:
+        """The multipliers that say something: without those that are 1 by symmetry."""
+        return self.closed.spectrum.others
+
+    @cached_property
+    def trivial(self) -> int:
+        """How many of them are 1 by symmetry: 1 of an autonomous system (a later start), 1 for each
+        translation, and 1 for each position in which a contact rests that never slips."""
+        return len(self.closed.spectrum.trivial)
+
+    @cached_property
+    def differentiable(self) -> bool:
+        """Whether the return map has a derivative there; not where events coincide or a guard is
+        touched. The multipliers are then those of one side."""
+        return _differentiable(self.closed)
+
+    @cached_property
+    def phases(self) -> tuple[Phase, ...]:
+        """The sequence of modes, from the simulation."""
+        return measure.phases(self.trajectory)
+
+    @cached_property
+    def extrema(self) -> dict[str, tuple[float, float]]:
+        """Least and largest value of each component of the state."""
+        ends = zip(map(float, self._sums.low), map(float, self._sums.high), strict=True)
+        return dict(zip(self.system.declaration.state, ends, strict=True))
+
+    @cached_property
+    def contacts(self) -> dict[str, ContactShare]:
+        """Time in stick and slip and dissipated energy of each contact, in one period."""
+        return measure.contact_shares(self.trajectory, self._sums)
+
+    @cached_property
+    def stick_time(self) -> float:
+        """Time in which all contacts stick, in one period."""
+        return sum(phase.duration for phase in self.phases if phase.sticks)
+
+    @cached_property
+    def slip_time(self) -> float:
+        """The rest of the period."""
+        return sum(phase.duration for phase in self.phases if not phase.sticks)
+
+    @cached_property
+    def dissipated(self) -> float:
+        """Energy that is dissipated in one period."""
+        return float(self.trajectory.audit.dissipated[-1])
+
+    @cached_property
+    def supplied(self) -> float:
+        """Energy that is supplied in one period."""
+        return float(self.trajectory.audit.supplied[-1])
+
+    @cached_property
+    def direction(self) -> dict[str, float]:
+        """Of the drift: the declared translation, or scaled to the largest component 1. Empty
+        without drift."""
+        return _drift(self.system, self.closed.orbit.shift)[0]
+
+    @cached_property
+    def drift(self) -> float:
+        """Shift along `direction` in one period."""
+        return _drift(self.system, self.closed.orbit.shift)[1]
+
+    @cached_property
+    def residual(self) -> float:
+        """By how much the motion fails to close, relative to its size."""
+        return self.closed.shooting.miss(self.closed.orbit)
+
+    @cached_property
+    def _sums(self) -> Sums:
+        """What the period amounts to."""
+        return measure.observed(self.trajectory)
 
     @property
     def title(self) -> str:
@@ -289,11 +342,12 @@ class Cycle(Result):
             "phases": tuple(phases),
             "extrema": {name: tuple(ends) for name, ends in said["extrema"].items()},
             "contacts": {name: ContactShare(**share) for name, share in said["contacts"].items()},
-            "measured": restored_certificate(said["measured"]),
+            "certificate": restored_certificate(said.pop("measured")),
+            "trajectory": motion,
         }
-        own = {"system": motion.system, "parameters": dict(motion.parameters), "trajectory": motion}
-        known: dict[str, Any] = {**said, **changed, **own}
-        return cls(**known)
+        cycle = cls(motion.system, dict(motion.parameters))
+        vars(cycle).update(said | changed)
+        return cycle
 
     def cost_of_transport(self, weight: float) -> float:
         """Energy per distance and weight (a force), without dimension."""
@@ -432,44 +486,9 @@ def _state(problem: Problem, start: Mapping[str, float] | ArrayLike | None) -> A
 
 
 def make_cycle(closed: Closed) -> Cycle:
-    """Everything that is said of a cycle."""
-    orbit = closed.orbit
-    shooting = closed.shooting
-    motion = closed.orbit.motion
-    names = motion.system.declaration.state
-    sums = measure.observed(motion)
-    found = measure.phases(motion)
-    stuck = sum(phase.duration for phase in found if phase.sticks)
-    slipping = sum(phase.duration for phase in found if not phase.sticks)
-    direction, drift = _drift(motion.system, orbit.shift)
-    audit = motion.audit
-    return Cycle(
-        system=motion.system,
-        parameters=dict(motion.parameters),
-        period=orbit.period,
-        time=shooting.start,
-        state=dict(zip(names, map(float, orbit.legs[0].place.state), strict=True)),
-        section=_section(found[0]),
-        multipliers=closed.spectrum.every,
-        nontrivial=closed.spectrum.others,
-        trivial=len(closed.spectrum.trivial),
-        differentiable=_differentiable(closed),
-        phases=found,
-        extrema={
-            name: (float(a), float(b))
-            for name, a, b in zip(names, sums.low, sums.high, strict=True)
-        },
-        contacts=measure.contact_shares(motion, sums),
-        stick_time=stuck,
-        slip_time=slipping,
-        dissipated=float(audit.dissipated[-1]),
-        supplied=float(audit.supplied[-1]),
-        direction=direction,
-        drift=drift,
-        residual=shooting.miss(orbit),
-        trajectory=motion,
-        found=closed,
-    )
+    """What Newton's method has closed, as a result."""
+    problem = closed.orbit.problem
+    return Cycle(problem.system, dict(problem.parameters), closed)
 
 
 def _differentiable(closed: Closed) -> bool:
@@ -477,11 +496,6 @@ def _differentiable(closed: Closed) -> bool:
     is touched."""
     smooth = all(leg.change.differentiable for leg in closed.orbit.legs)
     return bool(smooth and nearest_change(closed.orbit.motion, closed.shooting.pieces) > _TOUCHED)
-
-
-def _section(phase: Phase) -> str:
-    modes = ", ".join(f"{contact}: {MODE_NAMES[m]}" for contact, m in phase.modes.items())
-    return "the middle of a phase" + (f" ({modes})" if modes else "")
 
 
 def _drift(system: System, shift: Array) -> tuple[dict[str, float], float]:

@@ -175,7 +175,16 @@ class Pieces:
 
     def numbers(self, modes: Array, regions: Array) -> Array:
         """Those of many modes and regions, shape (knots,)."""
-        return np.array([self.number(m, r) for m, r in zip(modes, regions, strict=True)])
+        both = np.hstack([modes, regions])
+        keys, width = both.tobytes(), both.shape[1]
+        return np.array(
+            [
+                self.number(modes[i], regions[i]) if known is None else known
+                for i in range(len(both))
+                for known in [self._numbers.get(keys[i * width : (i + 1) * width])]
+            ],
+            np.int64,
+        )
 
     @property
     def listed(self) -> Listed:

@@ -36,7 +36,7 @@ from stickslip.orbits.fields.engine.variations import (
     PASSED,
     STAGES,
     Pass,
-    Work,
+    PassSpace,
     jump,
     resolve_steps,
     room_for_pass,
@@ -145,7 +145,7 @@ def _prepared(trajectory: Trajectory, pieces: Pieces, directions: Array | None) 
     )
 
 
-def _work(trajectory: Trajectory, pieces: Pieces, run: Pass, nodes: int) -> Work:
+def _work(trajectory: Trajectory, pieces: Pieces, run: Pass, nodes: int) -> PassSpace:
     """Work space of the pass, with room for some nodes."""
     between = make_scratch(trajectory._problem.rows, (0, 2))
     _, *shape = run.after.shape

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 
 MOST_EVENTS = 100_000  # of one period
+_PLACED = 1e-14  # a correction this small, in units of the cycle, changes no derivative
+_MOST_PLACINGS = 3
 
 
 class NoReturn(ConvergenceError):
@@ -68,6 +70,30 @@ def follow_freely(problem: Problem, start: float, end: float, y: Array) -> Traje
     if outcome is Outcome.INTERRUPTED:
         raise KeyboardInterrupt
     return Trajectory(problem, (start, end), knots, outcome)
+
+
+def arrivals(problem: Problem, start: float, end: float, states: Array) -> list[Array | None]:
+    """Where the motions from some states are at the end, followed side by side; None if one ends
+    early.
+
+    Parameters
+    ----------
+    problem : Problem
+    start, end : float
+    states : array, shape (motions, n)
+    """
+    from stickslip.motion.ensemble import Lanes
+    from stickslip.motion.steps.arrays import FINISHED, Constants
+
+    constants = Constants(*(part[None] for part in problem.constants))
+    span = start - problem.origin, end - problem.origin
+    group = np.zeros(len(states), np.int64)
+    lanes = Lanes.start(problem, constants, group, states, span, problem.closed_forms)
+    while len(lanes.going):
+        lanes.make_closed_forms()
+        lanes.advance(span[1], MOST_EVENTS)
+    pairs = zip(lanes.codes, lanes.now.y, strict=True)
+    return [y if code == FINISHED else None for code, y in pairs]
 
 
 def with_value(problem: Problem, parameter: str, value: float) -> Problem:
@@ -126,9 +152,12 @@ class Station:
         if self.normal.shape[1] == 0:
             return Place(y, self.basis, np.zeros(n), np.zeros(n))
         # Newton's method across the constraints of the mode; along them lie the free directions.
-        for _ in range(3):
-            y = y - self.normal @ self._solve(y, t, p)[0]
-        _, along, by_time, by_parameter = self._solve(y, t, p)
+        off, along, by_time, by_parameter = self._solve(y, t, p)
+        for _ in range(_MOST_PLACINGS):
+            y = y - self.normal @ off
+            if np.max(np.abs(off)) <= _PLACED:
+                break
+            off, along, by_time, by_parameter = self._solve(y, t, p)
         return Place(
             y, self.basis - self.normal @ along, -self.normal @ by_time, -self.normal @ by_parameter
         )

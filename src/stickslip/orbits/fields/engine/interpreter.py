@@ -7,15 +7,11 @@ paid once for all of them.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-from llvmlite import ir
-from numba import float64, int64
-from numba.extending import intrinsic
+from typing import Any, NamedTuple
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.program import FIRST, OPERATION, RESULT, SECOND
-from stickslip.machine_code.functions import entry_point, njit
+from stickslip.machine_code.functions import Intrinsic, entry_point, njit
 from stickslip.motion.steps.arrays import OPTIONS
 
 LANES = 8  # points of a block
@@ -39,22 +35,25 @@ class Instructions(NamedTuple):
     numbers: Array
 
 
-if TYPE_CHECKING:
+def _called() -> Any:
+    """What :data:`called` is to numba."""
+    from llvmlite import ir
+    from numba import float64, int64
+    from numba.extending import intrinsic
 
-    def called(address: int, x: float) -> float: ...
-
-else:
-
-    @intrinsic
     def called(typing_context: Any, address: Any, x: Any) -> Any:
-        """The value of a function of one number, which stands at an address."""
-
         def call(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             real = ir.DoubleType()
             function = builder.inttoptr(values[0], ir.FunctionType(real, [real]).as_pointer())
             return builder.call(function, [values[1]])
 
         return float64(int64, float64), call
+
+    return intrinsic(called)
+
+
+called = Intrinsic(_called)
+"""(address, x) -> the value of a function of one number, which stands at an address."""
 
 
 @njit(**OPTIONS)

@@ -144,14 +144,14 @@ class Leave(NamedTuple):
     terms: Array
 
 
-class Work(NamedTuple):
+class PassSpace(NamedTuple):
     """Work space of a pass.
 
     Attributes
     ----------
     values : array, shape (places, LANES)
         Of the instructions.
-    index, clock, states : arrays, shapes (room,), (room,) and (room, states)
+    step, clock, states : arrays, shapes (room,), (room,) and (room, states)
         The nodes of all steps: the knot before each, when it is, and the state there.
     squares : array, shape (4, states, states)
     moved : array, shape (states, directions)
@@ -163,7 +163,7 @@ class Work(NamedTuple):
     """
 
     values: Array
-    index: Array
+    step: Array
     clock: Array
     states: Array
     squares: Array
@@ -178,7 +178,7 @@ class Work(NamedTuple):
 
 def room_for_pass(
     listed: Listed, places: int, nodes: int, shape: tuple[int, int], between: Scratch
-) -> Work:
+) -> PassSpace:
     """New work space.
 
     Parameters
@@ -204,7 +204,7 @@ def room_for_pass(
             np.zeros(guards),
         )
 
-    return Work(
+    return PassSpace(
         np.zeros((places, LANES)),
         np.zeros(nodes, np.int64),
         np.zeros(nodes),
@@ -238,9 +238,18 @@ def put_point(values: Array, k: int, t: float, y: Array) -> None:
 
 
 @njit(**OPTIONS)
-def fastest(listed: Listed, run: Pass, work: Work, w: int, knot: int) -> float:
-    """Largest modulus of an eigenvalue of the Jacobian of a piece at a knot, from high powers of
-    it."""
+def fastest(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> float:
+    """Largest modulus of an eigenvalue of the Jacobian at a knot, from high powers of it.
+
+    Parameters
+    ----------
+    listed : Listed
+    run : Pass
+    work : PassSpace
+    w : int
+        The piece.
+    knot : int
+    """
     J, scaled = work.squares[0], work.squares[1]
     n = len(J)
     columns = run.after.shape[1]
@@ -268,7 +277,7 @@ def fastest(listed: Listed, run: Pass, work: Work, w: int, knot: int) -> float:
 
 
 @entry_point(**OPTIONS)
-def resolve_steps(listed: Listed, run: Pass, work: Work) -> int:
+def resolve_steps(listed: Listed, run: Pass, work: PassSpace) -> int:
     """In how many equal parts each step has to be taken for linear motions to be resolved; returns
     the number of nodes at which states are wanted."""
     nodes = 0
@@ -294,14 +303,14 @@ def nodes_of(listed: Listed, run: Pass, i: int) -> int:
 
 
 @njit(**OPTIONS)
-def place_nodes(listed: Listed, run: Pass, work: Work) -> None:
+def place_nodes(listed: Listed, run: Pass, work: PassSpace) -> None:
     """The step that each of the nodes belongs to, and its time."""
     place = 0
     for i in range(len(run.piece) - 1):
         begin = time_of(run, i)
         h = (time_of(run, i + 1) - begin) / run.parts[i]
         for j in range(nodes_of(listed, run, i)):
-            work.index[place] = i
+            work.step[place] = i
             work.clock[place] = begin + (j // STAGES + NODES[j % STAGES]) * h - run.origin
             place += 1
 
@@ -376,9 +385,18 @@ def gauss_step(places: Array, values: Array, h: float, change: Array, system: Ar
 
 
 @njit(**OPTIONS)
-def flow_through(listed: Listed, run: Pass, work: Work, i: int, node: int) -> None:
-    """The variation after the step from knot i, from that at its beginning; `node` is the first of
-    its nodes."""
+def flow_through(listed: Listed, run: Pass, work: PassSpace, i: int, node: int) -> None:
+    """The variation after the step from knot i, from that at its beginning.
+
+    Parameters
+    ----------
+    listed : Listed
+    run : Pass
+    work : PassSpace
+    i : int
+    node : int
+        The first of its nodes.
+    """
     change = run.after[i + 1]
     put_matrix(run.after[i], change)
     length = time_of(run, i + 1) - time_of(run, i)
@@ -395,7 +413,7 @@ def flow_through(listed: Listed, run: Pass, work: Work, i: int, node: int) -> No
     if even:
         repeat(listed.jacobian[w], work, h, parts, change)
         return
-    for part in range(parts):
+    for _ in range(parts):
         for g in range(STAGES):
             put_point(work.values, g, work.clock[node] + run.origin, work.states[node])
             node += 1
@@ -404,14 +422,14 @@ def flow_through(listed: Listed, run: Pass, work: Work, i: int, node: int) -> No
 
 
 @njit(**OPTIONS)
-def repeat(places: Array, work: Work, h: float, parts: int, change: Array) -> None:
+def repeat(places: Array, work: PassSpace, h: float, parts: int, change: Array) -> None:
     """Many equal steps under one Jacobian: its flow over one of them, squared and multiplied.
 
     Parameters
     ----------
     places : array of int
         Of the Jacobian in the table of values.
-    work : Work
+    work : PassSpace
     h : float
         Length of a step.
     parts : int
@@ -604,7 +622,7 @@ def jump(here: Leave, g: int, onward: Array, usual: float, change: Array) -> int
 
 
 @njit(**OPTIONS)
-def pass_event(listed: Listed, run: Pass, work: Work, i: int, last: int) -> int:
+def pass_event(listed: Listed, run: Pass, work: PassSpace, i: int, last: int) -> int:
     """The variation after some events, from that before, which stands at the first of them; says
     what became of it.
 
@@ -612,7 +630,7 @@ def pass_event(listed: Listed, run: Pass, work: Work, i: int, last: int) -> int:
     ----------
     listed : Listed
     run : Pass
-    work : Work
+    work : PassSpace
     i, last : int
         The first and the last knot of the events.
     """
@@ -652,7 +670,9 @@ def pass_event(listed: Listed, run: Pass, work: Work, i: int, last: int) -> int:
 
 
 @entry_point(**OPTIONS)
-def vary(machine: Machine, flow: Flow, listed: Listed, run: Pass, work: Work, start: int) -> int:
+def vary(
+    machine: Machine, flow: Flow, listed: Listed, run: Pass, work: PassSpace, start: int
+) -> int:
     """The variation along a motion, from a knot on, at which it is known.
 
     Parameters
@@ -662,7 +682,7 @@ def vary(machine: Machine, flow: Flow, listed: Listed, run: Pass, work: Work, st
         Tolerances with which the motion is followed again between its knots.
     listed : Listed
     run : Pass
-    work : Work
+    work : PassSpace
     start : int
         Knot. From the first one on, states are computed at the nodes.
 
@@ -675,12 +695,12 @@ def vary(machine: Machine, flow: Flow, listed: Listed, run: Pass, work: Work, st
     """
     if start == 0:
         nodes = resolve_steps(listed, run, work)
-        if nodes > len(work.index):
+        if nodes > len(work.step):
             run.event[BEGINS] = nodes
             return CROWDED
         place_nodes(listed, run, work)
-        index, clock = work.index[:nodes], work.clock[:nodes]
-        states_at(machine, flow, run.seen, run.knots, index, clock, work.between, work.states)
+        step, clock = work.step[:nodes], work.clock[:nodes]
+        states_at(machine, flow, run.seen, run.knots, step, clock, work.between, work.states)
     knots = len(run.piece)
     together = TOGETHER * (time_of(run, knots - 1) - time_of(run, 0))
     node = 0
