@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from stickslip.motion.affine_modes import fill_closed_forms, linearise
 
 import stickslip as ss
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
-from stickslip.motion.affine_modes import fill_closed_forms, linearise
 from stickslip.motion.engine.forms import AFFINE
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.simulate_many import initial_states, parameter_table, pose_all
