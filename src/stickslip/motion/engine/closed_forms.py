@@ -8,7 +8,6 @@ need no such structure.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
@@ -39,6 +38,10 @@ from stickslip.motion.steps.arrays import (
     flow_of,
 )
 
+# instead of the number of a part
+_FOLLOWS = -1
+_LEADS = -2
+
 _CONDITION = 1e4
 _SLOW = 1e-6  # smallest eigenvalue, relative to the largest, that may be divided by
 # imaginary and real parts of eigenvalues, relative to the largest, that are rounding
@@ -48,13 +51,6 @@ _RESONANCE = 1e-3  # distance of an eigenvalue from a frequency, relative to it
 # Rounding where a zero belongs would make every signal look as if it had all parts.
 _ABSENT = 4e-15  # of the largest component of an eigenvector
 _CANCELLED = 1e-14  # of the terms of a sum
-
-
-class Size(NamedTuple):
-    """The largest component of a vector, and the sum of their squares."""
-
-    largest: float
-    squares: float
 
 
 @njit(**OPTIONS)
@@ -129,6 +125,9 @@ def find_blocks(T: ClosedForms, w: Making, slot: int, omega: Array) -> int:
         blocks = add_part(T, w, slot, count, blocks)
         if blocks < 0:
             return -1
+    blocks = add_leaders(T, w, slot, blocks)
+    if blocks < 0:
+        return -1
     blocks = add_followers(T, w, slot, blocks)
     for b in range(blocks):
         for frequency in omega:
@@ -140,8 +139,9 @@ def find_blocks(T: ClosedForms, w: Making, slot: int, omega: Array) -> int:
 
 @njit(**OPTIONS)
 def find_parts(F: Array, moving: Array, part: Array) -> None:
-    """Mark the components that move, and number the connected parts of those that rates depend on
-    by the first of each; −1 for the others."""
+    """Mark the components that move, and of those what depends on what: rates of others depend on a
+    part, which is numbered by the first of its connected components; on what FOLLOWS, none
+    depends; and what LEADS depends on none."""
     n = len(moving)
     for i in range(n):
         moving[i] = 0
@@ -151,7 +151,13 @@ def find_parts(F: Array, moving: Array, part: Array) -> None:
         felt = False
         for i in range(n):
             felt = felt or F[i, j] != 0.0
-        part[j] = j if felt and moving[j] == 1 else -1
+        part[j] = j if felt and moving[j] == 1 else _FOLLOWS
+    for i in range(n):
+        led = False
+        for j in range(n):
+            led = led or (F[i, j] != 0.0 and moving[j] == 1)
+        if part[i] >= 0 and not led:
+            part[i] = _LEADS
     done = False
     while not done:
         done = True
@@ -196,19 +202,21 @@ def add_part(T: ClosedForms, w: Making, slot: int, count: int, blocks: int) -> i
         if value.imag < 0.0:
             continue
         pair = value.imag > 0.0
-        right = Size(0.0, 0.0)
-        left = Size(0.0, 0.0)
+        length = 0.0
+        right = 0.0
+        left = 0.0
         for i in range(count):
             z = complex(0.5 * X[j, i], -0.5 * X[j + 1, i]) if pair else complex(X[j, i], 0.0)
             L[blocks, w.members[i]] = z
-            left = enlarged(left, z)
-            right = enlarged(right, p.vectors[i, j])
-        if not math.sqrt(left.squares * right.squares) < _CONDITION:
+            length += z.real * z.real + z.imag * z.imag
+            left = max(left, modulus(z))
+            right = max(right, modulus(p.vectors[i, j]))
+        if not math.sqrt(length) < _CONDITION:
             return -1
         for i in range(count):
-            if modulus(p.vectors[i, j]) > _ABSENT * right.largest:
+            if modulus(p.vectors[i, j]) > _ABSENT * right:
                 V[w.members[i], blocks] = (2.0 if pair else 1.0) * p.vectors[i, j]
-            if modulus(L[blocks, w.members[i]]) <= _ABSENT * left.largest:
+            if modulus(L[blocks, w.members[i]]) <= _ABSENT * left:
                 L[blocks, w.members[i]] = complex(0.0, 0.0)
         T.exponent[slot, blocks] = value
         blocks += 1
@@ -224,10 +232,43 @@ def settled(value: complex, largest: float) -> complex:
 
 
 @njit(**OPTIONS)
-def enlarged(size: Size, z: complex) -> Size:
-    """The size of a vector with one more component."""
-    squares = z.real * z.real + z.imag * z.imag
-    return Size(max(size.largest, modulus(z)), size.squares + squares)
+def add_leaders(T: ClosedForms, w: Making, slot: int, own: int) -> int:
+    """Add the components that move evenly, whatever the others do (a block carried by a belt), and
+    that others depend on; returns as :func:`add_part` does.
+
+    Where such a component stands still, the others have an equilibrium that follows it.
+    """
+    F = w.probes.F
+    V = w.V
+    L = w.L
+    n = len(w.moving)
+    blocks = own
+    for k in range(n):
+        if w.part[k] != _LEADS:
+            continue
+        for b in range(own):
+            total = complex(0.0, 0.0)
+            terms = 0.0
+            for i in range(n):
+                if w.part[i] >= 0:
+                    total += L[b, i] * F[i, k]
+                    terms += modulus(L[b, i]) * abs(F[i, k])
+            if modulus(total) <= _CANCELLED * terms:
+                continue
+            if T.exponent[slot, b] == 0.0j:
+                return -1
+            L[b, k] = total / T.exponent[slot, b]
+        for i in range(n):
+            drawn = 0.0
+            terms = 0.0
+            for b in range(own):
+                drawn += (V[i, b] * L[b, k]).real
+                terms += modulus(V[i, b]) * modulus(L[b, k])
+            V[i, blocks] = complex(-drawn if abs(drawn) > _CANCELLED * terms else 0.0, 0.0)
+        V[k, blocks] = L[blocks, k] = complex(1.0, 0.0)
+        T.exponent[slot, blocks] = complex(0.0, 0.0)
+        blocks += 1
+    return blocks
 
 
 @njit(**OPTIONS)
@@ -240,14 +281,14 @@ def add_followers(T: ClosedForms, w: Making, slot: int, own: int) -> int:
     n = len(w.moving)
     blocks = own
     for f in range(n):
-        if w.moving[f] == 0 or w.part[f] >= 0:
+        if w.moving[f] == 0 or w.part[f] != _FOLLOWS:
             continue
         for b in range(own):
             if T.exponent[slot, b] == 0.0j:
                 return -1
             total = complex(0.0, 0.0)
             for i in range(n):
-                if w.part[i] >= 0:
+                if w.part[i] != _FOLLOWS:
                     total += F[f, i] * V[i, b]
             V[f, b] = total / T.exponent[slot, b]
         for i in range(n):

@@ -178,8 +178,8 @@ class Making(NamedTuple):
     probes : Probes
     spectrum : Spectrum
     moving, part, members : arrays of int, shape (n,)
-        1 for each component that moves; the connected part it belongs to, −1 where no rate depends
-        on it; the components of one part.
+        1 for each component that moves; the connected part it belongs to, or what it is
+        instead; the components of one part.
     V, L : arrays of complex, shape (n, n)
         Right eigenvectors (columns; of a conjugate pair, twice the one that is kept), and left ones
         (rows): components that move are Re V w, w = L x.
