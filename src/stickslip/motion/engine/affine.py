@@ -281,35 +281,47 @@ def see_slopes(w: Probes, n: int, window: float) -> bool:
 
 @njit(**OPTIONS)
 def prepare_fit(omega: Array, window: float, w: Probes) -> bool:
-    """Singular value decomposition of the drives (1, t/T, cos ω₁t, …) at all times, by one-sided
-    Jacobi rotations; False if they cannot be told apart.
-
-    The columns of `basis` become orthogonal, with their squared lengths beside; they are the drives
-    times `axes`.
-    """
-    basis = w.basis
-    axes = w.axes
-    count = len(axes)
+    """Make the drives (1, t/T, cos ω₁t, …) at all times orthogonal to each other; False if they
+    cannot be told apart."""
     n = len(w.y)
-    for p in range(len(basis)):
+    for p in range(len(w.basis)):
         drive_vector(w.later[p] * window, omega, w.s, n)
         w.s[n + 1] = w.later[p]
-        for k in range(count):
-            basis[p, k] = w.s[n + k]
-    for i in range(count):
-        for k in range(count):
+        for k in range(len(w.axes)):
+            w.basis[p, k] = w.s[n + k]
+    orthogonalise(w.basis, w.axes, w.lengths)
+    least = np.inf
+    largest = 0.0
+    for length in w.lengths:
+        least = min(least, length)
+        largest = max(largest, length)
+    return least > _WELL * _WELL * largest
+
+
+@njit(**OPTIONS)
+def orthogonalise(A: Array, axes: Array, lengths: Array) -> None:
+    """Singular value decomposition by one-sided Jacobi rotations: A becomes A V, whose columns are
+    orthogonal.
+
+    Parameters
+    ----------
+    A : array, shape (rows, n)
+    axes : array, shape (n, n)
+        Receives V.
+    lengths : array, shape (n,)
+        Receives the squared lengths of the columns, which are the squared singular values.
+    """
+    n = len(axes)
+    for i in range(n):
+        for k in range(n):
             axes[i, k] = 1.0 if i == k else 0.0
     for _ in range(_SWEEPS):
         done = True
-        for i in range(count):
-            for k in range(i + 1, count):
-                a = 0.0
-                b = 0.0
-                c = 0.0
-                for p in range(len(basis)):
-                    a += basis[p, i] * basis[p, i]
-                    b += basis[p, k] * basis[p, k]
-                    c += basis[p, i] * basis[p, k]
+        for i in range(n):
+            for k in range(i + 1, n):
+                a = product_of_columns(A, i, i)
+                b = product_of_columns(A, k, k)
+                c = product_of_columns(A, i, k)
                 if abs(c) <= 4.0 * EPSILON * math.sqrt(a * b):
                     continue
                 done = False
@@ -317,20 +329,21 @@ def prepare_fit(omega: Array, window: float, w: Probes) -> bool:
                 tangent = 1.0 / (abs(ratio) + math.sqrt(1.0 + ratio * ratio))
                 cosine = 1.0 / math.sqrt(1.0 + tangent * tangent)
                 sine = cosine * (tangent if ratio >= 0.0 else -tangent)
-                rotate(basis, i, k, cosine, sine)
+                rotate(A, i, k, cosine, sine)
                 rotate(axes, i, k, cosine, sine)
         if done:
             break
-    least = np.inf
-    largest = 0.0
-    for k in range(count):
-        total = 0.0
-        for p in range(len(basis)):
-            total += basis[p, k] * basis[p, k]
-        w.lengths[k] = total
-        least = min(least, total)
-        largest = max(largest, total)
-    return least > _WELL * _WELL * largest
+    for k in range(n):
+        lengths[k] = product_of_columns(A, k, k)
+
+
+@njit(**OPTIONS)
+def product_of_columns(A: Array, i: int, k: int) -> float:
+    """Scalar product of two columns."""
+    total = 0.0
+    for p in range(len(A)):
+        total += A[p, i] * A[p, k]
+    return total
 
 
 @njit(**OPTIONS)
