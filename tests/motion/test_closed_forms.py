@@ -110,7 +110,7 @@ def test_singular_values_are_lapacks() -> None:
         singular(B, axes, lengths)
         np.testing.assert_allclose(A @ axes, B, atol=1e-13 * np.max(np.abs(A)))
         wanted = np.linalg.svd(A, compute_uv=False)
-        np.testing.assert_allclose(np.sort(np.sqrt(lengths))[::-1], wanted, rtol=1e-12)
+        np.testing.assert_allclose(np.sort(np.sqrt(lengths))[::-1], wanted, atol=1e-14 * wanted[0])
 
 
 def closed_forms(problem: Problem, mode: Array, reg: Array) -> ClosedForms:
@@ -133,7 +133,7 @@ SYSTEMS = {
     "scaled slider": (ss.catalogue.scaled_slider_limit(), {"b": 0.7}, 2),
     "forced oscillator": (ss.catalogue.forced_oscillator(), {"omega": 0.9}, 3),
     "plate compactor": (ss.catalogue.plate_compactor(), {"V": 0.1}, 1),
-    "crawler": (ss.catalogue.two_leg_crawler(), {"D": 0.4}, 8),
+    "crawler": (ss.catalogue.two_leg_crawler(), {"D": 0.4}, 5),
     "chain": (ss.catalogue.block_chain(4), {}, 1),
 }
 

@@ -340,7 +340,9 @@ def find_vector(p: Spectrum, n: int, k: int, least: float) -> None:
     size = 0.0
     for i in range(n):
         z = p.vectors[i, k] / largest
-        p.vectors[i, k] = complex(z.real, 0.0 if p.values[k].imag == 0.0 else z.imag)
+        if p.values[k].imag == 0.0:
+            z = complex(z.real, 0.0)
+        p.vectors[i, k] = z
         size += z.real * z.real + z.imag * z.imag
     for i in range(n):
         p.vectors[i, k] /= math.sqrt(size)
