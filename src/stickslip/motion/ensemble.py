@@ -88,11 +88,6 @@ class Lanes:
         return cls(problem, constants, group, np.full(lanes, FULL), now, forms)
 
     @property
-    def going(self) -> Array:
-        """Lanes that are not at their end."""
-        return np.flatnonzero(self.codes >= FULL)
-
-    @property
     def slots(self) -> int:
         """Closed forms that each group may have."""
         return len(self.forms.status) // len(self.forms.used)

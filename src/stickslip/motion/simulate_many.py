@@ -296,8 +296,7 @@ def follow_block(
     sets, group = distinct(table)
     forms = problem.empty_forms(len(sets), slots)
     lanes = Lanes.start(problem, problem.constants_of(sets), group, states, span, forms)
-    while len(lanes.going):
-        lanes.advance(span[1], max_events)
+    lanes.advance(span[1], max_events)
     return lanes.now, lanes.codes
 
 
