@@ -14,7 +14,7 @@ from stickslip.arrays import Array
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.affine import orthogonalise
 from stickslip.motion.engine.closed_forms import make_form
-from stickslip.motion.engine.eigenvalues import Spectrum, decompose, make_spectrum
+from stickslip.motion.engine.eigenvalues import Eigenproblem, decompose, make_eigenproblem
 from stickslip.motion.engine.forms import AFFINE, SMOOTH, ClosedForms, Flight
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.steps.arrays import OPTIONS, Constants, Flow, Machine
@@ -30,7 +30,7 @@ def fill(
 
 
 @entry_point(**OPTIONS)
-def eigen(p: Spectrum, n: int) -> bool:
+def eigen(p: Eigenproblem, n: int) -> bool:
     """Eigenvalues and eigenvectors."""
     return decompose(p, n)
 
@@ -41,8 +41,8 @@ def singular(A: Array, axes: Array, lengths: Array) -> None:
     orthogonalise(A, axes, lengths)
 
 
-def decomposed(A: Array) -> Spectrum:
-    p = make_spectrum(len(A))
+def decomposed(A: Array) -> Eigenproblem:
+    p = make_eigenproblem(len(A))
     p.H[: len(A)] = A
     assert eigen(p, len(A))
     return p

@@ -348,7 +348,16 @@ def product_of_columns(A: Array, i: int, k: int) -> float:
 
 @njit(**OPTIONS)
 def rotate(A: Array, i: int, k: int, cosine: float, sine: float) -> None:
-    """Rotate two columns into each other."""
+    """Rotate two columns into each other.
+
+    Parameters
+    ----------
+    A : array
+    i, k : int
+        The columns.
+    cosine, sine : float
+        Of the angle.
+    """
     for p in range(len(A)):
         x = A[p, i]
         y = A[p, k]

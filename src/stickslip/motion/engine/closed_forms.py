@@ -170,8 +170,20 @@ def find_parts(F: Array, moving: Array, part: Array) -> None:
 
 @njit(**OPTIONS)
 def add_part(T: ClosedForms, w: Making, slot: int, count: int, blocks: int) -> int:
-    """Add the eigenvectors of the first `count` members; returns how many blocks there are now, or
-    −1 where they are ill-conditioned."""
+    """Add the eigenvectors of a part; returns how many blocks there are now, or −1 where they are
+    ill-conditioned.
+
+    Parameters
+    ----------
+    T : ClosedForms
+        Filled.
+    w : Making
+    slot : int
+    count : int
+        How many components it has.
+    blocks : int
+        How many blocks there are so far.
+    """
     p = w.spectrum
     X = p.Q
     V = w.V
@@ -334,7 +346,17 @@ def fill_dynamics(T: ClosedForms, w: Making, slot: int, omega: Array) -> None:
 
 @njit(**OPTIONS)
 def fill_guards(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array, reg: Array) -> None:
-    """Store the guards G s, the switch each belongs to, and bounds of their derivatives."""
+    """Store the guards G s, the switch each belongs to, and bounds of their derivatives.
+
+    Parameters
+    ----------
+    T : ClosedForms
+        Filled.
+    w : Making
+    slot : int
+    rows : Rows
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+    """
     F = w.probes.F
     G = T.G[slot]
     S = T.S[slot]
@@ -392,7 +414,15 @@ def fill_guards(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array, r
 
 @njit(**OPTIONS)
 def combine(out: Array, x: Array, a: float, y: Array, b: float) -> None:
-    """a x + b y, without y where b = 0."""
+    """A sum a x + b y, without y where b = 0.
+
+    Parameters
+    ----------
+    out : array
+        Receives it.
+    x, y : arrays
+    a, b : float
+    """
     for j in range(len(out)):
         out[j] = a * x[j] + b * y[j] if b != 0.0 else a * x[j]
 
@@ -400,7 +430,17 @@ def combine(out: Array, x: Array, a: float, y: Array, b: float) -> None:
 @njit(**OPTIONS)
 def fill_constraints(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array) -> None:
     """Store what must vanish in a mode: u of sticking inertial, λ + σs of sliding rate-independent
-    contacts."""
+    contacts.
+
+    Parameters
+    ----------
+    T : ClosedForms
+        Filled.
+    w : Making
+    slot : int
+    rows : Rows
+    mode : array of int, shape (contacts,)
+    """
     F = w.probes.F
     n, nc, nq = len(w.moving), len(mode), rows.sizes[INERTIAL]
     first = rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]
@@ -428,6 +468,16 @@ def fill_responses(T: ClosedForms, w: Making, slot: int, omega: Array, blocks: i
         w = p₀ + p₁τ + p₂τ² + r exp(λτ) + Σₘ (↑ₘ exp(iωₘt) + ↓ₘ exp(−iωₘt)),
 
     r and p₁ linear in s, the others numbers.
+
+    Parameters
+    ----------
+    T : ClosedForms
+        Filled.
+    w : Making
+    slot : int
+    omega : array, shape (waves,)
+        Frequencies of the drives.
+    blocks : int
     """
     F = w.probes.F
     n = len(w.moving)

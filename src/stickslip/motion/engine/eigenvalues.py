@@ -22,7 +22,7 @@ _STALLED = 10  # steps after which other shifts are tried
 _WORTH = 0.95  # of the norms of row and column: what balancing has to gain
 
 
-class Spectrum(NamedTuple):
+class Eigenproblem(NamedTuple):
     """Work space for the eigenvalue problem of matrices of up to n rows.
 
     Attributes
@@ -50,11 +50,11 @@ class Spectrum(NamedTuple):
     vectors: Array
 
 
-def make_spectrum(n: int) -> Spectrum:
+def make_eigenproblem(n: int) -> Eigenproblem:
     """Work space for matrices of up to n rows."""
     z = np.zeros
     c = np.complex128
-    return Spectrum(
+    return Eigenproblem(
         H=z((n + 1, n)),
         Q=z((n, n)),
         scale=z(n),
@@ -74,7 +74,7 @@ def modulus(z: complex) -> float:
 
 
 @njit(**OPTIONS)
-def decompose(p: Spectrum, n: int) -> bool:
+def decompose(p: Eigenproblem, n: int) -> bool:
     """Eigenvalues and eigenvectors of the matrix in the first n rows and columns of `p.H`; False if
     the iteration does not end."""
     if n == 0:
@@ -238,8 +238,21 @@ def to_schur(H: Array, Q: Array, n: int, v: Array) -> bool:
 
 @njit(**OPTIONS)
 def francis_step(H: Array, Q: Array, n: int, v: Array, low: int, high: int, stalled: bool) -> None:
-    """Two steps of the QR iteration on rows `low` to `high` at once, with the eigenvalues of the
-    last 2 × 2 block as shifts, or with others where that has stalled."""
+    """Two steps of the QR iteration at once, with the eigenvalues of the last 2 × 2 block as
+    shifts.
+
+    Parameters
+    ----------
+    H, Q : arrays
+    n : int
+        Size of the matrices.
+    v : array
+        Work space.
+    low, high : int
+        First and last row of the block that is worked on.
+    stalled : bool
+        Take other shifts: these have led nowhere.
+    """
     a = H[high - 1, high - 1]
     d = H[high, high]
     total = a + d
@@ -267,7 +280,7 @@ def francis_step(H: Array, Q: Array, n: int, v: Array, low: int, high: int, stal
 
 
 @njit(**OPTIONS)
-def to_triangle(p: Spectrum, n: int) -> None:
+def to_triangle(p: Eigenproblem, n: int) -> None:
     """Take the real Schur form H to the triangular T, and Q to Z, by a rotation for each block of
     two rows."""
     T = p.T
@@ -315,7 +328,7 @@ def to_triangle(p: Spectrum, n: int) -> None:
 
 
 @njit(**OPTIONS)
-def find_vector(p: Spectrum, n: int, k: int, least: float) -> None:
+def find_vector(p: Eigenproblem, n: int, k: int, least: float) -> None:
     """The eigenvector of the k-th eigenvalue; differences of eigenvalues below `least` are
     rounding."""
     x = p.x

@@ -10,7 +10,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.affine import Probes, make_probes
-from stickslip.motion.engine.eigenvalues import Spectrum, make_spectrum
+from stickslip.motion.engine.eigenvalues import Eigenproblem, make_eigenproblem
 from stickslip.motion.steps.arrays import DIMENSION, INLINED, Rows
 
 _UNKNOWN = 0
@@ -176,7 +176,7 @@ class Making(NamedTuple):
     Attributes
     ----------
     probes : Probes
-    spectrum : Spectrum
+    spectrum : Eigenproblem
     moving, part, members : arrays of int, shape (n,)
         1 for each component that moves; the connected part it belongs to, or what it is
         instead; the components of one part.
@@ -193,7 +193,7 @@ class Making(NamedTuple):
     """
 
     probes: Probes
-    spectrum: Spectrum
+    spectrum: Eigenproblem
     moving: Array
     part: Array
     members: Array
@@ -214,7 +214,7 @@ def make_making(rows: Rows, waves: int, timed: bool) -> Making:
     c = np.complex128
     return Making(
         probes=make_probes(rows, waves, timed),
-        spectrum=make_spectrum(n),
+        spectrum=make_eigenproblem(n),
         moving=z(n, np.int64),
         part=z(n, np.int64),
         members=z(n, np.int64),

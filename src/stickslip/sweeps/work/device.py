@@ -23,7 +23,7 @@ from stickslip.errors import DeclarationError
 from stickslip.machine_code.functions import Compiled
 from stickslip.motion.between.step_balance import Steps, Tally
 from stickslip.motion.engine.affine import Probes
-from stickslip.motion.engine.eigenvalues import Spectrum
+from stickslip.motion.engine.eigenvalues import Eigenproblem
 from stickslip.motion.engine.forms import Flight, Making
 from stickslip.motion.ensemble import Lanes
 from stickslip.motion.steps.arrays import DIMENSION, Flow, Machine, Record, Space
@@ -253,7 +253,7 @@ def flight_of_thread(f: Any, a: int) -> Any:
                 p.F[a], p.hold[a], p.later[a], p.s[a], p.y[a], p.out[a], p.rest[a], p.peak[a],
                 p.basis[a], p.axes[a], p.lengths[a],
             ),
-            Spectrum(
+            Eigenproblem(
                 e.H[a], e.Q[a], e.scale[a], e.v[a], e.T[a], e.Z[a], e.x[a], e.values[a],
                 e.vectors[a],
             ),
