@@ -1,4 +1,4 @@
-"""Chunks of points: stacked closed forms, independence of how points are split, bad input."""
+"""Chunks of points: independence of how points are split, bad input."""
 
 from __future__ import annotations
 
@@ -11,10 +11,8 @@ import pytest
 import stickslip as ss
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
-from stickslip.motion.affine_modes import fill_closed_forms, linearise
-from stickslip.motion.engine.forms import AFFINE
 from stickslip.motion.outcome import Outcome
-from stickslip.motion.simulate_many import initial_states, parameter_table, pose_all
+from stickslip.motion.simulate_many import initial_states
 from stickslip.orbits.settling.motions import Settings
 from stickslip.sweeps.request.measures import LACKING
 from stickslip.sweeps.work import chunk
@@ -47,80 +45,6 @@ def spread(ranges: dict[str, tuple[float, float]], count: int) -> dict[str, Arra
 def toy_points(count: int) -> tuple[dict[str, Array], dict[str, Array]]:
     start = {"psi": np.zeros(count), "d_psi": np.linspace(1.0, 1.9, count), "x_R": np.zeros(count)}
     return start, spread(SYSTEMS["toy"][1], count)
-
-
-@pytest.mark.parametrize("name", SYSTEMS)
-def test_stacked_closed_forms_are_those_of_single_modes(name: str) -> None:
-    system, ranges = SYSTEMS[name]
-    given = spread(ranges, 6)
-    table = parameter_table(system, given, 6)
-    problem = pose_all(system, given, 1e-10, 1e-12)
-    constants = problem.constants_of(table)
-    contacts, kinks = len(problem.rows.u), len(problem.rows.kinks)
-    rng = np.random.default_rng(1)
-    group = np.repeat(np.arange(6), 4)
-    mode = rng.integers(-1, 2, (24, contacts))
-    region = rng.integers(0, 2, (24, kinks))
-    stacked, single = problem.empty_forms(6, 4), problem.empty_forms(6, 4)
-    fill_closed_forms(problem, constants, stacked, group, mode, region)
-    for i in range(24):
-        fill_closed_forms(
-            problem, constants, single, *(a[i : i + 1] for a in (group, mode, region))
-        )
-    assert np.any(stacked.status == AFFINE)
-    for part, other in zip(stacked, single, strict=True):
-        np.testing.assert_array_equal(part, other)
-
-
-@pytest.mark.parametrize("name", SYSTEMS)
-def test_closed_form_solves_the_linear_equations(name: str) -> None:
-    """x(τ) = x + c₁τ + c₂τ² + Re Σ a r (exp(λτ) − 1) + … is what the matrix exponential gives; so
-    are the guards."""
-    from scipy.linalg import expm
-
-    system, ranges = SYSTEMS[name]
-    given = spread(ranges, 5)
-    problem = pose_all(system, given, 1e-10, 1e-12)
-    constants = problem.constants_of(parameter_table(system, given, 5))
-    shape = (5, len(problem.rows.u)), (5, len(problem.rows.kinks))
-    group = np.arange(5)
-    mode = np.zeros(shape[0], np.int64)
-    region = np.ones(shape[1], np.int64)
-    T = problem.empty_forms(5, 1)
-    fill_closed_forms(problem, constants, T, group, mode, region)
-    linear, found = linearise(problem, constants, group, mode, region)
-    assert np.all(found) and np.all(T.status == AFFINE)
-    n = T.hold.shape[2]
-    rng = np.random.default_rng(3)
-    S = T.S / T.pace[:, None, None]
-    np.testing.assert_array_equal(S[:, :n, :n], linear.D[:, :n])
-    np.testing.assert_array_equal(S[:, :n, n:], linear.E[:, :n])
-    for g in range(5):
-        t = 0.7
-        tau = 0.4 * T.shortest[g] + 0.1
-        omega = constants.omega[g]
-        s = np.concatenate(
-            [
-                rng.normal(size=n),
-                [1.0, t],
-                *np.stack([np.cos(omega * t), np.sin(omega * t)], axis=1),
-            ]
-        )
-        (nb, ng), first = T.counts[g], T.c2.shape[1] - n
-        turned = (T.R[g, :nb] @ s) * np.expm1(T.exponent[g, :nb] * tau)
-        spun = np.exp(1j * omega * t) * np.expm1(1j * omega * tau)
-        change = (
-            tau * (T.c1[g] @ s + tau * T.c2[g])
-            + (T.a[g, :, :nb] @ turned).real
-            + (T.b[g] @ spun).real
-        )
-        after = expm(S[g] * tau) @ s
-        size = np.max(np.abs(expm(np.abs(S[g]) * tau) @ np.abs(s)))
-        np.testing.assert_allclose(s[:n] + change[first:], after[:n], rtol=0.0, atol=1e-11 * size)
-        guards = T.G[g, :ng]
-        np.testing.assert_allclose(
-            guards @ s + change[:ng], guards @ after, atol=1e-11 * size * (1 + np.max(guards))
-        )
 
 
 def test_many_motions_end_where_single_ones_do() -> None:

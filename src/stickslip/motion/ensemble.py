@@ -8,17 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.motion.affine_modes import fill_closed_forms
 from stickslip.motion.engine import event_loop
-from stickslip.motion.engine.forms import AFFINE, ClosedForms
+from stickslip.motion.engine.forms import ClosedForms
 from stickslip.motion.problem import Problem
 from stickslip.motion.steps.arrays import (
     CAUSE,
     EMPTY_WORD,
     FULL,
-    NEED,
     NONE_YET,
-    STEPS,
     WORD,
     Constants,
     Lane,
@@ -40,7 +37,7 @@ class Lanes:
         By group.
     group : array of int, shape (lanes,)
     codes : array of int, shape (lanes,)
-        Outcome code, or FULL, NEED or STEPS while a lane goes on.
+        Outcome code, or FULL while a lane goes on.
     now : Lane
         Where each lane is, arrays of shape (lanes, ·).
     forms : ClosedForms
@@ -91,20 +88,7 @@ class Lanes:
             reg=np.ones((lanes, kinks), np.int64),
             counters=counters,
         )
-        # The first thing needed is the closed form of the mode they start in.
-        return cls(
-            problem,
-            constants,
-            group,
-            np.full(lanes, NEED if len(forms.status) else FULL),
-            now,
-            forms,
-        )
-
-    @property
-    def going(self) -> Array:
-        """Lanes that are not at their end."""
-        return np.flatnonzero(self.codes >= FULL)
+        return cls(problem, constants, group, np.full(lanes, FULL), now, forms)
 
     @property
     def slots(self) -> int:
@@ -116,22 +100,9 @@ class Lanes:
         single lane)."""
         p = self.problem
         task = Task(float(end), max_events, record is not None, record or no_record())
-        lanes = self.group, self.codes, self.now
-        if np.any(self.forms.status == AFFINE) and not np.any(self.codes == STEPS):
-            return event_loop.integrate_affine(
-                p.rows, self.constants, p.flight(), self.forms, *lanes, task
-            )
         flow = p.flow(self.constants)
+        lanes = self.group, self.codes, self.now
         return event_loop.integrate(p.machine, flow, p.flight(), self.forms, *lanes, task)
-
-    def make_closed_forms(self) -> None:
-        """Make the closed forms that lanes are waiting for."""
-        waiting = np.flatnonzero(self.codes == NEED)
-        if len(waiting):
-            modes, regions = self.now.mode[waiting], self.now.reg[waiting]
-            fill_closed_forms(
-                self.problem, self.constants, self.forms, self.group[waiting], modes, regions
-            )
 
 
 def no_record() -> Record:

@@ -157,10 +157,7 @@ class Problem:
     def flight(self) -> Flight:
         """New work space for the closed forms."""
         layout = self.compiled.layout
-        doubtful = len(self.rows.doubtful)
-        return make_flight(
-            layout.sizes["n"], len(layout.u), len(layout.kinks), doubtful, layout.frequencies
-        )
+        return make_flight(self.rows, layout.frequencies, layout.timed)
 
     @cached_property
     def rows(self) -> Rows:

@@ -158,7 +158,6 @@ def run_loop(
     size = 64
     try:
         while lanes.codes[0] >= FULL:
-            lanes.make_closed_forms()
             size = min(2 * size, most)
             record = Knots.empty(size, len(y), contacts, kinks, problem.origin)
             count = lanes.advance(end, max_events, record.record)

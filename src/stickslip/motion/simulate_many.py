@@ -276,7 +276,7 @@ def follow_block(
     max_events: int,
     slots: int,
 ) -> tuple[Lane, Array]:
-    """Follow some motions to their end; the closed forms they need are made in between.
+    """Follow some motions to their end.
 
     Parameters
     ----------
@@ -296,9 +296,7 @@ def follow_block(
     sets, group = distinct(table)
     forms = problem.empty_forms(len(sets), slots)
     lanes = Lanes.start(problem, problem.constants_of(sets), group, states, span, forms)
-    while len(lanes.going):
-        lanes.make_closed_forms()
-        lanes.advance(span[1], max_events)
+    lanes.advance(span[1], max_events)
     return lanes.now, lanes.codes
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.machine_code.functions import entry_point, njit
 from stickslip.motion.engine import flights
+from stickslip.motion.engine.closed_forms import make_form
 from stickslip.motion.engine.forms import (
     AFFINE,
     GERM_ORDERS,
@@ -21,29 +22,23 @@ from stickslip.motion.engine.forms import (
     slots_of,
 )
 from stickslip.motion.engine.guards import contact_of, doubt_of, first_event, resting, spell
-from stickslip.motion.engine.modes import copy, flip, keeps, let_slide, resolve, settle_mode
+from stickslip.motion.engine.modes import copy, flip, keeps, let_slide, settle_mode
 from stickslip.motion.engine.roots import value_and_slope
 from stickslip.motion.steps.arrays import (
     ASTRAY,
     CAUSE,
-    COORDINATES,
     CROSSED,
     DIMENSION,
-    DOUBTED,
     FINISHED,
-    FIRST_ROW,
     FULL,
     HAPPENED,
     INADMISSIBLE,
-    INERTIAL,
     INLINED,
     INT_ZERO,
     LAST,
     LIMIT,
     LONG_AGO,
-    MEMBERS,
     NAN,
-    NEED,
     NEGATIVE,
     NO_RATE,
     NONE_YET,
@@ -54,25 +49,20 @@ from stickslip.motion.steps.arrays import (
     ON_JUMP,
     ON_VISCOUS,
     OPTIONS,
-    PART,
     PROMISED,
     RATE_INDEPENDENT,
     RECENT,
-    SEAT,
     SERIES,
     SINCE,
     SLIPPING,
     SPAN,
     STARTED,
-    STEPS,
     SWITCHES,
     TAKEN,
     TINY,
     UNDEFINED,
-    VISCOUS,
     WORD,
     ZENO,
-    Constants,
     Flow,
     Instant,
     Lane,
@@ -83,10 +73,8 @@ from stickslip.motion.steps.arrays import (
     coefficients,
     flow_of,
     lane_of,
-    own_inverse,
 )
 from stickslip.motion.steps.step_size import fill_powers
-from stickslip.motion.steps.structure import is_affine
 
 _ZENO_EVENTS = 200
 _TOGETHER = 1e-12  # of the time that a motion may last: events that coincide
@@ -95,9 +83,7 @@ _LOOK = (
     64  # steps after which sticking contacts are put onto the surface speed, and a promise is kept
 )
 _CUT = 0.25  # of a step that did not solve the equations
-# what is said of the mode that a motion is in, beside the slot of its closed form
-_UNDECIDED = -1
-_NOT_MADE = -2
+_UNDECIDED = -1  # what is said of the mode that a motion is in, beside the slot of its closed form
 
 
 class Before(NamedTuple):
@@ -121,8 +107,7 @@ def integrate(
     lanes: Lane,
     task: Task,
 ) -> int:
-    """Follow motions, lane by lane, until the end, until the record is full, or until a closed form
-    has to be made.
+    """Follow motions, lane by lane, until the end or until the record is full.
 
     Parameters
     ----------
@@ -134,7 +119,7 @@ def integrate(
         Without slots: Taylor steps only.
     group : array of int, shape (lanes,)
     codes : array of int, shape (lanes,)
-        FULL, NEED or STEPS where a lane is to go on; receives the outcome code.
+        FULL where a lane is to go on; receives the outcome code.
     lanes : Lane
         Of all lanes (a leading axis).
     task : Task
@@ -153,63 +138,12 @@ def integrate(
         lane = lane_of(lanes, i)
         own.space.known[-1] = 1
         code = NOWHERE
-        flying = closed and codes[i] != STEPS
         while code < 0:
-            if flying:
-                code, count = fly_on(
-                    forms, group[i], flight, own.rows, own.k.omega, lane, task, count
-                )
+            if closed:
+                code, count = fly_on(machine, flow, group[i], forms, flight, lane, task, count)
             if code < 0:
                 code, count = step_on(machine, own, lane, task, count)
-                flying = closed
         codes[i] = code
-    return count
-
-
-@entry_point(**OPTIONS)
-def integrate_affine(
-    rows: Rows,
-    constants: Constants,
-    flight: Flight,
-    forms: ClosedForms,
-    group: Array,
-    codes: Array,
-    lanes: Lane,
-    task: Task,
-) -> int:
-    """The same as :func:`integrate` in closed form alone: a motion that needs Taylor steps is left
-    with code STEPS.
-
-    Most systems with closed forms need nothing else, and need not wait until the Taylor steps are
-    compiled.
-
-    Parameters
-    ----------
-    rows : Rows
-    constants : Constants
-        By group of lanes with the same parameters (a leading axis).
-    flight : Flight
-    forms : ClosedForms
-    group : array of int, shape (lanes,)
-    codes : array of int, shape (lanes,)
-        FULL, NEED or STEPS where a lane is to go on; receives the outcome code.
-    lanes : Lane
-        Of all lanes (a leading axis).
-    task : Task
-
-    Returns
-    -------
-    int
-        Number of recorded steps.
-    """
-    count = INT_ZERO
-    for i in range(len(codes)):
-        if codes[i] < FULL:
-            continue
-        g = group[i]
-        lane = lane_of(lanes, i)
-        code, count = fly_on(forms, g, flight, rows, constants.omega[g], lane, task, count)
-        codes[i] = code if code >= 0 else STEPS
     return count
 
 
@@ -404,11 +338,11 @@ def solves(machine: Machine, flow: Flow, lane: Lane, h: float) -> bool:
 
 @njit(**OPTIONS)
 def fly_on(
-    T: ClosedForms,
+    machine: Machine,
+    flow: Flow,
     g: int,
+    T: ClosedForms,
     flight: Flight,
-    rows: Rows,
-    omega: Array,
     lane: Lane,
     task: Task,
     count: int,
@@ -417,13 +351,14 @@ def fly_on(
 
     Parameters
     ----------
-    T : ClosedForms
+    machine : Machine
+    flow : Flow
+        Constants by group (a leading axis).
     g : int
         Group of the lane.
+    T : ClosedForms
+        Receive those of modes that are new.
     flight : Flight
-    rows : Rows
-    omega : array, shape (waves,)
-        Frequencies of the drives.
     lane : Lane
     task : Task
     count : int
@@ -432,9 +367,10 @@ def fly_on(
     Returns
     -------
     code, count
-        Outcome code, FULL, NEED if the closed form of the present mode is to be made, or −1 where
-        Taylor steps go on.
+        Outcome code, FULL, or −1 where Taylor steps go on.
     """
+    rows = flow.rows
+    omega = flow.k.omega[g]
     clock = lane.clock
     y = lane.y
     mode = lane.mode
@@ -454,9 +390,7 @@ def fly_on(
         copy(lane.reg, flight.reg0)
         let_slide(mode)
         flights.place(flight, y, t, omega)
-        slot = decide(T, g, flight, rows, omega, lane, several)
-        if slot == _NOT_MADE:
-            return NEED, count
+        slot = decide(machine, flow, g, T, flight, lane, several)
         if slot == _UNDECIDED:
             copy(flight.mode0, mode)
             copy(flight.reg0, lane.reg)
@@ -482,10 +416,16 @@ def fly_on(
 
 @njit(**INLINED)
 def decide(
-    T: ClosedForms, g: int, flight: Flight, rows: Rows, omega: Array, lane: Lane, several: bool
+    machine: Machine,
+    flow: Flow,
+    g: int,
+    T: ClosedForms,
+    flight: Flight,
+    lane: Lane,
+    several: bool,
 ) -> int:
-    """The mode that a motion takes now, by pivoting among closed forms: its slot, NOT_MADE, or
-    UNDECIDED where Taylor steps have to tell.
+    """The mode that a motion takes now, by pivoting among closed forms: its slot, or UNDECIDED
+    where Taylor steps have to tell.
 
     Parameters
     ----------
@@ -495,7 +435,8 @@ def decide(
     clock = lane.clock
     mode = lane.mode
     reg = lane.reg
-    drops = rows.drops
+    drops = flow.rows.drops
+    omega = flow.k.omega[g]
     slots = slots_of(T)
     nc = len(mode)
     nk = len(reg)
@@ -503,7 +444,12 @@ def decide(
         key = flights.mode_key(mode, reg)
         slot = flights.find(T.key, T.own, g * slots, T.used[g], key)
         if slot < 0:
-            return _NOT_MADE if T.used[g] < slots else _UNDECIDED
+            if T.used[g] == slots:
+                return _UNDECIDED
+            slot = g * slots + T.used[g]
+            T.key[slot] = key
+            T.used[g] += 1
+            make_form(machine, flow, g, T, flight.making, slot, mode, reg)
         if T.status[slot] != AFFINE or not flights.admissible(
             T, slot, flight, lane.y, clock[RECENT]
         ):
@@ -605,94 +551,3 @@ def fire(guard: int, lane: Lane, rows: Rows, max_events: int) -> int:
             return ZENO
         clock[LONG_AGO] = clock[NOW]
     return LIMIT if counters[HAPPENED] >= max_events else -1
-
-
-# -- closed forms are made from --------------------------------------------------------------------
-
-
-@njit(**OPTIONS)
-def probe(
-    machine: Machine,
-    flow: Flow,
-    mode: Array,
-    reg: Array,
-    times: Array,
-    states: Array,
-    out: Array,
-    hold: Array,
-) -> bool:
-    """Rates of the state, then u, λ, s⁺, s⁻ and guards of a mode at some times and states.
-
-    False if the mode is not affine, or if not all are finite.
-
-    Parameters
-    ----------
-    machine : Machine
-    flow : Flow
-    mode, reg : arrays of int, shapes (contacts,), (kinks,)
-    times : array, shape (points,)
-    states : array, shape (points, n)
-    out : array, shape (points, n + 4 contacts + kinks + doubtful)
-        Receives the values.
-    hold : array, shape (contacts, nq + 1)
-        Receives for each sticking inertial contact the column that puts the velocities back onto
-        its surface, and the acceleration that a unit of force gives to it.
-    """
-    rows = flow.rows
-    space = flow.space
-    nq = rows.sizes[INERTIAL]
-    space.known[-1] = 1
-    space.W[rows.sizes[DIMENSION], 1] = 1.0
-    if not resolve(rows, flow.k, space, mode):
-        return False
-    for c in range(rows.sizes[ON_INERTIAL]):
-        for i in range(nq + 1):
-            hold[c, i] = 0.0
-        if mode[c] == 0:
-            part = rows.homes[c, PART]
-            first = rows.parts[part, FIRST_ROW]
-            for i in range(rows.parts[part, COORDINATES]):
-                q = rows.members[rows.parts[part, MEMBERS] + i]
-                hold[c, q] = space.Rq[first + i, rows.homes[c, SEAT] - first]
-            hold[c, nq] = 1.0 / abs(own_inverse(rows, space, c))
-    for p in range(len(times)):
-        at = Instant(times[p], states[p], mode, reg)
-        if coefficients(machine, flow, at, 1, space.W) != OK:
-            return False
-        if p == 0 and not is_affine(flow, mode, reg):
-            return False
-        read_values(rows, space, out[p])
-        for i in range(out.shape[1]):
-            if not np.isfinite(out[p, i]):
-                return False
-    return True
-
-
-@njit(**INLINED)
-def read_values(rows: Rows, space: Space, out: Array) -> None:
-    """What :func:`probe` wants of an instant, from the table of coefficients."""
-    sizes = rows.sizes
-    W = space.W
-    mag = space.mag
-    n = sizes[DIMENSION]
-    nq = sizes[INERTIAL]
-    nc, nk = len(rows.u), len(rows.kinks)
-    for i in range(n):
-        out[i] = W[i, 1]
-    for c in range(nc):
-        out[n + c] = settle_zero(W[rows.u[c], 0], mag[c])
-        out[n + nc + c] = W[rows.force[c], 0]
-        out[n + 2 * nc + c] = W[rows.plus[c], 0]
-        out[n + 3 * nc + c] = W[rows.minus[c], 0]
-    for j in range(nk):
-        out[n + 4 * nc + j] = W[rows.kinks[j], 0]
-    for d in range(len(rows.doubtful)):
-        out[n + 4 * nc + nk + d] = W[rows.doubtful[d, DOUBTED], 0]
-    for i in range(nq + sizes[VISCOUS] + sizes[RATE_INDEPENDENT]):
-        out[nq + i] = settle_zero(float(out[nq + i]), mag[3 * nc + nk + i])
-
-
-@njit(**OPTIONS)
-def settle_zero(value: float, size: float) -> float:
-    """The value, or 0 if it is only the rounding error of terms of a size."""
-    return 0.0 if abs(value) <= 1e-15 * size else value

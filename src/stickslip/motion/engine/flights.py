@@ -6,8 +6,7 @@ s, and every guard and every component of the state is a signal
     g(τ) = g(0) + c₁τ + c₂τ² + Re Σⱼ aⱼ rⱼ (exp(λⱼτ) − 1) + Re Σₘ bₘ exp(iωₘt) (exp(iωₘτ) − 1)
 
 with c₁ and r linear in s at the beginning of the flight. Its first crossing is found over the whole
-flight. The tables of coefficients are made by :mod:`stickslip.motion.affine_modes`; here they are
-only followed.
+flight. The tables of coefficients are made by :mod:`.closed_forms`; here they are only followed.
 """
 
 from __future__ import annotations
@@ -18,6 +17,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.machine_code.functions import entry_point, njit
+from stickslip.motion.engine.affine import drive_vector
 from stickslip.motion.engine.forms import (
     EXPONENTS,
     GERM_ORDERS,
@@ -47,16 +47,6 @@ _LINE = 1
 _BEND = 2
 _WAVE = 3
 _MANY = 4
-
-
-@njit(**OPTIONS)
-def drive_vector(t: float, omega: Array, s: Array, n: int) -> None:
-    """Put the drives e = (1, t, cos ω₁t, sin ω₁t, …) behind the n components of the state."""
-    s[n] = 1.0
-    s[n + 1] = t
-    for m in range(len(omega)):
-        s[n + 2 + 2 * m] = math.cos(omega[m] * t)
-        s[n + 3 + 2 * m] = math.sin(omega[m] * t)
 
 
 @entry_point(**OPTIONS)

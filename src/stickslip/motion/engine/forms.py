@@ -9,7 +9,9 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.machine_code.functions import njit
-from stickslip.motion.steps.arrays import INLINED
+from stickslip.motion.engine.affine import Probes, make_probes
+from stickslip.motion.engine.eigenvalues import Eigenproblem, make_eigenproblem
+from stickslip.motion.steps.arrays import DIMENSION, INLINED, Rows
 
 _UNKNOWN = 0
 AFFINE = 1
@@ -168,6 +170,64 @@ def slots_of(T: ClosedForms) -> int:
     return len(T.status) // len(T.used)
 
 
+class Making(NamedTuple):
+    """Work space in which closed forms are made.
+
+    Attributes
+    ----------
+    probes : Probes
+    spectrum : Eigenproblem
+    moving, part, members : arrays of int, shape (n,)
+        1 for each component that moves; the connected part it belongs to, or what it is
+        instead; the components of one part.
+    V, L : arrays of complex, shape (n, n)
+        Right eigenvectors (columns; of a conjugate pair, twice the one that is kept), and left ones
+        (rows): components that move are Re V w, w = L x.
+    ramp : array of complex, shape (n, ns)
+        c₁ of w.
+    bend : array of complex, shape (n,)
+        c₂ of w.
+    up, down : arrays of complex, shape (n, waves)
+        What swings in w as exp(iωₘt) and as exp(−iωₘt).
+    ones : array, shape (2, ns)
+    """
+
+    probes: Probes
+    spectrum: Eigenproblem
+    moving: Array
+    part: Array
+    members: Array
+    V: Array
+    L: Array
+    ramp: Array
+    bend: Array
+    up: Array
+    down: Array
+    ones: Array
+
+
+def make_making(rows: Rows, waves: int, timed: bool) -> Making:
+    """The same for closed forms."""
+    n = int(rows.sizes[DIMENSION])
+    ns = n + 2 + 2 * waves
+    z = np.zeros
+    c = np.complex128
+    return Making(
+        probes=make_probes(rows, waves, timed),
+        spectrum=make_eigenproblem(n),
+        moving=z(n, np.int64),
+        part=z(n, np.int64),
+        members=z(n, np.int64),
+        V=z((n, n), c),
+        L=z((n, n), c),
+        ramp=z((n, ns), c),
+        bend=z(n, c),
+        up=z((n, waves), c),
+        down=z((n, waves), c),
+        ones=z((2, ns)),
+    )
+
+
 class Flight(NamedTuple):
     """Work space of one flight.
 
@@ -190,6 +250,8 @@ class Flight(NamedTuple):
     kind, lead, c, floor, guess : arrays
         Of each guard: what kind of signal it is, its only exponential, its powers of τ, the
         rounding error of its values, and about when it falls.
+    making : Making
+        In which new closed forms are made.
     """
 
     v: Array
@@ -214,25 +276,19 @@ class Flight(NamedTuple):
     stack: Array
     mode0: Array
     reg0: Array
+    making: Making
 
 
-def make_flight(n: int, contacts: int, kinks: int, doubtful: int, waves: int) -> Flight:
-    """Work space of the flights of a system.
-
-    Parameters
-    ----------
-    n, contacts, kinks : int
-        Components of the state, and switches of both sorts.
-    doubtful : int
-        Rows that must not become negative.
-    waves : int
-        Frequencies of the drives.
-    """
+def make_flight(rows: Rows, waves: int, timed: bool) -> Flight:
+    """Work space of the flights of a system with so many frequencies; `timed`: whether time acts on
+    it."""
     z = np.zeros
     c = np.complex128
     orders = GERM_ORDERS + 1
+    n = int(rows.sizes[DIMENSION])
+    contacts, kinks = len(rows.u), len(rows.kinks)
     ns = n + 2 + 2 * waves
-    guards = kinks + 2 * contacts + doubtful + 1
+    guards = kinks + 2 * contacts + len(rows.doubtful) + 1
     return Flight(
         v=z((orders, ns)),
         size=z((orders, ns)),
@@ -256,4 +312,5 @@ def make_flight(n: int, contacts: int, kinks: int, doubtful: int, waves: int) ->
         stack=z((64, 36)),
         mode0=z(contacts, np.int64),
         reg0=z(kinks, np.int64),
+        making=make_making(rows, waves, timed),
     )

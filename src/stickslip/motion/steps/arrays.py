@@ -12,8 +12,7 @@ from stickslip.equations.codegen.program import Program
 from stickslip.machine_code.functions import njit
 from stickslip.machine_code.kinds import MachineFunction
 
-# Codes of motion.outcome.Outcome, and three that ask to be called again: with a new record, with a
-# closed form, or for Taylor steps.
+# Codes of motion.outcome.Outcome, and one that asks to be called again with a new record.
 FINISHED = 0
 NO_RATE = 2
 ON_JUMP = 3
@@ -24,8 +23,6 @@ NEGATIVE = 7
 UNDEFINED = 8
 INADMISSIBLE = 14
 FULL = 100
-NEED = 101
-STEPS = 102
 # What may be said of a candidate mode; or of the step that led to it: that it does not solve the
 # equations.
 OK = 0

@@ -1,5 +1,5 @@
 """Motions side by side, each followed until it has settled and then measured: compiled loops, and
-the host that makes closed forms and proves what is said of motions without further events.
+the host that proves what is said of motions without further events.
 
 A map is many of these motions, a basin many that share their parameters, the search for a cycle
 one.
@@ -15,11 +15,10 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
-from stickslip.motion.engine.forms import AFFINE
 from stickslip.motion.ensemble import Lanes
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
-from stickslip.motion.steps.arrays import FULL, NEED, NOW, Lane
+from stickslip.motion.steps.arrays import NOW, Lane
 from stickslip.orbits.fields.stable_set import excess
 from stickslip.orbits.settling.engine import measuring, settling
 from stickslip.orbits.settling.engine.tables import (
@@ -221,7 +220,7 @@ class Block:
         rules = make_rules(problem, settings, closely)
         if known is not None:
             most = np.array([*rules.most[:2], _TURNS, *rules.most[3:]])
-            rules = rules._replace(shifts=known.shifts, most=most)
+            rules = rules._replace(shifts=known.shifts, most=most, framed=False)
         self.rules = rules
         span = float(self.rules.real[0]), float(self.rules.real[1])
         forms = (
@@ -272,17 +271,17 @@ class Block:
         """Follow all motions until they have settled; where, and on what, is left in `saved` and in
         the marks."""
         loops = Here(self, stop)
-        self._until_done(loops.settle, stop, loops, self.lanes)
+        self._until_done(loops.settle, stop, loops)
 
     def run(self, where: Callable[[Block, Array], Loops], exponents: bool, stop: Array) -> Observed:
-        """Follow and measure all points; the closed forms they need are made in between."""
+        """Follow and measure all points."""
         marks = self.marks
         loops = where(self, stop)
-        self._until_done(loops.advance, stop, loops, self.lanes)
+        self._until_done(loops.advance, stop, loops)
         loops.fetch()
         if exponents:
             marks.numbers[np.isin(marks.outcome, [o.code for o in MEASURED]), PHASE] = MEASURING
-            self._until_done(loops.grow_apart, stop, loops, self.lanes, self.twins)
+            self._until_done(loops.grow_apart, stop, loops)
             loops.fetch()
         self._name_rest()
         return Observed(
@@ -295,18 +294,9 @@ class Block:
             self.excess,
         )
 
-    def _until_done(
-        self, compiled: Callable[[], None], stop: Array, where: Loops, *involved: Lanes
-    ) -> None:
-        marks = self.marks
+    def _until_done(self, compiled: Callable[[], None], stop: Array, where: Loops) -> None:
         phase = self.marks.numbers[:, PHASE]
         while np.any(phase != DONE):
-            for lanes in involved:
-                lanes.make_closed_forms()
-                need = np.flatnonzero(lanes.codes == NEED)
-                if self.known is None and self.problem.compiled.layout.timed and len(need):
-                    marks.frame[need] = frames(lanes, need)
-                lanes.codes[need] = FULL
             compiled()
             if stop[0] != 0:
                 raise Stopped
@@ -369,6 +359,7 @@ def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
     span = system.span[1] - system.span[0]
     last = settings.max_time or _SPANS * span
     look = span / _LOOKS
+    closed = len(problem.empty_forms(1, 1).status) > 0
     return Rules(
         real=np.array(
             [0.0, last, look, _MARGIN * settings.tolerance, settings.atol, settings.tolerance]
@@ -380,7 +371,8 @@ def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
         fine=np.array(problem.retrace),
         closely=closely,
         timed=layout.timed and not Repetition(problem.compiled.equations).plain,
-        closed=len(problem.empty_forms(1, 1).status) > 0,
+        closed=closed,
+        framed=closed and layout.timed,
     )
 
 
@@ -392,35 +384,3 @@ def drive_period(omega: Array) -> Array:
         return np.zeros(len(omega))
     first = np.take_along_axis(omega, np.argmax(moving, axis=1)[:, None], 1)[:, 0]
     return np.divide(2.0 * np.pi, first, out=np.zeros(len(omega)), where=first > 0.0)
-
-
-def frames(lanes: Lanes, index: Array) -> Array:
-    """Velocities of the frames in which systems under loads Vt do not depend on time, but for their
-    drives.
-
-    In the closed forms ẋ and the guards are linear in (x, 1, t, …): shifting the state by v·Δt
-    makes up for the time if the column of t is minus the columns of x times v in all modes. 0 where
-    there is no such v.
-    """
-    T, slots = lanes.forms, lanes.slots
-    place = lanes.group[index][:, None] * slots + np.arange(slots)
-    n = T.hold.shape[2]
-    table = np.concatenate([T.S[place][:, :, :n], T.G[place]], axis=2)
-    matrix = table[..., :n]
-    load = table[..., n + 1]
-    known = (T.status[place] == AFFINE)[:, :, None]
-    matrix = np.where(known[..., None], matrix, 0.0).reshape(len(index), -1, matrix.shape[3])
-    load = np.where(known, load, 0.0).reshape(len(index), -1)
-    # Rows of one size, so that none is lost beside the others; then the v of least squares, and how
-    # far it is from solving every row.
-    size = np.max(np.abs(matrix), axis=2) + np.abs(load)
-    weight = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
-    matrix = matrix * weight[:, :, None]
-    load = load * weight
-    frame = -(np.linalg.pinv(matrix, rcond=1e-9) @ load[:, :, None])[:, :, 0]
-    off = np.max(np.abs((matrix @ frame[:, :, None])[:, :, 0] + load), axis=1, initial=0.0)
-    return np.where(
-        (off <= 1e-9)[:, None] & (np.abs(frame) > 1e-12 * np.max(np.abs(frame), initial=0.0)),
-        frame,
-        0.0,
-    )

@@ -86,8 +86,10 @@ def measure_chunk(
     else:
         lanes = count if section else lanes_of_block(problem, POINT_SLOTS)
         loops = Here
+    # Threads of a GPU make their closed forms at the same time, each its own.
+    shared = section and device == "cpu"
     blocks = [slice(i, i + lanes) for i in range(0, count, lanes)]
-    motions = (Block(problem, table[b], states[b], settings, closely, section) for b in blocks)
+    motions = (Block(problem, table[b], states[b], settings, closely, shared) for b in blocks)
     found = [block.run(loops, exponents, stop) for block in motions]
     parts = [measured(problem, observed, measures, certified_below(settings)) for observed in found]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

@@ -2,9 +2,8 @@
 another machine.
 
 The compiled functions of :mod:`stickslip.motion`, of the maps and of a system are scalar loops over
-arrays that allocate nothing, so that each of them is also a device function. Closed forms are made
-by the host between two launches, as for threads; what a motion has come to stays on the GPU until
-all are done.
+arrays that allocate nothing, so that each of them is also a device function. What a motion has come
+to stays on the GPU until all are done.
 """
 
 from __future__ import annotations
@@ -23,7 +22,9 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.machine_code.functions import Compiled
 from stickslip.motion.between.step_balance import Steps, Tally
-from stickslip.motion.engine.forms import Flight
+from stickslip.motion.engine.affine import Probes
+from stickslip.motion.engine.eigenvalues import Eigenproblem
+from stickslip.motion.engine.forms import Flight, Making
 from stickslip.motion.ensemble import Lanes
 from stickslip.motion.steps.arrays import DIMENSION, Flow, Machine, Record, Space
 from stickslip.orbits.settling.engine.exponents import grow_lane
@@ -32,7 +33,6 @@ from stickslip.orbits.settling.engine.tables import DEVICE_LANES, Bench, Engine,
 from stickslip.orbits.settling.motions import POINT_SLOTS, Block, Settings
 
 if TYPE_CHECKING:
-    from stickslip.motion.engine.forms import ClosedForms
     from stickslip.motion.problem import Problem
 
 
@@ -117,7 +117,6 @@ class OnDevice:
         self.found: Any = each(cuda.to_device, block.found)
         self.stop: Any = cuda.to_device(np.zeros(1, np.int64))
         self.bench = bench
-        self.sent: Array = np.zeros_like(here.forms.used)
 
     def _for_all(self, part: Array) -> Any:
         """Work space for every thread (a leading axis)."""
@@ -157,7 +156,11 @@ class OnDevice:
         )
 
     def ask(self) -> None:
-        """Bring where the motions are that wait for a proof to the host."""
+        """Bring where the motions are that wait for a proof, with their closed forms, to the
+        host."""
+        there = self.engine.forms, self.marks.frame
+        here = self.block.lanes.forms, self.block.marks.frame
+        each_pair(lambda table, part: part.copy_to_host(table), here, there)
         each_pair(lambda table, part: part.copy_to_host(table), *self._asked())
 
     def answer(self) -> None:
@@ -173,44 +176,16 @@ class OnDevice:
         """Send what the host has changed, let all motions go on, and bring back what the host looks
         at."""
         marks = self.block.marks
-        self._send_forms(self.block.lanes.forms)
         for lanes, there in involved:
             there.codes.copy_to_device(lanes.codes)
         self.marks.numbers.copy_to_device(marks.numbers)
-        self.marks.frame.copy_to_device(marks.frame)
         engines = [there for _, there in involved]
         kernel[-(-self.count // _THREADS), _THREADS](
             *engines, self.marks, self.rules, self.saved, self.bench, self.found, self.stop
         )
         for lanes, there in involved:
             there.codes.copy_to_host(lanes.codes)
-            there.lanes.mode.copy_to_host(lanes.now.mode)
-            there.lanes.reg.copy_to_host(lanes.now.reg)
         self.marks.numbers.copy_to_host(marks.numbers)
-
-    def _send_forms(self, forms: ClosedForms) -> None:
-        """Send the closed forms that were made since the last launch."""
-        slots = self.block.lanes.slots
-        rows = np.concatenate(
-            [
-                g * slots + np.arange(self.sent[g], forms.used[g])
-                for g in np.flatnonzero(forms.used > self.sent)
-            ]
-            or [np.zeros(0, np.int64)]
-        )
-        if len(rows) == 0:
-            return
-        index = cuda.to_device(rows)
-        for part, there in zip(forms, self.engine.forms, strict=True):
-            if len(part) == slots * len(forms.used) and part.size:
-                width = part.size // len(part)
-                new = cuda.to_device(part[rows].reshape(len(rows), width))
-                scatter = _scatter()
-                scatter[-(-new.size // _THREADS), _THREADS](
-                    there.reshape(len(part), width), new, index
-                )
-        self.engine.forms.used.copy_to_device(forms.used)
-        self.sent[:] = forms.used
 
 
 def each(function: Callable[[Array], Any], part: Any) -> Any:
@@ -275,10 +250,25 @@ def space_of_thread(s: Any, a: int) -> Any:
 def flight_of_thread(f: Any, a: int) -> Any:
     """The rows of a thread, field by field: compiled code knows no loop over the fields of a
     tuple."""
+    m = f.making
+    p = m.probes
+    e = m.spectrum
     return Flight(
         f.v[a], f.size[a], f.value[a], f.terms[a], f.orders[a], f.r[a], f.turned[a], f.modulus[a],
         f.phase[a], f.rounding[a], f.spin[a], f.a[a], f.b[a], f.kind[a], f.lead[a], f.c[a],
         f.floor[a], f.guess[a], f.taylor[a], f.stack[a], f.mode0[a], f.reg0[a],
+        Making(
+            Probes(
+                p.F[a], p.hold[a], p.later[a], p.s[a], p.y[a], p.out[a], p.rest[a], p.peak[a],
+                p.basis[a], p.axes[a], p.lengths[a],
+            ),
+            Eigenproblem(
+                e.H[a], e.Q[a], e.scale[a], e.v[a], e.T[a], e.Z[a], e.x[a], e.values[a],
+                e.vectors[a],
+            ),
+            m.moving[a], m.part[a], m.members[a], m.V[a], m.L[a], m.ramp[a], m.bend[a], m.up[a],
+            m.down[a], m.ones[a],
+        ),
     )  # fmt: skip
 
 
@@ -337,18 +327,3 @@ def _kernels(jets: Any, residual: Any, powers: Any) -> tuple[Any, Any]:
             )
 
     return advance, grow
-
-
-@cache
-def _scatter() -> Any:
-    """The kernel that copies rows into a larger table."""
-
-    @cuda.jit
-    def scatter(table, rows, index):
-        i = cuda.grid(1)  # pyright: ignore[reportCallIssue]
-        if i < rows.size:
-            row = i // rows.shape[1]
-            column = i % rows.shape[1]
-            table[index[row], column] = rows[row, column]
-
-    return scatter

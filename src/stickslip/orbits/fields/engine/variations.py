@@ -48,6 +48,8 @@ def gauss() -> tuple[Array, Array, Array]:
 
 
 NODES, WEIGHTS, INTEGRALS = gauss()
+# of the numerator of the Padé approximant of exp
+_PADE = np.array([math.comb(STAGES, k) / math.perm(2 * STAGES, k) for k in range(STAGES + 1)])
 
 
 class Listed(NamedTuple):
@@ -153,7 +155,7 @@ class PassSpace(NamedTuple):
         Of the instructions.
     step, clock, states : arrays, shapes (room,), (room,) and (room, states)
         The nodes of all steps: the knot before each, when it is, and the state there.
-    squares : array, shape (4, states, states)
+    squares : array, shape (5, states, states)
     moved : array, shape (states, directions)
     system : array, shape (STAGES × states, STAGES × states + the larger of states and directions)
     here, around : Leave
@@ -209,7 +211,7 @@ def room_for_pass(
         np.zeros(nodes, np.int64),
         np.zeros(nodes),
         np.zeros((nodes, n)),
-        np.zeros((4, n, n)),
+        np.zeros((5, n, n)),
         np.zeros((n, directions)),
         np.zeros((STAGES * n, STAGES * n + max(n, directions))),
         leave(),
@@ -437,12 +439,8 @@ def repeat(places: Array, work: PassSpace, h: float, parts: int, change: Array) 
     change : array, shape (states, directions)
         The variation before, and after.
     """
-    n = len(change)
     flow, square, moved = work.squares[2], work.squares[3], work.moved
-    for r in range(n):
-        for c in range(n):
-            flow[r, c] = 1.0 if r == c else 0.0
-    gauss_step(places, work.values, h, flow, work.system)
+    put_exponential(places, work, h, flow)
     while parts > 0:
         if parts % 2 == 1:
             put_product(flow, change, moved)
@@ -451,6 +449,52 @@ def repeat(places: Array, work: PassSpace, h: float, parts: int, change: Array) 
         if parts > 0:
             put_product(flow, flow, square)
             put_matrix(square, flow)
+
+
+@njit(**OPTIONS)
+def put_exponential(places: Array, work: PassSpace, h: float, flow: Array) -> None:
+    """The flow of one step under one Jacobian: what collocation at the Gauss nodes comes to, the
+    diagonal Padé approximant N/D of exp(hJ), with N = V + U and D = V − U, even and odd in hJ.
+
+    Parameters
+    ----------
+    places : array of int
+        Of the Jacobian in the table of values.
+    work : PassSpace
+    h : float
+    flow : array, shape (states, states)
+        Receives it.
+    """
+    n = len(flow)
+    A, square, U, V = work.squares[0], work.squares[1], work.squares[3], work.squares[4]
+    for r in range(n):
+        for c in range(n):
+            A[r, c] = h * work.values[places[r * n + c], 0]
+            U[r, c] = V[r, c] = 0.0
+    put_product(A, A, square)
+    for r in range(n):
+        U[r, r] = _PADE[STAGES - 1]
+        V[r, r] = _PADE[STAGES]
+    for k in range(STAGES - 2, -1, -2):
+        put_product(square, V, flow)
+        put_matrix(flow, V)
+        if k > 0:
+            put_product(square, U, flow)
+            put_matrix(flow, U)
+        for r in range(n):
+            V[r, r] += _PADE[k]
+            if k > 0:
+                U[r, r] += _PADE[k - 1]
+    put_product(A, U, flow)
+    system = work.system
+    for r in range(n):
+        for c in range(n):
+            system[r, c] = V[r, c] - flow[r, c]
+            system[r, n + c] = V[r, c] + flow[r, c]
+    eliminate(system, n, 2 * n)
+    for r in range(n):
+        for c in range(n):
+            flow[r, c] = system[r, n + c]
 
 
 @njit(**OPTIONS)

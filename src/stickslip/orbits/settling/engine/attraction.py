@@ -51,7 +51,7 @@ from stickslip.orbits.fields.engine.variations import (
     PASSED,
     Listed,
     Pass,
-    Work,
+    PassSpace,
     fired,
     guards_at,
     jump,
@@ -60,7 +60,7 @@ from stickslip.orbits.fields.engine.variations import (
     vary,
 )
 from stickslip.orbits.settling.engine.measuring import knots_of
-from stickslip.orbits.settling.engine.returns import norm, remove_part, remove_shift
+from stickslip.orbits.settling.engine.returns import largest, norm, remove_part, remove_shift
 from stickslip.orbits.settling.engine.settling import (
     RECORDED,
     UNRECORDED,
@@ -112,7 +112,7 @@ class Claims(NamedTuple):
         Of the fields that are listed.
     piece, parts, outcome, event, after : arrays
         See :class:`stickslip.orbits.fields.engine.variations.Pass`.
-    work : Work
+    work : PassSpace
     squares : array, shape (2, n, n)
     deviation : array, shape (5, n)
         In units of the sizes of the components: deviations of the true motion, now (HERE) and after
@@ -134,7 +134,7 @@ class Claims(NamedTuple):
     outcome: Array
     event: Array
     after: Array
-    work: Work
+    work: PassSpace
     squares: Array
     deviation: Array
     followed: Array
@@ -457,10 +457,7 @@ def ends_here(rules: Rules, c: Claims) -> bool:
         put_matrix(square, power)
     left = c.deviation[_NOW]
     turn(power, c.deviation[HERE], left)
-    for r in range(len(left)):
-        if not abs(left[r]) <= rules.real[5]:
-            return False
-    return True
+    return largest(left) <= rules.real[5]
 
 
 @njit(**OPTIONS)

@@ -13,7 +13,6 @@ from stickslip.motion.steps.arrays import (
     FINISHED,
     INERTIAL,
     INLINED,
-    NEED,
     OPTIONS,
     RATE_INDEPENDENT,
     VISCOUS,
@@ -167,8 +166,6 @@ def grow_apart(
             total += math.log(apart / _CHANGE) if turn >= _SKIPPED else 0.0
             for r in range(n):
                 w.y[i, r] = s.y[i, r] + (w.y[i, r] - s.y[i, r]) * _CHANGE / apart
-        if e.codes[i] == NEED or twin.codes[i] == NEED:
-            return False
         if e.codes[i] == FINISHED and twin.codes[i] == FINISHED:
             exponent[i] = total / ((_TURNS - _SKIPPED) * stretch)
             return True

@@ -25,7 +25,6 @@ from stickslip.motion.steps.arrays import (
     FINISHED,
     FULL,
     INLINED,
-    NEED,
     NOW,
     OPTIONS,
     STORED,
@@ -142,8 +141,6 @@ def measure(
         rest = knots_of(record, carried, len(record.time))
         count = carried + follow_lane(e, i, stop, rules.most[1], RECORDED, rest)
         code = e.codes[i]
-        if code == NEED:
-            return False
         if code != FULL and code != FINISHED:
             m.outcome[i] = code
             return True
@@ -219,8 +216,6 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
         )
         for j in range(count):
             grow(m, rules, i, bench.record.time[j], bench.record.state[j], bench.work[0])
-    if e.codes[i] == NEED:
-        return False
     # A period later everything is rounded as it was, if the clock has been set back; a part of it
     # later it is not.
     limit = max(told_apart(m, i), _ROUNDED * e.flow.tol)
@@ -243,8 +238,6 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
                 UNRECORDED,
                 bench.record,
             )
-            if e.codes[i] == NEED:
-                return False
             extend(m, rules, i, real[START], s.clock[i, NOW], s.y[i], bench)
             if b == 0:
                 m.time[i, 0] = s.clock[i, NOW]

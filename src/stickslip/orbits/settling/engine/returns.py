@@ -399,7 +399,7 @@ def largest(v: Array) -> float:
     """Largest modulus of a component."""
     size = 0.0
     for r in range(len(v)):
-        size = max(size, abs(v[r]))
+        size = max(size, abs(v[r])) if abs(v[r]) < np.inf else np.inf
     return size
 
 

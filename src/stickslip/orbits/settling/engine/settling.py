@@ -39,10 +39,10 @@ from stickslip.motion.steps.arrays import (
     FULL,
     HAPPENED,
     INLINED,
+    INT_ZERO,
     LAST,
     LIMIT,
     LONG_AGO,
-    NEED,
     NOW,
     OK,
     OPTIONS,
@@ -59,6 +59,7 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.step_size import better
 from stickslip.motion.steps.stiff import follow_mode as along
+from stickslip.orbits.settling.engine.frames import find_frame
 from stickslip.orbits.settling.engine.returns import (
     MOST_RETURNS,
     RETURN_PATIENCE,
@@ -248,10 +249,9 @@ def settle_all(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, sto
 def settle_lane(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: Array, i: int
 ) -> None:
-    """Follow a lane until its phase is another one, or it has to go on in another call.
+    """Follow a lane until its phase is another one, or there is a wish to stop.
 
-    That is if a closed form has to be made first, or if there is a wish to stop. What is to be
-    measured then starts at the saved state, and lasts as long as the marks say.
+    What is to be measured then starts at the saved state, and lasts as long as the marks say.
 
     Parameters
     ----------
@@ -269,6 +269,7 @@ def settle_lane(
     drive = m.drive[i]
     if numbers[LEAPT] < 0:
         take_back(m, s, saved, i)
+    known = INT_ZERO
     for _ in range(rules.most[2]):
         if stop[0] != 0:
             return
@@ -283,8 +284,9 @@ def settle_lane(
         )
         code = e.codes[i]
         happened = e.codes[i] == LIMIT and s.counters[i, HAPPENED] < rules.most[1]
-        if code == NEED:
-            return
+        if rules.framed and e.forms.used[e.group[i]] != known:
+            known = e.forms.used[e.group[i]]
+            find_frame(e.forms, e.group[i], e.flight, m.frame[i])
         if not (happened or code in (FINISHED, FULL)):
             if numbers[LEAPT] != 0:
                 # What was carried on by hand may have been taken to where no motion starts.

@@ -95,6 +95,8 @@ class Rules(NamedTuple):
         Whether time enters in a way that might not repeat, which the host has to look into.
     closed : bool
         Whether there are closed forms.
+    framed : bool
+        Whether the frame of each lane is to be found in them.
     """
 
     real: Array
@@ -104,6 +106,7 @@ class Rules(NamedTuple):
     closely: bool
     timed: bool
     closed: bool
+    framed: bool
 
 
 class Marks(NamedTuple):

@@ -1,0 +1,577 @@
+"""Closed forms of affine modes, made where a motion first enters them.
+
+Matrices of a mode (:mod:`.affine`) become the table that :mod:`.flights` follow. A mode whose
+eigenvectors are nearly dependent, or that is near resonance, is left to the Taylor steps, which
+need no such structure.
+"""
+
+from __future__ import annotations
+
+import math
+
+from stickslip.arrays import Array
+from stickslip.equations.codegen.series import invert
+from stickslip.machine_code.functions import njit
+from stickslip.motion.engine.affine import linearise
+from stickslip.motion.engine.eigenvalues import decompose, modulus
+from stickslip.motion.engine.forms import (
+    AFFINE,
+    EXPONENTS,
+    GERM_ORDERS,
+    GUARDS,
+    SLIDES,
+    SMOOTH,
+    STICKS,
+    ClosedForms,
+    Making,
+)
+from stickslip.motion.steps.arrays import (
+    INERTIAL,
+    ON_INERTIAL,
+    ON_VISCOUS,
+    OPTIONS,
+    SLIPPING,
+    TOWARDS,
+    Flow,
+    Machine,
+    Rows,
+    flow_of,
+)
+
+# instead of the number of a part
+_FOLLOWS = -1
+_LEADS = -2
+
+_CONDITION = 1e4
+_SLOW = 1e-6  # smallest eigenvalue, relative to the largest, that may be divided by
+# imaginary and real parts of eigenvalues, relative to the largest, that are rounding
+_REAL = 1e-12
+_STILL = 1e-13
+_RESONANCE = 1e-3  # distance of an eigenvalue from a frequency, relative to it
+# Rounding where a zero belongs would make every signal look as if it had all parts.
+_ABSENT = 4e-15  # of the largest component of an eigenvector
+_CANCELLED = 1e-14  # of the terms of a sum
+
+
+@njit(**OPTIONS)
+def make_form(
+    machine: Machine,
+    flow: Flow,
+    g: int,
+    T: ClosedForms,
+    w: Making,
+    slot: int,
+    mode: Array,
+    reg: Array,
+) -> None:
+    """Put the closed form of a mode into a slot; its status says whether there is one.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        Constants by group (a leading axis).
+    g : int
+        The group.
+    T : ClosedForms
+    w : Making
+    slot : int
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+        Modes are 0 or ±1.
+    """
+    own = flow_of(flow, g)
+    T.status[slot] = SMOOTH
+    if not linearise(machine, own, mode, reg, w.probes):
+        return
+    blocks = find_blocks(T, w, slot, own.k.omega)
+    if blocks < 0:
+        return
+    fill_dynamics(T, w, slot, own.k.omega)
+    fill_guards(T, w, slot, own.rows, mode, reg)
+    fill_constraints(T, w, slot, own.rows, mode)
+    fill_responses(T, w, slot, own.k.omega, blocks)
+    fill_signals(T, w, slot, blocks)
+    T.counts[slot, EXPONENTS] = blocks
+    T.status[slot] = AFFINE
+
+
+@njit(**OPTIONS)
+def find_blocks(T: ClosedForms, w: Making, slot: int, omega: Array) -> int:
+    """Exponents of a mode, with eigenvectors V and L = V⁻¹; returns how many there are, without
+    conjugates, or −1 where they are ill-conditioned.
+
+    What does not depend on each other is decomposed by itself, so that its zeros are exact zeros.
+    """
+    F = w.probes.F
+    n = len(w.moving)
+    for i in range(n):
+        for j in range(n):
+            w.V[i, j] = w.L[i, j] = complex(0.0, 0.0)
+    find_parts(F, w.moving, w.part)
+    blocks = 0
+    for head in range(n):
+        if w.part[head] != head:
+            continue
+        count = 0
+        for i in range(n):
+            if w.part[i] == head:
+                w.members[count] = i
+                count += 1
+        for i in range(count):
+            for j in range(count):
+                w.spectrum.H[i, j] = F[w.members[i], w.members[j]]
+        if not decompose(w.spectrum, count):
+            return -1
+        blocks = add_part(T, w, slot, count, blocks)
+        if blocks < 0:
+            return -1
+    blocks = add_leaders(T, w, slot, blocks)
+    if blocks < 0:
+        return -1
+    blocks = add_followers(T, w, slot, blocks)
+    for b in range(blocks):
+        for frequency in omega:
+            away = modulus(complex(0.0, frequency) - T.exponent[slot, b])
+            if away <= _RESONANCE * frequency:
+                return -1
+    return blocks
+
+
+@njit(**OPTIONS)
+def find_parts(F: Array, moving: Array, part: Array) -> None:
+    """Mark the components that move, and of those what depends on what: rates of others depend on a
+    part, which is numbered by the first of its connected components; on what FOLLOWS, none
+    depends; and what LEADS depends on none."""
+    n = len(moving)
+    for i in range(n):
+        moving[i] = 0
+        for j in range(F.shape[1]):
+            moving[i] |= 1 if F[i, j] != 0.0 else 0
+    for j in range(n):
+        felt = False
+        for i in range(n):
+            felt = felt or F[i, j] != 0.0
+        part[j] = j if felt and moving[j] == 1 else _FOLLOWS
+    for i in range(n):
+        led = False
+        for j in range(n):
+            led = led or (F[i, j] != 0.0 and moving[j] == 1)
+        if part[i] >= 0 and not led:
+            part[i] = _LEADS
+    done = False
+    while not done:
+        done = True
+        for i in range(n):
+            for j in range(n):
+                if F[i, j] != 0.0 and min(part[i], part[j]) >= 0 and part[i] != part[j]:
+                    part[i] = part[j] = min(part[i], part[j])
+                    done = False
+
+
+@njit(**OPTIONS)
+def add_part(T: ClosedForms, w: Making, slot: int, count: int, blocks: int) -> int:
+    """Add the eigenvectors of a part; returns how many blocks there are now, or −1 where they are
+    ill-conditioned.
+
+    Parameters
+    ----------
+    T : ClosedForms
+        Filled.
+    w : Making
+    slot : int
+    count : int
+        How many components it has.
+    blocks : int
+        How many blocks there are so far.
+    """
+    p = w.spectrum
+    X = p.Q
+    V = w.V
+    L = w.L
+    largest = 0.0
+    for j in range(count):
+        largest = max(largest, modulus(p.values[j]))
+    for j in range(count):
+        value = settled(p.values[j], largest)
+        if value != 0.0j and modulus(value) < _SLOW * largest:
+            return -1
+        # A pair that is one only by rounding: both parts of its vector belong to one real value.
+        if value.imag == 0.0 and p.values[j].imag > 0.0:
+            p.values[j + 1] = value
+            for i in range(count):
+                z = p.vectors[i, j]
+                p.vectors[i, j] = complex(z.real, 0.0)
+                p.vectors[i, j + 1] = complex(z.imag, 0.0)
+        p.values[j] = value
+        # The inverse is that of a real basis: real and imaginary parts of the vectors of a pair.
+        for i in range(count):
+            z = p.vectors[i, j]
+            p.H[i, j] = p.vectors[i, j - 1].imag if value.imag < 0.0 else z.real
+    if not invert(p.H, count, X):
+        return -1
+    for j in range(count):
+        value = p.values[j]
+        if value.imag < 0.0:
+            continue
+        pair = value.imag > 0.0
+        length = 0.0
+        right = 0.0
+        left = 0.0
+        for i in range(count):
+            z = complex(0.5 * X[j, i], -0.5 * X[j + 1, i]) if pair else complex(X[j, i], 0.0)
+            L[blocks, w.members[i]] = z
+            length += z.real * z.real + z.imag * z.imag
+            left = max(left, modulus(z))
+            right = max(right, modulus(p.vectors[i, j]))
+        if not math.sqrt(length) < _CONDITION:
+            return -1
+        for i in range(count):
+            if modulus(p.vectors[i, j]) > _ABSENT * right:
+                V[w.members[i], blocks] = (2.0 if pair else 1.0) * p.vectors[i, j]
+            if modulus(L[blocks, w.members[i]]) <= _ABSENT * left:
+                L[blocks, w.members[i]] = complex(0.0, 0.0)
+        T.exponent[slot, blocks] = value
+        blocks += 1
+    return blocks
+
+
+@njit(**OPTIONS)
+def settled(value: complex, largest: float) -> complex:
+    """An eigenvalue whose parts are exactly zero where they are rounding beside the largest one."""
+    real = value.real if abs(value.real) >= _STILL * largest else 0.0
+    imag = value.imag if abs(value.imag) >= _REAL * largest else 0.0
+    return complex(real, imag)
+
+
+@njit(**OPTIONS)
+def add_leaders(T: ClosedForms, w: Making, slot: int, own: int) -> int:
+    """Add the components that move evenly, whatever the others do (a block carried by a belt), and
+    that others depend on; returns as :func:`add_part` does.
+
+    Where such a component stands still, the others have an equilibrium that follows it.
+    """
+    F = w.probes.F
+    V = w.V
+    L = w.L
+    n = len(w.moving)
+    blocks = own
+    for k in range(n):
+        if w.part[k] != _LEADS:
+            continue
+        for b in range(own):
+            total = complex(0.0, 0.0)
+            terms = 0.0
+            for i in range(n):
+                if w.part[i] >= 0:
+                    total += L[b, i] * F[i, k]
+                    terms += modulus(L[b, i]) * abs(F[i, k])
+            if modulus(total) <= _CANCELLED * terms:
+                continue
+            if T.exponent[slot, b] == 0.0j:
+                return -1
+            L[b, k] = total / T.exponent[slot, b]
+        for i in range(n):
+            drawn = 0.0
+            terms = 0.0
+            for b in range(own):
+                drawn += (V[i, b] * L[b, k]).real
+                terms += modulus(V[i, b]) * modulus(L[b, k])
+            V[i, blocks] = complex(-drawn if abs(drawn) > _CANCELLED * terms else 0.0, 0.0)
+        V[k, blocks] = L[blocks, k] = complex(1.0, 0.0)
+        T.exponent[slot, blocks] = complex(0.0, 0.0)
+        blocks += 1
+    return blocks
+
+
+@njit(**OPTIONS)
+def add_followers(T: ClosedForms, w: Making, slot: int, own: int) -> int:
+    """Add the components that nothing depends on (a leg dragged along): with z = A_f A⁻¹, x_f − z·x
+    does not feel the motion of the others. Returns as :func:`add_part` does."""
+    F = w.probes.F
+    V = w.V
+    L = w.L
+    n = len(w.moving)
+    blocks = own
+    for f in range(n):
+        if w.moving[f] == 0 or w.part[f] != _FOLLOWS:
+            continue
+        for b in range(own):
+            if T.exponent[slot, b] == 0.0j:
+                return -1
+            total = complex(0.0, 0.0)
+            for i in range(n):
+                if w.part[i] != _FOLLOWS:
+                    total += F[f, i] * V[i, b]
+            V[f, b] = total / T.exponent[slot, b]
+        for i in range(n):
+            drag = 0.0
+            terms = 0.0
+            for b in range(own):
+                drag += (V[f, b] * L[b, i]).real
+                terms += modulus(V[f, b]) * modulus(L[b, i])
+            L[blocks, i] = complex(-drag if abs(drag) > _CANCELLED * terms else 0.0, 0.0)
+        V[f, blocks] = L[blocks, f] = complex(1.0, 0.0)
+        T.exponent[slot, blocks] = complex(0.0, 0.0)
+        blocks += 1
+    return blocks
+
+
+@njit(**OPTIONS)
+def fill_dynamics(T: ClosedForms, w: Making, slot: int, omega: Array) -> None:
+    """Store ṡ = S s in a unit of time near the shortest of the mode, and what the flights want of
+    its exponents."""
+    F = w.probes.F
+    S = T.S[slot]
+    n = len(w.moving)
+    fastest = 0.0
+    for b in range(T.exponent.shape[1]):
+        value = T.exponent[slot, b]
+        fastest = max(fastest, modulus(value))
+        T.tilt[slot, b] = math.atan2(value.imag, value.real)
+        T.sine[slot, b] = math.sin(T.tilt[slot, b])
+    still = fastest == 0.0 and len(omega) == 0
+    for frequency in omega:
+        fastest = max(fastest, frequency)
+    pace = math.ldexp(1.0, -math.frexp(fastest if fastest > 0.0 else 1.0)[1])
+    T.pace[slot] = pace
+    T.shortest[slot] = 0.0 if still else 1.0 / max(fastest, 1e-300)
+    for i in range(n):
+        for j in range(len(S)):
+            S[i, j] = pace * F[i, j]
+    S[n + 1, n] = pace
+    for k in range(len(omega)):
+        S[n + 2 + 2 * k, n + 3 + 2 * k] = -pace * omega[k]
+        S[n + 3 + 2 * k, n + 2 + 2 * k] = pace * omega[k]
+
+
+@njit(**OPTIONS)
+def fill_guards(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array, reg: Array) -> None:
+    """Store the guards G s, the switch each belongs to, and bounds of their derivatives.
+
+    Parameters
+    ----------
+    T : ClosedForms
+        Filled.
+    w : Making
+    slot : int
+    rows : Rows
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+    """
+    F = w.probes.F
+    G = T.G[slot]
+    S = T.S[slot]
+    switch = T.switch[slot]
+    n, nc, nk = len(w.moving), len(mode), len(reg)
+    ns = len(S)
+    u = n
+    force = n + nc
+    plus = n + 2 * nc
+    minus = n + 3 * nc
+    g = 0
+    for j in range(nk):
+        combine(G[g], F[n + 4 * nc + j], 1.0 if reg[j] == 1 else -1.0, F[0], 0.0)
+        switch[g] = j
+        g += 1
+    for c in range(nc):
+        switch[g] = nk + 2 * c
+        if mode[c] != 0:
+            combine(G[g], F[u + c], float(mode[c]), F[0], 0.0)
+            g += 1
+        else:
+            combine(G[g], F[force + c], 1.0, F[plus + c], 1.0)
+            combine(G[g + 1], F[force + c], -1.0, F[minus + c], 1.0)
+            switch[g + 1] = nk + 2 * c + 1
+            g += 2
+    for d in range(len(rows.doubtful)):
+        c = rows.doubtful[d, SLIPPING]
+        if c < 0 or mode[c] * rows.doubtful[d, TOWARDS] > 0:
+            combine(G[g], F[n + 4 * nc + nk + d], 1.0, F[0], 0.0)
+            switch[g] = nk + 2 * nc + d
+            g += 1
+    T.counts[slot, GUARDS] = g
+    for j in range(ns):
+        felt = False
+        for i in range(ns):
+            felt = felt or S[i, j] != 0.0
+        for i in range(g):
+            felt = felt or G[i, j] != 0.0
+        T.felt[slot, j] = 1.0 if felt else 0.0
+        w.ones[0, j] = 1.0
+    for k in range(GERM_ORDERS + 1):
+        size = w.ones[k % 2]
+        after = w.ones[(k + 1) % 2]
+        for i in range(g):
+            total = 0.0
+            for j in range(ns):
+                total += abs(G[i, j]) * size[j]
+            T.reach[slot, i, k] = total
+        for i in range(ns):
+            total = 0.0
+            for j in range(ns):
+                total += abs(S[i, j]) * size[j]
+            after[i] = total
+
+
+@njit(**OPTIONS)
+def combine(out: Array, x: Array, a: float, y: Array, b: float) -> None:
+    """A sum a x + b y, without y where b = 0.
+
+    Parameters
+    ----------
+    out : array
+        Receives it.
+    x, y : arrays
+    a, b : float
+    """
+    for j in range(len(out)):
+        out[j] = a * x[j] + b * y[j] if b != 0.0 else a * x[j]
+
+
+@njit(**OPTIONS)
+def fill_constraints(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array) -> None:
+    """Store what must vanish in a mode: u of sticking inertial, λ + σs of sliding rate-independent
+    contacts.
+
+    Parameters
+    ----------
+    T : ClosedForms
+        Filled.
+    w : Making
+    slot : int
+    rows : Rows
+    mode : array of int, shape (contacts,)
+    """
+    F = w.probes.F
+    n, nc, nq = len(w.moving), len(mode), rows.sizes[INERTIAL]
+    first = rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]
+    for c in range(nc):
+        force = F[n + nc + c]
+        if c < rows.sizes[ON_INERTIAL] and mode[c] == 0:
+            T.held[slot, c] = STICKS
+            combine(T.zero[slot, c], F[n + c], 1.0, force, 0.0)
+            for i in range(nq):
+                T.hold[slot, c, nq + i] = w.probes.hold[c, i]
+            strength = w.probes.hold[c, nq]
+            combine(T.brake[slot, c], F[n + 2 * nc + c], strength, F[n + 3 * nc + c], strength)
+        elif c >= first and mode[c] != 0:
+            T.held[slot, c] = SLIDES
+            side = F[n + 2 * nc + c] if mode[c] > 0 else F[n + 3 * nc + c]
+            combine(T.zero[slot, c], force, 1.0, side, float(mode[c]))
+
+
+@njit(**OPTIONS)
+def fill_responses(T: ClosedForms, w: Making, slot: int, omega: Array, blocks: int) -> None:
+    """How the components w = L x answer: coefficients of s = (x, e) at τ = 0.
+
+    ẇ = λ w + B x_still + φ e is solved by
+
+        w = p₀ + p₁τ + p₂τ² + r exp(λτ) + Σₘ (↑ₘ exp(iωₘt) + ↓ₘ exp(−iωₘt)),
+
+    r and p₁ linear in s, the others numbers.
+
+    Parameters
+    ----------
+    T : ClosedForms
+        Filled.
+    w : Making
+    slot : int
+    omega : array, shape (waves,)
+        Frequencies of the drives.
+    blocks : int
+    """
+    F = w.probes.F
+    n = len(w.moving)
+    for b in range(blocks):
+        r = T.R[slot, b]
+        value = T.exponent[slot, b]
+        # What drives w: coefficients of the components that are still, and of e.
+        for j in range(len(r)):
+            if j < n and w.moving[j] == 1:
+                w.ramp[b, j] = complex(0.0, 0.0)
+                continue
+            total = complex(0.0, 0.0)
+            terms = 0.0
+            for i in range(n):
+                if w.moving[i] == 1:
+                    total += w.L[b, i] * F[i, j]
+                    terms += modulus(w.L[b, i]) * abs(F[i, j])
+            w.ramp[b, j] = total if modulus(total) > _CANCELLED * terms else complex(0.0, 0.0)
+        growth = w.ramp[b, n + 1]
+        # At the frequencies of the drives.
+        for k in range(len(omega)):
+            cosine = w.ramp[b, n + 2 + 2 * k]
+            sine = w.ramp[b, n + 3 + 2 * k]
+            w.up[b, k] = 0.5 * (cosine - 1j * sine) / (1j * omega[k] - value)
+            w.down[b, k] = 0.5 * (cosine + 1j * sine) / (-1j * omega[k] - value)
+            r[n + 2 + 2 * k] = -(w.up[b, k] + w.down[b, k])
+            r[n + 3 + 2 * k] = -1j * (w.up[b, k] - w.down[b, k])
+            w.ramp[b, n + 2 + 2 * k] = w.ramp[b, n + 3 + 2 * k] = complex(0.0, 0.0)
+        # Powers of τ: where λ = 0, w itself and its rates; elsewhere what balances a force that
+        # grows evenly.
+        if value == 0.0j:
+            for j in range(len(r)):
+                r[j] = complex(0.0, 0.0)
+            w.bend[b] = 0.5 * growth
+            continue
+        w.bend[b] = complex(0.0, 0.0)
+        for j in range(n + 2):
+            even = w.ramp[b, j]
+            if j == n:
+                even += growth / value
+            r[j] = w.L[b, j] if j < n and w.moving[j] == 1 else even / value
+            w.ramp[b, j] = -growth / value if j == n else complex(0.0, 0.0)
+
+
+@njit(**OPTIONS)
+def fill_signals(T: ClosedForms, w: Making, slot: int, blocks: int) -> None:
+    """Store guards and components of the state as signals: those that move are Re V w."""
+    n = len(w.moving)
+    ns = T.S.shape[1]
+    waves = T.b.shape[2]
+    guards = T.counts[slot, GUARDS]
+    first = T.c2.shape[1] - n
+    for row in range(first + n):
+        if guards <= row < first:
+            continue
+        a = T.a[slot, row]
+        swing = T.swing[slot, row]
+        decays = True
+        for b in range(blocks):
+            if row >= first:
+                a[b] = w.V[row - first, b]
+            else:
+                total = complex(0.0, 0.0)
+                terms = 0.0
+                for i in range(n):
+                    total += T.G[slot, row, i] * w.V[i, b]
+                    terms += abs(T.G[slot, row, i]) * modulus(w.V[i, b])
+                a[b] = total if modulus(total) > _CANCELLED * terms else complex(0.0, 0.0)
+            swing[b] = modulus(a[b])
+            T.angle[slot, row, b] = math.atan2(a[b].imag, a[b].real)
+            decays = decays and (a[b] == 0.0j or T.exponent[slot, b].real <= 0.0)
+        bend = 0.0
+        terms = 0.0
+        for b in range(blocks):
+            bend += (a[b] * w.bend[b]).real
+            terms += swing[b] * modulus(w.bend[b])
+        T.c2[slot, row] = bend if abs(bend) > _CANCELLED * terms else 0.0
+        drifts = T.c2[slot, row] != 0.0
+        for j in range(ns):
+            total = T.G[slot, row, n + 1] if row < guards and j == n else 0.0
+            terms = abs(total)
+            for b in range(blocks):
+                total += (a[b] * w.ramp[b, j]).real
+                terms += swing[b] * modulus(w.ramp[b, j])
+            T.c1[slot, row, j] = total if abs(total) > _CANCELLED * terms else 0.0
+            drifts = drifts or T.c1[slot, row, j] != 0.0
+        for k in range(waves):
+            total = complex(0.0, 0.0)
+            if row < guards:
+                total = complex(T.G[slot, row, n + 2 + 2 * k], -T.G[slot, row, n + 3 + 2 * k])
+            for b in range(blocks):
+                total += a[b] * w.up[b, k] + (a[b] * w.down[b, k]).conjugate()
+            T.b[slot, row, k] = total
+            swing[n + k] = modulus(total)
+        T.drifts[slot, row] = 1 if drifts else 0
+        if row < guards:
+            T.decays[slot, row] = 1 if decays else 0

@@ -1,0 +1,109 @@
+"""The frame in which a system under loads Vt does not depend on time, but for its drives."""
+
+from __future__ import annotations
+
+import math
+
+from stickslip.arrays import Array
+from stickslip.machine_code.functions import njit
+from stickslip.motion.engine.affine import orthogonalise
+from stickslip.motion.engine.forms import AFFINE, GUARDS, ClosedForms, Flight, slots_of
+from stickslip.motion.steps.arrays import INLINED, OPTIONS
+
+_SMALLEST = 1e-9  # singular value of the rows, relative to the largest, that counts
+_FITS = 1e-9  # by how much a row may fail, relative to its size
+_SEEN = 1e-12  # of the largest velocity
+
+
+@njit(**OPTIONS)
+def find_frame(T: ClosedForms, g: int, flight: Flight, frame: Array) -> None:
+    """Velocity of that frame, by the closed forms that a group has; 0 where there is none.
+
+    In the closed forms ẋ and the guards are linear in (x, 1, t, …): shifting the state by v·Δt
+    makes up for the time if the column of t is minus the columns of x times v in all modes.
+
+    Parameters
+    ----------
+    T : ClosedForms
+    g : int
+        The group.
+    flight : Flight
+        Work space.
+    frame : array, shape (n,)
+        Receives the velocity.
+    """
+    p = flight.making.spectrum
+    right = flight.making.ones[0]
+    row = p.v
+    n = len(frame)
+    first = g * slots_of(T)
+    # Least squares, row by row: the triangular factor, and what becomes of the right-hand side.
+    R = p.H[:n]
+    for i in range(n):
+        frame[i] = right[i] = 0.0
+        for j in range(n):
+            R[i, j] = 0.0
+    for slot in range(first, first + T.used[g]):
+        for r in range(rows_of(T, slot, n)):
+            load = take_row(T, slot, r, row)
+            for j in range(n):
+                if row[j] == 0.0:
+                    continue
+                length = math.sqrt(R[j, j] * R[j, j] + row[j] * row[j])
+                cosine = R[j, j] / length
+                sine = row[j] / length
+                for k in range(j, n):
+                    x = R[j, k]
+                    R[j, k] = cosine * x + sine * row[k]
+                    row[k] = cosine * row[k] - sine * x
+                x = right[j]
+                right[j] = cosine * x - sine * load
+                load = cosine * load + sine * x
+    # The shortest v.
+    orthogonalise(R, p.Q, p.scale)
+    largest = 0.0
+    for k in range(n):
+        largest = max(largest, p.scale[k])
+    for k in range(n):
+        if p.scale[k] > _SMALLEST * _SMALLEST * largest:
+            total = 0.0
+            for i in range(n):
+                total += R[i, k] * right[i]
+            for i in range(n):
+                frame[i] += p.Q[i, k] * total / p.scale[k]
+    largest = 0.0
+    for i in range(n):
+        largest = max(largest, abs(frame[i]))
+    fits = True
+    for slot in range(first, first + T.used[g]):
+        for r in range(rows_of(T, slot, n)):
+            off = take_row(T, slot, r, row)
+            for j in range(n):
+                off += row[j] * frame[j]
+            fits = fits and abs(off) <= _FITS
+    for i in range(n):
+        if not fits or abs(frame[i]) <= _SEEN * largest:
+            frame[i] = 0.0
+
+
+@njit(**INLINED)
+def rows_of(T: ClosedForms, slot: int, n: int) -> int:
+    """How many rows a mode has: its rates and guards."""
+    return n + T.counts[slot, GUARDS] if T.status[slot] == AFFINE else 0
+
+
+@njit(**OPTIONS)
+def take_row(T: ClosedForms, slot: int, r: int, row: Array) -> float:
+    """The columns of x of a row of a mode, and (returned) that of t: rows of one size, so that none
+    is lost beside the others."""
+    n = len(row)
+    source = T.S[slot, r] if r < n else T.G[slot, r - n]
+    size = 0.0
+    for j in range(n):
+        size = max(size, abs(source[j]))
+    size += abs(source[n + 1])
+    if size == 0.0:
+        size = 1.0
+    for j in range(n):
+        row[j] = source[j] / size
+    return source[n + 1] / size

@@ -1,0 +1,198 @@
+"""Closed forms of affine modes, and the eigenvalue problem they are made by, against LAPACK, the
+matrix exponential, and the formulas of the equations."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+import stickslip as ss
+from stickslip.arrays import Array
+from stickslip.machine_code.functions import entry_point
+from stickslip.motion.engine.affine import orthogonalise
+from stickslip.motion.engine.closed_forms import make_form
+from stickslip.motion.engine.eigenvalues import Eigenproblem, decompose, make_eigenproblem
+from stickslip.motion.engine.forms import AFFINE, SMOOTH, ClosedForms, Flight
+from stickslip.motion.problem import Problem, pose
+from stickslip.motion.steps.arrays import OPTIONS, Constants, Flow, Machine
+
+
+@entry_point(**OPTIONS)
+def fill(
+    machine: Machine, flow: Flow, T: ClosedForms, flight: Flight, mode: Array, reg: Array
+) -> None:
+    """The closed forms of modes, one slot for each."""
+    for slot in range(len(mode)):
+        make_form(machine, flow, 0, T, flight.making, slot, mode[slot], reg[slot])
+
+
+@entry_point(**OPTIONS)
+def eigen(p: Eigenproblem, n: int) -> bool:
+    """Eigenvalues and eigenvectors."""
+    return decompose(p, n)
+
+
+@entry_point(**OPTIONS)
+def singular(A: Array, axes: Array, lengths: Array) -> None:
+    """Singular values."""
+    orthogonalise(A, axes, lengths)
+
+
+def decomposed(A: Array) -> Eigenproblem:
+    p = make_eigenproblem(len(A))
+    p.H[: len(A)] = A
+    assert eigen(p, len(A))
+    return p
+
+
+def matrices(kind: str, rng: np.random.Generator) -> Array:
+    n = int(rng.integers(1, 13))
+    A = rng.normal(size=(n, n))
+    if kind == "whole":
+        return np.round(A)
+    if kind == "sparse":
+        return A * (rng.random((n, n)) < 0.3)
+    if kind == "oscillators":
+        K = A @ A.T
+        return np.block([[np.zeros((n, n)), np.eye(n)], [-K, -0.02 * K]])
+    if kind == "other units":
+        d = 10.0 ** rng.integers(-6, 6, n)
+        return A * d[:, None] / d
+    if kind == "multiple":
+        return A @ np.diag(np.arange(n) % 3 * 1.0) @ np.linalg.inv(A)
+    return A
+
+
+@pytest.mark.parametrize(
+    "kind", ["random", "whole", "sparse", "oscillators", "other units", "multiple"]
+)
+def test_eigenvectors_solve_their_equation(kind: str) -> None:
+    """Backward stable in balanced units: the residual is rounding beside the matrix."""
+    rng = np.random.default_rng(2)
+    for _ in range(300):
+        A = matrices(kind, rng)
+        p = decomposed(A)
+        D = p.scale
+        balanced, u = A / D[:, None] * D, p.vectors / D[:, None]
+        u = u / np.linalg.norm(u, axis=0)
+        left = np.linalg.norm(balanced @ u - u * p.values, axis=0)
+        assert np.all(left <= 2e-14 * np.linalg.norm(balanced))
+        np.testing.assert_allclose(np.linalg.norm(p.vectors, axis=0), 1.0, rtol=1e-14)
+        paired = np.imag(p.values) != 0.0
+        upper = np.flatnonzero(np.imag(p.values) > 0.0)
+        assert 2 * len(upper) == np.sum(paired)
+        np.testing.assert_array_equal(p.values[upper + 1], np.conj(p.values[upper]))
+        assert np.all(np.imag(p.vectors[:, ~paired]) == 0.0)
+
+
+@pytest.mark.parametrize("kind", ["random", "oscillators", "other units"])
+def test_eigenvalues_are_lapacks(kind: str) -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(300):
+        A = matrices(kind, rng)
+        p = decomposed(A)
+        wanted, V = np.linalg.eig(A)
+        D = np.linalg.cond(V / p.scale[:, None])
+        scale = np.linalg.norm(A / p.scale[:, None] * p.scale, 2)
+        away = np.min(np.abs(wanted[:, None] - p.values), axis=1)
+        assert np.max(away) <= 1e-14 * len(A) * D * scale
+
+
+def test_singular_values_are_lapacks() -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(50):
+        n = int(rng.integers(1, 9))
+        A = rng.normal(size=(n + 3, n)) * 10.0 ** rng.integers(-3, 3, n)
+        B, axes, lengths = A.copy(), np.zeros((n, n)), np.zeros(n)
+        singular(B, axes, lengths)
+        np.testing.assert_allclose(A @ axes, B, atol=1e-13 * np.max(np.abs(A)))
+        wanted = np.linalg.svd(A, compute_uv=False)
+        np.testing.assert_allclose(np.sort(np.sqrt(lengths))[::-1], wanted, atol=1e-14 * wanted[0])
+
+
+def closed_forms(problem: Problem, mode: Array, reg: Array) -> ClosedForms:
+    constants = Constants(*(part[None] for part in problem.constants))
+    T = problem.empty_forms(1, len(mode))
+    fill(problem.machine, problem.flow(constants), T, problem.flight(), mode, reg)
+    return T
+
+
+def all_modes(problem: Problem) -> tuple[Array, Array]:
+    contacts, kinks = len(problem.rows.u), len(problem.rows.kinks)
+    switches = list(product(*[(-1, 0, 1)] * contacts, *[(0, 1)] * kinks))
+    table = np.array(switches, dtype=np.int64).reshape(len(switches), contacts + kinks)
+    return tuple(np.ascontiguousarray(part) for part in np.split(table, [contacts], axis=1))  # pyright: ignore[reportReturnType]
+
+
+SYSTEMS = {
+    "toy": (ss.catalogue.rocking_toy(), {"P": 1.1}, 13),
+    "inertial toy": (ss.catalogue.rocking_toy_inertial(), {}, 36),
+    "scaled slider": (ss.catalogue.scaled_slider_limit(), {"b": 0.7}, 2),
+    "forced oscillator": (ss.catalogue.forced_oscillator(), {"omega": 0.9}, 3),
+    "plate compactor": (ss.catalogue.plate_compactor(), {"V": 0.1}, 1),
+    "crawler": (ss.catalogue.two_leg_crawler(), {"D": 0.4}, 5),
+    "chain": (ss.catalogue.block_chain(4), {}, 1),
+}
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_closed_forms_solve_the_linear_equations(name: str) -> None:
+    """x(τ) = x + c₁τ + c₂τ² + Re Σ a r (exp(λτ) − 1) + … is what the matrix exponential gives; so
+    are the guards."""
+    system, parameters, least = SYSTEMS[name]
+    problem = pose(system, parameters)
+    T = closed_forms(problem, *all_modes(problem))
+    assert set(T.status) <= {AFFINE, SMOOTH}
+    affine = np.flatnonzero(T.status == AFFINE)
+    assert len(affine) >= least
+    omega = problem.constants.omega
+    n = T.hold.shape[2]
+    first = T.c2.shape[1] - n
+    rng = np.random.default_rng(3)
+    for g in affine:
+        t = 0.7
+        tau = 0.4 * min(float(T.shortest[g]), 1.0) + 0.1
+        waves = np.stack([np.cos(omega * t), np.sin(omega * t)], axis=1).reshape(-1)
+        s = np.concatenate([rng.normal(size=n), [1.0, t], waves])
+        nb, ng = T.counts[g]
+        turned = (T.R[g, :nb] @ s) * np.expm1(T.exponent[g, :nb] * tau)
+        spun = np.exp(1j * omega * t) * np.expm1(1j * omega * tau)
+        change = (
+            tau * (T.c1[g] @ s + tau * T.c2[g])
+            + np.real(T.a[g, :, :nb] @ turned)
+            + np.real(T.b[g] @ spun)
+        )
+        S = T.S[g] / T.pace[g]
+        after = expm(S * tau) @ s
+        size = np.max(np.abs(expm(np.abs(S) * tau) @ np.abs(s)))
+        np.testing.assert_allclose(s[:n] + change[first:], after[:n], rtol=0.0, atol=1e-13 * size)
+        guards = T.G[g, :ng]
+        large = size * (1.0 + np.max(np.abs(guards), initial=0.0))
+        np.testing.assert_allclose(guards @ s + change[:ng], guards @ after, atol=1e-12 * large)
+
+
+@pytest.mark.parametrize("name", ["forced oscillator", "crawler", "chain"])
+def test_matrices_are_those_of_the_equations(name: str) -> None:
+    """Derivatives of formulas that are solved for the rates on expression trees."""
+    system, parameters, _ = SYSTEMS[name]
+    problem = pose(system, parameters)
+    mode, reg = all_modes(problem)
+    T = closed_forms(problem, mode, reg)
+    n = T.hold.shape[2]
+    names = {-1: "slip-", 0: "stick", 1: "slip+"}
+    at = {**problem.parameters, **dict.fromkeys(system.initial, 0.1), "t": 0.3}
+    for g in np.flatnonzero(T.status == AFFINE):
+        modes = {c: names[int(m)] for c, m in zip(system.contacts, mode[g], strict=True)}
+        wanted = ss.vector_field(system, modes, at=at).jacobian_at()
+        found = T.S[g, :n, :n] / T.pace[g]
+        np.testing.assert_allclose(found, wanted, atol=1e-13 * (1.0 + np.max(np.abs(wanted))))
+
+
+def test_neither_resonance_nor_dependent_eigenvectors_are_divided_by() -> None:
+    """Critical damping has one eigenvector for two eigenvalues; at resonance the answer grows."""
+    block = ss.catalogue.forced_oscillator()
+    at_resonance = pose(block, {"omega": 1.0})
+    assert np.all(closed_forms(at_resonance, *all_modes(at_resonance)).status[[0, 2]] == SMOOTH)
