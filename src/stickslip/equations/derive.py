@@ -53,7 +53,7 @@ class RateProblem:
     threshold_partial: tuple[list[list[Expr]], list[list[Expr]]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class MotionEquations:
     """Everything the engine needs to know of a system, symbolically.
 

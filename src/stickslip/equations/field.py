@@ -12,6 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 from stickslip.equations.derive import MotionEquations
 from stickslip.model.system import Kind
@@ -125,8 +126,11 @@ class Field:
         return found
 
 
+_made: WeakKeyDictionary[MotionEquations, dict[tuple[Mode, Region], Field]] = WeakKeyDictionary()
+
+
 def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
-    """Vector field of a mode and region.
+    """Vector field of a mode and region: made once for each system.
 
     Parameters
     ----------
@@ -143,7 +147,10 @@ def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
         If the rates are not determined in this mode (more contacts stick than there are directions,
         or the stiffness of the sliding rate-independent coordinates is singular).
     """
-    return _Solver(equations, mode, region).field()
+    made = _made.setdefault(equations, {})
+    if (mode, region) not in made:
+        made[mode, region] = _Solver(equations, mode, region).field()
+    return made[mode, region]
 
 
 class _Solver:

@@ -89,9 +89,7 @@ def arrivals(problem: Problem, start: float, end: float, states: Array) -> list[
     span = start - problem.origin, end - problem.origin
     group = np.zeros(len(states), np.int64)
     lanes = Lanes.start(problem, constants, group, states, span, problem.closed_forms)
-    while len(lanes.going):
-        lanes.make_closed_forms()
-        lanes.advance(span[1], MOST_EVENTS)
+    lanes.advance(span[1], MOST_EVENTS)
     pairs = zip(lanes.codes, lanes.now.y, strict=True)
     return [y if code == FINISHED else None for code, y in pairs]
 
