@@ -53,7 +53,6 @@ _LOOKS = 4.0  # in a span
 _MARGIN = 0.1
 _RINGS = 2  # longest cycles that are remembered, so that two returns can be compared
 _ENDLESS = np.iinfo(np.int64).max
-MOST_LEAPS = 8  # by which a motion is carried on to its cycle
 _TURNS = 1024  # marks of a single motion after which Ctrl-C is heard
 ATTRACTORS = (Outcome.AT_REST, Outcome.PERIODIC, Outcome.STEADY, Outcome.UNDAMPED)
 MEASURED = (*ATTRACTORS, Outcome.NOT_SETTLED)
@@ -189,7 +188,7 @@ class Block:
     ----------
     lanes, twins : Lanes
         The motions, and others that start close to them (with the same closed forms).
-    marks, rules, saved, found, settling
+    marks, rules, saved, found, bench
         See :mod:`stickslip.orbits.settling.engine.tables`.
     excess : array, shape (points,)
         By how much initial states violate |∂Φ| ≤ s; where they do, there is no motion.
@@ -221,7 +220,7 @@ class Block:
         if known is not None:
             most = np.array([*rules.most[:2], _TURNS, *rules.most[3:]])
             rules = rules._replace(shifts=known.shifts, most=most, framed=False)
-        self.rules = rules
+        self.rules: Rules = rules
         span = float(self.rules.real[0]), float(self.rules.real[1])
         forms = (
             problem.empty_forms(1, _SHARED_SLOTS)
@@ -244,15 +243,15 @@ class Block:
         self.found: Found = make_found(count, n, len(problem.rows.u))
         values = dict(zip(problem.system.parameters, table.T, strict=True))
         self.excess: Array = excess(problem.compiled.equations, values, states, problem.origin)
-        self.settling: tuple[Marks, Rules, Lane, Bench] = (
-            self.marks,
-            self.rules,
-            self.saved,
-            make_bench(problem, _ROOM),
-        )
+        self.bench: Bench = make_bench(problem, _ROOM)
         self.marks.outcome[self.excess > 0.0] = Outcome.OUTSIDE.code
         self.marks.numbers[self.excess > 0.0, PHASE] = DONE
         self.lanes.codes[self.excess > 0.0] = Outcome.OUTSIDE.code
+
+    @property
+    def settling(self) -> tuple[Marks, Rules, Lane, Bench]:
+        """What the loops that settle motions take beside their engine."""
+        return self.marks, self.rules, self.saved, self.bench
 
     def engine(self, lanes: Lanes) -> Engine:
         """What the event loop takes for these lanes."""
@@ -364,13 +363,12 @@ def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
         real=np.array(
             [0.0, last, look, _MARGIN * settings.tolerance, settings.atol, settings.tolerance]
         ),
-        most=np.array(
-            [settings.max_cycles, settings.max_events, _ENDLESS, settings.longest_cycle, MOST_LEAPS]
-        ),
+        most=np.array([settings.max_cycles, settings.max_events, _ENDLESS, settings.longest_cycle]),
         shifts=np.array([[float(system.translation.get(x, 0.0)) for x in layout.state]]),
         fine=np.array(problem.retrace),
         closely=closely,
         timed=layout.timed and not Repetition(problem.compiled.equations).plain,
+        leaping=True,
         closed=closed,
         framed=closed and layout.timed,
     )

@@ -376,7 +376,7 @@ def foretold(m: Marks, rules: Rules, i: int, work: Array, fit: Array) -> int:
             work[j, r] = work[j, r] / m.size[i, r] if m.size[i, r] > 0.0 else 0.0
     last = largest(work[0])
     first = largest(work[known - 1])
-    if not 0.0 < last < first:
+    if not 0.0 < last < _SHRUNK * first:
         return 0
     rate = math.log(first / last) / (known - 1)
     if math.log(last / rules.real[3]) < _WORTH * rate:

@@ -130,6 +130,7 @@ _FARTHEST = 0.5  # largest size of what a motion is carried on by
 _AGAIN = 2.0  # first leaps that the next one may be as long as
 _NEAREST = 1e-14  # a miss that is rounding
 _FITS = 0.1  # part of a return that its combination may leave over
+_MOST_LEAPS = 8  # that polishing may take
 _MOST_POLISHED = 24  # returns that polishing may take
 _WIDER = 1.25  # of a period: in which a smooth motion that is polished comes back
 
@@ -570,7 +571,7 @@ def consider(
         begin_strides(m, i)
     elif numbers[STALLED] > RETURN_PATIENCE * lag and d > rules.real[3]:
         look_wide(m, rules, i, work[0])
-    elif whole and rules.most[4] > 0 and numbers[COUNT] >= numbers[REST]:
+    elif whole and rules.leaping and numbers[COUNT] >= numbers[REST]:
         k = foretold(m, rules, i, work, fit)
         if k > 0:
             return leap(m, rules, lanes, saved, work, fit, i, d, k)
@@ -630,7 +631,8 @@ def leap(
         CARRIED, or GO_ON if it is not.
     """
     _, length = extrapolate(m, rules, i, k, work, fit)
-    if not length <= _FARTHEST:
+    # What the last return misses by is at most twice what is missing.
+    if not 0.25 * d <= length <= _FARTHEST:
         return _GO_ON
     leave(m, saved, i, d)
     m.numbers[i, LEAPT] = 2
@@ -705,7 +707,9 @@ def take_back(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
     """Take a motion back to where it was before it was carried on by hand, and let it go on by
     itself."""
     numbers = m.numbers[i]
-    numbers[REST] = numbers[HOME] + RETURN_PATIENCE * max(numbers[LAG], 1)
+    # Later and later, so that where no leap is right few are tried.
+    patience = max(RETURN_PATIENCE * max(numbers[LAG], 1), numbers[HOME] // 2)
+    numbers[REST] = numbers[HOME] + patience
     return put_back(m, lanes, saved, i, m.home, numbers[HOME])
 
 
@@ -747,7 +751,7 @@ def polish(
     if (
         d <= _NEAREST
         or numbers[COUNT] - numbers[HOME] >= _MOST_POLISHED * lag
-        or numbers[LEAPT] > rules.most[4]
+        or numbers[LEAPT] > _MOST_LEAPS
     ):
         return accept(m, rules, lanes, saved, work[0], i, d)
     returns = min(numbers[TRUE] // lag, (ring - 1) // lag)
@@ -794,7 +798,7 @@ def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int
     remove_shift(work, rules.shifts)
     here = miss(work, m.size[i], rules.real[4]) <= rules.real[5]
     afar = real[REACH] > 0.0
-    if (afar and d > rules.real[3]) or not (afar or here):
+    if not d <= (rules.real[3] if afar else rules.real[5]) or not (afar or here):
         return take_back(m, lanes, saved, i)
     real[FLOOR] = d
     numbers[LAG], last = shortest_lag(m, rules, i, work), numbers[COUNT] - 1

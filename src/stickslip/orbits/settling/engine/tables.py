@@ -84,7 +84,7 @@ class Rules(NamedTuple):
         Start, end and time between looks, counted from the origin of the problem; tolerance of
         waiting, atol, and what may be missing to a cycle.
     most : array of int
-        Periods, events, marks in one call, marks of a cycle, and leaps.
+        Periods, events, marks in one call, and marks of a cycle.
     shifts : array, shape (translations, n)
         Directions, orthogonal to each other, in which the state may be shifted.
     fine : array, shape (2,)
@@ -93,6 +93,8 @@ class Rules(NamedTuple):
         As in :func:`stickslip.orbits.settling.engine.observers.observe`.
     timed : bool
         Whether time enters in a way that might not repeat, which the host has to look into.
+    leaping : bool
+        Whether motions are carried on by what their returns foretell.
     closed : bool
         Whether there are closed forms.
     framed : bool
@@ -105,6 +107,7 @@ class Rules(NamedTuple):
     fine: Array
     closely: bool
     timed: bool
+    leaping: bool
     closed: bool
     framed: bool
 
