@@ -144,6 +144,7 @@ def _second_way() -> None:
     motion.trace(list(motion.system.initial)[:1], np.array([0.5]), np.array([0]))
     motion.audit  # noqa: B018
     ss.sweep(block, {"V": [0.3, 0.4]}, ["period", "lyapunov"])
+    ss.find_cycle(ss.catalogue.rocking_toy())  # which it is carried on to
 
 
 _TOURS: dict[str, Callable[[], None]] = {"one": _first_way, "other": _second_way}

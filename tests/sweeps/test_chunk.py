@@ -110,7 +110,7 @@ def test_a_start_outside_the_stable_set_says_by_how_much() -> None:
 
 def test_limits_are_kept() -> None:
     start, given = toy_points(2)
-    short = measure_chunk(TOY, start, given, ("period",), Settings(max_time=20.0))
+    short = measure_chunk(TOY, start, given, ("period",), Settings(max_time=10.0))
     assert np.all(short["outcome"] == Outcome.NOT_SETTLED.code) and np.all(
         np.isnan(short["period"])
     )

@@ -20,7 +20,7 @@ _ENGINE = (
 _SHAPED_BY = {
     "motion": _ENGINE,
     "equations": _ENGINE,
-    "orbits": (*_ENGINE, "orbits/settling/engine"),
+    "orbits": (*_ENGINE, "orbits/fields/engine", "orbits/settling/engine"),
     "orbits/fields": (*_ENGINE, "orbits/fields/engine"),
     "rate_independent": (
         "rate_independent/signals",

@@ -187,7 +187,7 @@ class Evaluator:
         out = np.empty((len(listing.wanted), given.shape[1]))
         once = listing.once if alike else 0
         values = np.empty((listing.places, LANES))
-        interpret(self.made, once, listing.wanted, given, values, out)
+        interpret(self.made, once, listing.wanted, np.ascontiguousarray(given), values, out)
         return out
 
 

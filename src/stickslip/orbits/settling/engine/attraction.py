@@ -60,7 +60,12 @@ from stickslip.orbits.fields.engine.variations import (
     vary,
 )
 from stickslip.orbits.settling.engine.measuring import knots_of
-from stickslip.orbits.settling.engine.returns import largest, norm, remove_part, remove_shift
+from stickslip.orbits.settling.engine.returns import (
+    largest_component,
+    norm,
+    remove_part,
+    remove_shift,
+)
 from stickslip.orbits.settling.engine.settling import (
     RECORDED,
     UNRECORDED,
@@ -83,7 +88,7 @@ from stickslip.orbits.settling.engine.tables import (
 OPEN_CLAIM, PROVED, REFUSED, UNKNOWN_MODE = range(4)
 """What is said of a lane; an unknown mode is one whose field the host has not listed yet."""
 
-HERE, RETURNED, RATES, _NOW, _LATER = range(5)
+_HERE, _RETURNED, _RATES, _NOW, _LATER = range(5)
 _DOUBLINGS = 40  # ‖Mᵏ‖^{1/k} with k = 2⁴⁰ is ρ to 1e-10
 _GROWTH = 1e-9  # by which a multiplier may seem to be greater than 1
 _CURVED = 0.25  # part of e that curvature may add up to
@@ -115,8 +120,8 @@ class Claims(NamedTuple):
     work : PassSpace
     squares : array, shape (2, n, n)
     deviation : array, shape (5, n)
-        In units of the sizes of the components: deviations of the true motion, now (HERE) and after
-        a return (RETURNED), the direction of its rates, and two to work on.
+        In units of the sizes of the components: deviations of the true motion, now and after a
+        return, the direction of its rates, and two to work on.
     followed : array, shape (·, n)
         Deviations from which returns were followed.
     """
@@ -166,7 +171,18 @@ def prove_all(
 def prove_lane(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, c: Claims, i: int
 ) -> int:
-    """The same for one lane; see :func:`prove_all`."""
+    """The same for one lane; see :func:`prove_all`.
+
+    Parameters
+    ----------
+    e : Engine
+    m : Marks
+    rules : Rules
+    saved : Lane
+    bench : Bench
+    c : Claims
+    i : int
+    """
     s = e.lanes
     station = m.before  # free, since nothing has to be undone any more
     later = place_station(e, m, rules, saved, bench, i)
@@ -176,11 +192,11 @@ def prove_lane(
     follow_lane(e, i, s.clock[i, NOW] + later, rules.most[1], UNRECORDED, bench.record)
     if e.codes[i] != FINISHED:
         return REFUSED
-    deviate(m, rules, station, s, i, 0.0, c.deviation[HERE])
+    deviate(m, rules, station, s, i, 0.0, c.deviation[_HERE])
     home_word = follow_return(e, m, rules, bench, i)
     if home_word < 0:
         return REFUSED
-    deviate(m, rules, station, s, i, m.real[i, DURATION], c.deviation[RETURNED])
+    deviate(m, rules, station, s, i, m.real[i, DURATION], c.deviation[_RETURNED])
     copy_lane(station, i, s, i)
     s.counters[i, WORD] = EMPTY_WORD
     end = s.clock[i, NOW] + m.real[i, DURATION]
@@ -205,7 +221,17 @@ def prove_lane(
 @njit(**INLINED)
 def place_station(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> float:
     """Put a station in the middle of the longest flight of a cycle, where no event is near: how
-    long after its beginning that is, NaN if the cycle is too long."""
+    long after its beginning that is, NaN if the cycle is too long.
+
+    Parameters
+    ----------
+    e : Engine
+    m : Marks
+    rules : Rules
+    saved : Lane
+    bench : Bench
+    i : int
+    """
     s = e.lanes
     record = bench.record
     start = m.real[i, START]
@@ -233,7 +259,16 @@ def place_station(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, 
 @njit(**INLINED)
 def follow_return(e: Engine, m: Marks, rules: Rules, bench: Bench, i: int) -> int:
     """Follow a lane for a period of its cycle; the word of the modes that it goes through, −1 if it
-    comes to an end."""
+    comes to an end.
+
+    Parameters
+    ----------
+    e : Engine
+    m : Marks
+    rules : Rules
+    bench : Bench
+    i : int
+    """
     s = e.lanes
     s.counters[i, WORD] = EMPTY_WORD
     end = s.clock[i, NOW] + m.real[i, DURATION]
@@ -285,7 +320,20 @@ def differentiate(
     e: Engine, m: Marks, rules: Rules, bench: Bench, c: Claims, i: int, count: int
 ) -> bool:
     """The monodromy matrix along the recorded cycle, in units of the sizes of the components, is
-    left as the first of `after`; False if the motion has no derivative."""
+    left as the first of `after`; False if the motion has no derivative.
+
+    Parameters
+    ----------
+    e : Engine
+    m : Marks
+    rules : Rules
+    bench : Bench
+        With the record of the cycle.
+    c : Claims
+        Receives the matrix.
+    i, count : int
+        The lane, and how many knots are recorded.
+    """
     n = len(c.followed[0])
     flow = own_flow(e, i)
     fine = Flow(flow.rows, flow.k, flow.space, flow.order, rules.fine[0], rules.fine[1])
@@ -319,11 +367,11 @@ def differentiate(
         if go_around(e.machine, fine, c, run, False) <= 0:
             return False
         put_product(c.squares[0], c.squares[0], c.squares[1])
-        if not agree(run.after[count - 1], c.squares[1]):
+        if not nearly_equal(run.after[count - 1], c.squares[1]):
             return False
         put_matrix(c.squares[0], run.after[count - 1])
     size = m.size[i]
-    rates = c.deviation[RATES]
+    rates = c.deviation[_RATES]
     for r in range(n):
         rates[r] = 0.0
     if m.drive[i] <= 0.0:
@@ -335,8 +383,8 @@ def differentiate(
         speed = norm(rates)
         for r in range(n):
             rates[r] = rates[r] / speed if speed > 0.0 else 0.0
-        remove_part(c.deviation[HERE], rates)
-        remove_part(c.deviation[RETURNED], rates)
+        remove_part(c.deviation[_HERE], rates)
+        remove_part(c.deviation[_RETURNED], rates)
     column = c.deviation[_NOW]
     for j in range(n):
         for r in range(n):
@@ -395,7 +443,7 @@ def go_around(machine: Machine, fine: Flow, c: Claims, run: Pass, forced: bool) 
 
 
 @njit(**OPTIONS)
-def agree(A: Array, B: Array) -> bool:
+def nearly_equal(A: Array, B: Array) -> bool:
     """Whether two matrices are the same but for rounding."""
     size = 0.0
     apart = 0.0
@@ -438,7 +486,7 @@ def radius(c: Claims) -> float:
 
 
 @njit(**OPTIONS)
-def turn(M: Array, v: Array, out: Array) -> None:
+def put_image(M: Array, v: Array, out: Array) -> None:
     """The deviation after a return."""
     for r in range(len(v)):
         total = 0.0
@@ -456,8 +504,8 @@ def ends_here(rules: Rules, c: Claims) -> bool:
         put_product(power, power, square)
         put_matrix(square, power)
     left = c.deviation[_NOW]
-    turn(power, c.deviation[HERE], left)
-    return largest(left) <= rules.real[5]
+    put_image(power, c.deviation[_HERE], left)
+    return largest_component(left) <= rules.real[5]
 
 
 @njit(**OPTIONS)
@@ -466,21 +514,21 @@ def comes_home(c: Claims) -> bool:
     matter on the way."""
     M = c.after[0]
     now, later = c.deviation[_NOW], c.deviation[_LATER]
-    first = norm(c.deviation[HERE])
-    turn(M, c.deviation[HERE], now)
+    first = norm(c.deviation[_HERE])
+    put_image(M, c.deviation[_HERE], now)
     for r in range(len(now)):
-        later[r] = c.deviation[RETURNED, r] - now[r]
+        later[r] = c.deviation[_RETURNED, r] - now[r]
     curvature = norm(later) / first if first > 0.0 else 0.0
     grown = 1.0
     total = 0.0
-    copy(c.deviation[HERE], now)
+    copy(c.deviation[_HERE], now)
     for _ in range(_FURTHEST):
         size = norm(now) / first if first > 0.0 else 0.0
         grown = max(grown, size)
         total += size * size
         if size <= _NEAR:
             return curvature * grown * total <= _CURVED
-        turn(M, now, later)
+        put_image(M, now, later)
         copy(later, now)
     return False
 
@@ -490,12 +538,23 @@ def keeps_its_word(
     e: Engine, m: Marks, rules: Rules, bench: Bench, c: Claims, i: int, word: int
 ) -> bool:
     """Whether returns from the deviations that the motion still has go through the modes of the
-    cycle."""
+    cycle.
+
+    Parameters
+    ----------
+    e : Engine
+    m : Marks
+    rules : Rules
+    bench : Bench
+    c : Claims
+    i, word : int
+        The lane, and the modes of its cycle.
+    """
     s = e.lanes
     M = c.after[0]
     now, later = c.deviation[_NOW], c.deviation[_LATER]
-    first = norm(c.deviation[HERE])
-    copy(c.deviation[HERE], now)
+    first = norm(c.deviation[_HERE])
+    copy(c.deviation[_HERE], now)
     copy(now, c.followed[0])
     known = 1
     while norm(now) > _NEAR * first:
@@ -511,7 +570,7 @@ def keeps_its_word(
             for r in range(len(now)):
                 c.followed[known, r] = _BEYOND * now[r]
             known += 1
-        turn(M, now, later)
+        put_image(M, now, later)
         copy(later, now)
     return True
 

@@ -374,8 +374,8 @@ def foretold(m: Marks, rules: Rules, i: int, work: Array, fit: Array) -> int:
         )
         for r in range(n):
             work[j, r] = work[j, r] / m.size[i, r] if m.size[i, r] > 0.0 else 0.0
-    last = largest(work[0])
-    first = largest(work[known - 1])
+    last = largest_component(work[0])
+    first = largest_component(work[known - 1])
     if not 0.0 < last < _SHRUNK * first:
         return 0
     rate = math.log(first / last) / (known - 1)
@@ -395,7 +395,7 @@ def foretold(m: Marks, rules: Rules, i: int, work: Array, fit: Array) -> int:
 
 
 @njit(**OPTIONS)
-def largest(v: Array) -> float:
+def largest_component(v: Array) -> float:
     """Largest modulus of a component."""
     size = 0.0
     for r in range(len(v)):
@@ -421,7 +421,7 @@ def fit_recurrence(work: Array, known: int, k: int, fit: Array) -> None:
             fit[a, b] = 0.0
     row = fit[3]
     for j in range(1, known - k):
-        size = largest(work[j])
+        size = largest_component(work[j])
         for r in range(work.shape[1]):
             for a in range(k):
                 row[a] = work[j + 1 + a, r] / size if size > 0.0 else 0.0

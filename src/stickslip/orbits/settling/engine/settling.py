@@ -341,7 +341,16 @@ def elapsed(m: Marks, rules: Rules, lanes: Lane, i: int) -> float:
 
 @njit(**INLINED)
 def next_event(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> int:
-    """Number of the event at which the next mark may be."""
+    """Number of the event at which the next mark may be.
+
+    Parameters
+    ----------
+    m : Marks
+    rules : Rules
+    lanes, saved : Lane
+        Where the motion is; and was at its last mark.
+    i : int
+    """
     if m.drive[i] > 0.0:
         return rules.most[1]
     stride = m.numbers[i, STRIDE]
