@@ -123,6 +123,21 @@ def _blocks_pushed_alike() -> System:
     )
 
 
+def _lightly_damped() -> System:
+    """A driven motion that takes long to settle."""
+    from stickslip import Contact, Inertial, Parameter, System
+
+    return System(
+        "lightly damped",
+        parameters={"omega": Parameter(1.3)},
+        coordinates={"x": Inertial()},
+        kinetic="d_x**2/2",
+        potential="x**2/2 - cos(omega*t)*x",
+        viscous="0.01*d_x**2",
+        contacts={"ground": Contact("d_x", "0.05")},
+    )
+
+
 def _first_way() -> None:
     """Closed forms, motions that settle, and their derivatives."""
     import stickslip as ss
@@ -144,7 +159,7 @@ def _second_way() -> None:
     motion.trace(list(motion.system.initial)[:1], np.array([0.5]), np.array([0]))
     motion.audit  # noqa: B018
     ss.sweep(block, {"V": [0.3, 0.4]}, ["period", "lyapunov"])
-    ss.find_cycle(ss.catalogue.rocking_toy())  # which it is carried on to
+    ss.find_cycle(_lightly_damped())  # which it is carried on to
 
 
 _TOURS: dict[str, Callable[[], None]] = {"one": _first_way, "other": _second_way}

@@ -145,7 +145,7 @@ def test_recurrences_that_die_away() -> None:
     returns = [rng.normal(size=4) for _ in range(3)]
     wanted = np.array([0.9, -0.5, 0.2])
     while len(returns) < 8:
-        returns.append(sum(c * r for c, r in zip(wanted, returns[::-1], strict=False)))
+        returns.append(wanted @ np.array(returns[:-4:-1]))
     work = np.zeros((9, 4))
     work[:8] = returns[::-1]
     fit = np.zeros((4, 4))

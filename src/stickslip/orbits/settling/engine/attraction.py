@@ -370,6 +370,26 @@ def differentiate(
         if not nearly_equal(run.after[count - 1], c.squares[1]):
             return False
         put_matrix(c.squares[0], run.after[count - 1])
+    return put_into_claims(m, rules, c, run, i)
+
+
+@njit(**INLINED)
+def put_into_claims(m: Marks, rules: Rules, c: Claims, run: Pass, i: int) -> bool:
+    """The monodromy matrix in units of the sizes of the components, without translations and
+    delays, which are also taken off the deviations; False if it is not finite.
+
+    Parameters
+    ----------
+    m : Marks
+    rules : Rules
+    c : Claims
+        Receives the matrix.
+    run : Pass
+        Once around.
+    i : int
+    """
+    n = len(c.followed[0])
+    last = len(run.piece) - 1
     size = m.size[i]
     rates = c.deviation[_RATES]
     for r in range(n):
@@ -388,7 +408,7 @@ def differentiate(
     column = c.deviation[_NOW]
     for j in range(n):
         for r in range(n):
-            column[r] = run.after[count - 1, r, j] * size[j]
+            column[r] = run.after[last, r, j] * size[j]
             if not abs(column[r]) < np.inf:
                 return False
         remove_shift(column, rules.shifts)
