@@ -13,28 +13,13 @@ import numpy as np
 
 from stickslip import Contact, Inertial, System, catalogue
 from stickslip.arrays import Array
-from stickslip.model.system import RateIndependent
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.simulate_many import initial_states, parameter_table, pose_all
 from stickslip.orbits.settling.engine.returns import dies_away, fit_recurrence
 from stickslip.orbits.settling.engine.tables import COUNT, DURATION
 from stickslip.orbits.settling.motions import Block, Here, Settings
+from sweeps.test_basin import jenkins
 from systems import parameters
-
-
-def jenkins() -> System:
-    """An oscillator with a spring in series with a slider (Jenkins): positions at which the slider
-    sticks make families of cycles."""
-    return System(
-        name="jenkins",
-        parameters=parameters(F=0.5, omega=0.9, c=0.02, k=0.5, mu=0.3),
-        coordinates={"x": Inertial(), "z": RateIndependent()},
-        kinetic="d_x**2/2",
-        potential="x**2/2 + k/2*(x - z)**2 - F*cos(omega*t)*x",
-        viscous="c/2*d_x**2",
-        contacts={"slider": Contact("d_z", "mu")},
-        span=(0, 40),
-    )
 
 
 def duffing() -> System:
@@ -73,7 +58,7 @@ def cases(points: int) -> dict[str, tuple[System, dict[str, Array], dict[str, Ar
         "jenkins": (
             jenkins(),
             {},
-            {"omega": u(0.6, 1.4), "c": 10.0 ** u(-3.0, -1.0), "F": u(0.2, 2)},
+            {"omega": u(0.6, 1.4), "c": 10.0 ** u(-3.0, -1.0), "F": u(0.3, 4.0)},
         ),
         "duffing": (duffing(), {"x": u(-2, 2), "d_x": u(-2, 2)}, {"omega": u(1.3, 1.9)}),
     }

@@ -14,10 +14,12 @@ from stickslip.orbits.fields.mode_field import Pieces, places_of
 from stickslip.orbits.settling.engine.attraction import (
     OPEN_CLAIM,
     PROVED,
+    REFUSED,
     UNKNOWN_MODE,
     Claims,
     prove_all,
 )
+from stickslip.orbits.settling.engine.tables import LEAPT, PHASE, PROVING
 
 if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
@@ -60,23 +62,36 @@ class Attraction:
         -------
         array of bool, shape (lanes,)
         """
-        contacts = len(self.problem.rows.u)
+        marks, _, saved, bench = settling
         if self._claims is None:
-            where = settling[2]
-            self.pieces.number(where.mode[0].astype(np.int8), where.reg[0].astype(np.int8))
-            self._claims = self._made(engine, settling[3])
+            claimed = np.flatnonzero(
+                (marks.numbers[:, PHASE] == PROVING) & (marks.numbers[:, LEAPT] > 0)
+            )
+            if not self._listed(np.concatenate([saved.mode[claimed[0]], saved.reg[claimed[0]]])):
+                return np.zeros(len(self.table), bool)
+            self._claims = self._made(engine, bench)
         self._claims.verdict[:] = OPEN_CLAIM
         while stop[0] == 0:
             claims = self._claims
             prove_all(engine, *settling, claims, stop)
-            missing = claims.verdict == UNKNOWN_MODE
-            if not np.any(missing):
+            missing = np.flatnonzero(claims.verdict == UNKNOWN_MODE)
+            if len(missing) == 0:
                 break
-            for row in np.unique(claims.wanted[missing], axis=0).astype(np.int8):
-                self.pieces.number(row[:contacts], row[contacts:])
-            self._claims = self._made(engine, settling[3])
-            self._claims.verdict[:] = np.where(missing, OPEN_CLAIM, claims.verdict)
+            known = [self._listed(row) for row in claims.wanted[missing]]
+            claims.verdict[missing] = np.where(known, OPEN_CLAIM, REFUSED)
+            self._claims = self._made(engine, bench)
+            self._claims.verdict[:] = claims.verdict
         return self._claims.verdict == PROVED
+
+    def _listed(self, mode: Array) -> bool:
+        """List the field of a mode and region; False if its rates are not determined, so that there
+        is nothing to differentiate."""
+        contacts = len(self.problem.rows.u)
+        try:
+            self.pieces.number(mode[:contacts].astype(np.int8), mode[contacts:].astype(np.int8))
+        except ZeroDivisionError:
+            return False
+        return True
 
     def _made(self, engine: Engine, bench: Bench) -> Claims:
         """Room for the claims, and the fields as they are listed by now."""

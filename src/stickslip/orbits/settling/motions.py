@@ -53,6 +53,8 @@ _LOOKS = 4.0  # in a span
 _MARGIN = 0.1
 _RINGS = 2  # longest cycles that are remembered, so that two returns can be compared
 _ENDLESS = np.iinfo(np.int64).max
+# of a system whose motions are carried on: the proof takes matrices of eight times as many rows
+_MOST_STATES = 32
 _TURNS = 1024  # marks of a single motion after which Ctrl-C is heard
 ATTRACTORS = (Outcome.AT_REST, Outcome.PERIODIC, Outcome.STEADY, Outcome.UNDAMPED)
 MEASURED = (*ATTRACTORS, Outcome.NOT_SETTLED)
@@ -368,7 +370,7 @@ def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
         fine=np.array(problem.retrace),
         closely=closely,
         timed=layout.timed and not Repetition(problem.compiled.equations).plain,
-        leaping=True,
+        leaping=len(layout.state) <= _MOST_STATES,
         closed=closed,
         framed=closed and layout.timed,
     )

@@ -192,17 +192,14 @@ def prove_lane(
     follow_lane(e, i, s.clock[i, NOW] + later, rules.most[1], UNRECORDED, bench.record)
     if e.codes[i] != FINISHED:
         return REFUSED
-    deviate(m, rules, station, s, i, 0.0, c.deviation[_HERE])
-    home_word = follow_return(e, m, rules, bench, i)
-    if home_word < 0:
-        return REFUSED
-    deviate(m, rules, station, s, i, m.real[i, DURATION], c.deviation[_RETURNED])
+    deviate(m, rules, station, s, i, c.deviation[_HERE])
+    word = follow_return(e, m, rules, bench, i)
+    deviate(m, rules, station, s, i, c.deviation[_RETURNED])
     copy_lane(station, i, s, i)
-    s.counters[i, WORD] = EMPTY_WORD
     end = s.clock[i, NOW] + m.real[i, DURATION]
+    s.counters[i, WORD] = EMPTY_WORD
     count = follow_lane(e, i, end, rules.most[1], RECORDED, bench.record)
-    word = s.counters[i, WORD]
-    if e.codes[i] != FINISHED or word != home_word:
+    if e.codes[i] != FINISHED or s.counters[i, WORD] != word:
         return REFUSED
     for j in range(count):
         c.piece[j] = number_of(c, bench.record.mode[j], bench.record.region[j])
@@ -277,9 +274,7 @@ def follow_return(e: Engine, m: Marks, rules: Rules, bench: Bench, i: int) -> in
 
 
 @njit(**OPTIONS)
-def deviate(
-    m: Marks, rules: Rules, station: Lane, lanes: Lane, i: int, since: float, out: Array
-) -> None:
+def deviate(m: Marks, rules: Rules, station: Lane, lanes: Lane, i: int, out: Array) -> None:
     """By how much a lane is away from its station, without frame and translation, in units of the
     sizes of the components.
 
@@ -289,14 +284,11 @@ def deviate(
     rules : Rules
     station, lanes : Lane
     i : int
-    since : float
-        For how long both have gone on.
     out : array, shape (n,)
     """
-    t = lanes.clock[i, NOW] - since
+    since = lanes.clock[i, NOW] - station.clock[i, NOW]
     for r in range(len(out)):
-        moved = m.frame[i, r] * (t - station.clock[i, NOW] + since)
-        out[r] = lanes.y[i, r] - station.y[i, r] - moved
+        out[r] = lanes.y[i, r] - station.y[i, r] - m.frame[i, r] * since
     remove_shift(out, rules.shifts)
     put_into_units(out, m.size[i])
 

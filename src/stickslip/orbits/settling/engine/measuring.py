@@ -103,9 +103,8 @@ _STILL = 1e-12  # … and that it may change by at rest
 @njit(**INLINED)
 def measure(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, i: int
-) -> bool:
-    """Record a lane from its saved state on for the duration in its marks, and measure it; False if
-    it has to wait.
+) -> None:
+    """Record a lane from its saved state on for the duration in its marks, and measure it.
 
     Parameters
     ----------
@@ -129,8 +128,8 @@ def measure(
         bench.ends[0, r] = np.inf
         bench.ends[1, r] = -np.inf
         bench.ends[2, r] = 0.0
-    if m.outcome[i] == PERIODIC and not shorten(e, m, rules, saved, bench, i):
-        return False
+    if m.outcome[i] == PERIODIC:
+        shorten(e, m, rules, saved, bench, i)
     copy_lane(saved, i, s, i)
     stop = real[START] + real[DURATION]
     for part in (bench.balance, bench.gaps, audit):
@@ -143,7 +142,7 @@ def measure(
         code = e.codes[i]
         if code != FULL and code != FINISHED:
             m.outcome[i] = code
-            return True
+            return
         if carried == 0:
             copy(record.mode[0], bench.mode)
             copy(record.region[0], bench.region)
@@ -172,7 +171,6 @@ def measure(
         remove_shift(bench.gaps, rules.shifts)
         audit[CLOSURE] = miss(bench.gaps, bench.ends[2], rules.real[4])
         audit[PERIOD] = rules.real[5] ** 2 / real[OPEN]
-    return True
 
 
 @njit(**OPTIONS)
@@ -185,9 +183,9 @@ def framed(m: Marks, i: int) -> bool:
 
 
 @njit(**INLINED)
-def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> bool:
+def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> None:
     """Try parts of the period: cos² has half the period of cos, and a swing that touches a switch
-    now and then has that of a swing, not that from touch to touch. False if it has to wait.
+    now and then has that of a swing, not that from touch to touch.
 
     After a part of its period a motion is elsewhere, mostly; if it is not, it has to be where it
     was all the way. The first marks give way to the states that are compared; they also tell
@@ -250,13 +248,12 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
                     else np.inf
                 )
         if not moves(rules, bench, bench.tally.state[LARGEST], False) > 0.0:
-            return True
+            return
         if off <= limit:
             real[DURATION] = part
         else:
             real[OPEN] = min(off, real[OPEN])
             p += 1 if p == 2 else 2
-    return True
 
 
 @njit(**OPTIONS)
@@ -579,11 +576,8 @@ def measure_lane(
     i : int
     """
     numbers = m.numbers[i]
-    if (
-        numbers[PHASE] == MEASURING
-        and stop[0] == 0
-        and measure(e, m, rules, saved, bench, found, i)
-    ):
+    if numbers[PHASE] == MEASURING and stop[0] == 0:
+        measure(e, m, rules, saved, bench, found, i)
         numbers[PHASE] = DONE
         closure = found.audit[i, CLOSURE]
         awry = m.outcome[i] == PERIODIC and closure > rules.real[3]
