@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from stickslip.motion.between.step_balance import Steps, Tally
+    from stickslip.motion.between.observers import Sums
+    from stickslip.motion.between.step_balance import Accounts
 
 GRID = 1000  # points of the dataset between knots
 
@@ -47,6 +48,8 @@ class Audit:
         Time after each knot that is not verified.
     largest : array, shape (n,)
         Largest modulus of each component.
+    sums : Sums
+        Extremes, times in stick, forces and work of the contacts.
     """
 
     energy: Array
@@ -55,6 +58,7 @@ class Audit:
     residuals: Array
     open: Array
     largest: Array
+    sums: Sums
 
 
 class Trajectory(Result):
@@ -196,14 +200,13 @@ class Trajectory(Result):
     @cached_property
     def audit(self) -> Audit:
         """Energy, work and violations at the knots, recomputed from them."""
-        from stickslip.motion.between.step_balance import FED_IN_ALL, LARGEST, judge, make_tally
+        from stickslip.motion.between.step_balance import FED_IN_ALL, LARGEST, judge
 
         k = self.knots
         rows = self._problem.compiled.layout.rows
         energy = self._sample_clock(k.clock, np.arange(len(k.clock)))[:, rows]
-        tally = make_tally(self._problem.rows)
         index = np.arange(len(k.clock) - 1)
-        steps = self._integrate(k.clock[:-1], k.state[:-1], index, k.clock[1:], tally)
+        steps, tally, sums = self._integrate(k.clock[:-1], k.state[:-1], index, k.clock[1:], True)
         work = np.vstack([np.zeros((1, 2)), np.cumsum(steps.work, axis=0)])
         balance = energy - energy[0] + work[:, 0] - work[:, 1]
         flow = max(
@@ -222,6 +225,7 @@ class Trajectory(Result):
             residuals,
             np.append(steps.open, 0.0),
             tally.state[LARGEST],
+            sums,
         )
 
     def _kinetic(self) -> Array:
@@ -236,32 +240,31 @@ class Trajectory(Result):
         return 0.5 * total
 
     def _integrate(
-        self, times: Array, states: Array, index: Array, ends: Array, tally: Tally | None = None
-    ) -> Steps:
+        self, times: Array, states: Array, index: Array, ends: Array, whole: bool = False
+    ) -> Accounts:
         """Follow the motion from given times and states, inside the steps of the knots `index`, to
-        `ends`.
+        `ends`, for its work.
 
-        With a tally, from knots to the next ones: they are checked, too.
+        If these are whole steps, from knots to the next ones, they are checked, too.
         """
         from stickslip.motion.between import step_balance
         from stickslip.motion.steps.arrays import Record
 
         p, k = self._problem, self.knots
-        steps = step_balance.make_steps(len(ends), k.state.shape[1])
         knots = k.record
         starts = Record(times, states, knots.mode[index], knots.region[index], knots.cause[index])
-        after = starts if tally is None else Record(*(part[1:] for part in knots))
+        after = Record(*(part[1:] for part in knots)) if whole else starts
+        accounts = step_balance.make_accounts(len(ends), p.rows)
         step_balance.audit_steps(
             p.machine,
             p.flow(retracing=True),
             self._seen,
             starts,
             after._replace(time=ends),
-            tally is not None,
-            steps,
-            step_balance.make_tally(p.rows) if tally is None else tally,
+            step_balance.Wanted(whole, whole),
+            accounts,
         )
-        return steps
+        return accounts
 
     # -- what a user asks for ----------------------------------------------------------------------
 
@@ -358,7 +361,7 @@ class Trajectory(Result):
         first = np.diff(knot, prepend=-1) != 0
         starts = np.where(first, k.clock[knot], np.roll(ends, 1))
         origins = np.where(first[:, None], k.state[knot], np.roll(states[order], 1, axis=0))
-        pieces = self._integrate(starts, np.ascontiguousarray(origins), knot, ends).work
+        pieces = self._integrate(starts, np.ascontiguousarray(origins), knot, ends).steps.work
         sums = np.cumsum(pieces, axis=0)
         work[order] = sums - (sums - pieces)[first][np.cumsum(first) - 1]
         return work

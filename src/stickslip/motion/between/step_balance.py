@@ -36,6 +36,7 @@ from stickslip.motion.between.nodes import (
     least_on_nodes,
     most,
 )
+from stickslip.motion.between.observers import Sums, add_step, count_times, make_sums
 from stickslip.motion.engine.guards import resting
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
@@ -144,6 +145,35 @@ def make_steps(count: int, n: int) -> Steps:
     return Steps(np.zeros((count, 2)), np.zeros((count, n)), np.zeros((count, n)), np.zeros(count))
 
 
+class Wanted(NamedTuple):
+    """What an audit is asked for beside the work.
+
+    Attributes
+    ----------
+    law : bool
+        Whether the law is obeyed.
+    extremes : bool
+        What :class:`stickslip.motion.between.observers.Sums` say beyond times and switches.
+    """
+
+    law: bool
+    extremes: bool
+
+
+class Accounts(NamedTuple):
+    """What an audit receives: zeros for each step, and what it adds to."""
+
+    steps: Steps
+    tally: Tally
+    sums: Sums
+
+
+def make_accounts(count: int, rows: Rows) -> Accounts:
+    """Room for some steps."""
+    n = int(rows.sizes[DIMENSION])
+    return Accounts(make_steps(count, n), make_tally(rows), make_sums((), n, len(rows.u)))
+
+
 class StepPiece(NamedTuple):
     """A part of a step, on which the motion is followed by polynomials.
 
@@ -174,9 +204,8 @@ def audit_steps(
     seen: Array,
     starts: Record,
     ends: Record,
-    check: bool,
-    steps: Steps,
-    tally: Tally,
+    wanted: Wanted,
+    accounts: Accounts,
 ) -> None:
     """Follow steps again, and measure them.
 
@@ -186,16 +215,14 @@ def audit_steps(
         Sizes of the rows that bound the steps; see :class:`stickslip.motion.steps.arrays.Lane`.
     starts, ends : Record
         Where each step begins and ends, with the modes and regions that begin there.
-    check : bool
-        Whether more than the work is wanted.
-    steps : Steps
-        Zeros; receives the numbers of each step.
-    tally : Tally
-        Is added to.
+    wanted : Wanted
+    accounts : Accounts
     """
     for i in range(len(ends.time)):
-        if ends.time[i] - starts.time[i] > 0.0:
-            audit_step(machine, flow, seen, starts, ends, check, i, steps, tally)
+        length = ends.time[i] - starts.time[i]
+        count_times(starts.mode[i], ends.mode[i], length, accounts.sums)
+        if length > 0.0:
+            audit_step(machine, flow, seen, starts, ends, wanted, i, accounts)
 
 
 @njit(**INLINED)
@@ -205,10 +232,9 @@ def audit_step(
     seen: Array,
     starts: Record,
     ends: Record,
-    check: bool,
+    wanted: Wanted,
     i: int,
-    steps: Steps,
-    tally: Tally,
+    accounts: Accounts,
 ) -> None:
     """Follow the i-th step again, piece by piece, and measure it.
 
@@ -216,14 +242,13 @@ def audit_step(
     ----------
     machine : Machine
     flow : Flow
-    seen, starts, ends, check
+    seen, starts, ends, wanted, accounts
         As of :func:`audit_steps`.
     i : int
         The step.
-    steps : Steps
-    tally : Tally
-        Both are added to.
     """
+    steps, tally, sums = accounts.steps, accounts.tally, accounts.sums
+    check = wanted.law
     nc = len(flow.rows.u)
     W = flow.space.W
     y = flow.space.trial
@@ -263,6 +288,8 @@ def audit_step(
                 h, steps.open[i] = longest, left  # no more is tried in this step
         piece = StepPiece(order, base, h, min(h, series) if series > 0.0 else h, factor)
         measure_piece(machine, flow, piece, mode, reg, check, i, steps, tally)
+        if wanted.extremes:
+            add_step(flow.rows, W, order, h, W[n, 1], flow.space.stack, sums)
         for r in range(n):
             y[r] = horner(W[r], order, h / W[n, 1])
         base = base + h

@@ -25,6 +25,7 @@ from stickslip.errors import DeclarationError
 from stickslip.model.quantities import described, drift_units
 from stickslip.model.system import System
 from stickslip.model.units import with_unit
+from stickslip.motion.between.observers import Sums
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.orbits.continuation.branch import SpecialPoint
@@ -34,7 +35,6 @@ from stickslip.orbits.cycles.finding import from_cycle, from_motion, from_state
 from stickslip.orbits.cycles.measure import ContactShare, Phase
 from stickslip.orbits.return_map.damped_newton import Closed
 from stickslip.orbits.return_map.mode_sequence import nearest_change
-from stickslip.orbits.settling.engine.tables import Sums
 from stickslip.results import Result, listed, restored_certificate
 
 if TYPE_CHECKING:
@@ -192,7 +192,7 @@ class Cycle(Result):
     @cached_property
     def _sums(self) -> Sums:
         """What the period amounts to."""
-        return measure.observed(self.trajectory)
+        return self.trajectory.audit.sums
 
     @property
     def title(self) -> str:

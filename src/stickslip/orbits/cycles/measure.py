@@ -6,9 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from stickslip.motion.steps.arrays import Record
+from stickslip.motion.between.observers import LASTED, Sums
 from stickslip.orbits.return_map.recurrence import segments
-from stickslip.orbits.settling.engine.tables import LASTED, Sums, make_sums
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -63,20 +62,6 @@ def phases(motion: Trajectory) -> tuple[Phase, ...]:
         whole = Phase(found[0].duration + found[-1].duration, found[0].modes, found[0].region)
         found = [whole, *found[1:-1]]
     return tuple(found)
-
-
-def observed(motion: Trajectory) -> Sums:
-    """What a period amounts to, measured as a point of a map is."""
-    from stickslip.orbits.settling.engine.observers import observe, reset
-
-    problem = motion._problem
-    k = motion.knots
-    sums = make_sums((), k.state.shape[1], k.mode.shape[1])
-    reset(sums)
-    knots = Record(k.clock, k.state, k.mode, k.region, k.cause)
-    flow = problem.flow(retracing=True)
-    observe(problem.machine, flow, motion._seen, knots, len(k.clock) - 1, True, sums)
-    return sums
 
 
 def contact_shares(motion: Trajectory, sums: Sums) -> dict[str, ContactShare]:

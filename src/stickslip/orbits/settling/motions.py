@@ -15,6 +15,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.motion.between.observers import LASTED, STUCK, Sums
 from stickslip.motion.ensemble import Lanes
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
@@ -24,17 +25,14 @@ from stickslip.orbits.settling.engine import measuring, settling
 from stickslip.orbits.settling.engine.tables import (
     DONE,
     DURATION,
-    LASTED,
     MEASURING,
     PHASE,
     PROVING,
-    STUCK,
     Bench,
     Engine,
     Found,
     Marks,
     Rules,
-    Sums,
     make_bench,
     make_found,
     make_marks,

@@ -22,9 +22,9 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.model.system import System
+from stickslip.motion.between.observers import LASTED, STUCK
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
-from stickslip.orbits.settling.engine.tables import LASTED, STUCK
 from stickslip.orbits.settling.motions import ATTRACTORS, MEASURED, Observed
 
 if TYPE_CHECKING:

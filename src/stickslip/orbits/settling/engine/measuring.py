@@ -6,6 +6,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.machine_code.functions import entry_point, njit
+from stickslip.motion.between.observers import Sums, reset
 from stickslip.motion.between.step_balance import (
     ENERGY_BALANCE,
     EQUATIONS,
@@ -16,7 +17,9 @@ from stickslip.motion.between.step_balance import (
     OWN_ROUNDING,
     SPENT,
     UNVERIFIED,
+    Accounts,
     Tally,
+    Wanted,
     audit_steps,
     judge,
 )
@@ -34,7 +37,6 @@ from stickslip.motion.steps.arrays import (
     Record,
     coefficients,
 )
-from stickslip.orbits.settling.engine.observers import observe, reset
 from stickslip.orbits.settling.engine.returns import (
     begin_again,
     gap,
@@ -87,7 +89,6 @@ from stickslip.orbits.settling.engine.tables import (
     Found,
     Marks,
     Rules,
-    Sums,
 )
 
 _AWRY = 1e-6  # a cycle that fails to close by more is none
@@ -188,14 +189,13 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
     now and then has that of a swing, not that from touch to touch.
 
     After a part of its period a motion is elsewhere, mostly; if it is not, it has to be where it
-    was all the way. The first marks give way to the states that are compared; they also tell
-    whether anything moves at all.
+    was all the way.
 
     Parameters
     ----------
     e : Engine
     m : Marks
-        Receive the duration.
+        Receive the duration; the first gives way to the states that are compared.
     rules : Rules
     saved : Lane
     bench : Bench
@@ -203,7 +203,6 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
     """
     s = e.lanes
     real = m.real[i]
-    p = 2
     # Components that do not move at the marks may do so in between: their sizes are those on the
     # whole way.
     copy_lane(saved, i, s, i)
@@ -217,43 +216,87 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
     # A period later everything is rounded as it was, if the clock has been set back; a part of it
     # later it is not.
     limit = max(told_apart(m, i), _ROUNDED * e.flow.tol)
-    while p <= _PARTS:
-        part = real[DURATION] / p
+    p = likely_part(e, m, rules, saved, bench, i, 2)
+    while p > 0:
         off = 0.0
         for j in range(p * _SAMPLES):
             # the b-th return to the a-th state
             a = j // p
             b = j % p
-            if not off <= rules.real[5]:
-                continue
-            if b == 0:
-                copy_lane(saved, i, s, i)
-            follow_lane(
-                e,
-                i,
-                real[START] + part * (a / _SAMPLES + b),
-                rules.most[1],
-                UNRECORDED,
-                bench.record,
-            )
-            extend(m, rules, i, real[START], s.clock[i, NOW], s.y[i], bench)
-            if b == 0:
-                m.time[i, 0] = s.clock[i, NOW]
-                copy(s.y[i], m.state[i, 0])
-            else:
-                gap(m, i, 0, s.clock[i, NOW], s.y[i], rules.shifts, bench.work[0])
-                off = (
-                    max(off, miss(bench.work[0], m.size[i], rules.real[4]))
-                    if e.codes[i] == FINISHED
-                    else np.inf
-                )
+            if off <= rules.real[5]:
+                if b == 0:
+                    copy_lane(saved, i, s, i)
+                later = real[DURATION] / p * (a / _SAMPLES + b)
+                off = max(off, return_after(e, m, rules, bench, i, later, b == 0))
         if not moves(rules, bench, bench.tally.state[LARGEST], False) > 0.0:
             return
         if off <= limit:
-            real[DURATION] = part
+            real[DURATION] /= p
         else:
             real[OPEN] = min(off, real[OPEN])
             p += 1 if p == 2 else 2
+        p = likely_part(e, m, rules, saved, bench, i, p)
+
+
+@njit(**INLINED)
+def likely_part(
+    e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int, p: int
+) -> int:
+    """The least q ≥ p, 2 or odd, for which a motion is where it was after the q-th part of its
+    period; 0 if there is none.
+
+    Parameters
+    ----------
+    e : Engine
+    m : Marks
+    rules : Rules
+    saved : Lane
+    bench : Bench
+    i, p : int
+    """
+    real = m.real[i]
+    found = 0
+    copy_lane(saved, i, e.lanes, i)
+    return_after(e, m, rules, bench, i, 0.0, True)
+    for q in range(_PARTS, p - 1, -1):
+        if q == 2 or q % 2 == 1:
+            off = return_after(e, m, rules, bench, i, real[DURATION] / q, False)
+            if off <= rules.real[5]:
+                found = q
+            else:
+                real[OPEN] = min(off, real[OPEN])
+    return found
+
+
+@njit(**OPTIONS)
+def return_after(
+    e: Engine, m: Marks, rules: Rules, bench: Bench, i: int, later: float, first: bool
+) -> float:
+    """Follow a lane until some time after its start; by how much it misses the first mark, which is
+    put here if it is the first.
+
+    Parameters
+    ----------
+    e : Engine
+    m : Marks
+    rules : Rules
+    bench : Bench
+    i : int
+    later : float
+    first : bool
+    """
+    s = e.lanes
+    start = m.real[i, START]
+    follow_lane(e, i, start + later, rules.most[1], UNRECORDED, bench.record)
+    if e.codes[i] != FINISHED:
+        return np.inf
+    extend(m, rules, i, start, s.clock[i, NOW], s.y[i], bench)
+    if first:
+        m.time[i, 0] = s.clock[i, NOW]
+        copy(s.y[i], m.state[i, 0])
+        return 0.0
+    gap(m, i, 0, s.clock[i, NOW], s.y[i], rules.shifts, bench.work[0])
+    return miss(bench.work[0], m.size[i], rules.real[4])
 
 
 @njit(**OPTIONS)
@@ -355,7 +398,6 @@ def add_steps(
     steps = count - 1
     fine = Flow(flow.rows, flow.k, flow.space, flow.order, rules.fine[0], rules.fine[1])
     flow.space.known[-1] = 1
-    observe(e.machine, fine, seen, record, steps, rules.closely, sums)
     for j in range(steps):
         fill(work[j], 0.0)
         fill(bench.steps.gap[j], 0.0)
@@ -363,7 +405,9 @@ def add_steps(
         bench.steps.open[j] = 0.0
     starts = knots_of(record, 0, steps)
     ends = knots_of(record, 1, count)
-    audit_steps(e.machine, fine, seen, starts, ends, True, bench.steps, bench.tally)
+    wanted = Wanted(True, rules.closely)
+    accounts = Accounts(bench.steps, bench.tally, sums)
+    audit_steps(e.machine, fine, seen, starts, ends, wanted, accounts)
     for j in range(carried, count):
         energy = energy_at(e, flow, bench, j)
         if j == 0:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.motion.between.observers import Sums, make_sums
 from stickslip.motion.between.step_balance import Steps, Tally, make_steps, make_tally
 from stickslip.motion.engine.forms import ClosedForms, Flight
 from stickslip.motion.steps.arrays import (
@@ -52,8 +53,6 @@ START, DURATION, MISS, FLOOR, STRETCH, OPEN, LEAST, PATIENT, ASK, REACH = range(
 ENERGY, LAW, MOTION, CLOSURE, PERIOD = range(5)
 """Columns of :attr:`Found.audit`."""
 
-LASTED, STUCK = range(2)
-"""Slots of :attr:`Sums.total`."""
 
 AT_FIRST, LOST, GAINED, LOWEST, HIGHEST, IMBALANCE = range(6)
 """Slots of :attr:`Bench.balance`."""
@@ -90,7 +89,7 @@ class Rules(NamedTuple):
     fine : array, shape (2,)
         Tolerances with which steps are followed again.
     closely : bool
-        As in :func:`stickslip.orbits.settling.engine.observers.observe`.
+        Whether extremes, work and forces of contacts are measured.
     timed : bool
         Whether time enters in a way that might not repeat, which the host has to look into.
     leaping : bool
@@ -169,31 +168,6 @@ class Marks(NamedTuple):
     outcome: Array
     home: Lane
     before: Lane
-
-
-class Sums(NamedTuple):
-    """What has been observed of a motion (or, with a leading axis, of every lane).
-
-    Attributes
-    ----------
-    low, high : arrays, shape (n,)
-        Least and largest value of each component.
-    stick, work, peak, impulse : arrays, shape (contacts,)
-        Time in stick, dissipated energy −∫λu dt, largest |λ| and ∫λ dt.
-    total : array
-        Duration (LASTED), and the time in which all contacts stick (STUCK).
-    switches : array of int
-        Changes between stick and slip.
-    """
-
-    low: Array
-    high: Array
-    stick: Array
-    work: Array
-    peak: Array
-    impulse: Array
-    total: Array
-    switches: Array
 
 
 class Found(NamedTuple):
@@ -306,21 +280,6 @@ def make_marks(drive: Array, ring: int, n: int, home: Lane, before: Lane) -> Mar
     marks.real[:, PATIENT] = np.inf
     marks.real[:, ASK] = -np.inf
     return marks
-
-
-def make_sums(lanes: tuple[int, ...], n: int, contacts: int) -> Sums:
-    """Nothing observed yet, of one motion or (with a leading axis) of several."""
-    z = np.zeros
-    return Sums(
-        low=z((*lanes, n)),
-        high=z((*lanes, n)),
-        stick=z((*lanes, contacts)),
-        work=z((*lanes, contacts)),
-        peak=z((*lanes, contacts)),
-        impulse=z((*lanes, contacts)),
-        total=z((*lanes, 2)),
-        switches=z((*lanes, 1), np.int64),
-    )
 
 
 def make_found(lanes: int, n: int, contacts: int) -> Found:

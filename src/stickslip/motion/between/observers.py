@@ -1,32 +1,25 @@
-"""What a stretch of motion amounts to, accumulated step by step in compiled code.
+"""What a stretch of motion amounts to: extremes, time in stick, forces and work of its contacts,
+added up step by step in compiled code.
 
-The steps are followed again by Taylor series from their first states, as everywhere between knots
-(:mod:`stickslip.motion.between.dense`), so that extrema lie where they lie, not at the nearest
-knot.
+Extremes are those of the Taylor polynomials by which an audit follows the steps again
+(:mod:`.step_balance`), so that they lie where they lie, not at the nearest knot.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import entry_point, njit
-from stickslip.motion.between.nodes import GAUSS_NODES as GAUSS_NODES
-from stickslip.motion.between.nodes import GAUSS_WEIGHTS as GAUSS_WEIGHTS
+from stickslip.machine_code.functions import njit
+from stickslip.motion.between.nodes import GAUSS_NODES, GAUSS_WEIGHTS
 from stickslip.motion.engine.guards import resting
-from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import halve, horner, lowest
-from stickslip.motion.steps.arrays import (
-    DIMENSION,
-    OPTIONS,
-    Flow,
-    Instant,
-    Machine,
-    Record,
-    Rows,
-)
-from stickslip.motion.steps.stiff import follow_mode
-from stickslip.orbits.settling.engine.tables import LASTED, STUCK, Sums
+from stickslip.motion.steps.arrays import OPTIONS, Rows
+
+LASTED, STUCK = range(2)
+"""Slots of :attr:`Sums.total`."""
 
 _LEFT, _WIDTH = 33, 34  # of an interval, behind its Bernstein coefficients
 _DEEPEST = 40  # halvings
@@ -34,7 +27,47 @@ _ROUNDED = 1e-15  # part of the terms of a polynomial that its value is known to
 _FLAT = 1e-9  # part of a bracket within which an extremum is known
 
 
-@entry_point(**OPTIONS)
+class Sums(NamedTuple):
+    """What has been observed of a motion (or, with a leading axis, of every lane).
+
+    Attributes
+    ----------
+    low, high : arrays, shape (n,)
+        Least and largest value of each component.
+    stick, work, peak, impulse : arrays, shape (contacts,)
+        Time in stick, dissipated energy −∫λu dt, largest |λ| and ∫λ dt.
+    total : array
+        Duration (LASTED), and the time in which all contacts stick (STUCK).
+    switches : array of int
+        Changes between stick and slip.
+    """
+
+    low: Array
+    high: Array
+    stick: Array
+    work: Array
+    peak: Array
+    impulse: Array
+    total: Array
+    switches: Array
+
+
+def make_sums(lanes: tuple[int, ...], n: int, contacts: int) -> Sums:
+    """Nothing observed yet, of one motion or (with a leading axis) of several."""
+    z = np.zeros
+    return Sums(
+        low=np.full((*lanes, n), np.inf),
+        high=np.full((*lanes, n), -np.inf),
+        stick=z((*lanes, contacts)),
+        work=z((*lanes, contacts)),
+        peak=z((*lanes, contacts)),
+        impulse=z((*lanes, contacts)),
+        total=z((*lanes, 2)),
+        switches=z((*lanes, 1), np.int64),
+    )
+
+
+@njit(**OPTIONS)
 def reset(sums: Sums) -> None:
     """Nothing has been observed yet."""
     for r in range(len(sums.low)):
@@ -135,67 +168,23 @@ def turning_point(c: Array, d: int, a: float, b: float, rising: bool) -> float:
     return x
 
 
-@entry_point(**OPTIONS)
-def observe(
-    machine: Machine,
-    flow: Flow,
-    seen: Array,
-    knots: Record,
-    steps: int,
-    closely: bool,
-    sums: Sums,
-) -> None:
-    """Add the first steps of a record.
+@njit(**OPTIONS)
+def count_times(mode: Array, after: Array, length: float, sums: Sums) -> None:
+    """Add the time of a step in a mode, and the switches at its end.
 
     Parameters
     ----------
-    seen : array
-        Sizes of the rows that bound the steps; see :class:`stickslip.motion.steps.arrays.Lane`.
-    knots : Record
-        The step `i` lasts from knot `i` to the next.
-    steps : int
-        So many.
-    closely : bool
-        Whether extrema, work and forces are wanted, for which the steps have to be followed again.
+    mode, after : arrays of int, shape (contacts,)
+        On the step, and from its end on.
     """
-    rows = flow.rows
-    W = flow.space.W
-    n = rows.sizes[DIMENSION]
-    nc = len(rows.u)
-    # free between steps
-    y = flow.space.y0
-    mode = flow.space.touched[:nc]
-    reg = flow.space.touched[nc:]
-    for i in range(steps):
-        length = knots.time[i + 1] - knots.time[i]
-        stuck = True
-        for c in range(nc):
-            now = knots.mode[i, c]
-            then = knots.mode[i + 1, c]
-            stuck = stuck and resting(now)
-            sums.stick[c] += length if resting(now) else 0.0
-            sums.switches[0] += 1 if then != now and not (resting(then) and resting(now)) else 0
-        sums.total[LASTED] += length
-        sums.total[STUCK] += length if stuck and nc > 0 else 0.0
-        if not closely or not length > 0.0:
-            continue
-        copy(knots.mode[i], mode)
-        copy(knots.region[i], reg)
-        resolve(rows, flow.k, flow.space, mode)
-        copy(knots.state[i], y)
-        base = knots.time[i]
-        left = length
-        before = 0.0
-        while left > 0.0:
-            start = Instant(base, y, mode, reg)
-            order, h, _ = follow_mode(machine, flow, start, left, before, seen)
-            h = min(left, max(h, 1e-12 * left))
-            add_step(rows, W, order, h, W[n, 1], flow.space.stack, sums)
-            for r in range(n):
-                y[r] = horner(W[r], order, h / W[n, 1])
-            base = base + h
-            left = left - h
-            before = h
+    stuck = len(mode) > 0
+    for c in range(len(mode)):
+        rests = resting(mode[c])
+        stuck = stuck and rests
+        sums.stick[c] += length if rests else 0.0
+        sums.switches[0] += 1 if after[c] != mode[c] and not (rests and resting(after[c])) else 0
+    sums.total[LASTED] += length
+    sums.total[STUCK] += length if stuck else 0.0
 
 
 @njit(**OPTIONS)
