@@ -26,6 +26,7 @@ from stickslip.display.tree import (
     differentiated,
 )
 from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.pieces import STRUCTURES
 
 NAMES = ss.catalogue.names()
 
@@ -285,10 +286,8 @@ class Evaluator:
                 return min(max(a[0], a[1]), a[2])
             case "min" | "max":
                 return min(a) if name == "min" else max(a)
-            case "abs":
-                return abs(a[0])
-            case "sgn":
-                return math.copysign(1.0, a[0])
+        if name in STRUCTURES:
+            return ex.number(STRUCTURES[name].made(*map(ex.num, a)))
         return ex.FUNCTIONS[name](a[0])
 
 

@@ -80,7 +80,7 @@ NEW = (
     ),
 )
 ORACLES: dict[str, Callable[..., Any]] = {
-    **{name: getattr(mp, name) for name in FUNCTIONS},
+    **{name: getattr(mp, name) for name, row in FUNCTIONS.items() if not row.typed},
     "gd": lambda x: 2 * mp.atan(mp.tanh(x / 2)),
     "sech": mp.sech,
     "hump": lambda x: x / (1 + x * x),
@@ -260,7 +260,7 @@ def test_no_function_strays_further_than_its_growth(name: str, radius: float) ->
     found = growth(parse(f"{name}(x)"), "x", middle - radius, middle + radius, np.full(3, radius))
     circle = [radius * mp.expjpi(mp.mpf(k) / 16) for k in range(32)]
     for c, bound in zip(middle.tolist(), found.tolist(), strict=True):
-        if name in ("log", "atanh") and radius >= min(c, 1.0 - c):
+        if name in ("log", "atanh", "asin", "acos") and radius >= min(c, 1.0 - c):
             continue
         strays = max(abs(ORACLES[name](c + d) - ORACLES[name](mp.mpf(c))) for d in circle)
         assert strays <= bound * (1 + 1e-12)
@@ -377,7 +377,7 @@ ROOMS = ("symbolic", "model", "equations", "display", "motion", "orbits", "orbit
 
 def dispatches(tree: ast.AST) -> list[int]:
     """Lines that compare with the name of a function, or look something up by it."""
-    names = {name for name in FUNCTIONS}
+    names = {name for name, row in FUNCTIONS.items() if not row.typed}
     found = []
     for node in ast.walk(tree):
         match node:

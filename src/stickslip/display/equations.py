@@ -88,7 +88,7 @@ class Friction:
             stick = Relation("<=", negate(plus), Relation("<=", force, minus))
         laws: list[tuple[Node, Node]] = [(Relation("=", u, NOUGHT), stick)]
         if left == right:
-            slip = negate(times(right, Call("sgn", (u,))))
+            slip = negate(times(right, Call("sign", (u,))))
             laws.append((Relation("!=", u, NOUGHT), Relation("=", force, slip)))
         else:
             laws.append((Relation(">", u, NOUGHT), Relation("=", force, negate(right))))

@@ -23,6 +23,7 @@ from stickslip.display.tree import (
     negate,
 )
 from stickslip.symbolic.functions import FUNCTIONS
+from stickslip.symbolic.pieces import STRUCTURES, Structure
 
 _SUM, _PRODUCT, _POWER, _ATOM = range(4)
 _VULGAR = {
@@ -123,8 +124,8 @@ class UnicodeWriter:
 
     def call(self, node: Call) -> str:
         match node:
-            case Call("abs", (x,)):
-                return self.bars(self(x))
+            case Call(name, (x,)) if name in STRUCTURES and STRUCTURES[name].fences[0]:
+                return self.fenced(STRUCTURES[name], self(x))
             case Call("piecewise", arguments):
                 pairs = list(zip(arguments[:-1:2], arguments[1:-1:2], strict=True))
                 return self.cases(
@@ -145,7 +146,8 @@ class UnicodeWriter:
         names = [
             self.name(self.arguments[node.name][int(i)] if i.isdigit() else i) for i in node.by
         ]
-        return "".join(f"∂_{name} " for name in names) + self.name(node.name) + inside
+        shown = STRUCTURES[node.name].shown if node.name in STRUCTURES else ""
+        return "".join(f"∂_{name} " for name in names) + (shown or self.name(node.name)) + inside
 
     def is_rate(self, node: Call) -> bool:
         """Whether it is the time derivative of a drive."""
@@ -178,8 +180,8 @@ class UnicodeWriter:
     def brackets(self, text: str) -> str:
         return f"({text})"
 
-    def bars(self, text: str) -> str:
-        return f"|{text}|"
+    def fenced(self, structure: Structure, text: str) -> str:
+        return text.join(structure.fences)
 
     def fraction(self, above: Node, below: Node) -> str:
         return f"{self(above, _PRODUCT)}/{self(below, _POWER)}"
@@ -234,8 +236,8 @@ class LatexWriter(UnicodeWriter):
         tall = r"\frac" in text or r"\begin" in text
         return rf"\left({text}\right)" if tall else f"({text})"
 
-    def bars(self, text: str) -> str:
-        return rf"\left|{text}\right|"
+    def fenced(self, structure: Structure, text: str) -> str:
+        return text.join(structure.latex_fences)
 
     def fraction(self, above: Node, below: Node) -> str:
         return rf"\frac{{{self(above)}}}{{{self(below)}}}"
@@ -260,8 +262,8 @@ class LatexWriter(UnicodeWriter):
             return FUNCTIONS[node.name].in_latex + inside
         if node.name in ("min", "max"):
             return rf"\{node.name}{inside}"
-        if node.name in ("clip", "sgn"):
-            return rf"\operatorname{{{node.name}}}{inside}"
+        if node.name in STRUCTURES:
+            return rf"\operatorname{{{STRUCTURES[node.name].shown or node.name}}}{inside}"
         if self.is_rate(node):
             return latex_name(node.name, 1) + inside
         if node.by and set(node.by) == {"0"} and len(node.arguments) == 1:

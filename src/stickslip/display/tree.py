@@ -18,7 +18,8 @@ from math import gcd
 from typing import TYPE_CHECKING
 
 from stickslip.symbolic.formulas import builtins, parse_signature
-from stickslip.symbolic.functions import FUNCTIONS, Function
+from stickslip.symbolic.functions import FUNCTIONS
+from stickslip.symbolic.pieces import STRUCTURES
 
 if TYPE_CHECKING:
     from stickslip.model.system import System
@@ -249,8 +250,6 @@ def _by_argument(call: Call, name: str) -> Node:
     if all(slope == NOUGHT for slope in inner):
         return NOUGHT
     match call.name:
-        case "abs":
-            return times(Call("sgn", call.arguments), inner[0])
         case "min" | "max":
             return _of_extremum(call, inner)
         case "clip":
@@ -261,8 +260,15 @@ def _by_argument(call: Call, name: str) -> Node:
         case "piecewise":
             pairs = [(c, v) for c, v in zip(call.arguments[:-1:2], inner[1:-1:2], strict=True)]
             return choice(pairs, inner[-1])
-    outer = inserted(_slope(FUNCTIONS[call.name]), {"x": call.arguments[0]})
-    return _functions_last(times(outer, _primitive(inner[0])))
+    arguments = STRUCTURES[call.name].arguments if call.name in STRUCTURES else ("x",)
+    values = dict(zip(arguments, call.arguments, strict=True))
+    return sum_of(
+        *(
+            _functions_last(times(inserted(outer, values), _primitive(slope)))
+            for outer, slope in zip(_slopes(call.name), inner, strict=True)
+            if slope != NOUGHT
+        )
+    )
 
 
 def _of_extremum(call: Call, inner: list[Node]) -> Node:
@@ -283,10 +289,16 @@ def choice(pairs: Iterable[tuple[Node, Node]], otherwise: Node) -> Node:
     return Call("piecewise", (*(part for pair in pairs for part in pair), otherwise))
 
 
+def _slopes(name: str) -> list[Node]:
+    """The derivatives of a function, in the names of its arguments."""
+    if name in STRUCTURES:
+        return [_shown(text) for text in STRUCTURES[name].slopes]
+    return [_shown(FUNCTIONS[name].shown or FUNCTIONS[name].derivative)]
+
+
 @cache
-def _slope(row: Function) -> Node:
-    """The derivative of a function of the table, in ``x``."""
-    return Reader().read(row.shown or row.derivative)
+def _shown(text: str) -> Node:
+    return Reader().read(text)
 
 
 def names_in(node: Node) -> set[str]:

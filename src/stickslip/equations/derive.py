@@ -21,7 +21,7 @@ from stickslip.model.declaration import Declaration, DryContact
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.functions import is_wave
+from stickslip.symbolic.functions import is_periodic
 
 _KINDS = tuple(Kind)
 
@@ -70,7 +70,7 @@ class MotionEquations:
     kinks : list of Expr
         Guards of all functions with kinks; region 1 is guard ≥ 0.
     frequencies : list of Expr
-        Rates ω of the phases of sines and cosines of time.
+        Rates ω of the phases of what repeats in time.
     timed : bool
         Whether time enters the equations.
     energy, dissipation, supply : Expr
@@ -107,7 +107,7 @@ class MotionEquations:
         numbers = dict.fromkeys(zero, ex.ZERO)
         try:
             waves = ex.walk([ex.substitute(e, numbers) for e in self.formulas])
-            felt = {ex.derivative(e.args[0], "t") for e in waves if is_wave(e.op)}
+            felt = {ex.frequency(e) for e in waves if is_periodic(e.op)}
             rates = [ex.substitute(e, numbers) for e in self.frequencies]
         except (ZeroDivisionError, OverflowError):
             return [True] * len(self.frequencies)
@@ -286,8 +286,8 @@ def _powers(d: Declaration, contacts: list[DryContact]) -> tuple[Expr, Expr, Exp
 def _frequencies(used: list[Expr], parameters: list[str]) -> list[Expr]:
     found: dict[Expr, None] = {}
     for node in ex.walk(used):
-        if is_wave(node.op) and "t" in node.symbols:
-            rate = ex.derivative(node.args[0], "t")
+        if is_periodic(node.op) and "t" in node.symbols:
+            rate = ex.frequency(node)
             if rate.symbols <= set(parameters) and -rate not in found:
                 found[rate] = None
     return list(found)

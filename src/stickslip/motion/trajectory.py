@@ -22,6 +22,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.results import Result, listed
 from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.pieces import unwrapped
 
 if TYPE_CHECKING:
     import pandas
@@ -420,7 +421,7 @@ class Trajectory(Result):
         changes = np.hstack([np.diff(mode, axis=0), np.diff(k.region, axis=0)])
         knot, which = np.nonzero(changes)
         names = [c.name for c in equations.contacts] + [
-            f"{ex.to_text(g)} = 0" for g in equations.kinks
+            f"{ex.to_text(unwrapped(g))} = 0" for g in equations.kinks
         ]
         # The names of the modes −1, 0, 1, then those of the regions 0, 1.
         words = np.array(

@@ -2,20 +2,22 @@
 
 Every expression is kept in one canonical form (a sum of coefficients times products of powers) and
 is unique: equal expressions are the same object. Simplification, common subexpressions and the
-question "does this depend on the state?" then cost nothing. A function with a kink (abs, min, max,
-clip, piecewise) is a :func:`select` on the sign of its *guard*; the engine turns each guard into an
-event.
+question "does this depend on the state?" then cost nothing. A function with a kink or a jump (abs,
+min, piecewise, floor, ...) is a :func:`select` on the sign of its *guard*; the engine turns each
+guard into an event.
 """
 
 from __future__ import annotations
 
 import hashlib
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping
 
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS
 
 Terms = tuple[tuple["Expr", float], ...]
+_ARGUMENT_OF_ROW = re.compile(r"\bx\b")
 
 
 class Expr:
@@ -239,11 +241,15 @@ def power(base: Expr, exponent: Expr) -> Expr:
 
 def call(name: str, argument: Expr) -> Expr:
     """A function of :data:`~stickslip.symbolic.functions.FUNCTIONS` applied to an expression."""
+    row = FUNCTIONS[name]
     if argument.op == "num":
         try:
-            return num(FUNCTIONS[name](number(argument)))
+            return num(row(number(argument)))
         except ValueError:
             raise ZeroDivisionError(f"{name}({number(argument):g}) is undefined") from None
+    if row.typed and row.period and argument.op == "sum":  # a period that is exact
+        turns = math.floor(float(argument.value) / row.period + 0.5)
+        argument = add((argument, 1.0), (num(turns * row.period), -1.0))
     return _node(name, 0.0, (argument,))
 
 
@@ -346,12 +352,21 @@ def at(body: Expr, argument: Expr) -> Expr:
     return substitute(body, {ARGUMENT: argument})
 
 
-def turned(wave: Expr, quarters: int) -> Expr:
-    """A sine or cosine some quarters of its period later: as many derivatives of the function."""
-    body = call(wave.op, sym(ARGUMENT))
+def frequency(e: Expr) -> Expr:
+    """The angular frequency of a function that repeats: its phase, in radians, by time."""
+    return (2.0 * math.pi / FUNCTIONS[e.op].period) * derivative(e.args[0], "t")
+
+
+def turned(e: Expr, quarters: int) -> Expr:
+    """A function that repeats some quarters of its period later: of a sine or cosine as many
+    derivatives."""
+    row = FUNCTIONS[e.op]
+    if row.crest is None:
+        return call(e.op, e.args[0] + 0.25 * (quarters % 4) * row.period)
+    body = call(e.op, sym(ARGUMENT))
     for _ in range(quarters % 4):
         body = derivative(body, ARGUMENT)
-    return at(body, wave.args[0])
+    return at(body, e.args[0])
 
 
 def along(expression: Expr, rates: Mapping[str, Expr]) -> Expr:
@@ -487,11 +502,16 @@ def _text(e: Expr, known: Mapping[Expr, tuple[str, int]]) -> tuple[str, int]:
             return text, 2
         case "pow":
             return f"{inner(e.args[0], 4)}**{inner(e.args[1], 4)}", 3
-        case "select":
-            guard, above, below = (inner(a) for a in e.args)
-            return f"piecewise({guard} >= 0, {above}, {below})", 5
-        case _:
-            return f"{e.op}({inner(e.args[0])})", 5
+    from stickslip.symbolic.pieces import spelled
+
+    if (call := spelled(e)) is not None:
+        return f"{call[0]}({', '.join(map(to_text, call[1]))})", 5
+    if e.op == "select":
+        guard, above, below = (inner(a) for a in e.args)
+        return f"piecewise({guard} >= 0, {above}, {below})", 5
+    if typed := FUNCTIONS[e.op].typed:
+        return f"({_ARGUMENT_OF_ROW.sub(inner(e.args[0], 5), typed)})", 5
+    return f"{e.op}({inner(e.args[0])})", 5
 
 
 def _times(c: float, product: str) -> str:

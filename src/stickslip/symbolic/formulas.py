@@ -23,6 +23,7 @@ from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
+from stickslip.symbolic.pieces import STRUCTURES
 
 # What is read at once. A sum may be long, since its terms are read one by one; nothing else may,
 # since products of many factors have derivatives of as many terms, and Python's parser recurses.
@@ -44,15 +45,34 @@ _TOKEN = re.compile(
     r"|(?P<sign>[+-])|(?P<open>\()|(?P<close>\))|(?P<comma>,)|\*\*|[*/<>=]"
 )
 _SIGNATURE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*(?:\(([^()]*)\))?\s*\Z")
-_STRUCTURES = {"sqrt": 1, "abs": 1, "clip": 3, "min": None, "max": None, "piecewise": None}
+_ELSEWHERE = {
+    "ln": "log(x)",
+    "log10": "log(x)/log(10)",
+    "log2": "log(x)/log(2)",
+    "exp2": "2**x",
+    "cbrt": "sign(x)*abs(x)**(1/3)",
+    "pow": "x**y",
+    "arctan2": "atan(y/x)",
+    "atan2": "atan(y/x)",
+    "ceil": "-floor(-x)",
+    "round": "floor(x + 1/2)",
+    "frac": "mod(x, 1)",
+    "fmod": "mod(x, m)",
+    "signum": "sign(x)",
+    "step": "heaviside(x)",
+    "hypot": "sqrt(x**2 + y**2)",
+    "where": "piecewise(x < 0, a, b)",
+}  # what other languages have, and how it is written here
 _CONSTANTS = {"pi": ex.num(math.pi)}
 _RESERVED = frozenset(_CONSTANTS) | {"t", "speed"}
 
 
 def builtins() -> dict[str, int | None]:
     """The functions of the language with the number of their arguments (None: at least one): those
-    of the table, and those that are written for powers and kinks."""
-    return _STRUCTURES | dict.fromkeys(FUNCTIONS, 1)
+    of the table, and those that are made of others."""
+    made = {name: None if s.several else len(s.arguments) for name, s in STRUCTURES.items()}
+    rows = {name: 1 for name, row in FUNCTIONS.items() if not row.typed}
+    return made | rows | {"piecewise": None}
 
 
 @dataclass(frozen=True)
@@ -83,11 +103,14 @@ class Scope:
         Functions that the declaration defines.
     forbidden : mapping of str to str
         Names that exist but may not be used here, with the reason.
+    rows : frozenset of str
+        Rows of the table of functions that this may name, beside those that any formula may.
     """
 
     names: Mapping[str, Expr]
     definitions: Mapping[str, Definition] = field(default_factory=dict)
     forbidden: Mapping[str, str] = field(default_factory=dict)
+    rows: frozenset[str] = frozenset()
     _open: list[str] = field(default_factory=list)
     _known: dict[tuple, Expr] = field(default_factory=dict)
     _work: int = 0
@@ -373,6 +396,10 @@ class _Reader:
                 return a**b
             case ast.BitXor():
                 raise self.fail("'^' is not a power", "Write ** for powers")
+            case ast.Mod():
+                raise self.fail("'%' is no operator of formulas", "Write mod(x, m)")
+            case ast.FloorDiv():
+                raise self.fail("'//' is no operator of formulas", "Write floor(x/y)")
         raise self.fail(f"unknown operator ({type(op).__name__})", "Allowed are + - * / **")
 
     def name(self, name: str) -> Expr:
@@ -403,34 +430,23 @@ class _Reader:
             return self.piecewise(node.args, depth)
         if any(isinstance(a, ast.Starred) for a in node.args):
             raise self.fail("'*' cannot stand before an argument", "List the arguments")
-        known = builtins()
+        known = builtins() | dict.fromkeys(self.scope.rows, 1)
         if name not in known and name not in self.scope.definitions:
+            if name in _ELSEWHERE:
+                raise self.fail(f"unknown function '{name}'", f"Write {_ELSEWHERE[name]}")
             raise self.unknown("function", name, [*known, *self.scope.definitions])
         arguments = tuple(self.visit(a, depth + 1) for a in node.args)
         if name in self.scope.definitions:
             return self.scope.apply(name, arguments, self.where)
         wanted = known[name]
         if (wanted is not None and len(arguments) != wanted) or not arguments:
+            named = STRUCTURES[name].arguments if name in STRUCTURES else ("x",)
             raise self.fail(
                 f"'{name}' takes {wanted or 'at least 1'} argument(s), not {len(arguments)}",
-                f"Write {name}({', '.join('xyz'[: wanted or 2])})",
+                f"Write {name}({', '.join(named)})",
             )
-        return self.builtin(name, arguments)
-
-    def builtin(self, name: str, arguments: tuple[Expr, ...]) -> Expr:
-        match name:
-            case "sqrt":
-                return ex.power(arguments[0], ex.num(0.5))
-            case "abs":
-                return ex.absolute(arguments[0])
-            case "clip":
-                return ex.clip(*arguments)
-            case "min" | "max":
-                choose = ex.minimum if name == "min" else ex.maximum
-                value = arguments[0]
-                for other in arguments[1:]:
-                    value = choose(value, other)
-                return value
+        if name in STRUCTURES and name not in self.scope.rows:
+            return STRUCTURES[name].made(*arguments)
         return ex.call(name, arguments[0])
 
     def piecewise(self, nodes: list[ast.expr], depth: int) -> Expr:

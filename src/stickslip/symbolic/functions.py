@@ -9,8 +9,9 @@ says what nobody can derive: value, derivative, and how its values run. The rest
 * how far values stray on a disc of complex numbers from the mean value, |f(z) − f(c)| ≤ r sup|f′|.
 
 A few functions are closer to their derivatives than that, and have a `recurrence` and a `growth` of
-their own. Whatever is not of this table (sums, powers, abs, min, max, piecewise) is structure, not
-a function: see :mod:`stickslip.symbolic.expressions`.
+their own. Whatever is not of this table is structure, not a function: sums and powers
+(:mod:`stickslip.symbolic.expressions`), and what has kinks and jumps
+(:mod:`stickslip.symbolic.pieces`).
 """
 
 from __future__ import annotations
@@ -31,6 +32,9 @@ ARGUMENT = "'x"
 """The argument in the formula of a derivative: no formula of a user can name it."""
 _QUARTER = math.pi / 2.0
 _ABOVE_QUARTER = math.nextafter(_QUARTER, 2.0)
+_ABOVE_HALF = math.nextafter(math.pi, 4.0)
+_TURN = 2.0 * math.pi
+_WITHOUT_TURNS = "2*atan(tan(x/2))"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -56,8 +60,8 @@ class Function:
         Value in machine code, a formula in ``x`` of others. By default the function of this name in
         the mathematical library of C.
     arrays : str
-        Where its function of arrays is, as ``"module:name"``. By default `value` is called number
-        by number.
+        Where its function of arrays is, as ``"module:name"``. By default that of `formula`, or
+        `value` is called number by number.
     latex : str
         By default the upright name.
     parity : {"odd", "even", ""}
@@ -72,7 +76,17 @@ class Function:
     crest : float or None
         Of a wave, between −1 and 1 with the period 2π: a place at which it is 1.
     poles : (float, float) or None
-        One of them, and their distance.
+        A pole or a jump, and the distance to the next one.
+    rises : bool
+        Whether it rises across its jumps, too.
+    period : float
+        After which it repeats, if it does; 0 if it does not.
+    within : str
+        The argument without whole periods, a formula in ``x``: of what repeats.
+    typed : str
+        Of a row that only pieces are made of (:mod:`stickslip.symbolic.pieces`): a formula in ``x``
+        for it, since formulas cannot name it. It is continued beyond its piece, so that its jumps
+        are never met; its enclosures hold for what it is in its piece.
     recurrence : str
         How its Taylor series is made: an operation of :class:`stickslip.symbolic.tape.Op`.
     growth : str
@@ -94,6 +108,10 @@ class Function:
     exactly: tuple[float, float] | None = None
     crest: float | None = None
     poles: tuple[float, float] | None = None
+    rises: bool = False
+    period: float = 0.0
+    within: str = ""
+    typed: str = ""
     recurrence: Literal["chain", "exp", "log", "rotation", "hyperbolic", "tan", "tanh"] = "chain"
     growth: str = "stickslip.symbolic.majorants:by_mean_value"
 
@@ -126,7 +144,12 @@ class Function:
             return resolve_name(self.arrays)
         import numpy as np
 
-        return np.vectorize(self.ieee, otypes=[float])
+        if self.made_of is None:
+            return np.vectorize(self.ieee, otypes=[float])
+        from stickslip.symbolic.evaluator import evaluator
+
+        made = evaluator([self.made_of], [ARGUMENT])
+        return lambda x: made(np.asarray(x)[None])[0]
 
     def compiled(self, argument: str) -> str:
         """Source text of its value for numba, from that of the argument."""
@@ -145,6 +168,11 @@ class Function:
     def made_of(self) -> Expr | None:
         """Its value, an expression of :data:`ARGUMENT`, where C does not have it."""
         return self._read(self.formula) if self.formula else None
+
+    @cached_property
+    def without_periods(self) -> Expr:
+        """The argument without whole periods, an expression of :data:`ARGUMENT`."""
+        return self._read(self.within)
 
     @cached_property
     def slope(self) -> Expr:
@@ -182,7 +210,7 @@ class Function:
         from stickslip.symbolic.expressions import sym
         from stickslip.symbolic.formulas import Scope
 
-        return Scope({"x": sym(ARGUMENT)}).parse(text, self.name)
+        return Scope({"x": sym(ARGUMENT)}, rows=frozenset(FUNCTIONS)).parse(text, self.name)
 
 
 FUNCTIONS: dict[str, Function] = {
@@ -212,6 +240,23 @@ FUNCTIONS: dict[str, Function] = {
             growth="stickslip.symbolic.majorants:of_log",
         ),
         Function(
+            name="log1p",
+            value=math.log1p,
+            derivative="1/(1 + x)",
+            arrays="numpy:log1p",
+            domain=(-1.0, math.inf),
+            limits=(-math.inf, math.inf),
+            exactly=(0.0, 0.0),
+        ),
+        Function(
+            name="expm1",
+            value=math.expm1,
+            derivative="exp(x)",
+            arrays="numpy:expm1",
+            limits=(-1.0, math.inf),
+            exactly=(0.0, 0.0),
+        ),
+        Function(
             name="sin",
             value=math.sin,
             derivative="cos(x)",
@@ -219,6 +264,8 @@ FUNCTIONS: dict[str, Function] = {
             latex=r"\sin",
             parity="odd",
             crest=_QUARTER,
+            period=_TURN,
+            within=_WITHOUT_TURNS,
             recurrence="rotation",
             growth="stickslip.symbolic.majorants:by_addition",
         ),
@@ -230,6 +277,8 @@ FUNCTIONS: dict[str, Function] = {
             latex=r"\cos",
             parity="even",
             crest=0.0,
+            period=_TURN,
+            within=_WITHOUT_TURNS,
             recurrence="rotation",
             growth="stickslip.symbolic.majorants:by_addition",
         ),
@@ -302,6 +351,25 @@ FUNCTIONS: dict[str, Function] = {
             growth="stickslip.symbolic.majorants:beside_i",
         ),
         Function(
+            name="asin",
+            value=math.asin,
+            derivative="(1 - x**2)**(-1/2)",
+            arrays="numpy:arcsin",
+            latex=r"\operatorname{arcsin}",
+            parity="odd",
+            domain=(-1.0, 1.0),
+            limits=(-_ABOVE_QUARTER, _ABOVE_QUARTER),
+        ),
+        Function(
+            name="acos",
+            value=math.acos,
+            derivative="-(1 - x**2)**(-1/2)",
+            arrays="numpy:arccos",
+            latex=r"\operatorname{arccos}",
+            domain=(-1.0, 1.0),
+            limits=(_ABOVE_HALF, 0.0),
+        ),
+        Function(
             name="erf",
             value=math.erf,
             derivative="2/sqrt(pi)*exp(-x**2)",
@@ -309,11 +377,42 @@ FUNCTIONS: dict[str, Function] = {
             parity="odd",
             limits=(-1.0, 1.0),
         ),
+        # What pieces are made of.
+        Function(
+            name="floor",
+            value=lambda x: float(math.floor(x)),
+            derivative="0",
+            arrays="numpy:floor",
+            limits=(-math.inf, math.inf),
+            poles=(0.0, 1.0),
+            rises=True,
+            typed="floor(x)",
+        ),
+        Function(
+            name="wrap",
+            value=lambda x: x - math.floor(x + 0.5),
+            derivative="1",
+            formula="x - floor(x + 1/2)",
+            limits=(-0.25, 0.25),
+            poles=(0.5, 1.0),
+            period=1.0,
+            within="wrap(x)",
+            typed="mod(x + 1/2, 1) - 1/2",
+        ),
+        Function(
+            name="ease",
+            value=lambda x: x * x * (3.0 - 2.0 * x),
+            derivative="6*x*(1 - x)",
+            formula="x*x*(3 - 2*x)",
+            domain=(0.0, 1.0),
+            limits=(0.0, 1.0),
+            typed="x**2*(3 - 2*x)",
+        ),
     )
 }
 """The functions by name."""
 
 
-def is_wave(name: str) -> bool:
-    """Whether it is a sine or a cosine: its derivative is itself, a quarter of its period later."""
-    return name in FUNCTIONS and FUNCTIONS[name].crest is not None
+def is_periodic(name: str) -> bool:
+    """Whether it is a function that repeats."""
+    return name in FUNCTIONS and FUNCTIONS[name].period > 0.0

@@ -216,8 +216,13 @@ class Intervals:
             return self._wave(row, a, row.crest)
         if row.limits is None:
             raise ValueError(f"{row.name} is not known to be monotone")
-        value = self._monotone(row, self.size(a) if row.parity == "even" else a, row.limits)
-        return value if row.poles is None else self.unless(self.passes(a, *row.poles), value)
+        low, high = self._monotone(row, self.size(a) if row.parity == "even" else a, row.limits)
+        if row.poles is None or row.rises:
+            return low, high
+        passes = self.passes(a, *row.poles)
+        return self.ops.where(passes, row.limits[0], low), self.ops.where(
+            passes, row.limits[1], high
+        )
 
     def exp(self, a: Interval) -> Interval:
         """exp a."""
@@ -259,7 +264,12 @@ class Intervals:
             low, high = (
                 self._beside(x, y, place, sign * value) for x, y in zip(a, (low, high), strict=True)
             )
-        bounds = ops.maximum(low, sign * limits[0]), ops.minimum(high, sign * limits[1])
+        first, last = sign * limits[0], sign * limits[1]
+        # Beyond a piece, what is inside it counts.
+        bounds = (
+            ops.minimum(ops.maximum(low, first), last),
+            ops.maximum(ops.minimum(high, last), first),
+        )
         return bounds if sign > 0.0 else self.negative(bounds)
 
     def passes(self, a: Interval, place: float, period: float) -> Any:

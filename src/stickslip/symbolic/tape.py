@@ -23,7 +23,7 @@ from functools import cache
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import slope_of_function
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.functions import FUNCTIONS, Function, is_wave
+from stickslip.symbolic.functions import FUNCTIONS, Function, is_periodic
 from stickslip.symbolic.intervals import FLOATS
 from stickslip.symbolic.scalars import Scalar, Store, added, element, literal, numeral
 
@@ -150,7 +150,7 @@ class ParameterExpressions:
         if "t" not in e.symbols or not e.symbols <= self._names_and_time:
             return None
         rate = ex.derivative(e, "t")
-        if not self.is_constant(rate) or any(n.op == "select" for n in ex.walk([e])):
+        if not self.is_constant(rate) or any(map(_has_pieces, ex.walk([e]))):
             return None
         return rate, ex.substitute(e, {"t": ex.sym(ORIGIN)})
 
@@ -168,18 +168,22 @@ class ParameterExpressions:
                 others.append((term, c))
         return constant, rate, others
 
-    def phase(self, x: Expr) -> tuple[Expr, Expr, list[tuple[Expr, float]]] | None:
-        """A phase as a sum, without the whole turns at the origin: so it is as exact late as early.
+    def phase(self, e: Expr) -> tuple[Expr, Expr, list[tuple[Expr, float]]] | None:
+        """The phase of a function that repeats as a sum, without the whole periods at the origin:
+        so it is as exact late as early.
 
-        None where time does not enter so.
+        None where time does not enter so, or the function does not repeat.
         """
+        if not is_periodic(e.op):
+            return None
+        (x,) = e.args
         line = self.affine_in_time(x)
         constant, rate, others = (
             self.split(x) if x.op == "sum" else (*(line or (ex.ZERO, ex.ZERO))[::-1], [])
         )
         if rate is ex.ZERO:
             return None
-        return 2.0 * ex.call("atan", ex.call("tan", constant / 2.0)), rate, others
+        return ex.at(FUNCTIONS[e.op].without_periods, constant), rate, others
 
     def stores(self) -> list[Store]:
         """Statements that fill K from the parameter vector p."""
@@ -264,7 +268,7 @@ class _Lowering:
                 guard, above, below = map(v, e.args)
                 return Scalar("sign", (guard, above, below))
         constants = self.constants
-        phase = constants.phase(e.args[0]) if constants is not None and is_wave(e.op) else None
+        phase = None if constants is None else constants.phase(e)
         inside = v(e.args[0]) if phase is None else added(self._line(*phase))
         return Scalar("call", (inside,), name=e.op)
 
@@ -536,7 +540,7 @@ class Tape:
         (x,) = e.args
         row = FUNCTIONS[e.op]
         op = Op[row.recurrence.upper()]
-        a = self._phase(x) if op is Op.ROTATION else self.row(x)
+        a = self._phase(e)
         match op:
             case Op.ROTATION | Op.HYPERBOLIC:
                 return self._pair(op, x, a) + (0 if row.parity == "odd" else 1)
@@ -545,11 +549,11 @@ class Tape:
                 return self.operation(op, a, slope, parts=_steepest(row), function=row.name)
         return self.operation(op, a, function=row.name)
 
-    def _phase(self, x: Expr) -> int:
-        """Row of a phase."""
-        split = self.constants.phase(x)
+    def _phase(self, e: Expr) -> int:
+        """Row of the argument of a function, which may be a phase."""
+        split = self.constants.phase(e)
         if split is None:
-            return self.row(x)
+            return self.row(e.args[0])
         constant, rate, others = split
         scaled = [(c, self.lower(term)) for term, c in others]
         parts = [
@@ -566,6 +570,11 @@ class Tape:
         if (family, x) not in self._pairs:
             self._pairs[family, x] = self.operation(family, a)
         return self._pairs[family, x]
+
+
+def _has_pieces(e: Expr) -> bool:
+    """Whether a node is none that a derivative says all of."""
+    return e.op == "select" or (e.op in FUNCTIONS and FUNCTIONS[e.op].poles is not None)
 
 
 @cache

@@ -16,6 +16,7 @@ from stickslip.model.quantities import quantity
 from stickslip.model.system import System
 from stickslip.results import Completion, Result, restored_certificate, shortened
 from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.pieces import unwrapped
 
 if TYPE_CHECKING:
     import pandas
@@ -376,7 +377,7 @@ def describe_guard(equations: MotionEquations, guard: Guard, mode: Mode) -> str:
     """What happens where a guard vanishes."""
     kinks = len(equations.kinks)
     if guard.switch < kinks:
-        return f"{ex.to_text(equations.kinks[guard.switch])} = 0"
+        return f"{ex.to_text(unwrapped(equations.kinks[guard.switch]))} = 0"
     contact = guard.switch - kinks
     name = equations.contacts[contact].name
     return f"contact '{name}' goes from {MODE_NAMES[mode[contact]]} to {MODE_NAMES[guard.to]}"

@@ -24,7 +24,7 @@ from stickslip.model.system import System
 from stickslip.orbits.fields.mode_field import Piece
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.functions import FUNCTIONS, is_wave
+from stickslip.symbolic.functions import FUNCTIONS, is_periodic
 
 _RANK = 1e-9  # singular values below this part of the largest are zero
 _SAME = 1e-9  # changes below this part of their terms are none
@@ -299,8 +299,8 @@ def _clock(
     if not moving:
         raise DeclarationError(
             system.name,
-            "it depends on time, but on no sine or cosine of a constant frequency, so that nothing "
-            "tells its period",
+            "it depends on time, but on no wave of a constant frequency, so that nothing tells its "
+            "period",
             "Cycles need a drive that repeats, such as sin(omega*t)",
         )
     first, base = next(iter(moving.items()))
@@ -340,8 +340,8 @@ def _parts(equations: MotionEquations, zero: frozenset[str], quarters: Mapping[E
 
 
 def _turned(formula: Expr, turns: Mapping[Expr, int]) -> Expr:
-    """A formula whose sines and cosines have been turned by quarters of their periods, by their
-    frequencies."""
+    """A formula in which what repeats has been turned by quarters of its period, by its
+    frequency."""
 
     def turn(e: Expr) -> Expr | None:
         if "t" not in e.symbols:
@@ -349,7 +349,7 @@ def _turned(formula: Expr, turns: Mapping[Expr, int]) -> Expr:
         if len(e.args) != 1:
             return None
         (argument,) = e.args
-        rate = ex.derivative(argument, "t") if is_wave(e.op) else ex.ZERO
+        rate = ex.frequency(e) if is_periodic(e.op) else ex.ZERO
         if rate in turns or -rate in turns:
             return ex.turned(e, turns[rate] if rate in turns else -turns[-rate])
         inside = _turned(argument, turns)

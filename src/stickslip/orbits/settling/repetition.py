@@ -19,7 +19,7 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.functions import is_wave
+from stickslip.symbolic.functions import is_periodic
 
 _MAKES_UP = 1e-9  # part of the terms of a sum that may be left of them
 _WHOLE = 1e-9  # relative distance from a whole number of periods
@@ -102,7 +102,7 @@ class _Walk:
         return self.known[e]
 
     def _stays(self, e: Expr) -> bool:
-        if is_wave(e.op) and self._wave(e.args[0]):
+        if is_periodic(e.op) and self._turns(e):
             return True
         if e.op == "sum":
             return self._sum(e)
@@ -114,8 +114,9 @@ class _Walk:
             self.stays(part) for part in (*e.args, *(base for base, _ in e.terms))
         )
 
-    def _wave(self, phase: Expr) -> bool:
-        """Whether a phase is ωt and what stays as it is."""
+    def _turns(self, e: Expr) -> bool:
+        """Whether the phase of what repeats is ωt and what stays as it is."""
+        (phase,) = e.args
         rate = ex.derivative(phase, "t")
         if (
             rate is ex.ZERO
@@ -123,7 +124,7 @@ class _Walk:
             or not self.stays(phase - rate * ex.sym("t"))
         ):
             return False
-        self.rates.add(rate)
+        self.rates.add(ex.frequency(e))
         return True
 
     def _sum(self, e: Expr) -> bool:

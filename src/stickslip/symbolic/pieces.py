@@ -1,0 +1,209 @@
+"""Functions of formulas that are made of others: with kinks and jumps, and piece after piece.
+
+Every kink and every jump is a :func:`~stickslip.symbolic.expressions.select` on the sign of a
+guard, so that it is an event of a motion; at the jump itself a function has the value from above.
+What goes on piece after piece has one guard, too: which piece the argument u is in is decided
+modulo two by the sign of sin πu, which is smooth everywhere; which of the even (odd) pieces it is,
+follows from the argument itself. With wrap(x) = x minus the nearest whole number, u is 2k + 1/2 +
+2 wrap(u/2 − 1/4) in the even piece from 2k to 2k + 1, and that is smooth up to half a piece beyond
+both of its ends. So regions of a motion stay above and below, however many pieces it goes through,
+and repeat where the motion does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+
+_TURN = 2.0 * math.pi
+
+
+@dataclass(frozen=True, kw_only=True)
+class Structure:
+    """One function.
+
+    Attributes
+    ----------
+    made : callable
+        Expressions of the arguments -> expression.
+    arguments : tuple of str
+        As messages call them.
+    several : bool
+        Whether there may be one or more than these.
+    slopes : tuple of str
+        Its derivatives as they are shown, formulas in the names of the arguments; of those with
+        conditions :mod:`stickslip.display.tree` makes them.
+    shown : str
+        Its name in equations, by default its own.
+    fences : (str, str)
+        What stands around its argument instead, in Unicode.
+    latex_fences : (str, str)
+        The same in LaTeX.
+    repeats : bool
+        Whether it has one argument and goes on piece after piece.
+    """
+
+    made: Callable[..., Expr]
+    arguments: tuple[str, ...] = ("x",)
+    several: bool = False
+    slopes: tuple[str, ...] = ()
+    shown: str = ""
+    fences: tuple[str, str] = ("", "")
+    latex_fences: tuple[str, str] = ("", "")
+    repeats: bool = False
+
+
+def _sqrt(x: Expr) -> Expr:
+    return ex.power(x, ex.num(0.5))
+
+
+def _least(first: Expr, *others: Expr) -> Expr:
+    for other in others:
+        first = ex.minimum(first, other)
+    return first
+
+
+def _most(first: Expr, *others: Expr) -> Expr:
+    for other in others:
+        first = ex.maximum(first, other)
+    return first
+
+
+def _two(x: Expr, above: float, below: float) -> Expr:
+    """One number where x ≥ 0, another below."""
+    return ex.select(x, ex.num(above), ex.num(below))
+
+
+def _sign(x: Expr) -> Expr:
+    return ex.ZERO if ex.is_number(x, 0.0) else _two(x, 1.0, -1.0)
+
+
+def _by_parity(u: Expr, even: Expr, odd: Expr) -> Expr:
+    """One thing where the whole part of u is even, another where it is odd.
+
+    Without the wrap, sin πu would be the same function, but not exactly 0 at whole numbers.
+    """
+    return ex.select(ex.call("sin", _TURN * ex.call("wrap", u / 2.0)), even, odd)
+
+
+def _floor(u: Expr) -> Expr:
+    if u.op == "num":
+        return ex.num(math.floor(ex.number(u)))
+    even, odd = (ex.call("floor", u / 2.0 + shift) for shift in (0.25, 0.75))
+    return _by_parity(u, 2.0 * even, 2.0 * odd - 1.0)
+
+
+def _fraction(u: Expr) -> Expr:
+    """u minus its whole part."""
+    even, odd = (0.5 + 2.0 * ex.call("wrap", u / 2.0 + shift) for shift in (-0.25, 0.25))
+    return _by_parity(u, even, odd)
+
+
+def _mod(x: Expr, m: Expr) -> Expr:
+    if ex.is_number(m, 0.0):
+        raise ZeroDivisionError("nothing is left modulo 0")
+    if x.op == "num" and m.op == "num":
+        return ex.num(ex.number(x) % ex.number(m))
+    return m * _fraction(x / m)
+
+
+def _square(x: Expr) -> Expr:
+    return _two(ex.call("sin", x), 1.0, -1.0)
+
+
+def _triangle(x: Expr) -> Expr:
+    turns = x / _TURN
+    rising, falling = 4.0 * ex.call("wrap", turns), -4.0 * ex.call("wrap", turns - 0.5)
+    return ex.select(ex.call("cos", x), rising, falling)
+
+
+def _sawtooth(x: Expr) -> Expr:
+    return 2.0 * _fraction(x / _TURN) - 1.0
+
+
+def _smoothstep(x: Expr, low: Expr, high: Expr) -> Expr:
+    return ex.call("ease", ex.clip((x - low) / (high - low), ex.ZERO, ex.ONE))
+
+
+_BETWEEN = "6*(x - low)*(high - x)"
+
+STRUCTURES: dict[str, Structure] = {
+    "sqrt": Structure(made=_sqrt, slopes=("1/(2*sqrt(x))",)),
+    "abs": Structure(
+        made=ex.absolute,
+        slopes=("sign(x)",),
+        fences=("|", "|"),
+        latex_fences=(r"\left|", r"\right|"),
+    ),
+    "clip": Structure(
+        made=ex.clip,
+        arguments=("x", "low", "high"),
+    ),
+    "min": Structure(made=_least, arguments=("x", "y"), several=True),
+    "max": Structure(made=_most, arguments=("x", "y"), several=True),
+    "sign": Structure(made=_sign, slopes=("0",), shown="sgn"),
+    "heaviside": Structure(made=lambda x: _two(x, 1.0, 0.0), slopes=("0",)),
+    "floor": Structure(
+        made=_floor,
+        slopes=("0",),
+        fences=("⌊", "⌋"),
+        latex_fences=(r"\left\lfloor ", r" \right\rfloor"),
+        repeats=True,
+    ),
+    "mod": Structure(made=_mod, arguments=("x", "m"), slopes=("1", "-floor(x/m)")),
+    "square": Structure(made=_square, slopes=("0",), repeats=True),
+    "triangle": Structure(made=_triangle, slopes=("2/pi*square(x + pi/2)",), repeats=True),
+    "sawtooth": Structure(made=_sawtooth, slopes=("1/pi",)),
+    "smoothstep": Structure(
+        made=_smoothstep,
+        arguments=("x", "low", "high"),
+        slopes=tuple(
+            f"piecewise(x < low, 0, x > high, 0, {slope})"
+            for slope in (
+                f"{_BETWEEN}/(high - low)**3",
+                f"-{_BETWEEN}*(high - x)/(high - low)**4",
+                f"-{_BETWEEN}*(x - low)/(high - low)**4",
+            )
+        ),
+    ),
+}
+"""The functions by name, but for piecewise, whose arguments are no expressions."""
+
+_WRAP, _EASE = "wrap", "ease"  # rows of the table
+
+
+@lru_cache(maxsize=4096)
+def spelled(e: Expr) -> tuple[str, tuple[Expr, ...]] | None:
+    """Name and arguments of a function with pieces, as a formula has it; None of what is not
+    recognised."""
+    if e.op == _EASE:
+        (u, *_) = (n for n in _branches(e.args[0]) if n.op != "num")
+        return ("smoothstep", (u, ex.ZERO, ex.ONE)) if e is _smoothstep(u, ex.ZERO, ex.ONE) else None
+    inner = e.args[0].args if e.op == "select" else ()
+    if not inner:
+        return None
+    for u in (inner[0], *(2.0 * n.args[0] for n in ex.walk(inner) if n.op == _WRAP)):
+        for name, structure in STRUCTURES.items():
+            if structure.repeats and structure.made(u) is e:
+                return name, (u,)
+        if _fraction(u) is e:
+            return "mod", (u, ex.ONE)
+    return None
+
+
+def _branches(e: Expr) -> list[Expr]:
+    return [part for b in e.args[1:] for part in _branches(b)] if e.op == "select" else [e]
+
+
+def unwrapped(guard: Expr) -> Expr:
+    """A guard as it is shown: sin πu."""
+
+    def plain(e: Expr) -> Expr | None:
+        return e.args[0] if e.op == _WRAP else None
+
+    return ex.rewrite(guard, plain)
