@@ -16,14 +16,23 @@ from stickslip.symbolic.boxes import between, enclosures, slopes
 from stickslip.symbolic.enclosures import bounds, joins
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Scope
+from stickslip.symbolic.pieces import STRUCTURES
 
 NAMES = ("x", "y")
 SCOPE = Scope({name: ex.sym(name) for name in (*NAMES, "a", "b")})
+ROWS = sorted(name for name, row in ex.FUNCTIONS.items() if not row.typed)
+PIECES = ("floor", "mod", "square", "triangle", "sawtooth", "sign", "heaviside", "smoothstep")
 UNDEFINED = (ValueError, ZeroDivisionError, OverflowError, TypeError)
 
 
 def parse(text: str) -> Expr:
     return SCOPE.parse(text, "here")
+
+
+def made(name: str, x: Expr) -> Expr:
+    """A function of x; of further arguments whatever they are by default."""
+    others = {"mod": (1.7,), "smoothstep": (-0.4, 1.3)}.get(name, ())
+    return STRUCTURES[name].made(x, *map(ex.num, others))
 
 
 # -- random trees and boxes ------------------------------------------------------------------------
@@ -39,7 +48,8 @@ def _compound(inner: st.SearchStrategy[Expr]) -> st.SearchStrategy[Expr]:
         ),
         st.tuples(inner, inner).map(lambda p: p[0] * p[1]),
         st.tuples(inner, EXPONENTS).map(lambda p: ex.power(p[0], ex.num(p[1]))),
-        st.tuples(st.sampled_from(sorted(ex.FUNCTIONS)), inner).map(lambda p: ex.call(*p)),
+        st.tuples(st.sampled_from(ROWS), inner).map(lambda p: ex.call(*p)),
+        st.tuples(st.sampled_from(PIECES), inner).map(lambda p: made(*p)),
         st.tuples(inner, inner).map(lambda p: ex.power(p[0] * p[0] + 0.25, p[1])),
         inner.map(ex.absolute),
         st.tuples(st.sampled_from([ex.maximum, ex.minimum]), inner, inner).map(
@@ -107,6 +117,10 @@ def _exact(e: Expr, point: dict[str, float], known: dict[Expr, Mpf]) -> Mpf:
         case "select":
             guard, above, below = (known[a] for a in e.args)
             return above if guard >= 0 else below
+        case "wrap":
+            return known[e.args[0]] - mpmath.floor(known[e.args[0]] + 0.5)
+        case "ease":
+            return known[e.args[0]] ** 2 * (3 - 2 * known[e.args[0]])
         case _:
             return getattr(mpmath, e.op)(known[e.args[0]])
 

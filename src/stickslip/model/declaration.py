@@ -19,6 +19,7 @@ from stickslip.model.units import check_unit
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Scope, is_finite
+from stickslip.symbolic.pieces import unwrapped
 
 if TYPE_CHECKING:
     from stickslip.model.system import Contact, System
@@ -257,6 +258,7 @@ class _Reader:
             result.drives[name] = self.clock.parse(name, f"drives.{name}")
         result.potential = self.place.parse(system.potential, "potential")
         _check_slopes(result.potential, result.coordinates, "potential", 2)
+        self._check_energy()
         speeds = self.scope(
             self.velocities,
             why="The kinetic energy uses rates of inertial coordinates and parameters",
@@ -299,9 +301,65 @@ class _Reader:
             where = f"coordinates.{name}"
             result.forces[name] = self.motion.parse(coordinate.force, f"{where}.force")
             _check_slopes(result.forces[name], state, f"{where}.force")
+            self._check_jumps(f"{where}.force", result.forces[name], -1.0)
             if coordinate.kind == Kind.INERTIAL:
                 result.drags[name] = self.motion.parse(coordinate.drag, f"{where}.drag")  # type: ignore[union-attr]
+                self._check_jumps(f"{where}.drag", result.drags[name], 1.0)
                 self._check_drag(name, result.drags[name])
+
+    def _check_jumps(self, where: str, formula: Expr, resists: float) -> None:
+        """Refuse a function whose jump resists a rate: where the rate stays on the jump, the force
+        is any between."""
+        for guard, part in _by_guard(formula).items():
+            for rate in sorted(guard.symbols & self.velocities.keys()):
+                jumps = [resists * jump for jump in self._jumps(part, guard, rate) if jump]
+                if guard in self.motion.jumping and jumps and min(jumps) > 0.0:
+                    raise DeclarationError(
+                        where,
+                        f"'{self.motion.jumping[guard]}' makes a force that jumps against {rate}: "
+                        "that is dry friction, which may be anything between while nothing slides",
+                        f"Declare a contact with a direction like '{rate}' and a threshold",
+                    )
+
+    def _check_energy(self) -> None:
+        """Refuse an energy that jumps on the way of a coordinate: no force is finite there."""
+        for guard, part in _by_guard(self.result.potential).items():
+            for x in sorted(guard.symbols & set(self.result.coordinates)):
+                if any(self._jumps(part, guard, x)):
+                    raise DeclarationError(
+                        "potential",
+                        f"the energy jumps with {x} where {ex.to_text(unwrapped(guard))} = 0, so "
+                        "that the force would be infinite",
+                        "Make it continuous, or write the force that jumps under 'force'",
+                    )
+
+    def _jumps(self, formula: Expr, guard: Expr, name: str) -> list[float]:
+        """By how much a formula jumps where a name rises through a guard, at some places; 0 where
+        it is not seen to."""
+        above, below = (
+            ex.rewrite(
+                formula,
+                lambda e, k=k: e.args[k] if e.op == "select" and e.args[0] is guard else None,
+            )
+            for k in (1, 2)
+        )
+        slope = ex.derivative(guard, name)
+        here = {x: self.start[x] for x in sorted(formula.symbols | guard.symbols)}
+        found = []
+        for k in (0, 1, -1):  # beside the start, where there may happen to be no jump
+            moving = enumerate(sorted(here.keys() - self.constants.keys()))
+            at = {**here, **{x: here[x] + 0.1 * k * (i + 3) for i, x in moving}, name: 0.0}
+            steep = ex.evaluate(slope, at)
+            place = -ex.evaluate(guard, at) / steep if steep else math.nan
+            near = 0.1 * (1.0 + abs(place))
+            (off, one, other), *around = (
+                [ex.evaluate(e, {**at, name: place + shift}) for e in (guard, above, below)]
+                for shift in (0.0, near, -near)
+            )
+            scale = max(abs(value) for side in around for value in side[1:])
+            jumps = abs(off) <= 1e-9 * abs(steep) * near and abs(one - other) > 1e-9 * scale
+            found.append(math.copysign(one - other, (one - other) * steep) if jumps else 0.0)
+        return found
 
     def _check_drag(self, name: str, drag: Expr) -> None:
         from stickslip.symbolic.enclosures import bounds
@@ -583,6 +641,16 @@ def _check_slopes(formula: Expr, names: Iterable[str], where: str, order: int = 
             "its derivatives contain numbers that are too large or undefined",
             "Check exponents and large numbers",
         ) from None
+
+
+def _by_guard(formula: Expr) -> dict[Expr, Expr]:
+    """For each guard of a kink, the terms of a formula in which it stands."""
+    found: dict[Expr, dict[Expr, float]] = {}
+    for term, c in formula.terms if formula.op == "sum" else ((formula, 1.0),):
+        for e in ex.walk([term]):
+            if e.op == "select":
+                found.setdefault(e.args[0], {})[term] = c
+    return {guard: ex.add(*terms.items()) for guard, terms in found.items()}
 
 
 def _size(e: Expr, values: Mapping[str, float]) -> float:

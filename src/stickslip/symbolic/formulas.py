@@ -105,12 +105,15 @@ class Scope:
         Names that exist but may not be used here, with the reason.
     rows : frozenset of str
         Rows of the table of functions that this may name, beside those that any formula may.
+    jumping : dict of Expr to str
+        The guards of functions with jumps that were read so far, with the names of these.
     """
 
     names: Mapping[str, Expr]
     definitions: Mapping[str, Definition] = field(default_factory=dict)
     forbidden: Mapping[str, str] = field(default_factory=dict)
     rows: frozenset[str] = frozenset()
+    jumping: dict[Expr, str] = field(default_factory=dict)
     _open: list[str] = field(default_factory=list)
     _known: dict[tuple, Expr] = field(default_factory=dict)
     _work: int = 0
@@ -446,8 +449,17 @@ class _Reader:
                 f"Write {name}({', '.join(named)})",
             )
         if name in STRUCTURES and name not in self.scope.rows:
-            return STRUCTURES[name].made(*arguments)
+            return self.structure(name, arguments)
         return ex.call(name, arguments[0])
+
+    def structure(self, name: str, arguments: tuple[Expr, ...]) -> Expr:
+        value = STRUCTURES[name].made(*arguments)
+        if STRUCTURES[name].jumps:
+            inside = set(ex.walk(arguments))
+            for e in ex.walk([value]):
+                if e.op == "select" and e not in inside:
+                    self.scope.jumping[e.args[0]] = name
+        return value
 
     def piecewise(self, nodes: list[ast.expr], depth: int) -> Expr:
         if len(nodes) < 3 or len(nodes) % 2 == 0:

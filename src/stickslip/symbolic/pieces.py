@@ -46,6 +46,7 @@ class Structure:
         The same in LaTeX.
     repeats : bool
         Whether it has one argument and goes on piece after piece.
+    jumps : bool
     """
 
     made: Callable[..., Expr]
@@ -56,6 +57,7 @@ class Structure:
     fences: tuple[str, str] = ("", "")
     latex_fences: tuple[str, str] = ("", "")
     repeats: bool = False
+    jumps: bool = False
 
 
 def _sqrt(x: Expr) -> Expr:
@@ -146,19 +148,22 @@ STRUCTURES: dict[str, Structure] = {
     ),
     "min": Structure(made=_least, arguments=("x", "y"), several=True),
     "max": Structure(made=_most, arguments=("x", "y"), several=True),
-    "sign": Structure(made=_sign, slopes=("0",), shown="sgn"),
-    "heaviside": Structure(made=lambda x: _two(x, 1.0, 0.0), slopes=("0",)),
+    "sign": Structure(made=_sign, slopes=("0",), shown="sgn", jumps=True),
+    "heaviside": Structure(made=lambda x: _two(x, 1.0, 0.0), slopes=("0",), jumps=True),
     "floor": Structure(
         made=_floor,
         slopes=("0",),
         fences=("⌊", "⌋"),
         latex_fences=(r"\left\lfloor ", r" \right\rfloor"),
         repeats=True,
+        jumps=True,
     ),
-    "mod": Structure(made=_mod, arguments=("x", "m"), slopes=("1", "-floor(x/m)")),
-    "square": Structure(made=_square, slopes=("0",), repeats=True),
+    "mod": Structure(
+        made=_mod, arguments=("x", "m"), slopes=("1", "-floor(x/m)"), jumps=True
+    ),
+    "square": Structure(made=_square, slopes=("0",), repeats=True, jumps=True),
     "triangle": Structure(made=_triangle, slopes=("2/pi*square(x + pi/2)",), repeats=True),
-    "sawtooth": Structure(made=_sawtooth, slopes=("1/pi",)),
+    "sawtooth": Structure(made=_sawtooth, slopes=("1/pi",), jumps=True),
     "smoothstep": Structure(
         made=_smoothstep,
         arguments=("x", "low", "high"),
