@@ -21,7 +21,6 @@ from stickslip.model.declaration import Declaration, DryContact
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.functions import is_periodic
 
 _KINDS = tuple(Kind)
 
@@ -107,7 +106,7 @@ class MotionEquations:
         numbers = dict.fromkeys(zero, ex.ZERO)
         try:
             waves = ex.walk([ex.substitute(e, numbers) for e in self.formulas])
-            felt = {ex.frequency(e) for e in waves if is_periodic(e.op)}
+            felt = {ex.frequency(e) for e in waves}
             rates = [ex.substitute(e, numbers) for e in self.frequencies]
         except (ZeroDivisionError, OverflowError):
             return [True] * len(self.frequencies)
@@ -286,8 +285,7 @@ def _powers(d: Declaration, contacts: list[DryContact]) -> tuple[Expr, Expr, Exp
 def _frequencies(used: list[Expr], parameters: list[str]) -> list[Expr]:
     found: dict[Expr, None] = {}
     for node in ex.walk(used):
-        if is_periodic(node.op) and "t" in node.symbols:
-            rate = ex.frequency(node)
-            if rate.symbols <= set(parameters) and -rate not in found:
-                found[rate] = None
+        rate = ex.frequency(node)
+        if rate is not None and rate.symbols <= set(parameters) and -rate not in found:
+            found[rate] = None
     return list(found)

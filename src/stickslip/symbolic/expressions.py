@@ -352,9 +352,20 @@ def at(body: Expr, argument: Expr) -> Expr:
     return substitute(body, {ARGUMENT: argument})
 
 
-def frequency(e: Expr) -> Expr:
-    """The angular frequency of a function that repeats: its phase, in radians, by time."""
-    return (2.0 * math.pi / FUNCTIONS[e.op].period) * derivative(e.args[0], "t")
+def has_pieces(e: Expr) -> bool:
+    """Whether a node is more than its derivatives tell: it has branches or jumps."""
+    return e.op == "select" or (e.op in FUNCTIONS and FUNCTIONS[e.op].poles is not None)
+
+
+def frequency(e: Expr) -> Expr | None:
+    """The angular frequency of a function that repeats: its phase, in radians, by time; None of
+    anything else."""
+    row = FUNCTIONS.get(e.op)
+    if row is None or not row.period or "t" not in e.symbols:
+        return None
+    if any("t" in n.symbols and has_pieces(n) for n in walk(e.args)):
+        return None
+    return (2.0 * math.pi / row.period) * derivative(e.args[0], "t")
 
 
 def turned(e: Expr, quarters: int) -> Expr:

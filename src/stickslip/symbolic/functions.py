@@ -411,8 +411,3 @@ FUNCTIONS: dict[str, Function] = {
     )
 }
 """The functions by name."""
-
-
-def is_periodic(name: str) -> bool:
-    """Whether it is a function that repeats."""
-    return name in FUNCTIONS and FUNCTIONS[name].period > 0.0

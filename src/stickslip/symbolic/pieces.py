@@ -19,6 +19,7 @@ from functools import lru_cache
 
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.functions import FUNCTIONS
 
 _TURN = 2.0 * math.pi
 
@@ -212,3 +213,23 @@ def unwrapped(guard: Expr) -> Expr:
         return e.args[0] if e.op == _WRAP else None
 
     return ex.rewrite(guard, plain)
+
+
+def periodic_form(e: Expr) -> Expr:
+    """The same function, such that what repeats in it is seen: whole parts as what goes on less
+    what repeats, and guards without their wraps."""
+
+    def change(node: Expr) -> Expr | None:
+        name, arguments = spelled(node) or ("", ())
+        if name and STRUCTURES[name].made is _floor:
+            (u,) = arguments
+            return periodic_form(u - _fraction(u))
+        if node.op in FUNCTIONS and FUNCTIONS[node.op].crest is not None:
+            (phase,) = node.args
+            (inner, weight), *others = phase.terms or ((phase, 1.0),)
+            whole = phase.value == 0.0 and (weight / _TURN).is_integer()
+            if inner.op == _WRAP and whole and not others:
+                return ex.call(node.op, weight * periodic_form(inner.args[0]))
+        return None
+
+    return ex.rewrite(e, change)

@@ -23,7 +23,7 @@ from functools import cache
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import slope_of_function
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.functions import FUNCTIONS, Function, is_periodic
+from stickslip.symbolic.functions import FUNCTIONS, Function
 from stickslip.symbolic.intervals import FLOATS
 from stickslip.symbolic.scalars import Scalar, Store, added, element, literal, numeral
 
@@ -150,7 +150,7 @@ class ParameterExpressions:
         if "t" not in e.symbols or not e.symbols <= self._names_and_time:
             return None
         rate = ex.derivative(e, "t")
-        if not self.is_constant(rate) or any(map(_has_pieces, ex.walk([e]))):
+        if not self.is_constant(rate) or any(map(ex.has_pieces, ex.walk([e]))):
             return None
         return rate, ex.substitute(e, {"t": ex.sym(ORIGIN)})
 
@@ -174,7 +174,7 @@ class ParameterExpressions:
 
         None where time does not enter so, or the function does not repeat.
         """
-        if not is_periodic(e.op):
+        if e.op not in FUNCTIONS or not FUNCTIONS[e.op].within:
             return None
         (x,) = e.args
         line = self.affine_in_time(x)
@@ -570,11 +570,6 @@ class Tape:
         if (family, x) not in self._pairs:
             self._pairs[family, x] = self.operation(family, a)
         return self._pairs[family, x]
-
-
-def _has_pieces(e: Expr) -> bool:
-    """Whether a node is none that a derivative says all of."""
-    return e.op == "select" or (e.op in FUNCTIONS and FUNCTIONS[e.op].poles is not None)
 
 
 @cache

@@ -24,7 +24,8 @@ from stickslip.model.system import System
 from stickslip.orbits.fields.mode_field import Piece
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.functions import FUNCTIONS, is_periodic
+from stickslip.symbolic.functions import FUNCTIONS
+from stickslip.symbolic.pieces import periodic_form
 
 _RANK = 1e-9  # singular values below this part of the largest are zero
 _SAME = 1e-9  # changes below this part of their terms are none
@@ -332,6 +333,7 @@ def _parts(equations: MotionEquations, zero: frozenset[str], quarters: Mapping[E
         formulas = [ex.substitute(e, dict.fromkeys(zero, ex.ZERO)) for e in equations.formulas]
     except (ZeroDivisionError, OverflowError):
         formulas = equations.formulas
+    formulas = [periodic_form(e) for e in formulas]
     for parts in (4, 2):
         turns = {e: quarter // parts for e, quarter in quarters.items()}
         if all(_turned(e, turns) is e for e in formulas):
@@ -349,7 +351,7 @@ def _turned(formula: Expr, turns: Mapping[Expr, int]) -> Expr:
         if len(e.args) != 1:
             return None
         (argument,) = e.args
-        rate = ex.frequency(e) if is_periodic(e.op) else ex.ZERO
+        rate = ex.frequency(e) or ex.ZERO
         if rate in turns or -rate in turns:
             return ex.turned(e, turns[rate] if rate in turns else -turns[-rate])
         inside = _turned(argument, turns)

@@ -19,7 +19,6 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.functions import is_periodic
 
 _MAKES_UP = 1e-9  # part of the terms of a sum that may be left of them
 _WHOLE = 1e-9  # relative distance from a whole number of periods
@@ -102,7 +101,8 @@ class _Walk:
         return self.known[e]
 
     def _stays(self, e: Expr) -> bool:
-        if is_periodic(e.op) and self._turns(e):
+        if (frequency := ex.frequency(e)) is not None and self._turns(e.args[0]):
+            self.rates.add(frequency)
             return True
         if e.op == "sum":
             return self._sum(e)
@@ -114,18 +114,14 @@ class _Walk:
             self.stays(part) for part in (*e.args, *(base for base, _ in e.terms))
         )
 
-    def _turns(self, e: Expr) -> bool:
-        """Whether the phase of what repeats is ωt and what stays as it is."""
-        (phase,) = e.args
+    def _turns(self, phase: Expr) -> bool:
+        """Whether a phase is ωt and what stays as it is."""
         rate = ex.derivative(phase, "t")
-        if (
-            rate is ex.ZERO
-            or not rate.symbols <= self.constant
-            or not self.stays(phase - rate * ex.sym("t"))
-        ):
-            return False
-        self.rates.add(ex.frequency(e))
-        return True
+        return (
+            rate is not ex.ZERO
+            and rate.symbols <= self.constant
+            and self.stays(phase - rate * ex.sym("t"))
+        )
 
     def _sum(self, e: Expr) -> bool:
         """Whether the terms of a sum that move evenly make up for each other, and the others
