@@ -60,6 +60,16 @@ EVERYTHING = System(
     },
     initial={"x": 0.4, "y": 0.6},
 )
+PIECES = System(
+    "pieces",
+    parameters={"T": Parameter(1.7), "w": Parameter(1.3)},
+    internal={
+        "x": Internal("floor(3*x) + mod(t + x, T) + triangle(w*t) + sawtooth(2*x) + log1p(x**2)"),
+        "y": Internal("sign(y)*square(w*t) + heaviside(x - y)*asin(y/3) + expm1(-x) + acos(x/9)"),
+        "z": Internal("smoothstep(z, x, x + T)*mod(t, T) + floor(t/T)"),
+    },
+    initial={"x": 0.4, "y": 0.6},
+)
 MIXED = System(
     "all three kinds",
     parameters={
@@ -86,7 +96,7 @@ COUPLED = System(
     contacts={"rope": Contact(" + ".join(f"d_x{i}" for i in range(10)), "1")},
 )
 SYSTEMS = {name: name for name in catalogue.names()} | {
-    system.name: system for system in (EVERYTHING, MIXED, COUPLED)
+    system.name: system for system in (EVERYTHING, PIECES, MIXED, COUPLED)
 }
 SYSTEMS["a long chain"] = catalogue.block_chain(N=40)
 

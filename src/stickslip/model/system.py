@@ -194,8 +194,8 @@ class System:
     """A system declared by its energy and its dissipation potential.
 
     A formula is a number or a text of numbers, names, ``pi``, ``+ - * / **``, brackets and the
-    functions of :data:`~stickslip.symbolic.functions.FUNCTIONS` (exp, sin, erf, ...), sqrt, abs,
-    min, max, clip and piecewise.
+    functions of :data:`~stickslip.symbolic.functions.FUNCTIONS` (exp, sin, erf, ...) and
+    :data:`~stickslip.symbolic.pieces.STRUCTURES` (sqrt, abs, floor, triangle, ...), and piecewise.
 
     Attributes
     ----------

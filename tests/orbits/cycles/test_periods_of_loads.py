@@ -49,6 +49,15 @@ def loaded(load: str, threshold: str = "mu") -> System:
         ("F*cos(sin(omega*t))", "mu", 0.5),
         ("F*sin(sin(omega*t))", "mu", 1.0),
         ("F*cos(omega*t)**2", "mu*abs(cos(-omega*t))", 0.5),
+        ("F*triangle(omega*t)", "mu", 1.0),
+        ("F*triangle(omega*t)**2", "mu", 0.5),
+        ("F*square(omega*t)", "mu*(1 + mod(omega*t, pi))", 1.0),
+        ("F*sawtooth(2*omega*t)", "mu", 0.5),
+        ("F*mod(omega*t, 2*pi)", "mu", 1.0),
+        ("F*mod(omega*t + 1, 4*pi)", "mu", 2.0),
+        ("F*floor(3*mod(omega*t/(2*pi), 1))", "mu", 1.0),
+        ("F*sin(1.7*mod(omega*t, 2*pi))", "mu", 1.0),
+        ("F*smoothstep(sin(omega*t), 0, 0.5)", "mu", 1.0),
     ],
 )
 def test_shortest_period(load: str, threshold: str, periods: float) -> None:
@@ -56,6 +65,14 @@ def test_shortest_period(load: str, threshold: str, periods: float) -> None:
     cycle = find_cycle(system)
     assert cycle.certificate.ok, cycle.certificate.describe()
     assert cycle.period == pytest.approx(periods * 2 * math.pi / 1.3, rel=1e-13)
+
+
+def test_a_staircase_is_a_drift_and_a_wave() -> None:
+    """Each step of the load moves the cycle by F, and F alone."""
+    cycle = find_cycle(loaded("F*floor(omega*t/(2*pi))"))
+    assert cycle.certificate.ok, cycle.certificate.describe()
+    assert cycle.period == pytest.approx(2 * math.pi / 1.3, rel=1e-13)
+    assert cycle.motion.at(cycle.period)["x"] - cycle.motion.at(0.0)["x"] == pytest.approx(0.8)
 
 
 def test_period_over_a_parameter() -> None:
