@@ -6,6 +6,7 @@ A :class:`System` holds texts and numbers only. Creating one checks the whole de
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
@@ -255,6 +256,8 @@ class System:
     def __post_init__(self) -> None:
         hold_plain(self)
         _ = self.declaration
+        for doubt in self.doubts:
+            warnings.warn(f"{self.name}: {doubt}", stacklevel=3)
 
     @cached_property
     def declaration(self) -> Declaration:
@@ -262,6 +265,14 @@ class System:
         from stickslip.model.declaration import declare
 
         return declare(self)
+
+    @cached_property
+    def doubts(self) -> list[str]:
+        """Terms of the formulas whose units do not agree, as far as units are declared; each is a
+        warning when the system is declared."""
+        from stickslip.model.dimensions import disagreements
+
+        return disagreements(self)
 
     def __hash__(self) -> int:
         return hash((self.name, repr(self)))

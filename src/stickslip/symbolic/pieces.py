@@ -22,6 +22,7 @@ from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 
 _TURN = 2.0 * math.pi
+_GRID = 2.0**-50
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,15 +95,26 @@ def _by_parity(u: Expr, even: Expr, odd: Expr) -> Expr:
     return ex.select(ex.call("sin", _TURN * ex.call("wrap", u / 2.0)), even, odd)
 
 
+def _on_grid(u: Expr) -> Expr:
+    """The same to rounding, with a constant to which quarters are added without any: so it is seen
+    what is a period later."""
+    if u.op != "sum":
+        return u
+    constant = float(u.value)
+    return u + (round(constant / _GRID) * _GRID - constant)
+
+
 def _floor(u: Expr) -> Expr:
     if u.op == "num":
         return ex.num(math.floor(ex.number(u)))
+    u = _on_grid(u)
     even, odd = (ex.call("floor", u / 2.0 + shift) for shift in (0.25, 0.75))
     return _by_parity(u, 2.0 * even, 2.0 * odd - 1.0)
 
 
 def _fraction(u: Expr) -> Expr:
     """u minus its whole part."""
+    u = _on_grid(u)
     even, odd = (0.5 + 2.0 * ex.call("wrap", u / 2.0 + shift) for shift in (-0.25, 0.25))
     return _by_parity(u, even, odd)
 
@@ -120,7 +132,7 @@ def _square(x: Expr) -> Expr:
 
 
 def _triangle(x: Expr) -> Expr:
-    turns = x / _TURN
+    turns = _on_grid(x / _TURN)
     rising, falling = 4.0 * ex.call("wrap", turns), -4.0 * ex.call("wrap", turns - 0.5)
     return ex.select(ex.call("cos", x), rising, falling)
 
@@ -215,15 +227,23 @@ def unwrapped(guard: Expr) -> Expr:
     return ex.rewrite(guard, plain)
 
 
+@lru_cache(maxsize=4096)
 def periodic_form(e: Expr) -> Expr:
     """The same function, such that what repeats in it is seen: whole parts as what goes on less
-    what repeats, and guards without their wraps."""
+    what repeats, guards without their wraps, and signs of branches in front."""
 
     def change(node: Expr) -> Expr | None:
         name, arguments = spelled(node) or ("", ())
         if name and STRUCTURES[name].made is _floor:
             (u,) = arguments
             return periodic_form(u - _fraction(u))
+        if node.op == "select":
+            made = ex.select(*map(periodic_form, node.args))
+            if made.op == "select":
+                guard, above, below = made.args
+                if _coefficient(below if above is ex.ZERO else above) < 0.0:
+                    return -ex.select(guard, -above, -below)
+            return made
         if node.op in FUNCTIONS and FUNCTIONS[node.op].crest is not None:
             (phase,) = node.args
             (inner, weight), *others = phase.terms or ((phase, 1.0),)
@@ -233,3 +253,10 @@ def periodic_form(e: Expr) -> Expr:
         return None
 
     return ex.rewrite(e, change)
+
+
+def _coefficient(e: Expr) -> float:
+    """The first coefficient of a sum, or the number."""
+    if e.op == "num":
+        return ex.number(e)
+    return e.terms[0][1] if e.op == "sum" else 1.0

@@ -336,7 +336,7 @@ def _parts(equations: MotionEquations, zero: frozenset[str], quarters: Mapping[E
     formulas = [periodic_form(e) for e in formulas]
     for parts in (4, 2):
         turns = {e: quarter // parts for e, quarter in quarters.items()}
-        if all(_turned(e, turns) is e for e in formulas):
+        if all(periodic_form(_turned(e, turns)) is e for e in formulas):
             return parts
     return 1
 

@@ -12,8 +12,7 @@ from stickslip.rate_independent.signals import chebyshev as ch
 from stickslip.rate_independent.signals.panels import Panels, Source, finite_source, fitted
 from stickslip.rate_independent.signals.signal import Minima, Signal, Variable, finite, wrapped
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.boxes import slopes
-from stickslip.symbolic.chords import Chord, chord_values, deviations, table
+from stickslip.symbolic.boxes import Chord, chord_values, deviations, slopes, table
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.extrema import least
 from stickslip.symbolic.formulas import formula_text

@@ -13,7 +13,7 @@ from stickslip.errors import DeclarationError
 from stickslip.rate_independent.signals import chebyshev as ch
 from stickslip.rate_independent.signals.panels import Panels
 from stickslip.rate_independent.signals.signal import Signal, Variable, finite, fitting
-from stickslip.symbolic.chords import Chord
+from stickslip.symbolic.boxes import Chord
 
 
 class Samples(Signal):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.rate_independent.signals.panels import Panels
-from stickslip.symbolic.chords import Chord
+from stickslip.symbolic.boxes import Chord
 
 NARROWEST_STRETCH = 2.0**-50  # width of a stretch of phases that is rounding
 SAMPLE_PHASES = tuple((k * 0.6180339887498949) % 1.0 for k in range(8))

@@ -1,0 +1,237 @@
+"""Whether the units of a declaration agree: term by term, as far as they are declared.
+
+Units are optional, and numbers may hide some (a mass of 1, a 9.81). So a term counts only if every
+name in it has a unit, one of them is a parameter, and its coefficient is a plain one such as 1/2.
+What does not agree is a doubt, not an error: nothing that is computed depends on units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+from math import pi
+
+from stickslip.model.schema import entry_key
+from stickslip.model.system import System
+from stickslip.model.units import UnitPowers, agree, factors, lowest_terms, unit_product, unit_text
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.functions import FUNCTIONS
+
+_NUMBER: UnitPowers = {}
+_JOULE = lowest_terms(factors("J"))[1]
+_LARGEST = 12  # numerator and denominator of a coefficient that hides no unit
+
+
+def disagreements(system: System) -> list[str]:
+    """What is in doubt about the units of a declaration, a line for each term."""
+    declared = (system.parameters, system.coordinates, system.internal, system.contacts)
+    if not any(item.unit for group in declared for item in group.values()):
+        return []
+    return _Check(system).doubts()
+
+
+class _Check:
+    """One look at a declaration."""
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self.found: dict[str, None] = {}
+        self.where = ""
+        self.known: dict[Expr, UnitPowers | None] = {}
+        self.parameters = frozenset(system.parameters)
+        time = _declared(system.time_unit)
+        self.units: dict[str, UnitPowers | None] = {"t": time}
+        for name, item in {**system.parameters, **system.coordinates, **system.internal}.items():
+            self.units[name] = _declared(item.unit)
+        for name in (*system.coordinates, *system.internal):
+            self.units.setdefault(f"d_{name}", _over(self.units[name], time))
+
+    def doubts(self) -> list[str]:
+        d, system, time = self.system.declaration, self.system, self.units["t"]
+        energy, label = self.energy()
+        power, as_power = _over(energy, time), f"{label}, over time,"
+        self.terms("potential", d.potential, energy, label)
+        self.terms("kinetic", d.kinetic, energy, label)
+        self.terms("viscous", d.dissipation, power, as_power)
+        for x, force in d.forces.items():
+            unit, meaning = _over(energy, self.units[x]), f"{label}, over {x},"
+            self.terms(f"coordinates.{x}.force", force, unit, meaning)
+            if x in d.drags:
+                self.terms(f"coordinates.{x}.drag", d.drags[x], unit, meaning)
+        for a, law in d.laws.items():
+            self.terms(f"internal.{a}.law", law, self.units[f"d_{a}"], f"the rate of {a}")
+        for c in d.contacts:
+            where = entry_key("contacts", c.name)
+            slip = self.slip(c.direction)
+            force = _declared(c.unit)
+            meaning = f"the unit of '{c.name}'"
+            if force is None:
+                force, meaning = _over(power, slip), f"{as_power} over the relative velocity,"
+            self.terms(f"{where}.surface_speed", c.speed, slip, "the relative velocity")
+            for e in (c.plus, c.minus):
+                self.terms(f"{where}.threshold", e, force, meaning)
+            self.units["speed"] = slip
+            self.known.clear()
+            for e in (c.kinetic_plus, c.kinetic_minus):
+                self.terms(f"{where}.kinetic", e, force, meaning)
+        for name, drive in d.drives.items():
+            self.terms(f"drives.{name}", drive, None, "")
+        return list(self.found)
+
+    def slip(self, direction: dict[str, Expr] | object) -> UnitPowers | None:
+        """The unit of a relative velocity, if all parts of it say the same; numbers other than ±1
+        may stand for anything."""
+        assert isinstance(direction, dict)
+        found = [
+            self.product([(weight, 1.0), (ex.sym(f"d_{x}"), 1.0)])
+            if weight.op != "num" or abs(ex.number(weight)) == 1.0
+            else None
+            for x, weight in direction.items()
+        ]
+        first = found[0]
+        alike = first is not None and all(u is not None and agree(first, u) for u in found)
+        return first if alike else None
+
+    def energy(self) -> tuple[UnitPowers | None, str]:
+        """What an energy is measured in, and what says so: a term that is an energy by its
+        dimension, if there is one; work at a contact first."""
+        d, time = self.system.declaration, self.units["t"]
+        found = list[tuple[UnitPowers, str]]()
+
+        def note(unit: UnitPowers | None, label: str) -> None:
+            if unit is not None:
+                found.append((unit, label))
+
+        for c in d.contacts:
+            work = _times(_declared(c.unit), self.slip(c.direction), time)
+            note(work, f"the work at '{c.name}'")
+        for where, formula in (("kinetic", d.kinetic), ("potential", d.potential)):
+            for text, unit in self.sure(formula):
+                note(unit, f"{text} in '{where}'")
+        for text, unit in self.sure(d.dissipation):
+            note(_times(unit, time), f"{text} in 'viscous', times time,")
+        self.found.clear()
+        energies = [pair for pair in found if lowest_terms(pair[0])[1] == _JOULE]
+        return (energies or found or [(None, "")])[0]
+
+    def terms(self, where: str, formula: Expr, unit: UnitPowers | None, meaning: str) -> None:
+        """Compare the terms of a formula with the unit that it has to have."""
+        self.where = where
+        if unit is None:
+            self.of(formula)
+            return
+        for text, own in self.sure(formula):
+            if not agree(own, unit):
+                self.say(f"{text} is in {unit_text(own)}", meaning, unit)
+
+    def sure(self, formula: Expr) -> Iterator[tuple[str, UnitPowers]]:
+        """The terms of a formula whose units count, as texts."""
+        for term, c in _terms(formula):
+            unit = self.of(term)
+            if unit is not None and term.symbols & self.parameters and _is_plain(c):
+                yield ex.to_text(c * term), unit
+
+    def say(self, what: str, other: str, unit: UnitPowers) -> None:
+        self.found[f"{self.where}: {what}, but {other} is in {unit_text(unit)}"] = None
+
+    # -- the unit of a formula ---------------------------------------------------------------------
+
+    def of(self, e: Expr) -> UnitPowers | None:
+        """The unit of an expression; None if it is not known."""
+        for node in ex.walk([e]):
+            if node not in self.known:
+                self.known[node] = self.made(node)
+        return self.known[e]
+
+    def made(self, e: Expr) -> UnitPowers | None:
+        match e.op:
+            case "num":
+                return _NUMBER
+            case "sym":
+                return self.units.get(str(e.value))
+            case "sum":
+                constant = [] if e.value == 0.0 else [(ex.num(float(e.value)), 1.0)]
+                return self.common([*e.terms, *constant])
+            case "prod":
+                return self.product(e.terms)
+            case "pow":
+                return _NUMBER if all(self.known[part] == _NUMBER for part in e.args) else None
+            case "select":
+                return self.common([(part, 1.0) for part in e.args[1:]])
+            case _:
+                self.argument(e)
+                return _NUMBER
+
+    def product(self, powers: Iterable[tuple[Expr, float]]) -> UnitPowers | None:
+        units = [(self.of(base), p) for base, p in powers]
+        return _times(*(unit for unit, _ in units), powers=[p for _, p in units])
+
+    def common(self, terms: list[tuple[Expr, float]]) -> UnitPowers | None:
+        """What all terms are in; None if one may be in anything else. Zero is in any unit."""
+        terms = [(term, c) for term, c in terms if not ex.is_number(term, 0.0)]
+        units = [self.known.get(term, _NUMBER) for term, _ in terms]
+        sure = [
+            (term, c, unit)
+            for (term, c), unit in zip(terms, units, strict=True)
+            if unit is not None and term.op != "num" and _is_plain(c)
+        ]
+        for term, c, unit in sure[1:]:
+            first, weight, other = sure[0]
+            declared = (term.symbols | first.symbols) & self.parameters
+            if not agree(unit, other) and declared and not _may_hide(term, c, self.parameters):
+                if not _may_hide(first, weight, self.parameters):
+                    text = f"{ex.to_text(c * term)} is in {unit_text(unit)}"
+                    self.say(text, ex.to_text(weight * first), other)
+                return None
+        first = sure[0][2] if sure else _NUMBER
+        alike = all(unit is not None and agree(unit, first) for unit in units)
+        return first if alike else None
+
+    def argument(self, e: Expr) -> None:
+        """A function takes numbers; a sine, radians."""
+        (x,) = e.args
+        unit = self.known[x]
+        if unit is None or agree(unit, _NUMBER) or x.op == "num":
+            return
+        angle = not lowest_terms(unit)[1]
+        if angle or x.symbols & self.parameters:
+            name = FUNCTIONS[e.op].typed and "a function with pieces" or e.op
+            self.say(f"{ex.to_text(x)} is in {unit_text(unit)}", f"the argument of {name}", _NUMBER)
+
+
+def _declared(unit: str) -> UnitPowers | None:
+    """A unit, if one is declared."""
+    return factors(unit) if unit.strip() else None
+
+
+def _times(*units: UnitPowers | None, powers: list[float] | None = None) -> UnitPowers | None:
+    """A product of units; None if one of them is not known."""
+    known = [unit for unit in units if unit is not None]
+    if len(known) < len(units):
+        return None
+    return unit_product(*zip(known, powers or [1.0] * len(known), strict=True))
+
+
+def _over(unit: UnitPowers | None, by: UnitPowers | None) -> UnitPowers | None:
+    return _times(unit, by, powers=[1.0, -1.0])
+
+
+def _terms(formula: Expr) -> list[tuple[Expr, float]]:
+    if formula.op == "num":
+        return []
+    return list(formula.terms) if formula.op == "sum" else [(formula, 1.0)]
+
+
+def _is_plain(c: float) -> bool:
+    """Whether a coefficient is a simple fraction, or one of π: it hides no unit."""
+    for value in (c, c / pi, c * pi):
+        near = Fraction(value).limit_denominator(_LARGEST)
+        if abs(float(near) - value) <= 1e-12 * abs(value) and abs(near.numerator) <= _LARGEST:
+            return True
+    return False
+
+
+def _may_hide(term: Expr, c: float, parameters: frozenset[str]) -> bool:
+    """Whether a number in front of a term without parameters may stand for one."""
+    return not term.symbols & parameters and abs(c) != 1.0
