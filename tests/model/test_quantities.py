@@ -251,7 +251,9 @@ def test_a_force_without_a_declared_unit_does_work() -> None:
 
 def test_contradictions_are_not_decided() -> None:
     # N/m * mm² is µJ, N * mm is mJ: no unit is right.
-    mixed = block(coordinates={"x": ss.Inertial("mm")})
+    with pytest.warns(UserWarning) as said:
+        mixed = block(coordinates={"x": ss.Inertial("mm")})
+    assert any("V*t is in m, but x is in mm" in str(each.message) for each in said)
     assert energy_unit(mixed) is None
     data = ss.simulate(mixed, (0.0, 1.0)).dataset
     assert "units" not in data["energy"].attrs

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -37,7 +38,7 @@ def piece_by_piece(
     """x'' + x = a + b (t − start) on each piece; `line` gives a and b in the middle of one."""
     x, v = 0.4, -0.1
     found = np.empty(len(times))
-    for start, end in zip(ends, ends[1:], strict=False):
+    for start, end in pairwise(ends):
         a, b = line(0.5 * (start + end))
         a -= b * 0.5 * (end - start)
 
@@ -240,9 +241,7 @@ def test_a_piecewise_linear_gait(f_plus: float, f_minus: float) -> None:
     t = np.linspace(0.0, 2 * math.pi * cycles, 40 * cycles + 1)
     motion = ss.simulate(system, (0.0, float(t[-1])), parameters=values)
     assert motion.certificate.ok
-    x_1, x_2 = crawler.simulate(
-        D / math.pi * np.arcsin(np.sin(t)), k, f_plus, f_minus
-    )
+    x_1, x_2 = crawler.simulate(D / math.pi * np.arcsin(np.sin(t)), k, f_plus, f_minus)
     assert distance(motion.at(t)["x_1"], x_1) < 1e-11
     assert distance(motion.at(t)["x_2"], x_2) < 1e-11
     step = crawler.net_displacement(D, k, f_plus, f_minus)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
+import warnings
 
 
 def main() -> None:
@@ -13,7 +14,9 @@ def main() -> None:
             stream.reconfigure(errors="replace")  # a terminal without Greek letters shows ? instead
     try:
         from stickslip.cli.app import app
+        from stickslip.cli.report import warn
 
+        warnings.showwarning = lambda message, *_, **__: warn(str(message))
         app()
     except KeyboardInterrupt:
         sys.exit(130)

@@ -7,20 +7,21 @@ What does not agree is a doubt, not an error: nothing that is computed depends o
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from fractions import Fraction
+from functools import cache
 from math import pi
 
 from stickslip.model.schema import entry_key
 from stickslip.model.system import System
-from stickslip.model.units import UnitPowers, agree, factors, lowest_terms, unit_product, unit_text
+from stickslip.model.units import agree, factors, lowest_terms, unit_product, unit_text
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 
-_NUMBER: UnitPowers = {}
-_JOULE = lowest_terms(factors("J"))[1]
-_LARGEST = 12  # numerator and denominator of a coefficient that hides no unit
+Unit = tuple[tuple[str, Fraction], ...]
+_NUMBER: Unit = ()
+_NUMERATOR, _DENOMINATORS = 4, (1, 2, 3, 4, 6, 8, 12, 24)  # of coefficients that hide no unit
 
 
 def disagreements(system: System) -> list[str]:
@@ -37,18 +38,20 @@ class _Check:
     def __init__(self, system: System) -> None:
         self.system = system
         self.found: dict[str, None] = {}
+        self.taken: set[tuple[str, Unit]] = set()
         self.where = ""
-        self.known: dict[Expr, UnitPowers | None] = {}
+        self.known: dict[Expr, Unit | None] = {}
+        self.at_speed: dict[Expr, Unit | None] = {}
         self.parameters = frozenset(system.parameters)
         time = _declared(system.time_unit)
-        self.units: dict[str, UnitPowers | None] = {"t": time}
+        self.units: dict[str, Unit | None] = {"t": time}
         for name, item in {**system.parameters, **system.coordinates, **system.internal}.items():
             self.units[name] = _declared(item.unit)
         for name in (*system.coordinates, *system.internal):
             self.units.setdefault(f"d_{name}", _over(self.units[name], time))
 
     def doubts(self) -> list[str]:
-        d, system, time = self.system.declaration, self.system, self.units["t"]
+        d, time = self.system.declaration, self.units["t"]
         energy, label = self.energy()
         power, as_power = _over(energy, time), f"{label}, over time,"
         self.terms("potential", d.potential, energy, label)
@@ -72,17 +75,16 @@ class _Check:
             for e in (c.plus, c.minus):
                 self.terms(f"{where}.threshold", e, force, meaning)
             self.units["speed"] = slip
-            self.known.clear()
-            for e in (c.kinetic_plus, c.kinetic_minus):
+            self.at_speed.clear()
+            for e in {c.kinetic_plus, c.kinetic_minus} - {c.plus, c.minus}:
                 self.terms(f"{where}.kinetic", e, force, meaning)
         for name, drive in d.drives.items():
             self.terms(f"drives.{name}", drive, None, "")
         return list(self.found)
 
-    def slip(self, direction: dict[str, Expr] | object) -> UnitPowers | None:
+    def slip(self, direction: Mapping[str, Expr]) -> Unit | None:
         """The unit of a relative velocity, if all parts of it say the same; numbers other than ±1
         may stand for anything."""
-        assert isinstance(direction, dict)
         found = [
             self.product([(weight, 1.0), (ex.sym(f"d_{x}"), 1.0)])
             if weight.op != "num" or abs(ex.number(weight)) == 1.0
@@ -90,61 +92,72 @@ class _Check:
             for x, weight in direction.items()
         ]
         first = found[0]
-        alike = first is not None and all(u is not None and agree(first, u) for u in found)
+        alike = first is not None and all(u is not None and _alike(first, u) for u in found)
         return first if alike else None
 
-    def energy(self) -> tuple[UnitPowers | None, str]:
+    def energy(self) -> tuple[Unit | None, str]:
         """What an energy is measured in, and what says so: a term that is an energy by its
         dimension, if there is one; work at a contact first."""
         d, time = self.system.declaration, self.units["t"]
-        found = list[tuple[UnitPowers, str]]()
+        found = list[tuple[Unit, Callable[[], str]]]()
 
-        def note(unit: UnitPowers | None, label: str) -> None:
+        def note(unit: Unit | None, label: Callable[[], str]) -> None:
             if unit is not None:
                 found.append((unit, label))
 
         for c in d.contacts:
             work = _times(_declared(c.unit), self.slip(c.direction), time)
-            note(work, f"the work at '{c.name}'")
+            note(work, lambda c=c: f"the work at '{c.name}'")
         for where, formula in (("kinetic", d.kinetic), ("potential", d.potential)):
-            for text, unit in self.sure(formula):
-                note(unit, f"{text} in '{where}'")
-        for text, unit in self.sure(d.dissipation):
-            note(_times(unit, time), f"{text} in 'viscous', times time,")
-        self.found.clear()
-        energies = [pair for pair in found if lowest_terms(pair[0])[1] == _JOULE]
-        return (energies or found or [(None, "")])[0]
+            self.where = where
+            for term, unit in self.sure(formula):
+                note(unit, lambda term=term, where=where: f"{ex.to_text(term)} in '{where}'")
+        self.where = "viscous"
+        for term, unit in self.sure(d.dissipation):
+            note(
+                _times(unit, time),
+                lambda term=term: f"{ex.to_text(term)} in 'viscous', times time,",
+            )
+        energies = [pair for pair in found if _base(pair[0]) == _base(_of("J"))]
+        for unit, label in energies or found:
+            return unit, label()
+        return None, ""
 
-    def terms(self, where: str, formula: Expr, unit: UnitPowers | None, meaning: str) -> None:
+    def terms(self, where: str, formula: Expr, unit: Unit | None, meaning: str) -> None:
         """Compare the terms of a formula with the unit that it has to have."""
         self.where = where
         if unit is None:
             self.of(formula)
             return
-        for text, own in self.sure(formula):
-            if not agree(own, unit):
-                self.say(f"{text} is in {unit_text(own)}", meaning, unit)
+        for term, own in self.sure(formula):
+            if not _alike(own, unit):
+                self.say(f"{ex.to_text(term)} is in {_text(own)}", meaning, unit)
 
-    def sure(self, formula: Expr) -> Iterator[tuple[str, UnitPowers]]:
-        """The terms of a formula whose units count, as texts."""
+    def sure(self, formula: Expr) -> Iterator[tuple[Expr, Unit]]:
+        """The terms of a formula whose units count."""
         for term, c in _terms(formula):
             unit = self.of(term)
             if unit is not None and term.symbols & self.parameters and _is_plain(c):
-                yield ex.to_text(c * term), unit
+                yield c * term, unit
 
-    def say(self, what: str, other: str, unit: UnitPowers) -> None:
-        self.found[f"{self.where}: {what}, but {other} is in {unit_text(unit)}"] = None
+    def say(self, what: str, other: str, unit: Unit) -> None:
+        self.found[f"{self.where}: {what}, but {other} is in {_text(unit)}"] = None
 
     # -- the unit of a formula ---------------------------------------------------------------------
 
-    def of(self, e: Expr) -> UnitPowers | None:
+    def of(self, e: Expr) -> Unit | None:
         """The unit of an expression; None if it is not known."""
         for node in ex.walk([e]):
-            if node not in self.known:
-                self.known[node] = self.made(node)
-        return self.known[e]
+            known = self.memory(node)
+            if node not in known:
+                known[node] = self.made(node)
+        return self.memory(e)[e]
 
-    def made(self, e: Expr) -> UnitPowers | None:
+    def memory(self, e: Expr) -> dict[Expr, Unit | None]:
+        """Where the unit of an expression is kept: each contact has its own speed."""
+        return self.at_speed if "speed" in e.symbols else self.known
+
+    def made(self, e: Expr) -> Unit | None:
         match e.op:
             case "num":
                 return _NUMBER
@@ -156,21 +169,21 @@ class _Check:
             case "prod":
                 return self.product(e.terms)
             case "pow":
-                return _NUMBER if all(self.known[part] == _NUMBER for part in e.args) else None
+                return _NUMBER if all(self.of(part) == _NUMBER for part in e.args) else None
             case "select":
                 return self.common([(part, 1.0) for part in e.args[1:]])
             case _:
                 self.argument(e)
                 return _NUMBER
 
-    def product(self, powers: Iterable[tuple[Expr, float]]) -> UnitPowers | None:
-        units = [(self.of(base), p) for base, p in powers]
-        return _times(*(unit for unit, _ in units), powers=[p for _, p in units])
+    def product(self, powers: Iterable[tuple[Expr, float]]) -> Unit | None:
+        powers = list(powers)
+        return _times(*(self.of(base) for base, _ in powers), powers=tuple(p for _, p in powers))
 
-    def common(self, terms: list[tuple[Expr, float]]) -> UnitPowers | None:
+    def common(self, terms: list[tuple[Expr, float]]) -> Unit | None:
         """What all terms are in; None if one may be in anything else. Zero is in any unit."""
         terms = [(term, c) for term, c in terms if not ex.is_number(term, 0.0)]
-        units = [self.known.get(term, _NUMBER) for term, _ in terms]
+        units = [self.of(term) for term, _ in terms]
         sure = [
             (term, c, unit)
             for (term, c), unit in zip(terms, units, strict=True)
@@ -179,42 +192,73 @@ class _Check:
         for term, c, unit in sure[1:]:
             first, weight, other = sure[0]
             declared = (term.symbols | first.symbols) & self.parameters
-            if not agree(unit, other) and declared and not _may_hide(term, c, self.parameters):
+            if not _alike(unit, other) and declared and not _may_hide(term, c, self.parameters):
                 if not _may_hide(first, weight, self.parameters):
-                    text = f"{ex.to_text(c * term)} is in {unit_text(unit)}"
+                    text = f"{ex.to_text(c * term)} is in {_text(unit)}"
                     self.say(text, ex.to_text(weight * first), other)
                 return None
         first = sure[0][2] if sure else _NUMBER
-        alike = all(unit is not None and agree(unit, first) for unit in units)
+        alike = all(unit is not None and _alike(unit, first) for unit in units)
         return first if alike else None
 
     def argument(self, e: Expr) -> None:
         """A function takes numbers; a sine, radians."""
         (x,) = e.args
-        unit = self.known[x]
-        if unit is None or agree(unit, _NUMBER) or x.op == "num":
+        unit = self.of(x)
+        if unit is None or _alike(unit, _NUMBER) or x.op == "num":
             return
-        angle = not lowest_terms(unit)[1]
+        angle = not _base(unit)
         if angle or x.symbols & self.parameters:
-            name = FUNCTIONS[e.op].typed and "a function with pieces" or e.op
-            self.say(f"{ex.to_text(x)} is in {unit_text(unit)}", f"the argument of {name}", _NUMBER)
+            name = "a function with pieces" if FUNCTIONS[e.op].typed else f"'{e.op}'"
+            wanted = "radians" if FUNCTIONS[e.op].crest is not None else "a number"
+            # A wave with pieces is a wave and its pieces.
+            if not (FUNCTIONS[e.op].typed and (self.where, unit) in self.taken):
+                text = f"{self.where}: {ex.to_text(x)} is in {_text(unit)}"
+                self.found[f"{text}, but {name} takes {wanted}"] = None
+            self.taken.add((self.where, unit))
 
 
-def _declared(unit: str) -> UnitPowers | None:
+def _declared(unit: str) -> Unit | None:
     """A unit, if one is declared."""
-    return factors(unit) if unit.strip() else None
+    return _of(unit) if unit.strip() else None
 
 
-def _times(*units: UnitPowers | None, powers: list[float] | None = None) -> UnitPowers | None:
+def _times(*units: Unit | None, powers: tuple[float, ...] = ()) -> Unit | None:
     """A product of units; None if one of them is not known."""
-    known = [unit for unit in units if unit is not None]
-    if len(known) < len(units):
-        return None
-    return unit_product(*zip(known, powers or [1.0] * len(known), strict=True))
+    return None if None in units else _product(units, powers or (1.0,) * len(units))  # type: ignore[arg-type]
 
 
-def _over(unit: UnitPowers | None, by: UnitPowers | None) -> UnitPowers | None:
-    return _times(unit, by, powers=[1.0, -1.0])
+def _over(unit: Unit | None, by: Unit | None) -> Unit | None:
+    return _times(unit, by, powers=(1.0, -1.0))
+
+
+# A long chain has few units.
+
+
+@cache
+def _of(unit: str) -> Unit:
+    return tuple(factors(unit).items())
+
+
+@cache
+def _product(units: tuple[Unit, ...], powers: tuple[float, ...]) -> Unit:
+    return tuple(unit_product(*zip(map(dict, units), powers, strict=True)).items())
+
+
+@cache
+def _alike(one: Unit, other: Unit) -> bool:
+    return agree(dict(one), dict(other))
+
+
+@cache
+def _base(unit: Unit) -> frozenset[tuple[str, Fraction]]:
+    """The powers of SI base units in it."""
+    return frozenset(lowest_terms(dict(unit))[1].items())
+
+
+@cache
+def _text(unit: Unit) -> str:
+    return unit_text(dict(unit))
 
 
 def _terms(formula: Expr) -> list[tuple[Expr, float]]:
@@ -223,11 +267,13 @@ def _terms(formula: Expr) -> list[tuple[Expr, float]]:
     return list(formula.terms) if formula.op == "sum" else [(formula, 1.0)]
 
 
+@cache
 def _is_plain(c: float) -> bool:
     """Whether a coefficient is a simple fraction, or one of π: it hides no unit."""
     for value in (c, c / pi, c * pi):
-        near = Fraction(value).limit_denominator(_LARGEST)
-        if abs(float(near) - value) <= 1e-12 * abs(value) and abs(near.numerator) <= _LARGEST:
+        near = Fraction(value).limit_denominator(_DENOMINATORS[-1])
+        plain = abs(near.numerator) <= _NUMERATOR and near.denominator in _DENOMINATORS
+        if plain and abs(float(near) - value) <= 1e-12 * abs(value):
             return True
     return False
 

@@ -6,16 +6,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from difflib import get_close_matches
 from fractions import Fraction
 from functools import cache
 
 from stickslip.errors import DeclarationError, short
 
-UNIT_NAMES = frozenset(
-    "m kg s A K mol cd g t N Pa J W Hz rad deg V C F ohm T H L bar min h d yr a eV S "
-    "mm cm km um nm µm ms us ns µs mN kN MN uN nN pN fN kPa MPa GPa mJ kJ MJ aJ mW kW MW "
-    "kHz MHz GHz mg mrad pm 1 %".split()
-)
 _POWER = r"\^(?:-?\d+(?:/\d+)?|\(-?\d+(?:/\d+)?\))"
 _FACTOR = rf"(?:[A-Za-zµ]+|1|%)(?:{_POWER})?"
 _GROUP = rf"(?:{_FACTOR}|\({_FACTOR}(?:[*·/ ]{_FACTOR})*\))"
@@ -29,6 +25,8 @@ _PREFIXES = {
     "µ": -6,
     "m": -3,
     "c": -2,
+    "d": -1,
+    "h": 2,
     "k": 3,
     "M": 6,
     "G": 9,
@@ -41,7 +39,24 @@ _DERIVED = {
     "Pa": (1.0, "N/m^2"), "bar": (1e5, "Pa"), "J": (1.0, "N*m"), "eV": (1.602176634e-19, "J"),
     "W": (1.0, "J/s"), "C": (1.0, "A*s"), "V": (1.0, "W/A"), "F": (1.0, "C/V"),
     "ohm": (1.0, "V/A"), "S": (1.0, "A/V"), "T": (1.0, "V*s/m^2"), "H": (1.0, "V*s/A"),
+    "rev": (2.0 * math.pi, "1"), "rpm": (math.pi / 30.0, "1/s"), "arcmin": (math.pi / 10800.0, "1"),
+    "arcsec": (math.pi / 648000.0, "1"), "atm": (101325.0, "Pa"), "psi": (6894.757293168361, "Pa"),
+    "dyn": (1e-5, "N"), "kgf": (9.80665, "N"), "lbf": (4.4482216152605, "N"),
+    "lb": (0.45359237, "kg"), "in": (0.0254, "m"), "ft": (0.3048, "m"),
 }  # fmt: skip
+_WITH_PREFIXES = "m g s A K N Pa J W Hz rad V C F ohm T H L bar eV S mol".split()
+UNIT_NAMES = frozenset(
+    [*SI, *_DERIVED, "1", *(prefix + name for prefix in _PREFIXES for name in _WITH_PREFIXES)]
+)
+_WORDS = {
+    "sec": "s", "second": "s", "minute": "min", "hour": "h", "day": "d", "year": "yr",
+    "meter": "m", "metre": "m", "newton": "N", "joule": "J", "watt": "W", "pascal": "Pa",
+    "hertz": "Hz", "kilogram": "kg", "gram": "g", "gramme": "g", "degree": "deg", "radian": "rad",
+    "hr": "h", "turn": "rev", "inch": "in", "foot": "ft", "pound": "lb", "volt": "V",
+    "ampere": "A", "amp": "A", "kelvin": "K", "liter": "L", "litre": "L", "tonne": "t", "percent": "%",
+}  # fmt: skip
+
+_SIGNS = str.maketrans({"μ": "µ", "²": "^2", "³": "^3", "°": "deg", "Ω": "ohm", "⋅": "·"})
 
 UnitPowers = Mapping[str, Fraction]
 
@@ -59,17 +74,33 @@ def check_unit(text: str, where: str) -> str:
     unknown = [name for name in names if name not in UNIT_NAMES]
     if unknown or (plain and not _UNIT.match(plain)):
         reason = f"at '{short(unknown[0])}'" if unknown else "as a product of powers"
-        raise DeclarationError(
-            where,
-            f"the unit '{short(text)}' does not parse {reason}",
-            "Write a product of SI units with powers, like 'kg*m^2/s', or '1'",
-        )
+        remedy = "Write a product of SI units with powers, like 'kg*m^2/s', or '1'"
+        meant = _meant(unknown[0]) if unknown else []
+        if meant:
+            remedy = f"Did you mean {' or '.join(repr(name) for name in meant)}? {remedy}"
+        raise DeclarationError(where, f"the unit '{short(text)}' does not parse {reason}", remedy)
     return text
+
+
+def _meant(name: str) -> list[str]:
+    """What an unknown unit may stand for: a word, other capitals, two units without a sign between
+    them, or a slip."""
+    word = name.lower()
+    for form in (word, word.removesuffix("s")):
+        if form in _WORDS:
+            return [_WORDS[form]]
+    if name[:-1] in UNIT_NAMES and name.endswith("s"):
+        return [name[:-1]]
+    capitals = sorted(unit for unit in UNIT_NAMES if unit.lower() == word)
+    splits = [(name[:i], name[i:]) for i in range(1, len(name))]
+    pairs = [f"{a}*{b}" for a, b in splits if a in UNIT_NAMES and b in UNIT_NAMES]
+    close = get_close_matches(name, sorted(UNIT_NAMES), 2)
+    return list(dict.fromkeys([*pairs, *capitals, *close]))[:3]
 
 
 def _plain(text: str) -> str:
     """The unit without blanks around its operators."""
-    return re.sub(r"\s*([*·/^])\s*", r"\1", text.strip().replace("**", "^"))
+    return re.sub(r"\s*([*·/^])\s*", r"\1", text.strip().translate(_SIGNS).replace("**", "^"))
 
 
 @cache

@@ -44,7 +44,8 @@ class Outcome(Ended):
     UNDEFINED = (
         8,
         "undefined",
-        "A formula has no finite value here (log or sqrt of a negative number, overflow)",
+        "A formula has no finite value here (log or sqrt of a negative number, asin beyond 1, "
+        "overflow)",
     )
     INTERRUPTED = (9, "interrupted", "Stopped by the user; what was computed is kept")
     PERIODIC = (10, "periodic", "The motion has settled on a cycle")

@@ -171,9 +171,7 @@ STRUCTURES: dict[str, Structure] = {
         repeats=True,
         jumps=True,
     ),
-    "mod": Structure(
-        made=_mod, arguments=("x", "m"), slopes=("1", "-floor(x/m)"), jumps=True
-    ),
+    "mod": Structure(made=_mod, arguments=("x", "m"), slopes=("1", "-floor(x/m)"), jumps=True),
     "square": Structure(made=_square, slopes=("0",), repeats=True, jumps=True),
     "triangle": Structure(made=_triangle, slopes=("2/pi*square(x + pi/2)",), repeats=True),
     "sawtooth": Structure(made=_sawtooth, slopes=("1/pi",), jumps=True),
@@ -201,7 +199,9 @@ def spelled(e: Expr) -> tuple[str, tuple[Expr, ...]] | None:
     recognised."""
     if e.op == _EASE:
         (u, *_) = (n for n in _branches(e.args[0]) if n.op != "num")
-        return ("smoothstep", (u, ex.ZERO, ex.ONE)) if e is _smoothstep(u, ex.ZERO, ex.ONE) else None
+        return (
+            ("smoothstep", (u, ex.ZERO, ex.ONE)) if e is _smoothstep(u, ex.ZERO, ex.ONE) else None
+        )
     inner = e.args[0].args if e.op == "select" else ()
     if not inner:
         return None

@@ -1,0 +1,201 @@
+"""Units that do not agree are said, term by term; units that do not parse are refused by name."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from pathlib import Path
+
+import pytest
+
+import stickslip as ss
+from stickslip.errors import DeclarationError
+from stickslip.model.units import UNIT_NAMES, agree, check_unit, factors, in_si, lowest_terms
+
+PARAMETERS = {
+    "m": ("kg", 2.0),
+    "k": ("N/m", 3.0),
+    "stiff": ("N", 3.0),
+    "c": ("N*s/m", 0.1),
+    "F": ("N", 1.0),
+    "V": ("m/s", 0.5),
+    "a": ("mm", 2.0),
+    "omega": ("rad/s", 1.5),
+    "speed_of_shaft": ("rpm", 10.0),
+    "tilt": ("deg", 3.0),
+    "mu": ("1", 0.2),
+    "plain": ("", 1.0),
+}
+
+
+def block(**changes: object) -> ss.System:
+    parts = {
+        "parameters": {
+            name: ss.Parameter(value, unit) for name, (unit, value) in PARAMETERS.items()
+        },
+        "coordinates": {"x": ss.Inertial("m")},
+        "kinetic": "m/2*d_x**2",
+        "potential": "k/2*(x - V*t)**2",
+        "contacts": {"ground": ss.Contact("d_x", "F", unit="N")},
+        "time_unit": "s",
+    }
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return ss.System(name="block", **parts | changes)  # type: ignore[arg-type]
+
+
+def test_an_energy_that_is_none_is_a_warning() -> None:
+    """It names the term and both units, and where they are."""
+    with pytest.warns(UserWarning, match=r"block: potential: .*stiff.* in m\^2\*N, .* N\*m"):
+        ss.System(
+            name="block",
+            parameters={"stiff": ss.Parameter(3.0, "N")},
+            coordinates={"x": ss.Inertial("m")},
+            kinetic="d_x**2/2",
+            potential="stiff*x**2/2",
+            contacts={"ground": ss.Contact("d_x", "1", unit="N")},
+            time_unit="s",
+        )
+
+
+def inertial(force: str, drag: str = "0") -> dict[str, object]:
+    return {"coordinates": {"x": ss.Inertial("m", force=force, drag=drag)}}
+
+
+@pytest.mark.parametrize(
+    ("changes", "where", "says"),
+    [
+        ({"potential": "stiff*x**2/2"}, "potential", "in m^2*N|in N*m^2"),
+        ({"kinetic": "k/2*d_x**2"}, "kinetic", "in m*N/s^2|in N*m/s^2|in N/m*m^2/s^2"),
+        ({"viscous": "m/2*d_x**2"}, "viscous", "in m^2*kg/s^2|in kg*m^2/s^2"),
+        (inertial("F*x"), "coordinates.x.force", "F*x is in|x*F is in"),
+        (inertial("F - k*d_x"), "coordinates.x.force", "over x, is in N"),
+        (inertial("0", "m*d_x"), "coordinates.x.drag", "over x, is in N"),
+        ({"potential": "k/2*(x - V)**2"}, "potential", "V is in m/s"),
+        ({"potential": "k/2*(x - a)**2"}, "potential", "a is in mm"),
+        (
+            {"potential": "F*x*cos(omega)"},
+            "potential",
+            "omega is in rad/s, but 'cos' takes radians",
+        ),
+        ({"potential": "F*x*sin(tilt)"}, "potential", "tilt is in deg, but 'sin' takes radians"),
+        (
+            {"potential": "F*x*cos(speed_of_shaft*t)"},
+            "potential",
+            "is in rpm*s, but 'cos' takes radians|is in s*rpm, but 'cos' takes radians",
+        ),
+        ({"potential": "F*x*exp(x/V)"}, "potential", "'exp' takes a number"),
+        ({"potential": "F*x*triangle(V*t)"}, "potential", "'cos' takes radians"),
+        (
+            {"contacts": {"ground": ss.Contact("d_x", "mu*k", unit="N")}},
+            "contacts.'ground'.threshold",
+            "the unit of 'ground' is in N",
+        ),
+        (
+            {"contacts": {"ground": ss.Contact("d_x", "F", surface_speed="V*t", unit="N")}},
+            "contacts.'ground'.surface_speed",
+            "the relative velocity is in m/s",
+        ),
+        (
+            {"contacts": {"ground": ss.Contact("d_x", "F", kinetic="mu*k/(1 + speed/V)")}},
+            "contacts.'ground'.kinetic",
+            "over the relative velocity, is in",
+        ),
+        (
+            {"internal": {"z": ss.Internal("F/c", "m"), "w": ss.Internal("F/k", "m")}},
+            "internal.w.law",
+            "the rate of w is in m/s",
+        ),
+        ({"drives": {"ell": "V*t + a*sin(omega*t)"}}, "drives.ell", ""),
+    ],
+)
+def test_what_is_in_doubt(changes: dict[str, object], where: str, says: str) -> None:
+    doubts = block(**changes).doubts
+    assert doubts and doubts[0].startswith(f"{where}: "), doubts
+    assert any(part in doubts[0] for part in says.split("|")), doubts
+    assert len(doubts) == 1, doubts
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        # numbers that hide units, and names without one
+        {"kinetic": "d_x**2/2", "potential": "x**2/2 + 9.81*m*x + plain*x**3"},
+        {"potential": "k/2*max(x - 0.1, 0)**2 + F*x*cos(2*pi*x/V*omega)*tanh(x*k/F)"},
+        {"potential": "k/2*x**2*(1 + 0.3*sin(omega*t)) - F*sqrt(x**2 + 1)"},
+        {"potential": "k/2*mod(x, 2*V/omega)*x - F*x*triangle(omega*t)"},
+        {"potential": "k/2*(x - V*t)**2 - F*x*sin(t)"},
+        {"contacts": {"ground": ss.Contact("d_x", "F", kinetic="F/(1 + speed/V)", unit="N")}},
+        {"contacts": {"ground": ss.Contact("d_x", "F*exp(-abs(x)*k/F)", surface_speed="V")}},
+        {"time_unit": ""},
+        {"coordinates": {"x": ss.Inertial()}},
+    ],
+)
+def test_what_is_not(changes: dict[str, object]) -> None:
+    assert block(**changes).doubts == []
+
+
+@pytest.mark.parametrize(
+    "name",
+    [*ss.catalogue.names(), *sorted(map(str, Path(__file__).parents[2].glob("examples/*.toml")))],
+)
+def test_nothing_published_is_in_doubt(name: str) -> None:
+    system = ss.load(name) if name.endswith(".toml") else ss.catalogue.get(name)
+    assert system.doubts == []
+
+
+# -- units that parse ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("one", "scale", "other"),
+    [
+        ("rpm", math.pi / 30, "rad/s"),
+        ("rev/min", 1.0, "rpm"),
+        ("deg", math.pi / 180, "rad"),
+        ("°", 1.0, "deg"),
+        ("bar", 1e5, "N/m²"),
+        ("mbar", 1.0, "hPa"),
+        ("g", 1e-3, "kg"),
+        ("μm", 1.0, "µm"),
+        ("psi", 4.4482216152605 / 0.0254**2, "Pa"),
+        ("lbf*in", 4.4482216152605 * 0.0254, "N*m"),
+        ("dm^3", 1.0, "L"),
+        ("kgf", 9.80665, "N"),
+    ],
+)
+def test_units_of_workshops(one: str, scale: float, other: str) -> None:
+    check_unit(one, "here")
+    (a, base), (b, same) = lowest_terms(factors(one)), lowest_terms(factors(other))
+    assert base == same
+    assert a / b == pytest.approx(scale, rel=1e-12)
+    assert agree(factors(one), factors(other)) == (scale == 1.0)
+
+
+@pytest.mark.parametrize(
+    ("unit", "says"),
+    [
+        ("Nm", r"'Nm'.*Did you mean 'N\*m'"),
+        ("kgm/s^2", r"at 'kgm'.*'kg\*m'"),
+        ("hz", "'Hz'"),
+        ("RPM", "'rpm'"),
+        ("newton*meter", "'N'"),
+        ("seconds", "'s'"),
+        ("degrees", "'deg'"),
+        ("bars", "'bar'"),
+        ("kPaa", "'kPa'"),
+        ("m//s", "as a product of powers"),
+        ("furlong", "does not parse at 'furlong'. Write a product"),
+    ],
+)
+def test_a_unit_that_does_not_parse_is_refused_by_name(unit: str, says: str) -> None:
+    with pytest.raises(DeclarationError, match=says) as error:
+        ss.System("s", parameters={"p": ss.Parameter(1.0, unit)}, internal={"a": ss.Internal("p")})
+    assert str(error.value).startswith("parameters.p.unit: ")
+
+
+def test_prefixes_do_not_hide_units() -> None:
+    for name, base in {"min": 60.0, "cd": 1.0, "ft": 0.3048, "Pa": 1.0, "h": 3600.0}.items():
+        assert in_si(name)[0] == base
+    assert {"daN", "Nm"}.isdisjoint(UNIT_NAMES)
