@@ -225,7 +225,7 @@ def _declared(unit: str) -> Unit | None:
 
 def _times(*units: Unit | None, powers: tuple[float, ...] = ()) -> Unit | None:
     """A product of units; None if one of them is not known."""
-    return None if None in units else _product(units, powers or (1.0,) * len(units))  # type: ignore[arg-type]
+    return None if None in units else _product(units, powers or (1.0,) * len(units))
 
 
 def _over(unit: Unit | None, by: Unit | None) -> Unit | None:

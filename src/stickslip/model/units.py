@@ -53,7 +53,8 @@ _WORDS = {
     "meter": "m", "metre": "m", "newton": "N", "joule": "J", "watt": "W", "pascal": "Pa",
     "hertz": "Hz", "kilogram": "kg", "gram": "g", "gramme": "g", "degree": "deg", "radian": "rad",
     "hr": "h", "turn": "rev", "inch": "in", "foot": "ft", "pound": "lb", "volt": "V",
-    "ampere": "A", "amp": "A", "kelvin": "K", "liter": "L", "litre": "L", "tonne": "t", "percent": "%",
+    "ampere": "A", "amp": "A", "kelvin": "K", "liter": "L", "litre": "L", "tonne": "t",
+    "percent": "%",
 }  # fmt: skip
 
 _SIGNS = str.maketrans({"μ": "µ", "²": "^2", "³": "^3", "°": "deg", "Ω": "ohm", "⋅": "·"})

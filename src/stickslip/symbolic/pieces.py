@@ -233,9 +233,9 @@ def periodic_form(e: Expr) -> Expr:
     what repeats, guards without their wraps, and signs of branches in front."""
 
     def change(node: Expr) -> Expr | None:
-        name, arguments = spelled(node) or ("", ())
-        if name and STRUCTURES[name].made is _floor:
-            (u,) = arguments
+        spelling = spelled(node)
+        if spelling is not None and STRUCTURES[spelling[0]].made is _floor:
+            u = spelling[1][0]
             return periodic_form(u - _fraction(u))
         if node.op == "select":
             made = ex.select(*map(periodic_form, node.args))
