@@ -234,7 +234,7 @@ def _rate_problem(
         total = ex.along(e, rates)
         linear = [ex.derivative(total, f"d_{r}") for r in names]
         own = {f"d_{r}" for r in names}
-        if any(part.symbols & own for part in linear):
+        if any(part.symbols & own for part in linear) or ex.bends(total, own):
             raise DeclarationError(
                 where,
                 "its rate is not linear in the rates of the rate-independent coordinates",

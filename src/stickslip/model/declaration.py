@@ -410,7 +410,8 @@ class _Reader:
         slopes = {rate[2:]: ex.derivative(text, rate) for rate in rates}
         direction = {x: c for x, c in slopes.items() if c is not ex.ZERO}
         linear = ex.add(*((c * self.rates[f"d_{x}"], 1.0) for x, c in direction.items()))
-        if not direction or any(c.symbols & self.rates.keys() for c in direction.values()):
+        curved = any(c.symbols & self.rates.keys() for c in direction.values())
+        if not direction or curved or ex.bends(text, self.rates):
             raise DeclarationError(
                 f"{where}.direction",
                 "not a linear combination of rates",
@@ -575,6 +576,7 @@ class _Reader:
                 if where == "potential"
                 else [change]
             )
+            tested += [ex.along(guard, shift) for guard in _by_guard(formula)]
             for moved in states:
                 if any(
                     abs(ex.evaluate(probe, moved)) > 1e-9 * _size(probe, moved) for probe in tested
@@ -608,6 +610,10 @@ def _quadratic(form: Expr, names: Iterable[str], where: str) -> dict[tuple[str, 
     """Matrix of a quadratic form in the rates of the named coordinates."""
     order = {f"d_{x}": (i, x) for i, x in enumerate(names)}
     at_rest = dict.fromkeys(order, ex.ZERO)
+    if ex.bends(form, order):
+        raise DeclarationError(
+            where, "not quadratic: it has kinks or jumps in the rates", _QUADRATIC
+        )
     _check_slopes(form, order, where, 2)
     matrix = {}
     for rate, (i, x) in order.items():
@@ -616,7 +622,7 @@ def _quadratic(form: Expr, names: Iterable[str], where: str) -> dict[tuple[str, 
             if j > i:
                 break
             entry = ex.derivative(slope, f"d_{y}")
-            if entry.symbols & order.keys() or any(n.op == "select" for n in ex.walk([entry])):
+            if entry.symbols & order.keys():
                 raise DeclarationError(where, f"not quadratic in d_{x}", "Write it like m/2*d_x**2")
             if entry is not ex.ZERO:
                 matrix[x, y] = matrix[y, x] = entry

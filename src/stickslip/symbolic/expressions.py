@@ -357,13 +357,20 @@ def has_pieces(e: Expr) -> bool:
     return e.op == "select" or (e.op in FUNCTIONS and FUNCTIONS[e.op].poles is not None)
 
 
+def bends(e: Expr, names: Iterable[str]) -> bool:
+    """Whether an expression has branches or jumps in some names, of which a derivative that is
+    constant says nothing."""
+    names = frozenset(names)
+    return any(has_pieces(n) and n.symbols & names for n in walk([e]))
+
+
 def frequency(e: Expr) -> Expr | None:
     """The angular frequency of a function that repeats: its phase, in radians, by time; None of
     anything else."""
     row = FUNCTIONS.get(e.op)
     if row is None or not row.period or "t" not in e.symbols:
         return None
-    if any("t" in n.symbols and has_pieces(n) for n in walk(e.args)):
+    if bends(e.args[0], "t"):
         return None
     return (2.0 * math.pi / row.period) * derivative(e.args[0], "t")
 

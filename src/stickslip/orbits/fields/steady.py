@@ -75,7 +75,9 @@ class ResidualFunction:
         )
         self._fixed = np.array([values[name] for name in fixed], dtype=float)[:, None]
         self._places = tuple(np.array(list(slopes), dtype=int).reshape(-1, 2).T)
-        self.affine: bool = not any(d.symbols & set(unknowns) for d in slopes.values())
+        self.affine: bool = not any(d.symbols & set(unknowns) for d in slopes.values()) and not any(
+            ex.bends(e, unknowns) for e in expressions
+        )
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """Values and slopes; shapes (rows, …) and (rows, unknowns, …) for x of shape (unknowns,

@@ -132,7 +132,7 @@ class _Walk:
                 continue
             for name in sorted(term.symbols & self.velocity.keys()):
                 slope = ex.derivative(term, name)
-                if slope.op != "num":
+                if slope.op != "num" or ex.bends(term, [name]):
                     return False
                 part = weight * ex.number(slope) * self.velocity[name]
                 total = total + part

@@ -380,7 +380,8 @@ class _Declared:
         found: dict[str, tuple[PiecewiseAffine, PiecewiseAffine]] = {}
         for name, (force, plus, minus) in self.contacts.items():
             slope = ex.derivative(force, self.pair[0])
-            if not ex.is_number(slope) or ex.number(slope) == 0.0:
+            bends = ex.bends(force, self.pair[:1])
+            if bends or not ex.is_number(slope) or ex.number(slope) == 0.0:
                 raise DeclarationError(
                     f"potential ({name})", f"its force is not affine in {self.pair[0]}", _REMEDY
                 )
