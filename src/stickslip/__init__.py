@@ -108,6 +108,7 @@ __all__ = [
     "Polytope",
     "Product",
     "RateIndependent",
+    "Samples",
     "Settings",
     "SpecialPoint",
     "StepControl",
@@ -188,6 +189,7 @@ _HOMES = {
     "Play": "rate_independent.play.operator",
     "play": "rate_independent.play.operator",
     "prandtl_ishlinskii": "rate_independent.play.clamp",
+    "Samples": "symbolic.samples",
     **dict.fromkeys(
         ["AveragingStudy", "averaging_study"], "rate_independent.evolution.averaging_study"
     ),

@@ -11,7 +11,7 @@ import stickslip as ss
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.signals.reading import read
-from stickslip.rate_independent.signals.samples import MonotoneSamples
+from stickslip.rate_independent.signals.samples import MonotoneTable
 from stickslip.rate_independent.signals.signal import OF_PHASE, OF_TIME
 from stickslip.symbolic import expressions as ex
 
@@ -54,7 +54,7 @@ def test_one_value_for_polynomials(given: Any) -> None:
 
 def test_monotone_samples_stay_within_their_chords() -> None:
     y = np.array([0.0, 1.0, 1.2, 3.0, 3.0])
-    signal = MonotoneSamples(np.arange(5.0), y, "load", OF_TIME, ())
+    signal = MonotoneTable(np.arange(5.0), y, "load", OF_TIME, ())
     low, high = np.array([0.1, 1.2, 2.0]), np.array([0.9, 1.6, 3.0])
     chord = signal.chord(low, high)
     for share in np.linspace(0.0, 1.0, 101):

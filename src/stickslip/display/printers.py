@@ -12,6 +12,7 @@ from stickslip.display.tree import (
     UNITY,
     Call,
     Factors,
+    Given,
     Name,
     Node,
     Number,
@@ -73,6 +74,8 @@ class UnicodeWriter:
             case Name(name):
                 text = self.name(name)
                 own = _ATOM
+            case Given(words):
+                return self.words(words)
             case Call():
                 return self.call(node)
             case Sum(terms):
@@ -83,6 +86,10 @@ class UnicodeWriter:
             case Relation(sign, left, right):
                 return f"{self(left)} {self.relation(sign)} {self(right)}"
         return self.brackets(text) if own < level else text
+
+    def words(self, text: str) -> str:
+        """What is no formula."""
+        return text
 
     def join(self, terms: tuple[Node, ...]) -> str:
         """Terms with their signs."""
@@ -231,6 +238,9 @@ class LatexWriter(UnicodeWriter):
 
     def relation(self, sign: str) -> str:
         return {"<=": r"\leq", ">=": r"\geq", "!=": r"\neq"}.get(sign, sign)
+
+    def words(self, text: str) -> str:
+        return rf"\text{{{text}}}"
 
     def brackets(self, text: str) -> str:
         tall = r"\frac" in text or r"\begin" in text

@@ -17,12 +17,12 @@ from functools import cache
 from math import gcd
 from typing import TYPE_CHECKING
 
-from stickslip.symbolic.formulas import builtins, parse_signature
+from stickslip.symbolic.formulas import TimeFunction, builtins, parse_signature
 from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.pieces import STRUCTURES
 
 if TYPE_CHECKING:
-    from stickslip.model.system import System
+    from stickslip.model.system import Drive, System
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,13 @@ class Name:
     """A coordinate, rate, parameter, argument or time."""
 
     name: str
+
+
+@dataclass(frozen=True)
+class Given:
+    """A function of time that is no formula, in words."""
+
+    words: str
 
 
 @dataclass(frozen=True)
@@ -81,7 +88,7 @@ class Relation:
     right: Node
 
 
-Node = Number | Name | Call | Sum | Term | Relation
+Node = Number | Name | Given | Call | Sum | Term | Relation
 Factors = tuple[tuple[Node, Node], ...]
 
 NOUGHT, UNITY, HALF = (Number(Fraction(text)) for text in ("0", "1", "1/2"))
@@ -306,6 +313,8 @@ def names_in(node: Node) -> set[str]:
     match node:
         case Name(name):
             return {name}
+        case Given():
+            return {"t"}
         case Sum(terms):
             parts: Iterable[Node] = terms
         case Term(_, powers):
@@ -347,7 +356,7 @@ class Reader:
 
     def __init__(self, system: System | None = None) -> None:
         declared = {} if system is None else {**system.functions, **system.drives}
-        self._sources: dict[str, tuple[tuple[str, ...], str | float]] = {}
+        self._sources: dict[str, tuple[tuple[str, ...], Drive]] = {}
         for key, text in declared.items():
             name, arguments = parse_signature(key, key)
             self._sources[name] = (arguments, text)
@@ -358,8 +367,10 @@ class Reader:
             name: (arguments, self._body(name)) for name, (arguments, _) in self._sources.items()
         }
 
-    def read(self, text: str | float) -> Node:
+    def read(self, text: Drive) -> Node:
         """Tree of a formula that the declaration has accepted."""
+        if isinstance(text, TimeFunction):
+            return Given(str(text))
         if not isinstance(text, str):
             return Number(Fraction(repr(float(text))))
         if text not in self._read:

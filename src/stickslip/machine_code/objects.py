@@ -6,7 +6,7 @@ import ctypes
 import hashlib
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from ctypes.util import find_library
 from functools import cache
@@ -161,10 +161,26 @@ def address_of(name: str) -> int:
     known = llvm.address_of_symbol(name)
     if known is not None:
         return int(known)
+    if name in _provided:
+        return _made(_provided[name]).get_function_address(name)
     library = ctypes.pythonapi if name.startswith("Py") else _mathematics()
     found = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
     assert found is not None
     return found
+
+
+def provide(names: Iterable[str], make: Callable[[], Any]) -> None:
+    """Let functions be found whose machine code `make` brings into memory, when one of them is
+    called for the first time."""
+    _provided.update(dict.fromkeys(names, make))
+
+
+_provided: dict[str, Callable[[], Any]] = {}
+
+
+@cache
+def _made(make: Callable[[], Any]) -> Any:
+    return make()
 
 
 @cache

@@ -18,7 +18,7 @@ from stickslip.model.system import Kind
 from stickslip.model.units import check_unit
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.formulas import Scope, is_finite
+from stickslip.symbolic.formulas import Scope, TimeFunction, is_finite
 from stickslip.symbolic.pieces import unwrapped
 
 if TYPE_CHECKING:
@@ -77,6 +77,8 @@ class Declaration:
     contacts : list of DryContact
     scope : Scope
         What names mean in a formula that may use all of them.
+    given : dict of str to TimeFunction
+        Drives that are no formulas.
     """
 
     parameters: list[str]
@@ -97,6 +99,7 @@ class Declaration:
     conditions: dict[str, tuple[Expr, str]] = field(default_factory=dict)
     facts: dict[str, Expr] = field(default_factory=dict)
     drives: dict[str, Expr] = field(default_factory=dict)
+    given: dict[str, TimeFunction] = field(default_factory=dict)
     scope: Scope = field(default_factory=lambda: Scope({}))
 
     @property
@@ -135,6 +138,22 @@ class Declaration:
         if lacking:
             raise DeclarationError("values", f"'{lacking[0]}' has no value", "Give it a number")
         return ex.evaluate(expression, values)
+
+    def check_span(self, start: float, stop: float) -> None:
+        """Refuse a time span of which a drive says nothing."""
+        for name, drive in self.given.items():
+            if not drive.covers(start, stop):
+                first, last = drive.span
+                raise DeclarationError(
+                    entry_key("drives", name),
+                    f"the samples cover {first:.9g} ... {last:.9g}, the time span is {start:.9g} "
+                    f"... {stop:.9g}",
+                    "Shorten the span, give more samples, or let them be periodic",
+                )
+
+    def kinks_known(self, start: float, stop: float) -> int:
+        """How many kinks drives that are no formulas have in a time span, at most."""
+        return sum(drive.count(start, stop) for drive in self.given.values())
 
     def check_range(self, name: str, value: object) -> None:
         """Refuse one parameter value that is unknown, no number, or out of range."""
@@ -224,6 +243,10 @@ class _Reader:
             raise DeclarationError("span", "not a time span", "Write [start, end] with start < end")
         names.functions("functions", system.functions)
         names.functions("drives", system.drives, clock="t")
+        for name, drive in system.drives.items():
+            if isinstance(drive, TimeFunction):
+                result.given[name] = drive
+        result.check_span(start, stop)
         self.declared = list(names.definitions)
         self.definitions = names.with_derivatives()
         self.constants = {name: ex.sym(name) for name in system.parameters}

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.model.schema import entry_key
-from stickslip.model.system import Formula, Parameter
+from stickslip.model.system import Drive, Parameter
 from stickslip.model.units import check_unit
 from stickslip.symbolic.formulas import Definition, check_name, is_finite, parse_signature
 
@@ -98,7 +98,7 @@ class DeclaredNames:
             self.ranges[name] = parse_range(parameter.range, f"{where}.range")
             self.ranges[name].check(parameter.default, where)
 
-    def functions(self, section: str, entries: Mapping[str, Formula], clock: str = "") -> None:
+    def functions(self, section: str, entries: Mapping[str, Drive], clock: str = "") -> None:
         """Read functions; `clock` is what those without arguments are differentiated by."""
         for key, text in entries.items():
             where = entry_key(section, key)
@@ -115,7 +115,7 @@ class DeclaredNames:
         return self.definitions | derivatives
 
 
-def reconfigured(model: _M, given: Mapping[str, Formula], sections: tuple[str, ...]) -> _M:
+def reconfigured(model: _M, given: Mapping[str, Drive], sections: tuple[str, ...]) -> _M:
     """The same model with other values of its parameters and other functions.
 
     Parameters

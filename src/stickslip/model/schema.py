@@ -10,12 +10,16 @@ from typing import Any
 
 from stickslip.errors import DeclarationError, short
 from stickslip.model.system import Condition, Contact, Coordinate, Internal, Parameter
-from stickslip.symbolic.formulas import NAME
+from stickslip.symbolic.formulas import NAME, TimeFunction
 
 _EXPECTED = {
     "str": ("a text", 'Write it in quotes, like "N/m"'),
     "float": ("a number", "Write it without quotes, like 0.5"),
     "Formula": ("a formula", 'Write it in quotes, like "k*x", or give a number'),
+    "Drive": (
+        "a formula or samples",
+        'Write "V*t", or {file = "base.csv", time = "t", value = "a"}',
+    ),
     "Formula | tuple[Formula, Formula]": (
         "a formula or a pair of them",
         'Write "mu*m*g" or ["f_plus", "f_minus"]',
@@ -93,6 +97,8 @@ def _has_kind(value: Any, kind: str) -> bool:
             return isinstance(value, int) and not isinstance(value, bool)
         case "Formula":
             return _has_kind(value, "str") or _has_kind(value, "float")
+        case "Drive":
+            return isinstance(value, TimeFunction) or _has_kind(value, "Formula")
         case "FormulaTable" if isinstance(value, tuple):
             return all(_has_kind(v, "FormulaTable") for v in value)
         case "FormulaTable":

@@ -14,13 +14,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.formulas import formula_text
+from stickslip.symbolic.formulas import TimeFunction, formula_text
 
 if TYPE_CHECKING:
     from stickslip.model.declaration import Declaration
 
 Formula = str | float
 """A text or a number. An expression may be given, too: it is written down as a text."""
+Drive = Formula | TimeFunction
+"""A function of time: a formula, or samples."""
 
 
 class Kind(StrEnum):
@@ -205,8 +207,8 @@ class System:
     parameters : mapping of str to Parameter
     functions : mapping of str to formula
         Functions used in formulas, such as ``{"H_R(psi)": "clip(...)"}``.
-    drives : mapping of str to formula
-        Given functions of time, such as ``{"ell": "V*t"}``.
+    drives : mapping of str to formula or Samples
+        Given functions of time, such as ``{"ell": "V*t"}``, or measured ones.
     coordinates : mapping of str to Coordinate
         The rate of coordinate ``x`` is called ``d_x``.
     internal : mapping of str to Internal
@@ -239,7 +241,7 @@ class System:
     source: str = ""
     parameters: Mapping[str, Parameter] = field(default_factory=dict[str, Parameter])
     functions: Mapping[str, Formula] = field(default_factory=dict[str, Formula])
-    drives: Mapping[str, Formula] = field(default_factory=dict[str, Formula])
+    drives: Mapping[str, Drive] = field(default_factory=dict[str, Drive])
     coordinates: Mapping[str, Coordinate] = field(default_factory=dict[str, Coordinate])
     internal: Mapping[str, Internal] = field(default_factory=dict[str, Internal])
     kinetic: Formula = 0.0
@@ -277,7 +279,7 @@ class System:
     def __hash__(self) -> int:
         return hash((self.name, repr(self)))
 
-    def configure(self, given: Mapping[str, Formula]) -> System:
+    def configure(self, given: Mapping[str, Drive]) -> System:
         """The same system with other parameter values (numbers) and free functions (formulas).
 
         Parameters
@@ -339,7 +341,9 @@ class System:
 
     def heading(self) -> dict[str, Any]:
         """What a summary of its results says of it: its name and its given functions."""
-        return {"model": self.name, "functions": {**self.functions, **self.drives}}
+        given = {**self.functions, **self.drives}
+        shown = {k: str(f) if isinstance(f, TimeFunction) else f for k, f in given.items()}
+        return {"model": self.name, "functions": shown}
 
     def equations(self, latex: bool = False) -> Any:
         """The equations as a person would write them: Unicode text, or LaTeX."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from functools import partial
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 from stickslip.model import toml
@@ -28,9 +29,18 @@ from stickslip.model.system import (
 _COORDINATES = {str(kind.kind): kind for kind in (Inertial, Viscous, RateIndependent)}
 
 
-def _coordinate(value: Any, where: str) -> Any:
+def _coordinate(value: Any, where: str, folder: Path) -> Any:
     table = dict(toml.mapping(value, where))
     return toml.entry(toml.named_kind(table, _COORDINATES, where), table, where)
+
+
+def _drive(value: Any, where: str, folder: Path) -> Any:
+    """A formula as it stands; samples from their table."""
+    if not isinstance(value, dict):
+        return value
+    from stickslip.symbolic.samples import Samples
+
+    return Samples.from_plain(value, where, folder)
 
 
 _SYSTEMS = toml.Language(
@@ -46,6 +56,7 @@ _SYSTEMS = toml.Language(
     ),
     sections={
         "parameters": partial(toml.entry, Parameter),
+        "drives": _drive,
         "coordinates": _coordinate,
         "internal": partial(toml.entry, Internal),
         "contacts": partial(toml.entry, Contact),

@@ -7,7 +7,7 @@ import re
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -16,6 +16,8 @@ from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.model.schema import entry_key, wrong_kind
 
 MAX_BYTES = 300_000  # tomllib reads some 300 kB in a second
+_MOST_OF_FILE = 16_000_000
+_PACKED = re.compile(r'packed = "[A-Za-z0-9+/=]*"')  # samples, read at once
 _LONG_LINE = 150
 
 # The time that tomllib needs grows with the square of the number of parts of a key.
@@ -52,7 +54,7 @@ class Language(Generic[_M]):
     groups : tuple of str
         Fields before which a file has an empty line.
     sections : mapping of str to callable
-        How each entry of a section is read: (value, key) -> object. Other fields are taken as they
+        How each entry of a section is read: (value, key, folder) -> object. Other fields are taken as they
         stand in the file.
     others : mapping of str to (str, str)
         Keys that give away a file of another kind, with what it declares and what opens it.
@@ -60,7 +62,7 @@ class Language(Generic[_M]):
 
     model: type[_M]
     groups: tuple[str, ...]
-    sections: Mapping[str, Callable[[Any, str], Any]]
+    sections: Mapping[str, Callable[[Any, str, Path], Any]]
     others: Mapping[str, tuple[str, str]]
 
     def load(self, path: str | PathLike[str]) -> _M:
@@ -72,10 +74,11 @@ class Language(Generic[_M]):
             If the file cannot be read or anything in it is wrong; the message names the file, the
             key, the reason and the remedy.
         """
-        return self.loads(read_text(path), str(path))
+        return self.loads(read_text(path), str(path), Path(path).parent)
 
-    def loads(self, text: str, where: str = "model") -> _M:
-        """The model that the text of a file declares; `where` names the text in messages.
+    def loads(self, text: str, where: str = "model", folder: Path = Path()) -> _M:
+        """The model that the text of a file declares; `where` names the text in messages, other
+        files are relative to the folder.
 
         Raises
         ------
@@ -91,7 +94,7 @@ class Language(Generic[_M]):
             for section, read in self.sections.items():
                 if section in given:
                     given[section] = {
-                        name: read(value, entry_key(section, name))
+                        name: read(value, entry_key(section, name), folder)
                         for name, value in mapping(given[section], section).items()
                     }
             return self.model(**given)
@@ -131,7 +134,7 @@ def read_text(path: str | PathLike[str]) -> str:
     where = str(path)
     try:
         with Path(path).open("rb") as file:
-            data = file.read(MAX_BYTES + 1)
+            data = file.read(_MOST_OF_FILE + 1)
     except FileNotFoundError:
         raise DeclarationError(where, "there is no such file", "Check the path") from None
     except IsADirectoryError:
@@ -141,9 +144,9 @@ def read_text(path: str | PathLike[str]) -> str:
         raise DeclarationError(
             where, f"the file cannot be read ({reason})", "Check the path and its rights"
         ) from None
-    if len(data) > MAX_BYTES:
+    if len(data) > _MOST_OF_FILE:
         raise DeclarationError(
-            where, f"the file has more than {MAX_BYTES:,} bytes", "Is it a model file?"
+            where, f"the file has more than {_MOST_OF_FILE:,} bytes", "Is it a model file?"
         )
     try:
         return data.decode("utf-8-sig")
@@ -172,7 +175,7 @@ def parse(text: str) -> dict[str, Any]:
     DeclarationError
         If it is not valid TOML, or too long.
     """
-    if len(text) > MAX_BYTES:
+    if len(_PACKED.sub("", text)) > MAX_BYTES:
         raise DeclarationError(
             "", f"the text has more than {MAX_BYTES:,} characters", "Is it a model file?"
         )
@@ -212,7 +215,7 @@ def _toml_error(message: str, text: str) -> tuple[str, str]:
     return f"not valid TOML: {short(cause)} at {place.rstrip(')') or 'its end'}{quoted}", remedy
 
 
-def entry(cls: Any, value: Any, where: str) -> Any:
+def entry(cls: Any, value: Any, where: str, folder: Path = Path()) -> Any:
     """An object of a class of data from the table of its fields."""
     return cls(**known_keys(cls, mapping(value, where), where))
 
@@ -295,7 +298,7 @@ def _lines(key: str, value: Any) -> Iterator[str]:
     for name, item in value.items():
         path = f"{key}.{_key(name)}"
         line = f"{path} = {_value(item)}"
-        if len(line) > _LONG_LINE and not isinstance(item, str):
+        if len(line) > _LONG_LINE and is_dataclass(item) and not hasattr(item, "plain"):
             yield from (f"{path}.{field} = {_value(part)}" for field, part in _parts(item))
         else:
             yield line
@@ -316,7 +319,9 @@ def _value(value: Any) -> str:
     match value:
         case str():
             return _text(value)
-        case tuple():
+        case bool():
+            return "true" if value else "false"
+        case tuple() | list():
             return f"[{', '.join(map(_value, value))}]"
         case Mapping():
             return (
@@ -326,6 +331,8 @@ def _value(value: Any) -> str:
             )
         case int():
             return str(int(value))
+    if hasattr(value, "plain"):
+        return _value(value.plain())
     if hasattr(value, "__float__"):
         return repr(float(value))
     return "{" + ", ".join(f"{name} = {_value(part)}" for name, part in _parts(value)) + "}"

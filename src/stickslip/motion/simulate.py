@@ -74,12 +74,20 @@ def simulate(
 
     started = time.perf_counter()
     start, end = check_span(system.span if t_span is None else t_span)
+    system.declaration.check_span(start, end)
     if flow not in ("auto", "taylor"):
         raise DeclarationError("flow", f"{flow!r} is none", 'Choose "auto" or "taylor"')
     problem = pose(system, parameters, rtol, atol, exact=flow == "auto", origin=start)
     y = problem.initial_state(initial or {})
     check_positive(max_events=max_events)
-    code, knots = run_loop(problem, start, end, y, max_events, progress)
+    code, knots = run_loop(
+        problem,
+        start,
+        end,
+        y,
+        max_events + system.declaration.kinks_known(start, end),
+        progress,
+    )
     outcome = Outcome.from_code(code)
     if outcome is Outcome.NO_BOUNDED_RATE and len(knots.clock) == 1:
         check_stable_start(problem, start, y)

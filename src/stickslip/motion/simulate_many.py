@@ -173,6 +173,7 @@ def simulate_many(
         )
     check_positive(max_events=max_events, **({} if workers is None else {"workers": workers}))
     start, end = check_span(system.span if t_span is None else t_span)
+    system.declaration.check_span(start, end)
     given_initial, given_parameters = columns(initial, "initial"), columns(parameters, "parameters")
     count = common_length({**given_initial, **given_parameters})
     table = parameter_table(system, given_parameters, count)

@@ -177,6 +177,8 @@ def of_function(row: Function, a: Interval, of: Intervals) -> Interval:
     One that is neither monotone nor a wave lies between its values at the ends where its slope has
     one sign, and else near its value in the middle (mean value).
     """
+    if (known := row.enclosed(a)) is not None:
+        return known
     if row.limits is not None or row.crest is not None:
         return of.function(row, a)
     ops = of.ops

@@ -354,7 +354,7 @@ def at(body: Expr, argument: Expr) -> Expr:
 
 def has_pieces(e: Expr) -> bool:
     """Whether a node is more than its derivatives tell: it has branches or jumps."""
-    return e.op == "select" or (e.op in FUNCTIONS and FUNCTIONS[e.op].poles is not None)
+    return e.op == "select" or (e.op in FUNCTIONS and FUNCTIONS[e.op].jumps)
 
 
 def bends(e: Expr, names: Iterable[str]) -> bool:

@@ -14,10 +14,11 @@ import ast
 import math
 import re
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from numbers import Real
-from typing import TypeGuard
+from typing import Any, TypeGuard
 
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.symbolic import expressions as ex
@@ -73,6 +74,31 @@ def builtins() -> dict[str, int | None]:
     made = {name: None if s.several else len(s.arguments) for name, s in STRUCTURES.items()}
     rows = {name: 1 for name, row in FUNCTIONS.items() if not row.typed}
     return made | rows | {"piecewise": None}
+
+
+class TimeFunction(ABC):
+    """A function of time that is no formula: samples."""
+
+    @abstractmethod
+    def at(self, t: Expr) -> Expr:
+        """Its value as an expression of an expression that increases with time."""
+
+    @abstractmethod
+    def covers(self, start: float, stop: float) -> bool:
+        """Whether it says something of all times in a span."""
+
+    @abstractmethod
+    def count(self, start: float, stop: float) -> int:
+        """How many kinks it has in a span, at most."""
+
+    @abstractmethod
+    def plain(self) -> dict[str, Any]:
+        """What a model file says of it."""
+
+    @property
+    @abstractmethod
+    def span(self) -> tuple[float, float]:
+        """The first and the last time of which it does."""
 
 
 @dataclass(frozen=True)
@@ -252,6 +278,8 @@ class _Reader:
     def read(self, text: object) -> Expr:
         if isinstance(text, Expr):
             return self.tree(text)
+        if isinstance(text, TimeFunction):
+            return text.at(self.name("t"))
         if is_finite(text):
             return ex.num(float(text))
         if isinstance(text, Real) and not isinstance(text, bool):

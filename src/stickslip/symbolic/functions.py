@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from stickslip.symbolic.expressions import Expr
+    from stickslip.symbolic.intervals import Interval
 
 _NAME = re.compile(r"\b[A-Za-z_]\w*")
 ARGUMENT = "'x"
@@ -116,6 +117,11 @@ class Function:
     growth: str = "stickslip.symbolic.majorants:by_mean_value"
 
     @property
+    def jumps(self) -> bool:
+        """Whether its derivative does not say all of how it changes."""
+        return self.poles is not None
+
+    @property
     def fixed(self) -> tuple[float, float] | None:
         """A place, and the value that a monotone function has there without rounding."""
         return (0.0, 0.0) if self.parity == "odd" and self.poles is None else self.exactly
@@ -163,6 +169,11 @@ class Function:
     def in_latex(self) -> str:
         """Its name in LaTeX."""
         return self.latex or rf"\operatorname{{{self.name}}}"
+
+    def enclosed(self, a: Interval) -> Interval | None:
+        """What its values on an interval lie in, where the row knows better than what follows from
+        `limits`; on intervals of arrays, too."""
+        return None
 
     @cached_property
     def made_of(self) -> Expr | None:

@@ -86,6 +86,8 @@ _AGAIN = -3
 _ON_SURFACE = 1e-9  # part of its terms by which what has to vanish may be away from zero
 _WIDE = 4.0  # of a step: a velocity that is zero to slip is zero to stick, whose terms are others
 _TOGETHER = 16  # times that the switches of different components are flipped together
+_PAST = 1.0625  # of the time to a kink: the end of the step in which it comes
+_PASSED = 1e-9  # part of the time to the next zero of a guard below which one has been passed
 _LOOSER = 1e4  # tolerances by which the rates at the end of a step may break its promise
 
 
@@ -661,8 +663,44 @@ def make_series(
     h = 0.0
     if status == OK:
         h = step_size(flow, flow.order, lane.seen, lane.clock[SERIES])
+        h = min(h, _PAST * soonest_kink(flow.rows, flow.space.W, flow.order))
         h = (t + min(room, h)) - t
     return status, h
+
+
+@njit(**OPTIONS)
+def soonest_kink(rows: Rows, W: Array, N: int) -> float:
+    """When the next kink of time comes whose guard is a polynomial of degree two, or one; infinite
+    if there is none.
+
+    A series that ends, as that of a drive between two samples, would last for ever; beyond the
+    kink its terms are so large that what is small before it would count as zero.
+
+    Parameters
+    ----------
+    rows : Rows
+    W : array
+        Taylor coefficients.
+    N : int
+        Their number.
+    """
+    found = np.inf
+    for j in range(len(rows.timed)):
+        c = W[rows.kinks[j]]
+        ends = rows.timed[j] == 1
+        for k in range(3, N):
+            ends = ends and c[k] == 0.0
+        inside = c[1] * c[1] - 4.0 * c[2] * c[0]
+        if ends and inside >= 0.0 and c[1] != 0.0:
+            q = -0.5 * (c[1] + math.copysign(math.sqrt(inside), c[1]))
+            near = c[0] / q
+            far = q / c[2] if c[2] != 0.0 else near
+            # What is next to nothing is the kink that has just been passed.
+            least = _PASSED * max(abs(near), abs(far))
+            for x in (near, far):
+                if x > least:
+                    found = min(found, x)
+    return found * W[rows.sizes[DIMENSION], 1]
 
 
 @njit(**OPTIONS)

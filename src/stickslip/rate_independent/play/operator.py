@@ -29,6 +29,7 @@ from stickslip.rate_independent.signals.signal import OF_PHASE, OF_TIME, Signal
 from stickslip.results import Completion, Result
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import is_finite
+from stickslip.symbolic.samples import Samples
 
 if TYPE_CHECKING:
     import pandas
@@ -187,6 +188,8 @@ def _parts(threshold: Any) -> dict[str, Any]:
 
 def _revived(entry: Any) -> Any:
     """What was stored as data for JSON."""
+    if isinstance(entry, dict) and "samples" in entry:
+        return Samples.from_plain(entry["samples"], "load")
     if isinstance(entry, dict):
         return np.array(entry["times"]), np.array(entry["values"])
     return tuple(_revived(part) for part in entry) if isinstance(entry, list) else entry

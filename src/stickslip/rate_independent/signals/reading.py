@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from numbers import Real
 from typing import Any
 
@@ -10,13 +11,14 @@ import numpy as np
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.signals.formulas import Constant, Formulas
 from stickslip.rate_independent.signals.function import CallableSignal
-from stickslip.rate_independent.signals.samples import MonotoneSamples, Samples
+from stickslip.rate_independent.signals.samples import Columns, Measured, MonotoneTable, Table
 from stickslip.rate_independent.signals.signal import OF_PHASE, Signal, Variable, fitting
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Scope
+from stickslip.symbolic.samples import Samples
 
-INTERPOLATIONS: dict[str, type[Samples]] = {"linear": Samples, "monotone": MonotoneSamples}
+INTERPOLATIONS: dict[str, type[Table]] = {"linear": Table, "monotone": MonotoneTable}
 """What samples mean between them: straight lines, or monotone cubics (PCHIP)."""
 
 
@@ -31,7 +33,7 @@ def read(
 
     Parameters
     ----------
-    given : number, formula, array or nested lists of these, callable, or (times, values)
+    given : number, formula, array or nested lists of these, callable, Samples, or (times, values)
         Formulas are texts or expressions in the name of the clock; a callable takes a number and
         returns an array; samples are understood where the shape is known.
     where : str
@@ -55,6 +57,13 @@ def read(
     """
     if isinstance(given, Signal):
         return given
+    if isinstance(given, Samples) and math.prod(shape or ()) == 1:
+        return Measured(given, where, clock, shape or ())
+    if isinstance(given, list | tuple) and any(isinstance(part, Samples) for part in given):
+        entries = fitting(np.empty(len(given)), shape or (len(given),), where)
+        names = [f"{where}[{i}]" for i in range(len(given))]
+        parts = [read(part, name, clock, ()) for part, name in zip(given, names, strict=True)]
+        return Columns(parts, where, clock, entries.shape)
     if callable(given):
         return CallableSignal(given, where, clock, shape)
     if shape is not None and is_table(given):

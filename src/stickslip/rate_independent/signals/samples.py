@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import Any
 
@@ -14,9 +15,10 @@ from stickslip.rate_independent.signals import chebyshev as ch
 from stickslip.rate_independent.signals.panels import Panels
 from stickslip.rate_independent.signals.signal import Signal, Variable, finite, fitting
 from stickslip.symbolic.boxes import Chord
+from stickslip.symbolic.samples import Samples
 
 
-class Samples(Signal):
+class Table(Signal):
     """A table, with straight lines between its rows.
 
     Parameters
@@ -120,7 +122,7 @@ class Samples(Signal):
         return np.stack([0.5 * (y[:-1] + y[1:]), 0.5 * np.diff(y)])
 
 
-class MonotoneSamples(Samples):
+class MonotoneTable(Table):
     """A table, with monotone cubics (PCHIP) between its rows."""
 
     @cached_property
@@ -149,6 +151,147 @@ class MonotoneSamples(Samples):
         c2 = (end - start) / 8.0
         c3 = (0.5 * (start + end) - rise) / 8.0
         return np.stack([mean - c2, rise - c3, c2, c3])
+
+
+class Measured(Signal):
+    """Samples that say themselves what is between them (:class:`stickslip.Samples`).
+
+    Parameters
+    ----------
+    samples : Samples
+    where : str
+    clock : Clock
+    shape : tuple of int
+        Of one value: axes of length 1, or none.
+    """
+
+    bounded = True
+
+    def __init__(
+        self, samples: Samples, where: str, clock: Variable, shape: tuple[int, ...] = ()
+    ) -> None:
+        if clock.periodic:
+            raise DeclarationError(
+                where,
+                f"it is a function of the phase {clock.name}, and samples are functions of time",
+                f"Give a table of {clock.name}: (places, values)",
+            )
+        self.samples = samples
+        self.where = where
+        self.clock = clock
+        self.shape = shape
+
+    @property
+    def span(self) -> tuple[float, float]:  # type: ignore[override]
+        """That of the samples, or all times if they repeat."""
+        return (-np.inf, np.inf) if self.samples.periodic else self.samples.span
+
+    def raw(self, u: float) -> Array:
+        return self.unwrapped(np.array([u]))[0]
+
+    @property
+    def knots(self) -> Array:  # type: ignore[override]
+        """The samples in between."""
+        return self.samples.times[1:-1] if not self.samples.periodic else np.empty(0)
+
+    def unwrapped(self, places: Array) -> Array:
+        return np.asarray(self.samples(places)).reshape(len(places), *self.shape)
+
+    def entries(self, index: NDArray[np.intp], places: Array) -> Array:
+        return np.asarray(self.samples(places))
+
+    def chord(self, low: Array, high: Array) -> Chord:
+        if self.samples.kind != "linear" or self.samples.periodic:
+            return super().chord(low, high)
+        start, end = self.unwrapped(low), self.unwrapped(high)
+        return Chord(start, end, np.zeros(start.shape))
+
+    def panels(self, span: tuple[float, float], period: float | None = None) -> Panels:
+        self.check_span(*span)
+        pieces = self.samples.pieces
+        b, c = pieces.breaks, pieces.coefficients
+        first = np.zeros(1)
+        if self.samples.periodic:
+            turns = (np.asarray(span) - b[0]) / pieces.period
+            first = np.arange(math.floor(turns[0]), math.ceil(turns[1])) * pieces.period
+        breaks = np.append(np.ravel(first[:, None] + b[:-1]), first[-1] + b[-1])
+        chebyshev = self._chebyshev(np.diff(b), c)
+        noise = 4.0 * ch.EPS * float(np.max(np.abs(self.samples.values)))
+        return Panels(breaks, np.tile(chebyshev, len(first)), noise, self._of_arrays, None)
+
+    def _of_arrays(self, u: Array) -> Array:
+        return np.asarray(self.samples(u))
+
+    @staticmethod
+    def _chebyshev(length: Array, c: Array) -> Array:
+        """Chebyshev coefficients of the pieces, shape (d + 1, pieces)."""
+        from numpy.polynomial import chebyshev as cheb
+
+        degree = c.shape[1] - 1
+        half = [1.0, 1.0]  # (1 + x), whose multiples by half the length the places are
+        found = np.zeros((degree + 1, len(c)))
+        for k in range(degree + 1):
+            basis = cheb.poly2cheb(np.polynomial.polynomial.polypow(half, k))
+            found[: k + 1] += np.outer(basis, c[:, k] * (0.5 * length) ** k)
+        return found
+
+    def plain(self) -> dict[str, Any]:
+        return {"samples": self.samples.plain()}
+
+
+class Columns(Signal):
+    """An array whose entries are signals of their own.
+
+    Parameters
+    ----------
+    parts : list of Signal
+        Of single values.
+    where : str
+    clock : Clock
+    shape : tuple of int
+    """
+
+    def __init__(
+        self, parts: list[Signal], where: str, clock: Variable, shape: tuple[int, ...]
+    ) -> None:
+        self.parts = parts
+        self.where = where
+        self.clock = clock
+        self.shape = shape
+        self.bounded = all(part.bounded for part in parts)
+
+    @property
+    def span(self) -> tuple[float, float]:  # type: ignore[override]
+        """In which all of them are known."""
+        starts, ends = zip(*(part.span for part in self.parts), strict=True)
+        return max(starts), min(ends)
+
+    @property
+    def knots(self) -> Array:  # type: ignore[override]
+        """Those of all of them."""
+        return np.unique(np.concatenate([part.knots for part in self.parts]))
+
+    def raw(self, u: float) -> Array:
+        return self.unwrapped(np.array([u]))[0]
+
+    def unwrapped(self, places: Array) -> Array:
+        columns = [part.unwrapped(places).ravel() for part in self.parts]
+        return np.stack(columns, axis=1).reshape(len(places), *self.shape)
+
+    def entries(self, index: NDArray[np.intp], places: Array) -> Array:
+        return self.unwrapped(places).reshape(len(places), -1)[np.arange(len(places)), index]
+
+    def chord(self, low: Array, high: Array) -> Chord:
+        chords = [part.chord(low, high) for part in self.parts]
+        ends = (
+            np.stack([np.ravel(end) for end in group], axis=1)
+            for group in zip(*chords, strict=True)
+        )
+        return Chord(*(end.reshape(len(low), *self.shape) for end in ends))
+
+    def panels(self, span: tuple[float, float], period: float | None = None) -> Panels:
+        (part,) = self.parts  # a single value
+        return part.panels(span, period)
 
 
 def as_numbers(given: Any, where: str) -> Array:

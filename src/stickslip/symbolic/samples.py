@@ -1,0 +1,686 @@
+"""Functions of time that are given by samples.
+
+Between two samples such a function is a polynomial: a constant (`hold`), a straight line or a
+cubic. It is what other functions with kinks are (:mod:`.pieces`): a select on the sign of a *gate*,
+which changes at every sample, between the polynomial of the nearest even and that of the nearest
+odd piece, each continued beyond its ends. So a motion stops exactly at every sample at which a
+derivative jumps, and its steps are exact in between. In a piece from l to r the gate is ±(t − l)(r
+− t)/(r − l), which has slope ±1 at both ends, and is continuous, so that its zeros are the samples.
+
+Which piece is meant beside a sample, where a time is known to rounding only, is decided by the
+parity; the gate takes the piece that begins there, since time goes forward.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import math
+import zlib
+from base64 import b64decode, b64encode
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stickslip.arrays import Array
+from stickslip.errors import DeclarationError, short, suggestion
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.formulas import TimeFunction
+from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS, Function
+
+if TYPE_CHECKING:
+    from stickslip.symbolic.intervals import Interval
+
+KINDS = ("linear", "cubic", "hold")
+_LISTED = 50  # samples that a model file lists
+_STORED = 200_000  # … and that it holds
+_FINEST = 1e-12  # part of the largest time that two samples are apart at least
+_NEAR = 16.0 * 2.3e-16  # part of it within which a time is that of a sample
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Samples(TimeFunction):
+    """A function of time that is known at some times.
+
+    Attributes
+    ----------
+    times : array, shape (m,)
+        Increasing, at least two.
+    values : array, shape (m,)
+    kind : {"linear", "cubic", "hold"}
+        What it is in between: straight lines, the cubic spline (not-a-knot at the ends, or
+        periodic), or the value of the sample before.
+    periodic : bool
+        Whether it repeats after ``times[-1] - times[0]``; its last value is its first, then.
+
+    Raises
+    ------
+    DeclarationError
+        If the times are no increasing numbers, a value is not finite, there are fewer than two, or
+        a periodic function ends elsewhere than it begins.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> base = ss.Samples([0.0, 1.0, 3.0], [0.0, 2.0, 0.0])
+    >>> base(2.0)
+    1.0
+    """
+
+    times: Array
+    values: Array
+    kind: Literal["linear", "cubic", "hold"] = "linear"
+    periodic: bool = False
+    where: str = "samples"
+    source: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise DeclarationError(
+                f"{self.where}, kind",
+                f"there is no kind '{short(str(self.kind))}'",
+                suggestion(str(self.kind), KINDS, '"'),
+            )
+        t, y = checked(self.times, self.values, self.where)
+        if self.periodic and self.kind != "hold" and y[0] != y[-1]:
+            raise DeclarationError(
+                self.where,
+                f"they begin with {y[0]:.9g} and end with {y[-1]:.9g}, but are to be periodic",
+                "Repeat the first value at the end of the period",
+            )
+        for name, part in (("times", t), ("values", y)):
+            part.flags.writeable = False
+            object.__setattr__(self, name, part)
+        object.__setattr__(self, "periodic", bool(self.periodic))
+
+    @classmethod
+    def read(
+        cls,
+        file: str | PathLike[str],
+        time: str = "t",
+        value: str = "value",
+        kind: Literal["linear", "cubic", "hold"] = "linear",
+        periodic: bool = False,
+    ) -> Samples:
+        """Samples of two columns of a text file.
+
+        Parameters
+        ----------
+        file : path
+            Columns that commas, semicolons, tabs or blanks separate, with a line of names. Lines
+            that begin with # are left out.
+        time, value : str
+            Names of the columns.
+        kind, periodic
+            As of :class:`Samples`.
+
+        Raises
+        ------
+        DeclarationError
+            If it cannot be read, has no such columns, or something in them is wrong; the message
+            names the row, the column and the remedy.
+        """
+        t, y, rows = columns_of(file, time, value)
+        try:
+            checked(t, y, str(file))
+        except _At as error:
+            raise error.in_file(str(file), int(rows[error.index]), (time, value)) from None
+        found = cls(t, y, kind, periodic, where=str(file))
+        object.__setattr__(found, "source", {"file": str(file), "time": time, "value": value})
+        return found
+
+    # -- what they are -----------------------------------------------------------------------------
+
+    def __repr__(self) -> str:
+        return f"<Samples {self.digest}: {self}>"
+
+    def __str__(self) -> str:
+        first, last = self.span
+        repeats = ", periodic" if self.periodic else ""
+        return f"{len(self.times):,} samples from {first:.6g} to {last:.6g}, {self.kind}{repeats}"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Samples) and other.digest == self.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        parts = self.times, self.values, self.kind, self.periodic, self.where, self.source
+        return type(self), parts
+
+    @cached_property
+    def digest(self) -> str:
+        """A name for their content."""
+        content = hashlib.sha256(f"{self.kind} {self.periodic}".encode())
+        for part in (self.times, self.values):
+            content.update(np.ascontiguousarray(part).data)
+        return content.hexdigest()[:16]
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """From the first to the last sample."""
+        return float(self.times[0]), float(self.times[-1])
+
+    @property
+    def period(self) -> float:
+        """After which they repeat; 0 if they do not."""
+        return self.span[1] - self.span[0] if self.periodic else 0.0
+
+    def covers(self, start: float, stop: float) -> bool:
+        """Whether they say something of all times in a span."""
+        first, last = self.span
+        near = _NEAR * max(abs(first), abs(last))
+        return self.periodic or (first - near <= start and stop <= last + near)
+
+    @cached_property
+    def pieces(self) -> Pieces:
+        """Their polynomials."""
+        return _pieces(self)
+
+    def count(self, start: float, stop: float) -> int:
+        """How many of them are in a span, at most."""
+        periods = math.ceil((stop - start) / self.period) + 1 if self.periodic else 1
+        return periods * (len(self.times) + 1)
+
+    def plain(self) -> dict[str, Any]:
+        """What a model file says of them: a few as lists, many as one text (Base64 of compressed
+        floating-point numbers), very many by their file and digest."""
+        found: dict[str, Any] = {"kind": self.kind} if self.kind != "linear" else {}
+        found |= {"periodic": True} if self.periodic else {}
+        if len(self.times) <= _LISTED:
+            return {"times": self.times.tolist(), "values": self.values.tolist(), **found}
+        if len(self.times) <= _STORED:
+            content = np.stack([self.times, self.values]).astype("<f8").tobytes()
+            return {"packed": b64encode(zlib.compress(content)).decode(), **found}
+        return {**self.source, **found, "digest": self.digest}
+
+    @classmethod
+    def from_plain(cls, table: Mapping[str, Any], where: str, folder: Path = Path()) -> Samples:
+        """Samples of what a model file says.
+
+        Parameters
+        ----------
+        table : mapping
+            With ``file`` (relative to the folder), ``time`` and ``value``; or ``times`` and
+            ``values``; or ``packed``. With ``kind`` and ``periodic`` if they are not linear or
+            repeat.
+        where : str
+            The key, for messages.
+        folder : path
+
+        Raises
+        ------
+        DeclarationError
+        """
+        ways = (("file", "time", "value"), ("times", "values"), ("packed",), ("digest",))
+        way = next((w for w in ways if w[0] in table), None)
+        if way is None:
+            raise DeclarationError(
+                where,
+                "it says of no samples where they are",
+                'Write it like {file = "base.csv", time = "t", value = "a"}',
+            )
+        known = {*way, "kind", "periodic", "digest"}
+        for key in table:
+            if key not in known:
+                raise DeclarationError(f"{where}.{key}", "unknown key", suggestion(key, known))
+        kind = table.get("kind", "linear")
+        periodic = table.get("periodic", False)
+        if not isinstance(periodic, bool):
+            raise DeclarationError(f"{where}.periodic", "not true or false", "Write true or false")
+        if way[0] == "file":
+            names = [table.get(key, default) for key, default in zip(way, ("", "t", "value"))]
+            if not all(isinstance(name, str) for name in names):
+                raise DeclarationError(where, "a name is no text", 'Write it like time = "t"')
+            file, time, value = names
+            found = cls.read(folder / file, time, value, kind, periodic)
+        elif way[0] == "times":
+            found = cls(table["times"], table.get("values", ()), kind, periodic, where)
+        elif way[0] == "packed":
+            found = cls(*_unpacked(table["packed"], where), kind, periodic, where)
+        else:
+            raise DeclarationError(
+                where,
+                "these samples are so many that they were not stored",
+                "Read them from a file, so that it can be found again",
+            )
+        if table.get("digest", found.digest) != found.digest:
+            raise DeclarationError(where, "the file has changed since", "Bring back what it was")
+        return found
+
+    def __call__(self, t: ArrayLike) -> Any:
+        """Values at times; NaN outside of what they cover. At a jump, the later one."""
+        pieces = self.pieces
+        k, u = pieces.place(np.asarray(t, dtype=float), "gate")
+        found = np.zeros(np.shape(u))
+        for c in pieces.coefficients.T[::-1]:
+            found = found * u + c[k]
+        return found if np.ndim(t) else float(found)
+
+    def at(self, t: Expr) -> Expr:
+        """Their value as an expression of an expression that increases with time."""
+        rows = self.pieces.rows()
+        even, odd, gate = (rows[side] for side in ("even", "odd", "gate"))
+        return ex.select(ex.call(gate, t), ex.call(even, t), ex.call(odd, t))
+
+
+# -- polynomials -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """A function piece by piece.
+
+    Attributes
+    ----------
+    name : str
+    breaks : array, shape (m + 1,)
+    coefficients : array, shape (m, d + 1)
+        Of the powers of what is left of a place from the beginning of its piece.
+    period : float
+    """
+
+    name: str
+    breaks: Array
+    coefficients: Array
+    period: float
+
+    @property
+    def near(self) -> float:
+        """How well a place is known."""
+        return _NEAR * float(np.max(np.abs(self.breaks)))
+
+    @cached_property
+    def gates(self) -> Array:
+        """Coefficients of the gates; none closes at the ends of all samples, where nothing
+        changes."""
+        length = np.diff(self.breaks)
+        sense = np.where(np.arange(len(length)) % 2 == 0, 1.0, -1.0)
+        gates = np.stack([np.zeros(len(length)), sense, -sense / length], axis=1)
+        if self.period == 0.0:
+            gates[0] = 1.0, -1.0 / length[0], 0.0  # (r − t)/(r − l)
+            gates[-1] = 0.0, sense[-1], 0.0
+            if len(length) == 1:
+                gates[0] = 1.0, 0.0, 0.0
+        return gates
+
+    def table(self, side: str) -> Array:
+        """The coefficients on a side: of the gates, or the values."""
+        return self.gates if side == "gate" else self.coefficients
+
+    def place(self, x: Array, side: str) -> tuple[Array, Array]:
+        """Which piece stands for x on a side, and what is left of x from its beginning."""
+        b, m = self.breaks, len(self.breaks) - 1
+        if self.period > 0.0:
+            x = x - np.floor((x - b[0]) / self.period) * self.period
+        else:
+            x = np.where((x <= b[-1] + self.near) & (x >= b[0] - self.near), x, np.nan)
+        i = np.clip(np.searchsorted(b, x, side="right") - 1, 0, m - 1)
+        if side == "gate":
+            k = np.where(b[i + 1] - x <= self.near, i + 1, i)
+        else:
+            other = np.where(x - b[i] < b[i + 1] - x, i - 1, i + 1)
+            k = np.where(i % 2 == (0 if side == "even" else 1), i, other)
+        if self.period > 0.0:
+            x = np.where(k == m, x - self.period, np.where(k < 0, x + self.period, x))
+            k = k % m
+        else:
+            inner = m - 1 if side == "gate" else max(m - 2, 0)
+            k = np.where(k == m, inner, np.where(k < 0, min(1, m - 1), k))
+        return k, x - b[k]
+
+    def values(self, x: Array, side: str, order: int) -> Array:
+        """Derivatives of an order."""
+        with np.errstate(invalid="ignore"):
+            k, u = self.place(np.asarray(x, float), side)
+            factors = self.factors(side, order)
+            skipped = self.table(side).shape[1] - len(factors)
+            total = 0.0 * u
+            for j in range(len(factors) - 1, -1, -1):
+                total = total * u + self.table(side)[k, skipped + j] * factors[j]
+        return total
+
+    def factors(self, side: str, order: int) -> list[float]:
+        """What the coefficients of a derivative are multiplied with."""
+        width = self.table(side).shape[1]
+        return [float(math.perm(j + order, order)) for j in range(width - order)]
+
+    def rows(self) -> dict[str, str]:
+        """By side the name of the row of the table of functions, which is put there."""
+        names = {side: [self.row_name(side, 0)] for side in ("even", "odd", "gate")}
+        if names["gate"][0] not in FUNCTIONS:
+            self._enter()
+        return {side: name for side, (name,) in names.items()}
+
+    def row_name(self, side: str, order: int) -> str:
+        """Name of a derivative on a side."""
+        return f"{self.name}_{side}{order}"
+
+    def _enter(self) -> None:
+        from stickslip.machine_code.tabulated import provide_table
+
+        called = {}
+        for side in ("even", "odd", "gate"):
+            for order in range(self.table(side).shape[1]):
+                row = Row(pieces=self, side=side, order=order)
+                FUNCTIONS[row.name] = row
+                called[row.name] = side, self.factors(side, order)
+        provide_table(called, self.breaks, self.coefficients, self.gates, self.period, self.near)
+
+    def bounds(self, a: Interval, side: str, order: int) -> Interval:
+        """Least and largest value of a derivative between two places, over the pieces themselves
+        and not what is beyond them; of arrays of such, too."""
+        low, high = (np.asarray(end, float) for end in a)
+        ends = [self._bounds_between(x, y, side, order) for x, y in zip(low.flat, high.flat)]
+        found = np.array(ends).reshape(*low.shape, 2)
+        return (found[..., 0], found[..., 1]) if low.ndim else (float(found[0]), float(found[1]))
+
+    def _bounds_between(self, low: float, high: float, side: str, order: int) -> Interval:
+        b, m = self.breaks, len(self.breaks) - 1
+        first, last = float(b[0]), float(b[-1])
+        least, largest = self._extremes(side, order)
+        if self.period > 0.0 and not high - low < self.period:
+            return float(least.min()), float(largest.max())
+        if self.period > 0.0:
+            turns = math.floor((low - first) / self.period) * self.period
+            low, high = low - turns, high - turns
+            if high > last:
+                parts = [(low, last), (first, high - self.period)]
+                ends = [self._bounds_between(x, y, side, order) for x, y in parts]
+                return min(e[0] for e in ends), max(e[1] for e in ends)
+        if math.isnan(low) or math.isnan(high):
+            return -math.inf, math.inf
+        i, j = (int(np.clip(np.searchsorted(b, x, "right") - 1, 0, m - 1)) for x in (low, high))
+        inner = slice(i + 1, j)
+        found = [self._on_piece(k, low, high, side, order) for k in {i, j}]
+        if j > i + 1:
+            found.append((float(least[inner].min()), float(largest[inner].max())))
+        return min(e[0] for e in found), max(e[1] for e in found)
+
+    def _on_piece(self, k: int, low: float, high: float, side: str, order: int) -> Interval:
+        """Bounds on a part of one piece, by its ends and where its slope vanishes."""
+        start, end = float(self.breaks[k]), float(self.breaks[k + 1])
+        x, y = (min(max(place, start), end) - start for place in (low, high))
+        c = _derived(self.table(side)[k], order)
+        turning = [float(r.real) for r in np.roots(_derived(c, 1)[::-1]) if x < r.real < y]
+        values = [float(np.polynomial.polynomial.polyval(u, c)) for u in (x, y, *turning)]
+        size = sum(abs(float(a)) * max(abs(x), abs(y)) ** n for n, a in enumerate(c))
+        slack = 1e-15 * size
+        return min(values) - slack, max(values) + slack
+
+    def _extremes(self, side: str, order: int) -> tuple[Array, Array]:
+        """Bounds on every piece, by Bernstein coefficients."""
+        key = side == "gate", order
+        if key not in self._known:
+            table = self.table(side)
+            factors = self.factors(side, order)
+            length = np.diff(self.breaks)
+            d = len(factors) - 1
+            scaled = [table[:, order + j] * (factors[j] * length**j) for j in range(d + 1)]
+            ends = [
+                sum(math.comb(i, j) / math.comb(d, j) * scaled[j] for j in range(i + 1))
+                for i in range(d + 1)
+            ]
+            slack = 1e-15 * sum(np.abs(part) for part in scaled)
+            low = np.minimum.reduce(ends) - slack
+            self._known[key] = low, np.maximum.reduce(ends) + slack
+        return self._known[key]
+
+    @cached_property
+    def _known(self) -> dict[tuple[bool, int], tuple[Array, Array]]:
+        return {}
+
+
+def _derived(c: Array, order: int) -> Array:
+    """Coefficients of a derivative."""
+    for _ in range(order):
+        c = np.arange(1, len(c)) * c[1:] if len(c) > 1 else np.zeros(1)
+    return c
+
+
+def _pieces(samples: Samples) -> Pieces:
+    t, y = samples.times, samples.values
+    length = np.diff(t)
+    if samples.kind == "hold":
+        c = y[:-1, None].copy()
+    elif samples.kind == "linear":
+        c = np.stack([y[:-1], np.diff(y) / length], axis=1)
+    else:
+        from scipy.interpolate import CubicSpline
+
+        ends = "periodic" if samples.periodic else "not-a-knot"
+        c = np.ascontiguousarray(CubicSpline(t, y, bc_type=ends).c[::-1].T)
+    if samples.periodic and len(c) % 2 == 1:
+        # Parities alternate all around the period if the longest piece is made of two.
+        k = int(np.argmax(length))
+        half = 0.5 * length[k]
+        at = [math.perm(j, j) for j in range(c.shape[1])]
+        moved = [
+            float(np.polynomial.polynomial.polyval(half, _derived(c[k], j))) / at[j]
+            for j in range(c.shape[1])
+        ]
+        t = np.insert(t, k + 1, t[k] + half)
+        c = np.insert(c, k + 1, moved, axis=0)
+    name = f"samples_{samples.digest}"
+    return Pieces(name, np.ascontiguousarray(t), np.ascontiguousarray(c), samples.period)
+
+
+class Row(Function):
+    """A derivative of a table on one side, as a row of the table of functions."""
+
+    def __init__(self, pieces: Pieces, side: str, order: int) -> None:
+        least, largest = pieces._extremes(side, order)
+        super().__init__(
+            name=pieces.row_name(side, order),
+            value=lambda x: float(pieces.values(np.array(x), side, order)),
+            derivative="",
+            limits=(float(least.min()), float(largest.max())),
+            period=pieces.period,
+            within=f"{pieces.period!r}*wrap(x/{pieces.period!r})" if pieces.period else "",
+            typed=f"{pieces.name}(x)",
+        )
+        object.__setattr__(self, "pieces", pieces)
+        object.__setattr__(self, "side", side)
+        object.__setattr__(self, "order", order)
+
+    pieces: Pieces
+    side: str
+    order: int
+
+    @cached_property
+    def array(self) -> Any:
+        """The function of arrays."""
+        return lambda x: self.pieces.values(np.asarray(x, float), self.side, self.order)
+
+    @cached_property
+    def slope(self) -> Expr:
+        """The next derivative."""
+        if self.order + 1 == self.pieces.table(self.side).shape[1]:
+            return ex.ZERO
+        return ex.call(self.pieces.row_name(self.side, self.order + 1), ex.sym(ARGUMENT))
+
+    @property
+    def shown_slope(self) -> Expr:
+        """The same."""
+        return self.slope
+
+    @property
+    def jumps(self) -> bool:
+        """From piece to piece."""
+        return True
+
+    def compiled(self, argument: str) -> str:
+        """Samples have machine code of their own, on this processor alone."""
+        raise DeclarationError("samples", "they cannot be moved to a GPU", "Leave out --device gpu")
+
+    def enclosed(self, a: Interval) -> Interval:
+        """What its values lie in, exactly."""
+        return self.pieces.bounds(a, self.side, self.order)
+
+
+# -- reading ---------------------------------------------------------------------------------------
+
+
+class _At(DeclarationError):
+    """A mistake in one row of samples.
+
+    Attributes
+    ----------
+    index : int
+    column : int
+        0 for times, 1 for values.
+    """
+
+    def __init__(self, where: str, index: int, column: int, reason: str, remedy: str) -> None:
+        name = ("times", "values")[column]
+        super().__init__(f"{where}, {name}[{index}]", reason, remedy)
+        self.index = index
+        self.column = column
+
+    def in_file(self, file: str, row: int, names: tuple[str, str]) -> DeclarationError:
+        """The same, said of a file."""
+        place = f"{file}, line {row}, column '{short(names[self.column])}'"
+        return DeclarationError(place, self.reason, self.remedy)
+
+
+def checked(times: Any, values: Any, where: str) -> tuple[Array, Array]:
+    """Times and values as arrays of their own.
+
+    Raises
+    ------
+    DeclarationError
+    """
+    t, y = (_numbers(part, f"{where}, {n}") for part, n in ((times, "times"), (values, "values")))
+    if t.ndim != 1 or y.ndim != 1 or len(t) != len(y) or len(t) < 2:
+        raise DeclarationError(
+            where,
+            f"{t.size} times and {y.size} values",
+            "Give as many times as values, at least 2 of each, in a row",
+        )
+    for column, part in enumerate((t, y)):
+        finite = np.isfinite(part)
+        if not finite.all():
+            k = int(np.argmin(finite))
+            raise _At(where, k, column, f"{part[k]} is no number", "Leave the row out, or fill it")
+    later = np.diff(t) > 0.0
+    if not later.all():
+        k = int(np.argmin(later)) + 1
+        same = t[k] == t[k - 1]
+        what = "stands twice" if same else f"comes after {t[k - 1]:.9g}"
+        remedy = "Keep one of the two rows" if same else "Sort the rows by time"
+        raise _At(where, k, 0, f"the time {t[k]:.9g} {what}", remedy)
+    close = np.diff(t) > _FINEST * np.max(np.abs(t))
+    if not close.all():
+        k = int(np.argmin(close)) + 1
+        raise _At(
+            where,
+            k,
+            0,
+            f"the times {t[k - 1]!r} and {t[k]!r} are too close to be told apart",
+            "Count time from the first sample",
+        )
+    return t, y
+
+
+def _unpacked(text: object, where: str) -> tuple[Array, Array]:
+    """Times and values of a packed text."""
+    try:
+        content = zlib.decompressobj().decompress(
+            b64decode(str(text), validate=True), 16 * _STORED + 1
+        )
+        t, y = np.frombuffer(content, "<f8").astype(float).reshape(2, -1)
+    except (ValueError, zlib.error):
+        raise DeclarationError(
+            where, "the packed samples are damaged", "Write the file once more"
+        ) from None
+    return t, y
+
+
+def _numbers(part: Any, where: str) -> Array:
+    try:
+        return np.array(part, dtype=float)
+    except (TypeError, ValueError):
+        raise DeclarationError(where, "not all of them are numbers", "Give numbers") from None
+
+
+_MOST_BYTES = 2_000_000_000
+_SEPARATORS = (",", ";", "\t", None)
+
+
+def columns_of(file: str | PathLike[str], time: str, value: str) -> tuple[Array, Array, Any]:
+    """Two columns of a text file, and in which line of it each row stands.
+
+    Raises
+    ------
+    DeclarationError
+    """
+    path = Path(file)
+    where = str(file)
+    try:
+        if path.stat().st_size > _MOST_BYTES:
+            raise DeclarationError(
+                where, f"the file has more than {_MOST_BYTES:,} bytes", "Give fewer samples"
+            )
+        text = path.read_bytes()
+    except FileNotFoundError:
+        raise DeclarationError(where, "there is no such file", "Check the path") from None
+    except IsADirectoryError:
+        raise DeclarationError(where, "this is a directory", "Name a file in it") from None
+    except OSError as error:
+        raise DeclarationError(
+            where, f"the file cannot be read ({error.strerror})", "Check its rights"
+        ) from None
+    if b"\x00" in text[:4096]:
+        raise DeclarationError(
+            where, "this is no text file", "Save it as text: columns with a line of names"
+        )
+    try:
+        lines = text.decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        row = text.count(b"\n", 0, error.start) + 1
+        raise DeclarationError(where, f"line {row} is not UTF-8 text", "Save it as UTF-8") from None
+    numbers = [i for i, line in enumerate(lines) if line.strip() and not line.startswith("#")]
+    if not numbers:
+        raise DeclarationError(where, "the file is empty", "Give columns with a line of names")
+    heading = lines[numbers[0]]
+    separator = next((s for s in _SEPARATORS if s is None or s in heading), None)
+    names = [name.strip() for name in _cells(heading, separator)]
+    places = []
+    for name in (time, value):
+        if name not in names:
+            raise DeclarationError(
+                f"{where}, line {numbers[0] + 1}",
+                f"there is no column '{short(name)}'",
+                suggestion(name, names, "'"),
+            )
+        places.append(names.index(name))
+    rows = numbers[1:]
+    columns = np.empty((2, len(rows)))
+    for k, i in enumerate(rows):
+        cells = _cells(lines[i], separator)
+        for column, place in enumerate(places):
+            name = (time, value)[column]
+            cell = cells[place].strip() if place < len(cells) else ""
+            try:
+                columns[column, k] = float(cell)
+            except ValueError:
+                raise DeclarationError(
+                    f"{where}, line {i + 1}, column '{short(name)}'",
+                    f"'{short(cell)}' is no number" if cell else "there is no value",
+                    "Leave the row out, or fill it",
+                ) from None
+    return columns[0], columns[1], np.array(rows) + 1
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    if '"' in line and separator is not None:
+        return next(csv.reader([line], delimiter=separator))
+    return line.split(separator)

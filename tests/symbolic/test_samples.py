@@ -1,0 +1,197 @@
+"""Functions of time that are given by samples: what they are, and what is wrong with some."""
+
+from __future__ import annotations
+
+import ctypes
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.interpolate import CubicSpline
+
+import stickslip as ss
+from stickslip.machine_code.objects import address_of
+from stickslip.model.system_file import loads
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.enclosures import bounds
+from stickslip.symbolic.functions import FUNCTIONS
+
+KINDS = ("linear", "cubic", "hold")
+_FUNCTION = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)
+
+
+def random(seed: int, count: int, kind: str, periodic: bool) -> ss.Samples:
+    """Samples at irregular times."""
+    rng = np.random.default_rng(seed)
+    times = np.cumsum(rng.uniform(0.05, 1.0, count)) - 2.0
+    values = rng.normal(size=count)
+    if periodic:
+        values[-1] = values[0]
+    return ss.Samples(times, values, kind=kind, periodic=periodic)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("periodic", [False, True])
+@given(seed=st.integers(0, 10_000), count=st.integers(2, 12))
+def test_values(kind: str, periodic: bool, seed: int, count: int) -> None:
+    """Lines, splines and steps as SciPy and NumPy make them; expressions and machine code say the
+    same, and derivatives are those of the polynomials."""
+    if kind == "cubic" and periodic and count < 3:
+        count = 3
+    samples = random(seed, count, kind, periodic)
+    t, y = samples.times, samples.values
+    x = np.random.default_rng(seed + 1).uniform(t[0], t[-1], 40)
+    if kind == "cubic":
+        wanted = CubicSpline(t, y, bc_type="periodic" if periodic else "not-a-knot")(x)
+    else:
+        at = np.searchsorted(t, x, side="right") - 1
+        wanted = np.interp(x, t, y) if kind == "linear" else y[at]
+    shift = 7.0 * samples.period
+    scale = np.max(np.abs(y)) + np.max(np.abs(wanted))
+    np.testing.assert_allclose(samples(x + shift), wanted, rtol=0, atol=1e-11 * scale)
+    expression = samples.at(ex.sym("t"))
+    for place, value in zip(x[:5] + shift, wanted[:5], strict=True):
+        assert ex.evaluate(expression, {"t": place}) == pytest.approx(value, abs=1e-11 * scale)
+        low, high = bounds(expression, {"t": (place, place)})
+        assert low <= value + 1e-11 * scale and value - 1e-11 * scale <= high
+    names = [name for name in FUNCTIONS if name.startswith(samples.pieces.name)]
+    assert len(names) == 2 * samples.pieces.coefficients.shape[1] + 3
+    for name in names:
+        called = _FUNCTION(address_of(name))
+        row = FUNCTIONS[name]
+        assert np.array_equal([called(place) for place in x + shift], row.array(x + shift))
+        # In the middle of a piece of the other parity the nearest one is another.
+        inside = 0.7 * t[1:] + 0.3 * t[:-1]
+        step = 1e-5 * np.min(np.diff(t))
+        rise = (row.array(inside + step) - row.array(inside - step)) / (2.0 * step)
+        slope = [ex.evaluate(row.slope, {"'x": place}) for place in inside]
+        np.testing.assert_allclose(rise, slope, atol=1e-5 * (1.0 + np.max(np.abs(slope))))
+
+
+@given(seed=st.integers(0, 10_000), kind=st.sampled_from(KINDS), periodic=st.booleans())
+def test_enclosures(seed: int, kind: str, periodic: bool) -> None:
+    """No value between two times is outside of what is said of all of them, and what is said is
+    close."""
+    samples = random(seed, 9, kind, periodic)
+    first, last = samples.span
+    a, b = np.sort(np.random.default_rng(seed).uniform(first, last, 2))
+    expression = samples.at(ex.sym("t"))
+    low, high = bounds(expression, {"t": (float(a), float(b))})
+    found = samples(np.linspace(a, b, 200))
+    scale = np.max(np.abs(samples.values))
+    assert low <= found.min() + 1e-12 * scale and found.max() - 1e-12 * scale <= high
+    everything = samples(np.linspace(first, last, 2000))
+    assert low >= everything.min() - 0.05 * scale - np.ptp(everything)
+
+
+def test_outside_there_is_nothing() -> None:
+    """What samples do not cover has no value."""
+    samples = ss.Samples([0.0, 1.0, 2.0], [0.0, 1.0, 0.0])
+    assert np.isnan(samples([-0.1, 2.1])).all() and samples(2.0) == 0.0
+    assert not samples.covers(0.0, 2.1) and samples.covers(0.0, 2.0)
+    assert ss.Samples([0.0, 1.0, 2.0], [0.0, 1.0, 0.0], periodic=True)(2.5) == 0.5
+
+
+def test_they_are_data() -> None:
+    """Equal if their content is; pickled, and in model files of any length."""
+    samples = random(1, 300, "cubic", False)
+    assert pickle.loads(pickle.dumps(samples)) == samples
+    assert samples != random(2, 300, "cubic", False) and len({samples, samples}) == 1
+    for part in (samples, ss.Samples([0.0, 300.0], [1.0, 2.0]), random(3, 50, "hold", True)):
+        system = shaken(part)
+        text = system.to_toml()
+        assert loads(text) == system and loads(text).drives["a"] == part
+
+
+def shaken(samples: ss.Samples) -> ss.System:
+    """A block on a base that is shaken."""
+    first, last = samples.span
+    return ss.System(
+        name="shaken",
+        drives={"a": samples},
+        coordinates={"x": ss.Inertial(force="-a")},
+        kinetic="d_x**2/2",
+        contacts={"base": ss.Contact("d_x", 0.3)},
+        span=(first, last),
+    )
+
+
+WRONG = {
+    "there is no kind 'cubik'": ([0.0, 1.0], [0.0, 1.0], "cubik", False),
+    "2 times and 3 values": ([0.0, 1.0], [0.0, 1.0, 2.0], "linear", False),
+    "times[2]: the time 1 stands twice": ([0.0, 1.0, 1.0], [0.0, 1.0, 2.0], "linear", False),
+    "times[2]: the time 0.5 comes after 1": ([0.0, 1.0, 0.5], [0.0, 1.0, 2.0], "linear", False),
+    "values[1]: nan is no number": ([0.0, 1.0], [0.0, np.nan], "linear", False),
+    "not all of them are numbers": ([0.0, "x"], [0.0, 1.0], "linear", False),
+    "they begin with 0 and end with 1": ([0.0, 1.0], [0.0, 1.0], "linear", True),
+    "too close to be told apart": ([1e9, 1e9 + 1e-6], [0.0, 1.0], "linear", False),
+}
+
+
+@pytest.mark.parametrize("reason", WRONG)
+def test_wrong_samples(reason: str) -> None:
+    """The row is named, and what would be right."""
+    times, values, kind, periodic = WRONG[reason]
+    with pytest.raises(ss.DeclarationError) as error:
+        ss.Samples(times, values, kind=kind, periodic=periodic)  # type: ignore[arg-type]
+    assert reason in str(error.value) and error.value.remedy
+
+
+FILES = {
+    "line 3, column 'a': 'x' is no number": "t,a\n0,1\n1,x\n",
+    "line 3, column 'a': there is no value": "t,a\n0,1\n1\n",
+    "line 4, column 't': the time 0 stands twice": "# base\nt;a\n0;1\n0;2\n",
+    "line 3, column 't': the time 0 comes after 1": "t\ta\n1\t2\n0\t3",
+    "line 3, column 'a': nan is no number": "t a\n0 1\n1 nan\n",
+    "there is no column 'a'. Known here: t, acc": "t,acc\n0,1\n1,2\n",
+    "the file is empty": "\n",
+    "this is no text file": "\0\1\2",
+    "there is no such file": None,
+}
+
+
+@pytest.mark.parametrize("reason", FILES)
+def test_wrong_files(reason: str, tmp_path: Path) -> None:
+    """The line and the column are named."""
+    text = FILES[reason]
+    if text is not None:
+        (tmp_path / "base.csv").write_text(text)
+    with pytest.raises(ss.DeclarationError) as error:
+        ss.Samples.read(tmp_path / "base.csv", "t", "a")
+    assert reason in str(error.value) and error.value.remedy
+
+
+def test_files(tmp_path: Path) -> None:
+    """Commas, semicolons, tabs and blanks; a model file names its samples beside it."""
+    for separator in (",", ";", "\t", "  "):
+        lines = [separator.join(row) for row in (("t", "b", "a"), ("0", "9", "1"), ("2", "9", "3"))]
+        (tmp_path / "base.csv").write_text("# measured\n" + "\n".join(lines))
+        assert ss.Samples.read(tmp_path / "base.csv", "t", "a") == ss.Samples([0, 2], [1, 3])
+    model = shaken(ss.Samples([0, 2], [1, 3])).to_toml()
+    named = model.replace(
+        "{times = [0.0, 2.0], values = [1.0, 3.0]}", '{file = "base.csv", value = "a"}'
+    )
+    assert named != model
+    (tmp_path / "shaken.toml").write_text(named)
+    assert ss.load(tmp_path / "shaken.toml") == shaken(ss.Samples([0, 2], [1, 3]))
+    (tmp_path / "shaken.toml").write_text(named.replace('"base.csv"', '"base.cvs"'))
+    with pytest.raises(ss.DeclarationError, match=r"base\.cvs: there is no such file"):
+        ss.load(tmp_path / "shaken.toml")
+
+
+def test_spans_that_are_not_covered() -> None:
+    """Refused when a system is declared, and when it is moved."""
+    samples = ss.Samples([0.0, 5.0], [0.0, 1.0])
+    with pytest.raises(ss.DeclarationError, match=r"drives\.a: the samples cover 0 \.\.\. 5"):
+        ss.System(
+            name="shaken",
+            drives={"a": samples},
+            coordinates={"x": ss.Inertial(force="-a")},
+            kinetic="d_x**2/2",
+            span=(0.0, 6.0),
+        )
+    with pytest.raises(ss.DeclarationError, match=r"the time span is 0 \.\.\. 5\.1"):
+        ss.simulate(shaken(samples), (0.0, 5.1))
