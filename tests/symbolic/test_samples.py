@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
@@ -35,6 +35,7 @@ def random(seed: int, count: int, kind: str, periodic: bool) -> ss.Samples:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("periodic", [False, True])
+@settings(max_examples=20)
 @given(seed=st.integers(0, 10_000), count=st.integers(2, 12))
 def test_values(kind: str, periodic: bool, seed: int, count: int) -> None:
     """Lines, splines and steps as SciPy and NumPy make them; expressions and machine code say the
@@ -71,6 +72,7 @@ def test_values(kind: str, periodic: bool, seed: int, count: int) -> None:
         np.testing.assert_allclose(rise, slope, atol=1e-5 * (1.0 + np.max(np.abs(slope))))
 
 
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10_000), kind=st.sampled_from(KINDS), periodic=st.booleans())
 def test_enclosures(seed: int, kind: str, periodic: bool) -> None:
     """No value between two times is outside of what is said of all of them, and what is said is
@@ -172,7 +174,7 @@ def test_files(tmp_path: Path) -> None:
         assert ss.Samples.read(tmp_path / "base.csv", "t", "a") == ss.Samples([0, 2], [1, 3])
     model = shaken(ss.Samples([0, 2], [1, 3])).to_toml()
     named = model.replace(
-        "{times = [0.0, 2.0], values = [1.0, 3.0]}", '{file = "base.csv", value = "a"}'
+        "{times = [0.0, 2.0], values = [1.0, 3.0]}", '{file = "base.csv", time = "t", value = "a"}'
     )
     assert named != model
     (tmp_path / "shaken.toml").write_text(named)

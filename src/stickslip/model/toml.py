@@ -54,8 +54,8 @@ class Language(Generic[_M]):
     groups : tuple of str
         Fields before which a file has an empty line.
     sections : mapping of str to callable
-        How each entry of a section is read: (value, key, folder) -> object. Other fields are taken as they
-        stand in the file.
+        How each entry of a section is read: (value, key, folder) -> object. Other fields are taken
+        as they stand in the file.
     others : mapping of str to (str, str)
         Keys that give away a file of another kind, with what it declares and what opens it.
     """

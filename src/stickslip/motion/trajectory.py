@@ -22,6 +22,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.results import Result, listed
 from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.pieces import unwrapped
 
 if TYPE_CHECKING:
@@ -412,13 +413,14 @@ class Trajectory(Result):
 
     @cached_property
     def events(self) -> pandas.DataFrame:
-        """Every change of mode or region: time, contact (or the kink), from, to, and the state."""
+        """Every change of mode or region: time, contact (or the kink), from, to, and the state. That
+        a sample of a drive has passed is none."""
         import pandas as pd
 
         equations = self._problem.compiled.equations
         k = self.knots
         mode = k.slip
-        changes = np.hstack([np.diff(mode, axis=0), np.diff(k.region, axis=0)])
+        changes = np.hstack([np.diff(mode, axis=0), self._crossed])
         knot, which = np.nonzero(changes)
         names = [c.name for c in equations.contacts] + [
             f"{ex.to_text(unwrapped(g))} = 0" for g in equations.kinks
@@ -444,8 +446,15 @@ class Trajectory(Result):
 
     @property
     def n_kinks(self) -> int:
-        """Number of kinks (regions of piecewise functions) crossed."""
-        return int(np.count_nonzero(np.diff(self.knots.region, axis=0)))
+        """Number of kinks (regions of piecewise functions) crossed, without samples of drives."""
+        return int(np.count_nonzero(self._crossed))
+
+    @property
+    def _crossed(self) -> Array:
+        """Changes of the regions of all kinks but those of samples."""
+        kinks = self._problem.compiled.equations.kinks
+        counted = [not (g.op in FUNCTIONS and FUNCTIONS[g.op].sampled) for g in kinks]
+        return np.diff(self.knots.region, axis=0) * np.array(counted, int)
 
     @property
     def final(self) -> dict[str, float]:

@@ -122,6 +122,11 @@ class Function:
         return self.poles is not None
 
     @property
+    def sampled(self) -> bool:
+        """Whether it says in which piece of a table a place is."""
+        return False
+
+    @property
     def fixed(self) -> tuple[float, float] | None:
         """A place, and the value that a monotone function has there without rounding."""
         return (0.0, 0.0) if self.parity == "odd" and self.poles is None else self.exactly

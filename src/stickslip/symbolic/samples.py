@@ -104,7 +104,7 @@ class Samples(TimeFunction):
     def read(
         cls,
         file: str | PathLike[str],
-        time: str = "t",
+        time: str = "time",
         value: str = "value",
         kind: Literal["linear", "cubic", "hold"] = "linear",
         periodic: bool = False,
@@ -237,10 +237,9 @@ class Samples(TimeFunction):
         if not isinstance(periodic, bool):
             raise DeclarationError(f"{where}.periodic", "not true or false", "Write true or false")
         if way[0] == "file":
-            names = [table.get(key, default) for key, default in zip(way, ("", "t", "value"))]
-            if not all(isinstance(name, str) for name in names):
+            file, time, value = (table.get(key, key) for key in way)
+            if not all(isinstance(name, str) for name in (file, time, value)):
                 raise DeclarationError(where, "a name is no text", 'Write it like time = "t"')
-            file, time, value = names
             found = cls.read(folder / file, time, value, kind, periodic)
         elif way[0] == "times":
             found = cls(table["times"], table.get("values", ()), kind, periodic, where)
@@ -379,7 +378,8 @@ class Pieces:
         """Least and largest value of a derivative between two places, over the pieces themselves
         and not what is beyond them; of arrays of such, too."""
         low, high = (np.asarray(end, float) for end in a)
-        ends = [self._bounds_between(x, y, side, order) for x, y in zip(low.flat, high.flat)]
+        pairs = zip(low.flat, high.flat, strict=True)
+        ends = [self._bounds_between(float(x), float(y), side, order) for x, y in pairs]
         found = np.array(ends).reshape(*low.shape, 2)
         return (found[..., 0], found[..., 1]) if low.ndim else (float(found[0]), float(found[1]))
 
@@ -511,6 +511,11 @@ class Row(Function):
     def shown_slope(self) -> Expr:
         """The same."""
         return self.slope
+
+    @property
+    def sampled(self) -> bool:
+        """Whether it is a gate."""
+        return self.side == "gate"
 
     @property
     def jumps(self) -> bool:
