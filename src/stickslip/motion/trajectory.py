@@ -413,8 +413,10 @@ class Trajectory(Result):
 
     @cached_property
     def events(self) -> pandas.DataFrame:
-        """Every change of mode or region: time, contact (or the kink), from, to, and the state. That
-        a sample of a drive has passed is none."""
+        """Every change of mode or region: time, contact (or the kink), from, to, and the state.
+
+        That a sample of a drive has passed is none.
+        """
         import pandas as pd
 
         equations = self._problem.compiled.equations
