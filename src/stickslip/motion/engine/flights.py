@@ -35,6 +35,7 @@ from stickslip.motion.engine.signals import (
     first_of_many,
     first_of_wave,
     length,
+    rough_acos,
 )
 from stickslip.motion.steps.arrays import INLINED, OPTIONS, ROUNDING
 
@@ -325,7 +326,7 @@ def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
             size = swing[g, lead] * modulus[lead]
             if abs(c0) < size:
                 # where the cosine falls
-                angle = math.acos(-c0 / size) - form.angle[g, lead] - f.phase[lead]
+                angle = rough_acos(-c0 / size) - form.angle[g, lead] - f.phase[lead]
                 f.guess[g] = (angle - 2.0 * math.pi * np.floor(angle * (0.5 / math.pi))) / lam[
                     lead
                 ].imag
