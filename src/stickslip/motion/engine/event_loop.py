@@ -396,9 +396,7 @@ def fly_on(
             copy(flight.mode0, mode)
             copy(flight.reg0, lane.reg)
             if fired >= 0 and fired < nk and fallen >= 0:
-                clock[NOW] = t + flights.land(
-                    form_of(T, flown), flight, fallen, y, clock[LAST]
-                )
+                clock[NOW] = t + flights.land(form_of(T, flown), flight, fallen, y, clock[LAST])
             return -1, count
         count = note(lane, task, count)
         if t >= end:

@@ -139,9 +139,7 @@ def _terms(S: Array, G: Array, size: Array, k: int, near: float) -> float:
 
 
 @njit(**INLINED)
-def germs(
-    form: ClosedForms, f: Flight, omega: Array, fired: int, kinks: int, last: float
-) -> int:
+def germs(form: ClosedForms, f: Flight, omega: Array, fired: int, kinks: int, last: float) -> int:
     """Least guard that becomes negative at once, or −1; the deciding order of each guard is left in
     the work space.
 
@@ -507,7 +505,6 @@ def admissible(form: ClosedForms, f: Flight, x: Array, last: float) -> bool:
         zero = form.zero[c]
         value = 0.0
         size = 0.0
-        rate = abs(scalar_product(form.brake[c], s))
         for i in range(len(s)):
             value += zero[i] * s[i]
             size += abs(zero[i]) * moduli[i]
@@ -517,6 +514,7 @@ def admissible(form: ClosedForms, f: Flight, x: Array, last: float) -> bool:
             if abs(value) > 1e-9 * size:
                 return False
             continue
+        rate = abs(scalar_product(form.brake[c], s))
         for i in range(len(x)):
             if zero[i] != 0.0:
                 for j in range(len(s)):
