@@ -11,12 +11,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from llvmlite import binding as llvm
 
 from stickslip.arrays import Array
 from stickslip.machine_code import kinds, objects, shelf, tables
 from stickslip.machine_code.functions import Entry, entry_point, njit
 from stickslip.motion.steps.arrays import OPTIONS
+from stickslip.orbits.fields import instructions
+from stickslip.orbits.fields.engine.interpreter import interpret
 from stickslip.shipping import is_complete
+from stickslip.symbolic import expressions as ex
 from test_house import MODULES
 
 
@@ -122,6 +126,11 @@ def is_large(x: float) -> bool:
     return x > 1.0
 
 
+@entry_point(**OPTIONS)
+def ends(x: Array, i: int) -> float:
+    return x[i, 0] + 10.0 * x[-1][i]
+
+
 @pytest.fixture
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty folder of machine code."""
@@ -148,6 +157,12 @@ def test_truth_and_numbers() -> None:
     assert is_large(0.5) is False
     assert is_large(np.float64(3.0)) is True
     assert is_large(3) is True
+
+
+def test_a_constant_counts_from_the_end() -> None:
+    """Where it is the only index; whether others are negative, compiled code does not ask."""
+    x = np.arange(9.0).reshape(3, 3)
+    assert ends(x, 1) == ends.py_func(x, 1) == 73.0
 
 
 def test_what_no_compiled_function_takes_is_named() -> None:
@@ -245,6 +260,24 @@ def test_portable_code_is_the_same_function(tmp_path: Path) -> None:
     assert found.run(*given) == 42.0
 
 
+@pytest.mark.parametrize(
+    ("triple", "begins"),
+    [
+        ("aarch64-unknown-linux-gnu", b"\x7fELF\x02\x01\x01"),
+        ("arm64-apple-macosx", bytes.fromhex("cffaedfe 0c000001")),
+        ("x86_64-pc-windows-msvc", bytes.fromhex("6486")),
+    ],
+)
+def test_bitcode_becomes_machine_code_of_other_platforms(triple: str, begins: bytes) -> None:
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    bitcode = shelf.made(summed, (kinds.PLAIN, kinds.argument_kind(ARGUMENTS[0]), "f8:1"), "summed")
+    there = objects.processor()._replace(triple=triple, name="", features="")
+    code = shelf.from_bitcode(bitcode, there)
+    assert code.startswith(begins)
+    assert b"summed" in code
+
+
 def test_other_sources_have_other_machine_code(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -273,6 +306,19 @@ def test_all_entries_are_shipped() -> None:
     assert len(entries) > 10
     shipped = {file.name.rpartition("_")[0] for file in (shelf.SHIPPED / shelf.level()).glob("*.o")}
     assert entries == shipped
+
+
+@needs_shipment
+def test_shipped_code_has_the_bits_that_numba_makes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same source as numba alone compiles it, for this machine."""
+    x, y = ex.sym("x"), ex.sym("y")
+    wave = ex.multiply(ex.call("sin", y), ex.call("exp", ex.multiply(ex.num(-1.0), x)))
+    formulas = [wave, ex.power(ex.add((x, 1.0), (wave, 0.3)), ex.num(-2.0)), ex.multiply(x, x, y)]
+    values = instructions.Evaluator([*formulas, ex.derivative(formulas[1], "x")], ["x", "y"], 2)
+    given = np.random.default_rng(5).uniform(0.5, 2.0, (2, 37))
+    shipped = values(given)
+    monkeypatch.setattr(instructions, "interpret", interpret.dispatcher)
+    np.testing.assert_array_equal(values(given), shipped)
 
 
 @needs_shipment

@@ -6,6 +6,7 @@ import ast
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -49,16 +50,32 @@ def test_all_that_shapes_a_module_is_looked_at(name: str) -> None:
     assert {MODULES[other].resolve() for other in used} <= looked_at, used
 
 
-@pytest.mark.parametrize("name", COMPILED)
-def test_state_is_passed_by_name(name: str) -> None:
-    """No compiled function takes more than ten arguments, or is longer than 80 lines."""
+def compiled_functions(name: str) -> Iterator[ast.FunctionDef]:
+    """The compiled functions of a module."""
     for node in ast.walk(ast.parse(MODULES[name].read_text(encoding="utf-8"))):
         if isinstance(node, ast.FunctionDef):
             decorators = {ast.unparse(d).partition("(")[0] for d in node.decorator_list}
-            compiled = bool(decorators & {"njit", "entry_point"})
-            assert not compiled or len(node.args.args) <= 10, node.name
-            lines = (node.end_lineno or 0) - node.lineno + 1
-            assert not compiled or lines <= 80, node.name
+            if decorators & {"njit", "entry_point"}:
+                yield node
+
+
+@pytest.mark.parametrize("name", COMPILED)
+def test_state_is_passed_by_name(name: str) -> None:
+    """No compiled function takes more than ten arguments, or is longer than 80 lines."""
+    for node in compiled_functions(name):
+        assert len(node.args.args) <= 10, node.name
+        lines = (node.end_lineno or 0) - node.lineno + 1
+        assert lines <= 80, node.name
+
+
+@pytest.mark.parametrize("name", COMPILED)
+def test_indices_count_from_the_beginning(name: str) -> None:
+    """One of several that is negative would be an address outside the array."""
+    for function in compiled_functions(name):
+        for node in ast.walk(function):
+            if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Tuple):
+                for index in node.slice.elts:
+                    assert not isinstance(index, ast.UnaryOp), f"{function.name}, {node.lineno}"
 
 
 def test_modes_with_closed_forms_have_numbers_of_64_bits() -> None:

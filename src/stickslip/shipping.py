@@ -34,17 +34,13 @@ _ENVIRONMENT = {
 }
 
 
-def ship(levels: Sequence[str], folder: Path = shelf.SHIPPED, quiet: bool = False) -> None:
+def ship(levels: Sequence[str]) -> None:
     """Make the engine's machine code for processors of these levels.
 
     Parameters
     ----------
     levels : sequence of str
         Of :mod:`stickslip.machine_code.shelf`.
-    folder : Path
-        Receives a folder for each.
-    quiet : bool
-        Say nothing on stderr.
 
     Raises
     ------
@@ -52,16 +48,15 @@ def ship(levels: Sequence[str], folder: Path = shelf.SHIPPED, quiet: bool = Fals
         If it cannot be made.
     """
     for level in levels:
-        place = folder / level
+        place = shelf.SHIPPED / level
         if is_complete(place):
             continue
         shutil.rmtree(place, ignore_errors=True)
         place.mkdir(parents=True)
-        if not quiet:
-            print(
-                f"stickslip: compiling the engine for {level} processors, once: a minute or two",
-                file=sys.stderr,
-            )
+        print(
+            f"stickslip: compiling the engine for {level} processors, once: a minute or two",
+            file=sys.stderr,
+        )
         environment = {**os.environ, **_ENVIRONMENT[level]}
         commands = [
             [sys.executable, "-m", "stickslip.shipping", str(place), part] for part in _TOURS

@@ -16,6 +16,7 @@ from stickslip.motion.engine.affine import orthogonalise
 from stickslip.motion.engine.closed_forms import make_form
 from stickslip.motion.engine.eigenvalues import Eigenproblem, decompose, make_eigenproblem
 from stickslip.motion.engine.forms import AFFINE, SMOOTH, ClosedForms, Flight
+from stickslip.motion.engine.signals import rough_acos
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.steps.arrays import OPTIONS, Constants, Flow, Machine
 
@@ -39,6 +40,12 @@ def eigen(p: Eigenproblem, n: int) -> bool:
 def singular(A: Array, axes: Array, lengths: Array) -> None:
     """Singular values."""
     orthogonalise(A, axes, lengths)
+
+
+def test_the_rough_arc_cosine_is_one() -> None:
+    x = np.linspace(-1.0, 1.0, 2001)
+    rough = np.array([rough_acos.py_func(value) for value in x])
+    np.testing.assert_allclose(rough, np.arccos(x), rtol=0.0, atol=7e-5)
 
 
 def decomposed(A: Array) -> Eigenproblem:

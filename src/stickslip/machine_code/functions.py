@@ -98,7 +98,8 @@ class Entry(Compiled):
     arguments.
 
     They are numbers, arrays in C order, functions of a system, and tuples of these. It returns
-    nothing or one number, and allocates nothing.
+    nothing or one number, and allocates nothing. An index that is not a constant alone must not be
+    negative.
     """
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:

@@ -126,21 +126,13 @@ def function_type(word: str) -> Any:
     return types.FunctionType(signature(word[1:]))
 
 
-def numba_type(kind: ArgumentKind) -> Any:
-    """The same kind as numba says it."""
+def numba_type(word: str) -> Any:
+    """The kind of a number, an array or a function of a system, as numba says it."""
     from numba import from_dtype
     from numba.core import types
 
-    if isinstance(kind, str):
-        if kind.startswith(ADDRESS):
-            return function_type(kind)
-        if ":" in kind:
-            return types.Array(from_dtype(dtype(kind)), axis_count(kind), "C")
-        return {REAL_NUMBER: types.float64, WHOLE_NUMBER: types.int64, TRUTH: types.boolean}[kind]
-    parts = [numba_type(part) for part in kind[1:]]
-    named = class_called(kind[0])
-    if named is tuple:
-        return types.BaseTuple.from_types(parts)
-    if all(part == parts[0] for part in parts):
-        return types.NamedUniTuple(parts[0], len(parts), named)
-    return types.NamedTuple(parts, named)
+    if word.startswith(ADDRESS):
+        return function_type(word)
+    if ":" in word:
+        return types.Array(from_dtype(dtype(word)), axis_count(word), "C")
+    return {REAL_NUMBER: types.float64, WHOLE_NUMBER: types.int64, TRUTH: types.boolean}[word]

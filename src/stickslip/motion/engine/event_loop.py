@@ -19,6 +19,7 @@ from stickslip.motion.engine.forms import (
     GUARDS,
     ClosedForms,
     Flight,
+    form_of,
     slots_of,
 )
 from stickslip.motion.engine.guards import contact_of, doubt_of, first_event, resting, spell
@@ -395,21 +396,22 @@ def fly_on(
             copy(flight.mode0, mode)
             copy(flight.reg0, lane.reg)
             if fired >= 0 and fired < nk and fallen >= 0:
-                clock[NOW] = t + flights.land(T, flown, flight, fallen, y, clock[LAST])
+                clock[NOW] = t + flights.land(form_of(T, flown), flight, fallen, y, clock[LAST])
             return -1, count
         count = note(lane, task, count)
         if t >= end:
             return FINISHED, count
-        tau, guard = flights.fly(T, slot, flight, end - t, omega)
+        form = form_of(T, slot)
+        tau, guard = flights.fly(form, flight, end - t, omega)
         count_step(clock, lane.counters, tau, tau, t + tau if guard >= 0 else end)
-        flights.arrive(T, slot, flight, y, tau, omega)
+        flights.arrive(form, flight, y, tau, omega)
         flown = slot
         fallen = guard
         if guard < 0:
             continue
-        if doubt_of(T.switch[slot, guard], nk, nc) >= 0:
+        if doubt_of(form.switch[guard], nk, nc) >= 0:
             return -1, count
-        code = fire(T.switch[slot, guard], lane, rows, task.max_events)
+        code = fire(form.switch[guard], lane, rows, task.max_events)
         if code >= 0:
             return code, count
 
@@ -450,14 +452,13 @@ def decide(
             T.key[slot] = key
             T.used[g] += 1
             make_form(machine, flow, g, T, flight.making, slot, mode, reg)
-        if T.status[slot] != AFFINE or not flights.admissible(
-            T, slot, flight, lane.y, clock[RECENT]
-        ):
+        form = form_of(T, slot)
+        if form.status != AFFINE or not flights.admissible(form, flight, lane.y, clock[RECENT]):
             return _UNDECIDED
-        guard = flights.germs(T, slot, flight, omega, lane.counters[CAUSE], nk, clock[LAST])
+        guard = flights.germs(form, flight, omega, lane.counters[CAUSE], nk, clock[LAST])
         if guard < 0:
-            return _UNDECIDED if carries(T, slot, flight, mode, nk, drops) else slot
-        number = T.switch[slot, guard]
+            return _UNDECIDED if carries(form, flight, mode, nk, drops) else slot
+        number = form.switch[guard]
         c = contact_of(number, nk)
         # Which of several contacts break their thresholds together is not decided here.
         if doubt_of(number, nk, nc) >= 0 or (
@@ -470,14 +471,13 @@ def decide(
 
 
 @njit(**INLINED)
-def carries(T: ClosedForms, slot: int, flight: Flight, mode: Array, nk: int, drops: Array) -> bool:
+def carries(form: ClosedForms, flight: Flight, mode: Array, nk: int, drops: Array) -> bool:
     """Whether a contact that does not stick and whose sliding force is not its threshold may be
     carried by others.
 
     Parameters
     ----------
-    T : ClosedForms
-    slot : int
+    form : ClosedForms
         Of the mode.
     flight : Flight
         With the deciding orders of the guards.
@@ -488,8 +488,8 @@ def carries(T: ClosedForms, slot: int, flight: Flight, mode: Array, nk: int, dro
         1 for each contact whose sliding force is not its threshold.
     """
     if len(mode) > 1:
-        for g in range(T.counts[slot, GUARDS]):
-            c = contact_of(T.switch[slot, g], nk)
+        for g in range(form.counts[GUARDS]):
+            c = contact_of(form.switch[g], nk)
             if (
                 0 <= c < len(mode)
                 and flight.orders[g] >= GERM_ORDERS

@@ -35,6 +35,7 @@ from stickslip.motion.engine.signals import (
     first_of_many,
     first_of_wave,
     length,
+    rough_acos,
 )
 from stickslip.motion.steps.arrays import INLINED, OPTIONS, ROUNDING
 
@@ -138,16 +139,13 @@ def _terms(S: Array, G: Array, size: Array, k: int, near: float) -> float:
 
 
 @njit(**INLINED)
-def germs(
-    T: ClosedForms, slot: int, f: Flight, omega: Array, fired: int, kinks: int, last: float
-) -> int:
+def germs(form: ClosedForms, f: Flight, omega: Array, fired: int, kinks: int, last: float) -> int:
     """Least guard that becomes negative at once, or −1; the deciding order of each guard is left in
     the work space.
 
     Parameters
     ----------
-    T : ClosedForms
-    slot : int
+    form : ClosedForms
         Of the mode.
     f : Flight
         With s; receives values, sizes of terms, and deciding orders of the guards.
@@ -161,22 +159,22 @@ def germs(
     v = f.v
     size = f.size
     orders = f.orders
-    S = T.S[slot]
-    G = T.G[slot]
-    reach = T.reach[slot]
+    S = form.S
+    G = form.G
+    reach = form.reach
     ns = len(S)
     largest = 0.0
     for i in range(ns):
-        largest = max(largest, T.felt[slot, i] * size[0, i])
+        largest = max(largest, form.felt[i] * size[0, i])
     # A zero is known no better than the time at which it was found, and a drive no better than its
     # phase; and what changes less than rounding within the shortest time scale has not begun to
     # change.
-    near = last + T.shortest[slot]
+    near = last + form.shortest
     if len(omega) > 0:
         near += size[0, ns - 2 * len(omega) - 1]
     ready = 0
-    near = near / T.pace[slot]
-    for g in range(T.counts[slot, GUARDS]):
+    near = near / form.pace
+    for g in range(form.counts[GUARDS]):
         k = 0
         value = 0.0
         while k < GERM_ORDERS:
@@ -197,7 +195,7 @@ def germs(
                 break
             if abs(value) > ROUNDING * terms:
                 floor = ROUNDING * _terms(S, G[g], size, k, near)
-                if k == 0 and switch_of(T.switch[slot, g], kinks, T.held.shape[1]) == fired:
+                if k == 0 and switch_of(form.switch[g], kinks, len(form.held)) == fired:
                     floor *= _FIRED_ROUNDINGS
                 if abs(value) > floor:
                     break
@@ -209,13 +207,13 @@ def germs(
 
 
 @njit(**INLINED)
-def amplitudes(T: ClosedForms, slot: int, f: Flight, omega: Array) -> None:
+def amplitudes(form: ClosedForms, f: Flight, omega: Array) -> None:
     """Amplitudes of the exponentials at the beginning of a flight."""
     s = f.v[0]
     moduli = f.size[0]
     first = len(f.r) + 2
-    for j in range(T.counts[slot, EXPONENTS]):
-        row = T.R[slot, j]
+    for j in range(form.counts[EXPONENTS]):
+        row = form.R[j]
         re = 0.0
         im = 0.0
         terms = 0.0
@@ -225,7 +223,7 @@ def amplitudes(T: ClosedForms, slot: int, f: Flight, omega: Array) -> None:
             terms += length(row[i]) * moduli[i]
         f.r[j] = complex(re, im)
         f.rounding[j] = terms
-        if T.exponent[slot, j].imag == 0.0:
+        if form.exponent[j].imag == 0.0:
             f.modulus[j] = abs(re)
         else:
             f.modulus[j] = math.sqrt(re * re + im * im)
@@ -266,17 +264,17 @@ def _turn_all(lam: Array, r: Array, nb: int, tau: float, turned: Array) -> None:
 
 
 @njit(**INLINED)
-def sort_guards(T: ClosedForms, slot: int, f: Flight, omega: Array) -> int:
+def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
     """Say of each guard what kind of signal it is; returns the one that will probably fall first,
     or −1."""
     r = f.r
     modulus = f.modulus
     b = f.b
-    lam = T.exponent[slot]
-    swing = T.swing[slot]
+    lam = form.exponent
+    swing = form.swing
     first = -1
     soonest = np.inf
-    for g in range(T.counts[slot, GUARDS]):
+    for g in range(form.counts[GUARDS]):
         f.kind[g] = _NEVER
         if f.orders[g] >= GERM_ORDERS:
             continue
@@ -286,25 +284,25 @@ def sort_guards(T: ClosedForms, slot: int, f: Flight, omega: Array) -> int:
         c2 = 0.0
         reach = 0.0
         terms = f.terms[g]
-        for j in range(T.counts[slot, EXPONENTS]):
-            c0 -= T.a[slot, g, j].real * r[j].real - T.a[slot, g, j].imag * r[j].imag
+        for j in range(form.counts[EXPONENTS]):
+            c0 -= form.a[g, j].real * r[j].real - form.a[g, j].imag * r[j].imag
             reach += swing[g, j] * modulus[j]
             terms += swing[g, j] * f.rounding[j]
         for m in range(len(omega)):
-            b[m] = T.b[slot, g, m] * f.spin[m]
+            b[m] = form.b[g, m] * f.spin[m]
             c0 -= b[m].real
             reach += swing[g, len(r) + m]
-        if T.drifts[slot, g] == 1:
-            c1 = scalar_product(T.c1[slot, g], f.v[0])
-            c2 = T.c2[slot, g]
-        if T.decays[slot, g] == 1 and c0 > reach and c1 >= 0.0 and c2 >= 0.0:
+        if form.drifts[g] == 1:
+            c1 = scalar_product(form.c1[g], f.v[0])
+            c2 = form.c2[g]
+        if form.decays[g] == 1 and c0 > reach and c1 >= 0.0 and c2 >= 0.0:
             continue  # what is in motion can never bring it down
         floor = ROUNDING * (terms + reach)
         real = 0
         waves = 0
         drives = 0
         lead = 0
-        for j in range(T.counts[slot, EXPONENTS]):
+        for j in range(form.counts[EXPONENTS]):
             if swing[g, j] * modulus[j] > 0.1 * floor:
                 lead = j
                 if lam[j].imag == 0.0:
@@ -326,7 +324,7 @@ def sort_guards(T: ClosedForms, slot: int, f: Flight, omega: Array) -> int:
             size = swing[g, lead] * modulus[lead]
             if abs(c0) < size:
                 # where the cosine falls
-                angle = math.acos(-c0 / size) - T.angle[slot, g, lead] - f.phase[lead]
+                angle = rough_acos(-c0 / size) - form.angle[g, lead] - f.phase[lead]
                 f.guess[g] = (angle - 2.0 * math.pi * np.floor(angle * (0.5 / math.pi))) / lam[
                     lead
                 ].imag
@@ -339,14 +337,13 @@ def sort_guards(T: ClosedForms, slot: int, f: Flight, omega: Array) -> int:
 
 
 @njit(**INLINED)
-def fly(T: ClosedForms, slot: int, f: Flight, room: float, omega: Array) -> tuple[float, int]:
+def fly(form: ClosedForms, f: Flight, room: float, omega: Array) -> tuple[float, int]:
     """The earliest event within `room`: (duration, guard or −1), with the changes of the
     exponentials until then.
 
     Parameters
     ----------
-    T : ClosedForms
-    slot : int
+    form : ClosedForms
         Of the mode.
     f : Flight
         With s and the deciding orders of the guards; receives the changes.
@@ -358,14 +355,14 @@ def fly(T: ClosedForms, slot: int, f: Flight, room: float, omega: Array) -> tupl
     r = f.r
     a = f.a
     b = f.b
-    lam = T.exponent[slot]
-    nb = T.counts[slot, EXPONENTS]
-    amplitudes(T, slot, f, omega)
-    first = sort_guards(T, slot, f, omega)
+    lam = form.exponent
+    nb = form.counts[EXPONENTS]
+    amplitudes(form, f, omega)
+    first = sort_guards(form, f, omega)
     limit = room
     which = -1
     known = False
-    for rank in range(-1, T.counts[slot, GUARDS] if first >= 0 else -1):
+    for rank in range(-1, form.counts[GUARDS] if first >= 0 else -1):
         # The one that probably falls first leaves little to be searched by the others.
         g = first if rank < 0 else rank
         if rank == first or f.kind[g] == _NEVER:
@@ -377,15 +374,15 @@ def fly(T: ClosedForms, slot: int, f: Flight, room: float, omega: Array) -> tupl
         if f.kind[g] == _WAVE:
             wave = Wave(
                 f.c[g, 0],
-                T.swing[slot, g, j] * f.modulus[j],
-                T.angle[slot, g, j] + f.phase[j],
+                form.swing[g, j] * f.modulus[j],
+                form.angle[g, j] + f.phase[j],
                 lam[j].real,
                 lam[j].imag,
-                T.tilt[slot, j],
-                T.sine[slot, j],
+                form.tilt[j],
+                form.sine[j],
             )
             while True:
-                z = T.a[slot, g, j]
+                z = form.a[g, j]
                 turned = f.turned[j]
                 ending = (
                     f.value[g] + z.real * turned.real - z.imag * turned.imag if known else np.nan
@@ -396,15 +393,15 @@ def fly(T: ClosedForms, slot: int, f: Flight, room: float, omega: Array) -> tupl
                 _turn_all(lam, r, nb, limit, f.turned)
                 known = True
         elif f.kind[g] == _BEND:
-            size = T.a[slot, g, j].real * r[j].real
+            size = form.a[g, j].real * r[j].real
             found = first_of_bend(f.c[g, 0], f.c[g, 1], size, lam[j].real, limit, floor, rising)
         elif f.kind[g] == _LINE:
             found = first_of_line(f.c[g, 0], f.c[g, 1], limit, rising)
         else:
             for i in range(nb):
-                a[i] = T.a[slot, g, i] * r[i]
+                a[i] = form.a[g, i] * r[i]
             for m in range(len(omega)):
-                b[m] = T.b[slot, g, m] * f.spin[m]
+                b[m] = form.b[g, m] * f.spin[m]
             parts = SignalSum(f.c[g], a[:nb], lam[:nb], b, omega)
             found = first_of_many(parts, limit, floor, rising, f.taylor, f.stack)
         if found <= limit:
@@ -416,13 +413,12 @@ def fly(T: ClosedForms, slot: int, f: Flight, room: float, omega: Array) -> tupl
 
 
 @njit(**INLINED)
-def arrive(T: ClosedForms, slot: int, f: Flight, x: Array, tau: float, omega: Array) -> None:
+def arrive(form: ClosedForms, f: Flight, x: Array, tau: float, omega: Array) -> None:
     """Put x where it is at the end of the flight just found.
 
     Parameters
     ----------
-    T : ClosedForms
-    slot : int
+    form : ClosedForms
         Of the mode.
     f : Flight
         With the changes of the exponentials.
@@ -436,25 +432,25 @@ def arrive(T: ClosedForms, slot: int, f: Flight, x: Array, tau: float, omega: Ar
     n = len(x)
     b = f.b
     turned = f.turned
-    first = T.c2.shape[1] - n
+    first = len(form.c2) - n
     for m in range(len(omega)):
         b[m] = f.spin[m] * turn(0.0, omega[m] * tau)
     for i in range(n):
         g = first + i
         change = 0.0
-        if T.drifts[slot, g] == 1:
-            change = tau * (scalar_product(T.c1[slot, g], f.v[0]) + tau * T.c2[slot, g])
-        for j in range(T.counts[slot, EXPONENTS]):
-            z = T.a[slot, g, j]
+        if form.drifts[g] == 1:
+            change = tau * (scalar_product(form.c1[g], f.v[0]) + tau * form.c2[g])
+        for j in range(form.counts[EXPONENTS]):
+            z = form.a[g, j]
             change += z.real * turned[j].real - z.imag * turned[j].imag
         for m in range(len(omega)):
-            z = T.b[slot, g, m]
+            z = form.b[g, m]
             change += z.real * b[m].real - z.imag * b[m].imag
         x[i] += change
 
 
 @njit(**INLINED)
-def land(T: ClosedForms, slot: int, f: Flight, guard: int, x: Array, last: float) -> float:
+def land(form: ClosedForms, f: Flight, guard: int, x: Array, last: float) -> float:
     """Put x, at the end of a flight of a duration, where the guard that ended it vanishes; returns
     the time that takes.
 
@@ -463,8 +459,7 @@ def land(T: ClosedForms, slot: int, f: Flight, guard: int, x: Array, last: float
 
     Parameters
     ----------
-    T : ClosedForms
-    slot : int
+    form : ClosedForms
         Of the mode of the flight.
     f : Flight
         With s at the end.
@@ -476,24 +471,23 @@ def land(T: ClosedForms, slot: int, f: Flight, guard: int, x: Array, last: float
         Duration of the flight.
     """
     v = f.v
-    _derive(T.S[slot], v, 1)
-    value, slope = scalar_product(T.G[slot, guard], v[0]), scalar_product(T.G[slot, guard], v[1])
-    if not slope < 0.0 or abs(value) * T.pace[slot] > -1e-9 * last * slope:
+    _derive(form.S, v, 1)
+    value, slope = scalar_product(form.G[guard], v[0]), scalar_product(form.G[guard], v[1])
+    if not slope < 0.0 or abs(value) * form.pace > -1e-9 * last * slope:
         return 0.0
     for i in range(len(x)):
         x[i] -= value / slope * v[1, i]
-    return -value / slope * T.pace[slot]
+    return -value / slope * form.pace
 
 
 @njit(**INLINED)
-def admissible(T: ClosedForms, slot: int, f: Flight, x: Array, last: float) -> bool:
+def admissible(form: ClosedForms, f: Flight, x: Array, last: float) -> bool:
     """Whether sticking contacts are at rest and sliding rate-independent ones on their threshold;
     removes rounding.
 
     Parameters
     ----------
-    T : ClosedForms
-    slot : int
+    form : ClosedForms
         Of the mode.
     f : Flight
         With s, from which rounding is removed, too.
@@ -504,31 +498,31 @@ def admissible(T: ClosedForms, slot: int, f: Flight, x: Array, last: float) -> b
     """
     s = f.v[0]
     moduli = f.size[0]
-    S = T.S[slot]
-    for c in range(T.held.shape[1]):
-        if T.held[slot, c] == 0:
+    S = form.S
+    for c in range(len(form.held)):
+        if form.held[c] == 0:
             continue
-        zero = T.zero[slot, c]
+        zero = form.zero[c]
         value = 0.0
         size = 0.0
-        rate = abs(scalar_product(T.brake[slot, c], s))
         for i in range(len(s)):
             value += zero[i] * s[i]
             size += abs(zero[i]) * moduli[i]
         if value == 0.0:
             continue
-        if T.held[slot, c] == SLIDES:
+        if form.held[c] == SLIDES:
             if abs(value) > 1e-9 * size:
                 return False
             continue
+        rate = abs(scalar_product(form.brake[c], s))
         for i in range(len(x)):
             if zero[i] != 0.0:
                 for j in range(len(s)):
-                    rate += abs(zero[i] * S[i, j]) * moduli[j] / T.pace[slot]
+                    rate += abs(zero[i] * S[i, j]) * moduli[j] / form.pace
         if abs(value) > 1e-9 * last * rate + ROUNDING * size:
             return False
         for i in range(len(x)):
-            x[i] -= T.hold[slot, c, i] * value
+            x[i] -= form.hold[c, i] * value
             s[i] = x[i]
             moduli[i] = abs(x[i])
     return True

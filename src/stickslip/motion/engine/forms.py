@@ -170,6 +170,41 @@ def slots_of(T: ClosedForms) -> int:
     return len(T.status) // len(T.used)
 
 
+@njit(**INLINED)
+def form_of(T: ClosedForms, slot: int) -> ClosedForms:
+    """The closed form in a slot (no leading axis)."""
+    return ClosedForms(
+        T.status[slot],
+        T.key[slot],
+        T.own[slot],
+        T.counts[slot],
+        T.pace[slot],
+        T.S[slot],
+        T.exponent[slot],
+        T.tilt[slot],
+        T.sine[slot],
+        T.R[slot],
+        T.G[slot],
+        T.reach[slot],
+        T.felt[slot],
+        T.switch[slot],
+        T.c1[slot],
+        T.c2[slot],
+        T.a[slot],
+        T.b[slot],
+        T.swing[slot],
+        T.angle[slot],
+        T.drifts[slot],
+        T.decays[slot],
+        T.held[slot],
+        T.zero[slot],
+        T.hold[slot],
+        T.brake[slot],
+        T.used,
+        T.shortest[slot],
+    )
+
+
 class Making(NamedTuple):
     """Work space in which closed forms are made.
 

@@ -63,6 +63,14 @@ def length(z: complex) -> float:
 
 
 @njit(**OPTIONS)
+def rough_acos(x: float) -> float:
+    """arccos x for |x| ≤ 1 up to 7e-5 (Abramowitz and Stegun 1964, 4.4.45)."""
+    y = abs(x)
+    angle = math.sqrt(1.0 - y) * (1.5707288 + y * (-0.2121144 + y * (0.0742610 - 0.0187293 * y)))
+    return angle if x >= 0.0 else math.pi - angle
+
+
+@njit(**OPTIONS)
 def first_of_line(c0: float, c1: float, limit: float, rising: int) -> float:
     """First fall of c₀ + c₁x."""
     if c1 >= 0.0 or rising > 0:
@@ -139,7 +147,7 @@ def _root_of_bend(
     return x
 
 
-@njit(**OPTIONS)
+@njit(**INLINED)
 def first_of_wave(
     s: Wave, limit: float, ending: float, guess: float, floor: float, rising: int
 ) -> float:
