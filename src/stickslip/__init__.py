@@ -73,6 +73,7 @@ if TYPE_CHECKING:
     from stickslip.sweeps.basin import basin
     from stickslip.sweeps.map import Basin, Map
     from stickslip.sweeps.sweep import sweep
+    from stickslip.symbolic.samples import Samples
 
 __version__ = "0.1.0"
 

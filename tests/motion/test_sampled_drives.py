@@ -44,7 +44,7 @@ def newmark(t: Array, a: Array, mu: float) -> tuple[Array, Array]:
                 v = 0.0
             left -= step
         found.append((x, v))
-    return tuple(np.array(found).T)  # type: ignore[return-value]
+    return tuple(np.array(found).T)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -211,7 +211,7 @@ def test_plays_and_evolutions_take_them() -> None:
         ("linear", table),
         ("cubic", ss.play("2*sin(t)", 0.5, t_span=(0, 10), initial=0.0)),
     ):
-        found = ss.play(ss.Samples(t, y, kind=kind), 0.5, t_span=(0.0, 10.0), initial=0.0)  # type: ignore[arg-type]
+        found = ss.play(ss.Samples(t, y, kind=kind), 0.5, t_span=(0.0, 10.0), initial=0.0)
         assert found.certificate.ok
         np.testing.assert_allclose(
             found.at(places)["z"],

@@ -18,26 +18,26 @@ from stickslip.model.system_file import loads
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds
 from stickslip.symbolic.functions import FUNCTIONS
+from stickslip.symbolic.samples import SAMPLE_KINDS, SampleKind
 
-KINDS = ("linear", "cubic", "hold")
 _FUNCTION = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)
 
 
-def random(seed: int, count: int, kind: str, periodic: bool) -> ss.Samples:
+def random(seed: int, count: int, kind: SampleKind, periodic: bool) -> ss.Samples:
     """Samples at irregular times."""
     rng = np.random.default_rng(seed)
     times = np.cumsum(rng.uniform(0.05, 1.0, count)) - 2.0
     values = rng.normal(size=count)
     if periodic:
         values[-1] = values[0]
-    return ss.Samples(times, values, kind=kind, periodic=periodic)  # type: ignore[arg-type]
+    return ss.Samples(times, values, kind, periodic)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", SAMPLE_KINDS)
 @pytest.mark.parametrize("periodic", [False, True])
 @settings(max_examples=20)
 @given(seed=st.integers(0, 10_000), count=st.integers(2, 12))
-def test_values(kind: str, periodic: bool, seed: int, count: int) -> None:
+def test_values(kind: SampleKind, periodic: bool, seed: int, count: int) -> None:
     """Lines, splines and steps as SciPy and NumPy make them; expressions and machine code say the
     same, and derivatives are those of the polynomials."""
     if kind == "cubic" and periodic and count < 3:
@@ -73,8 +73,8 @@ def test_values(kind: str, periodic: bool, seed: int, count: int) -> None:
 
 
 @settings(max_examples=30)
-@given(seed=st.integers(0, 10_000), kind=st.sampled_from(KINDS), periodic=st.booleans())
-def test_enclosures(seed: int, kind: str, periodic: bool) -> None:
+@given(seed=st.integers(0, 10_000), kind=st.sampled_from(SAMPLE_KINDS), periodic=st.booleans())
+def test_enclosures(seed: int, kind: SampleKind, periodic: bool) -> None:
     """No value between two times is outside of what is said of all of them, and what is said is
     close."""
     samples = random(seed, 9, kind, periodic)
@@ -138,7 +138,7 @@ def test_wrong_samples(reason: str) -> None:
     """The row is named, and what would be right."""
     times, values, kind, periodic = WRONG[reason]
     with pytest.raises(ss.DeclarationError) as error:
-        ss.Samples(times, values, kind=kind, periodic=periodic)  # type: ignore[arg-type]
+        ss.Samples(times, values, kind=kind, periodic=periodic)
     assert reason in str(error.value) and error.value.remedy
 
 

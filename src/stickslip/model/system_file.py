@@ -40,7 +40,7 @@ def _drive(value: Any, where: str, folder: Path) -> Any:
         return value
     from stickslip.symbolic.samples import Samples
 
-    return Samples.from_plain(value, where, folder)
+    return Samples.from_plain(toml.mapping(value, where), where, folder)
 
 
 _SYSTEMS = toml.Language(

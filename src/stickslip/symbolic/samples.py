@@ -19,7 +19,7 @@ import math
 import zlib
 from base64 import b64decode, b64encode
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
@@ -38,18 +38,18 @@ from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS, Function
 if TYPE_CHECKING:
     from stickslip.symbolic.intervals import Interval
 
-KINDS = ("linear", "cubic", "hold")
+SampleKind = Literal["linear", "cubic", "hold"]
+SAMPLE_KINDS: tuple[SampleKind, ...] = ("linear", "cubic", "hold")
 _LISTED = 50  # samples that a model file lists
 _STORED = 200_000  # … and that it holds
 _FINEST = 1e-12  # part of the largest time that two samples are apart at least
 _NEAR = 16.0 * 2.3e-16  # part of it within which a time is that of a sample
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Samples(TimeFunction):
     """A function of time that is known at some times.
 
-    Attributes
+    Parameters
     ----------
     times : array, shape (m,)
         Increasing, at least two.
@@ -59,6 +59,10 @@ class Samples(TimeFunction):
         periodic), or the value of the sample before.
     periodic : bool
         Whether it repeats after ``times[-1] - times[0]``; its last value is its first, then.
+    where : str
+        How errors call it.
+    source : mapping, optional
+        The ``file`` and the names of its columns ``time`` and ``value``.
 
     Raises
     ------
@@ -74,31 +78,35 @@ class Samples(TimeFunction):
     1.0
     """
 
-    times: Array
-    values: Array
-    kind: Literal["linear", "cubic", "hold"] = "linear"
-    periodic: bool = False
-    where: str = "samples"
-    source: Mapping[str, str] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        if self.kind not in KINDS:
+    def __init__(
+        self,
+        times: ArrayLike,
+        values: ArrayLike,
+        kind: SampleKind = "linear",
+        periodic: bool = False,
+        *,
+        where: str = "samples",
+        source: Mapping[str, str] | None = None,
+    ) -> None:
+        if kind not in SAMPLE_KINDS:
             raise DeclarationError(
-                f"{self.where}, kind",
-                f"there is no kind '{short(str(self.kind))}'",
-                suggestion(str(self.kind), KINDS, '"'),
+                f"{where}, kind",
+                f"there is no kind '{short(str(kind))}'",
+                suggestion(str(kind), SAMPLE_KINDS, '"'),
             )
-        t, y = checked(self.times, self.values, self.where)
-        if self.periodic and self.kind != "hold" and y[0] != y[-1]:
+        t, y = checked(times, values, where)
+        if periodic and kind != "hold" and y[0] != y[-1]:
             raise DeclarationError(
-                self.where,
+                where,
                 f"they begin with {y[0]:.9g} and end with {y[-1]:.9g}, but are to be periodic",
                 "Repeat the first value at the end of the period",
             )
-        for name, part in (("times", t), ("values", y)):
-            part.flags.writeable = False
-            object.__setattr__(self, name, part)
-        object.__setattr__(self, "periodic", bool(self.periodic))
+        t.flags.writeable = y.flags.writeable = False
+        self.times: Array = t
+        self.values: Array = y
+        self.kind: SampleKind = kind
+        self.periodic: bool = bool(periodic)
+        self.source: dict[str, str] = dict(source or {})
 
     @classmethod
     def read(
@@ -106,7 +114,7 @@ class Samples(TimeFunction):
         file: str | PathLike[str],
         time: str = "time",
         value: str = "value",
-        kind: Literal["linear", "cubic", "hold"] = "linear",
+        kind: SampleKind = "linear",
         periodic: bool = False,
     ) -> Samples:
         """Samples of two columns of a text file.
@@ -132,9 +140,8 @@ class Samples(TimeFunction):
             checked(t, y, str(file))
         except _At as error:
             raise error.in_file(str(file), int(rows[error.index]), (time, value)) from None
-        found = cls(t, y, kind, periodic, where=str(file))
-        object.__setattr__(found, "source", {"file": str(file), "time": time, "value": value})
-        return found
+        source = {"file": str(file), "time": time, "value": value}
+        return cls(t, y, kind, periodic, where=str(file), source=source)
 
     # -- what they are -----------------------------------------------------------------------------
 
@@ -153,8 +160,7 @@ class Samples(TimeFunction):
         return hash(self.digest)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        parts = self.times, self.values, self.kind, self.periodic, self.where, self.source
-        return type(self), parts
+        return _again, (self.times, self.values, self.kind, self.periodic, self.source)
 
     @cached_property
     def digest(self) -> str:
@@ -242,9 +248,9 @@ class Samples(TimeFunction):
                 raise DeclarationError(where, "a name is no text", 'Write it like time = "t"')
             found = cls.read(folder / file, time, value, kind, periodic)
         elif way[0] == "times":
-            found = cls(table["times"], table.get("values", ()), kind, periodic, where)
+            found = cls(table["times"], table.get("values", ()), kind, periodic, where=where)
         elif way[0] == "packed":
-            found = cls(*_unpacked(table["packed"], where), kind, periodic, where)
+            found = cls(*_unpacked(table["packed"], where), kind, periodic, where=where)
         else:
             raise DeclarationError(
                 where,
@@ -269,6 +275,11 @@ class Samples(TimeFunction):
         rows = self.pieces.rows()
         even, odd, gate = (rows[side] for side in ("even", "odd", "gate"))
         return ex.select(ex.call(gate, t), ex.call(even, t), ex.call(odd, t))
+
+
+def _again(t: Array, y: Array, kind: SampleKind, periodic: bool, source: dict[str, str]) -> Samples:
+    """Samples that another process reads."""
+    return Samples(t, y, kind, periodic, source=source)
 
 
 # -- polynomials -----------------------------------------------------------------------------------
@@ -426,7 +437,10 @@ class Pieces:
             d = len(factors) - 1
             scaled = [table[:, order + j] * (factors[j] * length**j) for j in range(d + 1)]
             ends = [
-                sum(math.comb(i, j) / math.comb(d, j) * scaled[j] for j in range(i + 1))
+                sum(
+                    (math.comb(i, j) / math.comb(d, j) * scaled[j] for j in range(1, i + 1)),
+                    scaled[0],
+                )
                 for i in range(d + 1)
             ]
             slack = 1e-15 * sum(np.abs(part) for part in scaled)
@@ -507,7 +521,7 @@ class Row(Function):
             return ex.ZERO
         return ex.call(self.pieces.row_name(self.side, self.order + 1), ex.sym(ARGUMENT))
 
-    @property
+    @cached_property
     def shown_slope(self) -> Expr:
         """The same."""
         return self.slope
