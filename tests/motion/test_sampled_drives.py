@@ -207,17 +207,14 @@ def test_plays_and_evolutions_take_them() -> None:
     y = 2.0 * np.sin(t)
     places = np.array([3.21, 9.87])
     table = ss.play((t, y), 0.5, t_span=(0.0, 10.0), initial=0.0)
-    for kind, expected in (
-        ("linear", table),
-        ("cubic", ss.play("2*sin(t)", 0.5, t_span=(0, 10), initial=0.0)),
+    smooth = ss.play("2*sin(t)", 0.5, t_span=(0, 10), initial=0.0)
+    for samples, expected, off in (
+        (ss.Samples(t, y), table, 1e-12),
+        (ss.Samples(t, y, "cubic"), smooth, 1e-5),
     ):
-        found = ss.play(ss.Samples(t, y, kind=kind), 0.5, t_span=(0.0, 10.0), initial=0.0)
+        found = ss.play(samples, 0.5, t_span=(0.0, 10.0), initial=0.0)
         assert found.certificate.ok
-        np.testing.assert_allclose(
-            found.at(places)["z"],
-            expected.at(places)["z"],
-            atol=1e-12 if kind == "linear" else 1e-5,
-        )
+        np.testing.assert_allclose(found.at(places)["z"], expected.at(places)["z"], atol=off)
     wave = ss.Samples([0.0, 1.0, 3.0, 4.0], [0.0, 1.0, -1.0, 0.0], periodic=True)
     held = ss.play(wave, 0.5, t_span=(0.0, 20.0), initial=0.0)
     assert held.certificate.ok and held.at(17.0)["z"] == pytest.approx(0.5)
