@@ -102,7 +102,7 @@ class Lanes:
         task = Task(float(end), max_events, record is not None, record or no_record())
         flow = p.flow(self.constants)
         lanes = self.group, self.codes, self.now
-        return event_loop.integrate(p.machine, flow, p.flight(), self.forms, *lanes, task)
+        return event_loop.integrate(p.machine, flow, p.shared_flight, self.forms, *lanes, task)
 
 
 def no_record() -> Record:
