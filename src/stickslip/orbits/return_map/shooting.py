@@ -347,6 +347,7 @@ class Shooting:
         self.time: int = int(self.first[-1])
         self.drifts: slice = slice(self.time + 1, self.time + 1 + self.symmetry.shifts.shape[1])
         self.fixed: Array = self._fixed()
+        self._shifted = bool(np.any(self.symmetry.moved(1.0, 1)))
         self._last: Orbit | None = None
 
     def with_pieces(self, pieces: Pieces, problem: Problem) -> Shooting:
@@ -559,7 +560,7 @@ class Shooting:
     def _known_shift(self, problem: Problem, period: float) -> KnownShift:
         """Shift of the state in a period that the loads determine, with its derivatives."""
         zero = np.zeros(len(self.setting.sizes))
-        if not np.any(self.symmetry.moved(1.0, 1)):
+        if not self._shifted:
             return KnownShift(zero, zero, zero)
         setting = self.setting
         now = self.setting.at(problem)
