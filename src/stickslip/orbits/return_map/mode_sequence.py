@@ -18,7 +18,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.orbits.fields.engine.variations import NODES
 from stickslip.orbits.fields.mode_field import Piece, Pieces
-from stickslip.orbits.return_map.recurrence import segments
+from stickslip.orbits.return_map.recurrence import SHORTEST, segments
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -118,12 +118,13 @@ def _difference(contacts: list[str], a: ModeAndRegion, b: ModeAndRegion) -> str:
 
 
 def nearest_change(motion: Trajectory, pieces: Pieces) -> float:
-    """The least of: phases as parts of the period, guards and forces relative to their size."""
+    """The least of: phases as parts of the period, as far as they are longer than what takes no
+    time, guards and forces relative to their size."""
     k = motion.knots
     found = segments(k)
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
     period = k.time[-1] - k.time[0]
-    margins = [float(k.time[b] - k.time[a]) / period for a, b in found[1:-1]]
+    margins = [float(k.time[b] - k.time[a]) / period - SHORTEST for a, b in found[1:-1]]
     looked_at = at_nodes(motion)
     low = [
         dip
