@@ -120,20 +120,20 @@ class _Finder:
         with suppress(Lost, RuntimeError, ValueError, *NOT_DEFINED):
             # What was found before something fails encloses the change.
             self._enclose(low, high)
-            at, entry = self._nearest
-            if entry[1] == self.here and self._beyond - at > _TOGETHER:
-                self(at + _TOGETHER)
-        return self._nearest[1][0], self._beyond, self.seen[self._beyond][1]
+            before, beyond = self._around()
+            if self.seen[before][2] == 0.0 and beyond - before > _TOGETHER:
+                # What vanishes there may be of the change before.
+                low = before + _TOGETHER
+                if self(low) > 0.0:
+                    self._enclose(low, beyond)
+        before, beyond = self._around()
+        nearest = min((before, beyond), key=lambda place: abs(self.seen[place][2]))
+        return self.seen[nearest][0], beyond, self.seen[beyond][1]
 
-    @property
-    def _nearest(self) -> tuple[float, tuple[Array, Sequence, float]]:
-        """Where the margin is least, and what was found there."""
-        return min(self.seen.items(), key=lambda item: abs(item[1][2]))
-
-    @property
-    def _beyond(self) -> float:
-        """The first place at which the sequence is another one."""
-        return min(s for s, (_, order, _) in self.seen.items() if order != self.here)
+    def _around(self) -> tuple[float, float]:
+        """The last place before the sequence is another one, and the first at which it is."""
+        beyond = min(s for s, (_, order, _) in self.seen.items() if order != self.here)
+        return max((s for s in self.seen if s < beyond), default=beyond), beyond
 
     def _enclose(self, low: float, high: float) -> None:
         """Look nearer and nearer to the change.
