@@ -113,6 +113,14 @@ class Piece:
         return mode, region
 
     @cached_property
+    def straight(self) -> bool:
+        """Whether the slopes of the constraints are the same at all times and states."""
+        slopes = self._with_slopes(self.field.constraints)
+        values = slice(None, None, 2 + len(self.columns))
+        del slopes[values]
+        return not any(e.symbols & {"t", *self.field.state} for e in slopes)
+
+    @cached_property
     def _rates(self) -> PointFunction:
         return PointFunction(self.field, self.field.rates)
 
