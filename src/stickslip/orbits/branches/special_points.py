@@ -270,13 +270,8 @@ class Spacing:
             (b.parameters[x] - a.parameters[x]) / (high - low)
             for x, (low, high) in self.spans.items()
         ]
-        return float(
-            np.max(
-                np.abs(
-                    [*parts, np.log(b.period / a.period), *((widths[1] - widths[0]) / self.largest)]
-                )
-            )
-        )
+        grown = np.abs((widths[1] - widths[0]) / self.largest)
+        return max(float(grown.max()), abs(math.log(b.period / a.period)), *map(abs, parts))
 
     def check(self, last: Cycle, new: Cycle) -> None:
         """See that a cycle is certified and next to the one before.
