@@ -63,7 +63,7 @@ def test_a_jump_is_enclosed() -> None:
 
 
 def test_a_phase_that_is_not_counted_any_more() -> None:
-    """Its margin is what it lasts beyond 1e-9 of the period: it vanishes where the phase is gone."""
+    """Its margin is what it lasts beyond 1e-9 of the period: 0 where the phase is gone."""
     found, looked = finder(lambda d: m if (m := 0.05 * (CHANGE - d) - 1e-9) > 0.0 else -0.07)
     x, beyond, _ = found.first_change(0.0, 1.0)
     assert x[0] == pytest.approx(CHANGE - 2e-8, abs=1e-12)
