@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 _FAR = 1.0  # a chart reaches this far, in units of the size of the cycle
 NOT_CLOSED = 1e-6  # a motion that misses its start by more, in the same units, is no cycle
 _SLANTED = 0.3  # least cosine between the motion and the normal of its section
-ROUNDING = 1e-13  # of motions, in units of the size of the cycle
+KNOWN_TO = 1e-13  # of the size of the cycle: what a motion is known to
 WIDTH = 0.25  # part of the range of the parameter that is its unit
 _FLOOR = 2e-3  # units of a component are not smaller than this part of its modulus
 # a cycle of this amplitude, relative to the state, is about to shrink to an equilibrium
@@ -135,7 +135,7 @@ class Chart:
         others."""
         units, tangent = start.units, start.heading
         guess = start.x + units * tangent * distance
-        return correct(self, guess, units, tangent, tolerance, near, ROUNDING)
+        return correct(self, guess, units, tangent, tolerance, near, KNOWN_TO)
 
     def bent(self, start: Point, end: Point, distance: float) -> Array:
         """About where the curve is at a distance from a point, on the way to another one."""

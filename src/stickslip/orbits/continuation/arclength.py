@@ -434,7 +434,16 @@ class _Tracer:
     def point(
         self, x: Array, tangent: Array, orientation: float, length: float, units: Array
     ) -> Point:
-        """A point with its test functions; `tangent` in scaled components."""
+        """A point with its test functions.
+
+        Parameters
+        ----------
+        x : array
+        tangent : array
+            In units of the unknowns.
+        orientation, length : float
+        units : array
+        """
         tangent = tangent * units
         return Point(x, tangent, length, dict(self.tests(x, tangent)), orientation, units)
 
