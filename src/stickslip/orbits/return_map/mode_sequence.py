@@ -218,7 +218,7 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
     inside = slice(*np.searchsorted(looks.index, (a, b)))
     times = looks.times[inside]
     guards = piece.felt(times, looks.states[inside].T, p)[n : n + len(piece.switches)]
-    scales = np.max(np.abs(guards), axis=1, initial=0.0)
+    scales = np.abs(guards).max(axis=1, initial=0.0)
     here = guards[:, 1:-1]
     lowest = (here < guards[:, :-2]) & (here <= guards[:, 2:]) & (scales[:, None] > 0.0)
 
@@ -232,7 +232,7 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
         switch, scale = int(piece.switches[row]), float(scales[row])
         return Dip(switch, times[around], guards[row, around], scale, guard)
 
-    return [at(int(row), int(i) + 1) for row, i in np.argwhere(lowest)]
+    return [at(int(row), int(i) + 1) for row, i in zip(*lowest.nonzero(), strict=True)]
 
 
 def _reversals(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> list[float]:
@@ -241,7 +241,7 @@ def _reversals(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> 
     found = []
     before = k.mode[a - 1] if a else k.mode[a]
     kinks = k.region.shape[1]
-    for c in np.flatnonzero(before * k.mode[b] == -1):
+    for c in (before * k.mode[b] == -1).nonzero()[0]:
         mode = k.mode[b].copy()
         mode[c] = 0
         try:
