@@ -4,6 +4,7 @@ does not exist."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,8 +14,10 @@ from scipy.linalg import expm
 from oracles.variation import collocation, gauss
 from oracles.variation import variation as variation_by_numpy
 from stickslip import Internal, Parameter, System, catalogue, simulate
+from stickslip.motion.problem import Problem, pose
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import Variation, variation
+from stickslip.orbits.return_map.shooting import follow_state
 from systems import oscillator
 
 Array = NDArray[np.float64]
@@ -120,6 +123,27 @@ def test_every_system_of_the_catalogue(name: str) -> None:
         assert np.max(off / np.maximum.accumulate(np.maximum(size, 1e-300))) < 2e-13
         assert found.corners == expected.corners
         assert found.grazings == expected.grazings
+
+
+def test_motions_that_share_work_space_are_what_they_are_alone() -> None:
+    """Bit by bit, they, their values between the knots and their variations, whatever was followed
+    before."""
+    system = catalogue.spring_slider()
+    boxes = {**{name: (v, v) for name, v in system.values.items()}, "V": (0.05, 0.5)}
+    start = np.array([1.2, 1.3])
+
+    def numbers(problem: Problem) -> list[Array]:
+        motion = follow_state(problem, 0.0, 12.0, start)
+        k = motion.knots
+        middle = motion._states_at(0.5 * (k.time[:-1] + k.time[1:]), np.arange(len(k.time) - 1))
+        pieces = Pieces(problem.compiled.equations, "V")
+        return [k.clock, k.state, middle, variation(motion, pieces).after]
+
+    together = replace(pose(system, exact=False), boxes=boxes)
+    for V in (0.1, 0.4, 0.1, 0.2):
+        alone = replace(pose(system, {"V": V}, exact=False), boxes=boxes)
+        for found, expected in zip(numbers(together.at("V", V)), numbers(alone), strict=True):
+            assert found.tobytes() == expected.tobytes()
 
 
 def test_stick_forgets() -> None:
