@@ -13,7 +13,7 @@ from scipy.linalg import expm
 
 from oracles.variation import collocation, gauss
 from oracles.variation import variation as variation_by_numpy
-from stickslip import Internal, Parameter, System, catalogue, simulate
+from stickslip import Internal, Parameter, System, Trajectory, catalogue, simulate
 from stickslip.motion.problem import Problem, pose
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import Variation, variation
@@ -128,21 +128,24 @@ def test_every_system_of_the_catalogue(name: str) -> None:
 def test_motions_that_share_work_space_are_what_they_are_alone() -> None:
     """Bit by bit, they, their values between the knots and their variations, whatever was followed
     before."""
-    system = catalogue.spring_slider()
-    boxes = {**{name: (v, v) for name, v in system.values.items()}, "V": (0.05, 0.5)}
-    start = np.array([1.2, 1.3])
+    system = catalogue.plate_compactor()
+    boxes = {**{name: (v, v) for name, v in system.values.items()}, "m": (50.0, 200.0)}
+    pieces = Pieces(pose(system).compiled.equations, "m")
+    masses, sliding = (100.0, 120.0, 70.0), np.array([0.0, 1.0])
 
-    def numbers(problem: Problem) -> list[Array]:
-        motion = follow_state(problem, 0.0, 12.0, start)
+    def posed(m: float) -> Problem:
+        return replace(pose(system, {"m": m}, exact=False), boxes=boxes)
+
+    def numbers(motion: Trajectory) -> list[Array]:
         k = motion.knots
         middle = motion._states_at(0.5 * (k.time[:-1] + k.time[1:]), np.arange(len(k.time) - 1))
-        pieces = Pieces(problem.compiled.equations, "V")
         return [k.clock, k.state, middle, variation(motion, pieces).after]
 
-    together = replace(pose(system, exact=False), boxes=boxes)
-    for V in (0.1, 0.4, 0.1, 0.2):
-        alone = replace(pose(system, {"V": V}, exact=False), boxes=boxes)
-        for found, expected in zip(numbers(together.at("V", V)), numbers(alone), strict=True):
+    together = posed(masses[0])
+    motions = [follow_state(together.at("m", m), 0.0, 0.05, sliding) for m in masses]
+    for m, motion in zip(masses, motions, strict=True):
+        alone = numbers(follow_state(posed(m), 0.0, 0.05, sliding))
+        for found, expected in zip(numbers(motion), alone, strict=True):
             assert found.tobytes() == expected.tobytes()
 
 
