@@ -79,8 +79,10 @@ class Lanes:
         counters = np.zeros((lanes, 6), np.int64)
         counters[:, CAUSE] = -1
         counters[:, WORD] = EMPTY_WORD
+        clock = np.empty((lanes, 9))
+        clock[:] = t, 0.0, t, end - t, 0.0, 1.0, -WATCHED, 0.0, t
         now = Lane(
-            clock=np.tile([t, 0.0, t, end - t, 0.0, 1.0, -WATCHED, 0.0, t], (lanes, 1)),
+            clock=clock,
             y=np.array(states, dtype=float),
             seen=np.zeros((lanes, len(problem.rows.watched))),
             mode=np.zeros((lanes, contacts), np.int64),
@@ -102,7 +104,7 @@ class Lanes:
         task = Task(float(end), max_events, record is not None, record or no_record())
         flow = p.flow(self.constants)
         lanes = self.group, self.codes, self.now
-        return event_loop.integrate(p.machine, flow, p.flight(), self.forms, *lanes, task)
+        return event_loop.integrate(p.machine, flow, p.shared_flight, self.forms, *lanes, task)
 
 
 def no_record() -> Record:

@@ -91,6 +91,8 @@ class Knots:
     @classmethod
     def joined(cls, pieces: list[Knots]) -> Knots:
         """Knots one after the other, with one origin."""
+        if len(pieces) == 1:
+            return pieces[0]
         names = ("clock", "state", "mode", "region", "cause")
         parts = {name: np.concatenate([getattr(p, name) for p in pieces]) for name in names}
         return cls(**parts, origin=pieces[0].origin)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,7 +18,16 @@ from stickslip.errors import DeclarationError
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
 from stickslip.motion.engine.forms import MOST_SWITCHES, make_closed_forms, make_flight
-from stickslip.motion.steps.arrays import PART, Constants, Flow, Machine, Rows, Space, make_space
+from stickslip.motion.steps.arrays import (
+    DIMENSION,
+    PART,
+    Constants,
+    Flow,
+    Machine,
+    Rows,
+    Space,
+    make_space,
+)
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds
 
@@ -27,6 +37,17 @@ if TYPE_CHECKING:
 
 
 MOTION_SLOTS = 64  # modes with a closed form that one set of parameters may have
+
+
+class _Bench(threading.local):
+    """Work space of a thread, for one motion after the other."""
+
+    space: Space | None = None
+    flight: Flight | None = None
+
+    def __reduce__(self) -> tuple[type[_Bench], tuple[()]]:
+        # What is on it is nobody else's.
+        return _Bench, ()
 
 
 @dataclass(frozen=True)
@@ -70,7 +91,7 @@ class Problem:
         if self.boxes is not None:
             low, high = self.boxes[parameter]
             if low <= value <= high:
-                shared.append("rows")
+                shared += ["rows", "_bench"] if self.exact else ["rows", "_bench", "closed_forms"]
             else:
                 other = replace(other, boxes={**self.boxes, parameter: (value, value)})
         vars(other).update({name: getattr(self, name) for name in shared})
@@ -90,7 +111,7 @@ class Problem:
         return Machine(compiled.jets, compiled.residual, compiled.powers)
 
     def flow(self, constants: Constants | None = None, retracing: bool = False) -> Flow:
-        """What compiled functions take, with new work space.
+        """What compiled functions take, with the work space of this thread: good for one call.
 
         Parameters
         ----------
@@ -101,7 +122,23 @@ class Problem:
         """
         tol, atol = self.retrace if retracing else (self.tolerance, self.atol)
         k = self.constants if constants is None else constants
-        return Flow(self.rows, k, self.space(), self.order, tol, atol)
+        bench = self._bench
+        space = bench.space = bench.space or self.space()
+        # What was followed before had other parameters, and another unit of time.
+        space.known[-1] = 1
+        space.W[self.rows.sizes[DIMENSION], 1] = 1.0
+        return Flow(self.rows, k, space, self.order, tol, atol)
+
+    @property
+    def shared_flight(self) -> Flight:
+        """What closed forms are followed with in this thread: good for one call."""
+        bench = self._bench
+        bench.flight = bench.flight or self.flight()
+        return bench.flight
+
+    @cached_property
+    def _bench(self) -> _Bench:
+        return _Bench()
 
     @cached_property
     def constants(self) -> Constants:

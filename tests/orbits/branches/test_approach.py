@@ -63,9 +63,27 @@ def test_a_jump_is_enclosed() -> None:
 
 
 def test_a_phase_that_is_not_counted_any_more() -> None:
-    """Below 1e-9 of the period it is gone: nobody looks for it in between."""
-    found, looked = finder(lambda d: m if (m := 0.05 * (CHANGE - d)) > 1e-9 else -0.07)
+    """Its margin is what it lasts beyond 1e-9 of the period: 0 where the phase is gone."""
+    found, looked = finder(lambda d: m if (m := 0.05 * (CHANGE - d) - 1e-9) > 0.0 else -0.07)
     x, beyond, _ = found.first_change(0.0, 1.0)
-    assert x[0] == pytest.approx(CHANGE, abs=1e-7)
-    assert beyond == pytest.approx(CHANGE, abs=1e-6)
-    assert len(looked) < 40
+    assert x[0] == pytest.approx(CHANGE - 2e-8, abs=1e-12)
+    assert beyond == pytest.approx(x[0], abs=1e-12)
+    assert len(looked) < 25
+
+
+def test_what_vanishes_at_the_change_before() -> None:
+    """A margin that is zero where one starts and grows from there is not that of the next
+    change."""
+    found, _ = finder(lambda d: d * (CHANGE - d))
+    x, beyond, order = found.first_change(0.0, 1.0)
+    assert order == ("beyond",)
+    assert x[0] == pytest.approx(CHANGE, abs=1e-12)
+    assert beyond == pytest.approx(CHANGE, abs=1e-12)
+
+
+def test_the_first_of_two_changes() -> None:
+    """Another one with a smaller margin lies further on."""
+    found, _ = finder(lambda d: (CHANGE - d) if d < 0.5 else -1e-9 * (d - 0.9) ** 2)
+    x, beyond, _ = found.first_change(0.0, 1.0)
+    assert x[0] == pytest.approx(CHANGE, abs=1e-12)
+    assert beyond == pytest.approx(CHANGE, abs=2e-6)

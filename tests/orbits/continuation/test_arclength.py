@@ -177,7 +177,7 @@ def test_a_cubic_is_met_by_its_points_and_tangents() -> None:
 
     def at(s: float) -> Point:
         x = np.array([s, 0.3 * s**3 - s**2 + 2.0])
-        return Point(x, 7.0 * np.array([1.0, 0.9 * s**2 - 2.0 * s]), s, {}, 1.0)
+        return Point(x, 7.0 * np.array([1.0, 0.9 * s**2 - 2.0 * s]), s, {}, 1.0, np.ones(2))
 
     scale, tangent = np.array([0.5, 3.0]), np.array([1.0, 0.0])
     for s in (-0.4, 0.1, 0.25, 0.7, 1.3):

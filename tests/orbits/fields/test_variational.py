@@ -4,6 +4,7 @@ does not exist."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,9 +13,11 @@ from scipy.linalg import expm
 
 from oracles.variation import collocation, gauss
 from oracles.variation import variation as variation_by_numpy
-from stickslip import Internal, Parameter, System, catalogue, simulate
+from stickslip import Internal, Parameter, System, Trajectory, catalogue, simulate
+from stickslip.motion.problem import Problem, pose
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import Variation, variation
+from stickslip.orbits.return_map.shooting import follow_state
 from systems import oscillator
 
 Array = NDArray[np.float64]
@@ -120,6 +123,30 @@ def test_every_system_of_the_catalogue(name: str) -> None:
         assert np.max(off / np.maximum.accumulate(np.maximum(size, 1e-300))) < 2e-13
         assert found.corners == expected.corners
         assert found.grazings == expected.grazings
+
+
+def test_motions_that_share_work_space_are_what_they_are_alone() -> None:
+    """Bit by bit, they, their values between the knots and their variations, whatever was followed
+    before."""
+    system = catalogue.plate_compactor()
+    boxes = {**{name: (v, v) for name, v in system.values.items()}, "m": (50.0, 200.0)}
+    pieces = Pieces(pose(system).compiled.equations, "m")
+    masses, sliding = (100.0, 120.0, 70.0), np.array([0.0, 1.0])
+
+    def posed(m: float) -> Problem:
+        return replace(pose(system, {"m": m}, exact=False), boxes=boxes)
+
+    def numbers(motion: Trajectory) -> list[Array]:
+        k = motion.knots
+        middle = motion._states_at(0.5 * (k.time[:-1] + k.time[1:]), np.arange(len(k.time) - 1))
+        return [k.clock, k.state, middle, variation(motion, pieces).after]
+
+    together = posed(masses[0])
+    motions = [follow_state(together.at("m", m), 0.0, 0.05, sliding) for m in masses]
+    for m, motion in zip(masses, motions, strict=True):
+        alone = numbers(follow_state(posed(m), 0.0, 0.05, sliding))
+        for found, expected in zip(numbers(motion), alone, strict=True):
+            assert found.tobytes() == expected.tobytes()
 
 
 def test_stick_forgets() -> None:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 _FAR = 1.0  # a chart reaches this far, in units of the size of the cycle
 NOT_CLOSED = 1e-6  # a motion that misses its start by more, in the same units, is no cycle
 _SLANTED = 0.3  # least cosine between the motion and the normal of its section
+KNOWN_TO = 1e-13  # of the size of the cycle: what a motion is known to
 WIDTH = 0.25  # part of the range of the parameter that is its unit
 _FLOOR = 2e-3  # units of a component are not smaller than this part of its modulus
 # a cycle of this amplitude, relative to the state, is about to shrink to an equilibrium
@@ -132,18 +133,13 @@ class Chart:
     def along(self, start: Point, distance: float, tolerance: float, near: Array) -> Array:
         """Unknowns at a distance from a point, measured along its tangent; they are near some
         others."""
-        units, tangent = self._ahead(start)
-        return correct(self, start.x + units * tangent * distance, units, tangent, tolerance, near)
+        units, tangent = start.units, start.heading
+        guess = start.x + units * tangent * distance
+        return correct(self, guess, units, tangent, tolerance, near, KNOWN_TO)
 
     def bent(self, start: Point, end: Point, distance: float) -> Array:
         """About where the curve is at a distance from a point, on the way to another one."""
-        return curve_between(start, end, *self._ahead(start), distance)
-
-    def _ahead(self, start: Point) -> tuple[Array, Array]:
-        """Units at a point, and its tangent in these."""
-        units = self.scale(start.x)
-        tangent = start.tangent / units
-        return units, tangent / np.linalg.norm(tangent)
+        return curve_between(start, end, start.units, start.heading, distance)
 
     def resting_as(self, motion: Trajectory) -> Chart:
         """The same coordinates for cycles on which the same contacts stick throughout as in a

@@ -17,7 +17,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
-from stickslip.orbits.branches.chart import Chart, extent_of, first_chart, renewed
+from stickslip.orbits.branches.chart import KNOWN_TO, Chart, extent_of, first_chart, renewed
 from stickslip.orbits.branches.corner import BeyondCorner, Corner, corner_after
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.branches.halving import doubles_at, half_gap
@@ -59,7 +59,7 @@ from stickslip.orbits.return_map.damped_newton import Closed
 from stickslip.orbits.return_map.mode_sequence import LOSS
 from stickslip.progress import Show, watched
 
-_STEPS = StepControl(first=0.01, largest=0.25, tolerance=1e-8, turn=0.3)
+_STEPS = StepControl(first=0.01, largest=0.25, tolerance=1e-8, turn=0.3, rounding=KNOWN_TO)
 _IN_CHART = 8  # points before the chart is made anew
 _CLOSED = Ending(Stop.CLOSED, "the branch is closed")
 CHART_PATIENCE = 64.0  # a step is shortened by this factor before the chart is made anew
@@ -225,7 +225,7 @@ class _Follower:
         """Append the points of a path after its first, with what happens at and between them."""
         for i in range(1, len(path.points)):
             point = path.points[i]
-            slope = float(path.points[i].tangent[-1] / chart.scale(path.points[i].x)[-1])
+            slope = float(point.tangent[-1] / point.units[-1])
             changes = locate_changes(chart, path.points[i - 1], point)
             for change in changes:
                 self._add(stations, chart.cycle(change.x), [(change.kind, change.note)])

@@ -26,7 +26,6 @@ from stickslip.orbits.continuation.arclength import (
     ranges,
 )
 from stickslip.orbits.return_map.mode_sequence import Sequence, change_of, nearest_change, sequence
-from stickslip.orbits.return_map.recurrence import SHORTEST
 
 if TYPE_CHECKING:
     import xarray
@@ -42,7 +41,6 @@ _TOUCHES = 1e-11  # a margin this small is zero
 _TOGETHER = 1e-6  # changes that are nearer to each other are one
 NOT_SMOOTH = "not smooth: the sequence changes there"  # of a fold
 _MOST_LOOKS = 100  # for one change
-_STALLED = 3  # looks without a smaller margin, after which it is what a phase may last uncounted
 _NEARBY = 0.1  # a cycle this near, as a part of the step, says more than the ends of the step
 _CLOSE = 1e-13  # a change is enclosed to this length
 _FINE = 1e-11  # corrector's tolerance where a change is located
@@ -122,33 +120,36 @@ class _Finder:
         with suppress(Lost, RuntimeError, ValueError, *NOT_DEFINED):
             # What was found before something fails encloses the change.
             self._enclose(low, high)
+            before, beyond = self._around()
+            if self.seen[before][2] == 0.0 and beyond - before > _TOGETHER:
+                # What vanishes there may be of the change before.
+                low = before + _TOGETHER
+                if self(low) > 0.0:
+                    self._enclose(low, beyond)
+        before, beyond = self._around()
+        nearest = min((before, beyond), key=lambda place: abs(self.seen[place][2]))
+        return self.seen[nearest][0], beyond, self.seen[beyond][1]
+
+    def _around(self) -> tuple[float, float]:
+        """The last place before the sequence is another one, and the first at which it is."""
         beyond = min(s for s, (_, order, _) in self.seen.items() if order != self.here)
-        x = min(self.seen.values(), key=lambda entry: abs(entry[2]))[0]
-        return x, beyond, self.seen[beyond][1]
+        return max((s for s in self.seen if s < beyond), default=beyond), beyond
 
     def _enclose(self, low: float, high: float) -> None:
         """Look nearer and nearer to the change.
 
         On one side of it the margin goes to zero, linearly or as a square root; on the other one
         there may be quite another margin. So the zero is looked for from one side, and overstepped
-        by as much as it may be off. Where a phase is too short to be counted it is gone a little
-        early.
+        by as much as it may be off.
         """
         sides = _Approach(low, self(low)), _Approach(high, self(high))
         halved = high - low
-        least = math.inf
-        stalled = 0
         for look in range(_MOST_LOOKS):
             ends = [side.end for side in sides]
             width = ends[1] - ends[0]
-            nearest = min(side.margin for side in sides)
-            if not nearest > 0.0 or width <= _CLOSE:
+            if not min(side.margin for side in sides) > 0.0 or width <= _CLOSE:
                 return
             inside = [side for side in sides if ends[0] < side.expected < ends[1]]
-            outside = all(abs(side.expected - end) > width for side in sides for end in ends)
-            gone = outside or (stalled >= _STALLED and width <= _TOGETHER)
-            if nearest <= 2.0 * SHORTEST and gone:
-                return
             trial = inside[0].trial(width) if inside else math.nan
             if look % 3 == 2:
                 # What does not halve within three looks is halved.
@@ -162,9 +163,6 @@ class _Finder:
                 sides = sides[0], _Approach(trial, value)
             else:
                 sides[beyond].look(trial, value)
-            if abs(value) <= 2.0 * SHORTEST:
-                stalled = stalled + 1 if abs(value) > 0.5 * least else 0
-                least = min(least, abs(value))
 
 
 class _Approach:
@@ -272,13 +270,8 @@ class Spacing:
             (b.parameters[x] - a.parameters[x]) / (high - low)
             for x, (low, high) in self.spans.items()
         ]
-        return float(
-            np.max(
-                np.abs(
-                    [*parts, np.log(b.period / a.period), *((widths[1] - widths[0]) / self.largest)]
-                )
-            )
-        )
+        grown = np.abs((widths[1] - widths[0]) / self.largest)
+        return max(float(grown.max()), abs(math.log(b.period / a.period)), *map(abs, parts))
 
     def check(self, last: Cycle, new: Cycle) -> None:
         """See that a cycle is certified and next to the one before.

@@ -13,10 +13,12 @@ Y. A. Kuznetsov, *Elements of Applied Bifurcation Theory*, chapter 10; E. L. All
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -105,6 +107,8 @@ class StepControl:
         Lengths of steps, in the caller's units.
     tolerance : float
         Length of the last Newton correction.
+    rounding : float
+        A correction that would be shorter than this is not made.
     turn : float
         Largest angle between the tangents at the ends of a step, in radians.
     most : int
@@ -117,6 +121,7 @@ class StepControl:
     tolerance: float = 1e-10
     turn: float = 0.2
     most: int = 5000
+    rounding: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -134,6 +139,8 @@ class Point:
         Values of the test functions.
     orientation : float
         Sign of the determinant of [∂F/∂x; tangent]: the same all along a regular curve.
+    units : array, shape (n + 1,)
+        Of the unknowns there.
     """
 
     x: Array
@@ -141,6 +148,13 @@ class Point:
     length: float
     tests: Mapping[Test, float]
     orientation: float
+    units: Array
+
+    @cached_property
+    def heading(self) -> Array:
+        """The direction of travel in units of the unknowns, of length 1."""
+        scaled = self.tangent / self.units
+        return scaled / _length(scaled)
 
 
 @dataclass(frozen=True)
@@ -189,6 +203,7 @@ def correct(
     tangent: Array,
     tolerance: float,
     start: Array | None = None,
+    rounding: float = 0.0,
 ) -> Array:
     """Newton's method on F(x) = 0 and ⟨tangent, (x − guess)/scale⟩ = 0.
 
@@ -202,6 +217,9 @@ def correct(
         Of the last step, in the norm of these units.
     start : array, shape (n,), optional
         Where to start, if that is known better.
+    rounding : float
+        A step that would be shorter than this is not taken: the equations are known where it
+        starts.
 
     Returns
     -------
@@ -213,16 +231,21 @@ def correct(
         If it does not converge.
     """
     x = guess if start is None else start
+    matrix = np.empty((len(guess), len(guess)))
+    matrix[-1] = tangent
+    right = np.empty(len(guess))
     last = np.inf
     for _ in range(12):
         try:
-            F, J = equations(x)
-            matrix = np.vstack([J * scale, tangent])
-            right = np.append(F, tangent @ ((x - guess) / scale))
+            right[:-1], J = equations(x)
+            np.multiply(J, scale, out=matrix[:-1])
+            right[-1] = tangent @ ((x - guess) / scale)
             dz = np.linalg.solve(matrix, right)
         except NOT_DEFINED as problem:
             raise Lost(str(problem)) from None
-        size = float(np.linalg.norm(dz))
+        size = _length(dz)
+        if size <= rounding:
+            return x
         if not size <= 2.0 * last:
             break
         x = x - scale * dz
@@ -303,11 +326,13 @@ def direction(
     """Unit tangent (in scaled components) that has a positive product with a direction, and the
     orientation."""
     _, J = equations(x)
-    rows = J * scale
-    rows = rows / np.maximum(np.max(np.abs(rows), axis=1, keepdims=True), 1e-300)
+    matrix = np.empty((len(x), len(x)))
+    rows = np.multiply(J, scale, out=matrix[:-1])
+    rows /= np.maximum(np.abs(rows).max(axis=1, keepdims=True), 1e-300)
     tangent = np.linalg.svd(rows)[2][-1]
     tangent = tangent if tangent @ towards >= 0.0 else -tangent
-    return tangent, float(np.linalg.slogdet(np.vstack([rows, tangent]))[0])
+    matrix[-1] = tangent
+    return tangent, float(np.linalg.slogdet(matrix)[0])
 
 
 def trace(
@@ -374,7 +399,7 @@ def trace(
         raise StickslipError(
             f"there is no solution near the start of the curve ({problem})"
         ) from None
-    path = Path([tracer.point(x, tangent, orientation, 0.0)])
+    path = Path([tracer.point(x, tangent, orientation, 0.0, scale(x))])
     ended = None
     step = steps.first
     try:
@@ -406,10 +431,21 @@ class _Tracer:
         self.accept = accept
         self.steps = steps
 
-    def point(self, x: Array, tangent: Array, orientation: float, length: float) -> Point:
-        """A point with its test functions; `tangent` in scaled components."""
-        tangent = tangent * self.scale(x)
-        return Point(x, tangent, length, dict(self.tests(x, tangent)), orientation)
+    def point(
+        self, x: Array, tangent: Array, orientation: float, length: float, units: Array
+    ) -> Point:
+        """A point with its test functions.
+
+        Parameters
+        ----------
+        x : array
+        tangent : array
+            In units of the unknowns.
+        orientation, length : float
+        units : array
+        """
+        tangent = tangent * units
+        return Point(x, tangent, length, dict(self.tests(x, tangent)), orientation, units)
 
     def step(
         self,
@@ -420,35 +456,32 @@ class _Tracer:
     ) -> Point:
         """The point at a distance along the tangent; or that at a limit, which is there by the
         tangent. It is looked for on the curve through two points near it, if they are given."""
-        units, tangent = self._tangent(last)
+        units, tangent = last.units, last.heading
         guess = last.x + units * tangent * along
         if limit is None:
             start = guess if near is None else self._bent(last, near, along)
-            x = correct(self.equations, guess, units, tangent, self.steps.tolerance, start)
+            steps = self.steps
+            x = correct(
+                self.equations, guess, units, tangent, steps.tolerance, start, steps.rounding
+            )
         else:
             x = correct_at(
                 self.equations, guess, units, limit.component, limit.value, self.steps.tolerance
             )
             along = float(tangent @ ((x - last.x) / units))
         there = self.scale(x)
-        return self.point(
-            x, *direction(self.equations, x, there, last.tangent / there), last.length + along
-        )
+        found = direction(self.equations, x, there, last.tangent / there)
+        return self.point(x, *found, last.length + along, there)
 
     def _bent(self, last: Point, near: tuple[Point, Point], along: float) -> Array:
         """Where the curve through two points is, if that is near the tangent and in the range."""
-        units, tangent = self._tangent(last)
+        units, tangent = last.units, last.heading
         straight = last.x + units * tangent * along
         offset = float(tangent @ ((near[0].x - last.x) / units))
         bent = curve_between(*near, units, tangent, along - offset)
-        close = np.linalg.norm((bent - straight) / units) <= self.steps.turn * along
+        close = _length((bent - straight) / units) <= self.steps.turn * along
         inside = all(limit.room(bent) >= 0.0 for limit in self.limits.values())
         return bent if close and inside else straight
-
-    def _tangent(self, last: Point) -> tuple[Array, Array]:
-        units = self.scale(last.x)
-        tangent = last.tangent / units
-        return units, tangent / np.linalg.norm(tangent)
 
     def advance(self, path: Path, step: float) -> tuple[Ending | None, float]:
         """Take one step; returns the end, if it is one, and the next step."""
@@ -498,9 +531,8 @@ class _Tracer:
 
     def _left_at_once(self, last: Point) -> str:
         """The limit that a point stands on and is about to leave."""
-        units = self.scale(last.x)
         for name, limit in self.limits.items():
-            speed = limit.side * last.tangent[limit.component] / units[limit.component]
+            speed = limit.side * last.tangent[limit.component]
             if limit.room(last.x) <= 0.0 and speed > 0.0:
                 return name
         return ""
@@ -509,9 +541,8 @@ class _Tracer:
         """The next point, and the limit that it stands on, if a step leads there or beyond."""
         last = path.points[-1]
         near = (last, path.points[-2]) if len(path.points) > 1 else None
-        units, tangent = self._tangent(last)
         ahead = [
-            (self._distance(limit, last.x, units * tangent), name)
+            (self._distance(limit, last.x, last.units * last.heading), name)
             for name, limit in self.limits.items()
         ]
         distance, name = min(ahead, default=(np.inf, ""))
@@ -539,15 +570,15 @@ class _Tracer:
     def _bend(self, a: Point, b: Point) -> float:
         """Largest angle between the chord of a step and the tangents at its ends, and between
         these."""
-        units = self.scale(b.x)
+        units = b.units
         chord = (b.x - a.x) / units
         first = a.tangent / units
-        second = b.tangent / units
-        pairs = [(first, second)]
+        second = b.heading
+        bend = _angle(first, second)
         # A chord that the corrector does not resolve has no direction.
-        if np.linalg.norm(chord) > _RESOLVED * self.steps.tolerance:
-            pairs += [(first, chord), (chord, second)]
-        return max(_angle(u, v) for u, v in pairs)
+        if _length(chord) > _RESOLVED * self.steps.tolerance:
+            bend = max(bend, _angle(first, chord), _angle(chord, second))
+        return bend
 
     def _closed(self, path: Path) -> bool:
         """Whether the last step has passed the start."""
@@ -556,14 +587,10 @@ class _Tracer:
         start = path.points[0]
         last = path.points[-2]
         new = path.points[-1]
-        units = self.scale(new.x)
-        offset = (start.x - last.x) / units
-        chord = (new.x - last.x) / units
+        offset = (start.x - last.x) / new.units
+        chord = (new.x - last.x) / new.units
         part = offset @ chord / (chord @ chord)
-        return bool(
-            0.0 < part <= 1.0
-            and np.linalg.norm(offset - part * chord) < 0.1 * np.linalg.norm(chord)
-        )
+        return bool(0.0 < part <= 1.0 and _length(offset - part * chord) < 0.1 * _length(chord))
 
     def _crossings(self, last: Point, new: Point) -> list[tuple[Test, Point]]:
         """Zeros of the test functions within a step, in the order of travel."""
@@ -576,8 +603,8 @@ class _Tracer:
                 if b < 0.0:
                     found.append((name, self._locate(name, last, new) if a > 0.0 else last))
             elif (
-                np.isfinite(a)
-                and np.isfinite(b)
+                math.isfinite(a)
+                and math.isfinite(b)
                 and a != 0.0
                 and (b == 0.0 or (a < 0.0) != (b < 0.0))
             ):
@@ -617,6 +644,10 @@ class _Tracer:
         return next(same, found)
 
 
+def _length(v: Array) -> float:
+    return math.sqrt(v @ v)
+
+
 def _angle(u: Array, v: Array) -> float:
-    cosine = u @ v / max(np.linalg.norm(u) * np.linalg.norm(v), 1e-300)
-    return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    cosine = float(u @ v) / max(_length(u) * _length(v), 1e-300)
+    return math.acos(min(max(cosine, -1.0), 1.0))

@@ -30,7 +30,7 @@ def zero_between(
     at_a, at_b : float
         What it is there.
     """
-    finest = _FINEST * abs(b - a)
+    finest = max(_FINEST * abs(b - a), math.ulp(max(abs(a), abs(b))))
     part = at_a / (at_a - at_b)
     nearest = a
     for _ in range(_MOST_LOOKS):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -107,20 +108,23 @@ def _remembered(closed: Closed) -> float:
 def _neighbours(closed: Closed) -> Residual:
     """Follow neighbours of every leg, along the direction that grows most and along another,
     against the derivative."""
-    rng = np.random.default_rng(0)
     found = [Residual("neighbours", 0.0, _AGREES, note="of their distance")]
     for j, leg in enumerate(closed.orbit.legs):
         there = closed.shooting.stations[(j + 1) % len(closed.orbit.legs)]
         q = leg.place.directions.shape[1]
         if q:
             matrix = there.chart @ leg.change.matrix[: len(closed.orbit.shift), :q]
-            directions = np.vstack(
-                [np.linalg.svd(matrix)[2][:1], rng.normal(size=(min(q - 1, 1), q))]
-            )
+            directions = [np.linalg.svd(matrix)[2][0], *([_another(q)] if q > 1 else [])]
             found += [_along(closed, j, matrix, d / np.linalg.norm(d)) for d in directions]
     return max(
         found, key=lambda residual: residual.value if np.isfinite(residual.value) else np.inf
     )
+
+
+@cache
+def _another(q: int) -> Array:
+    """A direction of neighbours, one of q components."""
+    return np.random.default_rng(0).normal(size=q)
 
 
 def _along(closed: Closed, j: int, matrix: Array, direction: Array) -> Residual:

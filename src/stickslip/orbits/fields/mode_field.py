@@ -11,7 +11,9 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Field, mode_field
-from stickslip.orbits.fields.engine.variations import Leave, Listed
+from stickslip.motion.between.dense import make_scratch
+from stickslip.motion.steps.arrays import Rows
+from stickslip.orbits.fields.engine.variations import Leave, Listed, PassSpace, room_for_pass
 from stickslip.orbits.fields.instructions import Listing, PointFunction, packed
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -111,6 +113,14 @@ class Piece:
         return mode, region
 
     @cached_property
+    def straight(self) -> bool:
+        """Whether the slopes of the constraints are the same at all times and states."""
+        slopes = self._with_slopes(self.field.constraints)
+        values = slice(None, None, 2 + len(self.columns))
+        del slopes[values]
+        return not any(e.symbols & {"t", *self.field.state} for e in slopes)
+
+    @cached_property
     def _rates(self) -> PointFunction:
         return PointFunction(self.field, self.field.rates)
 
@@ -159,6 +169,7 @@ class Pieces:
         self.made: list[Piece] = []
         self._numbers: dict[bytes, int] = {}
         self._listed: Listed | None = None
+        self._spaces: dict[tuple[int, int], PassSpace] = {}
 
     def __call__(self, mode: Array, region: Array) -> Piece:
         """The piece of a mode and region (arrays of int8), as the engine numbers them."""
@@ -191,7 +202,28 @@ class Pieces:
         """Those that were asked for, as instructions."""
         if self._listed is None or len(self._listed.steady) < len(self.made):
             self._listed = listed_pieces(self.made)
+            self._spaces = {}
         return self._listed
+
+    def space(self, rows: Rows, shape: tuple[int, int], nodes: int) -> PassSpace:
+        """Work space for one pass after the other.
+
+        Parameters
+        ----------
+        rows : Rows
+            Of the system.
+        shape : (int, int)
+            Columns and directions.
+        nodes : int
+            For so many there has to be room.
+        """
+        listed = self.listed
+        found = self._spaces.get(shape)
+        if found is None or len(found.step) < nodes:
+            between = make_scratch(rows, (0, 2))
+            found = room_for_pass(listed, places_of(self.made), nodes, shape, between)
+            self._spaces[shape] = found
+        return found
 
 
 def listed_pieces(pieces: list[Piece]) -> Listed:

@@ -83,8 +83,10 @@ class ResidualFunction:
         """Values and slopes; shapes (rows, …) and (rows, unknowns, …) for x of shape (unknowns,
         …)."""
         points = x.reshape(len(x), -1)
-        fixed = np.broadcast_to(self._fixed, (len(self._fixed), points.shape[1]))
-        out = self._evaluate(np.concatenate([points, fixed])).reshape(-1, *x.shape[1:])
+        given = np.empty((len(x) + len(self._fixed), points.shape[1]))
+        given[: len(x)] = points
+        given[len(x) :] = self._fixed
+        out = self._evaluate(given).reshape(-1, *x.shape[1:])
         slopes = np.zeros((self.rows, len(self.unknowns), *x.shape[1:]))
         slopes[self._places] = out[self.rows :]
         return out[: self.rows], slopes
@@ -195,10 +197,10 @@ class Steady:
 
     def _within(self, slopes: Array) -> Array:
         n = len(self.field.state)
+        if len(slopes) == n and self.invariant.shape[1] == 0:
+            return slopes
         J = slopes[:n]
         removed = np.vstack([slopes[n:], self.invariant.T])
-        if len(removed) == 0:
-            return J
         basis = np.linalg.svd(removed)[2][np.linalg.matrix_rank(removed) :]
         return basis @ J @ basis.T
 

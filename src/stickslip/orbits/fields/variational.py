@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.motion.between.dense import make_scratch
 from stickslip.orbits.fields.engine.variations import (
     ALIKE,
     BEGINS,
@@ -39,10 +38,9 @@ from stickslip.orbits.fields.engine.variations import (
     PassSpace,
     jump,
     resolve_steps,
-    room_for_pass,
     vary,
 )
-from stickslip.orbits.fields.mode_field import Piece, Pieces, places_of
+from stickslip.orbits.fields.mode_field import Piece, Pieces
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -147,9 +145,8 @@ def _prepared(trajectory: Trajectory, pieces: Pieces, directions: Array | None) 
 
 def _work(trajectory: Trajectory, pieces: Pieces, run: Pass, nodes: int) -> PassSpace:
     """Work space of the pass, with room for some nodes."""
-    between = make_scratch(trajectory._problem.rows, (0, 2))
-    _, *shape = run.after.shape
-    work = room_for_pass(pieces.listed, places_of(pieces.made), nodes, tuple(shape), between)
+    _, columns, directions = run.after.shape
+    work = pieces.space(trajectory._problem.rows, (columns, directions), nodes)
     p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
     first = 1 + run.knots.state.shape[1]
     work.values[first : first + len(p)] = p[:, None]

@@ -18,7 +18,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.orbits.fields.engine.variations import NODES
 from stickslip.orbits.fields.mode_field import Piece, Pieces
-from stickslip.orbits.return_map.recurrence import segments
+from stickslip.orbits.return_map.recurrence import SHORTEST, segments
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -118,12 +118,13 @@ def _difference(contacts: list[str], a: ModeAndRegion, b: ModeAndRegion) -> str:
 
 
 def nearest_change(motion: Trajectory, pieces: Pieces) -> float:
-    """The least of: phases as parts of the period, guards and forces relative to their size."""
+    """The least of: phases as parts of the period, as far as they are longer than what takes no
+    time, guards and forces relative to their size."""
     k = motion.knots
     found = segments(k)
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
     period = k.time[-1] - k.time[0]
-    margins = [float(k.time[b] - k.time[a]) / period for a, b in found[1:-1]]
+    margins = [float(k.time[b] - k.time[a]) / period - SHORTEST for a, b in found[1:-1]]
     looked_at = at_nodes(motion)
     low = [
         dip
@@ -217,7 +218,7 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
     inside = slice(*np.searchsorted(looks.index, (a, b)))
     times = looks.times[inside]
     guards = piece.felt(times, looks.states[inside].T, p)[n : n + len(piece.switches)]
-    scales = np.max(np.abs(guards), axis=1, initial=0.0)
+    scales = np.abs(guards).max(axis=1, initial=0.0)
     here = guards[:, 1:-1]
     lowest = (here < guards[:, :-2]) & (here <= guards[:, 2:]) & (scales[:, None] > 0.0)
 
@@ -231,7 +232,7 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
         switch, scale = int(piece.switches[row]), float(scales[row])
         return Dip(switch, times[around], guards[row, around], scale, guard)
 
-    return [at(int(row), int(i) + 1) for row, i in np.argwhere(lowest)]
+    return [at(int(row), int(i) + 1) for row, i in zip(*lowest.nonzero(), strict=True)]
 
 
 def _reversals(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> list[float]:
@@ -240,7 +241,7 @@ def _reversals(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> 
     found = []
     before = k.mode[a - 1] if a else k.mode[a]
     kinks = k.region.shape[1]
-    for c in np.flatnonzero(before * k.mode[b] == -1):
+    for c in (before * k.mode[b] == -1).nonzero()[0]:
         mode = k.mode[b].copy()
         mode[c] = 0
         try:

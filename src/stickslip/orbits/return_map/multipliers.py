@@ -42,13 +42,15 @@ def spectrum(shooting: Shooting, orbit: Orbit) -> Spectrum:
     q = int(shooting.first[1])
     # Leg by leg around; the state with the fewest free directions on the way is kept.
     M = np.eye(q)
-    tightest = (shooting.stations[0], np.eye(q))
+    tightest = None
+    least = q
     for j, leg in enumerate(orbit.legs):
         there = shooting.stations[(j + 1) % len(orbit.legs)]
         own = leg.place.directions.shape[1]
         bounds = [piece.bound for piece in leg.change.pieces]
         i = int(np.argmax(bounds))
-        if n - bounds[i] < tightest[0].basis.shape[1]:
+        if n - bounds[i] < least:
+            least = n - bounds[i]
             k = leg.motion.knots
             narrow = make_station(
                 0.0,
@@ -60,18 +62,24 @@ def spectrum(shooting: Shooting, orbit: Orbit) -> Spectrum:
             )
             tightest = narrow, narrow.chart @ leg.change.after[i][:n, :own] @ M
         M = there.chart @ leg.change.matrix[:n, :own] @ M
-    # A takes changes at the first station to the narrow one: the return map from there is A M A⁻¹,
-    # and what A loses has the multiplier 0.
-    narrow, A = tightest
-    left = narrow.basis.shape[1]
-    W = A @ shooting.unchanged(orbit)
-    M = A @ M @ np.linalg.pinv(A)
-    # Positions that are held map onto themselves; the rest is seen where they do not change.
-    held = _independent(forms(shooting.setting.held, n) @ narrow.basis, W)
-    free = np.linalg.svd(held)[2][len(held) :].T if len(held) else np.eye(left)
-    resting = _eigenvalues(held @ M @ np.linalg.pinv(held))
-    W = free.T @ W
-    M = free.T @ M @ free
+    W = shooting.unchanged(orbit)
+    directions = shooting.stations[0].basis
+    if tightest is not None:
+        # A takes changes at the first station to the narrow one: the return map from there is
+        # A M A⁻¹, and what A loses has the multiplier 0.
+        narrow, A = tightest
+        directions = narrow.basis
+        W = A @ W
+        M = A @ M @ np.linalg.pinv(A)
+    left = directions.shape[1]
+    resting = np.zeros(0)
+    if shooting.setting.held:
+        # Positions that are held map onto themselves; the rest is seen where they do not change.
+        held = _independent(forms(shooting.setting.held, n) @ directions, W)
+        free = np.linalg.svd(held)[2][len(held) :].T if len(held) else np.eye(left)
+        resting = _eigenvalues(held @ M @ np.linalg.pinv(held))
+        W = free.T @ W
+        M = free.T @ M @ free
     # Shifts and the direction of the motion span an invariant space: in a basis that begins with it
     # the matrix is block triangular, and its blocks have the trivial and the other multipliers.
     basis = np.linalg.qr(np.hstack([W, np.eye(len(M))]))[0]
@@ -81,7 +89,8 @@ def spectrum(shooting: Shooting, orbit: Orbit) -> Spectrum:
 
 
 def _eigenvalues(matrix: Array) -> AnyArray:
-    return np.linalg.eigvals(matrix).astype(complex) if len(matrix) else np.zeros(0, complex)
+    found = np.linalg.eigvals(matrix) if len(matrix) > 1 else matrix.ravel()
+    return found.astype(complex)
 
 
 def _independent(held: Array, unchanged: Array) -> Array:

@@ -211,10 +211,8 @@ def stretch(motion: Trajectory, first: int, last: int) -> Trajectory:
 
 def segments(knots: Knots) -> list[tuple[int, int]]:
     """First and last knot of every stretch in one mode and region that takes time."""
-    changed = np.any(np.diff(knots.mode, axis=0) != 0, axis=1) | np.any(
-        np.diff(knots.region, axis=0) != 0, axis=1
-    )
-    time = knots.time
+    mode, region, time = knots.mode, knots.region, knots.time
+    changed = (mode[1:] != mode[:-1]).any(axis=1) | (region[1:] != region[:-1]).any(axis=1)
     ends = [0, *(np.flatnonzero(changed[: len(time) - 2]) + 1), len(time) - 1]
     span = time[-1] - time[0]
     return [(int(a), int(b)) for a, b in pairwise(ends) if time[b] - time[a] > SHORTEST * span]

@@ -153,7 +153,7 @@ class Station:
         off, along, by_time, by_parameter = self._solve(y, t, p)
         for _ in range(_MOST_PLACINGS):
             y = y - self.normal @ off
-            if np.max(np.abs(off)) <= _PLACED:
+            if self.piece.straight or np.max(np.abs(off)) <= _PLACED:
                 break
             off, along, by_time, by_parameter = self._solve(y, t, p)
         return Place(
@@ -163,14 +163,15 @@ class Station:
     def _solve(self, y: Array, t: float, p: Array) -> tuple[Array, Array, Array, Array]:
         """Value and derivatives of the constraints, in coordinates of the normal directions."""
         bounds = self.piece.bounds(t, y, p)
-        n = len(y)
-        right = np.column_stack(
-            [bounds.value, bounds.slopes[:, :n] @ self.basis, bounds.time, bounds.slopes[:, n:]]
-        )
+        n, q = len(y), self.basis.shape[1]
+        right = np.zeros((len(bounds.value), q + 3))
+        right[:, 0] = bounds.value
+        right[:, 1 : q + 1] = bounds.slopes[:, :n] @ self.basis
+        right[:, q + 1] = bounds.time
+        if bounds.slopes.shape[1] > n:
+            right[:, q + 2] = bounds.slopes[:, n]
         solved = np.linalg.solve(bounds.slopes[:, :n] @ self.normal, right)
-        q = self.basis.shape[1]
-        by_parameter = solved[:, q + 2] if solved.shape[1] > q + 2 else np.zeros(len(solved))
-        return solved[:, 0], solved[:, 1 : q + 1], solved[:, q + 1], by_parameter
+        return solved[:, 0], solved[:, 1 : q + 1], solved[:, q + 1], solved[:, q + 2]
 
 
 def make_station(part: float, piece: Piece, t: float, y: Array, p: Array, sizes: Array) -> Station:
@@ -347,6 +348,7 @@ class Shooting:
         self.time: int = int(self.first[-1])
         self.drifts: slice = slice(self.time + 1, self.time + 1 + self.symmetry.shifts.shape[1])
         self.fixed: Array = self._fixed()
+        self._shifted = bool(np.any(self.symmetry.moved(1.0, 1)))
         self._last: Orbit | None = None
 
     def with_pieces(self, pieces: Pieces, problem: Problem) -> Shooting:
@@ -559,7 +561,7 @@ class Shooting:
     def _known_shift(self, problem: Problem, period: float) -> KnownShift:
         """Shift of the state in a period that the loads determine, with its derivatives."""
         zero = np.zeros(len(self.setting.sizes))
-        if not np.any(self.symmetry.moved(1.0, 1)):
+        if not self._shifted:
             return KnownShift(zero, zero, zero)
         setting = self.setting
         now = self.setting.at(problem)

@@ -258,7 +258,7 @@ class Block:
         p = self.problem
         return Engine(
             p.machine,
-            p.flow(lanes.constants),
+            p.flow(lanes.constants)._replace(space=p.space()),
             p.flight(),
             lanes.forms,
             lanes.group,

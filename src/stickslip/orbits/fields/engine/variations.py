@@ -48,6 +48,9 @@ def gauss() -> tuple[Array, Array, Array]:
 
 
 NODES, WEIGHTS, INTEGRALS = gauss()
+# ∫₀¹ exp((1 − s)A) b(s) ds = Σₖ Aᵏ Σᵢ MOMENTS[k, i] b(cᵢ), with as many powers as count where no
+# eigenvalue of A is larger than _REACH
+_MOMENTS = np.array([WEIGHTS * (1.0 - NODES) ** k / math.factorial(k) for k in range(25)])
 # of the numerator of the Padé approximant of exp
 _PADE = np.array([math.comb(STAGES, k) / math.perm(2 * STAGES, k) for k in range(STAGES + 1)])
 
@@ -415,12 +418,60 @@ def flow_through(listed: Listed, run: Pass, work: PassSpace, i: int, node: int) 
     if even:
         repeat(listed.jacobian[w], work, h, parts, change)
         return
-    for _ in range(parts):
+    for part in range(parts):
         for g in range(STAGES):
             put_point(work.values, g, work.clock[node] + run.origin, work.states[node])
             node += 1
         perform(listed.made, moving, last, work.values, STAGES)
-        gauss_step(listed.jacobian[w], work.values, h, change, work.system)
+        if listed.steady[w] == 0:
+            gauss_step(listed.jacobian[w], work.values, h, change, work.system)
+        else:
+            if part == 0:
+                put_exponential(listed.jacobian[w], work, h, work.squares[2])
+            forced_step(listed.jacobian[w], work, h, change)
+
+
+@njit(**OPTIONS)
+def forced_step(places: Array, work: PassSpace, h: float, change: Array) -> None:
+    """One step of Φ' = J_y Φ + J_p where J_y is the same all the time: its flow, and what J_p adds
+    on the way.
+
+    Parameters
+    ----------
+    places : array of int, shape (states × columns,)
+        Of the Jacobian in the table of values.
+    work : PassSpace
+        With the flow of the step as the third of its squares.
+    h : float
+    change : array, shape (columns, directions)
+        Φ before, and after.
+    """
+    columns, directions = change.shape
+    n = columns - 1
+    values, flow, added, rates = (
+        work.values,
+        work.squares[2],
+        work.squares[3, 0],
+        work.squares[4, 0],
+    )
+    for r in range(n):
+        added[r] = 0.0
+    for k in range(len(_MOMENTS) - 1, -1, -1):
+        for r in range(n):
+            rates[r] = 0.0
+            for c in range(n):
+                rates[r] += values[places[r * columns + c], 0] * added[c]
+        for r in range(n):
+            added[r] = h * rates[r]
+            for i in range(STAGES):
+                added[r] += h * _MOMENTS[k, i] * values[places[r * columns + n], i]
+    for d in range(directions):
+        for r in range(n):
+            rates[r] = added[r] * change[n, d]
+            for c in range(n):
+                rates[r] += flow[r, c] * change[c, d]
+        for r in range(n):
+            change[r, d] = rates[r]
 
 
 @njit(**OPTIONS)
@@ -466,10 +517,11 @@ def put_exponential(places: Array, work: PassSpace, h: float, flow: Array) -> No
         Receives it.
     """
     n = len(flow)
+    columns = len(places) // n
     A, square, U, V = work.squares[0], work.squares[1], work.squares[3], work.squares[4]
     for r in range(n):
         for c in range(n):
-            A[r, c] = h * work.values[places[r * n + c], 0]
+            A[r, c] = h * work.values[places[r * columns + c], 0]
             U[r, c] = V[r, c] = 0.0
     put_product(A, A, square)
     for r in range(n):
