@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import sys
 import warnings
@@ -16,7 +17,8 @@ def main() -> None:
         from stickslip.cli.app import app
         from stickslip.cli.report import warn
 
-        warnings.showwarning = lambda message, *_, **__: warn(str(message))
+        once = functools.cache(warn)
+        warnings.showwarning = lambda message, *_, **__: once(str(message))
         app()
     except KeyboardInterrupt:
         sys.exit(130)
