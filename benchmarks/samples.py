@@ -1,10 +1,10 @@
 """Drives that are measured: ``python benchmarks/samples.py``.
 
 A block on a base that is shaken, by 1e3 ... 1e6 random accelerations, as straight lines, splines
-and steps. Seconds of a first motion (a new process with an engine that is compiled, from the import of
-the library and the arrays on) and of the parts of one that is not the first: the samples checked
+and steps. Seconds of a first motion (a new process with an engine that is compiled, from the import
+of the library and the arrays on) and of the parts of one that is not the first: the samples checked
 and made polynomials, the motion, its certificate; and how long one pass over the array takes, a sum
-of all entries after their cache has been emptied. To ``benchmarks/results/samples.md``.
+of all entries after the cache has been emptied. To ``benchmarks/results/samples.md``.
 """
 
 from __future__ import annotations
