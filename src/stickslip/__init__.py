@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from stickslip.equations.vector_field import VectorField, vector_field
     from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
     from stickslip.figures.drawing import style
+    from stickslip.model.samples import Samples
     from stickslip.model.system import (
         Condition,
         Contact,
@@ -73,7 +74,6 @@ if TYPE_CHECKING:
     from stickslip.sweeps.basin import basin
     from stickslip.sweeps.map import Basin, Map
     from stickslip.sweeps.sweep import sweep
-    from stickslip.symbolic.samples import Samples
 
 __version__ = "0.1.0"
 
@@ -190,7 +190,7 @@ _HOMES = {
     "Play": "rate_independent.play.operator",
     "play": "rate_independent.play.operator",
     "prandtl_ishlinskii": "rate_independent.play.clamp",
-    "Samples": "symbolic.samples",
+    "Samples": "model.samples",
     **dict.fromkeys(
         ["AveragingStudy", "averaging_study"], "rate_independent.evolution.averaging_study"
     ),

@@ -543,3 +543,15 @@ def test_pairs_may_be_lists():
     same = system(contacts={"play": Contact("d_z", threshold=["s_0", "2*s_0"])}, span=[0, 10])  # type: ignore[arg-type]
     assert same == system()
     assert hash(same) == hash(system())
+
+
+@pytest.mark.parametrize("direction", [["d_x", "d_y"], "sqrt(d_x**2 + d_y**2)"])
+def test_friction_in_a_plane_is_elsewhere(direction: Any) -> None:
+    """A contact has one direction; the refusal says what there is for two."""
+    with pytest.raises(DeclarationError, match="GroupNorm"):
+        System(
+            "puck",
+            coordinates={"x": Inertial(), "y": Inertial()},
+            kinetic="(d_x**2 + d_y**2)/2",
+            contacts={"ground": Contact(direction, 1.0)},
+        )

@@ -14,11 +14,11 @@ from scipy.interpolate import CubicSpline
 
 import stickslip as ss
 from stickslip.machine_code.objects import address_of
+from stickslip.model.samples import SAMPLE_KINDS, SampleKind
 from stickslip.model.system_file import loads
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds
 from stickslip.symbolic.functions import FUNCTIONS
-from stickslip.symbolic.samples import SAMPLE_KINDS, SampleKind
 
 _FUNCTION = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)
 

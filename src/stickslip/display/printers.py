@@ -12,7 +12,7 @@ from stickslip.display.tree import (
     UNITY,
     Call,
     Factors,
-    Given,
+    InWords,
     Name,
     Node,
     Number,
@@ -74,7 +74,7 @@ class UnicodeWriter:
             case Name(name):
                 text = self.name(name)
                 own = _ATOM
-            case Given(words):
+            case InWords(words):
                 return self.words(words)
             case Call():
                 return self.call(node)

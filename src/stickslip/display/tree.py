@@ -40,7 +40,7 @@ class Name:
 
 
 @dataclass(frozen=True)
-class Given:
+class InWords:
     """A function of time that is no formula, in words."""
 
     words: str
@@ -88,7 +88,7 @@ class Relation:
     right: Node
 
 
-Node = Number | Name | Given | Call | Sum | Term | Relation
+Node = Number | Name | InWords | Call | Sum | Term | Relation
 Factors = tuple[tuple[Node, Node], ...]
 
 NOUGHT, UNITY, HALF = (Number(Fraction(text)) for text in ("0", "1", "1/2"))
@@ -313,7 +313,7 @@ def names_in(node: Node) -> set[str]:
     match node:
         case Name(name):
             return {name}
-        case Given():
+        case InWords():
             return {"t"}
         case Sum(terms):
             parts: Iterable[Node] = terms
@@ -370,7 +370,7 @@ class Reader:
     def read(self, text: Drive) -> Node:
         """Tree of a formula that the declaration has accepted."""
         if isinstance(text, TimeFunction):
-            return Given(str(text))
+            return InWords(str(text))
         if not isinstance(text, str):
             return Number(Fraction(repr(float(text))))
         if text not in self._read:

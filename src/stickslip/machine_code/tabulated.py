@@ -13,15 +13,14 @@ from typing import Any
 
 from llvmlite import binding as llvm
 
-from stickslip.arrays import Array
 from stickslip.machine_code.objects import emitted, find_functions, loaded, processor, provide
 
 
 def provide_table(
     names: Mapping[str, tuple[str, Sequence[float]]],
-    breaks: Array,
-    coefficients: Array,
-    ends: Array,
+    breaks: Any,
+    coefficients: Any,
+    ends: Any,
     period: float,
     near: float,
 ) -> None:
@@ -54,9 +53,9 @@ def provide_table(
 
 def _assembly(
     names: Mapping[str, tuple[str, Sequence[float]]],
-    breaks: Array,
-    coefficients: Array,
-    ends: Array,
+    breaks: Any,
+    coefficients: Any,
+    ends: Any,
     period: float,
     near: float,
 ) -> str:
@@ -186,7 +185,7 @@ def _place(
     return "\n".join(lines)
 
 
-def _value(name: str, side: str, factors: Sequence[float], table: Array, breaks: str) -> str:
+def _value(name: str, side: str, factors: Sequence[float], table: Any, breaks: str) -> str:
     """A function: Horner's scheme in the last of a piece's coefficients, times factors."""
     width = table.shape[1]
     base = f"inttoptr (i64 {table.ctypes.data} to ptr)"

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from stickslip.errors import DeclarationError, short, some
 from stickslip.model.names import DeclaredNames, Range
-from stickslip.model.schema import check_shape, entry_key
+from stickslip.model.schema import PLANAR, check_shape, entry_key
 from stickslip.model.system import Kind
 from stickslip.model.units import check_unit
 from stickslip.symbolic import expressions as ex
@@ -438,7 +438,7 @@ class _Reader:
             raise DeclarationError(
                 f"{where}.direction",
                 "not a linear combination of rates",
-                "Write it like 'd_x' or 'd_x2 - d_x1'",
+                PLANAR if len(direction) > 1 else "Write it like 'd_x' or 'd_x2 - d_x1'",
             )
         rest = ex.substitute(text, {f"d_{x}": ex.ZERO for x in direction})
         if rest is not ex.ZERO and ex.add((text, 1.0), (linear, -1.0)) is not ex.ZERO:

@@ -12,6 +12,11 @@ from stickslip.errors import DeclarationError, short
 from stickslip.model.system import Condition, Contact, Coordinate, Internal, Parameter
 from stickslip.symbolic.formulas import NAME, TimeFunction
 
+PLANAR = (
+    "Write it like 'd_x' or 'd_x2 - d_x1'; friction that is the same in all directions of a plane "
+    "is quasistatic here: ss.GroupNorm, for ss.evolve"
+)
+"""What to do instead of a contact with two directions."""
 _EXPECTED = {
     "str": ("a text", 'Write it in quotes, like "N/m"'),
     "float": ("a number", "Write it without quotes, like 0.5"),
@@ -24,6 +29,7 @@ _EXPECTED = {
         "a formula or a pair of them",
         'Write "mu*m*g" or ["f_plus", "f_minus"]',
     ),
+    "Direction": ("one linear combination of rates", PLANAR),
     "FormulaTable": ("a formula or lists of them", 'Write "k*t", or ["sin(t)", "2*t"]'),
     "int": ("a whole number", "Write it without quotes, like 40"),
     "tuple[Formula, Formula]": ("a pair of formulas", 'Write it like [0, "2*pi/omega"]'),
@@ -89,7 +95,7 @@ def _check_kind(value: Any, kind: str, where: str) -> None:
 
 def _has_kind(value: Any, kind: str) -> bool:
     match kind:
-        case "str":
+        case "str" | "Direction":
             return isinstance(value, str)
         case "float":
             return isinstance(value, Real) and not isinstance(value, bool)

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 Formula = str | float
 """A text or a number. An expression may be given, too: it is written down as a text."""
+Direction = str
+"""A linear combination of rates."""
 Drive = Formula | TimeFunction
 """A function of time: a formula, or samples."""
 
@@ -139,7 +141,7 @@ class Contact:
         Unit of the friction force.
     """
 
-    direction: str
+    direction: Direction
     threshold: Formula | tuple[Formula, Formula]
     surface_speed: Formula = 0.0
     kinetic: Formula | tuple[Formula, Formula] | None = None

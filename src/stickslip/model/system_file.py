@@ -38,7 +38,7 @@ def _drive(value: Any, where: str, folder: Path) -> Any:
     """A formula as it stands; samples from their table."""
     if not isinstance(value, dict):
         return value
-    from stickslip.symbolic.samples import Samples
+    from stickslip.model.samples import Samples
 
     return Samples.from_plain(toml.mapping(value, where), where, folder)
 

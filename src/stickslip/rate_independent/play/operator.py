@@ -20,6 +20,7 @@ from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, within
 from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError
+from stickslip.model.samples import Samples
 from stickslip.motion.simulate import check_span
 from stickslip.motion.trajectory import GRID
 from stickslip.rate_independent.play.nodes import Nodes, PlayBounds, Sample, panel_edges, play_nodes
@@ -29,7 +30,6 @@ from stickslip.rate_independent.signals.signal import OF_PHASE, OF_TIME, Signal
 from stickslip.results import Completion, Result
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import is_finite
-from stickslip.symbolic.samples import Samples
 
 if TYPE_CHECKING:
     import pandas

@@ -9,14 +9,19 @@ from typing import Any
 import numpy as np
 
 from stickslip.errors import DeclarationError
+from stickslip.model.samples import Samples
 from stickslip.rate_independent.signals.formulas import Constant, Formulas
 from stickslip.rate_independent.signals.function import CallableSignal
-from stickslip.rate_independent.signals.samples import Columns, Measured, MonotoneTable, Table
+from stickslip.rate_independent.signals.samples import (
+    MeasuredSignal,
+    MonotoneTable,
+    SignalColumns,
+    Table,
+)
 from stickslip.rate_independent.signals.signal import OF_PHASE, Signal, Variable, fitting
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Scope
-from stickslip.symbolic.samples import Samples
 
 INTERPOLATIONS: dict[str, type[Table]] = {"linear": Table, "monotone": MonotoneTable}
 """What samples mean between them: straight lines, or monotone cubics (PCHIP)."""
@@ -58,12 +63,12 @@ def read(
     if isinstance(given, Signal):
         return given
     if isinstance(given, Samples) and math.prod(shape or ()) == 1:
-        return Measured(given, where, clock, shape or ())
+        return MeasuredSignal(given, where, clock, shape or ())
     if isinstance(given, list | tuple) and any(isinstance(part, Samples) for part in given):
         entries = fitting(np.empty(len(given)), shape or (len(given),), where)
         names = [f"{where}[{i}]" for i in range(len(given))]
         parts = [read(part, name, clock, ()) for part, name in zip(given, names, strict=True)]
-        return Columns(parts, where, clock, entries.shape)
+        return SignalColumns(parts, where, clock, entries.shape)
     if callable(given):
         return CallableSignal(given, where, clock, shape)
     if shape is not None and is_table(given):

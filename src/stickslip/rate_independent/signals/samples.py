@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.model.samples import Samples
 from stickslip.rate_independent.signals import chebyshev as ch
 from stickslip.rate_independent.signals.panels import Panels
 from stickslip.rate_independent.signals.signal import Signal, Variable, finite, fitting
 from stickslip.symbolic.boxes import Chord
-from stickslip.symbolic.samples import Samples
 
 
 class Table(Signal):
@@ -153,7 +153,7 @@ class MonotoneTable(Table):
         return np.stack([mean - c2, rise - c3, c2, c3])
 
 
-class Measured(Signal):
+class MeasuredSignal(Signal):
     """Samples that say themselves what is between them (:class:`stickslip.Samples`).
 
     Parameters
@@ -239,7 +239,7 @@ class Measured(Signal):
         return {"samples": self.samples.plain()}
 
 
-class Columns(Signal):
+class SignalColumns(Signal):
     """An array whose entries are signals of their own.
 
     Parameters

@@ -1,9 +1,9 @@
 """Functions of time that are given by samples.
 
 Between two samples such a function is a polynomial: a constant (`hold`), a straight line or a
-cubic. It is what other functions with kinks are (:mod:`.pieces`): a select on the sign of a *gate*,
-which changes at every sample, between the polynomial of the nearest even and that of the nearest
-odd piece, each continued beyond its ends. So a motion stops exactly at every sample at which a
+cubic. It is what other functions with kinks are (:mod:`stickslip.symbolic.pieces`): a select on the
+sign of a *gate*, which changes at every sample, between the polynomial of the nearest even and that
+of the nearest odd piece, each continued beyond its ends. So a motion stops exactly at every sample at which a
 derivative jumps, and its steps are exact in between. In a piece from l to r the gate is ±(t − l)(r
 − t)/(r − l), which has slope ±1 at both ends, and is continuous, so that its zeros are the samples.
 
@@ -187,7 +187,7 @@ class Samples(TimeFunction):
         return self.periodic or (first - near <= start and stop <= last + near)
 
     @cached_property
-    def pieces(self) -> Pieces:
+    def pieces(self) -> PiecewisePolynomial:
         """Their polynomials."""
         return _pieces(self)
 
@@ -286,7 +286,7 @@ def _again(t: Array, y: Array, kind: SampleKind, periodic: bool, source: dict[st
 
 
 @dataclass(frozen=True, eq=False)
-class Pieces:
+class PiecewisePolynomial:
     """A function piece by piece.
 
     Attributes
@@ -380,7 +380,7 @@ class Pieces:
         called = {}
         for side in ("even", "odd", "gate"):
             for order in range(self.table(side).shape[1]):
-                row = Row(pieces=self, side=side, order=order)
+                row = TableRow(pieces=self, side=side, order=order)
                 FUNCTIONS[row.name] = row
                 called[row.name] = side, self.factors(side, order)
         provide_table(called, self.breaks, self.coefficients, self.gates, self.period, self.near)
@@ -460,7 +460,7 @@ def _derived(c: Array, order: int) -> Array:
     return c
 
 
-def _pieces(samples: Samples) -> Pieces:
+def _pieces(samples: Samples) -> PiecewisePolynomial:
     t, y = samples.times, samples.values
     length = np.diff(t)
     if samples.kind == "hold":
@@ -484,13 +484,15 @@ def _pieces(samples: Samples) -> Pieces:
         t = np.insert(t, k + 1, t[k] + half)
         c = np.insert(c, k + 1, moved, axis=0)
     name = f"samples_{samples.digest}"
-    return Pieces(name, np.ascontiguousarray(t), np.ascontiguousarray(c), samples.period)
+    return PiecewisePolynomial(
+        name, np.ascontiguousarray(t), np.ascontiguousarray(c), samples.period
+    )
 
 
-class Row(Function):
+class TableRow(Function):
     """A derivative of a table on one side, as a row of the table of functions."""
 
-    def __init__(self, pieces: Pieces, side: str, order: int) -> None:
+    def __init__(self, pieces: PiecewisePolynomial, side: str, order: int) -> None:
         least, largest = pieces._extremes(side, order)
         super().__init__(
             name=pieces.row_name(side, order),
@@ -505,7 +507,7 @@ class Row(Function):
         object.__setattr__(self, "side", side)
         object.__setattr__(self, "order", order)
 
-    pieces: Pieces
+    pieces: PiecewisePolynomial
     side: str
     order: int
 
