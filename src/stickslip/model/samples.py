@@ -3,9 +3,10 @@
 Between two samples such a function is a polynomial: a constant (`hold`), a straight line or a
 cubic. It is what other functions with kinks are (:mod:`stickslip.symbolic.pieces`): a select on the
 sign of a *gate*, which changes at every sample, between the polynomial of the nearest even and that
-of the nearest odd piece, each continued beyond its ends. So a motion stops exactly at every sample at which a
-derivative jumps, and its steps are exact in between. In a piece from l to r the gate is ±(t − l)(r
-− t)/(r − l), which has slope ±1 at both ends, and is continuous, so that its zeros are the samples.
+of the nearest odd piece, each continued beyond its ends. So a motion stops exactly at every sample
+at which a derivative jumps, and its steps are exact in between. In a piece from l to r the gate is
+±(t − l)(r − t)/(r − l), which has slope ±1 at both ends, and is continuous, so that its zeros are
+the samples.
 
 Which piece is meant beside a sample, where a time is known to rounding only, is decided by the
 parity; the gate takes the piece that begins there, since time goes forward.
