@@ -35,7 +35,7 @@ def random(seed: int, count: int, kind: SampleKind, periodic: bool) -> ss.Sample
 
 @pytest.mark.parametrize("kind", SAMPLE_KINDS)
 @pytest.mark.parametrize("periodic", [False, True])
-@settings(max_examples=20)
+@settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 10_000), count=st.integers(2, 12))
 def test_values(kind: SampleKind, periodic: bool, seed: int, count: int) -> None:
     """Lines, splines and steps as SciPy and NumPy make them; expressions and machine code say the
@@ -72,7 +72,7 @@ def test_values(kind: SampleKind, periodic: bool, seed: int, count: int) -> None
         np.testing.assert_allclose(rise, slope, atol=1e-5 * (1.0 + np.max(np.abs(slope))))
 
 
-@settings(max_examples=30)
+@settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 10_000), kind=st.sampled_from(SAMPLE_KINDS), periodic=st.booleans())
 def test_enclosures(seed: int, kind: SampleKind, periodic: bool) -> None:
     """No value between two times is outside of what is said of all of them, and what is said is
