@@ -149,12 +149,17 @@ def read_text(path: str | PathLike[str]) -> str:
             where, f"the file has more than {_MOST_OF_FILE:,} bytes", "Is it a model file?"
         )
     try:
-        return data.decode("utf-8-sig")
+        text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise DeclarationError(
             where, f"the file is not UTF-8 text (line {line})", "Save it as UTF-8"
         ) from None
+    if len(_PACKED.sub("", text)) > MAX_BYTES:
+        raise DeclarationError(
+            where, f"the file has more than {MAX_BYTES:,} bytes", "Is it a model file?"
+        )
+    return text
 
 
 @contextmanager

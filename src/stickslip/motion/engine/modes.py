@@ -25,6 +25,7 @@ from stickslip.motion.steps.arrays import (
     CONTACTS,
     COORDINATES,
     DIMENSION,
+    EPSILON,
     FIRED,
     FIRST_ROW,
     IMPLICIT,
@@ -87,7 +88,8 @@ _ON_SURFACE = 1e-9  # part of its terms by which what has to vanish may be away 
 _WIDE = 4.0  # of a step: a velocity that is zero to slip is zero to stick, whose terms are others
 _TOGETHER = 16  # times that the switches of different components are flipped together
 _PAST = 1.0625  # of the time to a kink: the end of the step in which it comes
-_PASSED = 1e-9  # part of the time to the next zero of a guard below which one has been passed
+# parts of a step, and of the time, within which a kink is the one that has been passed
+_PASSED, _ROUNDED = 1e-12, 1e3 * EPSILON
 _LOOSER = 1e4  # tolerances by which the rates at the end of a step may break its promise
 
 
@@ -663,13 +665,14 @@ def make_series(
     h = 0.0
     if status == OK:
         h = step_size(flow, flow.order, lane.seen, lane.clock[SERIES])
-        h = min(h, _PAST * soonest_kink(flow.rows, flow.space.W, flow.order))
+        passed = max(_PASSED * h, _ROUNDED * abs(t))
+        h = min(h, _PAST * soonest_kink(flow.rows, flow.space.W, flow.order, passed))
         h = (t + min(room, h)) - t
     return status, h
 
 
 @njit(**OPTIONS)
-def soonest_kink(rows: Rows, W: Array, N: int) -> float:
+def soonest_kink(rows: Rows, W: Array, N: int, passed: float) -> float:
     """When the next kink of time comes whose guard is a polynomial of degree two, or one; infinite
     if there is none.
 
@@ -683,8 +686,11 @@ def soonest_kink(rows: Rows, W: Array, N: int) -> float:
         Taylor coefficients.
     N : int
         Their number.
+    passed : float
+        Time within which a kink is the one that has just been passed.
     """
     found = np.inf
+    unit = W[rows.sizes[DIMENSION], 1]
     for j in range(len(rows.timed)):
         c = W[rows.kinks[j]]
         ends = rows.timed[j] == 1
@@ -695,12 +701,10 @@ def soonest_kink(rows: Rows, W: Array, N: int) -> float:
             q = -0.5 * (c[1] + math.copysign(math.sqrt(inside), c[1]))
             near = c[0] / q
             far = q / c[2] if c[2] != 0.0 else near
-            # What is next to nothing is the kink that has just been passed.
-            least = _PASSED * max(abs(near), abs(far))
             for x in (near, far):
-                if x > least:
-                    found = min(found, x)
-    return found * W[rows.sizes[DIMENSION], 1]
+                if x * unit > passed:
+                    found = min(found, x * unit)
+    return found
 
 
 @njit(**OPTIONS)
