@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
     from stickslip.figures.drawing import style
     from stickslip.model.samples import Samples
+    from stickslip.model import laws
     from stickslip.model.system import (
         Condition,
         Contact,
@@ -133,6 +134,7 @@ __all__ = [
     "fold_curve",
     "gait_study",
     "hopf_curve",
+    "laws",
     "load",
     "load_evolution",
     "open",
@@ -149,7 +151,12 @@ __all__ = [
 ]
 
 # Modules whose names are public, too.
-_MODULES = {"catalogue": "catalogue", "figures": "figures", "style": "figures.drawing.style"}
+_MODULES = {
+    "catalogue": "catalogue",
+    "figures": "figures",
+    "laws": "model.laws",
+    "style": "figures.drawing.style",
+}
 # Where each public name lives, and what it is called there if that is something else. Nothing is
 # imported before it is asked for: numba and xarray take seconds.
 _HOMES = {

@@ -108,7 +108,7 @@ class Equations:
     """
 
     def __init__(self, system: System) -> None:
-        self.system = system
+        self.system = system = system.plain
         self._reader = Reader(system)
         self._declared = system.declaration
         self.frictions: list[Friction] = []
@@ -131,7 +131,7 @@ class Equations:
     def dissipation(self) -> Node:
         """The dissipation potential: viscous part and dry friction."""
         dry = []
-        for contact in self.system.contacts.values():
+        for contact in self.system.dry_contacts.values():
             if contact.kinetic is not None:
                 # its force does not come from a potential; it is listed with the friction laws
                 continue
@@ -171,7 +171,7 @@ class Equations:
 
     def _force(self, declared: DryContact, x: str) -> Node:
         """Contribution of a contact to the left side of the balance of x."""
-        contact = self.system.contacts[declared.name]
+        contact = self.system.dry_contacts[declared.name]
         u = self._velocity(contact)
         weight = differentiated(self._reader.read(contact.direction), f"d_{x}")
         plus, minus = self._pair(contact.threshold)
@@ -182,7 +182,7 @@ class Equations:
             sliding = (plus, minus) if contact.kinetic is None else self._pair(contact.kinetic)
             long = [
                 c
-                for c in self.system.contacts.values()
+                for c in self.system.dry_contacts.values()
                 if c.kinetic is not None or isinstance(c.threshold, tuple)
             ]
             index = "" if len(long) == 1 else f"_{len(self.frictions) + 1}"

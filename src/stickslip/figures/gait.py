@@ -68,7 +68,7 @@ def _bars(axes: Axes, cycle: Cycle, periods: int) -> None:
     start = knots.time[:-1] - knots.time[0]
     length = np.diff(knots.time)
     shown: set[int] = set()
-    for row, name in enumerate(cycle.system.contacts):
+    for row, name in enumerate(cycle.system.dry_contacts):
         mode = knots.slip[:-1, contacts.index(name)]
         edges = np.flatnonzero(np.append(True, np.diff(mode) != 0))
         for turn in range(periods):
@@ -78,7 +78,7 @@ def _bars(axes: Axes, cycle: Cycle, periods: int) -> None:
                 colour = SLIP.get(int(mode[i]), STICK_SHADE)
                 axes.broken_barh([(begins, lasts)], (row - 0.36, 0.72), color=colour, lw=0)
                 shown.add(int(mode[i]))
-    axes.set_yticks(range(rows := len(cycle.contacts)), list(cycle.system.contacts))
+    axes.set_yticks(range(rows := len(cycle.contacts)), list(cycle.system.dry_contacts))
     axes.set_ylim(rows - 0.5, -0.5)
     axes.tick_params(left=False)
     axes.spines[["left", "bottom"]].set_visible(False)

@@ -79,7 +79,7 @@ class _Overview:
         self.trajectory = trajectory
         self.system = trajectory.system
         self.declaration = trajectory.system.declaration
-        self.contacts = [contact_key(name) for name in self.system.contacts]
+        self.contacts = [contact_key(name) for name in self.system.dry_contacts]
         self.motion = _Samples(trajectory)
         modes = {key: mode[: self.motion.steps] for key, mode in trajectory.modes.items()}
         self.modes = {key: modes[key] for key in self.contacts}
@@ -174,7 +174,7 @@ class _Overview:
         panels += [self.trace(names) for names in internal]
         if len(self.contacts) > _MANY:
             return [*panels, self.mode_map]
-        return panels + [self.friction(name) for name in self.system.contacts]
+        return panels + [self.friction(name) for name in self.system.dry_contacts]
 
     def by_unit(self, names: list[str]) -> list[list[str]]:
         """Names in groups that share an axis."""
@@ -278,7 +278,7 @@ class _Overview:
             }
             strip(axes, self.motion.time, phases, row - 0.42, row + 0.42)
         axes.set_ylim(len(self.contacts) + 0.5, 0.5)
-        _rows(axes, list(self.system.contacts))
+        _rows(axes, list(self.system.dry_contacts))
         shown = ((STICK_SHADE, "stick"), (SLIP[1], "slip +"), (SLIP[-1], "slip −"))
         legend_above(axes, [Patch(color=colour, label=label) for colour, label in shown])
 

@@ -170,7 +170,7 @@ def _changing(branch: Branch) -> list[str]:
     candidates = [
         x for x in branch.system.declaration.state if x in branch.points and not x.startswith("d_")
     ]
-    resting = [x for x in candidates if not branch.system.translation.get(x)]
+    resting = [x for x in candidates if not branch.system.plain.translation.get(x)]
     candidates = resting if speed else resting or candidates
     moving = [
         x
@@ -183,7 +183,7 @@ def _changing(branch: Branch) -> list[str]:
 def _unit(branch: Branch, name: str) -> str:
     if name == "speed":
         return drift_units(branch.system, branch.system.translation)[1]
-    declared = {**branch.system.coordinates, **branch.system.internal}
+    declared = {**branch.system.plain.coordinates, **branch.system.plain.internal}
     return declared[name].unit if name in declared else ""
 
 

@@ -79,6 +79,8 @@ class Declaration:
         What names mean in a formula that may use all of them.
     given : dict of str to TimeFunction
         Drives that are no formulas.
+    limits : list of (str, Expr, Range)
+        Closed formulas that have to stay in a range, with their places: parameters of laws.
     """
 
     parameters: list[str]
@@ -100,6 +102,7 @@ class Declaration:
     facts: dict[str, Expr] = field(default_factory=dict)
     drives: dict[str, Expr] = field(default_factory=dict)
     given: dict[str, TimeFunction] = field(default_factory=dict)
+    limits: list[tuple[str, Expr, Range]] = field(default_factory=list)
     scope: Scope = field(default_factory=lambda: Scope({}))
 
     @property
@@ -175,8 +178,21 @@ class Declaration:
         """
         for name, value in values.items():
             self.check_range(name, value)
+        self.check_limits(values)
         _check_definite(self.mass, self.inertial, values, "kinetic", "mass matrix")
         _check_definite(self.damping, self.viscous, values, "viscous", _VISCOUS_MATRIX)
+
+    def limit(self, where: str, name: str, interval: Range) -> None:
+        """Let what a name means stay in a range, if it depends on nothing but parameters."""
+        formula = self.scope.parse(name, where)
+        if formula.symbols <= set(self.parameters):
+            self.limits.append((where, formula, interval))
+
+    def check_limits(self, values: Mapping[str, float]) -> None:
+        """Refuse parameter values for which one of the limits does not hold."""
+        for where, formula, interval in self.limits:
+            if formula.symbols <= values.keys():
+                interval.check(ex.evaluate(formula, values), where)
 
 
 def declare(system: System) -> Declaration:
@@ -406,7 +422,7 @@ class _Reader:
             self.state, self.velocities, {"speed": ex.sym("speed")}, why="Use 'speed' for |u|"
         )
         self.order = {f"d_{x}": i for i, x in enumerate(result.coordinates)}
-        for name, contact in system.contacts.items():
+        for name, contact in system.dry_contacts.items():
             result.contacts.append(self._contact(name, contact))
         moving = {r: list[str]() for r in result.rate_independent}
         for c in result.contacts:

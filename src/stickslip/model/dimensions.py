@@ -26,7 +26,7 @@ _NUMERATOR, _DENOMINATORS = 4, (1, 2, 3, 4, 6, 8, 12, 24)  # of coefficients tha
 
 def disagreements(system: System) -> list[str]:
     """What is in doubt about the units of a declaration, a line for each term."""
-    declared = (system.parameters, system.coordinates, system.internal, system.contacts)
+    declared = (system.parameters, system.coordinates, system.internal, system.dry_contacts)
     if not any(item.unit for group in declared for item in group.values()):
         return []
     return _Check(system).doubts()

@@ -41,6 +41,7 @@ def quantity(system: System, name: str) -> dict[str, str]:
         acceleration ``dd_x``, a force or the slip speed of a contact (``friction_KEY``,
         ``slip_speed_KEY``, ...), or an energy.
     """
+    system = system.plain
     named = {**system.parameters, **system.coordinates, **system.internal}
     if name in named:
         return described_as(named[name].meaning or name, named[name].unit or "1")
@@ -55,7 +56,7 @@ def quantity(system: System, name: str) -> dict[str, str]:
             )
     if name in _ENERGIES:
         return described_as(name.replace("_", " "), energy_unit(system))
-    for contact in system.contacts:
+    for contact in system.dry_contacts:
         key = contact_key(contact)
         if name == f"slip_speed_{key}":
             return described_as(f"relative velocity of {contact}", slip_unit(system, contact))
@@ -76,6 +77,7 @@ def per_time(system: System, unit: str, order: int = 1) -> str:
 
 def slip_unit(system: System, contact: str) -> str | None:
     """The unit of a relative velocity, in which a number other than ±1 may stand for anything."""
+    system = system.plain
     declared = next(c for c in system.declaration.contacts if c.name == contact)
     terms = {
         x: unit_product(
@@ -94,8 +96,8 @@ def slip_unit(system: System, contact: str) -> str | None:
 
 def force_unit(system: System, contact: str) -> str | None:
     """The unit of a friction force: the declared one, or what makes its work an energy."""
-    if system.contacts[contact].unit:
-        return system.contacts[contact].unit
+    if system.dry_contacts[contact].unit:
+        return system.dry_contacts[contact].unit
     work = energy_unit(system)
     speed = slip_unit(system, contact)
     if work is None or speed is None:
@@ -112,18 +114,19 @@ def energy_unit(system: System) -> str | None:
     A formula may hide units in its numbers (a mass of 1, say). So terms that are energies by their
     dimension decide; among equal units the one with the fewest factors is taken.
     """
+    system = system.plain
     declared = [
         *system.parameters.values(),
         *system.coordinates.values(),
         *system.internal.values(),
     ]
-    declared += system.contacts.values()
+    declared += system.dry_contacts.values()
     if not any(factors(unit) for unit in (system.time_unit, *(item.unit for item in declared))):
         return "1"
     d = system.declaration
     time = factors(system.time_unit)
     found: list[UnitPowers] = []
-    for name, contact in system.contacts.items():
+    for name, contact in system.dry_contacts.items():
         speed = slip_unit(system, name) if contact.unit else None
         if speed is not None:
             found.append(unit_product((factors(contact.unit), 1), (factors(speed), 1), (time, 1)))
@@ -203,8 +206,8 @@ def _speed(system: System, of: str) -> str:
 
 
 def _force(system: System, of: str) -> str | None:
-    contact = of or next(iter(system.contacts), "")
-    return force_unit(system, contact) if contact in system.contacts else "1"
+    contact = of or next(iter(system.dry_contacts), "")
+    return force_unit(system, contact) if contact in system.dry_contacts else "1"
 
 
 def _work(system: System, of: str) -> str | None:

@@ -9,7 +9,7 @@ from numbers import Real
 from typing import Any
 
 from stickslip.errors import DeclarationError, short
-from stickslip.model.system import Condition, Contact, Coordinate, Internal, Parameter
+from stickslip.model.system import AnyContact, Condition, Coordinate, Internal, Parameter
 from stickslip.symbolic.formulas import NAME, TimeFunction
 
 PLANAR = (
@@ -30,6 +30,10 @@ _EXPECTED = {
         'Write "mu*m*g" or ["f_plus", "f_minus"]',
     ),
     "Direction": ("one linear combination of rates", PLANAR),
+    "Formula | tuple[Formula, ...]": (
+        "a formula or a list of them",
+        'Write "mu*m*g", or [1.0, "2*F"] for several elements',
+    ),
     "FormulaTable": ("a formula or lists of them", 'Write "k*t", or ["sin(t)", "2*t"]'),
     "int": ("a whole number", "Write it without quotes, like 40"),
     "tuple[Formula, Formula]": ("a pair of formulas", 'Write it like [0, "2*pi/omega"]'),
@@ -45,7 +49,7 @@ _CLASSES = {
     "Parameter": Parameter,
     "Coordinate": Coordinate,
     "Internal": Internal,
-    "Contact": Contact,
+    "AnyContact": AnyContact,
     "Condition": Condition,
 }
 _MOST_ENTRIES = 50_000
@@ -105,9 +109,11 @@ def _has_kind(value: Any, kind: str) -> bool:
             return _has_kind(value, "str") or _has_kind(value, "float")
         case "Drive":
             return isinstance(value, TimeFunction) or _has_kind(value, "Formula")
+        case "Formula | tuple[Formula, ...]" if isinstance(value, tuple):
+            return all(_has_kind(v, "Formula") for v in value)
         case "FormulaTable" if isinstance(value, tuple):
             return all(_has_kind(v, "FormulaTable") for v in value)
-        case "FormulaTable":
+        case "FormulaTable" | "Formula | tuple[Formula, ...]":
             return _has_kind(value, "Formula")
         case "tuple[float, float]":
             return _is_pair(value, "float")

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import TimeFunction, formula_text
@@ -152,6 +152,49 @@ class Contact:
 
 
 @dataclass(frozen=True)
+class LawContact:
+    """A contact with a friction law of :mod:`stickslip.model.laws`, by its name.
+
+    Attributes
+    ----------
+    law : str
+        Its name, such as ``"stribeck"``.
+    direction : str
+        As in a :class:`Contact`.
+    values : mapping of str to formula, or list of these
+        The law's parameters.
+    surface_speed : str or float
+    unit : str
+        Unit of the friction force.
+    """
+
+    law: str
+    direction: str
+    values: Mapping[str, Formula | tuple[Formula, ...]] = field(default_factory=dict)
+    surface_speed: Formula = 0.0
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        hold_plain(self)
+
+    def plain(self) -> dict[str, Any]:
+        """Its entry in a model file; :meth:`from_plain` gives it back."""
+        given = {"surface_speed": self.surface_speed, "unit": self.unit}
+        others = {key: value for key, value in given.items() if value not in (0.0, "")}
+        return {"law": self.law, "direction": self.direction, **self.values, **others}
+
+    @classmethod
+    def from_plain(cls, entry: Mapping[str, Any]) -> Self:
+        """The contact of an entry that has a law and a direction."""
+        own = {item.name for item in fields(cls)} - {"values"}
+        values = {key: value for key, value in entry.items() if key not in own}
+        return cls(values=values, **{key: entry[key] for key in own & entry.keys()})
+
+
+AnyContact = Contact | LawContact
+
+
+@dataclass(frozen=True)
 class Condition:
     """An inequality between formulas of the parameters that the literature asks for.
 
@@ -218,6 +261,7 @@ class System:
         Kinetic energy (quadratic in the rates of inertial coordinates, constant coefficients),
         potential Φ(t, x, α), and the quadratic viscous part of the dissipation potential.
     contacts : mapping of str to Contact
+        Or to a friction law with a name, such as ``ss.laws.stribeck("d_x", ...)``.
     translation : mapping of str to float
         A direction in which the whole system may be shifted.
     initial : mapping of str to float
@@ -249,7 +293,7 @@ class System:
     kinetic: Formula = 0.0
     potential: Formula = 0.0
     viscous: Formula = 0.0
-    contacts: Mapping[str, Contact] = field(default_factory=dict[str, Contact])
+    contacts: Mapping[str, AnyContact] = field(default_factory=dict[str, AnyContact])
     translation: Mapping[str, float] = field(default_factory=dict[str, float])
     initial: Mapping[str, float] = field(default_factory=dict[str, float])
     span: tuple[float, float] = (0.0, 100.0)
@@ -268,7 +312,19 @@ class System:
         """The declaration read and checked: every formula as an expression."""
         from stickslip.model.declaration import declare
 
-        return declare(self)
+        return declare(self) if self.plain is self else self.plain.declaration
+
+    @cached_property
+    def plain(self) -> System:
+        """The same system with the laws of its contacts written out: what is moved and shown."""
+        from stickslip.model.written_out import written_out
+
+        return written_out(self)
+
+    @cached_property
+    def dry_contacts(self) -> dict[str, Contact]:
+        """Contacts with a threshold, those that laws are made of among them."""
+        return {n: c for n, c in self.plain.contacts.items() if isinstance(c, Contact)}
 
     @cached_property
     def doubts(self) -> list[str]:
@@ -276,7 +332,7 @@ class System:
         warning when the system is declared."""
         from stickslip.model.dimensions import disagreements
 
-        return disagreements(self)
+        return disagreements(self.plain)
 
     def __hash__(self) -> int:
         return hash((self.name, repr(self)))

@@ -14,12 +14,14 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from stickslip.errors import DeclarationError
 from stickslip.model import toml
 from stickslip.model.system import (
     Condition,
     Contact,
     Inertial,
     Internal,
+    LawContact,
     Parameter,
     RateIndependent,
     System,
@@ -32,6 +34,22 @@ _COORDINATES = {str(kind.kind): kind for kind in (Inertial, Viscous, RateIndepen
 def _coordinate(value: Any, where: str, folder: Path) -> Any:
     table = dict(toml.mapping(value, where))
     return toml.entry(toml.named_kind(table, _COORDINATES, where), table, where)
+
+
+def _contact(value: Any, where: str, folder: Path) -> Any:
+    """A contact with its forces; one with a law has the parameters of that beside it."""
+    table = toml.mapping(value, where)
+    if "law" not in table:
+        return toml.entry(Contact, table, where)
+    if isinstance(table["law"], list):
+        raise DeclarationError(
+            f"{where}.law",
+            "a contact has one law",
+            "Give each law a contact of its own: what acts along one direction adds up",
+        )
+    if "direction" not in table:
+        raise toml.missing(where, "direction")
+    return LawContact.from_plain(table)
 
 
 def _drive(value: Any, where: str, folder: Path) -> Any:
@@ -59,7 +77,7 @@ _SYSTEMS = toml.Language(
         "drives": _drive,
         "coordinates": _coordinate,
         "internal": partial(toml.entry, Internal),
-        "contacts": partial(toml.entry, Contact),
+        "contacts": _contact,
         "conditions": partial(toml.entry, Condition),
     },
     others={

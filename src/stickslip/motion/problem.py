@@ -307,7 +307,7 @@ class Problem:
         declaration = self.system.declaration
         for name, value in initial.items():
             check_initial(declaration, name, value)
-        given = {**self.system.initial, **initial}
+        given = {**self.system.plain.initial, **initial}
         return np.array([float(given.get(name, 0.0)) for name in declaration.state])
 
 

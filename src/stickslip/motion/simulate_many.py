@@ -369,7 +369,7 @@ def initial_states(system: System, given: Mapping[str, Array], count: int) -> Ar
     """Initial state of every motion, shape (motions, n), checked."""
     declaration = system.declaration
     states = np.tile(
-        [float(system.initial.get(name, 0.0)) for name in declaration.state], (count, 1)
+        [float(system.plain.initial.get(name, 0.0)) for name in declaration.state], (count, 1)
     )
     for name, values in given.items():
         check_initial(declaration, name, float(values[0]))

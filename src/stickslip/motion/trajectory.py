@@ -156,7 +156,7 @@ class Trajectory(Result):
     def _contacts(self) -> dict[str, int]:
         """Key of each contact in the order of declaration, with its number in the engine."""
         order = {c.name: i for i, c in enumerate(self._problem.compiled.equations.contacts)}
-        return {contact_key(name): order[name] for name in self.system.contacts}
+        return {contact_key(name): order[name] for name in self.system.dry_contacts}
 
     @property
     def modes(self) -> dict[str, Array]:
@@ -409,7 +409,7 @@ class Trajectory(Result):
     @cached_property
     def _contact_of_mode(self) -> dict[str, str]:
         """Contacts by the names under which their modes are published."""
-        return {f"mode_{contact_key(contact)}": contact for contact in self.system.contacts}
+        return {f"mode_{contact_key(contact)}": contact for contact in self.system.dry_contacts}
 
     @cached_property
     def events(self) -> pandas.DataFrame:

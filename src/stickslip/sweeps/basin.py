@@ -209,7 +209,7 @@ def basin(
 
 def _measures(problem: Problem) -> tuple[str, ...]:
     """What tells attractors apart."""
-    state, contacts = problem.system.declaration.state, problem.system.contacts
+    state, contacts = problem.system.declaration.state, problem.system.dry_contacts
     return (
         *("time", "duration", "switches"),
         *(f"{name}:{x}" for name in _COMPONENTS for x in state),
@@ -436,7 +436,7 @@ class _Census:
 
 def _along(system: System, drift: Mapping[str, float]) -> float:
     """Speed along the declared translation (its largest component, if none is declared)."""
-    weights = {name: w for name, w in system.translation.items() if w}
+    weights = {name: w for name, w in system.plain.translation.items() if w}
     speeds = [drift[name] / weights[name] for name in weights if name in drift] or list(
         drift.values()
     )
@@ -504,7 +504,7 @@ def _attributes(system: System, name: str) -> dict[str, str]:
     if name == "period":
         return {"units": system.time_unit or "1"}
     if name == "speed":
-        return {"units": drift_units(system, system.translation)[1]}
+        return {"units": drift_units(system, system.plain.translation)[1]}
     return {"units": quantity(system, state)["units"]} if kind in ("state", "low", "high") else {}
 
 

@@ -502,7 +502,7 @@ def _drift(system: System, shift: Array) -> tuple[dict[str, float], float]:
     """Direction and size of the shift of the state in a period."""
     names = system.declaration.state
     size = float(np.max(np.abs(shift)))
-    declared = np.array([float(system.translation.get(name, 0.0)) for name in names])
+    declared = np.array([float(system.plain.translation.get(name, 0.0)) for name in names])
     if np.any(declared):
         along = float(declared @ shift / (declared @ declared))
         if np.max(np.abs(shift - along * declared)) <= 1e-9 * size:

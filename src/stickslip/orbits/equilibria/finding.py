@@ -140,7 +140,7 @@ class _Search:
         self.values = values
         self.state = system.declaration.state
         self.contacts = tuple(c.name for c in equations.contacts)
-        self.origin = np.array([float(system.initial.get(name, 0.0)) for name in self.state])
+        self.origin = np.array([float(system.plain.initial.get(name, 0.0)) for name in self.state])
         self.box = self._checked_box(box)
         self.invariant = invariant_directions(equations, values, self.origin)
         self.starts = np.column_stack([self.origin, self._sample()])

@@ -364,7 +364,7 @@ def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
             [0.0, last, look, _MARGIN * settings.tolerance, settings.atol, settings.tolerance]
         ),
         most=np.array([settings.max_cycles, settings.max_events, _ENDLESS, settings.longest_cycle]),
-        shifts=np.array([[float(system.translation.get(x, 0.0)) for x in layout.state]]),
+        shifts=np.array([[float(system.plain.translation.get(x, 0.0)) for x in layout.state]]),
         fine=np.array(problem.retrace),
         closely=closely,
         timed=layout.timed and not Repetition(problem.compiled.equations).plain,

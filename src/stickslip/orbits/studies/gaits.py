@@ -202,7 +202,7 @@ def gait_study(
     import xarray as xr
 
     checked_values(system, parameters)
-    names = [x for x in system.declaration.state if x not in system.translation]
+    names = [x for x in system.declaration.state if x not in system.plain.translation]
     rows: list[dict[str, object]] = []
     certificates: list[Certificate] = []
     last: Cycle | None = None
@@ -406,5 +406,5 @@ def _row(found: Cycle | str, names: list[str]) -> dict[str, object]:
 
 def _along_unit(system: System, rate: bool) -> str:
     """Unit of a shift along the translation, or of its rate."""
-    name = next((x for x, weight in system.translation.items() if weight), "")
+    name = next((x for x, weight in system.plain.translation.items() if weight), "")
     return str(quantity(system, f"d_{name}" if rate else name)["units"]) if name else "1"

@@ -156,7 +156,7 @@ def _named(system: System, measure: str) -> Named:
         raise DeclarationError(
             "measure", f"there is no measure '{name}'", f"Known: {', '.join(MEASURES)}"
         )
-    known = {"component": system.declaration.state, "contact": list(system.contacts)}.get(
+    known = {"component": system.declaration.state, "contact": list(system.dry_contacts)}.get(
         MEASURES[name].of, []
     )
     if of and of not in known:

@@ -1,0 +1,294 @@
+"""Friction laws of the literature by their names, to be put where a contact stands.
+
+>>> import stickslip as ss
+>>> ss.laws.names()[:3]
+['bouc_wen', 'coulomb', 'dahl']
+>>> foot = ss.laws.stribeck("d_x", F_s=2.0, F_c=1.0, v_s=0.1)
+
+In a model file the same is ``contacts.foot = {law = "stribeck", direction = "d_x", F_s = 2.0, F_c =
+1.0, v_s = 0.1}``. ``stickslip law stribeck`` shows the equations of a law and its loops.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from stickslip.errors import DeclarationError, short, suggestion
+from stickslip.model.system import Formula, Internal, LawContact, Parameter
+
+
+@dataclass(frozen=True)
+class Law:
+    """A friction law: a declaration with an open end.
+
+    Its formulas use ``u``, the relative velocity of the contact, ``speed`` = |u| (in `kinetic`),
+    and names of its own: parameters, functions and internal variables. In a system each of these
+    gets the name of the contact behind it, so that ``z`` of a contact called foot is ``z_foot``.
+
+    Attributes
+    ----------
+    name, title, source, about : str
+        Its name, one line of description, the literature, and what to know of it.
+    parameters : mapping of str to Parameter
+        What has to be given; the defaults are those of its picture.
+    options : mapping of str to Parameter
+        What has a default.
+    functions : mapping of str to formula
+    internal : mapping of str to Internal
+    threshold, kinetic : str
+        Of a dry contact with the velocity u; of the sliders, if there is a `stiffness`.
+    stiffness : str
+        Of the springs through which sliders are moved, elements in parallel. Formulas of these may
+        use ``i``, the number of the element, and ``elements``, how many there are.
+    force : str
+        A force against u that is no dry friction.
+    several : tuple of str
+        Parameters that are lists, an entry for each element.
+    stroke : (float, float)
+        Amplitude and angular frequency of the motion in its picture.
+    """
+
+    name: str
+    title: str
+    source: str
+    about: str
+    parameters: Mapping[str, Parameter]
+    options: Mapping[str, Parameter] = field(default_factory=dict[str, Parameter])
+    functions: Mapping[str, str] = field(default_factory=dict[str, str])
+    internal: Mapping[str, Internal] = field(default_factory=dict[str, Internal])
+    threshold: str = ""
+    kinetic: str = ""
+    stiffness: str = ""
+    force: str = ""
+    several: tuple[str, ...] = ()
+    stroke: tuple[float, float] = (1.0, 1.0)
+
+    def __call__(
+        self,
+        direction: str,
+        *,
+        surface_speed: Formula = 0.0,
+        unit: str = "",
+        **values: Formula | tuple[Formula, ...] | list[Formula],
+    ) -> LawContact:
+        """A contact with this law.
+
+        Parameters
+        ----------
+        direction : str
+            Linear combination of rates, such as ``"d_x"`` or ``"d_x2 - d_x1"``.
+        surface_speed : str or float
+            Speed w(t) of the surface: u = direction − w.
+        unit : str
+            Unit of the friction force.
+        **values : float, str or list of these
+            The law's parameters: numbers, or formulas of the system's parameters.
+        """
+        return LawContact(self.name, direction, values, surface_speed, unit)
+
+    def known(self) -> dict[str, Parameter]:
+        """All its parameters."""
+        return {**self.parameters, **self.options}
+
+
+_F_C = Parameter(1.0, "N", "friction while sliding", "(0, inf)")
+_F_S = Parameter(1.5, "N", "largest force at rest", "(0, inf)")
+_V_S = Parameter(0.2, "m/s", "speed at which friction falls", "(0, inf)")
+_K = Parameter(4.0, "N/m", "stiffness before it slides", "(0, inf)")
+_B = Parameter(0.0, "N*s/m", "viscous part: what a unit of speed adds", "[0, inf)")
+
+coulomb: Law = Law(
+    "coulomb",
+    "Coulomb's friction",
+    "Coulomb 1785",
+    "The force is F_c against the motion, whatever the speed, and anything up to F_c at rest.",
+    parameters={"F_c": _F_C},
+    options={"b": _B},
+    threshold="F_c",
+    kinetic="F_c + b*speed",
+)
+
+static_kinetic: Law = Law(
+    "static_kinetic",
+    "Static above kinetic friction",
+    "Coulomb 1785; Popov 2010, chapter 12",
+    "At rest the contact holds F_s; once it slides, the force is F_c.",
+    parameters={"F_s": _F_S, "F_c": _F_C},
+    options={"b": _B},
+    threshold="F_s",
+    kinetic="F_c + b*speed",
+)
+
+stribeck: Law = Law(
+    "stribeck",
+    "Stribeck's curve, exponential",
+    "Tustin 1947; Bo and Pavelescu 1982",
+    "Friction falls from F_s to F_c as the speed exceeds v_s: exp(−|u|/v_s).",
+    parameters={"F_s": _F_S, "F_c": _F_C, "v_s": _V_S},
+    options={"b": _B},
+    threshold="F_s",
+    kinetic="F_c + (F_s - F_c)*exp(-speed/v_s) + b*speed",
+)
+
+stribeck_gaussian: Law = Law(
+    "stribeck_gaussian",
+    "Stribeck's curve, Gaussian",
+    "Armstrong-Hélouvry 1991",
+    "Friction falls from F_s to F_c as the speed exceeds v_s: exp(−(u/v_s)²).",
+    parameters={"F_s": _F_S, "F_c": _F_C, "v_s": _V_S},
+    options={"b": _B},
+    threshold="F_s",
+    kinetic="F_c + (F_s - F_c)*exp(-(speed/v_s)**2) + b*speed",
+)
+
+stribeck_lorentzian: Law = Law(
+    "stribeck_lorentzian",
+    "Stribeck's curve, Lorentzian",
+    "Hess and Soom 1990",
+    "Friction falls from F_s to F_c as the speed exceeds v_s: 1/(1 + (u/v_s)²).",
+    parameters={"F_s": _F_S, "F_c": _F_C, "v_s": _V_S},
+    options={"b": _B},
+    threshold="F_s",
+    kinetic="F_c + (F_s - F_c)/(1 + (speed/v_s)**2) + b*speed",
+)
+
+dahl: Law = Law(
+    "dahl",
+    "Dahl's solid friction",
+    "Dahl 1968, exponent 1",
+    "The force follows the way x alone: dF/dx = k (1 − sgn(u) F/F_c). At rest it stays what it is.",
+    parameters={"F_c": _F_C, "k": _K},
+    internal={"z": Internal("u - abs(u)*k*z/F_c", meaning="deflection")},
+    force="k*z",
+)
+
+bouc_wen: Law = Law(
+    "bouc_wen",
+    "Bouc's and Wen's hysteresis",
+    "Bouc 1967; Wen 1976; Ikhouane and Rodellar 2005, normalised form",
+    "With w = F/F_c: dw/dx = (k/F_c)(1 − sgn(u) σ |w|ⁿ⁻¹ w + (σ − 1)|w|ⁿ). A large n makes a sharp "
+    "knee; n = σ = 1 is Dahl's law. In Wen's notation A = 1, β + γ = (k/F_c)ⁿ, β = σ(β + γ).",
+    parameters={"F_c": _F_C, "k": _K},
+    options={
+        "n": Parameter(2.0, "", "sharpness of the knee", "[1, inf)"),
+        "sigma": Parameter(0.5, "", "share of β; less would create energy", "[0.5, inf)"),
+    },
+    functions={"w": "k*z/F_c"},
+    internal={
+        "z": Internal(
+            "u - sigma*abs(u)*abs(w)**(n - 1)*w + (sigma - 1)*u*abs(w)**n", meaning="deflection"
+        )
+    },
+    force="k*z",
+)
+
+lugre: Law = Law(
+    "lugre",
+    "LuGre: bristles on Stribeck's curve",
+    "Canudas de Wit, Olsson, Åström and Lischinsky 1995",
+    "Bristles of stiffness sigma_0 are bent by z; steady sliding has the force g(u) + sigma_2 u with "
+    "Stribeck's curve g.",
+    parameters={
+        "F_s": _F_S,
+        "F_c": _F_C,
+        "v_s": Parameter(1e-3, "m/s", "speed at which friction falls", "(0, inf)"),
+        "sigma_0": Parameter(1e5, "N/m", "stiffness of the bristles", "(0, inf)"),
+        "sigma_1": Parameter(316.2277660168379, "N*s/m", "damping of the bristles", "[0, inf)"),
+    },
+    options={"sigma_2": Parameter(0.0, "N*s/m", "viscous friction", "[0, inf)")},
+    functions={
+        "g": "F_c + (F_s - F_c)*exp(-(u/v_s)**2)",
+        "bending": "u - sigma_0*abs(u)*z/g",
+    },
+    internal={"z": Internal("bending", meaning="deflection of the bristles")},
+    force="sigma_0*z + sigma_1*bending + sigma_2*u",
+    stroke=(1e-4, 30.0),
+)
+
+elasto_plastic: Law = Law(
+    "elasto_plastic",
+    "Elasto-plastic bristles without drift",
+    "Dupont, Hayward, Armstrong and Altpeter 2002",
+    "As Dahl's and the LuGre law, but the bristles are purely elastic below z_b, so that small "
+    "loads do not make a body creep; at F_c/sigma_0 they slide.",
+    parameters={
+        "F_c": _F_C,
+        "sigma_0": Parameter(4.0, "N/m", "stiffness of the bristles", "(0, inf)"),
+    },
+    options={
+        "sigma_1": Parameter(0.0, "N*s/m", "damping of the bristles", "[0, inf)"),
+        "sigma_2": Parameter(0.0, "N*s/m", "viscous friction", "[0, inf)"),
+        "elastic": Parameter(0.7, "", "share of F_c below which nothing slides", "(0, 1)"),
+    },
+    functions={
+        "share(s)": "piecewise(s < elastic, 0, s < 1, "
+        "1/2 + sin(pi*(s - (1 + elastic)/2)/(1 - elastic))/2, 1)",
+        "w": "sigma_0*z/F_c",
+        "bending": "piecewise(u > 0, u*(1 - share(w)*w), u*(1 + share(-w)*w))",
+    },
+    internal={"z": Internal("bending", meaning="deflection of the bristles")},
+    force="sigma_0*z + sigma_1*bending + sigma_2*u",
+)
+
+jenkins: Law = Law(
+    "jenkins",
+    "Jenkins element: a slider behind a spring",
+    "Jenkins 1962",
+    "Elastic with stiffness k up to the force F_c, which it then keeps. As k grows it becomes "
+    "Coulomb's friction.",
+    parameters={"F_c": _F_C, "k": _K},
+    stiffness="k",
+    threshold="F_c",
+)
+
+maxwell_slip: Law = Law(
+    "maxwell_slip",
+    "Maxwell slip: some sliders in parallel",
+    "Iwan 1966; Lampaert, Swevers and Al-Bender 2002",
+    "Jenkins elements side by side: lists of their stiffnesses k and their forces F_c.",
+    parameters={"F_c": _F_C, "k": _K},
+    stiffness="k",
+    threshold="F_c",
+    several=("F_c", "k"),
+)
+
+iwan: Law = Law(
+    "iwan",
+    "Iwan's sliders with distributed strength",
+    "Iwan 1966; Segalman 2005 for the power law",
+    "Jenkins elements of equal stiffness k/elements that slide from displacements between 0 and "
+    "phi = F_c/k (2 + chi)/(1 + chi) on, with a density like its power chi. For many elements a "
+    "first loading gives k x (1 − (x/phi)^(1 + chi)/(2 + chi)), all together hold F_c.",
+    parameters={"F_c": _F_C, "k": _K},
+    options={
+        "chi": Parameter(0.0, "", "exponent of the distribution; 0 is uniform", "(-1, inf)"),
+        "elements": Parameter(10, "", "how many sliders", "[1, 1000]"),
+    },
+    functions={"phi": "F_c/k*(2 + chi)/(1 + chi)"},
+    stiffness="k/elements",
+    threshold="k/elements*phi*((i - 1/2)/elements)**(1/(1 + chi))",
+)
+
+
+def names() -> list[str]:
+    """Names of all laws."""
+    return sorted(name for name, value in globals().items() if isinstance(value, Law))
+
+
+def get(name: str, where: str = "laws") -> Law:
+    """The law of that name; `where` is what an error names.
+
+    Raises
+    ------
+    DeclarationError
+        If there is none.
+    """
+    known = names()
+    if name not in known:
+        raise DeclarationError(
+            where,
+            f"there is no law '{short(name)}'",
+            suggestion(name.replace("-", "_").lower(), known),
+        )
+    return globals()[name]

@@ -1,0 +1,337 @@
+"""A system whose contacts have laws with names, written out: thresholds, forces, internal
+variables and sliders behind springs, with the contact's name behind each of their names.
+
+Nothing that computes knows a law: what is left of it is a declaration like any other.
+"""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from stickslip.errors import DeclarationError, suggestion
+from stickslip.model.names import DeclaredNames, parse_range
+from stickslip.model.schema import check_shape, entry_key, wrong_kind
+from stickslip.model.system import (
+    AnyContact,
+    Contact,
+    Coordinate,
+    Drive,
+    Formula,
+    Internal,
+    LawContact,
+    RateIndependent,
+    System,
+)
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.formulas import Scope, formula_text, is_finite, parse_signature
+
+if TYPE_CHECKING:
+    from stickslip.model.laws import Law
+
+_WORD = re.compile(r"(?<![\w.])[A-Za-z]\w*")  # a name in a formula, not the e of 1e5
+_MOST_ELEMENTS = 1000
+
+
+def written_out(system: System) -> System:
+    """The same system without laws; the system itself if it has none.
+
+    Raises
+    ------
+    DeclarationError
+        If a law does not exist, or its parameters are unknown, missing or out of their range.
+    """
+    check_shape(system)
+    if not any(isinstance(contact, LawContact) for contact in system.contacts.values()):
+        return system
+    work = _WrittenOut(system)
+    for name, contact in system.contacts.items():
+        if isinstance(contact, LawContact):
+            work.law(name, contact)
+        else:
+            work.contacts[name] = contact
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # its doubts are those of the system, which says them
+        try:
+            plain = work.result()
+        except DeclarationError as error:
+            raise work.in_the_words_of_the_law(error) from None
+    for where, name, text in work.ranges:
+        plain.declaration.limit(where, name, parse_range(text, where))
+    plain.declaration.check_limits(system.values)
+    return plain
+
+
+def key_of(name: str) -> str:
+    """The name of a contact as the end of a name in formulas."""
+    return re.sub(r"\W", "_", name, flags=re.ASCII)
+
+
+class _WrittenOut:
+    """The parts of a system while its laws are written out.
+
+    Attributes
+    ----------
+    ranges : list of (str, str, str)
+        Of each parameter of a law: where it stands, what it is called now, its range.
+    origins : dict of str to str
+        Where in the system as it was declared a part of the new one comes from.
+    """
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self.functions: dict[str, Formula] = dict(system.functions)
+        self.coordinates: dict[str, Coordinate] = dict(system.coordinates)
+        self.internal: dict[str, Internal] = dict(system.internal)
+        self.contacts: dict[str, AnyContact] = {}
+        self.potential: list[Formula] = [system.potential]
+        self.initial = dict(system.initial)
+        self.translation = dict(system.translation)
+        self.ranges: list[tuple[str, str, str]] = []
+        self.origins: dict[str, str] = {}
+
+    def result(self) -> System:
+        parts = [part for part in self.potential if part != 0.0] or [0.0]
+        return replace(
+            self.system,
+            functions=self.functions,
+            coordinates=self.coordinates,
+            internal=self.internal,
+            contacts=self.contacts,
+            potential=" + ".join(map(str, parts)) if len(parts) > 1 else parts[0],
+            initial=self.initial,
+            translation=self.translation,
+        )
+
+    def in_the_words_of_the_law(self, error: DeclarationError) -> DeclarationError:
+        """An error of the plain system, said of what was declared."""
+        for part, origin in self.origins.items():
+            if error.where == part or error.where.startswith(f"{part}."):
+                return DeclarationError(origin, error.reason, error.remedy)
+        return error
+
+    def law(self, name: str, contact: LawContact) -> None:
+        """Write one contact out."""
+        from stickslip.model.laws import get
+
+        where = entry_key("contacts", name)
+        law = get(contact.law, f"{where}.law")
+        known = law.known()
+        for given in contact.values:
+            if given not in known:
+                raise DeclarationError(
+                    f"{where}.{given}",
+                    f"'{law.name}' has no such parameter",
+                    suggestion(given, known),
+                )
+        for needed, parameter in law.parameters.items():
+            if needed not in contact.values:
+                raise DeclarationError(
+                    f"{where}.{needed}",
+                    f"the {parameter.meaning} is missing",
+                    f"Add it, as in: {needed} = {parameter.default:g}",
+                )
+        key = key_of(name)
+        words = {own: f"{own}_{key}" for own in (*known, *law.internal)}
+        signatures = {text: parse_signature(text, text)[0] for text in law.functions}
+        words |= {own: f"{own}_{key}" for own in signatures.values()}
+        words |= {"u": f"u_{key}"}
+        slopes = self.slopes(contact, where)
+        if law.stiffness:
+            self.sliders(name, contact, law, words, slopes)
+            return
+        for own, parameter in known.items():
+            value = contact.values.get(own, parameter.default)
+            self.define(f"{where}.{own}", words[own], value, parameter.range)
+        for text, body in law.functions.items():
+            self.take(self.functions, _renamed(text, words), _renamed(body, words), where)
+        if law.threshold:
+            self.contacts[name] = Contact(
+                contact.direction,
+                _renamed(law.threshold, words),
+                contact.surface_speed,
+                _renamed(law.kinetic, words) if law.kinetic else None,
+                contact.unit,
+            )
+            return
+        velocity = f"{contact.direction} - ({contact.surface_speed})"
+        velocity = contact.direction if contact.surface_speed == 0.0 else velocity
+        self.take(self.functions, words["u"], velocity, where)
+        self.origins[f"functions.{words['u']}"] = f"{where}.direction"
+        unit = self.unit_of_way(slopes)
+        for own, internal in law.internal.items():
+            meaning = f"{internal.meaning} of {name}"
+            part = Internal(_renamed(str(internal.law), words), unit, meaning)
+            self.take(self.internal, words[own], part, where)
+            self.origins[f"internal.{words[own]}"] = where
+        force = f"force_{key}"
+        self.take(self.functions, force, _renamed(law.force, words), where)
+        for x, slope in slopes.items():
+            self.push(x, slope, force)
+
+    def slopes(self, contact: LawContact, where: str) -> dict[str, str]:
+        """Coefficients of the rates in a direction, by coordinate."""
+        system = self.system
+        names = DeclaredNames()
+        names.functions("functions", system.functions)
+        names.functions("drives", system.drives, clock="t")
+        known = ["t", *system.parameters, *system.coordinates, *system.internal]
+        rates = {f"d_{x}": ex.sym(f"d_{x}") for x in system.coordinates}
+        scope = Scope({name: ex.sym(name) for name in known} | rates, names.with_derivatives())
+        text = scope.parse(contact.direction, f"{where}.direction")
+        found: dict[str, str] = {}
+        for x in system.coordinates:
+            slope = ex.derivative(text, f"d_{x}")
+            if slope.symbols & rates.keys() or ex.bends(text, rates):
+                raise DeclarationError(
+                    f"{where}.direction",
+                    "not a linear combination of rates",
+                    "Write it like 'd_x' or 'd_x2 - d_x1'",
+                )
+            if slope is not ex.ZERO:
+                found[x] = formula_text(slope, f"{where}.direction")
+        rest = ex.substitute(text, dict.fromkeys(rates, ex.ZERO))
+        if rest is not ex.ZERO:
+            raise DeclarationError(
+                f"{where}.direction",
+                f"it contains '{formula_text(rest, where)}', which is no rate",
+                "Put it under surface_speed",
+            )
+        return found
+
+    def unit_of_way(self, slopes: Mapping[str, str]) -> str:
+        """The unit of displacements along a direction, if all coordinates say the same."""
+        units = {self.system.coordinates[x].unit for x in slopes}
+        return units.pop() if len(units) == 1 else ""
+
+    def define(self, where: str, name: str, value: object, interval: str) -> None:
+        """A parameter of a law as a function without arguments."""
+        if isinstance(value, tuple):
+            raise wrong_kind(value, "Formula", where)
+        if isinstance(value, int | float):
+            parse_range(interval, where).check(value, where)
+        self.take(self.functions, name, value, where)
+        self.origins[f"functions.{name}"] = where
+        self.ranges.append((where, name, interval))
+
+    def take(self, section: dict[str, object], name: str, part: object, where: str) -> None:
+        """Add a part that the law needs, unless the system has something of that name."""
+        bare = parse_signature(name, where)[0]
+        system = self.system
+        drives: Mapping[str, Drive] = system.drives
+        declared = {parse_signature(f, f)[0] for f in (*self.functions, *drives)}
+        if bare in {*system.parameters, *self.coordinates, *self.internal, *declared}:
+            raise DeclarationError(
+                where, f"its law needs the name '{bare}', which is taken", "Rename one of the two"
+            )
+        section[name] = part
+
+    def push(self, x: str, slope: str, force: str) -> None:
+        """Let a force act against the velocity, on one coordinate."""
+        coordinate = self.coordinates[x]
+        term = {"1": f"-{force}", "-1": force}.get(slope, f"-({slope})*{force}")
+        before = coordinate.force
+        total = term if before == 0.0 else f"{before} {term if term[0] == '-' else '+ ' + term}"
+        self.coordinates[x] = replace(coordinate, force=total)
+
+    def sliders(
+        self,
+        name: str,
+        contact: LawContact,
+        law: Law,
+        words: Mapping[str, str],
+        slopes: Mapping[str, str],
+    ) -> None:
+        """Sliders behind springs, in parallel: each a rate-independent coordinate with a contact.
+
+        Parameters
+        ----------
+        name : str
+        contact : LawContact
+        law : Law
+        words : mapping of str to str
+            What the law's own names become.
+        slopes : mapping of str to str
+            Coefficients of the direction.
+        """
+        where, key = entry_key("contacts", name), key_of(name)
+        known = law.known()
+        values = {own: contact.values.get(own, p.default) for own, p in known.items()}
+        count = self.how_many(values, law, where)
+        for own, parameter in known.items():
+            if own in law.several:
+                for i, value in enumerate(values[own]):  # type: ignore[arg-type]
+                    self.define(f"{where}.{own}", f"{words[own]}_{i + 1}", value, parameter.range)
+            elif own != "elements":
+                self.define(f"{where}.{own}", words[own], values[own], parameter.range)
+        for text, body in law.functions.items():
+            self.take(self.functions, _renamed(text, words), _renamed(body, words), where)
+        unit = self.unit_of_way(slopes)
+        terms = [f"{x}" if c == "1" else f"({c})*{x}" for x, c in slopes.items()]
+        way = " + ".join(terms) or "0"
+        for i in range(1, count + 1):
+            index = f"_{i}" if count > 1 else ""
+            numbered = {own: f"{words[own]}_{i}" for own in law.several}
+            each = {**words, **numbered, "i": str(i), "elements": str(count)}
+            slider = f"r_{key}{index}"
+            label = f"{name} {i}" if count > 1 else name
+            part = RateIndependent(unit, f"place of the slider of {label}")
+            self.take(self.coordinates, slider, part, where)
+            if label in {*self.contacts, *self.system.contacts} - {name}:
+                raise DeclarationError(
+                    where, f"its law needs the name '{label}', which is taken", "Rename one"
+                )
+            self.contacts[label] = Contact(
+                f"d_{slider}",
+                _renamed(law.threshold, each),
+                contact.surface_speed,
+                unit=contact.unit,
+            )
+            self.origins[entry_key("contacts", label)] = where
+            self.potential.append(f"({_renamed(law.stiffness, each)})/2*({way} - {slider})**2")
+            self.start(slider, slopes)
+
+    def how_many(self, values: Mapping[str, object], law: Law, where: str) -> int:
+        """The number of elements: that of the lists, or a whole number."""
+        lengths = {}
+        for own in law.several:
+            value = values[own]
+            if not isinstance(value, tuple) or not value:
+                raise DeclarationError(
+                    f"{where}.{own}",
+                    "expected a list, an entry for each element",
+                    f"Write it like {own} = [1.0, 0.5]",
+                )
+            lengths[own] = len(value)
+        if len(set(lengths.values())) > 1:
+            said = " and ".join(f"{own} has {n}" for own, n in lengths.items())
+            raise DeclarationError(where, f"its lists differ: {said}", "Give lists of one length")
+        if lengths:
+            return next(iter(lengths.values()))
+        count = values.get("elements", 1)
+        if not is_finite(count) or count != int(count) or not 1 <= count <= _MOST_ELEMENTS:
+            raise DeclarationError(
+                f"{where}.elements",
+                f"not a whole number between 1 and {_MOST_ELEMENTS}",
+                "Write it like elements = 10",
+            )
+        return int(count)
+
+    def start(self, slider: str, slopes: Mapping[str, str]) -> None:
+        """Let the spring of a slider be relaxed at the start, and be shifted with the system."""
+        try:
+            weights = {x: float(slope) for x, slope in slopes.items()}
+        except ValueError:
+            return  # the direction depends on parameters
+        for section in (self.initial, self.translation):
+            given = {x: float(section[x]) for x in weights if x in section}
+            if given:
+                section.setdefault(slider, sum(weights[x] * a for x, a in given.items()))
+
+
+def _renamed(text: str, words: Mapping[str, str]) -> str:
+    """A formula of a law with the names that its own have in the system."""
+    return _WORD.sub(lambda match: words.get(match[0], match[0]), text)
