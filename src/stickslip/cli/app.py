@@ -12,7 +12,7 @@ from stickslip import __version__
 from stickslip.cli import evolving, orbits, sweeping
 from stickslip.cli.added import add_commands
 from stickslip.cli.ending import NOT_CERTIFIED, guarded
-from stickslip.cli.present import Model, ParameterOptions
+from stickslip.cli.present import Model, Out, ParameterOptions
 from stickslip.results import Summary, certificate_rows
 
 app: typer.Typer = typer.Typer(
@@ -83,6 +83,25 @@ def show(
         typer.echo(system.equations(latex=True))
     else:
         typer.echo(str(system.equations()), nl=False)
+
+
+@app.command()
+@guarded
+def law(
+    name: Annotated[str | None, typer.Argument(metavar="[LAW]", help="The name of a law.")] = None,
+    settings: ParameterOptions = None,
+    out: Out = None,
+) -> None:
+    """List the friction laws, or show one: its equations, its source, and a picture of its loops.
+
+    Writes overview.png into the folder DIR.
+    """
+    from stickslip.cli.laws import list_laws, show_law
+
+    if name is None:
+        list_laws()
+    else:
+        show_law(name, settings or [], out)
 
 
 @app.command()

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
-_SUMMARY = "summary.json"
+SUMMARY = "summary.json"
 
 Model = Annotated[
     str,
@@ -91,7 +91,7 @@ class Files:
     @property
     def names(self) -> tuple[str, ...]:
         """All files of the folder."""
-        return (_SUMMARY, *([self.data] if self.data else []), *self.tables, PICTURE)
+        return (SUMMARY, *([self.data] if self.data else []), *self.tables, PICTURE)
 
 
 def present(
@@ -130,7 +130,7 @@ def present(
         for name, table in files.tables.items():
             table(result).to_csv(place / name, index=False)
         summary = _timed(result.summary(), heading or {}, time.perf_counter() - began)
-        (place / _SUMMARY).write_text(summary.to_json() + "\n", encoding="utf-8")
+        (place / SUMMARY).write_text(summary.to_json() + "\n", encoding="utf-8")
     add_picture(folder, result.plot)
     print_summary(summary, json_, [("written", written(folder, files.names))])
     for warning in summary.data.get("warnings", ()):

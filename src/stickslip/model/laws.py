@@ -14,8 +14,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from typing import Any
+
 from stickslip.errors import DeclarationError, short, suggestion
-from stickslip.model.system import Formula, Internal, LawContact, Parameter
+from stickslip.model.system import Formula, Inertial, Internal, LawContact, Parameter, System
+
+_SHARES = {"F_c": (0.3, 0.4, 0.3), "k": (0.6, 0.3, 0.1)}  # of the elements of an example
 
 
 @dataclass(frozen=True)
@@ -90,6 +94,56 @@ class Law:
     def known(self) -> dict[str, Parameter]:
         """All its parameters."""
         return {**self.parameters, **self.options}
+
+    @property
+    def dry(self) -> bool:
+        """Whether it is a threshold and a sliding force, without a state of its own."""
+        return bool(self.threshold) and not self.stiffness
+
+    def specimen(self, values: Mapping[str, float] | None = None) -> System:
+        """A mass that slides under this law with the parameters of its example, or others."""
+        return self._example(
+            values,
+            coordinates={"x": Inertial("m", "position of a mass")},
+            parameters={"m": Parameter(1.0, "kg", "mass", "(0, inf)")},
+            kinetic="m/2*d_x**2",
+            contacts={"law": self("d_x", unit="N", **self._by_name())},
+        )
+
+    def driven(
+        self, amplitude: float, omega: float, values: Mapping[str, float] | None = None
+    ) -> System:
+        """This law alone under the displacement A sin ωt of its surface against u."""
+        return self._example(
+            values,
+            drives={"X": f"{amplitude!r}*sin({omega!r}*t)"},
+            contacts={"law": self("0", surface_speed="-d_X", unit="N", **self._by_name())},
+        )
+
+    def _by_name(self) -> dict[str, Formula | tuple[Formula, ...]]:
+        """Its parameters, called by their names; some elements share what is a list."""
+        return {
+            name: tuple(f"{share}*{name}" for share in _SHARES[name])
+            if name in self.several
+            else int(p.default)
+            if name == "elements"
+            else name
+            for name, p in self.known().items()
+        }
+
+    def _example(self, values: Mapping[str, float] | None, **parts: Any) -> System:
+        own = {name: p for name, p in self.known().items() if name != "elements"}
+        parameters = {**parts.pop("parameters", {}), **own}
+        system = System(
+            self.name,
+            self.title,
+            self.source,
+            parameters=parameters,
+            time_unit="s",
+            span=(0.0, 1.0),
+            **parts,
+        )
+        return system.configure(values or {})
 
 
 _F_C = Parameter(1.0, "N", "friction while sliding", "(0, inf)")
@@ -210,8 +264,8 @@ elasto_plastic: Law = Law(
     "elasto_plastic",
     "Elasto-plastic bristles without drift",
     "Dupont, Hayward, Armstrong and Altpeter 2002",
-    "As Dahl's and the LuGre law, but the bristles are purely elastic below z_b, so that small "
-    "loads do not make a body creep; at F_c/sigma_0 they slide.",
+    "As Dahl's and the LuGre law, but the bristles are purely elastic below a share of F_c, "
+    "so that small loads do not make a body creep; at F_c they slide.",
     parameters={
         "F_c": _F_C,
         "sigma_0": Parameter(4.0, "N/m", "stiffness of the bristles", "(0, inf)"),

@@ -10,7 +10,8 @@ import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from functools import cached_property
+from typing import TYPE_CHECKING, cast
 
 from stickslip.errors import DeclarationError, suggestion
 from stickslip.model.names import DeclaredNames, parse_range
@@ -27,7 +28,7 @@ from stickslip.model.system import (
     System,
 )
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.formulas import Scope, formula_text, is_finite, parse_signature
+from stickslip.symbolic.formulas import NAME, Scope, formula_text, is_finite, parse_signature
 
 if TYPE_CHECKING:
     from stickslip.model.laws import Law
@@ -145,7 +146,7 @@ class _WrittenOut:
             return
         for own, parameter in known.items():
             value = contact.values.get(own, parameter.default)
-            self.define(f"{where}.{own}", words[own], value, parameter.range)
+            words[own] = self.define(f"{where}.{own}", words[own], value, parameter.range)
         for text, body in law.functions.items():
             self.take(self.functions, _renamed(text, words), _renamed(body, words), where)
         if law.threshold:
@@ -172,16 +173,22 @@ class _WrittenOut:
         for x, slope in slopes.items():
             self.push(x, slope, force)
 
-    def slopes(self, contact: LawContact, where: str) -> dict[str, str]:
-        """Coefficients of the rates in a direction, by coordinate."""
+    @cached_property
+    def scope(self) -> Scope:
+        """What names mean in the direction and the parameters of a law."""
         system = self.system
         names = DeclaredNames()
         names.functions("functions", system.functions)
         names.functions("drives", system.drives, clock="t")
         known = ["t", *system.parameters, *system.coordinates, *system.internal]
+        known += [f"d_{x}" for x in system.coordinates]
+        return Scope({name: ex.sym(name) for name in known}, names.with_derivatives())
+
+    def slopes(self, contact: LawContact, where: str) -> dict[str, str]:
+        """Coefficients of the rates in a direction, by coordinate."""
+        system = self.system
         rates = {f"d_{x}": ex.sym(f"d_{x}") for x in system.coordinates}
-        scope = Scope({name: ex.sym(name) for name in known} | rates, names.with_derivatives())
-        text = scope.parse(contact.direction, f"{where}.direction")
+        text = self.scope.parse(contact.direction, f"{where}.direction")
         found: dict[str, str] = {}
         for x in system.coordinates:
             slope = ex.derivative(text, f"d_{x}")
@@ -207,15 +214,20 @@ class _WrittenOut:
         units = {self.system.coordinates[x].unit for x in slopes}
         return units.pop() if len(units) == 1 else ""
 
-    def define(self, where: str, name: str, value: object, interval: str) -> None:
-        """A parameter of a law as a function without arguments."""
+    def define(self, where: str, name: str, value: object, interval: str) -> str:
+        """What a parameter of a law is called: by its value if that is a name, else a function
+        without arguments."""
         if isinstance(value, tuple):
             raise wrong_kind(value, "Formula", where)
-        if isinstance(value, int | float):
-            parse_range(interval, where).check(value, where)
-        self.take(self.functions, name, value, where)
-        self.origins[f"functions.{name}"] = where
+        meant = self.scope.parse(value, where)
+        if meant.symbols <= self.system.parameters.keys():
+            parse_range(interval, where).check(ex.evaluate(meant, self.system.values), where)
+        if isinstance(value, str) and NAME.match(value.strip()):
+            name = value.strip()
+        else:
+            self.take(self.functions, name, value, where)
         self.ranges.append((where, name, interval))
+        return name
 
     def take(self, section: dict[str, object], name: str, part: object, where: str) -> None:
         """Add a part that the law needs, unless the system has something of that name."""
@@ -242,7 +254,7 @@ class _WrittenOut:
         name: str,
         contact: LawContact,
         law: Law,
-        words: Mapping[str, str],
+        words: dict[str, str],
         slopes: Mapping[str, str],
     ) -> None:
         """Sliders behind springs, in parallel: each a rate-independent coordinate with a contact.
@@ -252,7 +264,7 @@ class _WrittenOut:
         name : str
         contact : LawContact
         law : Law
-        words : mapping of str to str
+        words : dict of str to str
             What the law's own names become.
         slopes : mapping of str to str
             Coefficients of the direction.
@@ -261,12 +273,14 @@ class _WrittenOut:
         known = law.known()
         values = {own: contact.values.get(own, p.default) for own, p in known.items()}
         count = self.how_many(values, law, where)
+        lists: dict[int, dict[str, str]] = {i: {} for i in range(1, count + 1)}
         for own, parameter in known.items():
             if own in law.several:
-                for i, value in enumerate(values[own]):  # type: ignore[arg-type]
-                    self.define(f"{where}.{own}", f"{words[own]}_{i + 1}", value, parameter.range)
+                for i, value in enumerate(cast(tuple[Formula, ...], values[own]), 1):
+                    place = f"{where}.{own}[{i - 1}]"
+                    lists[i][own] = self.define(place, f"{words[own]}_{i}", value, parameter.range)
             elif own != "elements":
-                self.define(f"{where}.{own}", words[own], values[own], parameter.range)
+                words[own] = self.define(f"{where}.{own}", words[own], values[own], parameter.range)
         for text, body in law.functions.items():
             self.take(self.functions, _renamed(text, words), _renamed(body, words), where)
         unit = self.unit_of_way(slopes)
@@ -274,8 +288,7 @@ class _WrittenOut:
         way = " + ".join(terms) or "0"
         for i in range(1, count + 1):
             index = f"_{i}" if count > 1 else ""
-            numbered = {own: f"{words[own]}_{i}" for own in law.several}
-            each = {**words, **numbered, "i": str(i), "elements": str(count)}
+            each = {**words, **lists[i], "i": str(i), "elements": str(count)}
             slider = f"r_{key}{index}"
             label = f"{name} {i}" if count > 1 else name
             part = RateIndependent(unit, f"place of the slider of {label}")

@@ -1,0 +1,136 @@
+"""The picture of a friction law: what force it has against a motion that is given."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from stickslip.arrays import Array
+from stickslip.figures.drawing.style import (
+    axis_label,
+    legend_above,
+    line_colours,
+    new_figure,
+    paper_style,
+)
+from stickslip.symbolic import expressions as ex
+
+if TYPE_CHECKING:
+    from stickslip.model.laws import Law
+
+_SHARES = (1.0, 0.5, 0.25)  # of the largest amplitude
+_SAMPLES = 401  # of a quarter of a period, and of half a period after it
+_REST = 1e-9  # of the largest speed, beside which a jump at rest is drawn
+
+
+def plot_law(law: Law, values: Mapping[str, float] | None = None) -> Figure:
+    """Loops of the force over the displacement and over the velocity, for sines of three
+    amplitudes: the first loading and one period after it.
+
+    Parameters
+    ----------
+    law : Law
+    values : mapping of str to float, optional
+        Its parameters; by default those of its example.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    with paper_style():
+        figure = new_figure(7.2, 3.8)
+        figure.suptitle(law.title, x=0.01, ha="left", fontsize=13)
+        left, right = figure.subplots(1, 2, sharey=True)
+        amplitude, omega = law.stroke
+        for share, colour in zip(_SHARES, line_colours(len(_SHARES)), strict=True):
+            t, x, u, force = loop(law, share * amplitude, omega, values)
+            label = f"$A = {_number(share * amplitude)}$"
+            left.plot(x, force, color=colour, label=label)
+            right.plot(u, force, color=colour, label=label)
+        left.set_xlabel(axis_label(["x"], "m"))
+        right.set_xlabel(axis_label(["u"], "m/s"))
+        left.set_ylabel("friction force  [N]")
+        for axes in (left, right):
+            _through_zero(axes)
+        legend_above(left)
+        return figure
+
+
+def loop(
+    law: Law, amplitude: float, omega: float, values: Mapping[str, float] | None = None
+) -> tuple[Array, Array, Array, Array]:
+    """Time, displacement, velocity and force of a law under x = A sin ωt, from the unloaded state
+    on, for one period and a quarter.
+
+    Parameters
+    ----------
+    law : Law
+    amplitude, omega : float
+    values : mapping of str to float, optional
+        The law's parameters; by default those of its example.
+
+    Returns
+    -------
+    t, x, u, force : arrays, shape (n,)
+        The force is positive where it resists u > 0. Where u vanishes there are two entries, of
+        just before and just after.
+    """
+    quarter = math.pi / (2.0 * omega)
+    ends = np.array([0.0, 1.0, 3.0, 5.0]) * quarter
+    t = np.concatenate([np.linspace(a, b, _SAMPLES) for a, b in zip(ends, ends[1:], strict=False)])
+    side = np.repeat([1.0, -1.0, 1.0], _SAMPLES)  # the direction of motion
+    x = amplitude * np.sin(omega * t)
+    u = amplitude * omega * np.cos(omega * t)
+    u = side * np.maximum(side * u, 0.0)
+    if law.dry:
+        return t, x, u, side * _sliding(law, np.abs(u), values)
+    system = law.driven(amplitude, omega, values)
+    from stickslip.motion.simulate import simulate
+
+    motion = simulate(system, (0.0, float(ends[-1])))
+    at = motion.at(t)
+    if law.stiffness:
+        force = -sum(at[name] for name in at if name.startswith("friction_"))
+        return t, x, u, np.asarray(force)
+    d = system.declaration
+    formula = d.scope.parse("force_law", "law")
+    known = {**system.values, "t": 0.0}
+    rows = np.stack([at[name] for name in d.state], axis=1)
+    states = (dict(zip(d.state, map(float, row), strict=True)) for row in rows)
+    found = [
+        ex.evaluate(formula, {**known, **state, "t": float(time)})
+        for time, state in zip(t, states, strict=True)
+    ]
+    return t, x, u, np.array(found)
+
+
+def _sliding(law: Law, speed: Array, values: Mapping[str, float] | None) -> Array:
+    """The force of a dry contact while it slides; what it holds, where it is at rest."""
+    system = law.specimen(values)
+    (contact,) = system.declaration.contacts
+    fastest = float(np.max(speed))
+    given = system.values
+    return np.array(
+        [
+            ex.evaluate(contact.kinetic_plus, {**given, "speed": float(v)})
+            if v > _REST * fastest
+            else ex.evaluate(contact.plus, given)
+            for v in speed
+        ]
+    )
+
+
+def _number(value: float) -> str:
+    """A number in mathtext."""
+    digits, _, exponent = f"{value:.3g}".partition("e")
+    return rf"{digits}\cdot 10^{{{int(exponent)}}}" if exponent else digits
+
+
+def _through_zero(axes: Axes) -> None:
+    axes.axhline(0.0, color="0.8", lw=0.6, zorder=0)
+    axes.axvline(0.0, color="0.8", lw=0.6, zorder=0)
