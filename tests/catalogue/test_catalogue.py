@@ -23,8 +23,15 @@ from stickslip.symbolic.expressions import Expr
 SOURCE = Path(stickslip.__file__).parent
 ISSUED = [
     "belt_block",
+    "belt_stribeck",
     "block_chain",
+    "bowed_string",
+    "brake_mode_coupling",
+    "drill_string",
     "forced_oscillator",
+    "iwan_oscillator",
+    "jenkins_oscillator",
+    "lugre_positioner",
     "oscillating_play",
     "plate_compactor",
     "prandtl_tomlinson",
@@ -33,8 +40,11 @@ ISSUED = [
     "rocking_toy_inertial",
     "scaled_slider",
     "scaled_slider_limit",
+    "sliding_base",
     "spring_slider",
+    "stick_slip_actuator",
     "two_leg_crawler",
+    "wiggly_energy",
 ]
 
 
@@ -101,7 +111,13 @@ def test_start_is_stable(name):
 
 
 def test_units_are_given_throughout_or_nowhere():
-    dimensionless = {"oscillating_play", "spring_slider", "scaled_slider", "scaled_slider_limit"}
+    dimensionless = {
+        "oscillating_play",
+        "spring_slider",
+        "scaled_slider",
+        "scaled_slider_limit",
+        "wiggly_energy",
+    }
     for name in ISSUED:
         system = catalogue.get(name)
         units = [

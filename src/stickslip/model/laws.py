@@ -221,7 +221,7 @@ bouc_wen: Law = Law(
     "bouc_wen",
     "Bouc's and Wen's hysteresis",
     "Bouc 1967; Wen 1976; Ikhouane and Rodellar 2005, normalised form",
-    "With w = F/F_c: dw/dx = (k/F_c)(1 − sgn(u) σ |w|ⁿ⁻¹ w + (σ − 1)|w|ⁿ). A large n makes a sharp "
+    "With w = F/F_c: dw/dx = (k/F_c)(1 − (σ sgn(uw) − σ + 1)|w|ⁿ). A large n makes a sharp "
     "knee; n = σ = 1 is Dahl's law. In Wen's notation A = 1, β + γ = (k/F_c)ⁿ, β = σ(β + γ).",
     parameters={"F_c": _F_C, "k": _K},
     options={
@@ -231,7 +231,7 @@ bouc_wen: Law = Law(
     functions={"w": "k*z/F_c"},
     internal={
         "z": Internal(
-            "u - sigma*abs(u)*abs(w)**(n - 1)*w + (sigma - 1)*u*abs(w)**n", meaning="deflection"
+            "u - (sigma*abs(u)*sign(w) - (sigma - 1)*u)*abs(w)**n", meaning="deflection"
         )
     },
     force="k*z",
