@@ -22,7 +22,15 @@ from stickslip.model.units import UNIT_NAMES, agree, factors, in_si, lowest_term
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))
 PUBLISHED = [*ss.catalogue.names(), *(path.name for path in EXAMPLES)]
-DIMENSIONLESS = ("oscillating_play", "scaled_slider", "scaled_slider_limit", "spring_slider")
+DIMENSIONLESS = (
+    "oscillating_play",
+    "scaled_slider",
+    "scaled_slider_limit",
+    "spring_slider",
+    "wiggly_energy",
+)
+ENERGIES = {"prandtl_tomlinson": "aJ", "lugre_positioner": "m^2*kg/s^2"}  # no work at a contact
+ANGLES = ("psi", "theta", "phi")
 
 
 def published(name: str) -> ss.System:
@@ -126,19 +134,14 @@ def test_everything_published_has_its_unit(name: str) -> None:
         assert ("units" in values.attrs) != str(variable).startswith("mode_"), variable
     units = {str(variable): data[variable].attrs.get("units") for variable in data}
     energies = {units[energy] for energy in ("energy", "dissipated_energy", "supplied_energy")}
-    expected = (
-        "1"
-        if system.name in DIMENSIONLESS
-        else "aJ"
-        if system.name == "prandtl_tomlinson"
-        else "N*m"
-    )
+    expected = "1" if system.name in DIMENSIONLESS else ENERGIES.get(system.name, "N*m")
     assert energies == {expected}
     for q in system.declaration.inertial:
-        assert units[f"dd_{q}"] == ("rad/s^2" if q == "psi" else "m/s^2")
-    for contact in system.contacts:
-        assert units[f"slip_speed_{contact_key(contact)}"] == ("1" if expected == "1" else "m/s")
-        assert units[f"friction_{contact_key(contact)}"] == ("1" if expected == "1" else "N")
+        assert units[f"dd_{q}"] == ("rad/s^2" if q in ANGLES else "m/s^2")
+    for contact in system.dry_contacts:
+        slip, force = ("rad/s", "N*m") if system.name == "drill_string" else ("m/s", "N")
+        assert units[f"slip_speed_{contact_key(contact)}"] == ("1" if expected == "1" else slip)
+        assert units[f"friction_{contact_key(contact)}"] == ("1" if expected == "1" else force)
 
 
 def test_numbers_scale_as_their_units_say() -> None:

@@ -54,8 +54,8 @@ def test_jenkins_is_masing() -> None:
     assert force == pytest.approx(sliders(x, np.array([k]), np.array([F_c])), abs=1e-12)
     up, down, again = np.split(force, 3)
     assert up == pytest.approx(np.minimum(k * x[: len(up)], F_c), abs=1e-12)
-    first = np.interp((A - x[len(up) : 2 * len(up)]) / 2.0, x[: len(up)], up)
-    assert down == pytest.approx(F_c - 2.0 * first, abs=1e-5)  # interpolated
+    first = np.minimum(k * (A - x[len(up) : 2 * len(up)]) / 2.0, F_c)
+    assert down == pytest.approx(F_c - 2.0 * first, abs=1e-12)
     work = np.trapezoid(force[len(up) :], x[len(up) :])
     assert work == pytest.approx(4.0 * F_c * (A - F_c / k), abs=1e-4)  # by the trapezoidal rule
 
@@ -85,7 +85,10 @@ def test_iwan(chi: float) -> None:
     assert found == pytest.approx(expected, abs=1e-4)
     coarse = np.interp(up, x[: len(x) // 3], force[: len(x) // 3])
     assert coarse == pytest.approx(expected, abs=0.02)
-    assert many * k / many * phi * np.mean((np.arange(many) + 0.5) / many) * 0 == 0.0
+    holds = strengths(many)
+    loss = np.sum(4.0 * holds * np.maximum(A - holds * many / k, 0.0))
+    power = 4 * k * (1 + chi) * A ** (3 + chi) / ((2 + chi) * (3 + chi) * phi ** (1 + chi))
+    assert loss == pytest.approx(power, rel=2e-3)
     assert strengths(many).sum() == pytest.approx(F_c, rel=1e-3)
 
 

@@ -49,24 +49,22 @@ def test_least_bow_force() -> None:
 def test_drill_string_with_a_table_held_fast() -> None:
     system = ss.catalogue.drill_string()
     critical = system.evaluate("critical_speed")
-    assert stable(system, Omega=critical * 1.001, c_t=1e9)
-    assert not stable(system, Omega=critical * 0.999, c_t=1e9)
-    # soft torque: far below that speed, and stable
-    assert stable(system, Omega=0.8 * critical, c_t=system.evaluate("impedance"), k_t=50.0)
+    assert stable(system, Omega=critical * 1.001, c_t=1e6, k_t=1e9)
+    assert not stable(system, Omega=critical * 0.999, c_t=1e6, k_t=1e9)
 
 
 def test_stiff_damper_is_den_hartogs() -> None:
-    """Jenkins' oscillator tends to Den Hartog's as its spring becomes stiff, with an error like
-    1/k_d."""
+    """Jenkins' oscillator tends to Den Hartog's as its spring becomes stiff. At a turn the slider
+    lags by 2F_c/k_d, for a time like the root of that, and so does the amplitude."""
     values = {"m": 1.0, "k": 1.0, "F_c": 0.3, "P": 1.0, "omega": 0.8}
     amplitude = ss.catalogue.forced_oscillator(**values).evaluate("nonstop_amplitude")
     assert amplitude == pytest.approx(den_hartog.amplitude(0.8, 0.3))
     errors = []
-    for k_d in (1e3, 1e4):
+    for k_d in (400.0, 1600.0):
         cycle = ss.find_cycle(ss.catalogue.jenkins_oscillator(c=0.0, k_d=k_d, **values))
         errors.append(abs(cycle.extrema["x"][1] - amplitude))
-    assert errors[1] < 1e-4
-    assert errors[1] == pytest.approx(errors[0] / 10, rel=0.1)
+    assert errors[1] < 0.012
+    assert errors[1] == pytest.approx(errors[0] / 2, rel=0.01)
 
 
 def test_a_slider_that_sticks_is_a_spring() -> None:

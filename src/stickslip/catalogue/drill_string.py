@@ -8,7 +8,7 @@ def drill_string(**given: float | str) -> System:
     """Torsion of a drill string between a rotary table and a bit on Stribeck's curve.
 
     Angles are those in excess of even rotation, Ωt. The motor holds the table like a damper c_t
-    and a spring k_t; a damper near the impedance √(kJ) swallows the torsional waves (soft torque).
+    and a spring k_t, the proportional and the integral part of its control.
 
     Parameters
     ----------
@@ -55,7 +55,6 @@ def drill_string(**given: float | str) -> System:
         conditions={"falling": Condition("T_s > T_c", "the torque does not fall with the speed")},
         facts={
             "critical_speed": "omega_s*log((T_s - T_c)/(c*omega_s))",
-            "impedance": "sqrt(k*J)",
             "frequency": "sqrt(k/J)/(2*pi)",
         },
     ).configure(given)

@@ -16,7 +16,7 @@ def sliding_base(**given: float | str | TimeFunction) -> System:
     Parameters
     ----------
     **given : float or str or Samples
-        Parameters ``mu``, ``g``, ``S``; drive ``a`` (acceleration of the base, of t).
+        Parameters ``m``, ``mu``, ``g``, ``S``; drive ``a`` (acceleration of the base, of t).
 
     References
     ----------
@@ -30,14 +30,15 @@ def sliding_base(**given: float | str | TimeFunction) -> System:
         title="Block on a shaken base",
         source="Newmark 1965",
         parameters={
+            "m": Parameter(1.0, "kg", "mass", "(0, inf)"),
             "mu": Parameter(0.2, "1", "coefficient of friction", "[0, inf)"),
             "g": Parameter(9.81, "m/s^2", "acceleration of gravity", "(0, inf)"),
             "S": Parameter(1.0, "m/s^2", "what 1 in the record stands for", "(0, inf)"),
         },
         drives={"a": record},
-        coordinates={"x": Inertial("m", "displacement relative to the base", force="-S*a")},
-        kinetic="d_x**2/2",
-        contacts={"base": Contact("d_x", threshold="mu*g", unit="m/s^2")},
+        coordinates={"x": Inertial("m", "displacement relative to the base", force="-m*S*a")},
+        kinetic="m/2*d_x**2",
+        contacts={"base": Contact("d_x", threshold="mu*m*g", unit="N")},
         translation={"x": 1},
         span=(0, 10),
         time_unit="s",

@@ -43,7 +43,7 @@ def plot_law(law: Law, values: Mapping[str, float] | None = None) -> Figure:
     matplotlib.figure.Figure
     """
     with paper_style():
-        figure = new_figure(7.2, 3.8)
+        figure = new_figure(8.4, 3.8)
         figure.suptitle(law.title, x=0.01, ha="left", fontsize=13)
         left, right = figure.subplots(1, 2, sharey=True)
         amplitude, omega = law.stroke
@@ -55,6 +55,9 @@ def plot_law(law: Law, values: Mapping[str, float] | None = None) -> Figure:
         left.set_xlabel(axis_label(["x"], "m"))
         right.set_xlabel(axis_label(["u"], "m/s"))
         left.set_ylabel("friction force  [N]")
+        for axes in (left, right):
+            axes.ticklabel_format(axis="x", scilimits=(-2, 3), useMathText=True)
+            axes.locator_params(axis="x", nbins=5)
         for axes in (left, right):
             _through_zero(axes)
         legend_above(left)

@@ -9,7 +9,14 @@ from numbers import Real
 from typing import Any
 
 from stickslip.errors import DeclarationError, short
-from stickslip.model.system import AnyContact, Condition, Coordinate, Internal, Parameter
+from stickslip.model.system import (
+    AnyContact,
+    Condition,
+    Coordinate,
+    Internal,
+    LawContact,
+    Parameter,
+)
 from stickslip.symbolic.formulas import NAME, TimeFunction
 
 PLANAR = (
@@ -66,6 +73,8 @@ def check_shape(item: Any, where: str = "") -> None:
     """
     for entry in fields(item):
         key = f"{where}.{entry.name}" if where else entry.name
+        if isinstance(item, LawContact) and entry.name == "values":
+            key = where  # in a model file they stand beside the others
         _check_kind(getattr(item, entry.name), str(entry.type), key)
 
 
