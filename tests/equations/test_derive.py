@@ -178,7 +178,7 @@ class BySympy:
 
     def contact(self, i: int) -> tuple[Any, ...]:
         """Direction, thresholds s⁺ and s⁻, and kinetic forces of the i-th contact as declared."""
-        c = list(self.system.contacts.values())[i]
+        c = list(self.system.dry_contacts.values())[i]
         pairs = [
             f if isinstance(f, tuple) else (f, f) for f in (c.threshold, c.kinetic or c.threshold)
         ]
@@ -252,7 +252,7 @@ def test_forces_and_matrices(name: str, seed: int) -> None:
 def test_contacts(name: str, seed: int) -> None:
     system, derived, exact = pair(name)
     values = draw(system, seed) | {"speed": 0.7}
-    numbers = {contact: i for i, contact in enumerate(system.contacts)}
+    numbers = {contact: i for i, contact in enumerate(system.dry_contacts)}
     kinds = [c.kind for c in derived.contacts]
     assert kinds == sorted(kinds, key=["inertial", "viscous", "rate-independent"].index)
     for i, c in enumerate(derived.contacts):
@@ -268,7 +268,7 @@ def test_contacts(name: str, seed: int) -> None:
         ):
             check(ours, exact.value(theirs, values), own)
         check(
-            c.speed, exact.value(exact.read(system.contacts[c.name].surface_speed), values), values
+            c.speed, exact.value(exact.read(system.dry_contacts[c.name].surface_speed), values), values
         )
 
 
@@ -285,7 +285,7 @@ def test_rate_problem(name: str, seed: int) -> None:
     names = exact.kinds["rate-independent"]
     rates = exact.symbols("rate-independent", rate=True)
     acting = [c for c in derived.contacts if c.kind == "rate-independent"]
-    numbers = {contact: i for i, contact in enumerate(system.contacts)}
+    numbers = {contact: i for i, contact in enumerate(system.dry_contacts)}
     for i, (r, c) in enumerate(zip(names, acting, strict=True)):
         direction, plus, minus, *_ = exact.contact(numbers[c.name])
         weight = sp.diff(direction, rates[i])

@@ -181,7 +181,7 @@ class OneContact:
             **{f"d_{x}": w for x, w in zip(qs, v, strict=True)},
             "t": clock,
         }
-        contact = system.contacts["contact"]
+        contact = system.dry_contacts["contact"]
         kinetic, potential, viscous, direction, s, belt = (
             to_heyoka(text, scope)
             for text in (

@@ -7,12 +7,12 @@ import pytest
 
 import stickslip as ss
 from stickslip.figures.law import loop
-from stickslip.model.laws import Law
+from stickslip.model.laws import FrictionLaw
 
 
-def parts(law: Law, amplitude: float = 1.0, **values: float):
+def parts(law: FrictionLaw, amplitude: float = 1.0, **values: float):
     """Displacement and force in the first loading, on the way back, and forth again."""
-    t, x, u, force = loop(law, amplitude, 1.0, values)
+    _, x, _, force = loop(law, amplitude, 1.0, values)
     return [(a, b) for a, b in zip(np.split(x, 3), np.split(force, 3), strict=True)]
 
 
@@ -50,9 +50,9 @@ def sliders(x, k, strength):
 
 def test_jenkins_is_masing() -> None:
     F_c, k, A = 0.8, 3.0, 0.9
-    t, x, u, force = loop(ss.laws.jenkins, A, 2.0, {"F_c": F_c, "k": k})
+    _, x, _, force = loop(ss.laws.jenkins, A, 2.0, {"F_c": F_c, "k": k})
     assert force == pytest.approx(sliders(x, np.array([k]), np.array([F_c])), abs=1e-12)
-    up, down, again = np.split(force, 3)
+    up, down, _ = np.split(force, 3)
     assert up == pytest.approx(np.minimum(k * x[: len(up)], F_c), abs=1e-12)
     first = np.minimum(k * (A - x[len(up) : 2 * len(up)]) / 2.0, F_c)
     assert down == pytest.approx(F_c - 2.0 * first, abs=1e-12)
@@ -61,7 +61,7 @@ def test_jenkins_is_masing() -> None:
 
 
 def test_maxwell_slip() -> None:
-    t, x, u, force = loop(ss.laws.maxwell_slip, 1.0, 1.0, {"F_c": 2.0, "k": 3.0})
+    _, x, _, force = loop(ss.laws.maxwell_slip, 1.0, 1.0, {"F_c": 2.0, "k": 3.0})
     k, strength = 3.0 * np.array([0.6, 0.3, 0.1]), 2.0 * np.array([0.3, 0.4, 0.3])
     assert force == pytest.approx(sliders(x, k, strength), abs=1e-12)
 
@@ -71,7 +71,7 @@ def test_iwan(chi: float) -> None:
     """Ten sliders by hand; their distribution tends to the power law, whose first loading and whose
     loss in a cycle are closed."""
     F_c, k, A = 1.0, 4.0, 0.3
-    t, x, u, force = loop(ss.laws.iwan, A, 1.0, {"F_c": F_c, "k": k, "chi": chi})
+    _, x, _, force = loop(ss.laws.iwan, A, 1.0, {"F_c": F_c, "k": k, "chi": chi})
     phi = F_c / k * (2 + chi) / (1 + chi)
 
     def strengths(n: int):

@@ -13,7 +13,8 @@ def drill_string(**given: float | str) -> System:
     Parameters
     ----------
     **given : float or str
-        Parameters ``J``, ``J_t``, ``k``, ``c``, ``c_t``, ``k_t``, ``Omega``, ``T_s``, ``T_c``, ``omega_s``.
+        Parameters ``J``, ``J_t``, ``k``, ``c``, ``c_t``, ``k_t``, ``Omega``, ``T_s``, ``T_c``,
+        ``omega_s``.
 
     References
     ----------

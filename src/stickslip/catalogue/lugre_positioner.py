@@ -58,5 +58,7 @@ def lugre_positioner(**given: float | str) -> System:
         },
         span=(0, 40),
         time_unit="s",
-        conditions={"control": Condition("K_d*K_p > m*K_i", "the loop without friction is unstable")},
+        conditions={
+            "control": Condition("K_d*K_p > m*K_i", "the loop without friction is unstable")
+        },
     ).configure(given)

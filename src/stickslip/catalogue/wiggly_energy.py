@@ -6,8 +6,8 @@ from stickslip.model.system import Condition, Parameter, System, Viscous
 def wiggly_energy(**given: float | str) -> System:
     """Viscous motion in an energy with many small wells: dry friction in the limit ε → 0.
 
-    ε^γ ż + z + ρ cos(z/ε) = ℓ(t). The wells are as small as ε, their slopes are not: the load has to
-    exceed them by ρ. In the limit z is the play operator of ℓ with the threshold ρ, although no
+    ε^γ ż + z + ρ cos(z/ε) = ℓ(t). The wells are as small as ε, their slopes are not: the load
+    has to exceed them by ρ. In the limit z is the play operator of ℓ with the threshold ρ, although no
     term of the energy has it and the viscosity vanishes.
 
     Parameters
@@ -34,6 +34,8 @@ def wiggly_energy(**given: float | str) -> System:
         potential="z**2/2 + rho*epsilon*sin(z/epsilon) - ell*z",
         viscous="epsilon**gamma/2*d_z**2",
         span=(0, 5),
-        conditions={"wells": Condition("rho > epsilon", "the energy is convex: there are no wells")},
+        conditions={
+            "wells": Condition("rho > epsilon", "the energy is convex: there are no wells")
+        },
         facts={"threshold": "rho"},
     ).configure(given)

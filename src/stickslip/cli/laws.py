@@ -20,7 +20,7 @@ _FILES = (SUMMARY, PICTURE)
 
 def list_laws() -> None:
     """All laws with their sources, a line each."""
-    known = [laws.get(name) for name in laws.names()]
+    known = [laws.by_name(name) for name in laws.all_names()]
     names, titles = (max(len(getattr(law, key)) for law in known) for key in ("name", "title"))
     for law in known:
         typer.echo(f"{law.name:<{names}}   {law.title:<{titles}}   {law.source}")
@@ -34,7 +34,7 @@ def show_law(name: str, settings: Iterable[str], out: Path | None) -> None:
     DeclarationError
         If there is no such law, or a parameter is not admissible.
     """
-    law = laws.get(name)
+    law = laws.by_name(name)
     values = numbers(assignments(settings, "--set"), "--set")
     example = law.specimen(values)
     text = str(example.equations()).partition("\nStart")[0].rstrip()
@@ -46,7 +46,7 @@ def show_law(name: str, settings: Iterable[str], out: Path | None) -> None:
             json.dumps(data, indent=2, ensure_ascii=False) + "\n", encoding="utf-8"
         )
 
-    def draw():  # noqa: ANN202
+    def draw():
         from stickslip.figures.law import plot_law
 
         return plot_law(law, values)

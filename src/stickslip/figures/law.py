@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,20 +22,20 @@ from stickslip.figures.drawing.style import (
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
-    from stickslip.model.laws import Law
+    from stickslip.model.laws import FrictionLaw
 
 _SHARES = (1.0, 0.5, 0.25)  # of the largest amplitude
 _SAMPLES = 401  # of a quarter of a period, and of half a period after it
 _REST = 1e-9  # of the largest speed, beside which a jump at rest is drawn
 
 
-def plot_law(law: Law, values: Mapping[str, float] | None = None) -> Figure:
+def plot_law(law: FrictionLaw, values: Mapping[str, float] | None = None) -> Figure:
     """Loops of the force over the displacement and over the velocity, for sines of three
     amplitudes: the first loading and one period after it.
 
     Parameters
     ----------
-    law : Law
+    law : FrictionLaw
     values : mapping of str to float, optional
         Its parameters; by default those of its example.
 
@@ -48,7 +49,7 @@ def plot_law(law: Law, values: Mapping[str, float] | None = None) -> Figure:
         left, right = figure.subplots(1, 2, sharey=True)
         amplitude, omega = law.stroke
         for share, colour in zip(_SHARES, line_colours(len(_SHARES)), strict=True):
-            t, x, u, force = loop(law, share * amplitude, omega, values)
+            _, x, u, force = loop(law, share * amplitude, omega, values)
             label = f"$A = {_number(share * amplitude)}$"
             left.plot(x, force, color=colour, label=label)
             right.plot(u, force, color=colour, label=label)
@@ -65,14 +66,14 @@ def plot_law(law: Law, values: Mapping[str, float] | None = None) -> Figure:
 
 
 def loop(
-    law: Law, amplitude: float, omega: float, values: Mapping[str, float] | None = None
+    law: FrictionLaw, amplitude: float, omega: float, values: Mapping[str, float] | None = None
 ) -> tuple[Array, Array, Array, Array]:
     """Time, displacement, velocity and force of a law under x = A sin ωt, from the unloaded state
     on, for one period and a quarter.
 
     Parameters
     ----------
-    law : Law
+    law : FrictionLaw
     amplitude, omega : float
     values : mapping of str to float, optional
         The law's parameters; by default those of its example.
@@ -85,7 +86,7 @@ def loop(
     """
     quarter = math.pi / (2.0 * omega)
     ends = np.array([0.0, 1.0, 3.0, 5.0]) * quarter
-    t = np.concatenate([np.linspace(a, b, _SAMPLES) for a, b in zip(ends, ends[1:], strict=False)])
+    t = np.concatenate([np.linspace(a, b, _SAMPLES) for a, b in pairwise(ends)])
     side = np.repeat([1.0, -1.0, 1.0], _SAMPLES)  # the direction of motion
     x = amplitude * np.sin(omega * t)
     u = amplitude * omega * np.cos(omega * t)
@@ -112,7 +113,7 @@ def loop(
     return t, x, u, np.array(found)
 
 
-def _sliding(law: Law, speed: Array, values: Mapping[str, float] | None) -> Array:
+def _sliding(law: FrictionLaw, speed: Array, values: Mapping[str, float] | None) -> Array:
     """The force of a dry contact while it slides; what it holds, where it is at rest."""
     system = law.specimen(values)
     (contact,) = system.declaration.contacts

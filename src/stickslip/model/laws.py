@@ -1,7 +1,7 @@
 """Friction laws of the literature by their names, to be put where a contact stands.
 
 >>> import stickslip as ss
->>> ss.laws.names()[:3]
+>>> ss.laws.all_names()[:3]
 ['bouc_wen', 'coulomb', 'dahl']
 >>> foot = ss.laws.stribeck("d_x", F_s=2.0, F_c=1.0, v_s=0.1)
 
@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-
 from typing import Any
 
 from stickslip.errors import DeclarationError, short, suggestion
@@ -23,7 +22,7 @@ _SHARES = {"F_c": (0.3, 0.4, 0.3), "k": (0.6, 0.3, 0.1)}  # of the elements of a
 
 
 @dataclass(frozen=True)
-class Law:
+class FrictionLaw:
     """A friction law: a declaration with an open end.
 
     Its formulas use ``u``, the relative velocity of the contact, ``speed`` = |u| (in `kinetic`),
@@ -152,7 +151,7 @@ _V_S = Parameter(0.2, "m/s", "speed at which friction falls", "(0, inf)")
 _K = Parameter(4.0, "N/m", "stiffness before it slides", "(0, inf)")
 _B = Parameter(0.0, "N*s/m", "viscous part: what a unit of speed adds", "[0, inf)")
 
-coulomb: Law = Law(
+coulomb: FrictionLaw = FrictionLaw(
     "coulomb",
     "Coulomb's friction",
     "Coulomb 1785",
@@ -163,7 +162,7 @@ coulomb: Law = Law(
     kinetic="F_c + b*speed",
 )
 
-static_kinetic: Law = Law(
+static_kinetic: FrictionLaw = FrictionLaw(
     "static_kinetic",
     "Static above kinetic friction",
     "Coulomb 1785; Popov 2010, chapter 12",
@@ -174,7 +173,7 @@ static_kinetic: Law = Law(
     kinetic="F_c + b*speed",
 )
 
-stribeck: Law = Law(
+stribeck: FrictionLaw = FrictionLaw(
     "stribeck",
     "Stribeck's curve, exponential",
     "Tustin 1947; Bo and Pavelescu 1982",
@@ -185,7 +184,7 @@ stribeck: Law = Law(
     kinetic="F_c + (F_s - F_c)*exp(-speed/v_s) + b*speed",
 )
 
-stribeck_gaussian: Law = Law(
+stribeck_gaussian: FrictionLaw = FrictionLaw(
     "stribeck_gaussian",
     "Stribeck's curve, Gaussian",
     "Armstrong-Hélouvry 1991",
@@ -196,7 +195,7 @@ stribeck_gaussian: Law = Law(
     kinetic="F_c + (F_s - F_c)*exp(-(speed/v_s)**2) + b*speed",
 )
 
-stribeck_lorentzian: Law = Law(
+stribeck_lorentzian: FrictionLaw = FrictionLaw(
     "stribeck_lorentzian",
     "Stribeck's curve, Lorentzian",
     "Hess and Soom 1990",
@@ -207,7 +206,7 @@ stribeck_lorentzian: Law = Law(
     kinetic="F_c + (F_s - F_c)/(1 + (speed/v_s)**2) + b*speed",
 )
 
-dahl: Law = Law(
+dahl: FrictionLaw = FrictionLaw(
     "dahl",
     "Dahl's solid friction",
     "Dahl 1968, exponent 1",
@@ -217,7 +216,7 @@ dahl: Law = Law(
     force="k*z",
 )
 
-bouc_wen: Law = Law(
+bouc_wen: FrictionLaw = FrictionLaw(
     "bouc_wen",
     "Bouc's and Wen's hysteresis",
     "Bouc 1967; Wen 1976; Ikhouane and Rodellar 2005, normalised form",
@@ -230,19 +229,17 @@ bouc_wen: Law = Law(
     },
     functions={"w": "k*z/F_c"},
     internal={
-        "z": Internal(
-            "u - (sigma*abs(u)*sign(w) - (sigma - 1)*u)*abs(w)**n", meaning="deflection"
-        )
+        "z": Internal("u - (sigma*abs(u)*sign(w) - (sigma - 1)*u)*abs(w)**n", meaning="deflection")
     },
     force="k*z",
 )
 
-lugre: Law = Law(
+lugre: FrictionLaw = FrictionLaw(
     "lugre",
     "LuGre: bristles on Stribeck's curve",
     "Canudas de Wit, Olsson, Åström and Lischinsky 1995",
-    "Bristles of stiffness sigma_0 are bent by z; steady sliding has the force g(u) + sigma_2 u with "
-    "Stribeck's curve g.",
+    "Bristles of stiffness sigma_0 are bent by z; steady sliding has the force g(u) + sigma_2 u "
+    "with Stribeck's curve g.",
     parameters={
         "F_s": _F_S,
         "F_c": _F_C,
@@ -260,7 +257,7 @@ lugre: Law = Law(
     stroke=(1e-4, 30.0),
 )
 
-elasto_plastic: Law = Law(
+elasto_plastic: FrictionLaw = FrictionLaw(
     "elasto_plastic",
     "Elasto-plastic bristles without drift",
     "Dupont, Hayward, Armstrong and Altpeter 2002",
@@ -285,7 +282,7 @@ elasto_plastic: Law = Law(
     force="sigma_0*z + sigma_1*bending + sigma_2*u",
 )
 
-jenkins: Law = Law(
+jenkins: FrictionLaw = FrictionLaw(
     "jenkins",
     "Jenkins element: a slider behind a spring",
     "Jenkins 1962",
@@ -296,7 +293,7 @@ jenkins: Law = Law(
     threshold="F_c",
 )
 
-maxwell_slip: Law = Law(
+maxwell_slip: FrictionLaw = FrictionLaw(
     "maxwell_slip",
     "Maxwell slip: some sliders in parallel",
     "Iwan 1966; Lampaert, Swevers and Al-Bender 2002",
@@ -307,7 +304,7 @@ maxwell_slip: Law = Law(
     several=("F_c", "k"),
 )
 
-iwan: Law = Law(
+iwan: FrictionLaw = FrictionLaw(
     "iwan",
     "Iwan's sliders with distributed strength",
     "Iwan 1966; Segalman 2005 for the power law",
@@ -325,12 +322,12 @@ iwan: Law = Law(
 )
 
 
-def names() -> list[str]:
+def all_names() -> list[str]:
     """Names of all laws."""
-    return sorted(name for name, value in globals().items() if isinstance(value, Law))
+    return sorted(name for name, value in globals().items() if isinstance(value, FrictionLaw))
 
 
-def get(name: str, where: str = "laws") -> Law:
+def by_name(name: str, where: str = "laws") -> FrictionLaw:
     """The law of that name; `where` is what an error names.
 
     Raises
@@ -338,7 +335,7 @@ def get(name: str, where: str = "laws") -> Law:
     DeclarationError
         If there is none.
     """
-    known = names()
+    known = all_names()
     if name not in known:
         raise DeclarationError(
             where,

@@ -317,9 +317,9 @@ class System:
     @cached_property
     def plain(self) -> System:
         """The same system with the laws of its contacts written out: what is moved and shown."""
-        from stickslip.model.written_out import written_out
+        from stickslip.model.written_out import without_laws
 
-        return written_out(self)
+        return without_laws(self)
 
     @cached_property
     def dry_contacts(self) -> dict[str, Contact]:

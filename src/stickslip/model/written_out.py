@@ -31,13 +31,13 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.formulas import NAME, Scope, formula_text, is_finite, parse_signature
 
 if TYPE_CHECKING:
-    from stickslip.model.laws import Law
+    from stickslip.model.laws import FrictionLaw
 
 _WORD = re.compile(r"(?<![\w.])[A-Za-z]\w*")  # a name in a formula, not the e of 1e5
 _MOST_ELEMENTS = 1000
 
 
-def written_out(system: System) -> System:
+def without_laws(system: System) -> System:
     """The same system without laws; the system itself if it has none.
 
     Raises
@@ -116,10 +116,10 @@ class _WrittenOut:
 
     def law(self, name: str, contact: LawContact) -> None:
         """Write one contact out."""
-        from stickslip.model.laws import get
+        from stickslip.model.laws import by_name
 
         where = entry_key("contacts", name)
-        law = get(contact.law, f"{where}.law")
+        law = by_name(contact.law, f"{where}.law")
         known = law.known()
         for given in contact.values:
             if given not in known:
@@ -253,7 +253,7 @@ class _WrittenOut:
         self,
         name: str,
         contact: LawContact,
-        law: Law,
+        law: FrictionLaw,
         words: dict[str, str],
         slopes: Mapping[str, str],
     ) -> None:
@@ -263,7 +263,7 @@ class _WrittenOut:
         ----------
         name : str
         contact : LawContact
-        law : Law
+        law : FrictionLaw
         words : dict of str to str
             What the law's own names become.
         slopes : mapping of str to str
@@ -307,7 +307,7 @@ class _WrittenOut:
             self.potential.append(f"({_renamed(law.stiffness, each)})/2*({way} - {slider})**2")
             self.start(slider, slopes)
 
-    def how_many(self, values: Mapping[str, object], law: Law, where: str) -> int:
+    def how_many(self, values: Mapping[str, object], law: FrictionLaw, where: str) -> int:
         """The number of elements: that of the lists, or a whole number."""
         lengths = {}
         for own in law.several:

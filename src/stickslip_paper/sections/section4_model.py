@@ -61,7 +61,7 @@ def H_L(p: dict[str, float]) -> float:
 
 def threshold(system: ss.System, leg: str, values: dict[str, float]) -> float:
     """What a leg of the library holds."""
-    limit = system.contacts[leg].threshold
+    limit = system.dry_contacts[leg].threshold
     assert not isinstance(limit, tuple)  # the same forward and backward
     return system.evaluate(limit, values)
 

@@ -136,7 +136,9 @@ def compute(work: Work, columns: Mapping[str, Array], stop: Array) -> dict[str, 
 
 
 def _start(system: System, initial: Mapping[str, Array]) -> dict[str, Array | float]:
-    declared = {name: float(system.plain.initial.get(name, 0.0)) for name in system.declaration.state}
+    declared = {
+        name: float(system.plain.initial.get(name, 0.0)) for name in system.declaration.state
+    }
     return {**declared, **initial}
 
 
