@@ -392,3 +392,32 @@ def test_the_readme_runs() -> None:
     exec(compile(code, "README.md", "exec"), names)
     assert Path("block.png").is_file()
     assert isinstance(names["slider"], ss.System)
+
+
+# Laws.
+
+
+def test_laws_are_listed_and_shown(tmp_path: Path) -> None:
+    listed = stickslip("law").stdout.splitlines()
+    assert [line.split()[0] for line in listed] == ss.laws.all_names()
+    shown = stickslip("law", "stribeck", "--set", "v_s=0.5")
+    assert shown.exit_code == 0
+    assert "Tustin 1947" in shown.stdout
+    assert "λ = −(F_c + (F_s − F_c) exp(−|u|/v_s) + b |u|) sgn(u)" in shown.stdout
+    assert 'law = "stribeck", direction = "d_x", F_s = 1.5' in shown.stdout
+    folder = tmp_path / "out" / "stribeck-law"
+    assert (folder / "overview.png").stat().st_size > 10_000
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    assert summary["parameters"]["v_s"] == 0.5
+    assert stickslip("law", "stribeck").exit_code == 0  # again, over our own files
+
+
+def test_laws_that_are_wrong() -> None:
+    assert "Did you mean 'lugre'?" in refused(stickslip("law", "lugr"))
+    assert "outside the admissible range (0, inf)" in refused(
+        stickslip("law", "dahl", "--set", "k=-1")
+    )
+    assert "there is no parameter or function 'q'" in refused(
+        stickslip("law", "dahl", "--set", "q=1")
+    )
+    assert not Path("out").exists()

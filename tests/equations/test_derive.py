@@ -268,7 +268,9 @@ def test_contacts(name: str, seed: int) -> None:
         ):
             check(ours, exact.value(theirs, values), own)
         check(
-            c.speed, exact.value(exact.read(system.dry_contacts[c.name].surface_speed), values), values
+            c.speed,
+            exact.value(exact.read(system.dry_contacts[c.name].surface_speed), values),
+            values,
         )
 
 
