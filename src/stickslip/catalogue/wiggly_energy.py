@@ -6,8 +6,8 @@ from stickslip.model.system import Condition, Parameter, System, Viscous
 def wiggly_energy(**given: float | str) -> System:
     """Viscous motion in an energy with many small wells: dry friction in the limit ε → 0.
 
-    ε^γ ż + z + ρ cos(z/ε) = ℓ(t). The wells are as small as ε, their slopes are not: the load
-    has to exceed them by ρ. In the limit z is the play operator of ℓ with the threshold ρ, although no
+    ε^γ ż + z + ρ cos(z/ε) = ℓ(t). The wells are as small as ε, their slopes are not: the load must
+    exceed them by ρ. In the limit z is the play operator of ℓ with the threshold ρ, although no
     term of the energy has it and the viscosity vanishes.
 
     Parameters

@@ -119,8 +119,9 @@ def test_every_system_of_the_catalogue(name: str) -> None:
         off, size = (
             np.max(np.abs(x), axis=(1, 2)) for x in (found.after - expected.after, expected.after)
         )
-        # Rounding errors grow as changes do.
-        assert np.max(off / np.maximum.accumulate(np.maximum(size, 1e-300))) < 2e-13
+        # Rounding errors grow as changes do, and with the number of steps.
+        limit = 2e-13 + 1e-16 * len(off)
+        assert np.max(off / np.maximum.accumulate(np.maximum(size, 1e-300))) < limit
         assert found.corners == expected.corners
         assert found.grazings == expected.grazings
 
