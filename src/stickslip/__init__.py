@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from stickslip.equations.vector_field import VectorField, vector_field
     from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
     from stickslip.figures.drawing import style
-    from stickslip.model.samples import Samples
     from stickslip.model import laws
+    from stickslip.model.samples import Samples
     from stickslip.model.system import (
         Condition,
         Contact,

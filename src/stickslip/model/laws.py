@@ -73,7 +73,7 @@ class FrictionLaw:
         *,
         surface_speed: Formula = 0.0,
         unit: str = "",
-        **values: Formula | tuple[Formula, ...] | list[Formula],
+        **values: Formula | tuple[Formula, ...],
     ) -> LawContact:
         """A contact with this law.
 
@@ -106,7 +106,7 @@ class FrictionLaw:
             coordinates={"x": Inertial("m", "position of a mass")},
             parameters={"m": Parameter(1.0, "kg", "mass", "(0, inf)")},
             kinetic="m/2*d_x**2",
-            contacts={"law": self("d_x", unit="N", **self._by_name())},
+            contacts={"law": LawContact(self.name, "d_x", self._by_name(), unit="N")},
         )
 
     def driven(
@@ -116,7 +116,7 @@ class FrictionLaw:
         return self._example(
             values,
             drives={"X": f"{amplitude!r}*sin({omega!r}*t)"},
-            contacts={"law": self("0", surface_speed="-d_X", unit="N", **self._by_name())},
+            contacts={"law": LawContact(self.name, "0", self._by_name(), "-d_X", "N")},
         )
 
     def _by_name(self) -> dict[str, Formula | tuple[Formula, ...]]:

@@ -169,8 +169,10 @@ class LawContact:
     """
 
     law: str
-    direction: str
-    values: Mapping[str, Formula | tuple[Formula, ...]] = field(default_factory=dict)
+    direction: Direction
+    values: Mapping[str, Formula | tuple[Formula, ...]] = field(
+        default_factory=dict[str, Formula | tuple[Formula, ...]]
+    )
     surface_speed: Formula = 0.0
     unit: str = ""
 

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, TypeVar, cast
 
 from stickslip.errors import DeclarationError, suggestion
 from stickslip.model.names import DeclaredNames, parse_range
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 _WORD = re.compile(r"(?<![\w.])[A-Za-z]\w*")  # a name in a formula, not the e of 1e5
 _MOST_ELEMENTS = 1000
+_Part = TypeVar("_Part")
 
 
 def without_laws(system: System) -> System:
@@ -225,11 +226,11 @@ class _WrittenOut:
         if isinstance(value, str) and NAME.match(value.strip()):
             name = value.strip()
         else:
-            self.take(self.functions, name, value, where)
+            self.take(self.functions, name, cast(Formula, value), where)
         self.ranges.append((where, name, interval))
         return name
 
-    def take(self, section: dict[str, object], name: str, part: object, where: str) -> None:
+    def take(self, section: dict[str, _Part], name: str, part: _Part, where: str) -> None:
         """Add a part that the law needs, unless the system has something of that name."""
         bare = parse_signature(name, where)[0]
         system = self.system
