@@ -131,7 +131,10 @@ WRONG = [
     ('law = ["dahl", "lugre"], direction = "d_x"', "contacts.'foot'.law: a contact has one law"),
     ('law = 3, direction = "d_x"', "contacts.'foot'.law: expected a text, got a number"),
     ('law = "dahl", F_c = 1, k = 2', "contacts.'foot'.direction: this key is missing"),
-    ('law = "dahl", direction = 1, F_c = 1, k = 2', "contacts.'foot'.direction: expected a text"),
+    (
+        'law = "dahl", direction = 1, F_c = 1, k = 2',
+        "contacts.'foot'.direction: expected one linear",
+    ),
     (
         'law = "dahl", direction = "d_x", F_c = 1',
         "contacts.'foot'.k: the stiffness before it slides is missing. Add it, as in: k = 4",

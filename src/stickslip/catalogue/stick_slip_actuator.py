@@ -32,9 +32,7 @@ def stick_slip_actuator(**given: float | str) -> System:
             "share": Parameter(0.8, "1", "share of the way forth in the period", "(0, 1)"),
         },
         functions={"back": "(1 - share)*T"},
-        drives={
-            "rod": "A/(share*T) - (A/(share*T) + A/back)*(floor(t/T + 1 - share) - floor(t/T))"
-        },
+        drives={"rod": "piecewise(mod(t, T) < share*T, A/(share*T), -A/back)"},
         coordinates={"x": Inertial("m", "position of the slider")},
         kinetic="m/2*d_x**2",
         contacts={"rod contact": laws.coulomb("d_x", surface_speed="rod", unit="N", F_c="F_c")},
