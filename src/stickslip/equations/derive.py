@@ -7,8 +7,8 @@ The three kinds of coordinates pose the same linear problem, one time derivative
     rate-independent  H ṙ  − Jᵀλ̇  = −∂ₜ∂Φ,  stick: J ṙ = w,   slip: λ̇ = −σ ṡ
 
 with f the forces that are not from contacts. The rate of a viscous coordinate with a drag is the
-zero of drag(ż) + c ż − f, which increases with ż. All expressions here hold within one region of every
-function with kinks; which region, and which mode, is decided while the motion is computed.
+zero of drag(ż) + c ż − f, which increases with ż. All expressions here hold within one region of
+every function with kinks; which region, and which mode, is decided while the motion is computed.
 """
 
 from __future__ import annotations

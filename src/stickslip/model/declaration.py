@@ -450,9 +450,17 @@ class _Reader:
         values = {symbol: self.start[symbol] for symbol in drag.symbols}
         for v in (-10.0, -1.0, -0.1, -1e-3, 1e-3, 0.1, 1.0, 10.0):
             at = {**values, f"d_{name}": v}
+            if math.isnan(ex.evaluate(drag, at)):
+                others = ", ".join(f"{n} = {at[n]:g}" for n in sorted(at.keys() & self.state))
+                raise DeclarationError(
+                    f"coordinates.{name}.drag",
+                    f"the resistance is undefined at the start, at d_{name} = {v:g}"
+                    + (f", {others}" if others else ""),
+                    "Declare initial values at which it is a number",
+                )
             low, high = bounds(drag, {n: (a, a) for n, a in at.items()})
             # Refused is what feeds energy in for sure, not for rounding.
-            if math.isnan(ex.evaluate(drag, at)) or (high < 0.0 if v > 0.0 else low > 0.0):
+            if high < 0.0 if v > 0.0 else low > 0.0:
                 raise DeclarationError(
                     f"coordinates.{name}.drag",
                     f"the resistance feeds energy in at d_{name} = {v:g}",

@@ -38,8 +38,8 @@ def written_out(source: str) -> str:
     """The module of a system with the loop of its ``jets`` written out, where that makes it faster.
 
     It does where the series contain products of series, not too many, and neither a linear problem
-    that depends on the state nor a rate that solves an equation. Coefficients beyond order 0 are stored only for the rows that are read,
-    those of ``KEPT``.
+    that depends on the state nor a rate that solves an equation. Coefficients beyond order 0 are
+    stored only for the rows that are read, those of ``KEPT``.
     """
     module = ast.parse(source)
     jets = next(f for f in module.body if isinstance(f, ast.FunctionDef) and f.name == "jets")

@@ -53,6 +53,7 @@ IMPLICIT_ROW, WITHIN = int(Op.IMPLICIT), int(Op.WITHIN)
 # for a part of the state, how far its derivative strays.
 BALL, OFF, _NEAR, SLOPE = range(4)
 _LARGE = 700.0  # what the exponential function can take
+_WIDER = 1.05  # factor between what bounds such a rate and what is tried
 _TURNS = 6  # of an enclosure of a rate that solves an equation
 _SWEEPS = 40  # of an iteration that bounds the rates of the rate-independent coordinates
 
@@ -239,9 +240,9 @@ def spread_within(tape: DiscTape, i: int, turn: int) -> bool:
     """Disc of a rate v that solves G(v) = 0; False if what is behind its row has to be followed
     once more.
 
-    In the first turn v is held, and G strays by some g. With v in a disc of radius B the slope G′
-    stays in a disc, which is convex: so it is at least d = abs(G′) − its radius, in the mean too,
-    and v strays by at most g/d. That bounds v if g/d ≤ B (mean value, and v begins in the middle).
+    In the first turn v is held, and G strays by some g. While v is in a disc of radius B, G′ stays
+    in a disc, too, whose points are all at least d from zero, and so is their mean: v strays by at
+    most g/d. Since v begins in the middle, that is true throughout if g/d ≤ B.
     """
     code = tape.program.code
     W = tape.W
@@ -250,24 +251,22 @@ def spread_within(tape: DiscTape, i: int, turn: int) -> bool:
     function = code[i, FIRST]
     slope = code[i, SECOND]
     steep = abs(W[slope, 0])
-    # What is kept from the first turn: B and S of G, in the places of the slope's row that no row
-    # but the state's needs.
+    # B and S of G, with v held, stand where only parts of the state need a place (SLOPE).
+    left = steep
     if turn == 1:
         discs[row, SLOPE] = discs[function, BALL]
         discs[slope, SLOPE] = discs[function, OFF]
-        ball = 1.05 * discs[row, SLOPE] / steep
     else:
-        left = steep - discs[slope, BALL] - discs[slope, OFF]
-        ball = discs[row, SLOPE] / left if left > 0.0 else np.inf
-        if ball <= discs[row, BALL]:
-            store(W, discs, row, ball, discs[slope, SLOPE] / left, 0.0)
-            return True
-        ball *= 1.05
-    if turn > _TURNS or not ball < np.inf:
+        left -= discs[slope, BALL] + discs[slope, OFF]
+    ball = discs[row, SLOPE] / left if left > 0.0 else np.inf
+    off = discs[slope, SLOPE] / left if left > 0.0 else np.inf
+    if turn > 1 and ball <= discs[row, BALL] and off <= discs[row, OFF]:
+        store(W, discs, row, ball, off, 0.0)
+        return True
+    if turn > _TURNS or not (ball < np.inf and off < np.inf):
         store(W, discs, row, np.inf, np.inf, 0.0)
         return True
-    off = discs[slope, SLOPE] / steep
-    store(W, discs, row, ball, 2.0 * off, 0.0)
+    store(W, discs, row, _WIDER * ball, _WIDER * off, 0.0)
     return False
 
 

@@ -23,6 +23,7 @@ from stickslip.motion.steps.arrays import DIMENSION, INLINED, OPTIONS, Flow
 from stickslip.motion.steps.discs import (
     ENTRY,
     HYPERBOLIC,
+    IMPLICIT_ROW,
     LINEAR,
     PRODUCT,
     QUOTIENT,
@@ -36,7 +37,6 @@ from stickslip.motion.steps.discs import (
     STEADY_ROW,
     TAN,
     TANH,
-    IMPLICIT_ROW,
     WITHIN,
     factor,
     side_operand,
