@@ -223,7 +223,8 @@ def closer(
     Returns
     -------
     low, high, last, v, going
-        The same for the next step, and whether there is one; v is NaN where the function is.
+        The same for the next step, and whether there is one; v is NaN where the function is, or
+        where it falls.
     """
     low = v if g < 0.0 else low
     high = v if g > 0.0 else high
@@ -238,7 +239,7 @@ def closer(
     there = g == 0.0
     near = narrow and abs(step) <= NEAR * abs(v)
     good = narrow and low < newton < high and abs(g) <= 0.5 * last
-    known = g == g and slope > 0.0
+    known = g == g and not slope < 0.0
     last = abs(g) if good else np.inf
     following = v if there else (newton if near or good else middle)
     return low, high, last, following if known else np.nan, known and not (there or near)

@@ -477,7 +477,7 @@ def closer(
     size = s.modulus(g)
     inside = s.both(s.test("olt", low, newton), s.test("olt", newton, high))
     good = s.both(s.both(narrow, inside), s.test("ole", size, s.times(0.5, last)))
-    known = s.both(s.test("oeq", g, g), s.test("ogt", slope, 0.0))
+    known = s.both(s.test("oeq", g, g), s.test("uge", slope, 0.0))
     last = s.choose(good, size, math.inf)
     following = s.choose(there, v, s.choose(either(near, good), newton, middle))
     ended = s.new(f"xor i1 {either(there, near)}, true")
