@@ -270,9 +270,7 @@ def test_sliders_that_are_joined():
     psi = (p["mu_0"] + p["b"] * np.log(p["v_0"] * theta / p["D_c"])) / p["a"]
     stress = p["a"] * p["sigma"] * np.arcsinh(v / (2.0 * p["v_0"]) * np.exp(psi)) + p["eta"] * v
     pull = p["k"] * (p["V"] * t + p["sigma"] * p["mu_0"] / p["k"] - x)
-    pull += p["k_c"] * (
-        np.diff(x, axis=0, append=x[-1:]) - np.diff(x, axis=0, prepend=x[:1])
-    )
+    pull += p["k_c"] * (np.diff(x, axis=0, append=x[-1:]) - np.diff(x, axis=0, prepend=x[:1]))
     np.testing.assert_allclose(stress, pull, rtol=1e-9)
     # they do not move as one
     assert np.max(np.abs(x[0] - x[2])) > 1e-4

@@ -29,10 +29,10 @@ def rate_and_state_slider(**given: float | str) -> System:
         title="Spring slider with rate-and-state friction",
         source="Ruina 1983; Rice 1993",
         parameters={
-            "a": Parameter(0.01, "", "direct effect", "(0, inf)"),
-            "b": Parameter(0.015, "", "evolution effect", "[0, inf)"),
+            "a": Parameter(0.01, "1", "direct effect", "(0, inf)"),
+            "b": Parameter(0.015, "1", "evolution effect", "[0, inf)"),
             "D_c": Parameter(8e-3, "m", "slip in which the state changes", "(0, inf)"),
-            "mu_0": Parameter(0.6, "", "friction at the rate v_0", "(0, inf)"),
+            "mu_0": Parameter(0.6, "1", "friction at the rate v_0", "(0, inf)"),
             "v_0": Parameter(1e-6, "m/s", "reference rate", "(0, inf)"),
             "sigma": Parameter(5e7, "Pa", "normal stress", "(0, inf)"),
             "eta": Parameter(5e6, "Pa*s/m", "radiation damping", "[0, inf)"),
