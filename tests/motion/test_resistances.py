@@ -148,7 +148,7 @@ def independent(system: System, start: dict[str, float], span: float, t: Array) 
 
     lt = math.log(start["theta"])
     pull = p["sigma"] * p["mu_0"] - k * start["x"]
-    w = brentq(lambda w: stress(w, lt) - pull, -60.0, 10.0, xtol=1e-14, rtol=1e-15)
+    w = brentq(lambda w: stress(w, lt) - pull, -60.0, 10.0, xtol=1e-14)
     found = solve_ivp(rates, (0.0, span), [w, lt], "LSODA", t, rtol=1e-11, atol=1e-12)
     assert found.success
     return found.y

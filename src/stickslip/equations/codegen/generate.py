@@ -311,7 +311,7 @@ class _Generator:
             names = {name: _start(r) for name, r in tape.names.items()}
             values = scalars_of([function, slope], names, self.tape.regions, self.constants)
             zero = values[function], values[slope]
-            read = sorted({r for s in zero for r in rows_of(s)} - {row})
+            read = sorted({r for s in zero for r in _rows_of(s)} - {row})
             own[start - 1] = Instruction(Op.IMPLICIT, row, (row, *read), zero=zero)
             size = self.size(self.d.resistance(z)) + self.size(self.force_on(z))
             place = self.rate_sizes + self.nq + self.d.viscous.index(z)
@@ -591,7 +591,7 @@ def _start(row: int) -> Scalar:
     return element("W", row, 0)
 
 
-def rows_of(value: Scalar) -> set[int]:
+def _rows_of(value: Scalar) -> set[int]:
     """Rows that a value is made of."""
     found: dict[Scalar, set[int]] = {}
 

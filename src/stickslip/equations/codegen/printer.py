@@ -201,7 +201,7 @@ def _implicit(i: Instruction) -> list[str]:
     return [
         "if k == 0:",
         f"    {place} = 0.0",
-        "    low, high, last = -LARGEST, LARGEST, np.inf",
+        "    low, high, last = -FARTHEST, FARTHEST, np.inf",
         f"    for _ in range({MOST_TURNS}):",
         *("        " + line for line in written.lines),
         f"        low, high, last, {place}, going = closer(low, high, last, {place}, {values})",

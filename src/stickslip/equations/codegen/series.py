@@ -15,8 +15,9 @@ from stickslip.arrays import Array
 from stickslip.machine_code.functions import njit
 
 _NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a difference may be zero
-LARGEST = 1.7976931348623157e308
-LEAST = 2.2250738585072014e-308
+# Where a search for a zero begins: the largest number, and the least that has all its digits.
+FARTHEST = 1.7976931348623157e308
+NEAREST = 2.2250738585072014e-308
 MOST_TURNS = 240  # of the search for a zero: enough for bisection down to rounding
 SPREAD = 16.0  # ratio of the ends of a bracket from which Newton's method is tried
 NEAR = 1e-9  # relative step of Newton's method behind which rounding comes
@@ -228,7 +229,7 @@ def closer(
     """
     low = v if g < 0.0 else low
     high = v if g > 0.0 else high
-    least = max(min(abs(low), abs(high)), LEAST)
+    least = max(min(abs(low), abs(high)), NEAREST)
     most = max(abs(low), abs(high))
     apart = low < 0.0 < high
     middle = math.sqrt(least) * math.sqrt(most)

@@ -14,7 +14,7 @@ from typing import Any
 
 from stickslip.equations.codegen.generate import ORDERS, Generated
 from stickslip.equations.codegen.program import rows_made, rows_read
-from stickslip.equations.codegen.series import LARGEST, LEAST, MOST_TURNS, NEAR, SPREAD
+from stickslip.equations.codegen.series import FARTHEST, MOST_TURNS, NEAR, NEAREST, SPREAD
 from stickslip.equations.native.assembly import REAL, Operand, Pair, constant
 from stickslip.equations.native.routines import Routine
 from stickslip.equations.native.tables import (
@@ -440,14 +440,14 @@ def _implicit(s: Series, i: Instruction, k: Order) -> None:
         low, high, last, v, _ = carried
         s.known[i.row, 0] = v
         g, slope = map(s.scalar, i.zero)
-        return list(closer(s, (low, high, last, v), g, slope))
+        return list(_closer(s, (low, high, last, v), g, slope))
 
-    first = ((REAL, -LARGEST), (REAL, LARGEST), (REAL, math.inf), (REAL, 0.0), ("i1", 1))
+    first = ((REAL, -FARTHEST), (REAL, FARTHEST), (REAL, math.inf), (REAL, 0.0), ("i1", 1))
     *_, v, going = s.loop(0, MOST_TURNS, step, *first, going=4)
     s.put(i.row, 0, s.choose(going, math.nan, v))
 
 
-def closer(
+def _closer(
     s: Series, carried: tuple[Operand, Operand, Operand, Operand], g: Operand, slope: Operand
 ) -> tuple[Operand, ...]:
     """A step towards a zero, as :func:`stickslip.equations.codegen.series.closer` has it."""
@@ -463,7 +463,7 @@ def closer(
     high = s.choose(s.test("ogt", g, 0.0), v, high)
     a, b = s.modulus(low), s.modulus(high)
     most = greater(a, b)
-    least = greater(s.choose(s.test("ogt", a, b), b, a), LEAST)
+    least = greater(s.choose(s.test("ogt", a, b), b, a), NEAREST)
     apart = s.both(s.test("olt", low, 0.0), s.test("ogt", high, 0.0))
     root = s.times(s.call("llvm.sqrt.f64", least), s.call("llvm.sqrt.f64", most))
     signed = s.choose(s.test("olt", low, 0.0), s.negative(root), root)
