@@ -131,6 +131,8 @@ def test_everything_published_has_its_unit(name: str) -> None:
         if system.name in DIMENSIONLESS
         else "aJ"
         if system.name == "prandtl_tomlinson"
+        else "m*Pa"  # of a fault of unit area
+        if system.name == "rate_and_state_slider"
         else "N*m"
     )
     assert energies == {expected}
