@@ -100,6 +100,22 @@ def test_drag_that_knows_the_rate_of_a_mass():
         np.testing.assert_allclose(at[name], values, rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.parametrize("width", [1e-2, 1e-4, 1e-6])
+def test_a_pulse_of_the_force_is_met(width: float):
+    """What underflows where a step begins is not hidden in the rate: asinh ẋ is the pulse."""
+    system = resisted(
+        "asinh(d_x)",
+        "-x*exp(-((t - 5)/w)**2)",
+        parameters={"w": Parameter(1.0)},
+        initial={"x": 0.0},
+    )
+    motion = ss.simulate(system, (0.0, 10.0), parameters={"w": width})
+    assert motion.certificate.ok
+    s = np.linspace(-9.0, 9.0, 4001)
+    moved = np.trapezoid(np.sinh(np.exp(-(s**2))), s) * width
+    assert float(motion.final["x"]) == pytest.approx(moved, rel=1e-9)
+
+
 def test_resistance_that_ends_is_no_silent_answer():
     """tanh never reaches a force of 2: there is no rate."""
     motion = ss.simulate(resisted("tanh(d_x)", "-2*x", initial={"x": 0.0}), (0.0, 1.0))
