@@ -35,6 +35,7 @@ ISSUED = [
     "oscillating_play",
     "plate_compactor",
     "prandtl_tomlinson",
+    "rate_and_state_slider",
     "rocking_oscillator",
     "rocking_toy",
     "rocking_toy_inertial",

@@ -29,7 +29,11 @@ DIMENSIONLESS = (
     "spring_slider",
     "wiggly_energy",
 )
-ENERGIES = {"prandtl_tomlinson": "aJ", "lugre_positioner": "m^2*kg/s^2"}  # no work at a contact
+ENERGIES = {
+    "rate_and_state_slider": "m*Pa",
+    "prandtl_tomlinson": "aJ",
+    "lugre_positioner": "m^2*kg/s^2",
+}  # no work at a contact
 ANGLES = ("psi", "theta", "phi")
 
 

@@ -244,8 +244,8 @@ WRONG = {
         "unknown",
     ),
     "unknown key of a coordinate": (
-        SMALLEST + 'coordinates.x = {kind = "viscous", drag = "1"}',
-        "model: coordinates.x.drag",
+        SMALLEST + 'coordinates.x = {kind = "viscous", draft = "1"}',
+        "model: coordinates.x.draft",
         "unknown key",
     ),
     "missing default": (

@@ -6,8 +6,9 @@ The three kinds of coordinates pose the same linear problem, one time derivative
     viscous           C ż  − Jᵀλ  = f,      stick: J ż = w,   slip: λ = −σ k
     rate-independent  H ṙ  − Jᵀλ̇  = −∂ₜ∂Φ,  stick: J ṙ = w,   slip: λ̇ = −σ ṡ
 
-with f the forces that are not from contacts. All expressions here hold within one region of every
-function with kinks; which region, and which mode, is decided while the motion is computed.
+with f the forces that are not from contacts. The rate of a viscous coordinate with a drag is the
+zero of drag(ż) + c ż − f, which increases with ż. All expressions here hold within one region of
+every function with kinks; which region, and which mode, is decided while the motion is computed.
 """
 
 from __future__ import annotations
@@ -63,7 +64,10 @@ class MotionEquations:
     inertial_force, viscous_force : list of Expr
         Right-hand sides f.
     mass, damping : dict of (int, int) to Expr
-        M of the inertial and C of the viscous coordinates: the entries that there are, row by row.
+        M of the inertial and C of the viscous coordinates without a drag: the entries that there
+        are, row by row.
+    implicit : dict of str to Expr
+        By viscous coordinate with a drag, what its rate is the zero of.
     laws : list of Expr
     rate : RateProblem
     kinks : list of Expr
@@ -83,6 +87,7 @@ class MotionEquations:
     viscous_force: list[Expr]
     mass: dict[tuple[int, int], Expr]
     damping: dict[tuple[int, int], Expr]
+    implicit: dict[str, Expr]
     laws: list[Expr]
     rate: RateProblem
     kinks: list[Expr]
@@ -96,6 +101,7 @@ class MotionEquations:
     def formulas(self) -> list[Expr]:
         """All that the motion depends on."""
         found = [*self.inertial_force, *self.viscous_force, *self.laws, *self.rate.force]
+        found += self.implicit.values()
         for c in self.contacts:
             found += [c.plus, c.minus, c.kinetic_plus, c.kinetic_minus, c.speed]
         return found
@@ -144,12 +150,15 @@ def _equations_of(d: Declaration) -> MotionEquations:
     by_inertial, by_all = _damping(d, d.inertial), _damping(d, [*d.inertial, *d.viscous])
     viscous_force = [-slope[z] - by_inertial.get(z, ex.ZERO) for z in d.viscous]
     inertial_force = [-slope[q] - d.drags[q] - by_all.get(q, ex.ZERO) for q in d.inertial]
+    force_of = dict(zip(d.viscous, viscous_force, strict=True))
+    implicit = {z: d.resistance(z) - force_of[z] for z in d.resisted}
     laws = [d.laws[a] for a in d.internal]
     energy, dissipation, supply = _powers(d, contacts)
     rate = _rate_problem(d, contacts, slope)
     used = [
         *inertial_force,
         *viscous_force,
+        *implicit.values(),
         *laws,
         *rate.rest,
         *rate.force,
@@ -167,7 +176,8 @@ def _equations_of(d: Declaration) -> MotionEquations:
         inertial_force=inertial_force,
         viscous_force=viscous_force,
         mass=_matrix(d.mass, d.inertial),
-        damping=_matrix(d.damping, d.viscous),
+        damping=_matrix(d.damping, d.damped),
+        implicit=implicit,
         laws=laws,
         rate=rate,
         kinks=list(guards),
@@ -269,7 +279,7 @@ def _powers(d: Declaration, contacts: list[DryContact]) -> tuple[Expr, Expr, Exp
     variables."""
     energy = d.kinetic + d.potential
     rates = {x: ex.sym(f"d_{x}") for x in (*d.coordinates, *d.internal)}
-    dissipated = [(2.0 * d.dissipation, 1.0), *((d.drags[q] * rates[q], 1.0) for q in d.inertial)]
+    dissipated = [(2.0 * d.dissipation, 1.0), *((f * rates[x], 1.0) for x, f in d.drags.items())]
     supplied = [
         (ex.derivative(d.potential, "t"), 1.0),
         (ex.along(d.potential, {a: rates[a] for a in d.internal}), 1.0),

@@ -15,6 +15,7 @@ from functools import cached_property
 from weakref import WeakKeyDictionary
 
 from stickslip.equations.derive import MotionEquations
+from stickslip.errors import DeclarationError
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -143,10 +144,20 @@ def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
 
     Raises
     ------
+    DeclarationError
+        If a viscous coordinate has a drag: then there is no such expression.
     ZeroDivisionError
         If the rates are not determined in this mode (more contacts stick than there are directions,
         or the stiffness of the sliding rate-independent coordinates is singular).
     """
+    if equations.implicit:
+        z = min(equations.implicit)
+        raise DeclarationError(
+            f"coordinates.{z}.drag",
+            f"the rate of {z} solves an equation, and has no formula",
+            "Motions, ensembles and maps can be computed; for equilibria, cycles, branches and "
+            f"vector fields give {z} mass",
+        )
     made = _made.setdefault(equations, {})
     if (mode, region) not in made:
         made[mode, region] = _Solver(equations, mode, region).field()

@@ -64,14 +64,14 @@ class Declaration:
     Attributes
     ----------
     inertial, viscous, rate_independent, internal : list of str
-        Names by kind, in order of declaration.
+        Names by kind, in order of declaration; viscous coordinates with a drag come last.
     mass, damping : dict of (str, str) to Expr
         Constant matrices M (inertial) and C (inertial and viscous) by pairs of coordinates.
     potential : Expr
     forces : dict of str to Expr
         Non-potential forces.
     drags : dict of str to Expr
-        Resistances f(v) of inertial coordinates.
+        Resistances f(v) of inertial coordinates, and of viscous ones that have any.
     laws : dict of str to Expr
         Rates of the internal variables.
     contacts : list of DryContact
@@ -81,6 +81,8 @@ class Declaration:
         Drives that are no formulas.
     limits : list of (str, Expr, Range)
         Closed formulas that have to stay in a range, with their places: parameters of laws.
+    start : dict of str to float
+        Values of the state at the start.
     """
 
     parameters: list[str]
@@ -104,6 +106,22 @@ class Declaration:
     given: dict[str, TimeFunction] = field(default_factory=dict)
     limits: list[tuple[str, Expr, Range]] = field(default_factory=list)
     scope: Scope = field(default_factory=lambda: Scope({}))
+    start: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def resisted(self) -> list[str]:
+        """Viscous coordinates with a drag: their rates solve an equation each."""
+        return [z for z in self.viscous if z in self.drags]
+
+    @property
+    def damped(self) -> list[str]:
+        """Viscous coordinates whose rates solve a linear problem."""
+        return [z for z in self.viscous if z not in self.drags]
+
+    def resistance(self, z: str) -> Expr:
+        """What resists the rate of a viscous coordinate with a drag, the viscous part included."""
+        own = self.damping.get((z, z), ex.ZERO)
+        return self.drags[z] + own * ex.sym(f"d_{z}")
 
     @property
     def coordinates(self) -> list[str]:
@@ -180,7 +198,9 @@ class Declaration:
             self.check_range(name, value)
         self.check_limits(values)
         _check_definite(self.mass, self.inertial, values, "kinetic", "mass matrix")
-        _check_definite(self.damping, self.viscous, values, "viscous", _VISCOUS_MATRIX)
+        _check_definite(self.damping, self.damped, values, "viscous", _VISCOUS_MATRIX)
+        for z in self.resisted:
+            _check_increasing(self, z, values)
 
     def limit(self, where: str, name: str, interval: Range) -> None:
         """Let what a name means stay in a range, if it depends on nothing but parameters."""
@@ -325,14 +345,16 @@ class _Reader:
         result.damping = _quadratic(
             result.dissipation, [*result.inertial, *result.viscous], "viscous"
         )
-        for z in result.viscous:
+        self._resistances()
+        for z in result.damped:
             if (z, z) not in result.damping:
                 raise DeclarationError(
                     f"coordinates.{z}",
                     "a viscous coordinate without viscous friction",
-                    f"Add nu/2*d_{z}**2 to 'viscous', or declare it rate-independent",
+                    f"Add nu/2*d_{z}**2 to 'viscous', give it a drag, or declare it "
+                    "rate-independent",
                 )
-        _check_definite(result.damping, result.viscous, system.values, "viscous", _VISCOUS_MATRIX)
+        _check_definite(result.damping, result.damped, system.values, "viscous", _VISCOUS_MATRIX)
         both = [*result.inertial, *result.viscous]
         _check_definite(result.damping, both, system.values, "viscous", "viscous matrix", semi=True)
         state = frozenset(result.state)
@@ -345,6 +367,44 @@ class _Reader:
                 result.drags[name] = self.motion.parse(coordinate.drag, f"{where}.drag")  # type: ignore[union-attr]
                 self._check_jumps(f"{where}.drag", result.drags[name], 1.0)
                 self._check_drag(name, result.drags[name])
+
+    def _resistances(self) -> None:
+        """Drags of viscous coordinates, and what these may not have beside them."""
+        system, result = self.system, self.result
+        for z in result.viscous:
+            where = f"coordinates.{z}.drag"
+            rate = f"d_{z}"
+            scope = self.scope(
+                self.state,
+                self.velocities,
+                {rate: ex.sym(rate)},
+                why=f"A drag uses {rate} and rates of inertial coordinates",
+            )
+            drag = scope.parse(system.coordinates[z].drag, where)  # type: ignore[union-attr]
+            if drag is ex.ZERO:
+                continue
+            result.drags[z] = drag
+            _check_slopes(drag, [rate, *result.state], where)
+            if ex.bends(drag, {rate}):
+                raise DeclarationError(
+                    where,
+                    f"it has kinks or jumps in {rate}",
+                    "Write it with smooth functions, such as asinh, or declare dry friction as a "
+                    "contact of a coordinate without a drag",
+                )
+            others = [y for x, y in result.damping if x == z != y and y in result.viscous]
+            if others:
+                raise DeclarationError(
+                    where,
+                    f"'viscous' joins d_{z} to d_{others[0]}",
+                    "Couple a coordinate with a drag to other viscous ones by springs, or give it "
+                    "mass",
+                )
+        result.viscous.sort(key=lambda z: z in result.drags)
+        result.start = self.start
+        for z in result.resisted:
+            self._check_drag(z, result.drags[z])
+            _check_increasing(result, z, system.values)
 
     def _check_jumps(self, where: str, formula: Expr, resists: float) -> None:
         """Refuse a function whose jump resists a rate: where the rate stays on the jump, the force
@@ -406,9 +466,17 @@ class _Reader:
         values = {symbol: self.start[symbol] for symbol in drag.symbols}
         for v in (-10.0, -1.0, -0.1, -1e-3, 1e-3, 0.1, 1.0, 10.0):
             at = {**values, f"d_{name}": v}
+            if math.isnan(ex.evaluate(drag, at)):
+                others = ", ".join(f"{n} = {at[n]:g}" for n in sorted(at.keys() & self.state))
+                raise DeclarationError(
+                    f"coordinates.{name}.drag",
+                    f"the resistance is undefined at the start, at d_{name} = {v:g}"
+                    + (f", {others}" if others else ""),
+                    "Declare initial values at which it is a number",
+                )
             low, high = bounds(drag, {n: (a, a) for n, a in at.items()})
             # Refused is what feeds energy in for sure, not for rounding.
-            if math.isnan(ex.evaluate(drag, at)) or (high < 0.0 if v > 0.0 else low > 0.0):
+            if high < 0.0 if v > 0.0 else low > 0.0:
                 raise DeclarationError(
                     f"coordinates.{name}.drag",
                     f"the resistance feeds energy in at d_{name} = {v:g}",
@@ -471,6 +539,14 @@ class _Reader:
                 "Give all coordinates of one contact the same kind",
             )
         kind = kinds.pop()
+        resisted = direction.keys() & set(self.result.resisted)
+        if resisted:
+            raise DeclarationError(
+                f"{where}.direction",
+                f"'{min(resisted)}' has a drag, whose rate no contact may hold",
+                "Put the friction into the drag, join another coordinate by a spring, or declare "
+                "the coordinate inertial",
+            )
         if kind == Kind.RATE_INDEPENDENT and len(direction) > 1:
             raise DeclarationError(
                 f"{where}.direction",
@@ -632,6 +708,32 @@ class _Reader:
         state = dict.fromkeys([*self.state, *self.rates, "speed"], 0.0)
         given = {k: float(v) for k, v in self.system.initial.items() if is_finite(v)}
         return {**state, **given, **self.system.values, "t": float(self.system.span[0])}
+
+
+def _check_increasing(d: Declaration, z: str, values: Mapping[str, float]) -> None:
+    """Refuse a resistance of a viscous coordinate that does not increase with its rate: by an
+    enclosure, and at rates of many sizes where the motion starts."""
+    from stickslip.symbolic.enclosures import bounds
+
+    rate = f"d_{z}"
+    slope = ex.derivative(d.resistance(z), rate)
+    boxes = {name: (value, value) for name, value in values.items() if name in slope.symbols}
+    sure = bounds(slope, boxes)[0] >= 0.0
+    sizes = [10.0**k for k in range(-12, 4)]
+    for v in (0.0, *sizes, *(-size for size in sizes)):
+        steep = ex.evaluate(slope, {**d.start, **values, rate: v})
+        if not (steep > 0.0 if v == 0.0 else steep >= 0.0 or sure):
+            at = ", ".join(
+                f"{name} = {d.start[name]:g}" for name in sorted(slope.symbols & set(d.state))
+            )
+            raise DeclarationError(
+                f"coordinates.{z}.drag",
+                f"the resistance does not increase with {rate} at {rate} = {v:g}"
+                + (f", {at}" if at else "")
+                + f" (its slope is {steep:g})",
+                "A drag of a coordinate without mass increases with its rate; add eta/2*"
+                f"{rate}**2 to 'viscous', or declare the coordinate inertial",
+            )
 
 
 def check_initial(declaration: Declaration, name: str, value: object) -> None:

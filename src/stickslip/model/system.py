@@ -84,11 +84,25 @@ class Inertial:
 
 @dataclass(frozen=True)
 class Viscous:
-    """A coordinate without mass, with viscous friction: ∂R/∂ż + ∂Φ/∂z ∋ force."""
+    """A coordinate without mass, with viscous friction: ∂R/∂ż + ∂Φ/∂z ∋ force.
+
+    Attributes
+    ----------
+    unit, meaning : str
+        Unit and meaning of the coordinate.
+    drag : str or float
+        Any smooth resistance f(v) that increases with v, f(0) = 0: the slope of a strictly convex
+        dissipation potential, in addition to the quadratic `viscous` part. It may depend on the
+        state, on time and on rates of inertial coordinates, but not on those of other coordinates.
+        No contact acts on a coordinate with a drag.
+    force : str or float
+        Non-potential generalised force acting on the coordinate.
+    """
 
     kind: ClassVar[Kind] = Kind.VISCOUS
     unit: str = ""
     meaning: str = ""
+    drag: Formula = 0.0
     force: Formula = 0.0
 
     def __post_init__(self) -> None:

@@ -354,6 +354,7 @@ def parameter_table(system: System, given: Mapping[str, Array], count: int) -> A
     definite += [
         entry for pair, entry in declaration.damping.items() if {*pair} <= {*declaration.viscous}
     ]
+    definite += [declaration.drags[z] for z in declaration.resisted]
     shaping = [
         i
         for i, name in enumerate(names)

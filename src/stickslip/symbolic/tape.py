@@ -55,6 +55,8 @@ class Op(IntEnum):
     SOLVE = 18
     RATES = 19
     SIZE = 20
+    IMPLICIT = 21
+    WITHIN = 22
 
 
 OUTPUTS = {Op.ROTATION: 2, Op.STEADY: 2, Op.HYPERBOLIC: 2, Op.TAN: 2, Op.TANH: 2}
@@ -87,7 +89,11 @@ class Instruction:
         surface; friction for u > 0, u < 0; thresholds for u > 0, u < 0), SPEED its |u|. ENTRY (of
         the matrix) and RIGHT belong to the linear problem of the rate-independent coordinates,
         whose contact is `place`; RATES solves it. SOLVE applies `size` rows of the inverse
-        `matrix`, from `place` on, to as many rows that begin with the input.
+        `matrix`, from `place` on, to as many rows that begin with the input. IMPLICIT is a rate
+        that solves an equation: at order 0 the zero of `zero`, an increasing function of the row
+        (and its slope); at the others the integral of its input, which comes later. The `place`
+        instructions behind it make that function and its slope as rows; WITHIN, with these as
+        inputs, makes no series, but says how far the rate strays.
     row : int
         Where the result goes (the first row of several).
     inputs : tuple of int
@@ -100,6 +106,8 @@ class Instruction:
         Of RATES: the entries of its matrix, row by row. Those that change along the motion have
         inputs (stiffness, slopes of the thresholds) and a row of their own, the others four
         constants.
+    zero : tuple of Scalar
+        Of IMPLICIT: the function and its slope.
     """
 
     op: Op
@@ -111,6 +119,7 @@ class Instruction:
     matrix: str = ""
     function: str = ""
     entries: tuple[Instruction, ...] = ()
+    zero: tuple[Scalar, ...] = ()
 
 
 @dataclass
@@ -345,6 +354,7 @@ class Tape:
         self._own: dict[Expr, int] = {}
         self._products: dict[tuple[int, int], int] = {}
         self._reciprocals: dict[int, int] = {}
+        self._powers: dict[tuple[int, Expr], int] = {}
         self._pairs: dict[tuple[Op, Expr], int] = {}
         self._made: dict[int, Instruction] = {}
 
@@ -479,10 +489,14 @@ class Tape:
 
     def _real_power(self, base: Expr, exponent: Expr) -> int:
         row = self.row(base)
+        if (row, exponent) in self._powers:
+            return self._powers[row, exponent]
         terms = self._terms(row)
         # A base that is a difference may be zero up to rounding, where a power has few derivatives.
         size = [] if terms == [Scaled(ex.ONE, row)] else [self._size(terms)]
-        return self.operation(Op.POWER, row, *size, parts=(Scaled(exponent),))
+        made = self.operation(Op.POWER, row, *size, parts=(Scaled(exponent),))
+        self._powers[row, exponent] = made
+        return made
 
     def _terms(self, row: int) -> list[Scaled]:
         """What a row is the sum of, whatever the region."""

@@ -18,7 +18,7 @@ A system has four functions:
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -216,7 +216,7 @@ class _Generator:
         tape = self.tape
         inertial = resolvent == "Rq"
         names, matrix = (
-            (self.d.inertial, self.eq.mass) if inertial else (self.d.viscous, self.eq.damping)
+            (self.d.inertial, self.eq.mass) if inertial else (self.d.damped, self.eq.damping)
         )
         place = {x: i for i, x in enumerate(names)}
         directions = [c.direction for c in self.eq.contacts[first : first + count]]
@@ -275,7 +275,7 @@ class _Generator:
         """Scales of the rates and of the relative velocities: what they would be if no two forces
         cancelled; `forces` are the places of their sizes."""
         scalar = self.constants.scalar
-        names = self.d.inertial if inertial else self.d.viscous
+        names = self.d.inertial if inertial else self.d.damped
         offset = self.rate_sizes + (0 if inertial else self.nq)
         terms = {x: [element("mag", place)] for x, place in zip(names, forces, strict=True)}
         places = {x: element("mag", offset + i) for i, x in enumerate(names)}
@@ -291,6 +291,52 @@ class _Generator:
                 self.note(self.nc + c, size)
             else:
                 self.note(c, size, adding=True)
+
+    def implicit_rates(self) -> dict[str, int]:
+        """Rows of the rates that solve equations of their own; the slopes of these rows are still
+        to come."""
+        tape = self.tape
+        found: dict[str, int] = {}
+        for z, function in self.eq.implicit.items():
+            rate = f"d_{z}"
+            slope = ex.derivative(function, rate)
+            row = tape.new_row(1)
+            tape.name(rate, row, 1)
+            found[z] = row
+            own = tape.instructions[1]
+            own.append(Instruction(Op.IMPLICIT, row))
+            start = len(own)
+            rows = tape.row(function), tape.row(slope)
+            tape.emit(1, Instruction(Op.WITHIN, row, rows, place=len(own) - start))
+            names = {name: _start(r) for name, r in tape.names.items()}
+            values = scalars_of([function, slope], names, self.tape.regions, self.constants)
+            zero = values[function], values[slope]
+            read = sorted({r for s in zero for r in _rows_of(s)} - {row})
+            own[start - 1] = Instruction(Op.IMPLICIT, row, (row, *read), zero=zero)
+            size = self.size(self.d.resistance(z)) + self.size(self.force_on(z))
+            place = self.rate_sizes + self.nq + self.d.viscous.index(z)
+            self.note(place, Scalar("over", (size, _start(rows[1]))))
+        return found
+
+    def force_on(self, z: str) -> Expr:
+        """The force on a viscous coordinate."""
+        return self.eq.viscous_force[self.d.viscous.index(z)]
+
+    def implicit_slopes(self, found: Mapping[str, int]) -> None:
+        """Rates of change of these rates, from the equations' own along the motion."""
+        tape = self.tape
+        d = self.d
+        rates = {"t": ex.ONE}
+        rates |= {x: ex.sym(f"d_{x}") for x in d.coordinates}
+        rates |= {f"d_{q}": ex.sym(f"a:{q}") for q in d.inertial}
+        rates |= {a: d.laws[a] for a in d.internal}
+        for z in found:
+            function = self.eq.implicit[z]
+            change = ex.along(function, rates) / ex.derivative(function, f"d_{z}")
+            slope = tape.row(-change)
+            place = next(j for j, made in enumerate(tape.instructions[1]) if made.row == found[z])
+            own = tape.instructions[1][place]
+            tape.instructions[1][place] = replace(own, inputs=(slope, *own.inputs[1:]))
 
     def contact_side(self, i: int, row: int, stage: int) -> None:
         """Right-hand side of contact i: the belt in stick, the friction force in slip."""
@@ -402,9 +448,11 @@ class _Generator:
         for i in range(self.mq):
             self.velocity(i)
         self.speeds()
-        viscous = self.block(eq.viscous_force, self.mq, self.mz, 0, "Rz")
-        for z, row in zip(d.viscous, viscous, strict=True):
+        viscous = self.block(eq.viscous_force[: len(d.damped)], self.mq, self.mz, 0, "Rz")
+        for z, row in zip(d.damped, viscous, strict=True):
             tape.name(f"d_{z}", row, 1)
+        implicit = self.implicit_rates()
+        viscous += implicit.values()
         for i in range(self.mq, self.mq + self.mz):
             self.velocity(i)
         if self.nr:
@@ -422,6 +470,9 @@ class _Generator:
         for name, row in zip(d.internal, laws, strict=True):
             tape.name(f"d_{name}", row, tape.stage[row]) if f"d_{name}" not in d.state else None
         inertial = self.block(eq.inertial_force, 0, self.mq, 2, "Rq")
+        for q, row in zip(d.inertial, inertial, strict=True):
+            tape.name(f"a:{q}", row, 3)
+        self.implicit_slopes(implicit)
         self.law_sizes()
         self.kinetic_laws()
         self.guards()
@@ -475,7 +526,7 @@ class _Generator:
         entries = list[Store]()
         for name, resolvent, names, matrix in (
             ("M", "Rq", d.inertial, self.eq.mass),
-            ("C", "Rz", d.viscous, self.eq.damping),
+            ("C", "Rz", d.damped, self.eq.damping),
         ):
             column = {
                 i: j
@@ -538,6 +589,19 @@ _TIME = Scalar("name", name="t")
 def _start(row: int) -> Scalar:
     """Order 0 of a row."""
     return element("W", row, 0)
+
+
+def _rows_of(value: Scalar) -> set[int]:
+    """Rows that a value is made of."""
+    found: dict[Scalar, set[int]] = {}
+
+    def visit(s: Scalar) -> set[int]:
+        if s not in found:
+            here = {s.index[0]} if s.op == "entry" and s.name == "W" else set[int]()
+            found[s] = here.union(*map(visit, s.args))
+        return found[s]
+
+    return visit(value)
 
 
 def _times(a: Scalar, b: Scalar) -> Scalar:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from stickslip.equations.codegen.generate import Generated
+from stickslip.equations.codegen.series import MOST_TURNS
 from stickslip.machine_code.interface import INTERFACE
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.functions import FUNCTIONS
@@ -143,6 +144,10 @@ def printed(instruction: Instruction, constants: ParameterExpressions) -> list[s
             return [f"solve_order({i.matrix}, {i.place}, W, {inputs[0]}, {row}, {i.size}, k)"]
         case Op.RATES:
             return _rates(i, constants)
+        case Op.IMPLICIT:
+            return _implicit(i)
+        case Op.WITHIN:
+            return []
     raise NotImplementedError(i.op)
 
 
@@ -186,6 +191,27 @@ def _entry(i: Instruction, constants: ParameterExpressions) -> str:
     own = f"({constants.code(i.parts[0].factor)} if k == 0 else 0.0)"
     stiffness, plus, minus = (f"W[{r}, k]" for r in i.inputs)
     return _by_mode(i.place, own, f"{stiffness} + {plus}", f"{stiffness} - {minus}")
+
+
+def _implicit(i: Instruction) -> list[str]:
+    """The zero of an increasing function at order 0, and the integral of its slope."""
+    written = SourceText()
+    values = ", ".join(map(written.text, i.zero))
+    place = f"W[{i.row}, 0]"
+    return [
+        "if k == 0:",
+        f"    {place} = 0.0",
+        "    low, high, last = -FARTHEST, FARTHEST, np.inf",
+        f"    for _ in range({MOST_TURNS}):",
+        *("        " + line for line in written.lines),
+        f"        low, high, last, {place}, going = closer(low, high, last, {place}, {values})",
+        "        if not going:",
+        "            break",
+        "    if going:",
+        f"        {place} = np.nan",
+        "else:",
+        f"    W[{i.row}, k] = W[{i.inputs[0]}, k - 1]*unit/k",
+    ]
 
 
 def _rates(i: Instruction, constants: ParameterExpressions) -> list[str]:

@@ -17,7 +17,7 @@ OPERATION, RESULT, FIRST, SECOND, THIRD, FOURTH, FIFTH, PLACE, SIZE = range(9)
 _WIDTH = 9
 _HIDING = frozenset(
     {Op.QUOTIENT, Op.RECIPROCAL, Op.POWER, Op.EXP, Op.LOG, Op.ROTATION, Op.HYPERBOLIC}
-    | {Op.CHAIN, Op.TAN, Op.TANH}
+    | {Op.CHAIN, Op.TAN, Op.TANH, Op.WITHIN}
 )
 """Operations whose series may be too small to be seen where a step begins, and yet matter where it
 ends."""
@@ -85,6 +85,9 @@ def pack(layout: Layout) -> Program:
 
 def rows_read(i: Instruction) -> list[int]:
     """Rows that an instruction depends on."""
+    if i.op is Op.IMPLICIT:
+        # its slope is an order behind
+        return list(i.inputs[1:])
     rows = [*i.inputs, *(part.row for part in i.parts if part.row is not None)]
     rows += [entry.row for entry in i.entries if entry.inputs]
     if i.op in (Op.SOLVE, Op.RATES):
@@ -168,6 +171,6 @@ class _Packer:
             operands.append(self.term(i.parts[0]))
         elif i.op is Op.CHAIN:
             operands.append(self.term(i.parts[0]) if i.parts else -1)
-        elif i.op is Op.SIZE:
+        elif i.op in (Op.SIZE, Op.IMPLICIT):
             operands = []
         return [int(i.op), i.row, *operands, *[0] * (5 - len(operands)), i.place, i.size]

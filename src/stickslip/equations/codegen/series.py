@@ -15,6 +15,12 @@ from stickslip.arrays import Array
 from stickslip.machine_code.functions import njit
 
 _NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a difference may be zero
+# Where a search for a zero begins: the largest number, and the least that has all its digits.
+FARTHEST = 1.7976931348623157e308
+NEAREST = 2.2250738585072014e-308
+MOST_TURNS = 240  # of the search for a zero: enough for bisection down to rounding
+SPREAD = 16.0  # ratio of the ends of a bracket from which Newton's method is tried
+NEAR = 1e-9  # relative step of Newton's method behind which rounding comes
 _OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
 
 # Sums may be reordered (they are long dot products), nothing else is relaxed: NaN and inf must stay
@@ -195,6 +201,49 @@ def solve_order(R: Array, place: int, W: Array, first: int, solution: int, n: in
         for j in range(n):
             s += R[place + i, j] * W[first + j, k]
         W[solution + i, k] = s
+
+
+@njit(**_exact)
+def closer(
+    low: float, high: float, last: float, v: float, g: float, slope: float
+) -> tuple[float, float, float, float, bool]:
+    """A step towards the zero of an increasing function.
+
+    Rates may have any order of magnitude: a bracket is halved in ln|v| until its ends are of one
+    sign and near each other. Then Newton's steps follow, as long as each halves the function.
+
+    Parameters
+    ----------
+    low, high : float
+        Bracket; the whole line at the start.
+    last : float
+        Modulus of the function before, if that was a step of Newton's; or infinity.
+    v, g, slope : float
+        Where the function was asked (0 at the start), its value and its slope there.
+
+    Returns
+    -------
+    low, high, last, v, going
+        The same for the next step, and whether there is one; v is NaN where the function is, or
+        where it falls.
+    """
+    low = v if g < 0.0 else low
+    high = v if g > 0.0 else high
+    least = max(min(abs(low), abs(high)), NEAREST)
+    most = max(abs(low), abs(high))
+    apart = low < 0.0 < high
+    middle = math.sqrt(least) * math.sqrt(most)
+    middle = 0.0 if apart else (-middle if low < 0.0 else middle)
+    narrow = not apart and most <= SPREAD * least
+    step = -g / slope
+    newton = v + step
+    there = g == 0.0
+    near = narrow and abs(step) <= NEAR * abs(v)
+    good = narrow and low < newton < high and abs(g) <= 0.5 * last
+    known = g == g and not slope < 0.0
+    last = abs(g) if good else np.inf
+    following = v if there else (newton if near or good else middle)
+    return low, high, last, following if known else np.nan, known and not (there or near)
 
 
 @njit(**_exact)

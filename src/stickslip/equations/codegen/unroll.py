@@ -37,9 +37,9 @@ _SUMS = tuple(f"{name}_order" for name in "product divide inverse power exp log 
 def written_out(source: str) -> str:
     """The module of a system with the loop of its ``jets`` written out, where that makes it faster.
 
-    It does where the series contain products of series, not too many, and no linear problem that
-    depends on the state. Coefficients beyond order 0 are stored only for the rows that are read,
-    those of ``KEPT``.
+    It does where the series contain products of series, not too many, and neither a linear problem
+    that depends on the state nor a rate that solves an equation. Coefficients beyond order 0 are
+    stored only for the rows that are read, those of ``KEPT``.
     """
     module = ast.parse(source)
     jets = next(f for f in module.body if isinstance(f, ast.FunctionDef) and f.name == "jets")
@@ -47,7 +47,7 @@ def written_out(source: str) -> str:
         (i, s) for i, s in enumerate(jets.body) if isinstance(s, ast.For) and _runs_over_orders(s)
     )
     text = ast.unparse(loop)
-    if "invert(" in text or not any(name in text for name in _SUMS):
+    if "invert(" in text or "closer(" in text or not any(name in text for name in _SUMS):
         return source
     kept = next(
         s.value

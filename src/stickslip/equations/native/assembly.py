@@ -223,6 +223,7 @@ class Assembly:
         high: str | int,
         body: Callable[..., Sequence[Operand | int] | None],
         *carried: tuple[str, Operand | int],
+        going: int | None = None,
     ) -> list[str]:
         """Follow a body for all whole numbers from `low` to before `high`.
 
@@ -231,6 +232,8 @@ class Assembly:
         body : callable
             Takes the number and the carried values; returns their new ones.
         carried : tuples (type, first value)
+        going : int, optional
+            Which of the carried values, a truth value, has to hold for the loop to go on.
         """
         header, inside, after = self._label(), self._label(), self._label()
         before = self._block
@@ -240,7 +243,10 @@ class Assembly:
         place = len(self.lines)
         index, *values = (self.new("phi") for _ in range(1 + len(carried)))
         self.lines.append(f"{index}.go = icmp slt i64 {index}, {high}")
-        self.lines.append(f"br i1 {index}.go, label %{inside}, label %{after}")
+        test = f"{index}.go"
+        if going is not None:
+            test = self.both(test, values[going])
+        self.lines.append(f"br i1 {test}, label %{inside}, label %{after}")
         self._enter(inside)
         changed = body(index, *values) or []
         self.lines.append(f"{index}.next = add i64 {index}, 1")

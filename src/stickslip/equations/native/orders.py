@@ -14,7 +14,8 @@ from typing import Any
 
 from stickslip.equations.codegen.generate import ORDERS, Generated
 from stickslip.equations.codegen.program import rows_made, rows_read
-from stickslip.equations.native.assembly import Operand, Pair, constant
+from stickslip.equations.codegen.series import FARTHEST, MOST_TURNS, NEAR, NEAREST, SPREAD
+from stickslip.equations.native.assembly import REAL, Operand, Pair, constant
 from stickslip.equations.native.routines import Routine
 from stickslip.equations.native.tables import (
     FEWEST_REPETITIONS,
@@ -25,6 +26,7 @@ from stickslip.equations.native.tables import (
     pattern_of_instruction,
 )
 from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.scalars import Scalar
 from stickslip.symbolic.tape import OUTPUTS, Instruction, Op, Scaled
 
 _OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
@@ -112,6 +114,22 @@ class Series(Routine):
         if k == 0:
             terms += [(self.factor(p), 1.0) for p in parts if p.row is None]
         return self.total(terms)
+
+    def prepare(self, values: tuple[Scalar, ...], row: int) -> None:
+        """Make what does not depend on a row, of values and their parts."""
+        depends = dict[Scalar, bool]()
+
+        def visit(value: Scalar) -> bool:
+            if value not in depends:
+                parts = [visit(part) for part in value.args]
+                own = value.op == "entry" and (value.name, value.index) == ("W", (row, 0))
+                depends[value] = own or any(parts)
+                if not depends[value]:
+                    self.scalar(value)
+            return depends[value]
+
+        for value in values:
+            visit(value)
 
     # -- sums over orders --------------------------------------------------------------------------
 
@@ -410,6 +428,62 @@ def _rates(s: Series, i: Instruction, k: Order) -> None:
     s.solved("B", 0, right, i.row, n, k)
 
 
+def _implicit(s: Series, i: Instruction, k: Order) -> None:
+    """The zero of an increasing function at order 0, and the integral of its slope."""
+    if k != 0:
+        slope = s.get(i.inputs[0], s.before(k))
+        s.put(i.row, k, s.per(s.times(slope, s.get(s.clock, 1)), k))
+        return
+    s.prepare(i.zero, i.row)
+
+    def step(_: str, *carried: str) -> list[Operand | int]:
+        low, high, last, v, _ = carried
+        s.known[i.row, 0] = v
+        g, slope = map(s.scalar, i.zero)
+        return list(_closer(s, (low, high, last, v), g, slope))
+
+    first = ((REAL, -FARTHEST), (REAL, FARTHEST), (REAL, math.inf), (REAL, 0.0), ("i1", 1))
+    *_, v, going = s.loop(0, MOST_TURNS, step, *first, going=4)
+    s.put(i.row, 0, s.choose(going, math.nan, v))
+
+
+def _closer(
+    s: Series, carried: tuple[Operand, Operand, Operand, Operand], g: Operand, slope: Operand
+) -> tuple[Operand, ...]:
+    """A step towards a zero, as :func:`stickslip.equations.codegen.series.closer` has it."""
+    low, high, last, v = carried
+
+    def either(a: str, b: str) -> str:
+        return s.new(f"or i1 {a}, {b}")
+
+    def greater(a: Operand, b: Operand) -> Operand:
+        return s.choose(s.test("ogt", a, b), a, b)
+
+    low = s.choose(s.test("olt", g, 0.0), v, low)
+    high = s.choose(s.test("ogt", g, 0.0), v, high)
+    a, b = s.modulus(low), s.modulus(high)
+    most = greater(a, b)
+    least = greater(s.choose(s.test("ogt", a, b), b, a), NEAREST)
+    apart = s.both(s.test("olt", low, 0.0), s.test("ogt", high, 0.0))
+    root = s.times(s.call("llvm.sqrt.f64", least), s.call("llvm.sqrt.f64", most))
+    signed = s.choose(s.test("olt", low, 0.0), s.negative(root), root)
+    middle = s.choose(apart, 0.0, signed)
+    close = s.test("ole", most, s.times(SPREAD, least))
+    narrow = s.both(s.new(f"xor i1 {apart}, true"), close)
+    step = s.negative(s.over(g, slope))
+    newton = s.add(v, step)
+    there = s.test("oeq", g, 0.0)
+    near = s.both(narrow, s.test("ole", s.modulus(step), s.times(NEAR, s.modulus(v))))
+    size = s.modulus(g)
+    inside = s.both(s.test("olt", low, newton), s.test("olt", newton, high))
+    good = s.both(s.both(narrow, inside), s.test("ole", size, s.times(0.5, last)))
+    known = s.both(s.test("oeq", g, g), s.test("uge", slope, 0.0))
+    last = s.choose(good, size, math.inf)
+    following = s.choose(there, v, s.choose(either(near, good), newton, middle))
+    ended = s.new(f"xor i1 {either(there, near)}, true")
+    return low, high, last, s.choose(known, following, math.nan), s.both(known, ended)
+
+
 class LoopedSeries(Tabled, Series):
     """The same with coefficients in memory, a loop over the orders, and loops over what is
     repeated."""
@@ -486,10 +560,12 @@ class LoopedSeries(Tabled, Series):
         rows = enumerate(self.layout.rates)
         self.repeat([Pattern(None, [i, row], []) for i, row in rows], body)
 
-    def loop(self, low: Any, high: Any, body: Any, *carried: Any) -> list[str]:
+    def loop(
+        self, low: Any, high: Any, body: Any, *carried: Any, going: int | None = None
+    ) -> list[str]:
         """A loop; coefficients that are made inside are in memory after it."""
         known = dict(self.known)
-        values = super().loop(low, high, body, *carried)
+        values = super().loop(low, high, body, *carried, going=going)
         self.known = known
         return values
 
@@ -594,6 +670,8 @@ def _products(i: Instruction) -> int:
             return last * (1 + len(i.parts))
         case Op.POWER:
             return last**2
+        case Op.IMPLICIT | Op.WITHIN:
+            return last
     return OUTPUTS.get(i.op, 1) * last**2 // 2
 
 
@@ -619,4 +697,6 @@ _WRITERS: dict[Op, Callable[[Series, Instruction, Order], None]] = {
     Op.RIGHT: _right,
     Op.SOLVE: _solve,
     Op.RATES: _rates,
+    Op.IMPLICIT: _implicit,
+    Op.WITHIN: lambda s, i, k: None,
 }

@@ -308,7 +308,7 @@ def pattern_of_instruction(i: Instruction, slots: ParameterExpressions, clock: i
         )
     same = tuple(i.inputs.index(row) for row in i.inputs)
     of_clock = tuple(row == clock for row in rows)
-    alone = id(i) if i.entries else 0
+    alone = id(i) if i.entries or i.zero else 0
     key = (i.op, same, of_clock, tuple(factors), i.size, i.matrix, i.function, alone)
     return Pattern(key, wholes, reals)
 

@@ -48,10 +48,13 @@ CHAIN, TAN, TANH = (int(op) for op in (Op.CHAIN, Op.TAN, Op.TANH))
 SELECT, SIDE, SPEED, ENTRY, RIGHT, SOLVE, RATES = (
     int(op) for op in (Op.SELECT, Op.SIDE, Op.SPEED, Op.ENTRY, Op.RIGHT, Op.SOLVE, Op.RATES)
 )
+IMPLICIT_ROW, WITHIN = int(Op.IMPLICIT), int(Op.WITHIN)
 # Columns of a table of discs: the numbers B and S of a row and the lower bound of its modulus; and,
 # for a part of the state, how far its derivative strays.
 BALL, OFF, _NEAR, SLOPE = range(4)
 _LARGE = 700.0  # what the exponential function can take
+_WIDER = 1.05  # factor between what bounds such a rate and what is tried
+_TURNS = 6  # of an enclosure of a rate that solves an equation
 _SWEEPS = 40  # of an iteration that bounds the rates of the rate-independent coordinates
 
 
@@ -204,7 +207,10 @@ def spread(tape: DiscTape, mode: Array, reg: Array, first: int, last: int) -> No
         Instructions.
     """
     code = tape.program.code
-    for i in range(first, last):
+    turn = 0
+    i = first - 1
+    while i < last - 1:
+        i += 1
         op = code[i, OPERATION]
         if op == LINEAR:
             add_terms(tape, i)
@@ -218,8 +224,50 @@ def spread(tape: DiscTape, mode: Array, reg: Array, first: int, last: int) -> No
             solve_discs(tape, i)
         elif op == RATES:
             solve_rate_discs(tape, i)
+        elif op == IMPLICIT_ROW:
+            store(tape.W, tape.discs, code[i, RESULT], 0.0, 0.0, 0.0)
+            turn = 0
+        elif op == WITHIN:
+            turn += 1
+            if not spread_within(tape, i, turn):
+                i -= code[i, PLACE] + 1
         else:
             spread_choice(tape, mode, reg, i)
+
+
+@njit(**INLINED)
+def spread_within(tape: DiscTape, i: int, turn: int) -> bool:
+    """Disc of a rate v that solves G(v) = 0; False if what is behind its row has to be followed
+    once more.
+
+    In the first turn v is held, and G strays by some g. While v is in a disc of radius B, G′ stays
+    in a disc, too, whose points are all at least d from zero, and so is their mean: v strays by at
+    most g/d. Since v begins in the middle, that is true throughout if g/d ≤ B.
+    """
+    code = tape.program.code
+    W = tape.W
+    discs = tape.discs
+    row = code[i, RESULT]
+    function = code[i, FIRST]
+    slope = code[i, SECOND]
+    steep = abs(W[slope, 0])
+    # B and S of G, with v held, stand where only parts of the state need a place (SLOPE).
+    left = steep
+    if turn == 1:
+        discs[row, SLOPE] = discs[function, BALL]
+        discs[slope, SLOPE] = discs[function, OFF]
+    else:
+        left -= discs[slope, BALL] + discs[slope, OFF]
+    ball = discs[row, SLOPE] / left if left > 0.0 else np.inf
+    off = discs[slope, SLOPE] / left if left > 0.0 else np.inf
+    if turn > 1 and ball <= discs[row, BALL] and off <= discs[row, OFF]:
+        store(W, discs, row, ball, off, 0.0)
+        return True
+    if turn > _TURNS or not (ball < np.inf and off < np.inf):
+        store(W, discs, row, np.inf, np.inf, 0.0)
+        return True
+    store(W, discs, row, _WIDER * ball, _WIDER * off, 0.0)
+    return False
 
 
 @njit(**INLINED)

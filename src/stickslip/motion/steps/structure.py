@@ -23,6 +23,7 @@ from stickslip.motion.steps.arrays import DIMENSION, INLINED, OPTIONS, Flow
 from stickslip.motion.steps.discs import (
     ENTRY,
     HYPERBOLIC,
+    IMPLICIT_ROW,
     LINEAR,
     PRODUCT,
     QUOTIENT,
@@ -36,6 +37,7 @@ from stickslip.motion.steps.discs import (
     STEADY_ROW,
     TAN,
     TANH,
+    WITHIN,
     factor,
     side_operand,
 )
@@ -126,6 +128,8 @@ def row_kind(flow: Flow, mode: Array, reg: Array, i: int) -> int:
         if op == RATES:
             for e in range(b, b + p.code[i, THIRD]):
                 kind |= _NOTHING if kinds[p.term_row[e]] == _NOTHING else _OTHER
+    elif op in (IMPLICIT_ROW, WITHIN):
+        kind = _OTHER
     return int(kind)
 
 
