@@ -1,9 +1,9 @@
 """Periodic response of the Jenkins oscillator, event by event: m x'' + c x' + k x + q = F cos ωt.
 
-The damper is a spring in series with a dry contact: q = k_d (x − z), |q| ≤ F_c, so that q is a play of
-x. In stick the stiffness is k + k_d, in slip it is k beside the constant ±F_c, so that x is known in
-closed form from event to event. At its largest value x stands still and q = F_c; from there on half a
-period leads to the opposite, which is solved for that value and its phase by Newton's method.
+The damper is a spring in series with a dry contact: q = k_d (x − z), |q| ≤ F_c, so that q is a play
+of x. In stick the stiffness is k + k_d, in slip it is k beside the constant ±F_c: x is known in
+closed form from event to event. At its largest value x stands still and q = F_c; from there half
+a period leads to the opposite, which is solved for that value and its time by Newton's method.
 """
 
 from __future__ import annotations
@@ -137,7 +137,8 @@ def response(system: Jenkins, start: tuple[float, float] | None = None) -> Respo
         _, (x_1, v_1, _) = march(system, t, t + half, x, 0.0, system.F_c)
         return np.array([x_1 + x, v_1])
 
-    y = np.array(start or _settled(system))
+    x, t = start or _settled(system)
+    y = np.array([x, math.remainder(t, 2.0 * half)])
     for _ in range(30):
         here = miss(y)
         J = np.column_stack(
@@ -149,7 +150,7 @@ def response(system: Jenkins, start: tuple[float, float] | None = None) -> Respo
             break
     else:
         raise ArithmeticError(f"no periodic response at {system}")
-    x, t = map(float, y)
+    x, t = float(y[0]), math.remainder(float(y[1]), 2.0 * half)
     stretches, _ = march(system, t, t + half, x, 0.0, system.F_c)
     nodes, weights = np.polynomial.legendre.leggauss(60)
     total = 0.0j
