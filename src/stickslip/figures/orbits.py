@@ -17,6 +17,7 @@ from stickslip.figures.drawing.style import (
     BLUE,
     LINES,
     STICK_LINE,
+    UNSTABLE,
     axis_label,
     legend_above,
     line_colours,
@@ -244,7 +245,7 @@ def _decided(branch: Branch) -> Array:
 
 
 def _line(stable: bool) -> Any:
-    return "-" if stable else (0, (4, 2))
+    return "-" if stable else UNSTABLE
 
 
 def _colour(sticks: int) -> str:

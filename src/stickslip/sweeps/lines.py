@@ -14,8 +14,10 @@ the coordinate lags behind.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -35,6 +37,7 @@ from stickslip.orbits.cycles.cycle import Cycle, find_cycle, make_cycle
 from stickslip.orbits.cycles.finding import from_state
 from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.orbits.fields.symmetry import Clock, clock
+from stickslip.orbits.return_map.recurrence import SHORTEST
 from stickslip.progress import Show, watched
 from stickslip.sweeps.carried import carried
 from stickslip.sweeps.request.axes import read_axes
@@ -51,7 +54,9 @@ _SAMPLES = 64  # of a drive in a period, for its first harmonic
 _SAME = 1e-7  # measures that differ by less, relative to the largest response, are the same
 _APART = 0.5  # what is this far from a line, relative to the step of the line there, may be on it
 _EXACT = 1e-9  # to which harmonics have to be known
-_PEAK = 1e-10  # width in which the largest response is enclosed, relative to the range
+_BETWEEN = 5  # largest responses between two levels
+_FIRST = 0.004  # part of the range in which a largest response is looked for at first
+_PEAK = 1e-6  # to which the frequency of a largest response is known; the response to its square
 
 
 def frequency_response(
@@ -218,7 +223,13 @@ class _Level:
             )
         for end in self.span:
             pose(self.system, {**self.fixed, self.parameter: end})
-        low, high = (self.clock.period({**self.fixed, self.parameter: end}) for end in self.span)
+        ends = [{**self.fixed, self.parameter: end} for end in self.span]
+        rates = [ex.evaluate(self.clock.frequency, values) for values in ends]
+        if not rates[0] * rates[1] > 0.0:
+            raise DeclarationError(
+                self.parameter, "within its range the drive stands still", "Leave that value out"
+            )
+        low, high = map(self.clock.period, ends)
         if abs(high - low) <= 1e-12 * high:
             raise DeclarationError(
                 self.parameter,
@@ -269,22 +280,21 @@ class _Level:
         # A corner breaks what is smooth elsewhere.
         corner = np.zeros(len(where), np.int8)
         corner[[s.index for s in branch.special if s.kind not in ("fold", "period doubling")]] = 1
-        slipped = [
-            data["period"].values - data[f"stick_time_{contact_key(c)}"].values
-            for c in self.system.contacts
+        period = data["period"].values
+        shares = [
+            data[f"stick_time_{contact_key(c)}"].values / period for c in self.system.contacts
         ]
+        slips = np.any([share < 1.0 - SHORTEST for share in shares], axis=0)
         return {
             self.parameter: where,
             "amplitude": data[f"amplitude_{x}"].values,
             "harmonic": data[f"harmonic_{x}"].values,
             "phase": self.lags(data[f"phase_{x}"].values, where),
-            "stick": data["stick_time"].values / data["period"].values,
-            "period": data["period"].values,
+            "stick": data["stick_time"].values / period,
+            "period": period,
             "dissipated": data["dissipated"].values,
             "stable": data["stable"].values,
-            "slips": np.any([time > 0.0 for time in slipped] or [where == where], axis=0).astype(
-                np.int8
-            ),
+            "slips": slips.astype(np.int8),
             "corner": corner,
         }
 
@@ -316,7 +326,7 @@ class _Lines:
     swept: list[list[Cycle | str]]
     branches: list[Branch]
     missed: int
-    peak: dict[str, float]
+    peak: Cycle | None
 
 
 def _follow(
@@ -424,42 +434,67 @@ def _cycle_at(branch: Branch, index: int) -> Cycle:
     return make_cycle(from_state(problem, state, float(point["time"])))
 
 
-def _peak(wanted: _Level, branches: list[Branch]) -> dict[str, float]:
+def _peak(wanted: _Level, branches: list[Branch]) -> Cycle | None:
     """The largest response: that of the largest point, or between its neighbours if the parameter
     tells the cycles there apart."""
-    from scipy.optimize import minimize_scalar
-
-    empty = {wanted.parameter: np.nan, **dict.fromkeys(("amplitude", "harmonic", "phase"), np.nan)}
     if not branches:
-        return empty
+        return None
     amplitude = f"amplitude_{wanted.coordinate}"
     branch = max(branches, key=lambda b: float(b.points[amplitude].max()))
     where = branch.points[wanted.parameter].values
     top = int(np.argmax(branch.points[amplitude].values))
     best = _cycle_at(branch, top)
-    ends = where[[max(top - 1, 0), min(top + 1, len(where) - 1)]]
-    if min(ends) < where[top] < max(ends):
-        seen = {float(where[top]): best}
+    low, high = sorted(where[[max(top - 1, 0), min(top + 1, len(where) - 1)]].tolist())
+    return _climb(wanted, best, low, high) if low < where[top] < high else best
 
-        def lower(value: float) -> float:
+
+def _climb(wanted: _Level, cycle: Cycle, low: float, high: float) -> Cycle:
+    """The largest response, from a cycle on, with two values of the parameter on both sides of it.
+    It may be beyond these: each time that is seen, one looks twice as far."""
+    from scipy.optimize import minimize_scalar
+
+    x = wanted.parameter
+    seen = {cycle.parameters[x]: cycle}
+
+    def lowered(value: float) -> float:
+        value = float(np.clip(value, *wanted.span))
+        if value not in seen:
             near = min(seen, key=lambda v: abs(v - value))
-            try:
-                found = find_cycle(
-                    branch.system, seen[near], parameters={wanted.parameter: float(value)}
-                )
-            except ConvergenceError:
-                return 0.0
-            seen[float(value)] = found
-            return -_numbers(found, wanted.coordinate)[0]
+            seen[value] = find_cycle(wanted.system, seen[near], parameters={x: value})
+        return -_numbers(seen[value], wanted.coordinate)[0]
 
-        width = wanted.span[1] - wanted.span[0]
-        minimize_scalar(
-            lower, bounds=(min(ends), max(ends)), method="bounded", options={"xatol": _PEAK * width}
-        )
-        best = max(seen.values(), key=lambda c: _numbers(c, wanted.coordinate)[0])
-    measured = wanted.measured(best)
-    here = {wanted.parameter: best.parameters[wanted.parameter]}
-    return here | {name: measured[name] for name in ("amplitude", "harmonic", "phase")}
+    middle = cycle.parameters[x]
+    with suppress(ConvergenceError):  # what was seen until then is the answer
+        while not lowered(middle) <= min(lowered(low), lowered(high)):
+            if lowered(high) < lowered(low):
+                low, middle, high = middle, high, high + 2.0 * (high - middle)
+            else:
+                low, middle, high = low - 2.0 * (middle - low), low, middle
+            if not wanted.span[0] < middle < wanted.span[1]:
+                break
+        if wanted.span[0] <= low < middle < high <= wanted.span[1]:
+            minimize_scalar(lowered, (low, middle, high), method="brent", options={"xtol": _PEAK})
+    return max(seen.values(), key=lambda c: _numbers(c, wanted.coordinate)[0])
+
+
+def _backbone(level: str, found: list[_Lines]) -> list[Cycle]:
+    """The largest responses at the levels and at some between them, in the order of the levels."""
+    peaks = [one.peak for one in found if one.peak is not None]
+    peaks.sort(key=lambda cycle: cycle.parameters[level])
+    cycles = peaks[:1]
+    for before, after in pairwise(peaks):
+        wanted, last = found[0].wanted, before
+        step = _FIRST * (wanted.span[1] - wanted.span[0])
+        ends = before.parameters[level], after.parameters[level]
+        spaced = np.geomspace if ends[0] > 0.0 else np.linspace
+        with suppress(ConvergenceError):
+            for value in spaced(*ends, _BETWEEN + 2)[1:-1].tolist():
+                moved = find_cycle(wanted.system, last, parameters={level: value})
+                at = moved.parameters[wanted.parameter]
+                last = _climb(wanted, moved, at - step, at + step)
+                cycles.append(last)
+        cycles.append(after)
+    return cycles
 
 
 # -- results ---------------------------------------------------------------------------------------
@@ -549,9 +584,15 @@ def _dataset(system: System, level: str, found: list[_Lines]) -> xarray.Dataset:
     for name in swept[0][0][0]:
         values = np.array([[[entry[name] for entry in sweep] for sweep in one] for one in swept])
         data[f"swept_{name}"] = ("level", "direction", "step"), values, attributes[name]
-    for name in found[0].peak:
-        values = np.array([one.peak[name] for one in found])
+    largest = ("amplitude", "harmonic", "phase")
+    peaks = [_largest(wanted, one.peak) for one in found]
+    for name in (parameter, *largest):
+        values = np.array([entry[name] for entry in peaks])
         data[f"peak_{name}"] = "level", values, attributes[name]
+    bone = _backbone(level, found) if level else []
+    for name in (parameter, *largest[:2], *([level] if level else [])):
+        values = np.array([_largest(wanted, c)[name] for c in bone])
+        data[f"backbone_{name}"] = "backbone", values, attributes[name]
     coordinates: dict[str, Any] = {
         "direction": list(_DIRECTIONS),
         f"swept_{parameter}": ("step", found[0].grid, attributes[parameter]),
@@ -561,6 +602,13 @@ def _dataset(system: System, level: str, found: list[_Lines]) -> xarray.Dataset:
         coordinates["level"] = "level", of, attributes[level]
     about = {"title": system.title or system.name, "coordinate": x, "drive": wanted.text}
     return xr.Dataset(data, coordinates, about)
+
+
+def _largest(wanted: _Level, cycle: Cycle | None) -> dict[str, float]:
+    """What is said of a largest response, with its parameters."""
+    measured = wanted.measured("" if cycle is None else cycle)
+    there = {wanted.parameter: np.nan} if cycle is None else cycle.parameters
+    return {**measured, **there}
 
 
 def _attributes(system: System, wanted: _Level) -> dict[str, dict[str, Any]]:

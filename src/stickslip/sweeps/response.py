@@ -42,7 +42,8 @@ class FrequencyResponse(Result):
         harmonic, relative to the drive), ``stick`` (share of the period in which all contacts
         stick; ``stick_…`` of each), ``period``, ``stable``, ``slips`` (0 where no contact slips).
         Over ``level``, ``direction`` and ``step``: the same of the sweeps (``swept_…``), NaN where
-        no cycle was found. Over ``level``: the largest response, ``peak_…``.
+        no cycle was found. Over ``level``: the largest response, ``peak_…``. Over ``backbone``: the
+        same at the levels and between them, ``backbone_…``.
     special : list of SpecialPoint
         Folds, grazing and the like of all lines; ``index`` is the number of the point.
     notes : list of str

@@ -1,0 +1,154 @@
+"""Frequency responses: lines, sweeps and largest responses against independent solutions."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from oracles import den_hartog
+from oracles.jenkins import Jenkins, response
+from orbits.examples import duffing, jenkins
+from stickslip import FrequencyResponse, catalogue, frequency_response
+from stickslip.results import Completion
+
+LEVELS = [0.3, 0.8, 1.5]
+SPAN = (0.6, 1.8)
+POINTS = 50
+
+
+@cache
+def damped() -> FrequencyResponse:
+    return frequency_response(jenkins(), "omega", SPAN, levels={"F": LEVELS}, points=POINTS)
+
+
+@cache
+def expected(F: float) -> list[tuple[float, complex, float]]:
+    """Amplitude, first harmonic and share of stick of the oracle at the frequencies of the sweeps."""
+    found = []
+    start = None
+    for omega in np.linspace(*SPAN, POINTS):
+        r = response(Jenkins(F=F, omega=float(omega)), start)
+        start = r.start if r.stick < 1.0 else None
+        found.append((r.amplitude, r.harmonic, r.stick))
+    return found
+
+
+def distance(a: object, b: object) -> float:
+    return float(np.max(np.abs(np.asarray(a) - np.asarray(b))))
+
+
+@pytest.mark.parametrize("F", LEVELS)
+def test_sweeps_of_a_jenkins_oscillator(F: float) -> None:
+    """50 frequencies at three levels, up and down, against closed forms from event to event."""
+    amplitude, harmonic, stick = map(np.array, zip(*expected(F), strict=True))
+    swept = damped().dataset.sel(level=F)
+    for direction in ("up", "down"):
+        found = swept.sel(direction=direction)
+        wave = found["swept_harmonic"].values * np.exp(1j * found["swept_phase"].values)
+        assert distance(found["swept_amplitude"] / amplitude, 1.0) < 1e-10
+        assert distance(wave / harmonic, 1.0) < 1e-10
+        assert distance(found["swept_stick"], stick) < 1e-10
+
+
+@pytest.mark.parametrize("F", LEVELS)
+def test_lines_of_a_jenkins_oscillator(F: float) -> None:
+    data = damped().dataset
+    (number,) = np.unique(data["line"].values[data["F"].values == F])
+    line = damped().line(int(number))
+    assert line["omega"].values[[0, -1]] == pytest.approx(SPAN, rel=1e-12)
+    for i in np.linspace(0, line.sizes["point"] - 1, 17).astype(int):
+        point = line.isel(point=i)
+        r = response(Jenkins(F=F, omega=float(point["omega"])))
+        wave = complex(point["harmonic"]) * np.exp(1j * float(point["phase"]))
+        assert abs(float(point["amplitude"]) / r.amplitude - 1.0) < 1e-10
+        assert abs(wave / r.harmonic - 1.0) < 1e-10
+        assert abs(float(point["stick"]) - r.stick) < 1e-8
+
+
+@pytest.mark.parametrize("F", LEVELS)
+def test_the_damper_slips_where_the_linear_response_is_too_large(F: float) -> None:
+    """k_d |x| = F_c of the linear oscillator with both springs."""
+    onsets = [s for s in damped().of_kind("slip onset") if s.parameters["F"] == F]
+    assert len(onsets) == 2
+    for point in onsets:
+        linear = Jenkins(F=F, omega=point.value).linear(1.5)
+        assert 0.5 * abs(linear) == pytest.approx(1.0, rel=1e-6)
+    data = damped().dataset
+    line = data.isel(point=np.flatnonzero(data["F"].values == F))
+    inside = (line["omega"] > onsets[0].value + 1e-6) & (line["omega"] < onsets[1].value - 1e-6)
+    outside = (line["omega"] < onsets[0].value - 1e-6) | (line["omega"] > onsets[1].value + 1e-6)
+    assert np.all(line["slips"].values[inside] == 1) and np.all(line["slips"].values[outside] == 0)
+
+
+def test_largest_responses() -> None:
+    """No frequency beside it has a larger response; the backbone passes them, and lies on it
+    between them."""
+    data = damped().dataset
+    for F, omega, top in zip(
+        LEVELS, data["peak_omega"].values, data["peak_amplitude"].values, strict=True
+    ):
+        start = None
+        for off in (-1e-3, 0.0, 1e-3):
+            r = response(Jenkins(F=F, omega=omega + off), start)
+            start = r.start
+            if off:
+                assert r.amplitude < top
+            else:
+                assert r.amplitude == pytest.approx(top, rel=1e-10)
+    level = data["backbone_F"].values
+    assert np.all(np.diff(level) > 0.0) and set(LEVELS) <= set(level.tolist())
+    assert len(level) > 2 * len(LEVELS)
+    i = int(np.argmax(level == LEVELS[1])) - 2
+    F, omega, top = (float(data[f"backbone_{n}"][i]) for n in ("F", "omega", "amplitude"))
+    around = [response(Jenkins(F=F, omega=omega + off)).amplitude for off in (-1e-3, 0.0, 1e-3)]
+    assert around[1] == pytest.approx(top, rel=1e-10)
+    assert max(around) == around[1]
+
+
+def test_the_certificate_says_that_sweeps_are_on_the_lines() -> None:
+    found = damped()
+    assert found.certificate.ok, found.certificate.verdict
+    assert found.certificate["swept motions on no line"].value == 0.0
+    assert found.certificate["first harmonics"].value < 1e-12
+    assert found.outcome is Completion.FINISHED
+
+
+def test_coulomb_friction_is_den_hartogs_limit() -> None:
+    """Dry friction alone, where the motion does not stop: amplitude and phase in closed form."""
+    found = frequency_response(
+        catalogue.forced_oscillator(F_c=0.3), "omega", (1.2, 2.0), points=3
+    ).dataset
+    assert found["stick"].values.max() == 0.0
+    for omega, amplitude in zip(found["omega"].values, found["amplitude"].values, strict=True):
+        assert amplitude == pytest.approx(den_hartog.amplitude(omega, 0.3), rel=1e-10)
+
+
+def test_a_stiff_damper_is_coulomb_friction() -> None:
+    """k_d → ∞: the response tends to Den Hartog's, as 1/k_d."""
+    system = jenkins().with_parameters(c=1e-9, F=1.0, F_c=0.3)
+    misses = []
+    for k_d in (1e3, 1e4):
+        found = frequency_response(
+            system, "omega", (1.4, 1.5), parameters={"k_d": k_d}, points=2
+        ).dataset
+        limit = [den_hartog.amplitude(w, 0.3) for w in found["swept_omega"].values]
+        misses.append(distance(found["swept_amplitude"].sel(direction="up")[0], limit))
+    assert misses[1] < 2e-4
+    assert misses[1] == pytest.approx(0.1 * misses[0], rel=0.1)
+
+
+@cache
+def hardening() -> FrequencyResponse:
+    """Duffing's oscillator in a well, which bends its resonance."""
+    return frequency_response(
+        duffing(),
+        "omega",
+        (0.9, 1.5),
+        levels=["F=0.04,0.09"],
+        coordinate="x",
+        parameters={"c": 0.1},
+        drive="F*cos(omega*t)",
+        points=13,
+    )
