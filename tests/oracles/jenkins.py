@@ -91,10 +91,11 @@ def march(
             def room(s: float, at=at, sign=mode) -> float:  # type: ignore[no-untyped-def]
                 return sign * float(at(s)[1])
 
-        # A step away from the start the margin is positive: at the start it may be zero.
+        # A little later the margin is positive; at the start it may be zero. If it is not, this
+        # mode does not even begin.
         low = t + 0.01 * step
-        over = end
-        while low < end:
+        over = end if room(low) >= 0.0 else t if mode == 0 else low
+        while low < over:
             high = min(low + step, end)
             if room(high) < 0.0:
                 over = float(brentq(room, low, high, xtol=1e-16, rtol=1e-15, maxiter=200))
@@ -137,17 +138,21 @@ def response(system: Jenkins, start: tuple[float, float] | None = None) -> Respo
         _, (x_1, v_1, _) = march(system, t, t + half, x, 0.0, system.F_c)
         return np.array([x_1 + x, v_1])
 
-    x, t = start or _settled(system)
-    y = np.array([x, math.remainder(t, 2.0 * half)])
-    for _ in range(30):
-        here = miss(y)
-        J = np.column_stack(
-            [(miss(y + h) - miss(y - h)) / (2.0 * np.max(h)) for h in 1e-6 * np.eye(2)]
-        )
-        step = np.linalg.solve(J, here)
-        y = y - step * min(1.0, 0.2 / float(np.max(np.abs(step))))
-        if np.max(np.abs(step)) < 1e-11:
-            break
+    for guess in (start, None):
+        x, t = guess or _settled(system)
+        y = np.array([x, math.remainder(t, 2.0 * half)])
+        for _ in range(40):
+            here = miss(y)
+            J = np.column_stack(
+                [(miss(y + h) - miss(y - h)) / (2.0 * np.max(h)) for h in 1e-6 * np.eye(2)]
+            )
+            step = np.linalg.solve(J, here)
+            if np.max(np.abs(step)) < 1e-11 or np.max(np.abs(here)) < 1e-14:
+                break
+            y = y - step * min(1.0, 0.2 / float(np.max(np.abs(step))))
+        else:
+            continue
+        break
     else:
         raise ArithmeticError(f"no periodic response at {system}")
     x, t = float(y[0]), math.remainder(float(y[1]), 2.0 * half)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from oracles import den_hartog
-from oracles.jenkins import Jenkins, response
+from oracles.jenkins import Jenkins, Response, response
 from orbits.examples import duffing, jenkins
 from stickslip import FrequencyResponse, catalogue, frequency_response
 from stickslip.results import Completion
@@ -24,14 +24,14 @@ def damped() -> FrequencyResponse:
 
 
 @cache
-def expected(F: float) -> list[tuple[float, complex, float]]:
-    """Amplitude, first harmonic and share of stick of the oracle at the frequencies of the sweeps."""
-    found = []
+def expected(F: float) -> list[Response]:
+    """Of the oracle, at the frequencies of the sweeps."""
+    found: list[Response] = []
     start = None
     for omega in np.linspace(*SPAN, POINTS):
         r = response(Jenkins(F=F, omega=float(omega)), start)
         start = r.start if r.stick < 1.0 else None
-        found.append((r.amplitude, r.harmonic, r.stick))
+        found.append(r)
     return found
 
 
@@ -42,7 +42,10 @@ def distance(a: object, b: object) -> float:
 @pytest.mark.parametrize("F", LEVELS)
 def test_sweeps_of_a_jenkins_oscillator(F: float) -> None:
     """50 frequencies at three levels, up and down, against closed forms from event to event."""
-    amplitude, harmonic, stick = map(np.array, zip(*expected(F), strict=True))
+    amplitude, harmonic, stick = (
+        np.array([getattr(r, name) for r in expected(F)])
+        for name in ("amplitude", "harmonic", "stick")
+    )
     swept = damped().dataset.sel(level=F)
     for direction in ("up", "down"):
         found = swept.sel(direction=direction)
@@ -58,9 +61,12 @@ def test_lines_of_a_jenkins_oscillator(F: float) -> None:
     (number,) = np.unique(data["line"].values[data["F"].values == F])
     line = damped().line(int(number))
     assert line["omega"].values[[0, -1]] == pytest.approx(SPAN, rel=1e-12)
-    for i in np.linspace(0, line.sizes["point"] - 1, 17).astype(int):
+    grid = np.linspace(*SPAN, POINTS)
+    for i in np.linspace(0, line.sizes["point"] - 1, 9).astype(int):
         point = line.isel(point=i)
-        r = response(Jenkins(F=F, omega=float(point["omega"])))
+        omega = float(point["omega"])
+        beside = expected(F)[int(np.argmin(np.abs(grid - omega)))]
+        r = response(Jenkins(F=F, omega=omega), beside.start)
         wave = complex(point["harmonic"]) * np.exp(1j * float(point["phase"]))
         assert abs(float(point["amplitude"]) / r.amplitude - 1.0) < 1e-10
         assert abs(wave / r.harmonic - 1.0) < 1e-10
@@ -126,7 +132,8 @@ def test_coulomb_friction_is_den_hartogs_limit() -> None:
 
 
 def test_a_stiff_damper_is_coulomb_friction() -> None:
-    """k_d → ∞: the response tends to Den Hartog's, as 1/k_d."""
+    """k_d → ∞: the response tends to Den Hartog's. The way 2F_c/k_d back through the spring, from a
+    stop on, takes a time of the order k_d^(−1/2)."""
     system = jenkins().with_parameters(c=1e-9, F=1.0, F_c=0.3)
     misses = []
     for k_d in (1e3, 1e4):
@@ -135,8 +142,8 @@ def test_a_stiff_damper_is_coulomb_friction() -> None:
         ).dataset
         limit = [den_hartog.amplitude(w, 0.3) for w in found["swept_omega"].values]
         misses.append(distance(found["swept_amplitude"].sel(direction="up")[0], limit))
-    assert misses[1] < 2e-4
-    assert misses[1] == pytest.approx(0.1 * misses[0], rel=0.1)
+    assert misses[1] < 5e-3
+    assert misses[1] == pytest.approx(0.1**0.5 * misses[0], rel=0.2)
 
 
 @cache

@@ -1,4 +1,4 @@
-"""The commands ``run``, ``equilibria``, ``cycle``, ``branch``, ``response`` and ``basin``: the motion
+"""The commands ``run``, ``equilibria``, ``cycle``, ``branch``, ``response`` and ``basin``: a motion
 of a system, and where it ends up in the long run."""
 
 from __future__ import annotations

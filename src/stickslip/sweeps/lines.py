@@ -435,8 +435,8 @@ def _cycle_at(branch: Branch, index: int) -> Cycle:
 
 
 def _peak(wanted: _Level, branches: list[Branch]) -> Cycle | None:
-    """The largest response: that of the largest point, or between its neighbours if the parameter
-    tells the cycles there apart."""
+    """The largest response: between the neighbours of the largest point if the parameter tells the
+    cycles there apart, else (at a fold, at an end) that point."""
     if not branches:
         return None
     amplitude = f"amplitude_{wanted.coordinate}"
@@ -445,36 +445,61 @@ def _peak(wanted: _Level, branches: list[Branch]) -> Cycle | None:
     top = int(np.argmax(branch.points[amplitude].values))
     best = _cycle_at(branch, top)
     low, high = sorted(where[[max(top - 1, 0), min(top + 1, len(where) - 1)]].tolist())
-    return _climb(wanted, best, low, high) if low < where[top] < high else best
+    if low < where[top] < high:
+        with suppress(ConvergenceError):
+            return _climb(wanted, best, low, high)
+    return best
 
 
 def _climb(wanted: _Level, cycle: Cycle, low: float, high: float) -> Cycle:
     """The largest response, from a cycle on, with two values of the parameter on both sides of it.
-    It may be beyond these: each time that is seen, one looks twice as far."""
+    It may be beyond these: each time that is seen, one looks twice as far.
+
+    Raises
+    ------
+    ConvergenceError
+        If it is not within the range, or cannot be reached.
+    """
     from scipy.optimize import minimize_scalar
 
     x = wanted.parameter
-    seen = {cycle.parameters[x]: cycle}
+    middle = cycle.parameters[x]
+    seen = {middle: cycle}
 
     def lowered(value: float) -> float:
-        value = float(np.clip(value, *wanted.span))
+        value = float(value)
+        if not wanted.span[0] <= value <= wanted.span[1]:
+            raise ConvergenceError("the largest response", f"it is beyond {x} = {value:g}")
         if value not in seen:
             near = min(seen, key=lambda v: abs(v - value))
-            seen[value] = find_cycle(wanted.system, seen[near], parameters={x: value})
+            seen[value] = _moved(seen[near], {x: value})
         return -_numbers(seen[value], wanted.coordinate)[0]
 
-    middle = cycle.parameters[x]
-    with suppress(ConvergenceError):  # what was seen until then is the answer
-        while not lowered(middle) <= min(lowered(low), lowered(high)):
-            if lowered(high) < lowered(low):
-                low, middle, high = middle, high, high + 2.0 * (high - middle)
-            else:
-                low, middle, high = low - 2.0 * (middle - low), low, middle
-            if not wanted.span[0] < middle < wanted.span[1]:
-                break
-        if wanted.span[0] <= low < middle < high <= wanted.span[1]:
-            minimize_scalar(lowered, (low, middle, high), method="brent", options={"xtol": _PEAK})
+    while not lowered(middle) <= min(lowered(low), lowered(high)):
+        if lowered(high) < lowered(low):
+            low, middle, high = middle, high, high + 2.0 * (high - middle)
+        else:
+            low, middle, high = low - 2.0 * (middle - low), low, middle
+    if lowered(middle) < min(lowered(low), lowered(high)):
+        minimize_scalar(lowered, (low, middle, high), method="brent", options={"xtol": _PEAK})
     return max(seen.values(), key=lambda c: _numbers(c, wanted.coordinate)[0])
+
+
+def _moved(cycle: Cycle, parameters: Mapping[str, float], halvings: int = 5) -> Cycle:
+    """What a cycle becomes at other parameters, by way of others between if need be.
+
+    Raises
+    ------
+    ConvergenceError
+        If steps of a 2⁻ʰ-th part are still too long.
+    """
+    try:
+        return find_cycle(cycle.system, cycle, parameters=parameters)
+    except ConvergenceError:
+        if halvings == 0:
+            raise
+    middle = {name: 0.5 * (cycle.parameters[name] + value) for name, value in parameters.items()}
+    return _moved(_moved(cycle, middle, halvings - 1), parameters, halvings - 1)
 
 
 def _backbone(level: str, found: list[_Lines]) -> list[Cycle]:
@@ -484,14 +509,17 @@ def _backbone(level: str, found: list[_Lines]) -> list[Cycle]:
     cycles = peaks[:1]
     for before, after in pairwise(peaks):
         wanted, last = found[0].wanted, before
+        x = wanted.parameter
         step = _FIRST * (wanted.span[1] - wanted.span[0])
         ends = before.parameters[level], after.parameters[level]
         spaced = np.geomspace if ends[0] > 0.0 else np.linspace
         with suppress(ConvergenceError):
-            for value in spaced(*ends, _BETWEEN + 2)[1:-1].tolist():
-                moved = find_cycle(wanted.system, last, parameters={level: value})
-                at = moved.parameters[wanted.parameter]
-                last = _climb(wanted, moved, at - step, at + step)
+            for i, value in enumerate(spaced(*ends, _BETWEEN + 2)[1:-1].tolist()):
+                # Most of the way it goes straight to the next peak.
+                guess = last.parameters[x]
+                guess += (after.parameters[x] - guess) / (_BETWEEN + 1 - i)
+                moved = _moved(last, {level: value, x: guess})
+                last = _climb(wanted, moved, guess - step, guess + step)
                 cycles.append(last)
         cycles.append(after)
     return cycles
