@@ -11,12 +11,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-_LOOKS = 400  # in half a period of the drive, for events
+_LOOKS = 200  # in half a period of the drive, for events
 
 
 @dataclass(frozen=True)
@@ -77,20 +78,9 @@ def march(
     mode = int(np.sign(v)) if q * np.sign(v) >= system.F_c else 0
     step = math.pi / (system.omega * _LOOKS)
     while t < end:
-        if mode == 0:
-            load = system.k_d * x - q
-            at = system.flow(t, x, v, system.k + system.k_d, load)
-            x_0, q_0 = x, q
-
-            def room(s: float, at=at, x_0=x_0, q_0=q_0) -> float:  # type: ignore[no-untyped-def]
-                return system.F_c - abs(q_0 + system.k_d * (float(at(s)[0]) - x_0))
-
-        else:
-            at = system.flow(t, x, v, system.k, -mode * system.F_c)
-
-            def room(s: float, at=at, sign=mode) -> float:  # type: ignore[no-untyped-def]
-                return sign * float(at(s)[1])
-
+        load = system.k_d * x - q if mode == 0 else -mode * system.F_c
+        at = system.flow(t, x, v, system.k + (0.0 if mode else system.k_d), load)
+        room = _margin(system, at, mode, x, q)
         # A little later the margin is positive; at the start it may be zero. If it is not, this
         # mode does not even begin.
         low = t + 0.01 * step
@@ -98,7 +88,8 @@ def march(
         while low < over:
             high = min(low + step, end)
             if room(high) < 0.0:
-                over = float(brentq(room, low, high, xtol=1e-16, rtol=1e-15, maxiter=200))
+                root: Any = brentq(room, low, high, xtol=1e-16, maxiter=200)
+                over = float(root)
                 break
             low = high
         found.append(Stretch(t, over, mode, at))
@@ -107,6 +98,15 @@ def march(
         x, t = x_1, over
         mode = 0 if mode else int(math.copysign(1.0, q))
     return found, (x, v, q)
+
+
+def _margin(
+    system: Jenkins, at: Callable[[ArrayLike], NDArray[np.float64]], mode: int, x: float, q: float
+) -> Callable[[float], float]:
+    """What is positive as long as a mode goes on that began at x with the force q."""
+    if mode == 0:
+        return lambda t: system.F_c - abs(q + system.k_d * (float(at(t)[0]) - x))
+    return lambda t: mode * float(at(t)[1])
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ def response(system: Jenkins, start: tuple[float, float] | None = None) -> Respo
 
     for guess in (start, None):
         x, t = guess or _settled(system)
-        y = np.array([x, math.remainder(t, 2.0 * half)])
+        y: NDArray[np.float64] = np.array([float(x), math.remainder(float(t), 2.0 * half)])
         for _ in range(40):
             here = miss(y)
             J = np.column_stack(

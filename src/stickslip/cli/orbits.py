@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from stickslip.cli.models import assignments, load_model, numbers
+from stickslip.cli.models import assignments, load_model, numbers, spans
 from stickslip.cli.present import (
     Files,
     Initial,
@@ -261,27 +261,3 @@ def basin_command(
 def given(initial: list[str] | None) -> dict[str, float] | None:
     """Initial values; None if there are none."""
     return numbers(assignments(initial or [], "--initial"), "--initial") or None
-
-
-def spans(texts: list[str]) -> dict[str, list[float]]:
-    """Read NAME=LOW:HIGH; both numbers may be fractions."""
-    for text in texts:
-        if "=" not in text:
-            raise DeclarationError(
-                f"--over {text}",
-                "not of the form NAME=LOW:HIGH",
-                f"Write it like --over {text}=LOW:HIGH",
-            )
-    found = {}
-    for name, value in assignments(texts, "--over").items():
-        pieces = str(value).split(":")
-        if len(pieces) != 2:
-            raise DeclarationError(
-                f"--over {name}={value}",
-                f"not of the form {name}=LOW:HIGH",
-                f"Write it like --over {name}=LOW:HIGH",
-            )
-        found[name] = [
-            numbers(assignments([f"{name}={p}"], "--over"), "--over")[name] for p in pieces
-        ]
-    return found

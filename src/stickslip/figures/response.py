@@ -38,7 +38,8 @@ _WIDTH = 6.4  # inches
 _TALL = 3.6
 _LOW = 1.7
 _EXTRA = 0.7
-_NEVER_SLIPS = 0.9  # width of a line where no contact slips
+_SLIPS = 1.6  # width of a line where a contact slips …
+_NEVER_SLIPS = 0.9  # … and where none does
 _BACKBONE: dict[str, Any] = {"color": STICK_LINE, "lw": 0.7, "zorder": 2.5}
 _FOLD: dict[str, Any] = {"marker": "o", "ms": 6, "mfc": "white", "mec": STICK_LINE, "mew": 1.2}
 _CHANGE: dict[str, Any] = {"marker": ".", "ms": 5, "color": STICK_LINE}
@@ -118,8 +119,8 @@ def _draw(axes: Axes, response: FrequencyResponse, name: str) -> None:
                 at = data[f"swept_{x}"].values[differ]
                 axes.plot(at, values[differ], marker, color=colour, ms=4, mew=0.0)
     if f"backbone_{name}" in data and data.sizes["backbone"] > 1:
-        bone = (data[f"backbone_{n}"].values for n in (x, name))
-        axes.plot(*smooth_curve(*bone, np.zeros(data.sizes["backbone"])), **_BACKBONE)
+        at, top = data[f"backbone_{x}"].values, data[f"backbone_{name}"].values
+        axes.plot(*smooth_curve(at, top, np.zeros(len(at))), **_BACKBONE)
     for point in response.special:
         here = float(data[name][point.index])
         style = _FOLD if point.kind == "fold" else _CHANGE
@@ -136,9 +137,9 @@ def _draw_line(axes: Axes, x: Any, y: Any, line: xarray.Dataset, colour: str) ->
     changed = np.flatnonzero((np.diff(stable) != 0) | (np.diff(slips) != 0)) + 1
     for first, last in pairwise([0, *changed.tolist(), len(x) - 1]):
         part = slice(PIECES * first, PIECES * last + 1)
-        width = {} if slips[first] else {"lw": _NEVER_SLIPS}
+        width = _SLIPS if slips[first] else _NEVER_SLIPS
         style = "-" if stable[first] else UNSTABLE
-        axes.plot(curve[0][part], curve[1][part], color=colour, linestyle=style, **width)
+        axes.plot(curve[0][part], curve[1][part], color=colour, linestyle=style, lw=width)
 
 
 def _name_lines(axes: Axes, response: FrequencyResponse, name: str, colours: Sequence[str]) -> None:
@@ -202,7 +203,7 @@ def _scale(axes: Axes, response: FrequencyResponse, name: str) -> None:
         axes.set_ylim(bottom=0.0)
 
 
-def _in_halves(value: float, _: int | None) -> str:
+def _in_halves(value: float, _: float) -> str:
     """A multiple of π/2 as text."""
     halves = round(value / (np.pi / 2.0))
     if halves == 0:

@@ -369,9 +369,8 @@ def _follow(
     show(2.0 / 3.0, "lines")
     cycles = list[Cycle]()
     for both in zip(*swept, strict=True):
-        up, *down = [c for c in both if isinstance(c, Cycle) and c.certificate.ok] or [None]
-        if up is not None:
-            cycles += [up, *(c for c in down if not _alike(up, c, wanted.coordinate))]
+        met = [c for c in both if isinstance(c, Cycle) and c.certificate.ok]
+        cycles += met[: 1 if len(met) == 2 and _alike(*met, wanted.coordinate) else 2]
     # Where a contact rests that never slips is told by neighbours that slip: these come first.
     cycles.sort(key=lambda c: -sum(s.slip_time > 0.0 for s in c.contacts.values()))
     branches: list[Branch] = []
@@ -387,9 +386,10 @@ def _passes(wanted: _Level, branch: Branch, cycle: Cycle) -> bool:
     """Whether a branch passes a cycle, as far as amplitude and first harmonic tell: there are two
     points that enclose it, and at the value of one of them it becomes that one."""
     data, x = branch.points, wanted.coordinate
-    h = data[f"harmonic_{x}"].values * np.exp(1j * data[f"phase_{x}"].values)
+    size, angle = data[f"harmonic_{x}"].values, data[f"phase_{x}"].values
     where = data[wanted.parameter].values
-    numbers = np.column_stack([data[f"amplitude_{x}"].values, h.real, h.imag])
+    wave = [size * np.cos(angle), size * np.sin(angle)]
+    numbers = np.column_stack([data[f"amplitude_{x}"].values, *wave])
     at = cycle.parameters[wanted.parameter]
     own = _numbers(cycle, x)
     small = _SAME * float(np.max(np.abs(numbers)))

@@ -187,10 +187,13 @@ class FrequencyResponse(Result):
         """A response as it was."""
         from stickslip.model.system_file import loads
 
+        parameter, level, coordinate = json.loads(parts["names"])
         return cls(
             loads(parts["system"], f"{where}: system"),
             json.loads(parts["parameters"]),
-            *json.loads(parts["names"]),
+            parameter,
+            level,
+            coordinate,
             data,
             [restored_special(entry) for entry in json.loads(parts["special"])],
             json.loads(parts["notes"]),

@@ -51,6 +51,14 @@ _STEP = {
     "long_name": "distance from the point before: the largest change of parameter, period and "
     "ranges, relative to the branch's own"
 }
+_MEANINGS = {
+    "period": "period",
+    "stick_time": "time in which all contacts stick",
+    "slip_time": "time in which a contact slips",
+    "dissipated": "energy dissipated in a period",
+    "supplied": "energy supplied in a period",
+    "drift": "shift in a period",
+}
 _STABLE = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "neutral unstable stable"}
 
 
@@ -339,7 +347,8 @@ def dataset(parameters: Iterable[str], cycles: list[Cycle], steps: Array) -> xar
         return "point", np.array([*values], dtype=float), unit | attributes
 
     def measured(name: str) -> tuple[str, Array, dict]:
-        return column(name, (getattr(c, name) for c in cycles))
+        said = {"long_name": _MEANINGS[name]} if name in _MEANINGS else {}
+        return column(name, (getattr(c, name) for c in cycles), **said)
 
     data: dict = {
         name: column(name, (c.parameters[name] for c in cycles), **quantity(system, name))

@@ -321,6 +321,19 @@ class Cycle(Result):
             ]
         return rows
 
+    def plot(
+        self,
+        *quantities: str,
+        ax: Axes | None = None,
+        t: tuple[float, float] | None = None,
+        coordinates: Sequence[str] | None = None,
+    ) -> Figure:
+        """A picture of the cycle; with a window of the time or a choice of coordinates, of one
+        period as a motion: see :meth:`stickslip.Trajectory.plot`."""
+        if t is None and coordinates is None:
+            return super().plot(*quantities, ax=ax)
+        return self.trajectory.plot(*quantities, ax=ax, t=t, coordinates=coordinates)
+
     def overview(self, ax: Axes | None = None) -> Figure:
         """Of a gait, which contact moves when; of any other cycle its motion."""
         if ax is None and self.drift and self.contacts:
