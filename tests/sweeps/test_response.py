@@ -9,9 +9,10 @@ import pytest
 
 from oracles import den_hartog
 from oracles.jenkins import Jenkins, Response, response
-from orbits.examples import duffing, jenkins
+from orbits.examples import jenkins
 from stickslip import FrequencyResponse, catalogue, frequency_response
 from stickslip.results import Completion
+from systems import parameters
 
 LEVELS = [0.3, 0.8, 1.5]
 SPAN = (0.6, 1.8)
@@ -147,15 +148,105 @@ def test_a_stiff_damper_is_coulomb_friction() -> None:
 
 
 @cache
-def hardening() -> FrequencyResponse:
-    """Duffing's oscillator in a well, which bends its resonance."""
-    return frequency_response(
-        duffing(),
-        "omega",
-        (0.9, 1.5),
-        levels=["F=0.04,0.09"],
-        coordinate="x",
-        parameters={"c": 0.1},
-        drive="F*cos(omega*t)",
-        points=13,
+def bent() -> FrequencyResponse:
+    """A resonance that a spring bends, from x'' + c x' + x + x³ = F cos ωt."""
+    system = System(
+        name="bent",
+        parameters=parameters(c=0.1, F=0.2, omega=1.0),
+        coordinates={"x": Inertial()},
+        kinetic="d_x**2/2",
+        potential="x**2/2 + x**4/4 - push*x",
+        viscous="c*d_x**2/2",
+        drives={"push": "F*cos(omega*t)"},
     )
+    return frequency_response(system, "omega", (0.9, 1.7), levels=["F=0.2"], points=17)
+
+
+def test_sweeps_part_between_folds() -> None:
+    data = bent().dataset
+    folds = sorted(point.value for point in bent().of_kind("fold"))
+    assert len(folds) == 2
+    omega = data["swept_omega"].values
+    up, down = data["swept_amplitude"].values[0]
+    apart = np.abs(up - down) > 1e-6
+    assert np.array_equal(apart, (omega > folds[0]) & (omega < folds[1]))
+    assert np.any(apart) and np.all(up[apart] > down[apart])
+    # Unstable is what is between the folds, and smaller than what the sweep up has reached.
+    unstable = data["stable"].values == 0
+    inside = data["omega"].values[unstable]
+    assert np.all((inside >= folds[0] - 1e-6) & (inside <= folds[1] + 1e-6))
+    assert set(np.unique(data["line"].values)) == {0}
+    assert np.all(data["slips"].values == 1)  # no contact could stick
+
+
+def test_the_first_harmonic_of_a_bent_resonance_is_about_that_of_averaging() -> None:
+    """(1 + ¾A² − ω²)² A² + (cωA)² = F² up to the third harmonic, and sin φ = −cωA/F."""
+    data = bent().dataset
+    A, omega = data["harmonic"].values, data["omega"].values
+    left = np.hypot((1.0 + 0.75 * A**2 - omega**2) * A, 0.1 * omega * A)
+    assert left == pytest.approx(0.2, rel=0.1)
+    # The power of the drive is what the damper takes: exact but for the other harmonics.
+    assert -np.sin(data["phase"].values) == pytest.approx(0.1 * omega * A / 0.2, abs=0.01)
+
+
+def test_picture() -> None:
+    figure = bent().plot()
+    upper, lower = figure.axes
+    assert lower.get_ylabel() == "phase  [rad]"
+    dashed = [line for line in upper.get_lines() if line.get_linestyle() == "--"]
+    assert dashed
+    assert [text.get_text() for text in upper.texts] == ["$F$ = 0.2"]
+    legend = upper.get_legend()
+    assert legend is not None
+    words = {text.get_text() for text in legend.get_texts()}
+    assert {"stable", "unstable", "fold", "sweep up", "sweep down"} <= words
+    (axes,) = bent().plot("period").axes
+    assert axes.get_ylabel() == "period"
+    with pytest.raises(DeclarationError, match="there is no 'speed'"):
+        bent().plot("speed")
+
+
+def test_a_stored_response_is_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "response.nc"
+    bent().save(path)
+    again = open_result(path)
+    assert isinstance(again, FrequencyResponse)
+    assert again.dataset.identical(bent().dataset)
+    assert again.special == bent().special
+    assert again.summary().data == bent().summary().data
+    assert len(again.table) == again.dataset.sizes["point"]
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"parameter": "omga"}, "omga: .* no such parameter. Did you mean 'omega'"),
+        ({"parameter": "c"}, "c: whatever it is, the drives have the period"),
+        ({"span": (1.0, 1.0)}, "omega: .* is not a range"),
+        ({"span": (-1.0, 1.0)}, "omega: within its range the drive stands still"),
+        ({"levels": {"G": [1.0]}}, "levels.G: neither a parameter"),
+        ({"levels": {"omega": [1.0]}}, "levels: omega cannot be a level"),
+        ({"levels": {"F": []}}, "levels.F: there are no points"),
+        ({"levels": {"F": [0.1], "c": [0.1]}}, "levels: F, c cannot be a level"),
+        ({"levels": {"F": [0.0]}}, "drive: the force on x has no wave"),
+        ({"drive": "z"}, "drive: z has no wave"),
+        ({"coordinate": "y"}, "coordinate: there is no coordinate 'y'"),
+        ({"points": 1}, "points: 1 is no number of points"),
+        ({"system": catalogue.belt_block(), "parameter": "V"}, "belt_block: nothing drives it"),
+        ({"system": dragged(), "parameter": "V"}, "dragged block: it depends on time, but on no"),
+    ],
+)
+def test_bad_input_is_named(given: dict[str, Any], message: str) -> None:
+    usual = {"system": jenkins(), "parameter": "omega", "span": (0.8, 1.0)}
+    with pytest.raises(DeclarationError, match=message):
+        frequency_response(**{**usual, **given})
+
+
+def test_where_nothing_moves_it_is_said() -> None:
+    """A force below the friction: the mass rests at every frequency."""
+    found = frequency_response(catalogue.forced_oscillator(F_c=1.5), "omega", (0.8, 1.2), points=2)
+    assert found.outcome is Completion.NOTHING_FOUND and not found.certificate.ok
+    assert "comes to rest" in found.message
+    assert np.all(np.isnan(found["swept_amplitude"]))
+    assert "no response" in str(found.summary())
+    found.plot()

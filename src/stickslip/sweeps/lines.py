@@ -370,7 +370,8 @@ def _follow(
     cycles = list[Cycle]()
     for both in zip(*swept, strict=True):
         met = [c for c in both if isinstance(c, Cycle) and c.certificate.ok]
-        cycles += met[: 1 if len(met) == 2 and _alike(*met, wanted.coordinate) else 2]
+        x = wanted.coordinate
+        cycles += met[:1] + [c for c in met[1:] if not _alike(met[0], c, x)]
     # Where a contact rests that never slips is told by neighbours that slip: these come first.
     cycles.sort(key=lambda c: -sum(s.slip_time > 0.0 for s in c.contacts.values()))
     branches: list[Branch] = []
