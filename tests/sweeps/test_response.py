@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from oracles import den_hartog
 from oracles.jenkins import Jenkins, Response, response
-from orbits.examples import jenkins
-from stickslip import FrequencyResponse, catalogue, frequency_response
+from orbits.examples import dragged, jenkins
+from stickslip import FrequencyResponse, Inertial, System, catalogue, frequency_response
+from stickslip import open as open_result
+from stickslip.errors import DeclarationError
 from stickslip.results import Completion
 from systems import parameters
 
