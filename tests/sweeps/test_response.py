@@ -237,7 +237,7 @@ def test_a_stored_response_is_the_same(tmp_path: Path) -> None:
         ({"coordinate": "y"}, "coordinate: there is no coordinate 'y'"),
         ({"points": 1}, "points: 1 is no number of points"),
         ({"system": catalogue.belt_block(), "parameter": "V"}, "belt_block: nothing drives it"),
-        ({"system": dragged(), "parameter": "V"}, "dragged block: it depends on time, but on no"),
+        ({"system": dragged(), "parameter": "V"}, "V: whatever it is, the drives have the period"),
     ],
 )
 def test_bad_input_is_named(given: dict[str, Any], message: str) -> None:

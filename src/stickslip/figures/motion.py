@@ -251,7 +251,7 @@ class _Overview:
                 self.shade(axes, self.all_stick)
             colours = line_colours(len(names))
             for name, colour in zip(names, colours, strict=True):
-                self.line(axes, name, colour, self.alpha(len(names)))
+                self._line(axes, name, colour, self.alpha(len(names)))
             _roomy(axes, np.concatenate([self.values[name] for name in names]))
             if len(names) > 1:
                 shown = [(names[i], colours[i]) for i in _some(len(names))]
@@ -265,7 +265,7 @@ class _Overview:
 
         return panel
 
-    def line(
+    def _line(
         self, axes: Axes, name: str, colour: str, alpha: float = 1.0, zorder: float = 2
     ) -> None:
         """A quantity over time; what swings in every column, its envelope."""
@@ -334,7 +334,7 @@ class _Overview:
             axes.fill_between(self.t, -plus, minus, color=BAND, lw=0, alpha=0.6, zorder=1)
             for bound in (-plus, minus):
                 axes.plot(self.t, bound, color=THRESHOLD, lw=0.8, zorder=2, alpha=self.alpha(3))
-            self.line(axes, f"friction_{key}", BLUE, zorder=3)
+            self._line(axes, f"friction_{key}", BLUE, zorder=3)
             _roomy(axes, np.concatenate([force, -plus, minus]))
             unit = unit_label(self.unit(f"friction_{key}"))
             axes.set_ylabel(r"$\lambda$" + (f"  [{unit}]" if unit else ""))

@@ -114,7 +114,7 @@ def _draw(axes: Axes, response: FrequencyResponse, name: str) -> None:
     if f"swept_{name}" in data:
         swept = data[f"swept_{name}"].values
         for sweep, colour in zip(swept, colours.values(), strict=True):
-            differ = ~(np.abs(sweep[0] - sweep[1]) <= _ALIKE * np.nanmax(np.abs(sweep)))
+            differ = _differ(sweep)
             for values, marker in zip(sweep, _SWEEPS.values(), strict=True):
                 at = data[f"swept_{x}"].values[differ]
                 axes.plot(at, values[differ], marker, color=colour, ms=4, mew=0.0)
@@ -176,6 +176,12 @@ def _name_lines(axes: Axes, response: FrequencyResponse, name: str, colours: Seq
             if label is not best:
                 label.remove()
         best.set_path_effects([effects.withStroke(linewidth=2.0, foreground="white")])
+
+
+def _differ(sweep: Any) -> Any:
+    """Where sweeps up and down have not settled on the same."""
+    up, down = np.nan_to_num(sweep)
+    return np.abs(up - down) > _ALIKE * max(np.max(np.abs(up)), np.max(np.abs(down)))
 
 
 def _pixels(axes: Axes, line: Line2D) -> Any:
@@ -240,8 +246,7 @@ def _handles(response: FrequencyResponse, names: Sequence[str]) -> list[Line2D]:
         ("fold" in kinds, "fold", _FOLD),
         (bool(kinds - {"fold"}), ", ".join(sorted(kinds - {"fold"})), _CHANGE),
     ]
-    differ = data["swept_amplitude"].values
-    if np.any(np.abs(np.diff(differ, axis=1)) > _ALIKE * np.nanmax(np.abs(differ), initial=0.0)):
+    if any(np.any(_differ(sweep)) for sweep in data["swept_amplitude"].values):
         marks += [
             (True, f"sweep {direction}", {"marker": marker, "ms": 4, "color": STICK_LINE})
             for direction, marker in _SWEEPS.items()

@@ -49,6 +49,7 @@ from stickslip.symbolic.expressions import Expr
 if TYPE_CHECKING:
     import xarray
 
+_COLUMNS = ("line", "amplitude", "harmonic", "phase", "stick", "period", "stable", "slips")
 _DIRECTIONS = ("up", "down")
 _SAMPLES = 64  # of a drive in a period, for its first harmonic
 _SAME = 1e-7  # measures that differ by less, relative to the largest response, are the same
@@ -281,10 +282,11 @@ class _Level:
         corner = np.zeros(len(where), np.int8)
         corner[[s.index for s in branch.special if s.kind not in ("fold", "period doubling")]] = 1
         period = data["period"].values
-        shares = [
-            data[f"stick_time_{contact_key(c)}"].values / period for c in self.system.contacts
-        ]
-        slips = np.any([share < 1.0 - SHORTEST for share in shares], axis=0)
+        shares = {
+            f"stick_{contact_key(c)}": data[f"stick_time_{contact_key(c)}"].values / period
+            for c in self.system.contacts
+        }
+        slips = [share < 1.0 - SHORTEST for share in shares.values()] or [period > 0.0]
         return {
             self.parameter: where,
             "amplitude": data[f"amplitude_{x}"].values,
@@ -294,7 +296,8 @@ class _Level:
             "period": period,
             "dissipated": data["dissipated"].values,
             "stable": data["stable"].values,
-            "slips": slips.astype(np.int8),
+            "slips": np.any(slips, axis=0).astype(np.int8),
+            **shares,
             "corner": corner,
         }
 
@@ -605,9 +608,14 @@ def _dataset(system: System, level: str, found: list[_Lines]) -> xarray.Dataset:
             number = np.full(len(columns["amplitude"]), len(tables))
             own = {level: np.full(len(number), one.wanted.fixed[level])} if level else {}
             tables.append({**own, "line": number, **columns})
+    empty = {name: np.zeros(0) for name in (parameter, *_COLUMNS)}
     data: dict[str, Any] = {
-        name: ("point", np.concatenate([table[name] for table in tables]), attributes.get(name, {}))
-        for name in (tables[0] if tables else ())
+        name: (
+            "point",
+            np.concatenate([t[name] for t in tables or [empty]]),
+            attributes.get(name, {}),
+        )
+        for name in (tables[0] if tables else empty)
     }
     swept = [[[one.wanted.measured(c) for c in sweep] for sweep in one.swept] for one in found]
     for name in swept[0][0][0]:
