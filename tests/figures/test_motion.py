@@ -164,7 +164,7 @@ def test_labels_and_colours() -> None:
 
 def test_a_window_and_chosen_coordinates() -> None:
     """The part of the motion that was asked for is the same; nothing else is drawn."""
-    motion = simulate(catalogue.rocking_toy(P=1.2), (0.0, 60.0))
+    motion = ss.simulate(ss.catalogue.rocking_toy(P=1.2), (0.0, 60.0))
     figure = motion.plot(t=(20.25, 31.5), coordinates=["psi"])
     first = figure.axes[0]
     assert first.get_xlim() == (20.25, 31.5)
@@ -180,16 +180,16 @@ def test_a_window_and_chosen_coordinates() -> None:
 
 
 def test_what_is_no_window_is_refused() -> None:
-    motion = simulate(catalogue.belt_block(), (0.0, 10.0))
+    motion = ss.simulate(ss.catalogue.belt_block(), (0.0, 10.0))
     for window in ((5.0, 5.0), (-1.0, 3.0), (2.0, 11.0)):
-        with pytest.raises(DeclarationError, match="no window of the computed span"):
+        with pytest.raises(ss.DeclarationError, match="no window of the computed span"):
             motion.plot(t=window)
-    with pytest.raises(DeclarationError, match="coordinates: there is no 'y'"):
+    with pytest.raises(ss.DeclarationError, match="coordinates: there is no 'y'"):
         motion.plot(coordinates=["y"])
 
 
 def test_a_long_motion_is_an_envelope() -> None:
-    motion = simulate(catalogue.forced_oscillator(), (0.0, 4e4))
+    motion = ss.simulate(ss.catalogue.forced_oscillator(), (0.0, 4e4))
     first = motion.plot().axes[0]
     below, above = first.get_lines()
     late = np.asarray(below.get_xdata()) > 1e3
