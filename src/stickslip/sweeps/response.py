@@ -99,8 +99,11 @@ class FrequencyResponse(Result):
 
     @property
     def message(self) -> str:
-        """What is special on the lines, and where there is no response."""
-        return "\n".join([*(s.describe() for s in self.special), *self.notes])
+        """How many lines there are, what is special on them, and where there is no response."""
+        data = self.dataset
+        lines = len(np.unique(data["line"]))
+        count = f"lines: {lines}, with {data.sizes['point']} points"
+        return "\n".join([count, *(_of_level(s, self.level) for s in self.special), *self.notes])
 
     def of_kind(self, kind: str) -> list[SpecialPoint]:
         """The special points of a kind."""
