@@ -89,7 +89,8 @@ def plot_response(
     if ax is not None:
         _draw(ax, response, shown[0])
         _label_frequency(ax, response)
-        legend_above(ax, _handles(response, shown[:1]))
+        if handles := _handles(response, shown[:1]):
+            legend_above(ax, handles)
         return root_of(ax)
     heights = [_LOW if name in ("phase", "stick") else _TALL for name in shown]
     with paper_style():
@@ -98,7 +99,8 @@ def plot_response(
         for axes, name in zip(panels[:, 0], shown, strict=True):
             _draw(axes, response, name)
         _label_frequency(panels[-1, 0], response)
-        legend_above(panels[0, 0], _handles(response, shown))
+        if handles := _handles(response, shown):
+            legend_above(panels[0, 0], handles)
         figure.align_ylabels(panels[:, 0])
     return figure
 

@@ -106,7 +106,6 @@ def harmonics(motion: Trajectory, shift: Array, order: int) -> tuple[Array, floa
     period = float(k.time[-1]) - start
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
     lengths = np.diff(k.time)[steps]
-    size = np.maximum(np.max(np.abs(k.state), axis=0), 1e-300)
     counts = np.ceil(_PARTS * order * lengths / period).astype(int)
     found, change = np.full(k.state.shape[1], np.nan + 0j), np.inf
     for _ in range(_DOUBLINGS):
@@ -120,6 +119,8 @@ def harmonics(motion: Trajectory, shift: Array, order: int) -> tuple[Array, floa
         states = states - np.outer((times - start) / period, shift)
         turn = np.exp(-2j * np.pi * order * times / period)
         before, found = found, 2.0 / period * (weights * turn) @ states
+        # Between knots a component may be much larger than at them.
+        size = np.maximum(np.max(np.abs(states), axis=0), 1e-300)
         change = float(np.max(np.abs(found - before) / size))
         if change <= _EXACT:
             break
