@@ -44,6 +44,9 @@ MAKERS: dict[str, Callable[[], Result]] = {
     "gait": lambda: ss.find_cycle(TOY),
     "branch": lambda: ss.continue_equilibrium(SLIDER, "V", (0.25, 0.31)),
     "gait study": lambda: ss.gait_study(TOY, "P", [0.4, 1.2], initial={"psi": 0.8}),
+    "frequency response": lambda: ss.frequency_response(
+        ss.catalogue.forced_oscillator(F_c=0.3), "omega", (1.2, 1.3), points=2
+    ),
     "map": lambda: ss.sweep(TOY, {"P": [1.1, 1.2], "delta": [0.05, 0.1]}, ["speed", "period"]),
     "line": lambda: ss.sweep(TOY, {"P": [1.1, 1.2]}, ["speed"], initial={"psi": 0.8}),
     "basin": lambda: ss.basin(TOY, {"psi": "0.0:1.0:2", "d_psi": "0.0:1.0:2"}),
@@ -60,6 +63,7 @@ QUANTITY = {
     "gait": "psi",
     "branch": "U",
     "gait study": "speed",
+    "frequency response": "amplitude",
     "map": "speed",
     "line": "speed",
     "basin": "period",

@@ -73,7 +73,9 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.play.operator import Play, play
     from stickslip.sweeps.adaptive import Adaptive
     from stickslip.sweeps.basin import basin
+    from stickslip.sweeps.lines import frequency_response
     from stickslip.sweeps.map import Basin, Map
+    from stickslip.sweeps.response import FrequencyResponse
     from stickslip.sweeps.sweep import sweep
 
 __version__ = "0.1.0"
@@ -96,6 +98,7 @@ __all__ = [
     "EquilibriumSet",
     "Evolution",
     "EvolutionModel",
+    "FrequencyResponse",
     "GaitStudy",
     "GroupNorm",
     "History",
@@ -132,6 +135,7 @@ __all__ = [
     "figures",
     "find_cycle",
     "fold_curve",
+    "frequency_response",
     "gait_study",
     "hopf_curve",
     "laws",
@@ -194,6 +198,8 @@ _HOMES = {
     "Intersection": "rate_independent.averaging.semi_infinite",
     **dict.fromkeys(["Basin", "Map"], "sweeps.map"),
     "sweep": "sweeps.sweep",
+    "FrequencyResponse": "sweeps.response",
+    "frequency_response": "sweeps.lines",
     "Play": "rate_independent.play.operator",
     "play": "rate_independent.play.operator",
     "prandtl_ishlinskii": "rate_independent.play.clamp",
@@ -238,6 +244,7 @@ _KINDS = {
     "ensemble": "Ensemble",
     "equilibria": "Equilibria",
     "evolution": "History",
+    "frequency response": "FrequencyResponse",
     "gait study": "GaitStudy",
     "play": "Play",
     "sweep": "Map",
@@ -254,8 +261,8 @@ def open(path: str | Path) -> Any:
 
     Returns
     -------
-    Trajectory, Ensemble, History, Play, AveragingStudy, Equilibria, Cycle, Branch, GaitStudy, Map
-    or Basin
+    Trajectory, Ensemble, History, Play, AveragingStudy, Equilibria, Cycle, Branch, GaitStudy,
+    FrequencyResponse, Map or Basin
         As it was stored; nothing is computed again until it is asked for.
 
     Raises

@@ -12,7 +12,7 @@ from typer.testing import CliRunner, Result
 
 import stickslip as ss
 from stickslip.cli.app import app
-from stickslip.cli.orbits import BASIN, BRANCH, CYCLE, EQUILIBRIA
+from stickslip.cli.orbits import BASIN, BRANCH, CYCLE, EQUILIBRIA, RESPONSE
 from stickslip.cli.present import Files
 
 SLIDER = ("--set", "mu=2/sqrt(alpha)", "--set", "nu=1/20")
@@ -230,3 +230,41 @@ def test_a_branch_shows_what_was_measured() -> None:
     assert found["range"] == [0.2, 0.4]
     names = {residual["name"] for residual in found["certificate"]["residuals"]}
     assert {"closure", "beyond the range", "largest step", "neighbours"} <= names
+
+
+def test_response(tmp_path: Path) -> None:
+    out = tmp_path / "response"
+    given = ("forced_oscillator", "--over", "omega=1.2:1.3", "--level", "F_c=0.3", "--points", "2")
+    result = stickslip("response", *given, "--out", str(out))
+    assert result.exit_code == 0, result.stderr
+    found = summary(out, RESPONSE)
+    assert (found["level"], found["levels"]) == ("F_c", [0.3])
+    (top,) = found["largest response"]
+    assert top["amplitude"] == pytest.approx(2.0723838, abs=1e-6)  # Den Hartog's at 1.2
+    result = stickslip("plot", str(out / "response.nc"), "--measure", "stick", "--time", "0:1")
+    assert result.exit_code == 2 and "no motion" in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (("--over", "omga=1:2"), "omga"),
+        (("--over", "omega=1"), "not of the form omega=LOW:HIGH"),
+        (("--over", "omega=1:2", "--over", "m=1:2"), "2 parameters vary"),
+        (("--over", "omega=1:2", "--level", "G=1"), "levels.G"),
+        (("--over", "k=1:2"), "whatever it is, the drives have the period"),
+    ],
+)
+def test_a_response_that_makes_no_sense_is_refused(given: tuple[str, ...], message: str) -> None:
+    result = stickslip("response", "forced_oscillator", *given)
+    assert result.exit_code == 2
+    assert message in result.stderr and "Traceback" not in result.stderr
+
+
+def test_a_window_of_a_motion() -> None:
+    assert stickslip("run", "belt_block", "--until", "20").exit_code == 0
+    motion = "out/belt_block/trajectory.nc"
+    assert stickslip("plot", motion, "--time", "2:9", "--coordinate", "x").exit_code == 0
+    for wrong in (("--time", "2"), ("--time", "2:900"), ("--coordinate", "y")):
+        result = stickslip("plot", motion, *wrong)
+        assert result.exit_code == 2 and "Traceback" not in result.stderr

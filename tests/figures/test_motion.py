@@ -160,3 +160,41 @@ def test_labels_and_colours() -> None:
     assert line_colours(3) == list(LINES[:3])
     assert len(set(line_colours(20))) == 20
     assert contact_key("leg 1, left") == "leg_1__left"
+
+
+def test_a_window_and_chosen_coordinates() -> None:
+    """The part of the motion that was asked for is the same; nothing else is drawn."""
+    motion = ss.simulate(ss.catalogue.rocking_toy(P=1.2), (0.0, 60.0))
+    figure = motion.plot(t=(20.25, 31.5), coordinates=["psi"])
+    first = figure.axes[0]
+    assert first.get_xlim() == (20.25, 31.5)
+    t, psi = (np.asarray(values) for values in first.get_lines()[0].get_data())
+    assert (t[0], t[-1]) == (20.25, 31.5)
+    assert psi == pytest.approx(motion.at(t)["psi"], abs=1e-9)
+    labels = [axes.get_ylabel() for axes in figure.axes]
+    assert any("psi" in label for label in labels) and not any("x_" in label for label in labels)
+    (axes,) = motion.plot("x_R", t=(20.0, 30.0)).axes
+    (line,) = axes.get_lines()
+    seen = np.asarray(line.get_xdata())
+    assert np.min(seen) >= 20.0 and np.max(seen) <= 30.0 and len(seen) > 100
+
+
+def test_what_is_no_window_is_refused() -> None:
+    motion = ss.simulate(ss.catalogue.belt_block(), (0.0, 10.0))
+    for window in ((5.0, 5.0), (-1.0, 3.0), (2.0, 11.0)):
+        with pytest.raises(ss.DeclarationError, match="no window of the computed span"):
+            motion.plot(t=window)
+    with pytest.raises(ss.DeclarationError, match="coordinates: there is no 'y'"):
+        motion.plot(coordinates=["y"])
+
+
+def test_a_long_motion_is_an_envelope() -> None:
+    motion = ss.simulate(ss.catalogue.forced_oscillator(), (0.0, 4e4))
+    first = motion.plot().axes[0]
+    below, above = first.get_lines()
+    late = np.asarray(below.get_xdata()) > 1e3
+    turns = motion.knots.state[motion.knots.time > 1e3, 0]
+    assert np.asarray(above.get_ydata())[late].max() == pytest.approx(turns.max(), abs=1e-9)
+    assert np.asarray(below.get_ydata())[late].min() == pytest.approx(turns.min(), abs=1e-9)
+    # Beside it is no block of lines.
+    assert len(np.asarray(above.get_xdata())) == 2000

@@ -10,10 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
+from oracles import den_hartog
 from orbits.examples import SLIDER
 from stickslip import catalogue
 from stickslip.errors import DeclarationError
 from stickslip.figures.basin import plot_basin
+from stickslip.figures.drawing.smooth import PIECES, smooth_curve
 from stickslip.figures.drawing.style import BLUE, SLIP, STICK_LINE
 from stickslip.figures.gait import plot_gait
 from stickslip.figures.orbits import plot_branch
@@ -200,3 +202,33 @@ def test_a_branch_of_gaits_shows_their_speed() -> None:
     # A step D − 2 f₊/k in each period of the rest length.
     D, speed = line.get_xdata(), line.get_ydata()
     assert speed == pytest.approx((np.asarray(D) - 0.2) / (2.0 * np.pi), rel=1e-9)
+
+
+def test_whatever_was_measured_is_drawn_in_smooth_curves() -> None:
+    oscillator = catalogue.forced_oscillator(F_c=0.3)
+    branch = continue_cycle(find_cycle(oscillator, parameters={"omega": 1.3}), "omega", (1.2, 1.4))
+    names = ["period", "amplitude_x", "dissipated", "peak_force_friction"]
+    figure = branch.plot(*names)
+    labels = [axes.get_ylabel().replace("\n", " ") for axes in figure.axes]
+    assert labels[0] == r"period  [$\mathrm{s}$]"
+    assert labels[2] == r"energy dissipated in a period  [$\mathrm{N\,m}$]"
+    assert labels[3].endswith(r"[$\mathrm{N}$]")
+    # Between the points, too, the period is that of the drive and the amplitude Den Hartog's.
+    omega, period = (np.asarray(v) for v in figure.axes[0].get_lines()[0].get_data())
+    assert len(omega) > 5 * branch.points.sizes["point"]
+    assert period == pytest.approx(2.0 * np.pi / omega, rel=1e-4)
+    omega, amplitude = (np.asarray(v) for v in figure.axes[1].get_lines()[0].get_data())
+    closed = [den_hartog.amplitude(w, 0.3) for w in omega]
+    assert amplitude == pytest.approx(closed, rel=1e-3)
+
+
+def test_a_smooth_curve_passes_its_points_and_breaks_at_corners() -> None:
+    x = np.linspace(0.0, 1.0, 9)
+    corners = x == 0.5
+    along, kinked = smooth_curve(x, np.abs(x - 0.5), corners)
+    assert kinked == pytest.approx(np.abs(along - 0.5), abs=1e-12)
+    s = np.linspace(-1.0, 1.0, 15)
+    across, up = smooth_curve(1.0 - s**2, s, np.zeros(15))  # a fold
+    assert across[::PIECES] == pytest.approx(1.0 - s**2, abs=1e-15)
+    assert across == pytest.approx(1.0 - up**2, abs=1e-2)
+    assert np.all(np.isfinite(smooth_curve(np.zeros(3), np.zeros(3), np.zeros(3))))

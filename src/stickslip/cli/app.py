@@ -161,6 +161,7 @@ for _name, _command in {
     "equilibria": orbits.equilibria_command,
     "cycle": orbits.cycle_command,
     "branch": orbits.branch_command,
+    "response": orbits.response_command,
     "basin": orbits.basin_command,
     "sweep": sweeping.sweep_command,
     "plot": sweeping.plot_command,

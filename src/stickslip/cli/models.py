@@ -72,6 +72,29 @@ def numbers(given: Mapping[str, Formula], option: str) -> dict[str, float]:
     return {name: float(value) for name, value in given.items()}
 
 
+def spans(texts: Iterable[str], option: str = "--over") -> dict[str, list[float]]:
+    """Read NAME=LOW:HIGH; both numbers may be fractions."""
+    texts = list(texts)
+    for text in texts:
+        if "=" not in text:
+            raise DeclarationError(
+                f"{option} {text}",
+                "not of the form NAME=LOW:HIGH",
+                f"Write it like {option} {text}=LOW:HIGH",
+            )
+    found = {}
+    for name, value in assignments(texts, option).items():
+        pieces = str(value).split(":")
+        if len(pieces) != 2:
+            raise DeclarationError(
+                f"{option} {name}={value}",
+                f"not of the form {name}=LOW:HIGH",
+                f"Write it like {option} {name}=LOW:HIGH",
+            )
+        found[name] = [numbers(assignments([f"{name}={p}"], option), option)[name] for p in pieces]
+    return found
+
+
 def _value(text: str) -> Formula:
     try:
         constant = Scope({}).parse(text, "")

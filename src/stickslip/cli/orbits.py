@@ -1,5 +1,5 @@
-"""The commands ``run``, ``equilibria``, ``cycle``, ``branch`` and ``basin``: a system's motion, and
-where it ends up in the long run."""
+"""The commands ``run``, ``equilibria``, ``cycle``, ``branch``, ``response`` and ``basin``: a motion
+of a system, and where it ends up in the long run."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from stickslip.cli.models import assignments, load_model, numbers
+from stickslip.cli.models import assignments, load_model, numbers, spans
 from stickslip.cli.present import (
     Files,
     Initial,
@@ -25,6 +25,7 @@ MOTION_FILES = Files("trajectory.nc", {"events.csv": lambda found: found.events}
 EQUILIBRIA = Files("equilibria.nc", {"equilibria.csv": lambda found: found.table})
 CYCLE = Files("cycle.nc")
 BRANCH = Files("branch.nc", {"branch.csv": lambda found: found.table})
+RESPONSE = Files("response.nc", {"response.csv": lambda found: found.table})
 BASIN = Files("basin.nc")
 
 
@@ -147,6 +148,74 @@ def branch_command(
     present(f"branch of {system.name}", folder, BRANCH, work, json_)
 
 
+def response_command(
+    model: Model,
+    over: Annotated[
+        list[str],
+        typer.Option(
+            "--over", metavar="NAME=LOW:HIGH", help="The frequency, such as omega=0.5:1.5."
+        ),
+    ],
+    level: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--level",
+            metavar="NAME=VALUES",
+            help="A line each, such as F=0.1,0.2 or F=log:0.1:1:4.",
+        ),
+    ] = None,
+    coordinate: Annotated[
+        str | None,
+        typer.Option("--coordinate", metavar="NAME", help="Whose response it is."),
+    ] = None,
+    drive: Annotated[
+        str | None,
+        typer.Option(
+            "--drive",
+            metavar="FORMULA",
+            help="Relative to which phases are measured: a drive of the model, or a formula of t.",
+        ),
+    ] = None,
+    points: Annotated[
+        int, typer.Option("--points", metavar="N", help="Frequencies of the sweeps up and down.")
+    ] = 25,
+    settings: ParameterOptions = None,
+    initial: Initial = None,
+    out: Out = None,
+    json_: Json = False,
+) -> None:
+    """Follow the response to a drive over its frequency: amplitude and phase, stable or not.
+
+    Writes response.nc, response.csv, summary.json and overview.png into the folder DIR.
+
+    Exit code: 0 certified, 1 not, or no response, 2 wrong input, 130 interrupted (what was computed
+    is kept).
+    """
+    from stickslip import FrequencyResponse, frequency_response
+
+    ranges = spans(over)
+    if len(ranges) != 1:
+        raise DeclarationError("--over", f"{len(ranges)} parameters vary", "A response has one")
+    parameter, (low, high) = next(iter(ranges.items()))
+    start = given(initial)
+    system = load_model(model, settings or [])
+
+    def work(progress: ShowProgress) -> FrequencyResponse:
+        return frequency_response(
+            system,
+            parameter,
+            (low, high),
+            levels=level,
+            coordinate=coordinate,
+            drive=drive,
+            initial=start,
+            points=points,
+        )
+
+    folder = out or folder_of(system.name, "response")
+    present(f"response of {system.name}", folder, RESPONSE, work, json_)
+
+
 def basin_command(
     model: Model,
     over: Annotated[
@@ -192,27 +261,3 @@ def basin_command(
 def given(initial: list[str] | None) -> dict[str, float] | None:
     """Initial values; None if there are none."""
     return numbers(assignments(initial or [], "--initial"), "--initial") or None
-
-
-def spans(texts: list[str]) -> dict[str, list[float]]:
-    """Read NAME=LOW:HIGH; both numbers may be fractions."""
-    for text in texts:
-        if "=" not in text:
-            raise DeclarationError(
-                f"--over {text}",
-                "not of the form NAME=LOW:HIGH",
-                f"Write it like --over {text}=LOW:HIGH",
-            )
-    found = {}
-    for name, value in assignments(texts, "--over").items():
-        pieces = str(value).split(":")
-        if len(pieces) != 2:
-            raise DeclarationError(
-                f"--over {name}={value}",
-                f"not of the form {name}=LOW:HIGH",
-                f"Write it like --over {name}=LOW:HIGH",
-            )
-        found[name] = [
-            numbers(assignments([f"{name}={p}"], "--over"), "--over")[name] for p in pieces
-        ]
-    return found

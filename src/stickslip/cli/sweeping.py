@@ -6,12 +6,12 @@ import contextlib
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from stickslip.cli.ending import EXIT_INTERRUPTED, finish
-from stickslip.cli.models import assignments, load_model, numbers
+from stickslip.cli.models import assignments, load_model, numbers, spans
 from stickslip.cli.present import Initial, Model, ParameterOptions, folder_of
 from stickslip.cli.report import print_summary
 from stickslip.errors import DeclarationError
@@ -165,6 +165,14 @@ def plot_command(
         list[str] | None,
         typer.Option("--measure", metavar="NAME", help="What to show; may be repeated."),
     ] = None,
+    window: Annotated[
+        str | None,
+        typer.Option("--time", metavar="LOW:HIGH", help="Window of the time, of a motion."),
+    ] = None,
+    coordinate: Annotated[
+        list[str] | None,
+        typer.Option("--coordinate", metavar="NAME", help="Of a motion; may be repeated."),
+    ] = None,
     out: Annotated[
         Path | None,
         typer.Option("--out", metavar="FILE", help="The picture.  [default: FILE with .png]"),
@@ -172,13 +180,24 @@ def plot_command(
 ) -> None:
     """Draw a stored result: a motion, a cycle, a branch, a basin, a map or any other.
 
-    By default an overview; with --measure, these measures of a map, or these quantities.
+    By default an overview; with --measure, these measures of a map or a branch, or these
+    quantities. Of a motion or a cycle, --time and --coordinate choose a part.
     """
+    from stickslip import Cycle, Trajectory
     from stickslip import open as open_result
     from stickslip.figures.drawing.style import paper_style
 
+    result = open_result(file)
+    part: dict[str, Any] = {}
+    if window is not None:
+        part["t"] = tuple(spans([f"t={window}"], "--time")["t"])
+    if coordinate:
+        part["coordinates"] = coordinate
+    if part and not isinstance(result, (Trajectory, Cycle)):
+        reason = f"{file} holds a {result.KIND}, no motion"
+        raise DeclarationError("--time" if window is not None else "--coordinate", reason)
     with paper_style():
-        figure = open_result(file).plot(*(measure or ()))
+        figure = result.plot(*(measure or ()), **part)
     picture = out or (file if file.stem else file.resolve()).with_suffix(".png")
     try:
         with paper_style():

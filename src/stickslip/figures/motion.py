@@ -7,7 +7,7 @@ However long the motion is, what is drawn of it is bounded: see
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +18,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from stickslip.arrays import Array
+from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.figures.drawing.style import (
     BAND,
     BLUE,
@@ -46,14 +47,20 @@ _MOST_SAMPLES = 16_000_000  # of a motion
 _AT_ONCE = 64_000  # samples taken in one go
 # lines in one panel, or contacts with a panel of their own, above which a map is drawn instead
 _MANY = 4
+_SWINGS = 0.2  # part of its range that a quantity takes within a column, of which a line is a block
+_INSIDE = 0.3  # opacity of what is between an envelope
 _ROW = 1.5  # inches
 _EXTRA = 1.0  # inches
 _TIME_WIDTH = 7.2  # inches
 _PLANE_WIDTH = 4.6  # inches
 
 
-def plot_trajectory(trajectory: Trajectory) -> Figure:
-    """Overview of a motion.
+def plot_trajectory(
+    trajectory: Trajectory,
+    t: tuple[float, float] | None = None,
+    coordinates: Sequence[str] | None = None,
+) -> Figure:
+    """Overview of a motion, or of a part of it.
 
     Left, over a shared time axis: coordinates, velocities of inertial coordinates, internal
     variables, and per contact the friction force between its thresholds. Grey: the contact sticks
@@ -63,31 +70,90 @@ def plot_trajectory(trajectory: Trajectory) -> Figure:
     Parameters
     ----------
     trajectory : Trajectory
+    t : (float, float), optional
+        Window of the time.
+    coordinates : sequence of str, optional
+        Those that are shown, with their rates and with the contacts that move them; and internal
+        variables. By default all.
 
     Returns
     -------
     matplotlib.figure.Figure
+
+    Raises
+    ------
+    DeclarationError
+        If the window is none of the computed span, or there is no such coordinate.
     """
     with paper_style():
-        return _Overview(trajectory).draw()
+        return _Overview(trajectory, t, coordinates).draw()
+
+
+def checked_window(trajectory: Trajectory, t: tuple[float, float]) -> tuple[float, float]:
+    """A window of the time within the computed span.
+
+    Raises
+    ------
+    DeclarationError
+        If it is none.
+    """
+    first, last = float(trajectory.knots.time[0]), float(trajectory.knots.time[-1])
+    try:
+        low, high = map(float, t)
+    except (TypeError, ValueError):
+        raise DeclarationError("t", f"{t!r} is no window of the time", "Give (low, high)") from None
+    if not first <= low < high <= last:
+        raise DeclarationError(
+            "t",
+            f"({low:g}, {high:g}) is no window of the computed span",
+            f"Give {first:g} <= low < high <= {last:g}",
+        )
+    return low, high
 
 
 class _Overview:
     """One overview: what is shown, and in which panel."""
 
-    def __init__(self, trajectory: Trajectory) -> None:
+    def __init__(
+        self,
+        trajectory: Trajectory,
+        t: tuple[float, float] | None,
+        coordinates: Sequence[str] | None,
+    ) -> None:
         self.trajectory = trajectory
         self.system = trajectory.system
         self.declaration = trajectory.system.declaration
-        self.contacts = [contact_key(name) for name in self.system.dry_contacts]
-        self.motion = _Samples(trajectory)
-        modes = {key: mode[: self.motion.steps] for key, mode in trajectory.modes.items()}
+        self.shown = self.chosen(coordinates)
+        self.names = [
+            c.name
+            for c in self.declaration.contacts
+            if coordinates is None or self.shown & c.direction.keys()
+        ]
+        self.contacts = [contact_key(name) for name in self.names]
+        self.motion = _Samples(trajectory, t)
+        part = slice(self.motion.first, self.motion.first + self.motion.steps)
+        modes = {key: mode[part] for key, mode in trajectory.modes.items()}
         self.modes = {key: modes[key] for key in self.contacts}
         self.all_stick = np.full(self.motion.steps, bool(modes))
         for mode in modes.values():
             self.all_stick &= mode == 0
         self.whole = self.motion.count <= FEW  # everything is drawn as it is
         self.t, self.values, self.curves = self.collect()
+
+    def chosen(self, coordinates: Sequence[str] | None) -> set[str]:
+        """Coordinates and internal variables that are shown."""
+        d = self.declaration
+        known = [*d.coordinates, *d.internal]
+        for name in coordinates or ():
+            if name not in known:
+                raise DeclarationError(
+                    "coordinates", f"there is no '{short(str(name))}'", suggestion(name, known)
+                )
+        return set(known if coordinates is None else coordinates)
+
+    def these(self, names: Iterable[str]) -> list[str]:
+        """Those of some names that are shown."""
+        return [name for name in names if name in self.shown]
 
     def unit(self, name: str) -> str:
         return quantity(self.system, name).get("units", "")
@@ -158,15 +224,11 @@ class _Overview:
     def panels(self) -> list[Callable[[Axes], None]]:
         """Panels from top to bottom."""
         d = self.declaration
-        groups = [
-            g for kind in (d.inertial, d.viscous, d.rate_independent) for g in self.by_unit(kind)
-        ]
-        velocities = self.by_unit([f"d_{q}" for q in d.inertial])
-        internal = (
-            [[name] for name in d.internal]
-            if len(d.internal) <= _MANY
-            else self.by_unit(d.internal)
-        )
+        kinds = (d.inertial, d.viscous, d.rate_independent)
+        groups = [g for kind in kinds for g in self.by_unit(self.these(kind))]
+        velocities = self.by_unit([f"d_{q}" for q in self.these(d.inertial)])
+        inside = self.these(d.internal)
+        internal = [[name] for name in inside] if len(inside) <= _MANY else self.by_unit(inside)
         panels = [self.trace(names) for names in groups]
         panels += [
             self.trace(names) if len(names) <= _MANY else self.heat(names) for names in velocities
@@ -174,7 +236,7 @@ class _Overview:
         panels += [self.trace(names) for names in internal]
         if len(self.contacts) > _MANY:
             return [*panels, self.mode_map]
-        return panels + [self.friction(name) for name in self.system.dry_contacts]
+        return panels + [self.friction(name) for name in self.names]
 
     def by_unit(self, names: list[str]) -> list[list[str]]:
         """Names in groups that share an axis."""
@@ -189,7 +251,7 @@ class _Overview:
                 self.shade(axes, self.all_stick)
             colours = line_colours(len(names))
             for name, colour in zip(names, colours, strict=True):
-                axes.plot(self.t, self.values[name], color=colour, alpha=self.alpha(len(names)))
+                self._line(axes, name, colour, self.alpha(len(names)))
             _roomy(axes, np.concatenate([self.values[name] for name in names]))
             if len(names) > 1:
                 shown = [(names[i], colours[i]) for i in _some(len(names))]
@@ -202,6 +264,24 @@ class _Overview:
             axes.set_ylabel(label if short is names else label.replace(", ", r" $\ldots$ ", 1))
 
         return panel
+
+    def _line(
+        self, axes: Axes, name: str, colour: str, alpha: float = 1.0, zorder: float = 2
+    ) -> None:
+        """A quantity over time; what swings in every column, its envelope."""
+        values = self.values[name]
+        if not self.whole:
+            # four values a column
+            columns = values.reshape(-1, 4)
+            low, high = np.min(columns, axis=1), np.max(columns, axis=1)
+            if np.median(high - low) > _SWINGS * np.ptp(values):
+                t = np.mean(self.t.reshape(-1, 4), axis=1)
+                inside = _INSIDE * alpha
+                axes.fill_between(t, low, high, color=colour, lw=0, alpha=inside, zorder=zorder)
+                for edge in (low, high):
+                    axes.plot(t, edge, color=colour, lw=0.9, zorder=zorder)
+                return
+        axes.plot(self.t, values, color=colour, alpha=alpha, zorder=zorder)
 
     def alpha(self, lines: int) -> float:
         """Opacity: lines that swing within a column are areas, of which several lie on each
@@ -254,7 +334,7 @@ class _Overview:
             axes.fill_between(self.t, -plus, minus, color=BAND, lw=0, alpha=0.6, zorder=1)
             for bound in (-plus, minus):
                 axes.plot(self.t, bound, color=THRESHOLD, lw=0.8, zorder=2, alpha=self.alpha(3))
-            axes.plot(self.t, force, color=BLUE, zorder=3)
+            self._line(axes, f"friction_{key}", BLUE, zorder=3)
             _roomy(axes, np.concatenate([force, -plus, minus]))
             unit = unit_label(self.unit(f"friction_{key}"))
             axes.set_ylabel(r"$\lambda$" + (f"  [{unit}]" if unit else ""))
@@ -278,7 +358,7 @@ class _Overview:
             }
             strip(axes, self.motion.time, phases, row - 0.42, row + 0.42)
         axes.set_ylim(len(self.contacts) + 0.5, 0.5)
-        _rows(axes, list(self.system.dry_contacts))
+        _rows(axes, self.names)
         shown = ((STICK_SHADE, "stick"), (SLIP[1], "slip +"), (SLIP[-1], "slip −"))
         legend_above(axes, [Patch(color=colour, label=label) for colour, label in shown])
 
@@ -306,7 +386,11 @@ class _Overview:
             and self.same_unit(relative)
         ):
             planes.append((others, relative))
-        return planes
+        return [
+            (across, up)
+            for across, up in planes
+            if self.shown.issuperset(x.removeprefix("d_") for x in (*across, *up))
+        ]
 
     def telling(self) -> Iterator[tuple[tuple[list[str], list[str]], Curve]]:
         """The planes whose variables come back; that of one that only moves on is its time trace
@@ -366,12 +450,20 @@ class _Samples:
     """Times at which a motion is looked at: on each step, both ends included, and nowhere far
     apart."""
 
-    def __init__(self, trajectory: Trajectory) -> None:
+    def __init__(self, trajectory: Trajectory, window: tuple[float, float] | None = None) -> None:
         self.trajectory = trajectory
         k = trajectory.knots
-        self.time, state = (
-            (k.time, k.state) if len(k.time) > 1 else (k.time[[0, 0]], k.state[[0, 0]])
-        )
+        time, state = (k.time, k.state) if len(k.time) > 1 else (k.time[[0, 0]], k.state[[0, 0]])
+        self.first = 0  # step
+        if window is not None:
+            ends = np.array(checked_window(trajectory, window))
+            self.first = int(np.searchsorted(time, ends[0], side="right")) - 1
+            last = int(np.searchsorted(time, ends[1], side="left"))
+            part = slice(self.first, last + 1)
+            time, state = time[part].copy(), state[part].copy()
+            time[[0, -1]] = ends
+            state[[0, -1]] = trajectory._states_at(ends, np.array([self.first, last - 1]))
+        self.time = time
         self.at_knots = dict(zip(trajectory.system.declaration.state, state.T, strict=True))
         self.steps = len(self.time) - 1
         self._chosen = chosen(self.time, MOST_DRAWN)
@@ -392,7 +484,7 @@ class _Samples:
             begin = self.time[steps]
             end = self.time[steps + 1]
             t = np.minimum(begin + (end - begin) * place / (np.repeat(number, number) - 1), end)
-            yield t, steps, self.trajectory.trace(names, t, steps)
+            yield t, steps, self.trajectory.trace(names, t, steps + self.first)
 
 
 def _difference(values: Mapping[str, Array], names: list[str]) -> Array:

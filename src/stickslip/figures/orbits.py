@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,10 +14,12 @@ from matplotlib.lines import Line2D
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short
+from stickslip.figures.drawing.smooth import PIECES, smooth_curve
 from stickslip.figures.drawing.style import (
     BLUE,
     LINES,
     STICK_LINE,
+    UNSTABLE,
     axis_label,
     legend_above,
     line_colours,
@@ -25,11 +28,14 @@ from stickslip.figures.drawing.style import (
     root_of,
 )
 from stickslip.model.quantities import drift_units
+from stickslip.model.units import unit_label
 
 if TYPE_CHECKING:
     from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 
+_LETTERS = 26  # of a label beside a panel, in a line
 _MARKERS = "osD^vPX*"
+_SMOOTH = ("fold", "period doubling", "torus")  # the curve goes on without a corner
 _VANISHING = ("Hopf", "boundary equilibrium")  # there a cycle is a point
 
 
@@ -75,7 +81,7 @@ def plot_branch(
         for axes, name in zip(panels, names, strict=True):
             for one in every:
                 _draw(axes, one, name, _markers(every))
-            axes.set_ylabel(axis_label([name], _unit(branch, name)))
+            axes.set_ylabel(_label(branch, name))
         parameter = branch.system.parameters[branch.parameter]
         panels[-1].set_xlabel(axis_label([branch.parameter], parameter.unit))
         return _legend(every)
@@ -180,11 +186,25 @@ def _changing(branch: Branch) -> list[str]:
     return (moving or candidates)[: 3 - len(speed)] + speed
 
 
+def _label(branch: Branch, name: str) -> str:
+    """The label of a quantity: a symbol, or in words what was measured."""
+    state = branch.system.declaration.state
+    known = branch.points[name].attrs if name in branch.points else {}
+    meaning = known.get("long_name")
+    if name in state or meaning is None:
+        return axis_label([name], _unit(branch, name))
+    unit = unit_label(_unit(branch, name))
+    return fill(str(meaning), _LETTERS) + (f"  [{unit}]" if unit else "")
+
+
 def _unit(branch: Branch, name: str) -> str:
     if name == "speed":
         return drift_units(branch.system, branch.system.translation)[1]
     declared = {**branch.system.plain.coordinates, **branch.system.plain.internal}
-    return declared[name].unit if name in declared else ""
+    if name in declared:
+        return declared[name].unit
+    known = branch.points[name].attrs if name in branch.points else {}
+    return str(known.get("units", "")).removeprefix("1")
 
 
 def _values(branch: Branch) -> Array:
@@ -213,12 +233,16 @@ def _draw(axes: Axes, branch: Branch, name: str, markers: Mapping[str, dict[str,
     if curves[0] not in branch.points:
         return  # an equilibrium has no speed of a gait
     changed = np.flatnonzero((np.diff(stable) != 0) | (np.diff(sticks) != 0)) + 1
-    for first, last in pairwise([0, *changed, len(x)]):
-        part = slice(first, min(last + 1, len(x)))  # up to the first point of the next stretch
-        style = _line(stable[first] == 1)
-        colour = _colour(sticks[first])
-        for curve in curves:
-            axes.plot(x[part], branch.points[curve].values[part], color=colour, linestyle=style)
+    # A curve of cycles has corners where the sequence changes, and ends where it is not smooth.
+    corners = np.zeros(len(x), bool)
+    corners[[s.index for s in branch.special if s.kind not in _SMOOTH or s.note]] = True
+    for curve in curves:
+        drawn = smooth_curve(x, branch.points[curve].values.astype(float), corners)
+        for first, last in pairwise([0, *changed, len(x)]):
+            # up to the first point of the next stretch
+            part = slice(PIECES * first, PIECES * min(last, len(x) - 1) + 1)
+            style = _line(stable[first] == 1)
+            axes.plot(*(v[part] for v in drawn), color=_colour(sticks[first]), linestyle=style)
     for point in branch.special:
         style = markers[point.kind]
         for height in _heights(branch, point, name):
@@ -244,7 +268,7 @@ def _decided(branch: Branch) -> Array:
 
 
 def _line(stable: bool) -> Any:
-    return "-" if stable else (0, (4, 2))
+    return "-" if stable else UNSTABLE
 
 
 def _colour(sticks: int) -> str:

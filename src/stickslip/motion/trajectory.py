@@ -496,6 +496,47 @@ class Trajectory(Result):
         ]
         return rows + [("warning", warning) for warning in self.warnings]
 
+    def plot(
+        self,
+        *quantities: str,
+        ax: Axes | None = None,
+        t: tuple[float, float] | None = None,
+        coordinates: Sequence[str] | None = None,
+    ) -> Figure:
+        """A picture of the motion, or of a part of it.
+
+        Parameters
+        ----------
+        *quantities : str
+            Variables of the dataset, a panel each; by default an overview of everything. Or one
+            name of a picture that was added (:func:`stickslip.figures.register`).
+        ax : matplotlib.axes.Axes, optional
+            Draw into these axes of a figure of yours, all quantities together.
+        t : (float, float), optional
+            Window of the time.
+        coordinates : sequence of str, optional
+            Those that the overview shows, and internal variables.
+
+        Raises
+        ------
+        DeclarationError
+            If there is no such quantity or coordinate, or the window is none of the computed span.
+        """
+        if t is None and coordinates is None:
+            return super().plot(*quantities, ax=ax)
+        from stickslip.figures.drawing.quantities import plot_quantities
+        from stickslip.figures.motion import checked_window, plot_trajectory
+
+        if not quantities and ax is None:
+            return plot_trajectory(self, t, coordinates)
+        data = self.dataset
+        if t is not None:
+            low, high = checked_window(self, t)
+            time = data["time"].values
+            data = data.isel(time=np.flatnonzero((time >= low) & (time <= high)))
+        shown = quantities or coordinates or tuple(self.system.declaration.coordinates)
+        return plot_quantities(data, shown, self.along, ax)
+
     def overview(self, ax: Axes | None = None) -> Figure:
         """Time traces with stick phases shaded, and the phase plane where it says something; in
         given axes the coordinates."""

@@ -40,9 +40,11 @@ __all__ = [
     "STICK_SHADE",
     "STYLE",
     "THRESHOLD",
+    "UNSTABLE",
     "VERMILION",
     "axis_label",
     "legend_above",
+    "level_colours",
     "line_colours",
     "new_figure",
     "paper_style",
@@ -61,6 +63,7 @@ STICK_SHADE = "#E4E4E4"
 STICK_LINE = "#222222"
 THRESHOLD = "#B8860B"
 BAND = "#F3DFA8"
+UNSTABLE = (0, (4, 2))
 SLIP = {-1: ORANGE, 1: BLUE}
 
 # Sizes are for a picture of full text width; at half that size the smallest letters are still 5
@@ -111,10 +114,15 @@ def root_of(axes: Axes) -> Figure:
 def line_colours(count: int) -> list[str]:
     """Colours for a number of lines: the palette, or a perceptually even range if there are
     many."""
-    if count <= len(LINES):
-        return list(LINES[:count])
+    return list(LINES[:count]) if count <= len(LINES) else level_colours(count)
+
+
+def level_colours(count: int) -> list[str]:
+    """Colours for lines that have an order: a perceptually even range, not too light."""
+    if count == 1:
+        return [BLUE]
     colours = mpl.colormaps["viridis"]
-    return [to_hex(colours(0.92 * i / (count - 1))) for i in range(count)]
+    return [to_hex(colours(0.8 * i / (count - 1))) for i in range(count)]
 
 
 def symbol(name: str) -> str:

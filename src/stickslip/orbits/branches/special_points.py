@@ -14,7 +14,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, worst
-from stickslip.model.quantities import contact_key
+from stickslip.model.quantities import contact_key, described, quantity
 from stickslip.orbits.branches.chart import Chart
 from stickslip.orbits.continuation.arclength import (
     NOT_DEFINED,
@@ -30,6 +30,7 @@ from stickslip.orbits.return_map.mode_sequence import Sequence, change_of, neare
 if TYPE_CHECKING:
     import xarray
 
+    from stickslip.model.system import System
     from stickslip.orbits.cycles.cycle import Cycle
 
 
@@ -49,6 +50,14 @@ TWICE = 1e-10  # … and at least so far: nearer ones are one
 _STEP = {
     "long_name": "distance from the point before: the largest change of parameter, period and "
     "ranges, relative to the branch's own"
+}
+_MEANINGS = {
+    "period": "period",
+    "stick_time": "time in which all contacts stick",
+    "slip_time": "time in which a contact slips",
+    "dissipated": "energy dissipated in a period",
+    "supplied": "energy supplied in a period",
+    "drift": "shift in a period",
 }
 _STABLE = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "neutral unstable stable"}
 
@@ -318,25 +327,44 @@ def of_branch(
 
 
 def dataset(parameters: Iterable[str], cycles: list[Cycle], steps: Array) -> xarray.Dataset:
-    """Parameters, period, extremes, multipliers, stability, stick and slip, drift, certificate and
-    distance from the one before of every point."""
+    """Parameters, period, extremes, multipliers, stability, stick and slip, forces, drift,
+    certificate and distance from the one before of every point; of driven cycles the first harmonic
+    of every coordinate."""
     import xarray as xr
 
     system = cycles[0].system
     multipliers: Any = np.array([c.multipliers for c in cycles])
+    time, energy, speed = (cycles[0].units[kind] for kind in ("time", "energy", "speed"))
+    units = {
+        **dict.fromkeys(("period", "time", "stick_time", "slip_time"), time),
+        **dict.fromkeys(("dissipated", "supplied"), energy),
+        "drift": cycles[0].units["drift"],
+        "speed": speed,
+    }
 
-    def column(quantity: str) -> tuple[str, Array]:
-        return "point", np.array([getattr(c, quantity) for c in cycles], dtype=float)
+    def column(name: str, values: Iterable[float], **attributes: str) -> tuple[str, Array, dict]:
+        unit = {"units": units[name]} if name in units else {}
+        return "point", np.array([*values], dtype=float), unit | attributes
+
+    def measured(name: str) -> tuple[str, Array, dict]:
+        said = {"long_name": _MEANINGS[name]} if name in _MEANINGS else {}
+        return column(name, (getattr(c, name) for c in cycles), **said)
 
     data: dict = {
-        **{name: ("point", np.array([c.parameters[name] for c in cycles])) for name in parameters},
-        "period": column("period"),
-        "time": column("time"),
+        name: column(name, (c.parameters[name] for c in cycles), **quantity(system, name))
+        for name in parameters
     }
+    data |= {name: measured(name) for name in ("period", "time")}
     for name in system.declaration.state:
-        data[name] = "point", np.array([c.state[name] for c in cycles])
-        data[f"min_{name}"] = "point", np.array([c.extrema[name][0] for c in cycles])
-        data[f"max_{name}"] = "point", np.array([c.extrema[name][1] for c in cycles])
+        what = quantity(system, name)
+        data[name] = column(name, (c.state[name] for c in cycles), **what)
+        data[f"min_{name}"] = column(name, (c.extrema[name][0] for c in cycles), **what)
+        data[f"max_{name}"] = column(name, (c.extrema[name][1] for c in cycles), **what)
+    for name in system.coordinates:
+        half = (0.5 * (c.extrema[name][1] - c.extrema[name][0]) for c in cycles)
+        data[f"amplitude_{name}"] = column(name, half, **described(system, f"amplitude:{name}"))
+    if cycles[0].closed.shooting.symmetry.driven:
+        data |= _harmonics(system, cycles)
     data |= {
         "stable": (
             "point",
@@ -349,16 +377,32 @@ def dataset(parameters: Iterable[str], cycles: list[Cycle], steps: Array) -> xar
         "sticks": ("point", np.array([c.sticks for c in cycles], np.int8)),
         "phases": ("point", np.array([len(c.phases) for c in cycles])),
         **{
-            name: column(name)
+            name: measured(name)
             for name in ("stick_time", "slip_time", "dissipated", "supplied", "drift", "speed")
         },
-        "residual": column("residual"),
+        "residual": measured("residual"),
         "certified": ("point", np.array([c.certificate.ok for c in cycles], np.int8)),
         "step": ("point", steps, _STEP),
     }
-    for name in cycles[0].contacts:
-        data[f"stick_time_{contact_key(name)}"] = (
-            "point",
-            np.array([c.contacts[name].stick_time for c in cycles]),
-        )
+    for i, name in enumerate(cycles[0].contacts):
+        key = contact_key(name)
+        stuck = (c.contacts[name].stick_time for c in cycles)
+        data[f"stick_time_{key}"] = column("", stuck, units=time)
+        force = described(system, f"peak_force:{name}")
+        data[f"peak_force_{key}"] = column("", (c._sums.peak[i] for c in cycles), **force)
     return xr.Dataset(data, attrs={"title": system.title or system.name, "kind": "cycles"})
+
+
+def _harmonics(system: System, cycles: list[Cycle]) -> dict[str, Any]:
+    """Modulus and phase of the first harmonic of every coordinate of driven cycles, and how well
+    they are known."""
+    data: dict[str, Any] = {}
+    for name in system.coordinates:
+        c = np.array([cycle.harmonic[name] for cycle in cycles])
+        what = quantity(system, name)
+        text = f"first harmonic of {what['long_name']}"
+        data[f"harmonic_{name}"] = "point", np.abs(c), {**what, "long_name": text}
+        phase = {"units": "rad", "long_name": f"phase of the {text}"}
+        data[f"phase_{name}"] = "point", np.angle(c), phase
+    data["harmonics_error"] = "point", np.array([c._harmonics[1] for c in cycles])
+    return data

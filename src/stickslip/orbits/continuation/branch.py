@@ -229,14 +229,14 @@ class Branch(Result):
             json.loads(parts["parameters"]),
             parts["parameter"],
             lambda: data,
-            [_special(entry) for entry in json.loads(parts["special"])],
+            [restored_special(entry) for entry in json.loads(parts["special"])],
             (first, last),
             restored_certificate(json.loads(parts["certificate"])),
             parts["second"],
         )
 
 
-def _special(entry: Mapping[str, Any]) -> SpecialPoint:
+def restored_special(entry: Mapping[str, Any]) -> SpecialPoint:
     """A special point as it was stored: lists were tuples."""
     changed = {"mode": tuple(entry["mode"]), "region": tuple(entry["region"])}
     known: dict[str, Any] = {**entry, **changed}

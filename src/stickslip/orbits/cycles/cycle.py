@@ -149,6 +149,20 @@ class Cycle(Result):
         return dict(zip(self.system.declaration.state, ends, strict=True))
 
     @cached_property
+    def harmonic(self) -> dict[str, complex]:
+        """First harmonic of each component of the state, c of Re(c exp(iωt)): with the frequency of
+        the drives, or of the cycle if there are none. A cycle of several periods of the drives has
+        slower ones, too."""
+        return dict(zip(self.system.declaration.state, self._harmonics[0].tolist(), strict=True))
+
+    @cached_property
+    def _harmonics(self) -> tuple[Array, float]:
+        """The same as an array, and how well it is known."""
+        setting = self.closed.shooting.setting
+        order = setting.turns if setting.symmetry.driven else 1
+        return measure.harmonics(self.trajectory, self.closed.orbit.shift, order)
+
+    @cached_property
     def contacts(self) -> dict[str, ContactShare]:
         """Time in stick and slip and dissipated energy of each contact, in one period."""
         return measure.contact_shares(self.trajectory, self._sums)
@@ -306,6 +320,19 @@ class Cycle(Result):
                 ("energy per distance", energy),
             ]
         return rows
+
+    def plot(
+        self,
+        *quantities: str,
+        ax: Axes | None = None,
+        t: tuple[float, float] | None = None,
+        coordinates: Sequence[str] | None = None,
+    ) -> Figure:
+        """A picture of the cycle; with a window of the time or a choice of coordinates, of one
+        period as a motion: see :meth:`stickslip.Trajectory.plot`."""
+        if t is None and coordinates is None:
+            return super().plot(*quantities, ax=ax)
+        return self.trajectory.plot(*quantities, ax=ax, t=t, coordinates=coordinates)
 
     def overview(self, ax: Axes | None = None) -> Figure:
         """Of a gait, which contact moves when; of any other cycle its motion."""

@@ -1,16 +1,24 @@
 """What a period of a motion amounts to: extremes, phases, time in stick and slip, energy by
-contact."""
+contact, harmonics."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from stickslip.arrays import Array
 from stickslip.motion.between.observers import LASTED, Sums
 from stickslip.orbits.return_map.recurrence import segments
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)
+_PARTS = 16  # of the shortest wave that is looked for; a panel is at most one of them
+_DOUBLINGS = 6
+_EXACT = 1e-13  # a change by less, relative to the largest value, is rounding
 
 
 @dataclass(frozen=True)
@@ -71,3 +79,50 @@ def contact_shares(motion: Trajectory, sums: Sums) -> dict[str, ContactShare]:
         contact.name: ContactShare(float(stick), float(sums.total[LASTED] - stick), float(work))
         for contact, stick, work in zip(contacts, sums.stick, sums.work, strict=True)
     }
+
+
+def harmonics(motion: Trajectory, shift: Array, order: int) -> tuple[Array, float]:
+    """The coefficients c of Re(c exp(2πi·order·t/T)) in the motion of a period, without the drift.
+
+    c = (2/T) ∫ y exp(−2πi·order·t/T) dt, by Gauss quadrature on the steps, each cut into panels
+    until half as long ones change nothing.
+
+    Parameters
+    ----------
+    motion : Trajectory
+        One period.
+    shift : array, shape (n,)
+        Of the state in that period.
+    order : int
+
+    Returns
+    -------
+    array of complex, shape (n,)
+    float
+        By how much the last halving has changed them, relative to the size of the motion.
+    """
+    k = motion.knots
+    start = float(k.time[0])
+    period = float(k.time[-1]) - start
+    steps = np.flatnonzero(np.diff(k.time) > 0.0)
+    lengths = np.diff(k.time)[steps]
+    counts = np.ceil(_PARTS * order * lengths / period).astype(int)
+    found, change = np.full(k.state.shape[1], np.nan + 0j), np.inf
+    for _ in range(_DOUBLINGS):
+        index = np.repeat(steps, counts)
+        place = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
+        width = np.repeat(lengths / counts, counts)
+        middle = k.time[index] + (place + 0.5) * width
+        times = (middle[:, None] + 0.5 * width[:, None] * _NODES).ravel()
+        weights = (0.5 * width[:, None] * _WEIGHTS).ravel()
+        states = motion._states_at(times, np.repeat(index, len(_NODES)))
+        states = states - np.outer((times - start) / period, shift)
+        turn = np.exp(-2j * np.pi * order * times / period)
+        before, found = found, 2.0 / period * (weights * turn) @ states
+        # Between knots a component may be much larger than at them.
+        size = np.maximum(np.max(np.abs(states), axis=0), 1e-300)
+        change = float(np.max(np.abs(found - before) / size))
+        if change <= _EXACT:
+            break
+        counts = 2 * counts
+    return found, change

@@ -1,0 +1,260 @@
+"""Pictures of frequency responses: amplitude over the frequency, a line for each level, with the
+phase below."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import matplotlib.patheffects as effects
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MultipleLocator
+
+from stickslip.errors import DeclarationError, short
+from stickslip.figures.drawing.smooth import PIECES, smooth_curve
+from stickslip.figures.drawing.style import (
+    STICK_LINE,
+    UNSTABLE,
+    axis_label,
+    legend_above,
+    level_colours,
+    new_figure,
+    paper_style,
+    root_of,
+    symbol,
+)
+from stickslip.model.units import unit_label, with_unit
+
+if TYPE_CHECKING:
+    import xarray
+
+    from stickslip.sweeps.response import FrequencyResponse
+
+_WIDTH = 6.4  # inches
+_TALL = 3.6
+_LOW = 1.7
+_EXTRA = 0.7
+_SLIPS = 1.6  # width of a line where a contact slips …
+_NEVER_SLIPS = 0.9  # … and where none does
+_BACKBONE: dict[str, Any] = {"color": STICK_LINE, "lw": 0.7, "zorder": 2.5}
+_FOLD: dict[str, Any] = {"marker": "o", "ms": 6, "mfc": "white", "mec": STICK_LINE, "mew": 1.2}
+_CHANGE: dict[str, Any] = {"marker": ".", "ms": 5, "color": STICK_LINE}
+_SWEEPS = {"up": "^", "down": "v"}
+_ALIKE = 1e-6  # sweeps that differ by less, relative to the largest response, are the same
+# where the level of a line may stand beside its peak (points), and how it is aligned there
+_SIDES = {
+    (5.0, 3.0): ("left", "bottom"),
+    (-5.0, 3.0): ("right", "bottom"),
+    (0.0, 5.0): ("center", "bottom"),
+    (0.0, 16.0): ("center", "bottom"),
+    (0.0, -6.0): ("center", "top"),
+    (6.0, -6.0): ("left", "top"),
+    (-6.0, -6.0): ("right", "top"),
+}
+
+
+def plot_response(
+    response: FrequencyResponse, names: Sequence[str] | None = None, *, ax: Axes | None = None
+) -> Figure:
+    """Quantities of a response over the frequency, in lines by level with labels at them.
+
+    Unstable parts are dashed, parts on which no contact slips are thin. Folds are circles, dots
+    are where contacts begin to stick or to slip or a boundary is touched. Triangles are motions of
+    sweeps up and down. The thin dark line joins the largest responses of the levels.
+
+    Parameters
+    ----------
+    response : FrequencyResponse
+    names : sequence of str, optional
+        Variables of the points; by default ``amplitude``, and ``phase`` below.
+    ax : matplotlib.axes.Axes, optional
+        Draw the first of them into these axes.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such quantity.
+    """
+    known = [str(n) for n in response.dataset.data_vars if response.dataset[n].dims == ("point",)]
+    for name in names or ():
+        if name not in known:
+            raise DeclarationError(
+                "quantities", f"there is no '{short(str(name))}'", f"There are {', '.join(known)}"
+            )
+    shown = list(names or ("amplitude", "phase"))
+    if ax is not None:
+        _draw(ax, response, shown[0])
+        _label_frequency(ax, response)
+        if handles := _handles(response, shown[:1]):
+            legend_above(ax, handles)
+        return root_of(ax)
+    heights = [_LOW if name in ("phase", "stick") else _TALL for name in shown]
+    with paper_style():
+        figure = new_figure(_WIDTH, sum(heights) + _EXTRA)
+        panels = figure.subplots(len(shown), 1, sharex=True, squeeze=False, height_ratios=heights)
+        for axes, name in zip(panels[:, 0], shown, strict=True):
+            _draw(axes, response, name)
+        _label_frequency(panels[-1, 0], response)
+        if handles := _handles(response, shown):
+            legend_above(panels[0, 0], handles)
+        figure.align_ylabels(panels[:, 0])
+    return figure
+
+
+def _draw(axes: Axes, response: FrequencyResponse, name: str) -> None:
+    """One quantity over the frequency."""
+    data, x = response.dataset, response.parameter
+    colours = dict(zip(response.levels.tolist(), level_colours(len(response.levels)), strict=True))
+    for number in np.unique(data["line"].values) if data.sizes["point"] else ():
+        line = response.line(int(number))
+        level = float(line[response.level][0]) if response.level else float(response.levels[0])
+        _draw_line(axes, line[x].values, line[name].values, line, colours[level])
+    if f"swept_{name}" in data:
+        swept = data[f"swept_{name}"].values
+        for sweep, colour in zip(swept, colours.values(), strict=True):
+            differ = _differ(sweep)
+            for values, marker in zip(sweep, _SWEEPS.values(), strict=True):
+                at = data[f"swept_{x}"].values[differ]
+                axes.plot(at, values[differ], marker, color=colour, ms=4, mew=0.0)
+    if f"backbone_{name}" in data and data.sizes["backbone"] > 1:
+        at, top = data[f"backbone_{x}"].values, data[f"backbone_{name}"].values
+        axes.plot(*smooth_curve(at, top, np.zeros(len(at))), **_BACKBONE)
+    for point in response.special:
+        here = float(data[name][point.index])
+        style = _FOLD if point.kind == "fold" else _CHANGE
+        axes.plot(point.value, here, linestyle="none", zorder=3, **style)
+    _scale(axes, response, name)
+    if f"backbone_{name}" in data:
+        _name_lines(axes, response, name, list(colours.values()))
+
+
+def _draw_line(axes: Axes, x: Any, y: Any, line: xarray.Dataset, colour: str) -> None:
+    """A line, in stretches of one stability on which contacts slip or do not."""
+    stable, slips = line["stable"].values != 0, line["slips"].values != 0
+    curve = smooth_curve(x, y, line["corner"].values)
+    changed = np.flatnonzero((np.diff(stable) != 0) | (np.diff(slips) != 0)) + 1
+    for first, last in pairwise([0, *changed.tolist(), len(x) - 1]):
+        part = slice(PIECES * first, PIECES * last + 1)
+        width = _SLIPS if slips[first] else _NEVER_SLIPS
+        style = "-" if stable[first] else UNSTABLE
+        axes.plot(curve[0][part], curve[1][part], color=colour, linestyle=style, lw=width)
+
+
+def _name_lines(axes: Axes, response: FrequencyResponse, name: str, colours: Sequence[str]) -> None:
+    """The level of each line at its largest response, on the side on which fewest lines are."""
+    if not response.level:
+        return
+    data = response.dataset
+    axes.set_ylim(top=axes.get_ylim()[1] + 0.07 * float(np.ptp(axes.get_ylim())))
+    root_of(axes).draw_without_rendering()
+    drawn = np.concatenate([_pixels(axes, line) for line in axes.get_lines()])
+    unit = response.system.parameters[response.level].unit
+    peaks = zip(data[f"peak_{response.parameter}"], data[f"peak_{name}"], strict=True)
+    for level, (x, y), colour in zip(response.levels, peaks, colours, strict=True):
+        if not np.isfinite(y):
+            continue
+        text = f"{symbol(response.level)} = {with_unit(float(level), unit, 3)}"
+        labels = []
+        for (dx, dy), (across, up) in _SIDES.items():
+            label = axes.annotate(
+                text,
+                (float(x), float(y)),
+                (dx, dy),
+                textcoords="offset points",
+                ha=across,
+                va=up,
+                color=colour,
+                fontsize=9.5,
+            )
+            box = label.get_window_extent()
+            inside = (drawn >= [box.x0, box.y0]) & (drawn <= [box.x1, box.y1])
+            labels.append((np.count_nonzero(np.all(inside, axis=1)), label))
+        best = min(labels, key=lambda entry: entry[0])[1]
+        for _, label in labels:
+            if label is not best:
+                label.remove()
+        best.set_path_effects([effects.withStroke(linewidth=2.0, foreground="white")])
+
+
+def _differ(sweep: Any) -> Any:
+    """Where sweeps up and down have not settled on the same."""
+    up, down = np.nan_to_num(sweep)
+    return np.abs(up - down) > _ALIKE * max(np.max(np.abs(up)), np.max(np.abs(down)))
+
+
+def _pixels(axes: Axes, line: Line2D) -> Any:
+    """Points of a line on the page, with some more between them."""
+    points = axes.transData.transform(np.asarray(line.get_xydata()))
+    part = np.linspace(0.0, 1.0, 5)[:, None, None]
+    between = points[:-1] + part * np.diff(points, axis=0)
+    return np.concatenate([between.reshape(-1, 2), points])
+
+
+def _scale(axes: Axes, response: FrequencyResponse, name: str) -> None:
+    """Labels of the upward axis; phases in parts of π."""
+    data = response.dataset[name]
+    if name == "phase":
+        axes.yaxis.set_major_locator(MultipleLocator(np.pi / 2.0))
+        axes.yaxis.set_major_formatter(_in_halves)
+        axes.set_ylabel("phase  [rad]")
+        return
+    of = {"amplitude": "amplitude of ", "harmonic": "first harmonic of "}
+    unit = unit_label(str(data.attrs.get("units", "")).removeprefix("1"))
+    meaning = str(data.attrs.get("long_name", name.replace("_", " ")))
+    label = of[name] + symbol(response.coordinate) if name in of else meaning
+    axes.set_ylabel(f"{label}  [{unit}]" if unit else label)
+    if np.all(data >= 0.0):
+        axes.set_ylim(bottom=0.0)
+
+
+def _in_halves(value: float, _: float) -> str:
+    """A multiple of π/2 as text."""
+    halves = round(value / (np.pi / 2.0))
+    if halves == 0:
+        return "0"
+    sign, size = "−" if halves < 0 else "", abs(halves)
+    if size % 2:
+        return f"{sign}{size if size > 1 else ''}π/2"
+    return f"{sign}{size // 2 if size > 2 else ''}π"
+
+
+def _label_frequency(axes: Axes, response: FrequencyResponse) -> None:
+    declared = response.system.parameters[response.parameter]
+    axes.set_xlabel(axis_label([response.parameter], declared.unit))
+    axes.margins(x=0.0)
+
+
+def _handles(response: FrequencyResponse, names: Sequence[str]) -> list[Line2D]:
+    """What kinds of lines and marks mean, those that there are."""
+    data = response.dataset
+    stable, slips = data["stable"].values, data["slips"].values
+    lines = [
+        (np.any((stable != 0) & (slips != 0)), "stable", {}),
+        (np.any(stable == 0), "unstable", {"linestyle": UNSTABLE}),
+        (np.any(slips == 0), "no contact slips", {"lw": _NEVER_SLIPS}),
+        (len(response.levels) > 1 and names[0] != "phase", "largest response", _BACKBONE),
+    ]
+    found = [
+        Line2D([], [], **{"color": STICK_LINE, **style}, label=text)
+        for there, text, style in lines
+        if there
+    ]
+    kinds = {s.kind for s in response.special}
+    marks = [
+        ("fold" in kinds, "fold", _FOLD),
+        (bool(kinds - {"fold"}), ", ".join(sorted(kinds - {"fold"})), _CHANGE),
+    ]
+    if any(np.any(_differ(sweep)) for sweep in data["swept_amplitude"].values):
+        marks += [
+            (True, f"sweep {direction}", {"marker": marker, "ms": 4, "color": STICK_LINE})
+            for direction, marker in _SWEEPS.items()
+        ]
+    return found + [
+        Line2D([], [], linestyle="none", label=text, **style)
+        for there, text, style in marks
+        if there
+    ]

@@ -1,0 +1,668 @@
+"""Frequency response: lines of cycles over the frequency of a drive, one for each level of another
+parameter.
+
+A line is a branch of cycles, stable or not, with its folds
+(:func:`~stickslip.orbits.branches.cycle_branch.continue_cycle`). Where lines begin is what sweeps
+tell that carry the state up and down: whatever these have settled on that is on no line yet begins
+another one. So where the damper never slips is a part of a line, and a line that is apart from the
+others is found if a sweep meets it.
+
+With x(t) = Re(X exp(iωt)) + … and a drive Re(G exp(iωt)) + … the phase is that of X/G, negative if
+the coordinate lags behind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.certificates import NOTHING, Certificate, Residual, worst
+from stickslip.equations.derive import derive
+from stickslip.errors import ConvergenceError, DeclarationError, suggestion
+from stickslip.model.quantities import contact_key, described, described_as, quantity
+from stickslip.model.system import System
+from stickslip.motion.problem import pose
+from stickslip.orbits.branches.cycle_branch import continue_cycle
+from stickslip.orbits.branches.equilibrium_branch import checked_range
+from stickslip.orbits.continuation.arclength import StepControl, Stop
+from stickslip.orbits.continuation.branch import Branch, SpecialPoint
+from stickslip.orbits.cycles.cycle import Cycle, find_cycle, make_cycle
+from stickslip.orbits.cycles.finding import from_state
+from stickslip.orbits.equilibria.finding import checked_values
+from stickslip.orbits.fields.symmetry import Clock, clock
+from stickslip.orbits.return_map.recurrence import SHORTEST
+from stickslip.progress import Show, watched
+from stickslip.sweeps.carried import carried
+from stickslip.sweeps.request.axes import read_axes
+from stickslip.sweeps.response import FrequencyResponse
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.evaluator import evaluator
+from stickslip.symbolic.expressions import Expr
+
+if TYPE_CHECKING:
+    import xarray
+
+_COLUMNS = ("line", "amplitude", "harmonic", "phase", "stick", "period", "stable", "slips")
+_DIRECTIONS = ("up", "down")
+_SAMPLES = 64  # of a drive in a period, for its first harmonic
+_SAME = 1e-7  # measures that differ by less, relative to the largest response, are the same
+_APART = 0.5  # what is this far from a line, relative to the step of the line there, may be on it
+_EXACT = 1e-9  # to which harmonics have to be known
+_BETWEEN = 5  # largest responses between two levels
+_FIRST = 0.004  # part of the range in which a largest response is looked for at first
+_PEAK = 1e-6  # to which the frequency of a largest response is known; the response to its square
+
+
+def frequency_response(
+    system: System,
+    parameter: str,
+    span: tuple[float, float],
+    *,
+    levels: Mapping[str, Any] | Sequence[str] | None = None,
+    coordinate: str | None = None,
+    drive: str | None = None,
+    parameters: Mapping[str, float] | None = None,
+    initial: Mapping[str, float] | None = None,
+    points: int = 25,
+    steps: StepControl | None = None,
+) -> FrequencyResponse:
+    """The response of a system to a drive, over the frequency of the drive.
+
+    Parameters
+    ----------
+    system : System
+    parameter : str
+        Of which the period of the drive is a function, such as ``"omega"``.
+    span : (float, float)
+        Its range.
+    levels : mapping or sequence of str, optional
+        One other parameter and its values, as axes of maps are written: ``{"F": [0.1, 0.2]}``,
+        ``{"F": "log:0.1:10:5"}``, ``["F=0.1:0.5:3"]``. By default there is one line.
+    coordinate : str, optional
+        Whose response it is; by default the first inertial coordinate, or the first one.
+    drive : str, optional
+        Relative to which phases are measured: a drive of the system, or a formula of ``t``. By
+        default its only drive, or the force on the coordinate.
+    parameters : mapping of str to float, optional
+        Values of the others.
+    initial : mapping of str to float, optional
+        State in which the sweeps begin; by default the declared one.
+    points : int
+        Of a sweep, from one end of the range to the other.
+    steps : StepControl, optional
+        Along the lines.
+
+    Returns
+    -------
+    FrequencyResponse
+        Every point of it is a certified cycle. Cycles that no sweep meets and that no line leads to
+        are not found.
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is wrong, or the period of the drives is no function of the parameter.
+    """
+    fixed = checked_values(system, parameters)
+    if parameter not in system.parameters:
+        known = suggestion(parameter, system.parameters)
+        raise DeclarationError(parameter, f"{system.name} has no such parameter", known)
+    low, high = checked_range(system, parameter, span)
+    level, values = _levels(system, parameter, levels)
+    if not isinstance(points, int) or points < 2:
+        raise DeclarationError("points", f"{points!r} is no number of points", "Give at least 2")
+    inertial = system.declaration.inertial
+    coordinate = coordinate or [*inertial, *system.coordinates, *system.internal][0]
+    if coordinate not in system.coordinates:
+        known = suggestion(coordinate, system.coordinates)
+        raise DeclarationError("coordinate", f"there is no coordinate '{coordinate}'", known)
+    text, formula = _drive(system, coordinate, drive)
+    levels_given = [{level: value} for value in values] or [{}]
+    wanted = [
+        _Level(system, parameter, (low, high), coordinate, text, formula, {**fixed, **one})
+        for one in levels_given
+    ]
+    for one in wanted:
+        one.check()
+    found = list[_Lines]()
+    complete = True
+    with watched("frequency response") as show:
+        try:
+            for i, one in enumerate(wanted):
+                tell = _part(show, i, len(wanted))
+                found.append(_follow(one, np.linspace(low, high, points), initial, steps, tell))
+                complete = complete and all(b.complete for b in found[-1].branches)
+        except KeyboardInterrupt:
+            complete = False
+    return _response(system, fixed, level, found, complete)
+
+
+def _levels(
+    system: System, parameter: str, levels: Mapping[str, Any] | Sequence[str] | None
+) -> tuple[str, list[float]]:
+    """Name and values of the levels; no name if there are none."""
+    if not levels:
+        return "", []
+    try:
+        axes = read_axes(system, levels)
+    except DeclarationError as error:
+        where = error.where.replace("over", "levels", 1)
+        raise DeclarationError(where, error.reason, error.remedy) from None
+    names = [name for axis in axes for name in axis.names]
+    if len(names) != 1 or names[0] not in system.parameters or names[0] == parameter:
+        raise DeclarationError(
+            "levels", f"{', '.join(names)} cannot be a level", "Give one parameter, as in F=0.1,0.2"
+        )
+    return names[0], axes[0].values[0].tolist()
+
+
+def _part(show: Show, index: int, count: int) -> Callable[[float, str], None]:
+    """Shows how much of a level is done."""
+    return lambda fraction, text: show((index + fraction) / count, text)
+
+
+def _drive(system: System, coordinate: str, drive: str | None) -> tuple[str, Expr]:
+    """What phases are relative to, in words and as a formula."""
+    d = system.declaration
+    if drive is not None:
+        return drive, d.scope.parse(drive, "drive")
+    if len(d.drives) == 1:
+        (name,) = d.drives
+        return name, d.drives[name]
+    force = -ex.derivative(d.potential, coordinate)
+    return f"the force on {coordinate}", force + d.scope.parse(
+        system.coordinates[coordinate].force, f"coordinates.{coordinate}.force"
+    )
+
+
+@dataclass(frozen=True)
+class _Level:
+    """What is asked at one level.
+
+    Attributes
+    ----------
+    system, parameter, span, coordinate
+        As of :func:`frequency_response`.
+    text, drive : str and Expr
+        What phases are relative to.
+    fixed : dict of str to float
+        All parameters but the frequency.
+    """
+
+    system: System
+    parameter: str
+    span: tuple[float, float]
+    coordinate: str
+    text: str
+    drive: Expr
+    fixed: dict[str, float]
+
+    @cached_property
+    def clock(self) -> Clock:
+        """What the drives repeat after."""
+        values = {**self.fixed, self.parameter: self.span[1]}
+        return clock(self.system, derive(self.system.declaration), values)
+
+    def check(self) -> None:
+        """See that there is a drive whose period the parameter changes, and that it has a phase.
+
+        Raises
+        ------
+        DeclarationError
+            If there is none.
+        """
+        if not derive(self.system.declaration).timed:
+            raise DeclarationError(
+                self.system.name, "nothing drives it", "A response needs a drive, as F*cos(omega*t)"
+            )
+        for end in self.span:
+            pose(self.system, {**self.fixed, self.parameter: end})
+        ends = [{**self.fixed, self.parameter: end} for end in self.span]
+        rates = [ex.evaluate(self.clock.frequency, values) for values in ends]
+        if not rates[0] * rates[1] > 0.0:
+            raise DeclarationError(
+                self.parameter, "within its range the drive stands still", "Leave that value out"
+            )
+        low, high = map(self.clock.period, ends)
+        if abs(high - low) <= 1e-12 * high:
+            raise DeclarationError(
+                self.parameter,
+                f"whatever it is, the drives have the period {high:.9g}",
+                "Give the parameter that changes their frequency",
+            )
+        self.phase_of_drive(self.span[1])
+
+    def phase_of_drive(self, value: float) -> float:
+        """Phase of the first harmonic of the drive; the state stands still at 0.
+
+        Raises
+        ------
+        DeclarationError
+            If it has none.
+        """
+        values = {**self.fixed, self.parameter: value}
+        period = self.clock.period(values)
+        names = sorted(self.drive.symbols - {"t"})
+        known = {**dict.fromkeys(self.system.declaration.state, 0.0), **values}
+        for name in names:
+            if name not in known:
+                raise DeclarationError(
+                    "drive", f"it depends on '{name}'", "Give a formula of t and the parameters"
+                )
+        t = np.arange(_SAMPLES) / _SAMPLES * period
+        table = np.array([t, *(np.full(_SAMPLES, known[name]) for name in names)])
+        wave = evaluator([self.drive], ["t", *names])(table)[0]
+        first = np.mean(wave * np.exp(-2j * np.pi * t / period))
+        if not abs(first) > 1e-12 * np.max(np.abs(wave)):
+            raise DeclarationError(
+                "drive",
+                f"{self.text} has no wave of the period {period:.9g}",
+                "Say with drive= relative to what phases are measured",
+            )
+        return float(np.angle(first))
+
+    def lags(self, phases: Array, values: Array) -> Array:
+        """Phases relative to the drive, in (−3π/2, π/2] at first and from there on without
+        jumps."""
+        own = phases - np.array([self.phase_of_drive(float(v)) for v in values])
+        return np.unwrap(np.pi / 2.0 - np.mod(np.pi / 2.0 - own, 2.0 * np.pi))
+
+    def columns(self, branch: Branch) -> dict[str, Array]:
+        """What is said of the points of a line."""
+        data, x = branch.points, self.coordinate
+        where = data[self.parameter].values
+        # A corner breaks what is smooth elsewhere.
+        corner = np.zeros(len(where), np.int8)
+        corner[[s.index for s in branch.special if s.kind not in ("fold", "period doubling")]] = 1
+        period = data["period"].values
+        shares = {
+            f"stick_{contact_key(c)}": data[f"stick_time_{contact_key(c)}"].values / period
+            for c in self.system.contacts
+        }
+        slips = [share < 1.0 - SHORTEST for share in shares.values()] or [period > 0.0]
+        return {
+            self.parameter: where,
+            "amplitude": data[f"amplitude_{x}"].values,
+            "harmonic": data[f"harmonic_{x}"].values,
+            "phase": self.lags(data[f"phase_{x}"].values, where),
+            "stick": data["stick_time"].values / period,
+            "period": period,
+            "dissipated": data["dissipated"].values,
+            "stable": data["stable"].values,
+            "slips": np.any(slips, axis=0).astype(np.int8),
+            **shares,
+            "corner": corner,
+        }
+
+    def measured(self, cycle: Cycle | str) -> dict[str, float]:
+        """What is said of a motion of a sweep; not a number where there is none."""
+        names = ("amplitude", "harmonic", "phase", "stick", "period", "dissipated")
+        if isinstance(cycle, str):
+            return dict.fromkeys(names, np.nan)
+        h = cycle.harmonic[self.coordinate]
+        value = np.array([cycle.parameters[self.parameter]])
+        numbers = (
+            0.5 * float(np.ptp(cycle.extrema[self.coordinate])),
+            abs(h),
+            float(self.lags(np.angle([h]), value)[0]),
+            cycle.stick_time / cycle.period,
+            cycle.period,
+            cycle.dissipated,
+        )
+        return dict(zip(names, numbers, strict=True))
+
+
+@dataclass
+class _Lines:
+    """What was found at one level: sweeps up and down in the order of the parameter, and the lines
+    through what they met."""
+
+    wanted: _Level
+    grid: Array
+    swept: list[list[Cycle | str]]
+    branches: list[Branch]
+    missed: int
+    peak: Cycle | None
+
+
+def _follow(
+    wanted: _Level,
+    grid: Array,
+    initial: Mapping[str, float] | None,
+    steps: StepControl | None,
+    show: Callable[[float, str], None],
+) -> _Lines:
+    """Sweep up and down at a level, and follow the lines that the sweeps meet.
+
+    Parameters
+    ----------
+    wanted : _Level
+    grid : array
+        Values of the frequency.
+    initial : mapping, optional
+        Start of the sweeps.
+    steps : StepControl, optional
+    show : function
+        Takes how much is done, and what.
+    """
+    swept: list[list[Cycle | str]] = []
+    for k, direction in enumerate(_DIRECTIONS):
+        values = grid if direction == "up" else grid[::-1]
+
+        def tell(i: int, k: int = k, values: Array = values) -> None:
+            text = f"sweep {_DIRECTIONS[k]}, {wanted.parameter} = {values[i]:.6g}"
+            show((k + i / len(values)) / 3.0, text)
+
+        found = carried(
+            wanted.system,
+            wanted.parameter,
+            values.tolist(),
+            parameters=wanted.fixed,
+            initial=initial,
+            progress=tell,
+        )
+        swept.append(found if direction == "up" else found[::-1])
+    show(2.0 / 3.0, "lines")
+    cycles = list[Cycle]()
+    for both in zip(*swept, strict=True):
+        met = [c for c in both if isinstance(c, Cycle) and c.certificate.ok]
+        x = wanted.coordinate
+        cycles += met[:1] + [c for c in met[1:] if not _alike(met[0], c, x)]
+    # Where a contact rests that never slips is told by neighbours that slip: these come first.
+    cycles.sort(key=lambda c: -sum(s.slip_time > 0.0 for s in c.contacts.values()))
+    branches: list[Branch] = []
+    missed = 0
+    for cycle in cycles:
+        if not any(_passes(wanted, b, cycle) for b in branches):
+            branches.append(continue_cycle(cycle, wanted.parameter, wanted.span, steps=steps))
+            missed += not _passes(wanted, branches[-1], cycle)
+    return _Lines(wanted, grid, swept, branches, missed, _peak(wanted, branches))
+
+
+def _passes(wanted: _Level, branch: Branch, cycle: Cycle) -> bool:
+    """Whether a branch passes a cycle, as far as amplitude and first harmonic tell: there are two
+    points that enclose it, and at the value of one of them it becomes that one."""
+    data, x = branch.points, wanted.coordinate
+    size, angle = data[f"harmonic_{x}"].values, data[f"phase_{x}"].values
+    where = data[wanted.parameter].values
+    wave = [size * np.cos(angle), size * np.sin(angle)]
+    numbers = np.column_stack([data[f"amplitude_{x}"].values, *wave])
+    at = cycle.parameters[wanted.parameter]
+    own = _numbers(cycle, x)
+    small = _SAME * float(np.max(np.abs(numbers)))
+    for i in np.flatnonzero((where[:-1] - at) * (where[1:] - at) <= 0.0):
+        step = numbers[i + 1] - numbers[i]
+        width = where[i + 1] - where[i]
+        part = (at - where[i]) / width if width else 0.0
+        if np.max(np.abs(own - numbers[i] - part * step)) > _APART * np.max(np.abs(step)) + small:
+            continue
+        for j in (i, i + 1) if part < 0.5 else (i + 1, i):
+            try:
+                there = find_cycle(
+                    branch.system, cycle, parameters={wanted.parameter: float(where[j])}
+                )
+            except ConvergenceError:
+                continue
+            if np.max(np.abs(_numbers(there, x) - numbers[j])) <= small:
+                return True
+    return False
+
+
+def _numbers(cycle: Cycle, x: str) -> Array:
+    """Amplitude and first harmonic of a coordinate."""
+    h = cycle.harmonic[x]
+    return np.array([0.5 * float(np.ptp(cycle.extrema[x])), h.real, h.imag])
+
+
+def _alike(one: Cycle, other: Cycle, x: str) -> bool:
+    """Whether two cycles at one frequency are the same, as far as amplitude and first harmonic
+    tell."""
+    a, b = _numbers(one, x), _numbers(other, x)
+    return bool(np.max(np.abs(a - b)) <= _SAME * np.max(np.abs(a)))
+
+
+def _cycle_at(branch: Branch, index: int) -> Cycle:
+    """The cycle of a point of a branch, closed again."""
+    point = branch.points.isel(point=index)
+    names = branch.system.declaration.state
+    values = {**branch.parameters, branch.parameter: float(point[branch.parameter])}
+    problem = pose(branch.system, {name: values[name] for name in branch.system.parameters})
+    state = np.array([float(point[name]) for name in names])
+    return make_cycle(from_state(problem, state, float(point["time"])))
+
+
+def _peak(wanted: _Level, branches: list[Branch]) -> Cycle | None:
+    """The largest response: between the neighbours of the largest point if the parameter tells the
+    cycles there apart, else (at a fold, at an end) that point."""
+    if not branches:
+        return None
+    amplitude = f"amplitude_{wanted.coordinate}"
+    branch = max(branches, key=lambda b: float(b.points[amplitude].max()))
+    where = branch.points[wanted.parameter].values
+    top = int(np.argmax(branch.points[amplitude].values))
+    best = _cycle_at(branch, top)
+    low, high = sorted(where[[max(top - 1, 0), min(top + 1, len(where) - 1)]].tolist())
+    if low < where[top] < high:
+        with suppress(ConvergenceError):
+            return _climb(wanted, best, low, high)
+    return best
+
+
+def _climb(wanted: _Level, cycle: Cycle, low: float, high: float) -> Cycle:
+    """The largest response, from a cycle on, with two values of the parameter on both sides of it.
+    It may be beyond these: each time that is seen, one looks twice as far.
+
+    Raises
+    ------
+    ConvergenceError
+        If it is not within the range, or cannot be reached.
+    """
+    from scipy.optimize import minimize_scalar
+
+    x = wanted.parameter
+    middle = cycle.parameters[x]
+    seen = {middle: cycle}
+
+    def lowered(value: float) -> float:
+        value = float(value)
+        if not wanted.span[0] <= value <= wanted.span[1]:
+            raise ConvergenceError("the largest response", f"it is beyond {x} = {value:g}")
+        if value not in seen:
+            near = min(seen, key=lambda v: abs(v - value))
+            seen[value] = _moved(seen[near], {x: value})
+        return -_numbers(seen[value], wanted.coordinate)[0]
+
+    while not lowered(middle) <= min(lowered(low), lowered(high)):
+        if lowered(high) < lowered(low):
+            low, middle, high = middle, high, high + 2.0 * (high - middle)
+        else:
+            low, middle, high = low - 2.0 * (middle - low), low, middle
+    if lowered(middle) < min(lowered(low), lowered(high)):
+        minimize_scalar(lowered, (low, middle, high), method="brent", options={"xtol": _PEAK})
+    return max(seen.values(), key=lambda c: _numbers(c, wanted.coordinate)[0])
+
+
+def _moved(cycle: Cycle, parameters: Mapping[str, float], halvings: int = 5) -> Cycle:
+    """What a cycle becomes at other parameters, by way of others between if need be.
+
+    Raises
+    ------
+    ConvergenceError
+        If steps of a 2⁻ʰ-th part are still too long.
+    """
+    try:
+        return find_cycle(cycle.system, cycle, parameters=parameters)
+    except ConvergenceError:
+        if halvings == 0:
+            raise
+    middle = {name: 0.5 * (cycle.parameters[name] + value) for name, value in parameters.items()}
+    return _moved(_moved(cycle, middle, halvings - 1), parameters, halvings - 1)
+
+
+def _backbone(level: str, found: list[_Lines]) -> list[Cycle]:
+    """The largest responses at the levels and at some between them, in the order of the levels."""
+    peaks = [one.peak for one in found if one.peak is not None]
+    peaks.sort(key=lambda cycle: cycle.parameters[level])
+    cycles = peaks[:1]
+    for before, after in pairwise(peaks):
+        wanted, last = found[0].wanted, before
+        x = wanted.parameter
+        step = _FIRST * (wanted.span[1] - wanted.span[0])
+        ends = before.parameters[level], after.parameters[level]
+        spaced = np.geomspace if ends[0] > 0.0 else np.linspace
+        with suppress(ConvergenceError):
+            for i, value in enumerate(spaced(*ends, _BETWEEN + 2)[1:-1].tolist()):
+                # Most of the way it goes straight to the next peak.
+                guess = last.parameters[x]
+                guess += (after.parameters[x] - guess) / (_BETWEEN + 1 - i)
+                moved = _moved(last, {level: value, x: guess})
+                last = _climb(wanted, moved, guess - step, guess + step)
+                cycles.append(last)
+        cycles.append(after)
+    return cycles
+
+
+# -- results ---------------------------------------------------------------------------------------
+
+
+def _response(
+    system: System, fixed: dict[str, float], level: str, found: list[_Lines], complete: bool
+) -> FrequencyResponse:
+    """Everything that was found as one result.
+
+    Parameters
+    ----------
+    system : System
+    fixed : dict of str to float
+    level : str
+    found : list of _Lines
+        Of the levels, in their order.
+    complete : bool
+        Whether no level is missing.
+    """
+    if not found:
+        raise KeyboardInterrupt
+    wanted = found[0].wanted
+    special: list[SpecialPoint] = []
+    notes: list[str] = []
+    count = 0
+    for one in found:
+        at = f"{level} = {one.wanted.fixed[level]:g}: " if level else ""
+        for branch in one.branches:
+            special += [replace(s, index=s.index + count) for s in branch.special]
+            count += branch.points.sizes["point"]
+            lost = [end.text for end in branch.ends if end.stop is not Stop.RANGE]
+            notes += [f"{at}a line ends: {text}" for text in lost]
+        for direction, sweep in zip(_DIRECTIONS, one.swept, strict=True):
+            for value, cycle in zip(one.grid, sweep, strict=True):
+                if isinstance(cycle, str):
+                    notes.append(f"{at}{direction} at {wanted.parameter} = {value:g}: {cycle}")
+    return FrequencyResponse(
+        system,
+        fixed,
+        wanted.parameter,
+        level,
+        wanted.coordinate,
+        _dataset(system, level, found),
+        special,
+        notes,
+        _certificate(found),
+        complete,
+    )
+
+
+def _certificate(found: list[_Lines]) -> Certificate:
+    """Of all cycles, how well harmonics are known, and whether what sweeps met is on the lines."""
+    cycles = [c for one in found for sweep in one.swept for c in sweep if isinstance(c, Cycle)]
+    branches = [branch for one in found for branch in one.branches]
+    if not branches:
+        return NOTHING
+    own = worst([*(b.certificate for b in branches), *(c.certificate for c in cycles)])
+    known = max(float(b.points["harmonics_error"].max()) for b in branches)
+    missed = float(sum(one.missed for one in found))
+    more = (
+        Residual("first harmonics", known, _EXACT, note="change by the last halving of the panels"),
+        Residual("swept motions on no line", missed, 0.0),
+    )
+    return replace(own, residuals=(*own.residuals, *more))
+
+
+def _dataset(system: System, level: str, found: list[_Lines]) -> xarray.Dataset:
+    """Points of the lines, sweeps, and the largest responses."""
+    import xarray as xr
+
+    wanted = found[0].wanted
+    parameter, x = wanted.parameter, wanted.coordinate
+    attributes = _attributes(system, wanted)
+    tables: list[dict[str, Array]] = []
+    for one in found:
+        for branch in one.branches:
+            columns = one.wanted.columns(branch)
+            number = np.full(len(columns["amplitude"]), len(tables))
+            own = {level: np.full(len(number), one.wanted.fixed[level])} if level else {}
+            tables.append({**own, "line": number, **columns})
+    empty = {name: np.zeros(0) for name in (parameter, *_COLUMNS)}
+    data: dict[str, Any] = {
+        name: (
+            "point",
+            np.concatenate([t[name] for t in tables or [empty]]),
+            attributes.get(name, {}),
+        )
+        for name in (tables[0] if tables else empty)
+    }
+    swept = [[[one.wanted.measured(c) for c in sweep] for sweep in one.swept] for one in found]
+    for name in swept[0][0][0]:
+        values = np.array([[[entry[name] for entry in sweep] for sweep in one] for one in swept])
+        data[f"swept_{name}"] = ("level", "direction", "step"), values, attributes[name]
+    largest = ("amplitude", "harmonic", "phase")
+    peaks = [_largest(wanted, one.peak) for one in found]
+    for name in (parameter, *largest):
+        values = np.array([entry[name] for entry in peaks])
+        data[f"peak_{name}"] = "level", values, attributes[name]
+    bone = _backbone(level, found) if level else []
+    for name in (parameter, *largest[:2], *([level] if level else [])):
+        values = np.array([_largest(wanted, c)[name] for c in bone])
+        data[f"backbone_{name}"] = "backbone", values, attributes[name]
+    coordinates: dict[str, Any] = {
+        "direction": list(_DIRECTIONS),
+        f"swept_{parameter}": ("step", found[0].grid, attributes[parameter]),
+    }
+    if level:
+        of = np.array([one.wanted.fixed[level] for one in found])
+        coordinates["level"] = "level", of, attributes[level]
+    about = {"title": system.title or system.name, "coordinate": x, "drive": wanted.text}
+    return xr.Dataset(data, coordinates, about)
+
+
+def _largest(wanted: _Level, cycle: Cycle | None) -> dict[str, float]:
+    """What is said of a largest response, with its parameters."""
+    measured = wanted.measured("" if cycle is None else cycle)
+    there = {wanted.parameter: np.nan} if cycle is None else cycle.parameters
+    return {**measured, **there}
+
+
+def _attributes(system: System, wanted: _Level) -> dict[str, dict[str, Any]]:
+    """Units and meanings."""
+    x = quantity(system, wanted.coordinate)
+    time = system.time_unit or "1"
+    words = {-1: "neutral", 0: "unstable", 1: "stable"}
+    named = {
+        **{name: quantity(system, name) for name in system.parameters},
+        "amplitude": {**x, "long_name": f"amplitude of {x['long_name']}"},
+        "harmonic": {**x, "long_name": f"first harmonic of {x['long_name']}"},
+        "phase": described_as(f"phase relative to {wanted.text}", "rad"),
+        "stick": described_as("share of the time in stick", "1"),
+        "period": described_as("period", time),
+        "dissipated": described(system, "energy_per_cycle"),
+        "slips": described_as("whether a contact slips", "1"),
+        "corner": described_as("whether the curve may have a corner", "1"),
+    }
+    flags = {"flag_values": np.array([*words], np.int8), "flag_meanings": " ".join(words.values())}
+    return {**named, "stable": flags}

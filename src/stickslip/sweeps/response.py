@@ -1,0 +1,211 @@
+"""The response of a system to a drive over its frequency: data, files, table."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.certificates import Certificate
+from stickslip.model.system import System
+from stickslip.orbits.continuation.branch import SpecialPoint, restored_special
+from stickslip.results import Completion, Result, restored_certificate, shortened
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FrequencyResponse(Result):
+    """The response to a drive over its frequency, for some levels of another parameter.
+
+    Attributes
+    ----------
+    system : System
+    parameters : dict of str to float
+        Values of the parameters that stay fixed (and the defaults of the others).
+    parameter : str
+        The frequency, or what it is a function of.
+    level : str
+        The parameter of the levels; empty if there is one line only.
+    coordinate : str
+        Whose response it is.
+    dataset : xarray.Dataset
+        Over ``point``, along the lines: the parameter, the level and the ``line`` (a number),
+        ``amplitude`` (half the range of the coordinate), ``harmonic`` and ``phase`` (of its first
+        harmonic, relative to the drive), ``stick`` (share of the period in which all contacts
+        stick; ``stick_…`` of each), ``period``, ``stable``, ``slips`` (0 where no contact slips).
+        Over ``level``, ``direction`` and ``step``: the same of the sweeps (``swept_…``), NaN where
+        no cycle was found. Over ``level``: the largest response, ``peak_…``. Over ``backbone``: the
+        same at the levels and between them, ``backbone_…``.
+    special : list of SpecialPoint
+        Folds, grazing and the like of all lines; ``index`` is the number of the point.
+    notes : list of str
+        Why a sweep has found no cycle somewhere, and why lines end inside the range.
+    """
+
+    KIND: ClassVar[str] = "frequency response"
+
+    system: System
+    parameters: dict[str, float]
+    parameter: str
+    level: str
+    coordinate: str
+    dataset: xarray.Dataset
+    special: list[SpecialPoint]
+    notes: list[str]
+    certificate: Certificate
+    complete: bool = True
+
+    def __repr__(self) -> str:
+        data = self.dataset
+        lines = len(np.unique(data["line"])) if data.sizes["point"] else 0
+        return (
+            f"<FrequencyResponse of {self.system.name}: {self.coordinate} over {self.parameter}, "
+            f"{data.sizes['level']} levels, {lines} lines, {data.sizes['point']} points>"
+        )
+
+    def __getitem__(self, name: str) -> xarray.DataArray:
+        return self.dataset[name]
+
+    @property
+    def along(self) -> str:
+        """Dimension of the points of the lines."""
+        return "point"
+
+    @property
+    def levels(self) -> Array:
+        """Values of the level."""
+        return self.dataset["level"].values
+
+    @property
+    def title(self) -> str:
+        """Of what it is the response."""
+        return self.system.title or self.system.name
+
+    @property
+    def outcome(self) -> Completion:
+        """Whether there is any response, and all of it was followed."""
+        if not self.complete:
+            return Completion.INTERRUPTED
+        some = self.dataset.sizes["point"] > 0
+        return Completion.FINISHED if some else Completion.NOTHING_FOUND
+
+    @property
+    def message(self) -> str:
+        """How many lines there are, what is special on them, and where there is no response."""
+        data = self.dataset
+        lines = len(np.unique(data["line"]))
+        count = f"lines: {lines}, with {data.sizes['point']} points"
+        return "\n".join([count, *(_of_level(s, self.level) for s in self.special), *self.notes])
+
+    def of_kind(self, kind: str) -> list[SpecialPoint]:
+        """The special points of a kind."""
+        return [s for s in self.special if s.kind == kind]
+
+    def line(self, number: int) -> xarray.Dataset:
+        """The points of one line, in their order along it."""
+        return self.dataset.isel(point=np.flatnonzero(self.dataset["line"].values == number))
+
+    def facts(self) -> dict[str, Any]:
+        """What fits on a page, as plain data."""
+        data = self.dataset
+        return {
+            **self.system.heading(),
+            "parameter": self.parameter,
+            "level": self.level,
+            "levels": self.levels.tolist(),
+            "coordinate": self.coordinate,
+            "drive": data.attrs["drive"],
+            "points": data.sizes["point"],
+            "largest response": [
+                {self.parameter: float(at), "amplitude": float(a), "phase": float(p)}
+                for at, a, p in zip(
+                    data[f"peak_{self.parameter}"],
+                    data["peak_amplitude"],
+                    data["peak_phase"],
+                    strict=True,
+                )
+            ],
+            "special": [asdict(s) | {"text": s.describe()} for s in self.special],
+            "notes": self.notes,
+        }
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What fits on a page, in words."""
+        data = self.dataset
+        rows = [("response", f"of {self.coordinate} to {data.attrs['drive']}")]
+        for i, value in enumerate(self.levels):
+            name = f"{self.level} = {value:g}" if self.level else "largest response"
+            top = float(data["peak_amplitude"][i])
+            at = float(data[f"peak_{self.parameter}"][i])
+            shown = f"largest response {top:.9g} at {self.parameter} = {at:.9g}"
+            rows.append((name, shown if np.isfinite(top) else "no response"))
+        special = [("special point", _of_level(s, self.level)) for s in self.special]
+        return [*rows, *shortened(special), *shortened([("note", note) for note in self.notes])]
+
+    def plot(self, *quantities: str, ax: Axes | None = None) -> Figure:
+        """Amplitude over the frequency with the phase below, or other quantities.
+
+        Parameters
+        ----------
+        *quantities : str
+            Of the points: ``amplitude``, ``harmonic``, ``phase``, ``stick``, ``period``, ...
+        ax : matplotlib.axes.Axes, optional
+            Draw the first of them into these axes.
+
+        Raises
+        ------
+        DeclarationError
+            If there is no such quantity.
+        """
+        from stickslip.figures.response import plot_response
+
+        return plot_response(self, list(quantities) or None, ax=ax)
+
+    def overview(self, ax: Axes | None = None) -> Figure:
+        """Amplitude over the frequency with the phase below."""
+        return self.plot(ax=ax)
+
+    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+        """The numbers, and everything else as data."""
+        return self.dataset, {
+            "system": self.system.to_toml(),
+            "parameters": self.parameters,
+            "names": [self.parameter, self.level, self.coordinate],
+            "special": [asdict(s) for s in self.special],
+            "notes": self.notes,
+            "certificate": asdict(self.certificate),
+            "complete": self.complete,
+        }
+
+    @classmethod
+    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
+        """A response as it was."""
+        from stickslip.model.system_file import loads
+
+        parameter, level, coordinate = json.loads(parts["names"])
+        return cls(
+            loads(parts["system"], f"{where}: system"),
+            json.loads(parts["parameters"]),
+            parameter,
+            level,
+            coordinate,
+            data,
+            [restored_special(entry) for entry in json.loads(parts["special"])],
+            json.loads(parts["notes"]),
+            restored_certificate(json.loads(parts["certificate"])),
+            json.loads(parts["complete"]),
+        )
+
+
+def _of_level(point: SpecialPoint, level: str) -> str:
+    """A special point in words, with the level of its line."""
+    where = f"{level} = {point.parameters[level]:g}: " if level else ""
+    return where + point.describe()
