@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
@@ -37,7 +39,7 @@ def test_viscous_sliding() -> None:
         wave = (b * w - 0.3 * a) * np.cos(w * t) - (a * w + 0.3 * b) * np.sin(w * t)
         return float(np.exp(-0.3 * t) * wave)
 
-    stop = brentq(v, 0.5, 2.5, xtol=1e-15)
+    stop = cast(float, brentq(v, 0.5, 2.5, xtol=1e-15))
     first = motion.events.iloc[0]
     assert first["time"] == pytest.approx(stop, rel=1e-13)
     assert first["x"] == pytest.approx(x(stop), rel=1e-13)
