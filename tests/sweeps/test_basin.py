@@ -29,6 +29,7 @@ from stickslip.sweeps import basin as module
 from stickslip.sweeps import sweep as sweep_module
 from stickslip.sweeps.basin import basin
 from stickslip.sweeps.request import axes as axes_module
+from stickslip.sweeps.work import scheduler
 from stickslip.sweeps.work.job import Work
 from systems import ode
 
@@ -241,6 +242,7 @@ def test_interruption_keeps_what_has_arrived(monkeypatch: pytest.MonkeyPatch) ->
         return computed(work, columns, np.zeros(1, np.int64))
 
     monkeypatch.setattr(sweep_module, "compute", once)
+    monkeypatch.setattr(scheduler, "_PULSE", 60.0)  # however busy the machine is
     monkeypatch.setattr(axes_module, "FEWEST", 4)
     axes = {"psi": "0.0:2.0:3", "d_psi": "0.0:0.1:4"}
     found = basin(catalogue.rocking_toy(), axes, initial={"x_R": 0.0}, workers=1).dataset
