@@ -22,7 +22,7 @@ import numpy as np
 
 RESULTS = Path(__file__).parent / "results" / "samples.md"
 COUNTS = (1000, 10_000, 100_000, 1_000_000)
-ROUNDS = 3
+ROUNDS = 2
 SPACING = 0.01
 
 
