@@ -102,6 +102,7 @@ def main() -> None:
                     f"{'yes' if ok else 'no'} |"
                 )
                 print(lines[-1], flush=True)
+    lines += ["", "Certified: whether all of the motions of a row are."]
     RESULTS.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
