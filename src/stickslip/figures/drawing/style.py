@@ -65,6 +65,7 @@ THRESHOLD = "#B8860B"
 BAND = "#F3DFA8"
 UNSTABLE = (0, (4, 2))
 SLIP = {-1: ORANGE, 1: BLUE}
+_LAID_OUT = 0.95  # part of the width of axes that the layout leaves them at least
 
 # Sizes are for a picture of full text width; at half that size the smallest letters are still 5
 # points.
@@ -172,5 +173,5 @@ def legend_above(axes: Axes, handles: Sequence[Artist] | None = None, right: boo
 
 
 def _width(axes: Axes, legend: Legend) -> float:
-    """Width of a legend relative to that of the axes."""
-    return legend.get_window_extent().width / axes.get_window_extent().width
+    """Width of a legend relative to that of the axes, which the layout may still make narrower."""
+    return legend.get_window_extent().width / (_LAID_OUT * axes.get_window_extent().width)

@@ -665,9 +665,10 @@ def make_series(
     h = 0.0
     if status == OK:
         h = step_size(flow, flow.order, lane.seen, lane.clock[SERIES])
+        h = min(h, room)
         passed = max(_PASSED * h, _ROUNDED * abs(t))
         h = min(h, _PAST * soonest_kink(flow.rows, flow.space.W, flow.order, passed))
-        h = (t + min(room, h)) - t
+        h = (t + h) - t
     return status, h
 
 
