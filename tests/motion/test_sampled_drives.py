@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -59,6 +59,20 @@ def test_held_accelerations(seed: int) -> None:
     found = motion.at(t)
     np.testing.assert_allclose(found["x"], x, atol=1e-12 * np.max(np.abs(x)))
     np.testing.assert_allclose(found["d_x"], v, atol=1e-12 * np.max(np.abs(v)))
+
+
+@pytest.mark.parametrize("kind", ["linear", "cubic", "hold"])
+@pytest.mark.parametrize("seed", [10, 11])
+def test_rough_samples_are_certified(kind: Literal["linear", "cubic", "hold"], seed: int) -> None:
+    """Noise from one sample to the next: steps are as short as the samples are near each other,
+    also where a series ends and its own step is unbounded."""
+    t = np.arange(1001) * 0.01
+    a = np.sin(t) + 0.3 * np.random.default_rng(seed).normal(size=1001)
+    motion = ss.simulate(shaken(ss.Samples(t, a, kind)))
+    assert motion.certificate.ok
+    # The same samples later on the clock.
+    later = ss.simulate(shaken(ss.Samples(t + 1e6, a, kind)))
+    np.testing.assert_allclose(later.final["x"], motion.final["x"], atol=1e-8)
 
 
 def test_lines_without_friction() -> None:
