@@ -44,6 +44,7 @@ ISSUED = [
     "sliding_base",
     "spring_slider",
     "stick_slip_actuator",
+    "two_block_rate_and_state",
     "two_leg_crawler",
     "wiggly_energy",
 ]

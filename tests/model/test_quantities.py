@@ -31,6 +31,7 @@ DIMENSIONLESS = (
 )
 ENERGIES = {
     "rate_and_state_slider": "m*Pa",
+    "two_block_rate_and_state": "Pa*m",
     "prandtl_tomlinson": "aJ",
     "lugre_positioner": "m^2*kg/s^2",
 }  # no work at a contact

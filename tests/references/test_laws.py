@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.figures.law import loop
+from stickslip.errors import DeclarationError
+from stickslip.figures.law import loop, steps
 from stickslip.model.laws import FrictionLaw
 
 
@@ -171,3 +172,73 @@ def test_laws_of_the_speed(name: str) -> None:
     assert found.certificate.ok
     assert found.n_switches == expected.n_switches
     assert found.final == pytest.approx(expected.final, rel=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [0.05, 7.0])
+@pytest.mark.parametrize("name", ["rate_and_state", "rate_and_state_slip", "rate_and_state_cutoff"])
+def test_steps_of_the_rate(name: str, ratio: float) -> None:
+    """At a constant rate the state nears D_c/u exponentially in slip: θ itself under the ageing
+    law, its logarithm under the slip law."""
+    law = getattr(ss.laws, name)
+    x, u, force = steps(law, ratio)[1:]
+    known = law.specimen().values
+    a, b, D_c, mu_0, v_0 = (known[p] for p in ("a", "b", "D_c", "mu_0", "v_0"))
+    after = x[: len(x) // 3] * 2.0 / D_c  # slip since a step, in D_c
+    found = [np.ones(len(after))]  # Ω = uθ/D_c
+    for faster in (ratio, 1.0 / ratio):
+        first = found[-1][-1] * faster
+        if name == "rate_and_state_slip":
+            found.append(first ** np.exp(-after))
+        else:
+            found.append(1.0 + (first - 1.0) * np.exp(-after))
+    state = np.concatenate(found) * v_0 / u
+    if name == "rate_and_state_cutoff":
+        state = state + v_0 / known["v_c"]
+    expected = a * np.arcsinh(u / (2.0 * v_0) * np.exp((mu_0 + b * np.log(state)) / a))
+    assert force == pytest.approx(expected, abs=1e-11)
+
+
+@pytest.mark.parametrize("evolution", ["ageing", "slip"])
+def test_a_fault_without_mass(evolution: str) -> None:
+    """On a coordinate without mass the law is the drag of the slider with rate and state."""
+    slip = evolution == "slip"
+    printed = ss.catalogue.rate_and_state_slider(
+        **({"evolution": "-Omega*log(Omega)"} if slip else {})
+    )
+    law = ss.laws.rate_and_state_slip if slip else ss.laws.rate_and_state
+    names = {name: name for name in ("a", "b", "D_c", "mu_0", "v_0", "eta")}
+    fault = ss.System(
+        name="fault",
+        parameters=printed.parameters,
+        drives=printed.drives,
+        coordinates={"x": ss.Viscous("m")},
+        potential=printed.potential,
+        contacts={"fault": law("d_x", N="sigma", **names)},
+        initial={"theta_fault": 8e6},
+        span=(0.0, 4e8),
+        time_unit="s",
+    )
+    one, other = ss.simulate(fault), ss.simulate(printed, (0.0, 4e8))
+    assert one.certificate.ok and other.certificate.ok
+    assert one.final["x"] == pytest.approx(other.final["x"], rel=1e-9)
+    assert one.final["theta_fault"] == pytest.approx(other.final["theta"], rel=1e-9)
+
+
+def test_where_rate_and_state_ends() -> None:
+    """Two coordinates without mass cannot share it; the slip law says where a motion reverses."""
+    with pytest.raises(DeclarationError, match="follows from the rate"):
+        ss.System(
+            name="two",
+            coordinates={"x": ss.Viscous(), "y": ss.Viscous()},
+            contacts={"c": ss.laws.rate_and_state("d_x - d_y", a=0.01, b=0.015, D_c=1.0, N=1.0)},
+        )
+    law = ss.laws.rate_and_state_slip("d_x", a=0.01, b=0.015, D_c=1.0, N=1.0, v_0=0.1)
+    turning = ss.System(
+        name="turning",
+        coordinates={"x": ss.Inertial(force="cos(t)")},
+        kinetic="d_x**2/2",
+        potential="x**2/2",
+        contacts={"c": law},
+        initial={"d_x": 1.0},
+    )
+    assert ss.simulate(turning).outcome.label in ("undefined", "step too small")

@@ -13,6 +13,8 @@ from matplotlib.figure import Figure
 
 from stickslip.arrays import Array
 from stickslip.figures.drawing.style import (
+    STICK_LINE,
+    UNSTABLE,
     axis_label,
     legend_above,
     line_colours,
@@ -25,13 +27,15 @@ if TYPE_CHECKING:
     from stickslip.model.laws import FrictionLaw
 
 _SHARES = (1.0, 0.5, 0.25)  # of the largest amplitude
+_RATIOS = (100.0, 10.0, 3.0)  # of the rates before and after a step
 _SAMPLES = 401  # of a quarter of a period, and of half a period after it
 _REST = 1e-9  # of the largest speed, beside which a jump at rest is drawn
 
 
 def plot_law(law: FrictionLaw, values: Mapping[str, float] | None = None) -> Figure:
     """Loops of the force over the displacement and over the velocity, for sines of three
-    amplitudes: the first loading and one period after it.
+    amplitudes: the first loading and one period after it. Of rate-and-state laws the response to
+    steps of the rate, and what they come to.
 
     Parameters
     ----------
@@ -47,6 +51,9 @@ def plot_law(law: FrictionLaw, values: Mapping[str, float] | None = None) -> Fig
         figure = new_figure(8.4, 3.8)
         figure.suptitle(law.title, x=0.01, ha="left", fontsize=13)
         left, right = figure.subplots(1, 2, sharey=True)
+        if law.increasing:
+            _draw_steps(law, values, left, right)
+            return figure
         amplitude, omega = law.stroke
         for share, colour in zip(_SHARES, line_colours(len(_SHARES)), strict=True):
             _, x, u, force = loop(law, share * amplitude, omega, values)
@@ -111,6 +118,69 @@ def loop(
         for time, state in zip(t, states, strict=True)
     ]
     return t, x, u, np.array(found)
+
+
+def _draw_steps(
+    law: FrictionLaw, values: Mapping[str, float] | None, left: Axes, right: Axes
+) -> None:
+    """Force over slip where the rate steps up and down, and over the rate: at once and in the
+    end."""
+    for ratio, colour in zip(_RATIOS, line_colours(len(_RATIOS)), strict=True):
+        _, x, _, force = steps(law, ratio, values)
+        left.plot(x, force, color=colour, label=f"rate $\\times {_number(ratio)}$")
+    known = law.specimen(values).values
+    rates = known["v_0"] * np.logspace(-3, 5, _SAMPLES)
+    steady = law_force(law, rates, known["D_c"] / rates, values)
+    held = law_force(law, rates, np.full(_SAMPLES, known["D_c"] / known["v_0"]), values)
+    right.plot(rates, steady, color=STICK_LINE, label="steady sliding")
+    right.plot(rates, held, color=STICK_LINE, linestyle=UNSTABLE, label="at once, from $v_0$")
+    right.set_xscale("log")
+    left.ticklabel_format(axis="x", scilimits=(-2, 3), useMathText=True)
+    left.set_xlabel(axis_label(["x"], "m"))
+    right.set_xlabel(axis_label(["u"], "m/s"))
+    left.set_ylabel("friction force  [N]")
+    for axes in (left, right):
+        legend_above(axes)
+
+
+def steps(
+    law: FrictionLaw, ratio: float, values: Mapping[str, float] | None = None
+) -> tuple[Array, Array, Array, Array]:
+    """Time, slip, rate and force of a rate-and-state law whose rate steps from v_0 to a multiple
+    and back.
+
+    Returns
+    -------
+    t, x, u, force : arrays, shape (n,)
+    """
+    from stickslip.motion.simulate import simulate
+
+    system = law.stepped(ratio, values)
+    known = system.values
+    D_c, v_0 = known["D_c"], known["v_0"]
+    times = D_c / v_0 * np.cumsum([0.0, 10.0, 20.0 / ratio, 20.0])
+    slips = D_c * np.array([0.0, 10.0, 30.0, 50.0])
+    t = np.concatenate([np.linspace(a, b, _SAMPLES) for a, b in pairwise(times)])
+    x = np.concatenate([np.linspace(a, b, _SAMPLES) for a, b in pairwise(slips)])
+    u = np.repeat(v_0 * np.array([1.0, ratio, 1.0]), _SAMPLES)
+    motion = simulate(system, (0.0, float(times[-1])))
+    return t, x, u, law_force(law, u, motion.at(t)["theta_law"], values)
+
+
+def law_force(
+    law: FrictionLaw, u: Array, theta: Array, values: Mapping[str, float] | None
+) -> Array:
+    """The force of a rate-and-state law at rates and states."""
+    system = law.specimen(values)
+    d = system.declaration
+    formula = d.scope.parse("force_law", "law")
+    known = {**system.values, "t": 0.0, "x": 0.0}
+    return np.array(
+        [
+            ex.evaluate(formula, {**known, "d_x": float(v), "theta_law": float(state)})
+            for v, state in zip(u, theta, strict=True)
+        ]
+    )
 
 
 def _sliding(law: FrictionLaw, speed: Array, values: Mapping[str, float] | None) -> Array:

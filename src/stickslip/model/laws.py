@@ -46,6 +46,10 @@ class FrictionLaw:
         use ``i``, the number of the element, and ``elements``, how many there are.
     force : str
         A force against u that is no dry friction.
+    increasing : bool
+        Whether that force increases with u, so that a coordinate without mass may have it, too.
+    start : mapping of str to str
+        Values of internal variables at the start, formulas of the law's parameters; others are 0.
     several : tuple of str
         Parameters that are lists, an entry for each element.
     stroke : (float, float)
@@ -64,6 +68,8 @@ class FrictionLaw:
     kinetic: str = ""
     stiffness: str = ""
     force: str = ""
+    increasing: bool = False
+    start: Mapping[str, str] = field(default_factory=dict[str, str])
     several: tuple[str, ...] = ()
     stroke: tuple[float, float] = (1.0, 1.0)
 
@@ -113,11 +119,32 @@ class FrictionLaw:
         self, amplitude: float, omega: float, values: Mapping[str, float] | None = None
     ) -> System:
         """This law alone under the displacement A sin ωt of its surface against u."""
-        return self._example(
+        return self._alone(
+            "-d_X",
             values,
-            drives={"X": f"{amplitude!r}*sin({omega!r}*t)"},
-            contacts={"law": LawContact(self.name, "0", self._by_name(), "-d_X", "N")},
+            {"amplitude": Parameter(amplitude, "m"), "omega": Parameter(omega, "1/s")},
+            drives={"X": "amplitude*sin(omega*t)"},
         )
+
+    def stepped(self, ratio: float, values: Mapping[str, float] | None = None) -> System:
+        """This law alone at the rate v_0, at another after a slip of 10 D_c, and at v_0 again after
+        20 more: the experiment that rate-and-state laws are measured by."""
+        return self._alone(
+            "-v_0*piecewise(t < t_up, 1, t < t_down, ratio, 1)",
+            values,
+            {"ratio": Parameter(ratio)},
+            functions={"t_up": "10*D_c/v_0", "t_down": "t_up + 20*D_c/(ratio*v_0)"},
+        )
+
+    def _alone(
+        self,
+        speed: str,
+        values: Mapping[str, float] | None,
+        parameters: Mapping[str, Parameter],
+        **parts: Any,
+    ) -> System:
+        contact = LawContact(self.name, "0", self._by_name(), speed, "N")
+        return self._example(values, parameters=parameters, contacts={"law": contact}, **parts)
 
     def _by_name(self) -> dict[str, Formula | tuple[Formula, ...]]:
         """Its parameters, called by their names; some elements share what is a list."""
@@ -319,6 +346,68 @@ iwan: FrictionLaw = FrictionLaw(
     functions={"phi": "F_c/k*(2 + chi)/(1 + chi)"},
     stiffness="k/elements",
     threshold="k/elements*phi*((i - 1/2)/elements)**(1/(1 + chi))",
+)
+
+
+_RATE_AND_STATE = {
+    "a": Parameter(0.010, "", "direct effect", "(0, inf)"),
+    "b": Parameter(0.015, "", "evolution effect", "[0, inf)"),
+    "D_c": Parameter(1e-5, "m", "slip in which the state changes", "(0, inf)"),
+    "N": Parameter(1.0, "N", "normal force", "[0, inf)"),
+}
+_REFERENCE = {
+    "mu_0": Parameter(0.6, "", "friction at the rate v_0", "(0, inf)"),
+    "v_0": Parameter(1e-6, "m/s", "reference rate", "(0, inf)"),
+    "eta": Parameter(0.0, "N*s/m", "radiation damping", "[0, inf)"),
+}
+_REGULAR = "N*a*asinh(u/(2*v_0)*exp((mu_0 + b*log({state}))/a)) + eta*u"
+_STEADY = {"theta": "D_c/v_0"}
+
+rate_and_state: FrictionLaw = FrictionLaw(
+    "rate_and_state",
+    "Rate-and-state friction, ageing law",
+    "Dieterich 1979; Ruina 1983; Rice, Lapusta and Ranjith 2001 for the form with asinh",
+    "Friction grows with the logarithm of the rate at once, and falls over the slip D_c as the "
+    "state theta forgets the time of contact: in steady sliding by (b − a) ln(u/v_0). It starts "
+    "in the state of steady sliding at v_0. A coordinate without mass may have it.",
+    parameters=_RATE_AND_STATE,
+    options=_REFERENCE,
+    internal={"theta": Internal("1 - abs(u)*theta/D_c", "s", "state")},
+    force=_REGULAR.format(state="v_0*theta/D_c"),
+    increasing=True,
+    start=_STEADY,
+)
+
+rate_and_state_slip: FrictionLaw = FrictionLaw(
+    "rate_and_state_slip",
+    "Rate-and-state friction, slip law",
+    "Ruina 1983; Rice, Lapusta and Ranjith 2001 for the form with asinh",
+    "As the ageing law, but the state changes with slip alone: theta' = −Ω ln Ω, Ω = uθ/D_c. "
+    "Where the rate passes through zero this has no finite slope: a motion ends there by name.",
+    parameters=_RATE_AND_STATE,
+    options=_REFERENCE,
+    functions={"Omega": "abs(u)*theta/D_c"},
+    internal={"theta": Internal("-Omega*log(Omega)", "s", "state")},
+    force=_REGULAR.format(state="v_0*theta/D_c"),
+    increasing=True,
+    start=_STEADY,
+)
+
+rate_and_state_cutoff: FrictionLaw = FrictionLaw(
+    "rate_and_state_cutoff",
+    "Rate-and-state friction that stops falling at high rates",
+    "Okubo 1989; Weeks 1993",
+    "The ageing law with a cut-off: ln(v_0θ/D_c) becomes ln(v_0/v_c + v_0θ/D_c), so that in steady "
+    "sliding faster than v_c friction grows again.",
+    parameters={
+        **_RATE_AND_STATE,
+        "v_c": Parameter(1e-5, "m/s", "rate of the cut-off", "(0, inf)"),
+    },
+    options=_REFERENCE,
+    internal={"theta": Internal("1 - abs(u)*theta/D_c", "s", "state")},
+    force=_REGULAR.format(state="v_0/v_c + v_0*theta/D_c"),
+    increasing=True,
+    start=_STEADY,
 )
 
 

@@ -23,9 +23,11 @@ from stickslip.model.system import (
     Drive,
     Formula,
     Internal,
+    Kind,
     LawContact,
     RateIndependent,
     System,
+    Viscous,
 )
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.formulas import NAME, Scope, formula_text, is_finite, parse_signature
@@ -166,13 +168,26 @@ class _WrittenOut:
         unit = self.unit_of_way(slopes)
         for own, internal in law.internal.items():
             meaning = f"{internal.meaning} of {name}"
-            part = Internal(_renamed(str(internal.law), words), unit, meaning)
+            part = Internal(_renamed(str(internal.law), words), internal.unit or unit, meaning)
             self.take(self.internal, words[own], part, where)
             self.origins[f"internal.{words[own]}"] = where
+            if own in law.start:
+                self.initial.setdefault(words[own], self.number(law.start[own], words, where))
         force = f"force_{key}"
         self.take(self.functions, force, _renamed(law.force, words), where)
         for x, slope in slopes.items():
-            self.push(x, slope, force)
+            if law.increasing and self.coordinates[x].kind == Kind.VISCOUS:
+                self.resist(x, slope, force, len(slopes), where)
+            else:
+                self.push(x, slope, force)
+
+    def number(self, formula: str, words: Mapping[str, str], where: str) -> float:
+        """The value of a formula of a law's parameters, as they are declared."""
+        names = DeclaredNames()
+        names.functions("functions", self.functions)
+        known = {name: ex.sym(name) for name in self.system.parameters}
+        meant = Scope(known, names.with_derivatives()).parse(_renamed(formula, words), where)
+        return ex.evaluate(meant, self.system.values)
 
     @cached_property
     def scope(self) -> Scope:
@@ -249,6 +264,21 @@ class _WrittenOut:
         before = coordinate.force
         total = term if before == 0.0 else f"{before} {term if term[0] == '-' else '+ ' + term}"
         self.coordinates[x] = replace(coordinate, force=total)
+
+    def resist(self, x: str, slope: str, force: str, directions: int, where: str) -> None:
+        """Let a force that increases with the velocity resist a coordinate without mass."""
+        coordinate = self.coordinates[x]
+        if directions > 1:
+            raise DeclarationError(
+                f"{where}.direction",
+                "it joins coordinates without mass, and its force follows from the rate",
+                "Let it move one of them, or declare the coordinates inertial",
+            )
+        assert isinstance(coordinate, Viscous)
+        term = force if slope == "1" else f"({slope})*{force}"
+        total = term if coordinate.drag == 0.0 else f"{coordinate.drag} + {term}"
+        self.coordinates[x] = replace(coordinate, drag=total)
+        self.origins[f"coordinates.{x}.drag"] = where
 
     def sliders(
         self,
