@@ -175,9 +175,16 @@ class _WrittenOut:
                 self.initial.setdefault(words[own], self.number(law.start[own], words, where))
         force = f"force_{key}"
         self.take(self.functions, force, _renamed(law.force, words), where)
+        massless = [x for x in slopes if self.coordinates[x].kind == Kind.VISCOUS]
+        if law.increasing and massless and len(slopes) > 1:
+            raise DeclarationError(
+                f"{where}.direction",
+                f"it joins '{massless[0]}' to others, and a rate without mass follows from the force",
+                "Let it move one coordinate, or declare the coordinates inertial",
+            )
         for x, slope in slopes.items():
-            if law.increasing and self.coordinates[x].kind == Kind.VISCOUS:
-                self.resist(x, slope, force, len(slopes), where)
+            if law.increasing and massless:
+                self.resist(x, slope, force, where)
             else:
                 self.push(x, slope, force)
 
@@ -265,15 +272,9 @@ class _WrittenOut:
         total = term if before == 0.0 else f"{before} {term if term[0] == '-' else '+ ' + term}"
         self.coordinates[x] = replace(coordinate, force=total)
 
-    def resist(self, x: str, slope: str, force: str, directions: int, where: str) -> None:
+    def resist(self, x: str, slope: str, force: str, where: str) -> None:
         """Let a force that increases with the velocity resist a coordinate without mass."""
         coordinate = self.coordinates[x]
-        if directions > 1:
-            raise DeclarationError(
-                f"{where}.direction",
-                "it joins coordinates without mass, and its force follows from the rate",
-                "Let it move one of them, or declare the coordinates inertial",
-            )
         assert isinstance(coordinate, Viscous)
         term = force if slope == "1" else f"({slope})*{force}"
         total = term if coordinate.drag == 0.0 else f"{coordinate.drag} + {term}"
