@@ -179,7 +179,7 @@ class _WrittenOut:
         if law.increasing and massless and len(slopes) > 1:
             raise DeclarationError(
                 f"{where}.direction",
-                f"it joins '{massless[0]}' to others, and a rate without mass follows from the force",
+                f"it joins '{massless[0]}' to others, and a rate without mass follows forces",
                 "Let it move one coordinate, or declare the coordinates inertial",
             )
         for x, slope in slopes.items():
