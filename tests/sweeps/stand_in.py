@@ -34,6 +34,7 @@ def measure_chunk(
     device: str = "cpu",
     stop: Array | None = None,
     section: bool = False,
+    start: float | None = None,
 ) -> dict[str, Array]:
     """Rocking toys that walk outside a circle around (P, δ) = (1, 0.1)."""
     given = {**initial, **parameters}

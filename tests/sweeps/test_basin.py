@@ -235,7 +235,9 @@ def test_an_oscillation_whose_damper_sticks_is_no_rest() -> None:
 def test_interruption_keeps_what_has_arrived(monkeypatch: pytest.MonkeyPatch) -> None:
     computed = sweep_module.compute
 
-    def once(work: Work, columns: dict[str, np.ndarray], stop: np.ndarray) -> object:
+    def once(
+        work: Work, columns: dict[str, np.ndarray], stop: np.ndarray, runs: None = None
+    ) -> object:
         if columns["psi"][0] > 0.0 or columns["d_psi"][0] > 0.0:
             raise Stopped
         stop[0] = 1  # what is under way when Ctrl-C comes may still end

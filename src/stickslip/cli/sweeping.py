@@ -69,6 +69,15 @@ def sweep_command(
     seed: Annotated[
         int, typer.Option("--seed", min=0, help="Of random and low-discrepancy samples.")
     ] = 0,
+    carry: Annotated[
+        str | None,
+        typer.Option(
+            "--carry",
+            metavar="AXIS [up|down|both]",
+            help="Along this axis every point begins where the one before has settled, such as "
+            "omega, 'omega down', or 'omega both': up, and down again.",
+        ),
+    ] = None,
     adaptive: Annotated[
         list[str] | None,
         typer.Option(
@@ -138,6 +147,7 @@ def sweep_command(
                     tolerance=tolerance, max_time=max_time, longest_cycle=longest_cycle, rtol=rtol
                 ),
                 seed=seed,
+                carry=carry,
                 adaptive=_adaptive(adaptive, contrast),
                 scheduler=who,
                 workers=workers,

@@ -1,5 +1,5 @@
-"""Pictures of maps: lines over one axis, maps over two, small multiples over three, dots for
-samples."""
+"""Pictures of maps: lines over one axis, maps over two (or a line for each value of a short one),
+small multiples over three, dots for samples."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from stickslip.figures.drawing.style import (
     VERMILION,
     axis_label,
     legend_above,
+    level_colours,
     new_figure,
     paper_style,
     root_of,
@@ -33,7 +34,8 @@ from stickslip.figures.drawing.style import (
 from stickslip.model.units import unit_label, with_unit
 from stickslip.motion.outcome import Outcome
 from stickslip.sweeps.request.axes import SAMPLES
-from stickslip.sweeps.request.measures import LACKING, measures_of
+from stickslip.sweeps.request.carry import DIRECTION
+from stickslip.sweeps.request.measures import LACKING, carried_along, measures_of
 from stickslip.sweeps.request.plan import INTERPOLATED, NOT_COMPUTED
 
 if TYPE_CHECKING:
@@ -43,6 +45,8 @@ _WIDTH = 5.2  # inches of a map
 _HEIGHT = 4.2  # inches of a map
 _LETTERS = 9  # of a legend, in an inch
 _MULTIPLES = 6  # maps of a third axis at most; more would be stamps
+_LEVELS = 6  # values of an axis that is too short for a map: a line for each of them
+_DASHES: dict[float, Any] = {1.0: "-", -1.0: (0, (4, 2))}  # lines of a sweep up and of one down
 _HATCH = "////"
 # of points without a value, by reason
 _GREYS = (STICK_SHADE, "#B9B9B9", "#8F8F8F", "#D8D2C8", "#6E6E6E")
@@ -73,11 +77,12 @@ def plot_sweep(
     """
     names = _chosen(data, measures)
     dimensions = list(data["outcome"].dims)
-    if ax is not None and len(dimensions) <= 2:
+    lined = _over_levels(data, names)
+    if ax is not None and (lined or len(dimensions) <= 2):
         _draw_into(ax, data, names)
         return root_of(ax)
     with paper_style():
-        if len(dimensions) == 1:
+        if len(dimensions) == 1 or lined:
             return _lines(data, names)
         if len(dimensions) == 2:
             return _maps(data, names)
@@ -104,36 +109,108 @@ def _chosen(data: xarray.Dataset, measures: Sequence[str] | None) -> list[str]:
 
 def _lines(data: xarray.Dataset, names: list[str]) -> Figure:
     """Panels of lines; dots in a plane for samples of two or more names."""
-    along = _coordinates(data, str(data["outcome"].dims[0]))
+    along = _coordinates(data, _longest(data))
     if len(along) > 1 and data[along[0]].attrs.get("spacing") in SAMPLES:
         return _dots(data, names, along[:2])
-    figure = new_figure(6.4, 0.9 + 2.2 * len(names))
-    figure.suptitle(data.attrs["title"], x=0.01, ha="left", fontsize=13)
+    parts, keys = _lines_of(data)
+    figure = new_figure(6.4, 0.9 + (3.0 if keys else 2.2) * len(names))
+    figure.suptitle(_title(data), x=0.01, ha="left", fontsize=13)
     panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     for axes, name in zip(panels, names, strict=True):
-        _line(axes, data, names, name, along[0])
+        for part, style in parts:
+            _line(axes, part, _codes(data, names), name, along[0], **style)
     _scale(panels[-1], data, along[0], "x")
     panels[-1].set_xlabel(_axis_text(data, along[:1]))
-    marks = _gap_marks(data, names)
-    if marks:
-        legend_above(panels[0], marks, right=True)
+    if marks := [*keys, *_gap_marks(data, names)]:
+        legend_above(panels[0], marks, right=not keys)
     return figure
 
 
-def _line(axes: Axes, data: xarray.Dataset, names: list[str], name: str, along: str) -> None:
-    """One measure over one axis; hollow: not certified, ticks below: without a value."""
+def _longest(data: xarray.Dataset) -> str:
+    """The axis that lines are drawn over."""
+    sizes = {str(d): data.sizes[d] for d in data["outcome"].dims if d != DIRECTION}
+    return max(sizes, key=sizes.__getitem__) if sizes else DIRECTION
+
+
+def _over_levels(data: xarray.Dataset, names: Sequence[str]) -> bool:
+    """Whether the axes beside one are so short that a line for each of their values says more than
+    a map would.
+
+    Samples and outcomes have no lines.
+    """
+    along = _longest(data)
+    others = [d for d in data["outcome"].dims if d not in (along, DIRECTION)]
+    sampled = data[_coordinates(data, along)[0]].attrs.get("spacing") in SAMPLES
+    if data["outcome"].ndim < 2 or sampled or "outcome" in names or len(others) > 1:
+        return False
+    return all(data.sizes[d] <= _LEVELS < data.sizes[along] for d in others)
+
+
+def _lines_of(data: xarray.Dataset) -> tuple[list[tuple[Any, dict[str, Any]]], list[Line2D]]:
+    """What is drawn over the longest axis, each part with its style, and what the styles stand for:
+    colours for levels, dashes for a sweep down."""
+    along = _longest(data)
+    others = [str(d) for d in data["outcome"].dims if d not in (along, DIRECTION)]
+    twice = DIRECTION in data["outcome"].dims and along != DIRECTION
+    level = others[0] if others else None
+    colours = [BLUE] if level is None else level_colours(data.sizes[level])
+    ways = data[DIRECTION].values.tolist() if twice else [1.0]
+    found = list[tuple[Any, dict[str, Any]]]()
+    for i, colour in enumerate(colours):
+        for k, way in enumerate(ways):
+            part = data.isel({d: i for d in others} | ({DIRECTION: k} if twice else {}))
+            shade = VERMILION if level is None and way < 0.0 else colour
+            found.append((part, {"color": shade, "linestyle": _DASHES[way]}))
+    marks = list[Line2D]()
+    if level is not None:
+        name = _coordinates(data, level)[0]
+        symbol = axis_label([name], "")
+        for value, colour in zip(data[name].values.tolist(), colours, strict=True):
+            text = f"{symbol} = {with_unit(value, _unit(data, name), 4)}"
+            marks.append(Line2D([], [], color=colour, label=text))
+    if twice:
+        both = [STICK_LINE] * 2 if level is not None else [BLUE, VERMILION]
+        for (way, dashes), colour in zip(_DASHES.items(), both, strict=True):
+            text = "up" if way > 0.0 else "down"
+            marks.append(Line2D([], [], color=colour, linestyle=dashes, label=text))
+    return found, marks
+
+
+def _line(
+    axes: Axes,
+    data: xarray.Dataset,
+    codes: Sequence[int],
+    name: str,
+    along: str,
+    color: str = BLUE,
+    linestyle: Any = "-",
+) -> None:
+    """One measure over one axis; hollow: not certified, ticks below: without a value.
+
+    Parameters
+    ----------
+    axes : Axes
+    data : xarray.Dataset
+        With one axis.
+    codes : sequence of int
+        Outcomes of points without a value, in the whole picture.
+    name, along : str
+        The measure, and what it is drawn over.
+    color, linestyle
+        Of the line.
+    """
     x = data[along].values
     order = np.argsort(x)
     computed = data["outcome"].values[order] >= 0
     scattered = data[along].attrs.get("spacing") in SAMPLES
     marker = "." if len(x) <= 80 or scattered else ""
-    line = "none" if scattered else "-"
+    line = "none" if scattered else linestyle
     values = np.where(computed, data[name].values[order], np.nan)
-    axes.plot(x[order], values, color=BLUE, marker=marker, linestyle=line)
+    axes.plot(x[order], values, color=color, marker=marker, linestyle=line)
     bad = _uncertified(data, name)[order]
     axes.plot(x[order][bad], values[bad], "o", mfc="white", mec=VERMILION, ms=5, zorder=3)
     below = axes.get_xaxis_transform()
-    for colour, here in _gaps(data, names, name).items():
+    for colour, here in _gaps(data, codes, name).items():
         level = np.full(np.count_nonzero(here), 0.03)
         axes.plot(x[here], level, "|", color=colour, ms=8, mew=2, transform=below)
     axes.set_ylabel(_label(data, name, 26))
@@ -149,13 +226,17 @@ def _gap_marks(data: xarray.Dataset, names: list[str]) -> list[Line2D]:
 
 def _draw_into(axes: Axes, data: xarray.Dataset, names: list[str]) -> None:
     """The first measure in given axes."""
-    if data["outcome"].ndim == 2:
+    if data["outcome"].ndim == 2 and not _over_levels(data, names):
         draw_map(axes, data, names[0])
         return
-    along = _coordinates(data, str(data["outcome"].dims[0]))[:1]
-    _line(axes, data, names[:1], names[0], along[0])
+    along = _coordinates(data, _longest(data))[:1]
+    parts, keys = _lines_of(data)
+    for part, style in parts:
+        _line(axes, part, _codes(data, names[:1]), names[0], along[0], **style)
     _scale(axes, data, along[0], "x")
     axes.set_xlabel(_axis_text(data, along))
+    if keys:
+        legend_above(axes, keys)
     if marks := _gap_marks(data, names[:1]):
         room = int(_LETTERS * root_of(axes).get_figwidth() * axes.get_position().width)
         for mark in marks:
@@ -178,7 +259,7 @@ def _dots(data: xarray.Dataset, names: list[str], along: list[str]) -> Figure:
     computed = data["outcome"].values >= 0
     for axes, name in zip(panels, names, strict=True):
         shown = computed & np.isfinite(data[name].values)
-        for colour, here in _gaps(data, names, name).items():
+        for colour, here in _gaps(data, _codes(data, names), name).items():
             axes.plot(x[here], y[here], ".", color=colour, ms=6)
         size = max(6.0, min(40.0, 2e4 / max(len(x), 1)))
         dots = axes.scatter(
@@ -222,7 +303,11 @@ def _multiples(data: xarray.Dataset, names: list[str]) -> Figure:
         part = data.isel({third: int(index)})
         draw_map(axes, part, name, limits, bar=bool(index == picked[-1]))
         unit = unit_label(_unit(data, along[0]))
-        axes.set_title(f"{axis_label(along[:1], '')} = {float(part[along[0]]):.4g} {unit}")
+        value = float(part[along[0]])
+        if third == DIRECTION:
+            axes.set_title("up" if value > 0.0 else "down")
+        else:
+            axes.set_title(f"{axis_label(along[:1], '')} = {value:.4g} {unit}")
     _legend(figure, data, [name])
     return figure
 
@@ -262,7 +347,7 @@ def draw_map(
     if name == "outcome":
         _draw_outcomes(axes, edges, data, outcome, bar)
     else:
-        for colour, here in _gaps(data, [name], name).items():
+        for colour, here in _gaps(data, _codes(data, [name]), name).items():
             shade = np.where(here[turned], 1.0, np.nan)
             axes.pcolormesh(*edges, shade.T, cmap=ListedColormap([colour]), rasterized=True)
         low, high = limits or _limits(values[computed])
@@ -302,7 +387,7 @@ def _panels(data: xarray.Dataset, names: list[str]) -> tuple[Figure, list[Axes]]
     columns = min(len(names), 3 if len(names) != 4 else 2)
     rows = -(-len(names) // columns)
     figure = new_figure(_WIDTH * columns, _HEIGHT * rows + 0.4)
-    figure.suptitle(data.attrs["title"], x=0.01, ha="left", fontsize=13)
+    figure.suptitle(_title(data), x=0.01, ha="left", fontsize=13)
     grid = figure.subplots(rows, columns, squeeze=False).reshape(-1)
     for spare in grid[len(names) :]:
         spare.remove()
@@ -331,15 +416,15 @@ def _legend(figure: Figure, data: xarray.Dataset, names: list[str]) -> None:
         )
 
 
-def _gaps(data: xarray.Dataset, names: list[str], name: str) -> dict[str, Array]:
-    """Points that were computed and have no value of a measure, by the colour of the reason."""
+def _gaps(data: xarray.Dataset, codes: Sequence[int], name: str) -> dict[str, Array]:
+    """Points that were computed and have no value of a measure, by the colour of the reason, one of
+    these codes."""
     if name == "outcome":
         return {}
     outcome = data["outcome"].values
     without = np.isnan(data[name].values)
     return {
-        colour: without & (outcome == code)
-        for colour, code in zip(_GREYS, _codes(data, names), strict=False)
+        colour: without & (outcome == code) for colour, code in zip(_GREYS, codes, strict=False)
     }
 
 
@@ -435,6 +520,17 @@ def _frame(axes: Axes, data: xarray.Dataset, first: str, second: str) -> None:
 def _scale(axes: Axes, data: xarray.Dataset, name: str, direction: str) -> None:
     if data[name].attrs.get("spacing") == "log":
         getattr(axes, f"set_{direction}scale")("log")
+
+
+def _title(data: xarray.Dataset) -> str:
+    """Of what it is a map, and how the state was carried."""
+    along = carried_along(data)
+    title = str(data.attrs["title"])
+    if not along:
+        return title
+    names, _, way = along.partition(" ")
+    text = f"{title}\nstate carried along {axis_label(names.split(','), '')}"
+    return f"{text}, {way}" if way else text
 
 
 def _unit(data: xarray.Dataset, name: str) -> str:

@@ -18,7 +18,7 @@ from stickslip.model.units import with_unit
 from stickslip.motion.outcome import Outcome
 from stickslip.results import Completion, Result, shortened
 from stickslip.storage import PREFIX
-from stickslip.sweeps.request.measures import LACKING, measures_of
+from stickslip.sweeps.request.measures import LACKING, carried_along, measures_of
 from stickslip.sweeps.request.plan import FORMAT, INTERPOLATED, KIND, NOT_COMPUTED
 from stickslip.sweeps.store import stored_plan
 
@@ -42,7 +42,8 @@ class Map(Result):
     ----------
     dataset : xarray.Dataset
         One dimension for each axis; the measures, ``outcome``, ``certificate``, ``lacking`` and
-        ``excess``. Where it comes from a store, values are read when they are needed.
+        ``excess``; if the state is carried, what each point hands on, ``carried_…``. Where it comes
+        from a store, values are read when they are needed.
     """
 
     KIND: ClassVar[str] = KIND
@@ -52,7 +53,8 @@ class Map(Result):
 
     def __repr__(self) -> str:
         sizes = " x ".join(f"{n} {name}" for name, n in self.dataset["outcome"].sizes.items())
-        return f"<Map of {self.title}: {sizes}, {', '.join(self.measures)}>"
+        carried = f", carried along {self.carried}" if self.carried else ""
+        return f"<Map of {self.title}: {sizes}, {', '.join(self.measures)}{carried}>"
 
     def __getitem__(self, name: str) -> xarray.DataArray:
         return self.dataset[name]
@@ -74,6 +76,12 @@ class Map(Result):
     def measures(self) -> list[str]:
         """What was measured, in the order in which it was asked for."""
         return measures_of(self.dataset)
+
+    @property
+    def carried(self) -> str:
+        """Along which axis the state was carried, and in which direction; empty if points know
+        nothing of each other."""
+        return carried_along(self.dataset)
 
     @property
     def title(self) -> str:
@@ -138,6 +146,7 @@ class Map(Result):
             **self.system.heading(),
             "axes": {str(name): int(n) for name, n in self.dataset["outcome"].sizes.items()},
             "measures": self.measures,
+            "carried": self.carried,
             "points": int(self._codes.size),
             "computed": self.computed,
             "outcomes": {Outcome.from_code(c).label: n for c, n in self._counted().items()},
@@ -154,6 +163,7 @@ class Map(Result):
         between = int(np.count_nonzero(self._codes == INTERPOLATED))
         more = f" of {self._codes.size:,}, the others interpolated" if between else ""
         rows = [("points", f"{self.computed:,}{more}")]
+        rows += [("carried along", self.carried)] if self.carried else []
         rows += [
             (f"  {Outcome.from_code(code).label}", f"{count:,}")
             for code, count in self._counted().items()

@@ -14,6 +14,7 @@ import os
 import shutil
 import warnings
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +24,7 @@ from stickslip.arrays import Array
 from stickslip.errors import StickslipError
 from stickslip.storage import PREFIX, readable
 from stickslip.sweeps.request.axes import Axis, Grid, make_grid
+from stickslip.sweeps.request.carry import Carry
 from stickslip.sweeps.request.plan import FORMAT, KIND, NOT_COMPUTED, Part, Plan
 
 if TYPE_CHECKING:
@@ -213,7 +215,8 @@ def create(plan: Plan, path: Path | None) -> MapStore:
     import zarr
     from zarr.storage import MemoryStore
 
-    grid = make_grid(plan.axes)
+    lines = [] if plan.carry is None else list(plan.carry.path(plan.axes)[0])
+    grid = make_grid(plan.axes, lines)
     group = zarr.open_group(MemoryStore() if path is None else path, mode="w-", zarr_format=3)
     coordinates = plan.coordinates()
     group.attrs.update(
@@ -299,7 +302,7 @@ def _opened(
         shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
     if overwrite:
         return _replaced(plan, path, None)
-    held = Plan(plan.system, axes, plan.measures, plan.initial, plan.settings, plan.seed)
+    held = replace(plan, axes=axes)
     change = held.difference(parts, axes) or (None if extend else plan.difference(parts, axes))
     if change is not None:
         add = "--extend to add points, " if change.part is Part.VALUES and not extend else ""
@@ -363,7 +366,7 @@ def _extended(plan: Plan, held: Plan, path: Path) -> Plan:
     if change is not None and change.part is Part.AXES:
         raise StickslipError(f"{path}: holds a map {change.text}. Extend it over its own axes")
     axes = []
-    for new, old in zip(plan.axes, held.axes, strict=True):
+    for k, (new, old) in enumerate(zip(plan.axes, held.axes, strict=True)):
         found = new.positions(old)
         if np.any(found < 0):
             lost = ", ".join(f"{v:g}" for v in old.values[:, np.argmin(found)])
@@ -372,10 +375,35 @@ def _extended(plan: Plan, held: Plan, path: Path) -> Plan:
                 "the new ones."
                 " Refine it, such as from n to 2n - 1 points"
             )
+        if plan.carry is not None and plan.carry.axis == k:
+            _check_goes_on(plan.carry, found, len(new), path)
         values = new.values.copy()
         values[:, found] = old.values
         axes.append(Axis(new.names, values, new.spacing))
-    return Plan(plan.system, tuple(axes), plan.measures, plan.initial, plan.settings, plan.seed)
+    return replace(plan, axes=tuple(axes))
+
+
+def _check_goes_on(carry: Carry, found: Array, count: int, path: Path) -> None:
+    """Refuse new values on a line that would not come after the old ones: these would begin
+    elsewhere.
+
+    Parameters
+    ----------
+    carry : Carry
+    found : array of int
+        Places of the old values.
+    count : int
+        Of all values.
+    path : Path
+    """
+    first = 0 if carry.steps[0] > 0 else count - len(found)
+    after = np.array_equal(found, first + np.arange(len(found)))
+    if not after or (len(carry.steps) > 1 and count > len(found)):
+        raise StickslipError(
+            f"{path}: the state is carried along {carry.text}, and what is new on that axis does "
+            "not come after what is there. Extend another axis, go on in the same direction, or "
+            "begin again with --overwrite"
+        )
 
 
 def _replaced(plan: Plan, path: Path, old: MapStore | None) -> MapStore:

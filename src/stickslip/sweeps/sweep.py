@@ -22,9 +22,11 @@ from stickslip.orbits.settling.engine.tables import DEVICE_LANES
 from stickslip.sweeps.adaptive import Adaptive, check_adaptive, rounds
 from stickslip.sweeps.map import Map
 from stickslip.sweeps.request.axes import read_axes
+from stickslip.sweeps.request.carry import read_carry
 from stickslip.sweeps.request.plan import Plan
 from stickslip.sweeps.request.user_measures import read_measures
 from stickslip.sweeps.store import Chunk, MapStore, create, opened
+from stickslip.sweeps.work.carrying import LinesToDo, Runs
 from stickslip.sweeps.work.job import Work, check_sendable, compute, work_of
 from stickslip.sweeps.work.scheduler import Interrupt, Pool, distribute, listening
 
@@ -65,10 +67,13 @@ class Batch:
         Chunks, and positions of the points in them.
     columns : dict of str to array
         Values of what varies at all of them.
+    runs : Runs, optional
+        In which order, if they carry the state.
     """
 
     pieces: list[tuple[Chunk, Array]]
     columns: dict[str, Array]
+    runs: Runs | None = None
 
 
 def sweep(
@@ -80,6 +85,7 @@ def sweep(
     initial: Mapping[str, float] | None = None,
     settings: Settings | None = None,
     seed: int = 0,
+    carry: str | None = None,
     adaptive: Adaptive | None = None,
     scheduler: str = "threads",
     workers: int | None = None,
@@ -108,6 +114,14 @@ def sweep(
         How a motion settles, and the accuracy.
     seed : int
         Of random and low-discrepancy samples.
+    carry : str, optional
+        Along this axis every point begins where the motion of the one before has settled, at the
+        same phase of the drives, as in an experiment: ``"omega"`` takes the values as they are
+        given, ``"omega up"`` and ``"omega down"`` by size, ``"omega both"`` up and from there down
+        again, on an axis ``direction`` of its own. The first point of a line begins as any motion
+        does, and so does the next one as long as none has settled. A motion that stops hands on
+        what it began with. What points hand on is in the variables ``carried_…``; an interrupted
+        line goes on from there.
     adaptive : Adaptive, optional
         Compute finely only where something changes.
     scheduler : str
@@ -142,7 +156,8 @@ def sweep(
     StickslipError
         If the store cannot be written, is damaged, or holds another map.
     """
-    plan = make_plan(system, over, measure, initial, settings, seed)
+    plan = make_plan(system, over, measure, initial, settings, seed, carry)
+    _check_carry(plan, adaptive, device)
     pool = _pool(scheduler, workers, device)
     with contextlib.ExitStack() as stack:
         if out is None:
@@ -164,12 +179,13 @@ def make_plan(
     initial: Mapping[str, float] | None = None,
     settings: Settings | None = None,
     seed: int = 0,
+    carry: str | None = None,
 ) -> Plan:
     """Everything that is asked for, checked.
 
     Parameters
     ----------
-    system, over, measure, initial, settings, seed
+    system, over, measure, initial, settings, seed, carry
         As for :func:`sweep`.
 
     Raises
@@ -191,7 +207,27 @@ def make_plan(
     start = {name: float(value) for name, value in (initial or {}).items()}
     settings = settings or Settings()
     pose(system, None, settings.rtol, settings.atol)  # refuses what no motion can be computed with
-    return Plan(system, axes, read_measures(system, measure), start, settings, seed)
+    axes, carried = read_carry(system, axes, carry)
+    measures = read_measures(system, measure)
+    return Plan(system, axes, measures, start, settings, seed, carry=carried)
+
+
+def _check_carry(plan: Plan, adaptive: Adaptive | None, device: str) -> None:
+    """Refuse what a line that carries the state cannot do."""
+    if plan.carry is None:
+        return
+    if adaptive is not None:
+        raise DeclarationError(
+            "carry",
+            "an adaptive map leaves points out, and a point needs the one before it",
+            "Leave out the one or the other",
+        )
+    if device == "gpu":
+        raise DeclarationError(
+            "carry",
+            "points that need each other are not worked on side by side, as a GPU would",
+            "Leave the work to the cpu",
+        )
 
 
 def _audit(store: MapStore, repair: bool) -> None:
@@ -259,14 +295,17 @@ def _fill(
     """Compute the wanted points (all if None) that are missing, and write them chunk by chunk."""
     tell(np.empty(0, np.int8))
     together = DEVICE_LANES if work.device == "gpu" else 1
-    for task, values in distribute(
-        partial(_work, work), _tasks(store, points, together), pool, stop
-    ):
+    carry = store.plan.carry
+    lines = None if carry is None else LinesToDo(store, carry)
+    tasks = _tasks(store, points, together) if lines is None else _of_lines(lines)
+    for task, values in distribute(partial(_work, work), tasks, pool, stop):
         first = 0
         for chunk, inside in task.pieces:
             piece = slice(first, first + len(inside))
             store.write(chunk, inside, {name: some[piece] for name, some in values.items()})
             first = piece.stop
+            if lines is not None:
+                lines.done(chunk)
         tell(values["outcome"])
 
 
@@ -289,8 +328,19 @@ def _tasks(store: MapStore, points: Array | None, together: int) -> Iterator[Bat
             count = 0
 
 
+def _of_lines(lines: LinesToDo) -> Iterator[Batch | None]:
+    """Chunks of lines, each once what it needs is there; None: there is none at the moment."""
+    grid = lines.grid
+    for found in lines:
+        if found is None:
+            yield None
+            continue
+        chunk, inside, runs = found
+        yield Batch([(chunk, inside)], grid.columns(grid.region(chunk), inside), runs)
+
+
 def _work(work: Work, task: Batch, stop: Array) -> dict[str, Array]:
-    return compute(work, task.columns, stop)
+    return compute(work, task.columns, stop, task.runs)
 
 
 class _Teller:

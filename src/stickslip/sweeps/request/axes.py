@@ -386,11 +386,22 @@ FEWEST = 64  # of the smallest that are worth a file
 _PARTS = 64  # chunks that a map of medium size is divided into
 
 
-def make_grid(axes: Sequence[Axis]) -> Grid:
-    """The grid of some axes; its chunks are as even in all directions as they can be."""
+def make_grid(axes: Sequence[Axis], lines: Sequence[int] = ()) -> Grid:
+    """The grid of some axes; its chunks are as even in all directions as they can be.
+
+    Parameters
+    ----------
+    axes : sequence of Axis
+    lines : sequence of int, optional
+        Axes along which points need each other, and so are divided last; of two of them the second
+        is that of the directions.
+    """
     chunk = [len(axis) for axis in axes]
     target = min(_CHUNK_POINTS, max(FEWEST, math.prod(chunk) // _PARTS))
+    for k in lines[1:]:
+        chunk[k] = 1
     while math.prod(chunk) > target:
-        longest = max(range(len(chunk)), key=chunk.__getitem__)
+        others = [k for k in range(len(chunk)) if k not in lines and chunk[k] > 1]
+        longest = max(others or range(len(chunk)), key=chunk.__getitem__)
         chunk[longest] = -(-chunk[longest] // 2)
     return Grid(tuple(axes), tuple(chunk))

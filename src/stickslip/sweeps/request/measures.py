@@ -26,6 +26,7 @@ from stickslip.motion.between.observers import LASTED, STUCK
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
 from stickslip.orbits.settling.motions import ATTRACTORS, MEASURED, Observed
+from stickslip.sweeps.request.carry import CARRIED
 
 if TYPE_CHECKING:
     import xarray
@@ -210,8 +211,14 @@ OWN = ("certificate", "lacking", "excess", "outcome")
 def measures_of(data: xarray.Dataset) -> list[str]:
     """The measures that a map holds, in the order in which they were asked for."""
     order = data.attrs.get("stickslip_measures", "")
-    names = [str(n) for n in data.data_vars if n not in OWN and not str(n).endswith("_missing")]
+    others = [str(n) for n in data.data_vars if n not in OWN]
+    names = [n for n in others if not (n.endswith("_missing") or n.startswith(CARRIED))]
     return sorted(names, key=lambda name: order.find(f'"{name}'))
+
+
+def carried_along(data: xarray.Dataset) -> str:
+    """Along which axis of a map the state was carried, and in which direction."""
+    return str(data.attrs.get("stickslip_carry", ""))
 
 
 LACKING = (

@@ -15,6 +15,7 @@ from stickslip.model.quantities import described, quantity
 from stickslip.model.system import Kind, System
 from stickslip.motion.outcome import Outcome
 from stickslip.sweeps.request.axes import Axis
+from stickslip.sweeps.request.carry import CARRIED, DIRECTION, Carry, direction_attributes
 from stickslip.sweeps.request.measures import LACKING, certified_below
 from stickslip.sweeps.request.user_measures import REASONS, FunctionMeasure, Measure, variable
 
@@ -31,6 +32,7 @@ class Part(Enum):
 
     MODEL = "model"
     SETTINGS = "settings"
+    CARRY = "carry"
     INITIAL = "initial"
     MEASURES = "measures"
     VERSION = "version"
@@ -63,6 +65,8 @@ class Plan:
     section : bool
         Whether the points are states of a section: they share their parameters, and one that
         friction cannot hold starts at the nearest place at which it can.
+    carry : Carry, optional
+        Along which axis points begin where the one before has ended.
     """
 
     system: System
@@ -72,6 +76,7 @@ class Plan:
     settings: Any
     seed: int
     section: bool = False
+    carry: Carry | None = None
 
     def parts(self) -> dict[str, str]:
         """Everything but the values of the axes, as texts for a file."""
@@ -90,6 +95,7 @@ class Plan:
             "initial": json.dumps(dict(self.initial)),
             "settings": json.dumps(asdict(self.settings), sort_keys=True),
             "seed": str(self.seed),
+            **({} if self.carry is None else {"carry": self.carry.text}),
         }
 
     def difference(self, parts: Mapping[str, str], axes: tuple[Axis, ...]) -> Difference | None:
@@ -113,6 +119,11 @@ class Plan:
             change = _first_difference(json.loads(parts[part.value]), json.loads(own[part.value]))
             if change:
                 return Difference(part, f"with {what} ({change})")
+        carries = [part.get("carry", "") for part in (parts, own)]
+        if carries[0] != carries[1]:
+            there, here = (f"along {text}" if text else "not at all" for text in carries)
+            text = f"that is carried in another way ({there} there, {here} here)"
+            return Difference(Part.CARRY, text)
         if parts["measures"] != own["measures"]:
             there, here = (
                 ", ".join(json.loads(texts)) for texts in (parts["measures"], own["measures"])
@@ -172,6 +183,13 @@ class Plan:
                     0,
                     _flags(why) | {"long_name": f"why {name} is missing"},
                 )
+        if self.carry is not None:
+            for name, about in {
+                "time": quantity(self.system, "t"),
+                **{x: quantity(self.system, x) for x in self.system.declaration.state},
+            }.items():
+                meaning = f"{about['long_name']} from which the next point goes on"
+                found[f"{CARRIED}{name}"] = ("f8", np.nan, {**about, "long_name": meaning})
         tolerance = certified_below(self.settings)
         found["certificate"] = (
             "f8",
@@ -217,8 +235,10 @@ def _flags(labels: Mapping[int, str]) -> dict[str, Any]:
     }
 
 
-def _varied(system: System, name: str) -> dict[str, str]:
-    """Unit and meaning of a parameter or of an initial value."""
+def _varied(system: System, name: str) -> dict[str, Any]:
+    """Unit and meaning of a parameter, of an initial value, or of the direction of a sweep."""
+    if name == DIRECTION and name not in {*system.parameters, *system.declaration.state}:
+        return direction_attributes()
     found = quantity(system, name)
     return (
         found

@@ -20,6 +20,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError, short
 from stickslip.model.system import System
+from stickslip.sweeps.request.carry import CARRIED
 from stickslip.sweeps.request.measures import MEASURES, OWN, needs_close_look
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
@@ -137,7 +138,8 @@ def read_measures(system: System, asked: Sequence[Any]) -> tuple[Measure, ...]:
             raise DeclarationError(
                 f"measure.{short(name)}", "it is asked for twice", "Give each measure its own name"
             )
-        if name in {*system.parameters, *system.declaration.state, *OWN}:
+        taken = {*system.parameters, *system.declaration.state, *OWN}
+        if name in taken or name.startswith(CARRIED):
             raise DeclarationError(
                 f"measure.{short(name)}", "the name is taken", "Choose another name"
             )

@@ -32,6 +32,7 @@ def measure_chunk(
     device: str = "cpu",
     stop: Array | None = None,
     section: bool = False,
+    start: float | None = None,
 ) -> dict[str, Array]:
     """Measures of what motions settle on.
 
@@ -50,6 +51,8 @@ def measure_chunk(
     section : bool
         Whether the points are states of a section, which share their parameters (and so their
         closed forms); one that friction cannot hold starts at the nearest place at which it can.
+    start : float, optional
+        When the motions begin; by default with the span of the system.
 
     Returns
     -------
@@ -72,7 +75,8 @@ def measure_chunk(
     starts, given = columns(initial, "initial"), columns(parameters, "parameters")
     count = common_length({**starts, **given})
     table, states = parameter_table(system, given, count), initial_states(system, starts, count)
-    problem = replace(pose_all(system, given, settings.rtol, settings.atol), origin=system.span[0])
+    origin = system.span[0] if start is None else start
+    problem = replace(pose_all(system, given, settings.rtol, settings.atol), origin=origin)
     if section:
         settle_friction(problem.compiled.equations, problem.parameters, states, problem.origin)
     closely = needs_close_look(system, measures)

@@ -27,6 +27,7 @@ from stickslip.sweeps.request.user_measures import (
 
 if TYPE_CHECKING:
     from stickslip.orbits.settling.motions import Settings
+    from stickslip.sweeps.work.carrying import Runs
 
 
 @dataclass(frozen=True)
@@ -43,8 +44,8 @@ class Work:
     settings : Settings
     device : str
         ``"cpu"`` or ``"gpu"``: where the compiled loops run.
-    section : bool
-        See :class:`stickslip.sweeps.request.plan.Plan`.
+    section, carries : bool
+        See :class:`stickslip.sweeps.request.plan.Plan`; whether points carry the state.
     """
 
     model: str
@@ -53,13 +54,16 @@ class Work:
     settings: Settings
     device: str = "cpu"
     section: bool = False
+    carries: bool = False
 
 
 def work_of(plan: Plan, device: str = "cpu") -> Work:
     """The work that a plan asks for at its points."""
     asked = tuple(asked_again(measure) for measure in plan.measures)
     initial = tuple(plan.initial.items())
-    return Work(plan.system.to_toml(), asked, initial, plan.settings, device, plan.section)
+    model = plan.system.to_toml()
+    carries = plan.carry is not None
+    return Work(model, asked, initial, plan.settings, device, plan.section, carries)
 
 
 def check_sendable(work: Work) -> None:
@@ -86,7 +90,9 @@ def _prepared(work: Work) -> tuple[System, tuple[Measure, ...]]:
     return system, read_measures(system, work.asked)
 
 
-def compute(work: Work, columns: Mapping[str, Array], stop: Array) -> dict[str, Array]:
+def compute(
+    work: Work, columns: Mapping[str, Array], stop: Array, runs: Runs | None = None
+) -> dict[str, Array]:
     """Everything that is stored of some points.
 
     Parameters
@@ -96,6 +102,8 @@ def compute(work: Work, columns: Mapping[str, Array], stop: Array) -> dict[str, 
         Parameters and initial values that vary.
     stop : array of int, shape (1,)
         Not zero once there is a wish to stop.
+    runs : Runs, optional
+        Of points that carry the state.
 
     Returns
     -------
@@ -107,31 +115,88 @@ def compute(work: Work, columns: Mapping[str, Array], stop: Array) -> dict[str, 
     Stopped
         If there was a wish to stop.
     """
+    if runs is not None:
+        return _along(work, columns, stop, runs)
+    found = _side_by_side(work, columns, stop)
+    return {name: found[name] for name in _stored(work)}
+
+
+def _along(work: Work, columns: Mapping[str, Array], stop: Array, runs: Runs) -> dict[str, Array]:
+    """Points one after the other, each from where the one before has come to."""
+    from stickslip.sweeps.carried import Handed, taken_up
+    from stickslip.sweeps.work.carrying import handed_by, stored_of
+
+    system, _ = _prepared(work)
+    found: list[dict[str, Array]] = [{}] * len(runs.order)
+    left: list[Handed | None] = [None] * len(runs.order)
+    handed: Handed | None = None
+    for j, i in enumerate(runs.order.tolist()):
+        handed = runs.begins.get(j, handed)
+        here = {name: values[i : i + 1] for name, values in columns.items()}
+        own = {name: float(v[0]) for name, v in here.items() if name in system.parameters}
+        own = {**system.values, **own}
+        begun = None if handed is None else taken_up(system, handed, own)
+        found[i] = _side_by_side(work, here, stop, begun)
+        handed = left[i] = handed_by(system, own, found[i], begun)
+    stored = {name: np.concatenate([one[name] for one in found]) for name in _stored(work)}
+    return stored | stored_of(system, left)
+
+
+def _stored(work: Work) -> list[str]:
+    """What is kept of a point, but for what it hands on."""
+    _, measures = _prepared(work)
+    functions = [variable(m) for m in measures if isinstance(m, FunctionMeasure)]
+    return [*map(variable, measures), *(f"{name}_missing" for name in functions), *OWN]
+
+
+def _side_by_side(
+    work: Work,
+    columns: Mapping[str, Array],
+    stop: Array,
+    begun: tuple[float, Array] | None = None,
+) -> dict[str, Array]:
+    """Points by themselves; with `begun`, one that begins at that time in that state."""
     from stickslip.sweeps.work.chunk import measure_chunk
 
     system, measures = _prepared(work)
     count = len(next(iter(columns.values())))
     parameters = {name: values for name, values in columns.items() if name in system.parameters}
     initial = {name: np.full(count, value) for name, value in work.initial}
-    initial |= {name: values for name, values in columns.items() if name not in system.parameters}
+    initial |= {
+        name: values for name, values in columns.items() if name in system.declaration.state
+    }
+    origin = system.span[0]
+    if begun is not None:
+        origin, state = begun
+        initial = dict(zip(system.declaration.state, state[:, None], strict=True))
     formulas = [m for m in measures if isinstance(m, FormulaMeasure)]
     needed = dict.fromkeys(
         [m for m in measures if isinstance(m, str)] + [n for f in formulas for n in f.needs]
     )
+    if work.carries:
+        from stickslip.sweeps.work.carrying import needed_to_carry
+
+        needed |= dict.fromkeys(needed_to_carry(system))
     found = measure_chunk(
-        system, initial, parameters, tuple(needed), work.settings, work.device, stop, work.section
+        system,
+        initial,
+        parameters,
+        tuple(needed),
+        work.settings,
+        work.device,
+        stop,
+        work.section,
+        origin,
     )
-    result = {name: found[name] for name in OWN}
     known = {**system.values, **_start(system, initial), **parameters, **found}
+    result = dict(found)
     for measure in measures:
         name = variable(measure)
         if isinstance(measure, FormulaMeasure):
             result[name] = measure.values(known, count)
         elif isinstance(measure, FunctionMeasure):
-            values = _by_function(measure, system, initial, parameters, work.settings, stop)
+            values = _by_function(measure, system, initial, parameters, work.settings, stop, origin)
             result[name], result[f"{name}_missing"] = values
-        else:
-            result[name] = found[name]
     return result
 
 
@@ -149,8 +214,20 @@ def _by_function(
     parameters: Mapping[str, Array],
     settings: Settings,
     stop: Array,
+    start: float,
 ) -> tuple[Array, Array]:
-    """A function of the whole motion, point by point, and why it is missing."""
+    """A function of the whole motion, point by point, and why it is missing.
+
+    Parameters
+    ----------
+    measure : FunctionMeasure
+    system : System
+    initial, parameters : mapping of str to array, shape (points,)
+    settings : Settings
+    stop : array of int, shape (1,)
+    start : float
+        When the motions begin; they last as long as the span of the system.
+    """
     from stickslip.motion.simulate import simulate
 
     count = len(next(iter({**initial, **parameters}.values())))
@@ -160,6 +237,7 @@ def _by_function(
             raise Stopped
         motion = simulate(
             system,
+            (start, start + system.span[1] - system.span[0]),
             initial={name: float(column[i]) for name, column in initial.items()},
             parameters={name: float(column[i]) for name, column in parameters.items()},
             rtol=settings.rtol,

@@ -248,7 +248,7 @@ def local_cluster(workers: int | None) -> Iterator[str]:
 
 
 def distribute(
-    function: Callable[[_T, Array], _R], tasks: Iterable[_T], pool: Pool, stop: Interrupt
+    function: Callable[[_T, Array], _R], tasks: Iterable[_T | None], pool: Pool, stop: Interrupt
 ) -> Iterator[tuple[_T, _R]]:
     """Results of tasks, in the order in which they are ready; few are under way at any time.
 
@@ -258,7 +258,8 @@ def distribute(
         Of a task and the flag of the pool; raises Stopped if it sees it raised. Its results are not
         None.
     tasks : iterable
-        Looked at one by one, as workers become free.
+        Looked at one by one, as workers become free. None says that all others wait for what is
+        under way: they are asked for again when some of that is done.
     pool : Pool
     stop : Stop
         Once it is wished for, no task is begun any more, and what is not ready in a moment is given

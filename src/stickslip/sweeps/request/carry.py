@@ -1,0 +1,141 @@
+"""Which axis of a map carries the state, and in which direction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from stickslip.errors import DeclarationError, short
+from stickslip.model.system import System
+from stickslip.sweeps.request.axes import SAMPLES, Axis
+
+CARRIED = "carried_"
+"""What the names of variables begin with that hold what a point hands on."""
+
+DIRECTION = "direction"
+"""Axis of maps that are carried up, and then down."""
+
+_WAYS = ("", "up", "down", "both")
+_FORM = 'Write it like "omega", "omega up", "omega down" or "omega both"'
+
+
+@dataclass(frozen=True)
+class Carry:
+    """How a map carries the state: along one of its axes, line by line.
+
+    Attributes
+    ----------
+    axis : int
+        Number of the axis.
+    steps : tuple of int
+        +1: from the first value of the axis to the last; −1: back. One after the other; two of them
+        are the points of a last axis, :data:`DIRECTION`.
+    text : str
+        In words.
+    """
+
+    axis: int
+    steps: tuple[int, ...]
+    text: str
+
+    def path(self, axes: Sequence[Axis]) -> list[dict[int, int]]:
+        """Places of a line in the order in which the state is carried through them: index by axis.
+
+        Parameters
+        ----------
+        axes : sequence of Axis
+            Of the map.
+        """
+        along = range(len(axes[self.axis]))
+        return [
+            {self.axis: i} | ({len(axes) - 1: d} if len(self.steps) > 1 else {})
+            for d, step in enumerate(self.steps)
+            for i in (along if step > 0 else reversed(along))
+        ]
+
+    def others(self, axes: Sequence[Axis]) -> list[int]:
+        """Axes that are not part of a line."""
+        own = self.path(axes)[0]
+        return [k for k in range(len(axes)) if k not in own]
+
+
+def read_carry(
+    system: System, axes: tuple[Axis, ...], carry: str | None
+) -> tuple[tuple[Axis, ...], Carry | None]:
+    """The axes with that of the directions, if there are two, and how the state is carried.
+
+    Parameters
+    ----------
+    system : System
+    axes : tuple of Axis
+    carry : str or None
+        Names of an axis, and where to: ``"omega"`` takes its values as they are given, ``"omega
+        up"`` and ``"omega down"`` by size, ``"omega both"`` up and then down again.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such axis or direction, or nothing can be carried along it.
+    """
+    if carry is None:
+        return axes, None
+    words = str(carry).replace(",", " ").split()
+    known = {axis.names: i for i, axis in enumerate(axes)}
+    way = words.pop() if len(words) > 1 and words[-1] in _WAYS else ""
+    found = [i for names, i in known.items() if tuple(words) in (names, ("_".join(names),))]
+    if not found:
+        names = ", ".join(",".join(names) for names in known)
+        last = words[-1] if words else ""
+        reason = f"'{short(str(carry))}' is no axis of the map"
+        if len(words) > 1 and any(tuple(words[:-1]) == names for names in known):
+            reason = f"there is no direction '{short(last)}'"
+        raise DeclarationError("carry", reason, f"The axes are {names}. {_FORM}")
+    axis = axes[found[0]]
+    text = ",".join(axis.names)
+    _check_axis(system, axis, text)
+    grows = np.diff(axis.values[0])
+    if way and not (np.all(grows > 0.0) or np.all(grows < 0.0)):
+        raise DeclarationError(
+            "carry",
+            f"the values of {text} go up and down, so that there is no way {way}",
+            f'Carry along them as they are given: "{text}"',
+        )
+    up = 1 if not len(grows) or grows[0] > 0.0 else -1
+    steps = {"": (1,), "up": (up,), "down": (-up,), "both": (up, -up)}[way]
+    if way == "both":
+        if DIRECTION in {*system.parameters, *system.declaration.state}:
+            reason = f"{system.name} has something called '{DIRECTION}' itself"
+            raise DeclarationError("carry", reason, "Sweep up and down, each in a map of its own")
+        axes = (*axes, Axis((DIRECTION,), np.array([[1.0, -1.0]]), "list"))
+    words = [text, "up and down" if way == "both" else way]
+    return axes, Carry(found[0], steps, " ".join(word for word in words if word))
+
+
+def _check_axis(system: System, axis: Axis, text: str) -> None:
+    for name in axis.names:
+        if name not in system.parameters:
+            raise DeclarationError(
+                "carry",
+                f"{name} is an initial value; a motion that is carried begins where the one before "
+                "ended",
+                "Carry along a parameter",
+            )
+    if axis.spacing in SAMPLES:
+        raise DeclarationError(
+            "carry",
+            f"{text} are samples, which have no order",
+            f"Give a range, as in {axis.names[0]}=0.8:1.6:400",
+        )
+
+
+def direction_attributes() -> dict[str, Any]:
+    """What the numbers of :data:`DIRECTION` mean, by the CF conventions."""
+    return {
+        "units": "1",
+        "long_name": "direction of the sweep",
+        "flag_values": [1, -1],
+        "flag_meanings": "up down",
+    }
