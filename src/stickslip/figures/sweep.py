@@ -35,7 +35,7 @@ from stickslip.model.units import unit_label, with_unit
 from stickslip.motion.outcome import Outcome
 from stickslip.sweeps.request.axes import SAMPLES
 from stickslip.sweeps.request.carry import DIRECTION
-from stickslip.sweeps.request.measures import LACKING, carried_along, measures_of
+from stickslip.sweeps.request.measures import LACKING, how_carried, measures_of
 from stickslip.sweeps.request.plan import INTERPOLATED, NOT_COMPUTED
 
 if TYPE_CHECKING:
@@ -524,7 +524,7 @@ def _scale(axes: Axes, data: xarray.Dataset, name: str, direction: str) -> None:
 
 def _title(data: xarray.Dataset) -> str:
     """Of what it is a map, and how the state was carried."""
-    along = carried_along(data)
+    along = how_carried(data)
     title = str(data.attrs["title"])
     if not along:
         return title

@@ -18,7 +18,7 @@ from stickslip.model.units import with_unit
 from stickslip.motion.outcome import Outcome
 from stickslip.results import Completion, Result, shortened
 from stickslip.storage import PREFIX
-from stickslip.sweeps.request.measures import LACKING, carried_along, measures_of
+from stickslip.sweeps.request.measures import LACKING, how_carried, measures_of
 from stickslip.sweeps.request.plan import FORMAT, INTERPOLATED, KIND, NOT_COMPUTED
 from stickslip.sweeps.store import stored_plan
 
@@ -81,7 +81,7 @@ class Map(Result):
     def carried(self) -> str:
         """Along which axis the state was carried, and in which direction; empty if points know
         nothing of each other."""
-        return carried_along(self.dataset)
+        return how_carried(self.dataset)
 
     @property
     def title(self) -> str:

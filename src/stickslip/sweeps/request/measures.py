@@ -216,7 +216,7 @@ def measures_of(data: xarray.Dataset) -> list[str]:
     return sorted(names, key=lambda name: order.find(f'"{name}'))
 
 
-def carried_along(data: xarray.Dataset) -> str:
+def how_carried(data: xarray.Dataset) -> str:
     """Along which axis of a map the state was carried, and in which direction."""
     return str(data.attrs.get("stickslip_carry", ""))
 

@@ -14,9 +14,9 @@ from stickslip.arrays import Array
 from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
 from stickslip.orbits.settling.motions import MEASURED
-from stickslip.sweeps.carried import Handed, handed_on
 from stickslip.sweeps.request.axes import Grid
 from stickslip.sweeps.request.carry import CARRIED, Carry
+from stickslip.sweeps.work.handed import Handed, handed_on
 
 if TYPE_CHECKING:
     from stickslip.sweeps.store import Chunk, MapStore

@@ -123,8 +123,8 @@ def compute(
 
 def _along(work: Work, columns: Mapping[str, Array], stop: Array, runs: Runs) -> dict[str, Array]:
     """Points one after the other, each from where the one before has come to."""
-    from stickslip.sweeps.carried import Handed, taken_up
     from stickslip.sweeps.work.carrying import handed_by, stored_of
+    from stickslip.sweeps.work.handed import Handed, taken_up
 
     system, _ = _prepared(work)
     found: list[dict[str, Array]] = [{}] * len(runs.order)

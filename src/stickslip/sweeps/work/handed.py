@@ -1,0 +1,119 @@
+"""What a motion hands on to the next one, with other parameters, as in an experiment: where it has
+come to, at the same phase of the drives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.equations.derive import derive
+from stickslip.errors import DeclarationError
+from stickslip.model.system import System
+from stickslip.orbits.fields.stable_set import settle_friction
+from stickslip.orbits.fields.symmetry import clock
+from stickslip.orbits.settling.repetition import Repetition, repeats
+
+_ROUNDED = 1e-3  # of where a component is, that it would have moved by: less is rounding
+
+
+@dataclass(frozen=True)
+class Handed:
+    """Where a motion has come to.
+
+    Attributes
+    ----------
+    parameters : dict of str to float
+        Of that motion.
+    time : float
+    state : array, shape (n,)
+    """
+
+    parameters: Mapping[str, float]
+    time: float
+    state: Array
+
+
+def handed_on(
+    system: System,
+    parameters: Mapping[str, float],
+    time: float,
+    state: Array,
+    rate: Array | None = None,
+) -> Handed:
+    """Where a motion has come to, as early as the system is the same.
+
+    A load Vt would jump by ΔV·t when V changes, and what drifts would be ever farther away. So the
+    state is taken back, with the frame in which the system goes on repeating itself, to where time
+    begins: by whole periods of the drives if there are any. If time enters in another way, it goes
+    on.
+
+    Parameters
+    ----------
+    system : System
+    parameters : mapping of str to float
+    time : float
+    state : array, shape (n,)
+    rate : array, shape (n,), optional
+        Mean velocity of the state, if the motion repeats up to a drift.
+    """
+    begin = system.span[0]
+    period = period_of_drives(system, parameters)
+    repetition = Repetition(derive(system.declaration))
+    still = np.zeros(len(state))
+    for moving in (still if rate is None else _moving(rate, time - begin, state), still):
+        frame = dict(zip(system.declaration.state, map(float, moving), strict=True))
+        waves = repetition.waves(parameters, frame, begin)
+        if waves is not None and (not waves or (period and repeats(waves, period))):
+            back = period * math.floor((time - begin) / period) if period else time - begin
+            return Handed(parameters, time - back, state - back * moving)
+    return Handed(parameters, time, state.copy())
+
+
+def _moving(rate: Array, elapsed: float, state: Array) -> Array:
+    """A mean velocity without what is rounding: what really moves has got somewhere by then."""
+    return np.where(np.abs(rate) * elapsed > _ROUNDED * np.abs(state), rate, 0.0)
+
+
+def taken_up(
+    system: System, handed: Handed, parameters: Mapping[str, float]
+) -> tuple[float, Array]:
+    """When and where a motion begins that goes on from another one with other parameters.
+
+    The drives are at the same phase, and what friction cannot hold any more has moved to where it
+    can.
+
+    Parameters
+    ----------
+    system : System
+    handed : Handed
+    parameters : mapping of str to float
+        Of the motion that begins.
+
+    Returns
+    -------
+    time : float
+    state : array, shape (n,)
+    """
+    start, state = handed.time, handed.state.copy()
+    before, period = (period_of_drives(system, some) for some in (handed.parameters, parameters))
+    if before and period and before != period:
+        begin = system.span[0]
+        start = begin + math.fmod(start / before - begin / period, 1.0) * period
+        start += period if start < begin else 0.0
+    settle_friction(derive(system.declaration), parameters, state[None], start)
+    return start, state
+
+
+def period_of_drives(system: System, parameters: Mapping[str, float]) -> float:
+    """Period of the drives; 0 if none of them repeats."""
+    equations = derive(system.declaration)
+    if not equations.timed:
+        return 0.0
+    try:
+        return clock(system, equations, parameters).period(parameters)
+    except DeclarationError:
+        return 0.0
