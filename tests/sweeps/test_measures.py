@@ -3,6 +3,8 @@ method."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -251,6 +253,92 @@ def test_moving_frame() -> None:
     np.testing.assert_allclose(
         found["energy_per_cycle"], -found["mean_force"] * V * found["period"], rtol=1e-6
     )
+
+
+def test_harmonics_are_the_transfer_function() -> None:
+    """Of place and velocity of a linear oscillator, at the frequency of what drives it."""
+    omega = np.linspace(0.3, 2.5, 12)
+    asked = ("harmonic", "harmonic:d_x", "phase", "relative_phase", "relative_phase:x")
+    found = measure_chunk(LINEAR, {}, {"omega": omega}, asked, Settings())
+    transfer = 1.0 / (1.0 - omega**2 + 0.2j * omega)
+    np.testing.assert_allclose(found["harmonic"], np.abs(transfer), rtol=1e-9)
+    np.testing.assert_allclose(found["harmonic:d_x"], omega * np.abs(transfer), rtol=1e-9)
+    for name in asked[2:]:  # the drive is a cosine
+        np.testing.assert_allclose(found[name], np.angle(transfer), atol=1e-9)
+    sine = replace(LINEAR, drives={"push": "sin(omega*t)"})
+    found = measure_chunk(sine, {}, {"omega": omega}, ("phase", "relative_phase"), Settings())
+    np.testing.assert_allclose(found["relative_phase"], np.angle(transfer), atol=1e-9)
+    behind = np.exp(1j * (found["phase"] - np.angle(transfer) + np.pi / 2.0))
+    np.testing.assert_allclose(behind, 1.0, atol=1e-9)
+    cycle = find_cycle(sine, parameters={"omega": float(omega[3])})
+    assert cycle.relative_phase["x"] == pytest.approx(np.angle(transfer[3]), abs=1e-9)
+
+
+def test_harmonic_of_a_friction_force() -> None:
+    """A block that never sticks rubs like a square wave, whose first harmonic is 4/π of it and
+    stands against the velocity."""
+    system = ss.catalogue.forced_oscillator(P=1.0, F_c=0.3)
+    contact = next(iter(system.dry_contacts))
+    force = f"friction_{contact}"
+    asked = (f"harmonic:{force}", f"phase:{force}", "phase:d_x", "stick_fraction")
+    found = measure_chunk(system, {}, {"omega": np.array([0.7, 1.4])}, asked, Settings())
+    np.testing.assert_array_equal(found["stick_fraction"], 0.0)
+    np.testing.assert_allclose(found[f"harmonic:{force}"], 4.0 / np.pi * 0.3, rtol=1e-9)
+    period = 2.0 * np.pi / np.array([0.7, 1.4])
+    for i, T in enumerate(period):
+        cycle = find_cycle(system, parameters={"omega": 2.0 * np.pi / T})
+        c = cycle.harmonic["d_x"]
+        assert found["phase:d_x"][i] == pytest.approx(np.angle(c), abs=1e-8)
+        assert cycle.harmonic["x"] * 2j * np.pi / T == pytest.approx(c, rel=1e-8)
+
+
+def test_no_wave_at_rest() -> None:
+    """Where nothing moves there is no harmonic, and no phase of one."""
+    system = ss.catalogue.forced_oscillator(P=0.2, F_c=1.0)
+    found = measure_chunk(
+        system, {}, {"omega": np.array([0.7])}, ("harmonic", "relative_phase"), Settings()
+    )
+    assert found["harmonic"][0] == 0.0 and np.isnan(found["relative_phase"][0])
+
+
+def test_energy_per_distance() -> None:
+    """Each leg of the crawler goes forward against f₊ (DeSimone et al. 2015); a plate that is
+    shaken and pulled takes the mean force of the pull."""
+    crawler = ss.catalogue.two_leg_crawler()
+    f_plus = np.array([0.05, 0.1, 0.3])
+    asked = ("energy_per_distance", "cost_of_transport:k*D", "energy_per_distance:x_1")
+    found = measure_chunk(crawler, {}, {"f_plus": f_plus}, asked, Settings())
+    for name in asked:
+        np.testing.assert_allclose(found[name], 2.0 * f_plus, rtol=1e-9)
+    gait = find_cycle(crawler)
+    assert gait.cost_of_transport("2*k*D") == pytest.approx(0.1, rel=1e-9)
+    branch = ss.continue_cycle(gait, "f_plus", (0.05, 0.2)).points
+    np.testing.assert_allclose(branch["energy_per_distance"], 2.0 * branch["f_plus"], rtol=1e-9)
+    plate = ss.catalogue.plate_compactor()
+    V = np.array([0.03, 0.08])
+    asked = ("energy_per_distance:x", "mean_force")
+    found = measure_chunk(plate, {}, {"V": V}, asked, Settings())
+    np.testing.assert_allclose(found[asked[0]], -found["mean_force"], rtol=1e-6)
+    still = measure_chunk(crawler, {}, {"D": np.array([0.1])}, ("energy_per_distance",), Settings())
+    assert np.isnan(still["energy_per_distance"][0])
+
+
+@pytest.mark.parametrize(
+    ("system", "name", "said"),
+    [
+        ("two_leg_crawler", "cost_of_transport", "no weight is named"),
+        ("two_leg_crawler", "cost_of_transport:k", "measured in N/m, a weight in N"),
+        ("two_leg_crawler", "cost_of_transport:k*D/2", "which no name of a variable may have"),
+        ("two_leg_crawler", "cost_of_transport:-k*D", "A weight is positive"),
+        ("two_leg_crawler", "relative_phase:d_x", "there is no 'd_x'"),
+        ("belt_block", "relative_phase", "nothing drives"),
+        ("belt_block", "energy_per_distance", "declares no translation"),
+        ("plate_compactor", "relative_phase", "does not oscillate"),
+    ],
+)
+def test_measures_of_a_period_that_cannot_be(system: str, name: str, said: str) -> None:
+    with pytest.raises(ss.DeclarationError, match=said):
+        measures.needs_close_look(getattr(ss.catalogue, system)(), [name])
 
 
 def test_a_load_that_does_not_repeat() -> None:

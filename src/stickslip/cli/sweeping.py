@@ -39,7 +39,8 @@ def sweep_command(
             "--measure",
             metavar="MEASURE",
             help="period, amplitude, speed, stick_fraction, energy_per_cycle, peak_force, "
-            "switches ..., also of one part as in amplitude:psi; 'name = formula' of these; "
+            "switches, harmonic, relative_phase, energy_per_distance, cost_of_transport:m*g ..., "
+            "also of one part as in amplitude:psi; 'name = formula' of these; "
             "file.py:function; may be repeated.",
         ),
     ],

@@ -193,6 +193,10 @@ def _none(system: System, of: str) -> str:
     return "1"
 
 
+def _radian(system: System, of: str) -> str:
+    return "rad"
+
+
 def _time(system: System, of: str) -> str:
     return system.time_unit or "1"
 
@@ -214,12 +218,37 @@ def _work(system: System, of: str) -> str | None:
     return energy_unit(system)
 
 
+def _quantity(system: System, of: str) -> str | None:
+    return quantity(system, of or system.declaration.state[0]).get("units")
+
+
+def _per_distance(system: System, of: str) -> str | None:
+    return per_distance_unit(system, _component(system, of or next(iter(system.translation), "")))
+
+
+def per_distance_unit(system: System, distance: str) -> str:
+    """The unit of an energy per distance: that of a force, if these agree."""
+    energy = described(system, "energy_per_cycle").get("units", "1")
+    force = described(system, "peak_force").get("units", "1")
+    return force if distance == "1" or energy == f"{force}*{distance}" else f"{energy}/({distance})"
+
+
+def formula_unit(system: System, formula: Expr) -> str:
+    """The unit of a formula by those of the names in it."""
+    return unit_text(_unit_of(system.plain, formula))
+
+
 MEANINGS: dict[str, tuple[str, Callable[[System, str], str | None]]] = {
     "period": ("period", _time),
     "amplitude": ("amplitude", _component),
     "speed": ("mean speed", _speed),
     "stick_fraction": ("share of the time in stick", _none),
     "energy_per_cycle": ("energy dissipated in a cycle", _work),
+    "energy_per_distance": ("energy dissipated per distance", _per_distance),
+    "cost_of_transport": ("energy per distance and weight", _none),
+    "harmonic": ("amplitude of the first harmonic", _quantity),
+    "phase": ("phase of the first harmonic", _radian),
+    "relative_phase": ("phase of the first harmonic relative to the drive", _radian),
     "peak_force": ("largest friction force", _force),
     "mean_force": ("mean friction force", _force),
     "lyapunov": ("largest Lyapunov exponent", lambda system, of: per_time(system, "")),

@@ -34,6 +34,7 @@ from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.continuation.arclength import StepControl, Stop
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 from stickslip.orbits.cycles.cycle import Cycle, find_cycle, make_cycle
+from stickslip.orbits.cycles.drive_phase import phase_of_drive, read_drive, relative_phase
 from stickslip.orbits.cycles.finding import from_state
 from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.orbits.fields.symmetry import Clock, clock
@@ -43,7 +44,6 @@ from stickslip.sweeps.carried import carried
 from stickslip.sweeps.request.axes import read_axes
 from stickslip.sweeps.response import FrequencyResponse
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
 if TYPE_CHECKING:
@@ -51,7 +51,6 @@ if TYPE_CHECKING:
 
 _COLUMNS = ("line", "amplitude", "harmonic", "phase", "stick", "period", "stable", "slips")
 _DIRECTIONS = ("up", "down")
-_SAMPLES = 64  # of a drive in a period, for its first harmonic
 _SAME = 1e-7  # measures that differ by less, relative to the largest response, are the same
 _APART = 0.5  # what is this far from a line, relative to the step of the line there, may be on it
 _EXACT = 1e-9  # to which harmonics have to be known
@@ -123,7 +122,7 @@ def frequency_response(
     if coordinate not in system.coordinates:
         known = suggestion(coordinate, system.coordinates)
         raise DeclarationError("coordinate", f"there is no coordinate '{coordinate}'", known)
-    text, formula = _drive(system, coordinate, drive)
+    text, formula = read_drive(system, coordinate, drive)
     levels_given = [{level: value} for value in values] or [{}]
     wanted = [
         _Level(system, parameter, (low, high), coordinate, text, formula, {**fixed, **one})
@@ -166,20 +165,6 @@ def _levels(
 def _part(show: Show, index: int, count: int) -> Callable[[float, str], None]:
     """Shows how much of a level is done."""
     return lambda fraction, text: show((index + fraction) / count, text)
-
-
-def _drive(system: System, coordinate: str, drive: str | None) -> tuple[str, Expr]:
-    """What phases are relative to, in words and as a formula."""
-    d = system.declaration
-    if drive is not None:
-        return drive, d.scope.parse(drive, "drive")
-    if len(d.drives) == 1:
-        (name,) = d.drives
-        return name, d.drives[name]
-    force = -ex.derivative(d.potential, coordinate)
-    return f"the force on {coordinate}", force + d.scope.parse(
-        system.coordinates[coordinate].force, f"coordinates.{coordinate}.force"
-    )
 
 
 @dataclass(frozen=True)
@@ -249,30 +234,13 @@ class _Level:
         """
         values = {**self.fixed, self.parameter: value}
         period = self.clock.period(values)
-        names = sorted(self.drive.symbols - {"t"})
-        known = {**dict.fromkeys(self.system.declaration.state, 0.0), **values}
-        for name in names:
-            if name not in known:
-                raise DeclarationError(
-                    "drive", f"it depends on '{name}'", "Give a formula of t and the parameters"
-                )
-        t = np.arange(_SAMPLES) / _SAMPLES * period
-        table = np.array([t, *(np.full(_SAMPLES, known[name]) for name in names)])
-        wave = evaluator([self.drive], ["t", *names])(table)[0]
-        first = np.mean(wave * np.exp(-2j * np.pi * t / period))
-        if not abs(first) > 1e-12 * np.max(np.abs(wave)):
-            raise DeclarationError(
-                "drive",
-                f"{self.text} has no wave of the period {period:.9g}",
-                "Say with drive= relative to what phases are measured",
-            )
-        return float(np.angle(first))
+        return phase_of_drive(self.system, (self.text, self.drive), values, period)
 
     def lags(self, phases: Array, values: Array) -> Array:
         """Phases relative to the drive, in (−3π/2, π/2] at first and from there on without
         jumps."""
-        own = phases - np.array([self.phase_of_drive(float(v)) for v in values])
-        return np.unwrap(np.pi / 2.0 - np.mod(np.pi / 2.0 - own, 2.0 * np.pi))
+        of_drive = np.array([self.phase_of_drive(float(v)) for v in values])
+        return np.unwrap(relative_phase(phases, of_drive))
 
     def columns(self, branch: Branch) -> dict[str, Array]:
         """What is said of the points of a line."""

@@ -340,6 +340,7 @@ def dataset(parameters: Iterable[str], cycles: list[Cycle], steps: Array) -> xar
         **dict.fromkeys(("dissipated", "supplied"), energy),
         "drift": cycles[0].units["drift"],
         "speed": speed,
+        "energy_per_distance": cycles[0].units["energy_per_distance"],
     }
 
     def column(name: str, values: Iterable[float], **attributes: str) -> tuple[str, Array, dict]:
@@ -384,6 +385,8 @@ def dataset(parameters: Iterable[str], cycles: list[Cycle], steps: Array) -> xar
         "certified": ("point", np.array([c.certificate.ok for c in cycles], np.int8)),
         "step": ("point", steps, _STEP),
     }
+    if any(c.drift for c in cycles):
+        data["energy_per_distance"] = measured("energy_per_distance")
     for i, name in enumerate(cycles[0].contacts):
         key = contact_key(name)
         stuck = (c.contacts[name].stick_time for c in cycles)
@@ -404,5 +407,9 @@ def _harmonics(system: System, cycles: list[Cycle]) -> dict[str, Any]:
         data[f"harmonic_{name}"] = "point", np.abs(c), {**what, "long_name": text}
         phase = {"units": "rad", "long_name": f"phase of the {text}"}
         data[f"phase_{name}"] = "point", np.angle(c), phase
+        if all(name in cycle.relative_phase for cycle in cycles):
+            own = np.unwrap([cycle.relative_phase[name] for cycle in cycles])
+            meaning = {**phase, "long_name": f"{phase['long_name']}, relative to the drive"}
+            data[f"relative_phase_{name}"] = "point", own, meaning
     data["harmonics_error"] = "point", np.array([c._harmonics[1] for c in cycles])
     return data

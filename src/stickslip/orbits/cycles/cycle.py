@@ -11,6 +11,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
@@ -22,7 +23,7 @@ from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError
-from stickslip.model.quantities import described, drift_units
+from stickslip.model.quantities import described, drift_units, per_distance_unit
 from stickslip.model.system import System
 from stickslip.model.units import with_unit
 from stickslip.motion.between.observers import Sums
@@ -31,6 +32,7 @@ from stickslip.motion.problem import Problem, pose
 from stickslip.orbits.continuation.branch import SpecialPoint
 from stickslip.orbits.cycles import measure
 from stickslip.orbits.cycles.certificate import certify_cycle
+from stickslip.orbits.cycles.drive_phase import phase_of_drive, read_drive, relative_phase
 from stickslip.orbits.cycles.finding import from_cycle, from_motion, from_state
 from stickslip.orbits.cycles.measure import ContactShare, Phase
 from stickslip.orbits.return_map.damped_newton import Closed
@@ -163,6 +165,24 @@ class Cycle(Result):
         return measure.harmonics(self.trajectory, self.closed.orbit.shift, order)
 
     @cached_property
+    def relative_phase(self) -> dict[str, float]:
+        """Phase of the first harmonic of each coordinate relative to the drive, in (−3π/2, π/2],
+        negative if it lags behind: relative to the only drive of the system, or to the force on the
+        coordinate. Empty if nothing drives the system; a coordinate without a drive has none."""
+        setting = self.closed.shooting.setting
+        if not setting.symmetry.driven:
+            return {}
+        turn = self.period / setting.turns
+        found = {}
+        for name in self.system.coordinates:
+            with suppress(DeclarationError):
+                own = phase_of_drive(
+                    self.system, read_drive(self.system, name), self.parameters, turn
+                )
+                found[name] = float(relative_phase(np.angle(self.harmonic[name]), own))
+        return found
+
+    @cached_property
     def contacts(self) -> dict[str, ContactShare]:
         """Time in stick and slip and dissipated energy of each contact, in one period."""
         return measure.contact_shares(self.trajectory, self._sums)
@@ -265,14 +285,12 @@ class Cycle(Result):
         none."""
         drift, speed = drift_units(self.system, self.direction)
         energy = described(self.system, "energy_per_cycle").get("units", "1")
-        force = described(self.system, "peak_force").get("units", "1")
-        ratio = force if drift == "1" or energy == f"{force}*{drift}" else f"{energy}/({drift})"
         return {
             "time": self.system.time_unit or "1",
             "energy": energy,
             "drift": drift,
             "speed": speed,
-            "energy_per_distance": ratio,
+            "energy_per_distance": per_distance_unit(self.system, drift),
         }
 
     def facts(self) -> dict[str, Any]:
@@ -376,8 +394,21 @@ class Cycle(Result):
         vars(cycle).update(said | changed)
         return cycle
 
-    def cost_of_transport(self, weight: float) -> float:
-        """Energy per distance and weight (a force), without dimension."""
+    def cost_of_transport(self, weight: float | str) -> float:
+        """Energy per distance and weight, without dimension.
+
+        Parameters
+        ----------
+        weight : float or str
+            A force, as a number or as a formula of the parameters, such as ``"m*g"``.
+
+        Raises
+        ------
+        DeclarationError
+            If it is no weight.
+        """
+        if isinstance(weight, str):
+            weight = measure.weight(self.system, weight, self.parameters)
         return self.energy_per_distance / weight
 
     def describe(self) -> str:

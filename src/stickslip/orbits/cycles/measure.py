@@ -3,14 +3,21 @@ contact, harmonics."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.errors import DeclarationError, short
+from stickslip.model.quantities import described, formula_unit
+from stickslip.model.system import System
+from stickslip.model.units import agree, factors
 from stickslip.motion.between.observers import LASTED, Sums
 from stickslip.orbits.return_map.recurrence import segments
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.formulas import Scope
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -81,7 +88,36 @@ def contact_shares(motion: Trajectory, sums: Sums) -> dict[str, ContactShare]:
     }
 
 
-def harmonics(motion: Trajectory, shift: Array, order: int) -> tuple[Array, float]:
+def weight(system: System, text: str, values: Mapping[str, float]) -> float:
+    """A weight, given as a formula of the parameters.
+
+    Raises
+    ------
+    DeclarationError
+        If it is no formula of the parameters, no positive number, or has not the unit of a force.
+    """
+    where = f"weight {short(text)}"
+    names = {name: ex.sym(name) for name in system.parameters}
+    formula = Scope(names).parse(text, where)
+    unit, force = factors(formula_unit(system, formula)), factors(_force_unit(system))
+    if unit and force and not agree(unit, force):
+        said = formula_unit(system, formula)
+        raise DeclarationError(
+            where, f"it is measured in {said}, a weight in {_force_unit(system)}", "Write it as m*g"
+        )
+    found = ex.evaluate(formula, values)
+    if not found > 0.0:
+        raise DeclarationError(where, f"it is {found:g}", "A weight is positive")
+    return found
+
+
+def _force_unit(system: System) -> str:
+    return described(system, "peak_force").get("units", "1")
+
+
+def harmonics(
+    motion: Trajectory, shift: Array, order: int, names: Sequence[str] | None = None
+) -> tuple[Array, float]:
     """The coefficients c of Re(c exp(2πi·order·t/T)) in the motion of a period, without the drift.
 
     c = (2/T) ∫ y exp(−2πi·order·t/T) dt, by Gauss quadrature on the steps, each cut into panels
@@ -92,8 +128,10 @@ def harmonics(motion: Trajectory, shift: Array, order: int) -> tuple[Array, floa
     motion : Trajectory
         One period.
     shift : array, shape (n,)
-        Of the state in that period.
+        Of what is asked for, in that period.
     order : int
+    names : sequence of str, optional
+        Parts of the state and friction forces; by default the whole state.
 
     Returns
     -------
@@ -107,7 +145,7 @@ def harmonics(motion: Trajectory, shift: Array, order: int) -> tuple[Array, floa
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
     lengths = np.diff(k.time)[steps]
     counts = np.ceil(_PARTS * order * lengths / period).astype(int)
-    found, change = np.full(k.state.shape[1], np.nan + 0j), np.inf
+    found, change = np.full(len(shift), np.nan + 0j), np.inf
     for _ in range(_DOUBLINGS):
         index = np.repeat(steps, counts)
         place = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -115,7 +153,12 @@ def harmonics(motion: Trajectory, shift: Array, order: int) -> tuple[Array, floa
         middle = k.time[index] + (place + 0.5) * width
         times = (middle[:, None] + 0.5 * width[:, None] * _NODES).ravel()
         weights = (0.5 * width[:, None] * _WEIGHTS).ravel()
-        states = motion._states_at(times, np.repeat(index, len(_NODES)))
+        knot = np.repeat(index, len(_NODES))
+        if names is None:
+            states = motion._states_at(times, knot)
+        else:
+            traced = motion.trace(names, times, knot)
+            states = np.column_stack([traced[name] for name in names])
         states = states - np.outer((times - start) / period, shift)
         turn = np.exp(-2j * np.pi * order * times / period)
         before, found = found, 2.0 / period * (weights * turn) @ states

@@ -9,6 +9,14 @@ of a motion at rest, of steady sliding, and of the last part of a motion that ha
 are ``low`` and ``high`` (least and largest value of a component), ``shift`` (its change), ``state``
 (its value where what is measured begins), ``time`` (when that is) and ``duration`` (how long it
 is).
+
+Some are seen only in the motion of the period itself, which is followed once more for them:
+``harmonic`` and ``phase`` (amplitude and phase of the first harmonic, with the frequency of the
+drives, or of the cycle if there are none, as of amplitude·cos(ωt + phase); of a component or of a
+force, ``harmonic:friction_ground``), ``relative_phase`` (relative to the drive, negative if it lags
+behind), ``energy_per_distance`` (all that is dissipated over the distance along the translation, or
+``energy_per_distance:x``) and ``cost_of_transport`` (the same over a weight, which is named by a
+formula of the parameters, ``cost_of_transport:m*g``).
 """
 
 from __future__ import annotations
@@ -26,7 +34,10 @@ from stickslip.motion.between.observers import LASTED, STUCK
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
 from stickslip.orbits.settling.motions import ATTRACTORS, MEASURED, Observed
+from stickslip.progress import Stopped
+from stickslip.sweeps.request import one_period
 from stickslip.sweeps.request.carry import CARRIED
+from stickslip.sweeps.request.one_period import PeriodRule
 
 if TYPE_CHECKING:
     import xarray
@@ -114,11 +125,12 @@ def _duration(problem: Problem, o: Observed, of: str) -> Array:
 @dataclass(frozen=True)
 class Named:
     """A measure: its rule, whether steps have to be followed again for it, and what it may be taken
-    of."""
+    of; or its rule for the motion of a period."""
 
-    rule: Rule
+    rule: Rule | None
     closely: bool
     of: str = ""
+    again: PeriodRule | None = None
 
 
 MEASURES = {
@@ -137,6 +149,11 @@ MEASURES = {
     "state": Named(_state, False, "component"),
     "time": Named(_time, False),
     "duration": Named(_duration, False),
+    "harmonic": Named(None, False, "quantity", one_period.harmonic),
+    "phase": Named(None, False, "quantity", one_period.phase),
+    "relative_phase": Named(None, False, "quantity", one_period.phase_to_drive),
+    "energy_per_distance": Named(None, False, "component", one_period.energy_per_distance),
+    "cost_of_transport": Named(None, False, "weight", one_period.cost_of_transport),
 }
 
 
@@ -157,10 +174,12 @@ def _named(system: System, measure: str) -> Named:
         raise DeclarationError(
             "measure", f"there is no measure '{name}'", f"Known: {', '.join(MEASURES)}"
         )
-    known = {"component": system.declaration.state, "contact": list(system.dry_contacts)}.get(
-        MEASURES[name].of, []
-    )
-    if of and of not in known:
+    known = {
+        "component": system.declaration.state,
+        "contact": list(system.dry_contacts),
+        "quantity": one_period.quantities(system),
+    }.get(MEASURES[name].of, [])
+    if of and of not in known and MEASURES[name].of != "weight":
         remedy = f"Known: {', '.join(known)}" if known else f"Ask for '{name}'"
         raise DeclarationError(f"measure.{name}", f"there is no '{of}'", remedy)
     if name == "speed" and not of and not system.translation:
@@ -169,6 +188,7 @@ def _named(system: System, measure: str) -> Named:
             f"{system.name} declares no translation",
             "Name a component, like speed:x",
         )
+    one_period.check_period_measure(system, name, of)
     return MEASURES[name]
 
 
@@ -184,8 +204,63 @@ def measured(
     result["excess"] = observed.excess
     for measure in measures:
         name, _, of = measure.partition(":")
-        with np.errstate(invalid="ignore", divide="ignore"):
-            result[measure] = np.where(failed, np.nan, MEASURES[name].rule(problem, observed, of))
+        rule = MEASURES[name].rule
+        if rule is not None:
+            with np.errstate(invalid="ignore", divide="ignore"):
+                result[measure] = np.where(failed, np.nan, rule(problem, observed, of))
+    return result
+
+
+def measured_again(
+    problem: Problem,
+    table: Array,
+    observed: Observed,
+    measures: Sequence[str],
+    settings: Settings,
+    stop: Array,
+) -> dict[str, Array]:
+    """Values of those measures that need the motion of the period itself; NaN for what has none,
+    and no harmonic where there is rest.
+
+    Parameters
+    ----------
+    problem : Problem
+    table : array, shape (points, parameters)
+    observed : Observed
+    measures : sequence of str
+    settings : Settings
+    stop : array of int, shape (1,)
+
+    Raises
+    ------
+    Stopped
+        If there was a wish to stop.
+    """
+    from stickslip.motion.simulate import simulate
+
+    wanted = [(m, *m.partition(":")[::2]) for m in measures]
+    wanted = [(m, MEASURES[name].again, of) for m, name, of in wanted if MEASURES[name].again]
+    result = {m: np.full(len(table), np.nan) for m, _, _ in wanted}
+    moving = np.isin(observed.outcome, [Outcome.PERIODIC.code, Outcome.STEADY.code])
+    for m in result:
+        still = (observed.outcome == Outcome.AT_REST.code) & m.startswith("harmonic")
+        result[m][still] = 0.0
+    system = problem.system
+    for i in np.flatnonzero(moving) if wanted else ():
+        if stop[0] != 0:
+            raise Stopped
+        begin = float(observed.time[i])
+        motion = simulate(
+            system,
+            (begin, begin + float(observed.duration[i])),
+            initial=dict(zip(system.declaration.state, observed.state[i].tolist(), strict=True)),
+            parameters=dict(zip(system.parameters, table[i].tolist(), strict=True)),
+            rtol=settings.rtol,
+            atol=settings.atol,
+        )
+        for m, rule, of in wanted:
+            if rule is not None and motion.outcome.ok:
+                result[m][i] = rule(motion, of)
     return result
 
 

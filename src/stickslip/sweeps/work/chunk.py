@@ -20,7 +20,12 @@ from stickslip.motion.simulate_many import (
 )
 from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.settling.motions import POINT_SLOTS, Block, Here, Settings
-from stickslip.sweeps.request.measures import certified_below, measured, needs_close_look
+from stickslip.sweeps.request.measures import (
+    certified_below,
+    measured,
+    measured_again,
+    needs_close_look,
+)
 
 
 def measure_chunk(
@@ -95,5 +100,9 @@ def measure_chunk(
     blocks = [slice(i, i + lanes) for i in range(0, count, lanes)]
     motions = (Block(problem, table[b], states[b], settings, closely, shared) for b in blocks)
     found = [block.run(loops, exponents, stop) for block in motions]
-    parts = [measured(problem, observed, measures, certified_below(settings)) for observed in found]
+    parts = [
+        measured(problem, observed, measures, certified_below(settings))
+        | measured_again(problem, table[b], observed, measures, settings, stop)
+        for b, observed in zip(blocks, found, strict=True)
+    ]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}

@@ -1,0 +1,87 @@
+"""Phases relative to what drives a system.
+
+With x(t) = Re(X exp(iωt)) + … and a drive Re(G exp(iωt)) + … the phase is that of X/G, negative if
+x lags behind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.errors import DeclarationError
+from stickslip.model.system import System
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.evaluator import evaluator
+from stickslip.symbolic.expressions import Expr
+
+_SAMPLES = 64  # of a drive in a period, for its first harmonic
+
+
+def read_drive(system: System, coordinate: str, drive: str | None = None) -> tuple[str, Expr]:
+    """What the phase of a coordinate is relative to, in words and as a formula: what is asked for,
+    the only drive of the system, or the force on the coordinate.
+
+    Raises
+    ------
+    DeclarationError
+        If what is asked for is no formula.
+    """
+    d = system.declaration
+    if drive is not None:
+        return drive, d.scope.parse(drive, "drive")
+    if len(d.drives) == 1:
+        (name,) = d.drives
+        return name, d.drives[name]
+    force = -ex.derivative(d.potential, coordinate)
+    return f"the force on {coordinate}", force + d.scope.parse(
+        system.coordinates[coordinate].force, f"coordinates.{coordinate}.force"
+    )
+
+
+def phase_of_drive(
+    system: System, drive: tuple[str, Expr], values: Mapping[str, float], period: float
+) -> float:
+    """Phase of the first harmonic of a drive; the state stands still at 0.
+
+    Parameters
+    ----------
+    system : System
+    drive : (str, Expr)
+        See :func:`read_drive`.
+    values : mapping of str to float
+        Parameters.
+    period : float
+        Of the drives.
+
+    Raises
+    ------
+    DeclarationError
+        If it has none.
+    """
+    text, formula = drive
+    names = sorted(formula.symbols - {"t"})
+    known = {**dict.fromkeys(system.declaration.state, 0.0), **values}
+    for name in names:
+        if name not in known:
+            raise DeclarationError(
+                "drive", f"it depends on '{name}'", "Give a formula of t and the parameters"
+            )
+    t = np.arange(_SAMPLES) / _SAMPLES * period
+    table = np.array([t, *(np.full(_SAMPLES, known[name]) for name in names)])
+    wave = evaluator([formula], ["t", *names])(table)[0]
+    first = np.mean(wave * np.exp(-2j * np.pi * t / period))
+    if not abs(first) > 1e-12 * np.max(np.abs(wave)):
+        raise DeclarationError(
+            "drive",
+            f"{text} has no wave of the period {period:.9g}",
+            "Say with drive= relative to what phases are measured",
+        )
+    return float(np.angle(first))
+
+
+def relative_phase(phase: Array | float, of_drive: Array | float) -> Array:
+    """Phases relative to those of a drive, in (−3π/2, π/2]."""
+    return np.pi / 2.0 - np.mod(np.pi / 2.0 - (np.asarray(phase) - of_drive), 2.0 * np.pi)

@@ -1,0 +1,159 @@
+"""Measures of what is seen only in the motion of a period itself: harmonics, and energy per
+distance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.equations.derive import derive
+from stickslip.errors import DeclarationError, short
+from stickslip.model.quantities import contact_key
+from stickslip.model.system import System
+from stickslip.orbits.cycles.drive_phase import phase_of_drive, read_drive, relative_phase
+from stickslip.orbits.cycles.measure import harmonics, weight
+from stickslip.orbits.fields.symmetry import clock
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
+    from stickslip.symbolic.expressions import Expr
+
+_NONE = 1e-8  # a shift below this part of the range of what moves is none
+_WHOLE = 1e-6  # relative distance from a whole number of periods
+
+
+PeriodRule = Callable[["Trajectory", str], float]
+
+
+def harmonic(motion: Trajectory, of: str) -> float:
+    """Amplitude of the first harmonic of a quantity."""
+    return abs(_first(motion, of))
+
+
+def phase(motion: Trajectory, of: str) -> float:
+    """Its phase, as of cos(ωt + phase)."""
+    found = _first(motion, of)
+    return float(np.angle(found)) if found else np.nan
+
+
+def phase_to_drive(motion: Trajectory, of: str) -> float:
+    """The same relative to the drive, in (−3π/2, π/2]."""
+    system, values = motion.system, motion.parameters
+    turn = _turn(motion)
+    own, found = phase(motion, of), np.nan
+    with suppress(DeclarationError):
+        drive = read_drive(system, of or next(iter(system.coordinates)))
+        found = float(relative_phase(own, phase_of_drive(system, drive, values, turn)))
+    return found
+
+
+def energy_per_distance(motion: Trajectory, of: str) -> float:
+    """Dissipated energy over the distance, along a coordinate or along the translation."""
+    names = list(motion.system.declaration.state)
+    state = motion.knots.state
+    along = {of: 1.0} if of else motion.system.plain.translation
+    e = np.array([float(along.get(name, 0.0)) for name in names])
+    places = (state - state[0]) @ e / (e @ e)
+    if not abs(places[-1]) > _NONE * np.ptp(places):
+        return np.nan
+    return float(motion.audit.dissipated[-1] / abs(places[-1]))
+
+
+def cost_of_transport(motion: Trajectory, of: str) -> float:
+    """The same over the weight, along the translation; what weighs nothing has none."""
+    with suppress(DeclarationError):
+        return energy_per_distance(motion, "") / weight(motion.system, of, motion.parameters)
+    return np.nan
+
+
+def check_period_measure(system: System, name: str, of: str) -> None:
+    """Refuse a measure that no point of a map could have.
+
+    Raises
+    ------
+    DeclarationError
+    """
+    where = f"measure.{name}"
+    if name == "cost_of_transport":
+        if not of:
+            raise DeclarationError(
+                where, "no weight is named", "Name it, like cost_of_transport:m*g"
+            )
+        if "/" in of:
+            reason = f"'{short(of)}' has a /, which no name of a variable may have"
+            raise DeclarationError(where, reason, "Write 'cost = energy_per_distance/(...)'")
+        weight(system, of, system.values)
+    if name in ("energy_per_distance", "cost_of_transport") and not (
+        system.translation or (of and name == "energy_per_distance")
+    ):
+        raise DeclarationError(
+            where,
+            f"{system.name} declares no translation",
+            "Name a component, like energy_per_distance:x",
+        )
+    if name == "relative_phase":
+        _check_drive(system, of or next(iter(system.coordinates), ""))
+
+
+def _check_drive(system: System, of: str) -> None:
+    where = "measure.relative_phase"
+    if not driven(system):
+        raise DeclarationError(where, f"nothing drives {system.name}", "Ask for 'phase'")
+    if len(system.declaration.drives) != 1 and of not in system.coordinates:
+        raise DeclarationError(
+            where,
+            f"there is no drive that belongs to '{of}'",
+            f"Name a coordinate: {', '.join(system.coordinates)}",
+        )
+    text, formula = read_drive(system, of)
+    if not _oscillates(formula):
+        raise DeclarationError(
+            where, f"{text} does not oscillate", f"Ask for 'phase:{of}', which counts from t = 0"
+        )
+
+
+def _oscillates(formula: Expr) -> bool:
+    """Whether a formula has a wave in time, or something that is no sum of waves."""
+    if "t" not in formula.symbols:
+        return False
+    inside = [*formula.args, *(base for base, _ in formula.terms)]
+    return formula.op not in ("sym", "sum", "prod") or any(map(_oscillates, inside))
+
+
+def quantities(system: System) -> list[str]:
+    """What has harmonics."""
+    forces = [f"friction_{contact_key(contact)}" for contact in system.dry_contacts]
+    return [*system.declaration.state, *forces]
+
+
+def driven(system: System) -> bool:
+    """Whether a system has drives of a constant frequency."""
+    return bool(derive(system.declaration).frequencies)
+
+
+def _turn(motion: Trajectory) -> float:
+    """Period of the drives, or that of the motion if nothing drives it."""
+    system = motion.system
+    with suppress(DeclarationError):
+        return clock(system, derive(system.declaration), motion.parameters).period(
+            motion.parameters
+        )
+    return float(np.diff(motion.t_span)[0])
+
+
+def _first(motion: Trajectory, of: str) -> complex:
+    """First harmonic of a quantity, with the frequency of the drives."""
+    name = of or motion.system.declaration.state[0]
+    turns = float(np.diff(motion.t_span)[0]) / _turn(motion)
+    order = round(turns)
+    if abs(turns - order) > _WHOLE * turns:
+        # What repeats in a part of the period of the drives has no wave of that period.
+        return 0.0j if turns < 1.0 else complex(np.nan)
+    names = list(motion.system.declaration.state)
+    if name not in names:
+        return complex(harmonics(motion, np.zeros(1), order, [name])[0][0])
+    state = motion.knots.state
+    return complex(harmonics(motion, state[-1] - state[0], order)[0][names.index(name)])
