@@ -32,7 +32,7 @@ from stickslip.orbits.equilibria.finding import equilibria
 from stickslip.orbits.fields.steady import invariant_directions
 from stickslip.sweeps.map import Basin
 from stickslip.sweeps.request.axes import Axis, read_axes
-from stickslip.sweeps.request.measures import LACKING
+from stickslip.sweeps.request.measures import LACKING, known_for_a_time
 from stickslip.sweeps.request.plan import Plan
 from stickslip.sweeps.request.user_measures import variable
 from stickslip.sweeps.store import MapStore, create
@@ -168,6 +168,12 @@ def basin(
     from stickslip.orbits.settling.motions import Settings
 
     settings = settings or Settings()
+    if known_for_a_time(system):
+        raise DeclarationError(
+            "basin",
+            f"the samples that drive {system.name} end, and no state reaches anything",
+            "Let the samples be periodic, or measure the motion over their span: ss.sweep",
+        )
     problem = pose(system, parameters, settings.rtol, settings.atol, origin=system.span[0])
     axes = _axes(system, over)
     varying = {axis.dimension: axis.values[0] for axis in axes}

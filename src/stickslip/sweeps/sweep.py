@@ -23,6 +23,7 @@ from stickslip.sweeps.adaptive import Adaptive, check_adaptive, rounds
 from stickslip.sweeps.map import Map
 from stickslip.sweeps.request.axes import read_axes
 from stickslip.sweeps.request.carry import read_carry
+from stickslip.sweeps.request.measures import known_for_a_time
 from stickslip.sweeps.request.plan import Plan
 from stickslip.sweeps.request.user_measures import read_measures
 from stickslip.sweeps.store import Chunk, MapStore, create, opened
@@ -104,7 +105,9 @@ def sweep(
         What varies: ``{"P": "0.8:1.6:400", "delta": "log:0.01:0.2:300"}``, or arrays of values
         (:mod:`stickslip.sweeps.request.axes` says all that is understood).
     measure : sequence of str or callable
-        Named measures, formulas ``"name = formula"`` of them, functions of a Trajectory.
+        Named measures, formulas ``"name = formula"`` of them, functions of a Trajectory. They are
+        those of what a motion settles on; where drives are samples that end, those of the motion
+        over the declared span.
     out : str or Path, optional
         Store to write as the map is computed; one that is begun is taken up again. Without it the
         map is in memory.
@@ -207,6 +210,14 @@ def make_plan(
     start = {name: float(value) for name, value in (initial or {}).items()}
     settings = settings or Settings()
     pose(system, None, settings.rtol, settings.atol)  # refuses what no motion can be computed with
+    if known_for_a_time(system):
+        system.declaration.check_span(*system.span)
+        if carry is not None:
+            raise DeclarationError(
+                "carry",
+                f"the samples that drive {system.name} end, and no motion settles",
+                "Let the samples be periodic",
+            )
     axes, carried = read_carry(system, axes, carry)
     measures = read_measures(system, measure)
     return Plan(system, axes, measures, start, settings, seed, carry=carried)

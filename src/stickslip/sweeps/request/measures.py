@@ -10,6 +10,9 @@ are ``low`` and ``high`` (least and largest value of a component), ``shift`` (it
 (its value where what is measured begins), ``time`` (when that is) and ``duration`` (how long it
 is).
 
+Where a drive is known for a time only, as a record of an earthquake is, nothing settles: what is
+measured is the motion over the declared span, and what belongs to a cycle is refused.
+
 Some are seen only in the motion of the period itself, which is followed once more for them:
 ``harmonic`` and ``phase`` (amplitude and phase of the first harmonic, with the frequency of the
 drives, or of the cycle if there are none, as of amplitude·cos(ωt + phase); of a component or of a
@@ -157,6 +160,27 @@ MEASURES = {
 }
 
 
+_OF_A_SPAN = (
+    "amplitude",
+    "speed",
+    "stick_fraction",
+    "peak_force",
+    "mean_force",
+    "low",
+    "high",
+    "shift",
+    "state",
+    "time",
+    "duration",
+)
+
+
+def known_for_a_time(system: System) -> bool:
+    """Whether a drive of the system is known for a time only, so that nothing settles: measured is
+    the motion over the declared span then."""
+    return any(not drive.covers(0.0, np.inf) for drive in system.declaration.given.values())
+
+
 def needs_close_look(system: System, measures: Sequence[str]) -> bool:
     """Whether one of the measures needs more than the knots; refuses those that do not exist.
 
@@ -189,6 +213,12 @@ def _named(system: System, measure: str) -> Named:
             "Name a component, like speed:x",
         )
     one_period.check_period_measure(system, name, of)
+    if known_for_a_time(system) and name not in _OF_A_SPAN:
+        raise DeclarationError(
+            f"measure.{name}",
+            f"the samples that drive {system.name} end, and no motion settles",
+            f"Of the motion over the span there are {', '.join(_OF_A_SPAN)} and functions of yours",
+        )
     return MEASURES[name]
 
 
@@ -197,7 +227,7 @@ def measured(
 ) -> dict[str, Array]:
     """Values of the measures by name, and outcome, certificate, what that lacks, and the excess of
     the start."""
-    failed = ~np.isin(observed.outcome, [o.code for o in MEASURED])
+    failed = ~np.isin(observed.outcome, [o.code for o in (*MEASURED, Outcome.FINISHED)])
     result = {"outcome": observed.outcome.astype(np.int8)}
     result["certificate"] = np.where(failed, np.nan, np.max(observed.found.audit, axis=1))
     result["lacking"] = lacking(observed, tolerance)
@@ -269,7 +299,7 @@ def lacking(observed: Observed, tolerance: float) -> Array:
     large."""
     wrong = ~(observed.found.audit <= tolerance)
     found = np.where(np.any(wrong, axis=1), 1 + np.argmax(wrong, axis=1), 0)
-    known = np.isin(observed.outcome, [o.code for o in ATTRACTORS])
+    known = np.isin(observed.outcome, [o.code for o in (*ATTRACTORS, Outcome.FINISHED)])
     other = np.where(np.isin(observed.outcome, [o.code for o in MEASURED]), "attractor", "result")
     return np.where(known, found, [LACKING.index(name) for name in other]).astype(np.int8)
 

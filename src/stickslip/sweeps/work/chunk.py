@@ -10,6 +10,8 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.model.system import System
+from stickslip.motion.outcome import Outcome
+from stickslip.motion.problem import Problem
 from stickslip.motion.simulate_many import (
     columns,
     common_length,
@@ -18,10 +20,13 @@ from stickslip.motion.simulate_many import (
     parameter_table,
     pose_all,
 )
-from stickslip.orbits.fields.stable_set import settle_friction
-from stickslip.orbits.settling.motions import POINT_SLOTS, Block, Here, Settings
+from stickslip.orbits.fields.stable_set import excess, settle_friction
+from stickslip.orbits.settling.engine.tables import ENERGY, LAW, MOTION, make_found
+from stickslip.orbits.settling.motions import POINT_SLOTS, Block, Here, Observed, Settings
+from stickslip.progress import Stopped
 from stickslip.sweeps.request.measures import (
     certified_below,
+    known_for_a_time,
     measured,
     measured_again,
     needs_close_look,
@@ -85,8 +90,11 @@ def measure_chunk(
     if section:
         settle_friction(problem.compiled.equations, problem.parameters, states, problem.origin)
     closely = needs_close_look(system, measures)
-    exponents = "lyapunov" in measures
     stop = np.zeros(1, np.int64) if stop is None else stop
+    if known_for_a_time(system):
+        seen = _over_the_span(problem, table, states, settings, stop)
+        return measured(problem, seen, measures, certified_below(settings))
+    exponents = "lyapunov" in measures
     if device == "gpu":
         from stickslip.sweeps.work.device import OnDevice, lanes_on_device
 
@@ -106,3 +114,50 @@ def measure_chunk(
         for b, observed in zip(blocks, found, strict=True)
     ]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _over_the_span(
+    problem: Problem, table: Array, states: Array, settings: Settings, stop: Array
+) -> Observed:
+    """Motions from the start to the end of the declared span, under drives that are known for a
+    time only.
+
+    Parameters
+    ----------
+    problem : Problem
+    table, states : arrays, shapes (points, parameters) and (points, n)
+    settings : Settings
+    stop : array of int, shape (1,)
+    """
+    from stickslip.motion.simulate import simulate
+
+    system = problem.system
+    names = system.declaration.state
+    values = dict(zip(system.parameters, table.T, strict=True))
+    beyond = excess(problem.compiled.equations, values, states, problem.origin)
+    begin, end = system.span
+    found = make_found(len(states), len(names), len(problem.rows.u))
+    outcome = np.full(len(states), Outcome.OUTSIDE.code)
+    for i in np.flatnonzero(beyond == 0.0):
+        if stop[0] != 0:
+            raise Stopped
+        motion = simulate(
+            system,
+            initial=dict(zip(names, states[i].tolist(), strict=True)),
+            parameters=dict(zip(system.parameters, table[i].tolist(), strict=True)),
+            rtol=settings.rtol,
+            atol=settings.atol,
+            max_events=settings.max_events,
+        )
+        outcome[i] = motion.outcome.code
+        for whole, own in zip(found.sums, motion.audit.sums, strict=True):
+            whole[i] = own
+        found.shift[i] = motion.knots.state[-1] - motion.knots.state[0]
+        balance, law, equations, rounding = motion.audit.residuals
+        found.audit[i, [ENERGY, LAW, MOTION]] = balance, law, max(equations, rounding)
+        if np.any(motion.audit.open > 0.0):
+            found.audit[i, MOTION] = np.inf
+    along = np.array([float(system.plain.translation.get(name, 0.0)) for name in names])
+    count = len(states)
+    times = np.full(count, begin), states, np.full(count, end - begin)
+    return Observed(outcome, *times, along, found, beyond)
