@@ -108,38 +108,29 @@ def weakening_chain(n: int) -> ss.System:
     return replace(chain, parameters=parameters, contacts=contacts, initial={}, conditions={})
 
 
-def earthquakes(system: ss.System, seconds: float) -> tuple[np.ndarray, np.ndarray, float, int]:
-    """Sizes of events and how many blocks slipped in each; model time, and switches.
+def earthquakes(system: ss.System, seconds: float) -> tuple[ss.EventCatalogue, int]:
+    """The events of a long motion, and its switches.
 
-    An event lasts from the first slip after all blocks have stuck to the next time when all do. The
-    motion is followed in pieces, each from a state in which all blocks stick.
+    The motion is followed in pieces, each from a state in which all blocks stick.
     """
     n = len(system.coordinates)
     names = system.declaration.state
     places = np.random.default_rng(0).uniform(0.88, 0.92, n)
     state = dict(zip(names, [*places, *[SPEED] * n], strict=True))
-    sizes = list[float]()
-    blocks = list[int]()
+    pieces = list[ss.EventCatalogue]()
     now = 0.0
     switches = 0
     begun = time.perf_counter()
     while time.perf_counter() - begun < seconds:
         piece = ss.simulate(system, (now, now + 1e6), initial=state, max_events=PIECE, rtol=1e-6)
+        pieces.append(piece.event_catalogue(energy=False))
         knots = piece.knots
-        slipping = np.any(knots.slip != 0, axis=1)
-        on_belt = knots.state[:, :n] - SPEED * knots.time[:, None]
-        change = np.flatnonzero(np.diff(slipping.astype(int))) + 1
-        if slipping[0]:
-            change = change[1:]
-        for first, last in zip(change[:-1:2], change[1::2], strict=False):
-            sizes.append(float(np.abs(on_belt[last] - on_belt[first]).sum()))
-            blocks.append(int(np.any(knots.slip[first:last] != 0, axis=0).sum()))
-        quiet = np.flatnonzero(~slipping)[-1]
+        quiet = np.flatnonzero(~np.any(knots.slip != 0, axis=1))[-1]
         assert quiet > 0, "an event is longer than a piece"
         switches += int(np.count_nonzero(knots.cause[: quiet + 1] >= 0))
         now = float(knots.time[quiet])
         state = dict(zip(names, map(float, knots.state[quiet]), strict=True))
-    return np.array(sizes), np.array(blocks), now, switches
+    return ss.EventCatalogue.joined(pieces), switches
 
 
 def exponent(sizes: np.ndarray, low: float, high: float) -> tuple[float, float]:
@@ -154,35 +145,16 @@ def exponent(sizes: np.ndarray, low: float, high: float) -> tuple[float, float]:
     return b, float(1 / np.sqrt(len(x) * variance))
 
 
-def picture(sizes: np.ndarray, low: float, high: float, b: float) -> None:
-    """How many events of each size, over decades."""
-    with ss.style.paper_style():
-        figure = ss.style.new_figure(5.6, 3.6)
-        axes = figure.subplots()
-        edges = np.arange(np.floor(4 * np.log10(sizes.min())), 4 * np.log10(sizes.max()) + 1) / 4
-        counts, _ = np.histogram(np.log10(sizes), edges)
-        centres = 10 ** (edges[:-1] + 0.125)
-        axes.loglog(centres[counts > 0], counts[counts > 0], "o", color=ss.style.BLUE, ms=4)
-        inside = np.geomspace(low, high, 2)
-        known = np.count_nonzero((sizes >= low) & (sizes < high))
-        scale = known / (low**-b - high**-b)
-        line = scale * inside**-b * (10 ** (b / 8) - 10 ** (-b / 8))
-        axes.loglog(inside, line, color=ss.style.VERMILION, lw=1, label=f"size$^{{-{b:.2f}}}$")
-        axes.set_xlabel("size of an event: sum of the slips")
-        axes.set_ylabel("events in a quarter of a decade")
-        ss.style.legend_above(axes)
-        figure.savefig(RESULTS / "chains.png", dpi=150)
-
-
 def quakes() -> list[str]:
     """Sizes of events, as a picture and in words."""
-    sizes, blocks, end, switches = earthquakes(weakening_chain(QUAKE_BLOCKS), SECONDS)
+    catalogue, switches = earthquakes(weakening_chain(QUAKE_BLOCKS), SECONDS)
+    catalogue.plot().savefig(RESULTS / "chains.png", dpi=150)
+    end = float(catalogue["start"].values[-1])
     # the first third is on its way to what goes on
-    sizes, blocks = sizes[len(sizes) // 3 :], blocks[len(blocks) // 3 :]
+    sizes, blocks = (catalogue[name].values[len(catalogue) // 3 :] for name in ("size", "contacts"))
     low, high, end_of_small = 5e-4, 5e-2, 1.0
     b, error = exponent(sizes, low, high)
     steeper, its_error = exponent(sizes, high, end_of_small)
-    picture(sizes, low, high, b)
     great = sizes >= 10.0
     counts = [
         np.count_nonzero((sizes >= 10.0**k) & (sizes < 10.0 ** (k + 1))) for k in range(-5, 3)

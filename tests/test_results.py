@@ -35,6 +35,7 @@ def study() -> ss.AveragingStudy:
 MAKERS: dict[str, Callable[[], Result]] = {
     "trajectory": lambda: ss.simulate(BLOCK, (0.0, 8.0)),
     "ensemble": lambda: ss.simulate_many(BLOCK, (0.0, 2.0), parameters={"V": [0.1, 0.2]}),
+    "event catalogue": lambda: ss.simulate(BLOCK, (0.0, 60.0)).event_catalogue(),
     "evolution": evolution,
     "play": lambda: ss.play("5*t - t**2", "1 + cos(2*pi*s)/2", (0, 5), initial=0.0, epsilon=0.5),
     "averaging study": study,
@@ -54,6 +55,7 @@ MAKERS: dict[str, Callable[[], Result]] = {
 QUANTITY = {
     "trajectory": "friction_belt_contact",
     "ensemble": "final_x",
+    "event catalogue": "size",
     "evolution": "z",
     "play": "z",
     "averaging study": "distance",

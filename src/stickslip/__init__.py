@@ -32,6 +32,7 @@ if TYPE_CHECKING:
         Viscous,
     )
     from stickslip.model.system_file import load
+    from stickslip.motion.event_catalogue import EventCatalogue
     from stickslip.motion.outcome import Outcome
     from stickslip.motion.simulate import simulate
     from stickslip.motion.simulate_many import Ensemble, simulate_many
@@ -96,6 +97,7 @@ __all__ = [
     "Equilibria",
     "Equilibrium",
     "EquilibriumSet",
+    "EventCatalogue",
     "Evolution",
     "EvolutionModel",
     "FrequencyResponse",
@@ -171,6 +173,7 @@ _HOMES = {
     "simulate": "motion.simulate",
     **dict.fromkeys(["Ensemble", "simulate_many"], "motion.simulate_many"),
     "Trajectory": "motion.trajectory",
+    "EventCatalogue": "motion.event_catalogue",
     "Evolution": "rate_independent.evolution.evolution",
     "EvolutionModel": "rate_independent.evolution.model",
     "load_evolution": "rate_independent.evolution.evolution_file",
@@ -243,6 +246,7 @@ _KINDS = {
     "cycle": "Cycle",
     "ensemble": "Ensemble",
     "equilibria": "Equilibria",
+    "event catalogue": "EventCatalogue",
     "evolution": "History",
     "frequency response": "FrequencyResponse",
     "gait study": "GaitStudy",
@@ -261,8 +265,8 @@ def open(path: str | Path) -> Any:
 
     Returns
     -------
-    Trajectory, Ensemble, History, Play, AveragingStudy, Equilibria, Cycle, Branch, GaitStudy,
-    FrequencyResponse, Map or Basin
+    Trajectory, EventCatalogue, Ensemble, History, Play, AveragingStudy, Equilibria, Cycle, Branch,
+    GaitStudy, FrequencyResponse, Map or Basin
         As it was stored; nothing is computed again until it is asked for.
 
     Raises

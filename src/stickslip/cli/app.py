@@ -156,6 +156,7 @@ def check(
 
 for _name, _command in {
     "run": orbits.run_command,
+    "events": orbits.events_command,
     "average": evolving.average_command,
     "evolve": evolving.evolve_command,
     "equilibria": orbits.equilibria_command,

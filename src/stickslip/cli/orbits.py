@@ -1,8 +1,9 @@
-"""The commands ``run``, ``equilibria``, ``cycle``, ``branch``, ``response`` and ``basin``: a motion
-of a system, and where it ends up in the long run."""
+"""The commands ``run``, ``events``, ``equilibria``, ``cycle``, ``branch``, ``response`` and
+``basin``: a motion of a system, and where it ends up in the long run."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -22,6 +23,7 @@ from stickslip.cli.present import (
 from stickslip.errors import DeclarationError
 
 MOTION_FILES = Files("trajectory.nc", {"events.csv": lambda found: found.events})
+EVENT_FILES = Files("catalogue.nc", {"catalogue.csv": lambda found: found.table})
 EQUILIBRIA = Files("equilibria.nc", {"equilibria.csv": lambda found: found.table})
 CYCLE = Files("cycle.nc")
 BRANCH = Files("branch.nc", {"branch.csv": lambda found: found.table})
@@ -57,6 +59,33 @@ def run_command(
         return simulate(system, span, initial=start, rtol=rtol, progress=progress)
 
     present("moving", out or folder_of(system.name), MOTION_FILES, work, json_)
+
+
+def events_command(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A stored motion, such as trajectory.nc.")
+    ],
+    out: Out = None,
+    json_: Json = False,
+) -> None:
+    """List the slip events of a stored motion: start, duration, size, energy.
+
+    An event lasts from the first slip after all contacts have stuck to the next time when all do.
+    Writes catalogue.nc, catalogue.csv, summary.json and overview.png into the folder DIR.
+
+    Exit code: 0 listed and certified, 1 not, 2 wrong input.
+    """
+    from stickslip import EventCatalogue, Trajectory
+    from stickslip import open as open_result
+
+    motion = open_result(file)
+    if not isinstance(motion, Trajectory):
+        raise DeclarationError(str(file), f"holds a {motion.KIND}, no motion", "Give a motion")
+
+    def work(progress: ShowProgress) -> EventCatalogue:
+        return motion.event_catalogue()
+
+    present("events", out or folder_of(motion.system.name, "events"), EVENT_FILES, work, json_)
 
 
 def equilibria_command(

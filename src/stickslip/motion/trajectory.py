@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from stickslip.motion.between.observers import Sums
     from stickslip.motion.between.step_balance import Accounts
+    from stickslip.motion.event_catalogue import EventCatalogue
 
 GRID = 1000  # points of the dataset between knots
 
@@ -440,6 +441,25 @@ class Trajectory(Result):
         }
         states = zip(self._problem.compiled.layout.state, k.state[knot + 1].T, strict=True)
         return pd.DataFrame(columns | dict(states))
+
+    def event_catalogue(self, *, energy: bool = True) -> EventCatalogue:
+        """The slip events, each from the first slip after all contacts have stuck to the next time
+        when all do: start, duration, size, energy.
+
+        Parameters
+        ----------
+        energy : bool
+            Whether energies are measured, and the certificate: that takes a pass through the whole
+            motion.
+
+        Raises
+        ------
+        DeclarationError
+            If no contact is dry.
+        """
+        from stickslip.motion.event_catalogue import catalogue_of
+
+        return catalogue_of(self, energy)
 
     @property
     def n_switches(self) -> int:

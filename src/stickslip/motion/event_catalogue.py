@@ -1,0 +1,342 @@
+"""Catalogues of slip events, as seismologists keep them: when each began, how long it lasted, how
+large it was.
+
+An event lasts from the first slip after all contacts have stuck to the next time when all do. With
+R. Burridge, L. Knopoff, Bull. Seismol. Soc. Am. 57 (1967) 341-371, and J. M. Carlson, J. S. Langer,
+Phys. Rev. A 40 (1989) 6470-6484, its size is the sum of the slips of all contacts, the moment of an
+earthquake up to a factor.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.certificates import Certificate, Residual, worst
+from stickslip.errors import DeclarationError
+from stickslip.model.quantities import described_as, energy_unit, quantity, slip_unit
+from stickslip.model.system import System
+from stickslip.model.units import factors, unit_product, unit_text, with_unit
+from stickslip.results import Completion, Result, restored_certificate
+from stickslip.symbolic import expressions as ex
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from stickslip.motion.trajectory import Trajectory
+
+_EXACT = 1e-13  # relative, to which the way of a surface is known whose speed changes
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class EventCatalogue(Result):
+    """The slip events of a motion, or of several that follow each other.
+
+    ``catalogue.table`` is a pandas.DataFrame, one row an event.
+
+    Attributes
+    ----------
+    system : System
+    parameters : dict of str to float
+    dataset : xarray.Dataset
+        Over ``event``: ``start`` and ``duration``; ``interevent`` (time since the start of the one
+        before); ``size`` (sum of the slips of all contacts, each from the start of the event to its
+        end), ``largest_slip`` and ``contacts`` (how many have slipped), ``first`` (the contact that
+        slipped first); ``energy_released`` (what is dissipated in the event) and ``energy_drop``
+        (by how much the energy of the system is less at its end: the same if nothing is supplied
+        meanwhile), not a number where they were not asked for.
+    span : (float, float)
+        Of the motion. An event that had begun before, or was not at its end, is not listed.
+    certificate : Certificate
+        That of the motion.
+    """
+
+    KIND: ClassVar[str] = "event catalogue"
+
+    system: System
+    parameters: dict[str, float]
+    dataset: xarray.Dataset
+    span: tuple[float, float]
+    certificate: Certificate
+
+    def __repr__(self) -> str:
+        start, end = self.span
+        return (
+            f"<EventCatalogue of {self.system.name}: {len(self)} events in t = {start:g} ... "
+            f"{end:g}>"
+        )
+
+    def __len__(self) -> int:
+        return self.dataset.sizes["event"]
+
+    def __getitem__(self, name: str) -> xarray.DataArray:
+        return self.dataset[name]
+
+    @property
+    def along(self) -> str:
+        """Dimension of the dataset."""
+        return "event"
+
+    @property
+    def title(self) -> str:
+        """Of what it is the catalogue."""
+        return self.system.title or self.system.name
+
+    @property
+    def outcome(self) -> Completion:
+        """Whether there is any event."""
+        return Completion.FINISHED if len(self) else Completion.NOTHING_FOUND
+
+    @property
+    def message(self) -> str:
+        """How many there are."""
+        start, end = self.span
+        if not len(self):
+            return f"no slip begins and ends in t = {start:g} ... {end:g}"
+        return f"{len(self)} events in t = {start:g} ... {end:g}"
+
+    def facts(self) -> dict[str, Any]:
+        """What fits on a page, as plain data."""
+        data = self.dataset
+        names = ("size", "duration", "interevent", "energy_released", "energy_drop")
+        return {
+            **self.system.heading(),
+            "span": list(self.span),
+            "events": len(self),
+            **{
+                f"{how} {name.replace('_', ' ')}": float(of(data[name].values))
+                for name in names
+                if np.any(np.isfinite(data[name].values))
+                for how, of in (("mean", np.nanmean), ("largest", np.nanmax))
+            },
+        }
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What fits on a page, in words."""
+        start, end = self.span
+        rows = [("events", f"{len(self):,}"), ("time", f"{start:g} to {end:g}")]
+        for name in ("size", "duration", "interevent", "energy_released"):
+            values = self.dataset[name].values
+            values = values[np.isfinite(values)]
+            if not len(values):
+                continue
+            unit = self.dataset[name].attrs.get("units", "1")
+            least, most = (with_unit(float(v), unit, 4) for v in (values.min(), values.max()))
+            mean = with_unit(float(values.mean()), unit, 4)
+            rows.append((name.replace("_", " "), f"{least} to {most}, mean {mean}"))
+        if len(self):
+            most = int(self.dataset["contacts"].max())
+            rows.append(("contacts", f"up to {most} of {len(self.system.dry_contacts)} slip"))
+        return rows
+
+    def overview(self, ax: Axes | None = None) -> Figure:
+        """Sizes over time, how many events are as large, and times between events; in given axes
+        how many are as large."""
+        from stickslip.figures.event_catalogue import plot_catalogue
+
+        return plot_catalogue(self, ax)
+
+    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+        """The data, and of what it is."""
+        return self.dataset, {
+            "system": self.system.to_toml(),
+            "parameters": self.parameters,
+            "span": list(self.span),
+            "certificate": asdict(self.certificate),
+        }
+
+    @classmethod
+    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
+        """A catalogue as it was."""
+        from stickslip.model.system_file import loads
+
+        first, last = json.loads(parts["span"])
+        return cls(
+            loads(parts["system"], f"{where}: system"),
+            json.loads(parts["parameters"]),
+            data.assign(first=data["first"].astype(object)),
+            (first, last),
+            restored_certificate(json.loads(parts["certificate"])),
+        )
+
+    @classmethod
+    def joined(cls, pieces: Sequence[EventCatalogue]) -> EventCatalogue:
+        """The catalogue of motions that follow each other.
+
+        Parameters
+        ----------
+        pieces : sequence of EventCatalogue
+            Of one system with the same parameters, in the order of time. Where one goes on from the
+            other all contacts stick; it may go back to before an event that the other has not seen
+            to its end.
+
+        Raises
+        ------
+        DeclarationError
+            If there are none, or they are of other systems or overlap.
+        """
+        import xarray as xr
+
+        if not pieces:
+            raise DeclarationError("pieces", "there are none", "Give at least one catalogue")
+        first = pieces[0]
+        for before, piece in pairwise(pieces):
+            if piece.system != first.system or piece.parameters != first.parameters:
+                raise DeclarationError(
+                    "pieces", "they are of different systems", "Give pieces of one motion"
+                )
+            ends = [before.span[0], *(before["start"] + before["duration"]).values[-1:].tolist()]
+            if piece.span[0] < max(ends):
+                raise DeclarationError(
+                    "pieces",
+                    f"one begins at {piece.span[0]:g}, before the end {max(ends):g} of what the "
+                    "one before it lists",
+                    "Give them in the order of time",
+                )
+        data = xr.concat([piece.dataset for piece in pieces], "event", combine_attrs="override")
+        data["interevent"].values[:] = _interevent(data["start"].values)
+        return cls(
+            first.system,
+            first.parameters,
+            data,
+            (first.span[0], pieces[-1].span[1]),
+            worst([piece.certificate for piece in pieces]),
+        )
+
+
+def catalogue_of(motion: Trajectory, energy: bool = True) -> EventCatalogue:
+    """The slip events of a motion.
+
+    Parameters
+    ----------
+    motion : Trajectory
+    energy : bool
+        Whether energies are measured, and with them the certificate: that takes a pass through the
+        whole motion.
+
+    Raises
+    ------
+    DeclarationError
+        If no contact is dry.
+    """
+    import xarray as xr
+
+    system = motion.system
+    if not system.dry_contacts:
+        raise DeclarationError(
+            "contacts", f"{system.name} has no dry contacts", "Slip events need one at least"
+        )
+    k = motion.knots
+    slipping = k.slip != 0
+    runs = _runs(slipping, k.clock)
+    own = np.logical_or.reduceat(slipping, runs.ravel())[::2] if len(runs) else slipping[:0]
+    # What has stuck all the time has not slipped, and its difference is rounding.
+    sizes = np.abs(np.where(own, _slips(motion, runs), 0.0))
+    begun, ended = runs.T
+    none = np.full(len(runs), np.nan)
+    released, spent = none, none.copy()
+    certificate = Certificate((Residual("motions not audited", 1.0, 0.0),))
+    if energy:
+        audit = motion.audit
+        released = audit.energy[begun] - audit.energy[ended]
+        spent = audit.dissipated[ended] - audit.dissipated[begun]
+        certificate = motion.certificate
+    names = np.array(list(system.dry_contacts), dtype=object)
+    columns = {
+        "start": k.time[begun],
+        "duration": k.clock[ended] - k.clock[begun],
+        "interevent": _interevent(k.time[begun]),
+        "size": np.sum(sizes, axis=1),
+        "largest_slip": np.max(sizes, axis=1, initial=0.0),
+        "contacts": np.sum(own, axis=1),
+        "first": names[np.argmax(slipping[begun], axis=1)] if len(runs) else names[:0],
+        "energy_drop": released,
+        "energy_released": spent,
+    }
+    attributes = _attributes(system)
+    data = xr.Dataset(
+        {name: ("event", values, attributes[name]) for name, values in columns.items()},
+        attrs={"title": system.title or system.name, "source": system.source},
+    )
+    span = float(k.time[0]), float(k.time[-1])
+    return EventCatalogue(system, dict(motion.parameters), data, span, certificate)
+
+
+def _runs(slips: Array, clock: Array) -> Array:
+    """Knots at which events begin and end, shape (events, 2): all contacts stick before and
+    after."""
+    slipping = np.any(slips, axis=1)
+    # A rest without duration is none.
+    lasts = np.append(np.diff(clock) > 0.0, True)
+    knots = np.flatnonzero(lasts)
+    change = np.flatnonzero(np.diff(slipping[knots].astype(int)))
+    edges = knots[change] + 1
+    begins = slipping[knots[change + 1]]
+    # One that had begun before the motion is left out, and one that is not at its end.
+    if len(edges) and not begins[0]:
+        edges = edges[1:]
+    return edges[: len(edges) // 2 * 2].reshape(-1, 2)
+
+
+def _slips(motion: Trajectory, runs: Array) -> Array:
+    """Slip of every contact in every event, shape (events, contacts): how far its sides have moved
+    past each other."""
+    k, values = motion.knots, motion.parameters
+    names = motion.system.declaration.state
+    moved = k.state[runs[:, 1]] - k.state[runs[:, 0]]
+    found = np.zeros((len(runs), k.mode.shape[1]))
+    for c, contact in enumerate(motion._problem.compiled.equations.contacts):
+        for x, weight in contact.direction.items():
+            found[:, c] += ex.evaluate(weight, values) * moved[:, names.index(x)]
+        if contact.speed is not ex.ZERO:
+            found[:, c] -= _way(contact.speed, values, k.clock[runs], k.origin)
+    return found
+
+
+def _way(speed: ex.Expr, values: Mapping[str, float], clock: Array, origin: float) -> Array:
+    """How far a surface goes in each of some stretches of time, shape (events, 2)."""
+    if "t" not in speed.symbols:
+        return ex.evaluate(speed, values) * (clock[:, 1] - clock[:, 0])
+    from scipy.integrate import quad
+
+    def at(time: float) -> float:
+        return ex.evaluate(speed, {**values, "t": origin + time})
+
+    return np.array([quad(at, a, b, epsrel=_EXACT, limit=200)[0] for a, b in clock])
+
+
+def _interevent(start: Array) -> Array:
+    """Time since the start of the event before; the first one has none."""
+    return np.diff(start, prepend=np.nan)
+
+
+def _attributes(system: System) -> dict[str, dict[str, str]]:
+    """Units and meanings."""
+    time = quantity(system, "t")["units"]
+    speeds = {slip_unit(system, contact) for contact in system.dry_contacts}
+    one = speeds.pop() if len(speeds) == 1 else None
+    slip = (
+        None
+        if one is None
+        else unit_text(unit_product((factors(one), 1), (factors(system.time_unit), 1)))
+    )
+    energy = energy_unit(system)
+    return {
+        "start": described_as("time", time),
+        "duration": described_as("duration", time),
+        "interevent": described_as("time between events", time),
+        "size": described_as("sum of the slips", slip),
+        "largest_slip": described_as("largest slip of a contact", slip),
+        "contacts": described_as("contacts that slip", "1"),
+        "first": described_as("contact that slips first", None),
+        "energy_drop": described_as("drop of the energy", energy),
+        "energy_released": described_as("energy released", energy),
+    }

@@ -1,0 +1,176 @@
+"""Catalogues of slip events: one block in closed form, two blocks as the union of what each
+does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from typer.testing import CliRunner
+
+import stickslip as ss
+from stickslip.cli.app import app
+from stickslip.errors import DeclarationError
+from stickslip.results import Completion
+
+F_S, F_K, V = 1.0, 0.6, 0.1
+
+
+def on_a_belt(*stiffness: float, speed: str = "V", start: float = 0.0) -> ss.System:
+    """Blocks of mass 1 that know nothing of each other, each held by a spring."""
+    numbers = range(1, len(stiffness) + 1)
+    return ss.System(
+        "blocks",
+        parameters={"V": ss.Parameter(V, "m/s")},
+        coordinates={f"x_{i}": ss.Inertial(unit="m") for i in numbers},
+        kinetic=" + ".join(f"d_x_{i}**2/2" for i in numbers),
+        potential=" + ".join(f"{k!r}/2*x_{i}**2" for i, k in zip(numbers, stiffness, strict=True)),
+        contacts={
+            f"block {i}": ss.Contact(f"d_x_{i}", f"{F_S}", speed, kinetic=f"{F_K}") for i in numbers
+        },
+        initial={f"d_x_{i}": V for i in numbers},
+        span=(start, start + 100.0),
+        time_unit="s",
+    )
+
+
+def slips(k: float, until: float) -> tuple[np.ndarray, float, float, float]:
+    """When a block begins to slip, for how long, how far, and what its spring loses: from F_S/k it
+    swings about F_K/k until it is as fast as the belt again, at the mirrored place."""
+    omega = np.sqrt(k)
+    drop = (F_S - F_K) / k
+    duration = 2.0 * (np.pi - np.arctan(drop * omega / V)) / omega
+    way = 2.0 * drop + V * duration
+    first = F_S / k / V
+    starts = np.arange(first, until, duration + 2.0 * drop / V)
+    ends = F_S / k, F_S / k - 2.0 * drop
+    return starts, duration, way, k / 2.0 * (ends[0] ** 2 - ends[1] ** 2)
+
+
+@pytest.mark.parametrize("start", [0.0, 1e6])
+def test_one_block(start: float) -> None:
+    motion = ss.simulate(on_a_belt(1.0, start=start))
+    found = motion.event_catalogue()
+    starts, duration, way, drop = slips(1.0, 100.0)
+    starts = starts[starts + duration < 100.0]
+    assert len(found) == len(starts) > 5
+    table = found.table
+    np.testing.assert_allclose(table["start"] - start, starts, rtol=1e-9, atol=1e-9 + 1e-15 * start)
+    np.testing.assert_allclose(table["duration"], duration, rtol=1e-9)
+    np.testing.assert_allclose(table["size"], way, rtol=1e-9)
+    np.testing.assert_allclose(table["largest_slip"], way, rtol=1e-9)
+    np.testing.assert_allclose(table["energy_released"], F_K * way, rtol=1e-9)
+    np.testing.assert_allclose(table["energy_drop"], drop, rtol=1e-8)
+    rounding = 1e-15 * start
+    np.testing.assert_allclose(
+        table["interevent"][1:], duration + 2.0 * (F_S - F_K) / V, rtol=1e-9, atol=rounding
+    )
+    assert np.isnan(table["interevent"][0])
+    assert set(table["contacts"]) == {1} and set(table["first"]) == {"block 1"}
+    assert found.certificate.ok and found.outcome is Completion.FINISHED
+    assert found["size"].attrs["units"] == "m" and found["duration"].attrs["units"] == "s"
+
+
+def test_two_blocks() -> None:
+    """What overlaps in time is one event, of both."""
+    stiffness = (1.0, 1.7)
+    found = ss.simulate(on_a_belt(*stiffness)).event_catalogue(energy=False).table
+    every = sorted(
+        (start, start + duration, way, i)
+        for i, (starts, duration, way, _) in enumerate(slips(k, 200.0) for k in stiffness)
+        for start in starts
+    )
+    expected = list[list[tuple[float, float, float, int]]]()
+    for one in every:
+        if expected and one[0] < max(end for _, end, _, _ in expected[-1]):
+            expected[-1].append(one)
+        else:
+            expected.append([one])
+    expected = [event for event in expected if max(end for _, end, _, _ in event) < 100.0]
+    assert len(found) == len(expected) > 5
+    for row, event in zip(found.itertuples(), expected, strict=True):
+        assert row.start == pytest.approx(event[0][0], rel=1e-9)
+        end = max(end for _, end, _, _ in event)
+        assert row.duration == pytest.approx(end - event[0][0], rel=1e-9)
+        assert row.size == pytest.approx(sum(way for _, _, way, _ in event), rel=1e-9)
+        assert row.contacts == len({i for *_, i in event})
+        assert row.first == f"block {event[0][3] + 1}"
+        assert np.isnan(row.energy_released)
+    assert {1, 2} <= set(found["contacts"])
+
+
+def test_a_belt_that_changes_its_speed() -> None:
+    """The slip is the integral of the relative velocity."""
+    motion = ss.simulate(on_a_belt(1.0, speed="V*(1 + 0.5*sin(2*t))"))
+    for row in motion.event_catalogue(energy=False).table.itertuples():
+
+        def speed(t: float) -> float:
+            return motion.at(t)["slip_speed_block_1"]
+
+        end = row.start + row.duration
+        way = quad(speed, row.start, end, epsrel=1e-10, limit=100)[0]
+        assert row.size == pytest.approx(abs(way), rel=1e-8)
+
+
+def test_pieces() -> None:
+    """A motion that goes on from a stick phase is one catalogue with the first part."""
+    system = on_a_belt(1.0, 1.7)
+    whole = ss.simulate(system).event_catalogue()
+    quiet = float(whole["start"][2]) - 0.1
+    first = ss.simulate(system, (0.0, quiet))
+    second = ss.simulate(system, (quiet, 100.0), initial=first.final)
+    pieces = [first.event_catalogue(), second.event_catalogue()]
+    joined = ss.EventCatalogue.joined(pieces)
+    assert joined.span == (0.0, 100.0) and joined.certificate.ok
+    for name in ("start", "duration", "interevent", "size", "energy_released"):
+        np.testing.assert_allclose(joined[name], whole[name], rtol=1e-7, atol=1e-9)
+    for wrong, said in ((pieces[::-1], "before the end"), ([], "there are none")):
+        with pytest.raises(DeclarationError, match=said):
+            ss.EventCatalogue.joined(wrong)
+    other = ss.simulate(system, (200.0, 210.0), parameters={"V": 0.2}).event_catalogue()
+    with pytest.raises(DeclarationError, match="different systems"):
+        ss.EventCatalogue.joined([pieces[0], other])
+
+
+def test_nothing_slips(tmp_path: Path) -> None:
+    """No event is no error; what has begun before, or goes on at the end, is none."""
+    motion = ss.simulate(on_a_belt(1.0), (0.0, 12.0))
+    found = motion.event_catalogue()
+    assert len(found) == 0 and found.outcome is Completion.NOTHING_FOUND
+    assert "no slip begins and ends" in found.message
+    assert found.plot().axes
+    found.save(tmp_path / "none.nc")
+    assert len(ss.open(tmp_path / "none.nc")) == 0
+    during = ss.simulate(on_a_belt(1.0), (0.0, 30.0), initial={"d_x_1": 0.0}).event_catalogue()
+    assert during["start"].values[0] > 5.0
+    free = ss.System("free", coordinates={"x": ss.Inertial()}, kinetic="d_x**2/2")
+    with pytest.raises(DeclarationError, match="no dry contacts"):
+        ss.simulate(free, (0.0, 1.0)).event_catalogue()
+
+
+def test_picture() -> None:
+    """Sizes over time, and how many are as large; a Poisson process beside many times."""
+    few = ss.simulate(on_a_belt(1.0)).event_catalogue(energy=False)
+    over_time, sizes, times = few.plot().axes
+    assert len(sizes.get_lines()[0].get_xydata()) == len(few)
+    assert len(times.get_lines()) == 1
+    assert over_time.get_xlim() == few.span
+    many = ss.simulate(on_a_belt(1.0, 1.7, 2.9), (0.0, 500.0)).event_catalogue(energy=False)
+    assert [len(axes.get_lines()) for axes in many.plot().axes] == [1, 1, 2]
+
+
+def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    run = CliRunner().invoke
+    assert run(app, ["run", "belt_block", "--until", "60"]).exit_code == 0
+    listed = run(app, ["events", "out/belt_block/trajectory.nc"])
+    assert listed.exit_code == 0, listed.output
+    assert "events" in listed.output and "energy released" in listed.output
+    folder = tmp_path / "out" / "belt_block-events"
+    names = {"catalogue.nc", "catalogue.csv", "summary.json", "overview.png"}
+    assert {path.name for path in folder.iterdir()} == names
+    assert len(ss.open(folder / "catalogue.nc")) == 8
+    again = run(app, ["events", str(folder / "catalogue.nc")])
+    assert again.exit_code == 2 and "no motion" in again.output
