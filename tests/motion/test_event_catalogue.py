@@ -126,6 +126,13 @@ def test_pieces() -> None:
     assert joined.span == (0.0, 100.0) and joined.certificate.ok
     for name in ("start", "duration", "interevent", "size", "energy_released"):
         np.testing.assert_allclose(joined[name], whole[name], rtol=1e-7, atol=1e-9)
+    # Pieces of a number of switches: each goes back to the end of the last event of the one before.
+    quiet = float((joined["start"] + joined["duration"])[3])
+    first = ss.simulate(system, (0.0, quiet + 3.0)).event_catalogue()
+    state = {x: float(v) for x, v in ss.simulate(system, (0.0, quiet)).final.items()}
+    second = ss.simulate(system, (quiet, 100.0), initial=state).event_catalogue()
+    again = ss.EventCatalogue.joined([first, second])
+    assert len(again) == len(whole)
     for wrong, said in ((pieces[::-1], "before the end"), ([], "there are none")):
         with pytest.raises(DeclarationError, match=said):
             ss.EventCatalogue.joined(wrong)

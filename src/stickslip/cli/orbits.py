@@ -21,6 +21,7 @@ from stickslip.cli.present import (
     present,
 )
 from stickslip.errors import DeclarationError
+from stickslip.storage import named
 
 MOTION_FILES = Files("trajectory.nc", {"events.csv": lambda found: found.events})
 EVENT_FILES = Files("catalogue.nc", {"catalogue.csv": lambda found: found.table})
@@ -80,7 +81,8 @@ def events_command(
 
     motion = open_result(file)
     if not isinstance(motion, Trajectory):
-        raise DeclarationError(str(file), f"holds a {motion.KIND}, no motion", "Give a motion")
+        reason = f"holds {named(motion.KIND)}, no motion"
+        raise DeclarationError(str(file), reason, "Give a file that 'stickslip run' wrote")
 
     def work(progress: ShowProgress) -> EventCatalogue:
         return motion.event_catalogue()

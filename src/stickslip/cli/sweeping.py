@@ -15,6 +15,7 @@ from stickslip.cli.models import assignments, load_model, numbers, spans
 from stickslip.cli.present import Initial, Model, ParameterOptions, folder_of
 from stickslip.cli.report import print_summary
 from stickslip.errors import DeclarationError
+from stickslip.storage import named
 
 if TYPE_CHECKING:
     from stickslip.sweeps.adaptive import Adaptive
@@ -205,7 +206,7 @@ def plot_command(
     if coordinate:
         part["coordinates"] = coordinate
     if part and not isinstance(result, (Trajectory, Cycle)):
-        reason = f"{file} holds a {result.KIND}, no motion"
+        reason = f"{file} holds {named(result.KIND)}, no motion"
         raise DeclarationError("--time" if window is not None else "--coordinate", reason)
     with paper_style():
         figure = result.plot(*(measure or ()), **part)

@@ -248,7 +248,7 @@ MEANINGS: dict[str, tuple[str, Callable[[System, str], str | None]]] = {
     "cost_of_transport": ("energy per distance and weight", _none),
     "harmonic": ("amplitude of the first harmonic", _quantity),
     "phase": ("phase of the first harmonic", _radian),
-    "relative_phase": ("phase of the first harmonic relative to the drive", _radian),
+    "relative_phase": ("phase relative to the drive", _radian),
     "peak_force": ("largest friction force", _force),
     "mean_force": ("mean friction force", _force),
     "lyapunov": ("largest Lyapunov exponent", lambda system, of: per_time(system, "")),

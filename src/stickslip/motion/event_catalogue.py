@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from stickslip.motion.trajectory import Trajectory
 
+_ROUNDED = 1e-14  # relative, of a time that is a sum
 _EXACT = 1e-13  # relative, to which the way of a surface is known whose speed changes
 
 
@@ -194,7 +195,8 @@ class EventCatalogue(Result):
                     "pieces", "they are of different systems", "Give pieces of one motion"
                 )
             ends = [before.span[0], *(before["start"] + before["duration"]).values[-1:].tolist()]
-            if piece.span[0] < max(ends):
+            # start + duration is rounded
+            if piece.span[0] < max(ends) - _ROUNDED * abs(max(ends)):
                 raise DeclarationError(
                     "pieces",
                     f"one begins at {piece.span[0]:g}, before the end {max(ends):g} of what the "

@@ -205,7 +205,8 @@ class Map(Result):
         return rows
 
     def plot(self, *quantities: str, ax: Axes | None = None) -> Figure:
-        """Lines over one axis, a map over two, small multiples over three.
+        """Lines over one axis, a map over two, small multiples over three; beside an axis with at
+        most six values, a line for each of these.
 
         Parameters
         ----------

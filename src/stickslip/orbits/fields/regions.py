@@ -4,6 +4,7 @@ together."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -12,6 +13,12 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Region, in_region
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
+
+
+@lru_cache(maxsize=1024)
+def _chosen(expression: Expr, kinks: tuple[Expr, ...], region: Region) -> Expr:
+    """An expression in a region of some kinks, kept: maps ask for the same ones at every point."""
+    return in_region(expression, dict(zip(kinks, region, strict=True)))
 
 
 def values_at(
@@ -40,6 +47,7 @@ def values_at(
     constants = [np.broadcast_to(value, len(states)) for value in parameters.values()]
     table = np.vstack([np.full(len(states), time), states.T, *constants])
     region = np.ones((len(equations.kinks), len(states)), int)
+    kinks = tuple(equations.kinks)
 
     def grouped(wanted: Callable[[Region], Sequence[Expr]]) -> Array:
         groups = np.unique(region, axis=1).T if len(states) else []
@@ -53,7 +61,7 @@ def values_at(
         return out
 
     def within(given: Sequence[Expr]) -> Callable[[Region], Sequence[Expr]]:
-        return lambda r: [in_region(e, dict(zip(equations.kinks, r, strict=True))) for e in given]
+        return lambda r: [_chosen(e, kinks, r) for e in given]
 
     for _ in equations.kinks:  # one kink may decide where another one is
         region = (grouped(within(equations.kinks)) >= 0.0).astype(int)

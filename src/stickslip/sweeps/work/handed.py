@@ -62,15 +62,34 @@ def handed_on(
     """
     begin = system.span[0]
     period = period_of_drives(system, parameters)
-    repetition = Repetition(derive(system.declaration))
     still = np.zeros(len(state))
     for moving in (still if rate is None else _moving(rate, time - begin, state), still):
-        frame = dict(zip(system.declaration.state, map(float, moving), strict=True))
-        waves = repetition.waves(parameters, frame, begin)
-        if waves is not None and (not waves or (period and repeats(waves, period))):
+        if _repeats(system, parameters, moving, begin, period):
             back = period * math.floor((time - begin) / period) if period else time - begin
             return Handed(parameters, time - back, state - back * moving)
     return Handed(parameters, time, state.copy())
+
+
+def _repeats(
+    system: System, parameters: Mapping[str, float], moving: Array, begin: float, period: float
+) -> bool:
+    """Whether a system is the same a period later, or at any time if there is none, in a moving
+    frame, from a time on.
+
+    Parameters
+    ----------
+    system : System
+    parameters : mapping of str to float
+    moving : array, shape (n,)
+        Velocity of the frame.
+    begin, period : float
+    """
+    equations = derive(system.declaration)
+    if not equations.timed and not np.any(moving):
+        return True
+    frame = dict(zip(system.declaration.state, map(float, moving), strict=True))
+    waves = Repetition(equations).waves(parameters, frame, begin)
+    return waves is not None and (not waves or (period > 0.0 and repeats(waves, period)))
 
 
 def _moving(rate: Array, elapsed: float, state: Array) -> Array:
