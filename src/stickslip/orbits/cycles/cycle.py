@@ -173,7 +173,7 @@ class Cycle(Result):
         if not setting.symmetry.driven:
             return {}
         turn = self.period / setting.turns
-        found = {}
+        found = dict[str, float]()
         for name in self.system.coordinates:
             with suppress(DeclarationError):
                 own = phase_of_drive(
