@@ -199,6 +199,24 @@ def test_what_cannot_move_hands_nothing_on() -> None:
     assert np.array_equal(np.isnan(found["carried_x_R"]), [True, True, False, False])
 
 
+def test_a_motion_that_cannot_begin_hands_on_what_it_was_given() -> None:
+    toy = ss.catalogue.rocking_toy()
+    found = ss.sweep(toy, {"P": [1.2, 5.0, 1.25]}, ["speed"], carry="P").dataset
+    outside = ss.Outcome.OUTSIDE.code
+    assert found["outcome"].values.tolist() == [PERIODIC, outside, PERIODIC]
+    assert found["carried_x_R"].values[1] == found["carried_x_R"].values[0]
+
+
+def test_the_frame_of_what_does_not_repeat() -> None:
+    """A plate that is shaken and pulled, and that has not settled, is taken back all the same."""
+    plate = ss.catalogue.plate_compactor()
+    short = ss.Settings(max_time=3.3)
+    found = ss.sweep(plate, {"V": "0.05:0.1:4"}, ["speed:x"], settings=short, carry="V").dataset
+    assert np.any(found["outcome"].values == ss.Outcome.NOT_SETTLED.code)
+    assert np.all(found["carried_time"].values < 2.0 * np.pi / 60.0)
+    assert np.all(np.abs(found["carried_x"].values) < 0.12)
+
+
 def reach(motion: ss.Trajectory) -> float:
     """How far it was at the start."""
     return float(motion.at(motion.t_span[0])["x"])

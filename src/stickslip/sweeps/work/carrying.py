@@ -139,10 +139,10 @@ def handed_by(
     system: System,
     parameters: Mapping[str, float],
     found: Mapping[str, Array],
-    begun: tuple[float, Array] | None,
+    given: Handed | None,
 ) -> Handed | None:
-    """What a point hands on: where it has settled; if its motion ended otherwise, what it began
-    with.
+    """What a point hands on: where it has settled; if its motion ended otherwise, what it was
+    given.
 
     Parameters
     ----------
@@ -151,13 +151,13 @@ def handed_by(
         At the point.
     found : mapping of str to array, shape (1,)
         With what :func:`needed_to_carry` asks for.
-    begun : (float, array) or None
-        When and where its motion began, if it went on from another point.
+    given : Handed or None
+        What it went on from, at its own parameters; None if it began as any motion does.
     """
     names = system.declaration.state
     code = int(found["outcome"][0])
     if code not in _SETTLED:
-        return None if begun is None else Handed(parameters, *begun)
+        return given
     state, shift = (
         np.array([float(found[f"{name}:{x}"][0]) for x in names]) for name in ("state", "shift")
     )

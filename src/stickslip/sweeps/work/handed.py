@@ -4,8 +4,9 @@ come to, at the same phase of the drives."""
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -16,6 +17,8 @@ from stickslip.model.system import System
 from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.fields.symmetry import clock
 from stickslip.orbits.settling.repetition import Repetition, repeats
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
 
 _ROUNDED = 1e-3  # of where a component is, that it would have moved by: less is rounding
 
@@ -62,8 +65,8 @@ def handed_on(
     """
     begin = system.span[0]
     period = period_of_drives(system, parameters)
-    still = np.zeros(len(state))
-    for moving in (still if rate is None else _moving(rate, time - begin, state), still):
+    measured = [] if rate is None else [_moving(rate, time - begin, state)]
+    for moving in chain(measured, [np.zeros(len(state))], _pulled(system, parameters)):
         if _repeats(system, parameters, moving, begin, period):
             back = period * math.floor((time - begin) / period) if period else time - begin
             return Handed(parameters, time - back, state - back * moving)
@@ -90,6 +93,37 @@ def _repeats(
     frame = dict(zip(system.declaration.state, map(float, moving), strict=True))
     waves = Repetition(equations).waves(parameters, frame, begin)
     return waves is not None and (not waves or (period > 0.0 and repeats(waves, period)))
+
+
+def _pulled(system: System, parameters: Mapping[str, float]) -> Iterator[Array]:
+    """Frames that a load Vt may pull a system with, for motions that do not repeat: where t and
+    places stand in one sum, these places, or all of them, move so that the sum stays. A guess, and
+    judged as such."""
+    declaration = system.declaration
+    places = set(declaration.coordinates)
+    numbers = {name: ex.num(value) for name, value in parameters.items()}
+    seen = set[Expr]()
+    left = [ex.substitute(e, numbers) for e in derive(declaration).formulas]
+    while left:
+        e = left.pop()
+        if e in seen or "t" not in e.symbols:
+            continue
+        seen.add(e)
+        left += [*e.args, *(base for base, _ in e.terms)]
+        if e.op != "sum":
+            continue
+        pull = sum(weight * _slope(term, "t") for term, weight in e.terms)
+        held = {x: sum(w * _slope(term, x) for term, w in e.terms) for x in e.symbols & places}
+        hold = sum(held.values())
+        if pull and hold:
+            for moving in ({x for x in held if held[x]}, places):
+                yield np.array([-pull / hold if x in moving else 0.0 for x in declaration.state])
+
+
+def _slope(term: Expr, name: str) -> float:
+    """The slope of what is linear in a name; 0 of anything else."""
+    slope = ex.derivative(term, name)
+    return ex.number(slope) if slope.op == "num" else 0.0
 
 
 def _moving(rate: Array, elapsed: float, state: Array) -> Array:

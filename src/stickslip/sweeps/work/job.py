@@ -137,7 +137,8 @@ def _along(work: Work, columns: Mapping[str, Array], stop: Array, runs: Runs) ->
         own = {**system.values, **own}
         begun = None if handed is None else taken_up(system, handed, own)
         found[i] = _side_by_side(work, here, stop, begun)
-        handed = left[i] = handed_by(system, own, found[i], begun)
+        given = Handed(own, begun[0], handed.state) if begun and handed else None
+        handed = left[i] = handed_by(system, own, found[i], given)
     stored = {name: np.concatenate([one[name] for one in found]) for name in _stored(work)}
     return stored | stored_of(system, left)
 
