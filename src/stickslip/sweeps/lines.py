@@ -37,7 +37,7 @@ from stickslip.orbits.cycles.cycle import Cycle, find_cycle, make_cycle
 from stickslip.orbits.cycles.drive_phase import phase_of_drive, read_drive, relative_phase
 from stickslip.orbits.cycles.finding import from_state
 from stickslip.orbits.equilibria.finding import checked_values
-from stickslip.orbits.fields.symmetry import Clock, clock
+from stickslip.orbits.fields.clock import Clock, clock
 from stickslip.orbits.return_map.recurrence import SHORTEST
 from stickslip.progress import Show, watched
 from stickslip.sweeps.carried import carried
@@ -210,7 +210,7 @@ class _Level:
         for end in self.span:
             pose(self.system, {**self.fixed, self.parameter: end})
         ends = [{**self.fixed, self.parameter: end} for end in self.span]
-        rates = [ex.evaluate(self.clock.frequency, values) for values in ends]
+        rates = [self.clock.rate(values) for values in ends]
         if not rates[0] * rates[1] > 0.0:
             raise DeclarationError(
                 self.parameter, "within its range the drive stands still", "Leave that value out"

@@ -12,8 +12,8 @@ from stickslip.errors import DeclarationError
 from stickslip.motion.problem import pose
 from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.cycles.cycle import find_cycle
+from stickslip.orbits.fields.clock import clock
 from stickslip.orbits.fields.mode_field import Pieces
-from stickslip.orbits.fields.symmetry import clock
 from stickslip.orbits.return_map.recurrence import window
 from stickslip.orbits.return_map.shooting import follow_freely
 

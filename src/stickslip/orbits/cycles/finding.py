@@ -21,8 +21,9 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.orbits.cycles.lyapunov import Exponent, largest_exponent
 from stickslip.orbits.cycles.period import shortest
+from stickslip.orbits.fields.clock import clock
 from stickslip.orbits.fields.mode_field import Pieces
-from stickslip.orbits.fields.symmetry import alike, clock
+from stickslip.orbits.fields.symmetry import alike
 from stickslip.orbits.return_map.damped_newton import Closed, NotClosed, converge, near
 from stickslip.orbits.return_map.families import Family, check_isolated, family_of, members_beside
 from stickslip.orbits.return_map.recurrence import (

@@ -9,29 +9,20 @@ found, not declared.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.equations.derive import MotionEquations
 from stickslip.errors import DeclarationError
-from stickslip.model.system import System
+from stickslip.orbits.fields.clock import Drives
 from stickslip.orbits.fields.mode_field import Piece
-from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.functions import FUNCTIONS
-from stickslip.symbolic.pieces import periodic_form
 
 _RANK = 1e-9  # singular values below this part of the largest are zero
 _SAME = 1e-9  # changes below this part of their terms are none
 _ROUNDING = 1e-15  # … and so are those below this part of the largest terms
 _SAMPLES = 12  # of every piece, at which symmetries are looked for
-_MOST_PERIODS = 24  # drives have a common period if it is at most this many of their own
 
 
 @dataclass(frozen=True)
@@ -96,11 +87,8 @@ class Surroundings:
     states: Array
     sizes: Array
 
-    def symmetry(self, p: Array, drives: tuple[float, int] | None) -> Symmetry:
-        """Invariance for given parameters.
-
-        `drives`: their common period, and how many times the system repeats in it (None: there are
-        none).
+    def symmetry(self, p: Array, drives: Drives | None) -> Symmetry:
+        """Invariance for given parameters, and drives (None: there are none).
 
         Raises
         ------
@@ -110,8 +98,7 @@ class Surroundings:
         shifts, frame = _split(self._unchanged(p))
         if frame is not None or drives is None:
             return Symmetry(shifts, frame, np.zeros(len(self.sizes)))
-        period, parts = drives
-        return Symmetry(shifts, None, self._turn(p, period) / parts)
+        return Symmetry(shifts, None, self._turn(p, drives) / drives.parts)
 
     @cached_property
     def _samples(self) -> list[tuple[Piece, Array, Array]]:
@@ -147,9 +134,11 @@ class Surroundings:
         rank = int(np.sum(s > _RANK * max(s[0], 1e-300)))
         return v[rank:].T * np.append(1.0, self.sizes)[:, None]
 
-    def _turn(self, p: Array, period: float) -> Array:
-        """Shift of the state that a period of the drives makes up for; a load Vt + sin ωt shifts by
-        V·period."""
+    def _turn(self, p: Array, drives: Drives) -> Array:
+        """Shift of the state that a period of the drives makes up for: that of the frame which
+        moves with them, or, where formulas do not show it, what the slopes say."""
+        period, _, velocity = drives
+        moved = period * velocity
         rows = []
         changes = []
         terms = []
@@ -157,7 +146,7 @@ class Surroundings:
         for piece, t, y in self._samples:
             slopes = piece.dependence(t, y, p)
             now = piece.felt(t, y, p)
-            later = piece.felt(t + period, y, p)
+            later = piece.felt(t + period, y + moved[:, None], p)
             rows.append(slopes[:, :, 1:].reshape(-1, n))
             changes.append((later - now).T.ravel())
             terms.append(
@@ -172,10 +161,11 @@ class Surroundings:
         matrix = matrix / size[:, None]
         change = change / size
         if np.max(np.abs(change)) <= _SAME:
-            return np.zeros(n)
+            return moved
         shift = np.linalg.lstsq(matrix, -change, rcond=_RANK)[0]
         if np.max(np.abs(matrix @ shift + change)) <= _SAME:
-            return np.where(np.abs(shift) > _SAME * np.max(np.abs(shift)), shift, 0.0) * self.sizes
+            rest = np.where(np.abs(shift) > _SAME * np.max(np.abs(shift)), shift, 0.0)
+            return moved + rest * self.sizes
         raise DeclarationError(
             "period",
             f"the system is not the same after the period {period:.9g} of its drives: time enters "
@@ -217,147 +207,3 @@ def _clean(directions: Array) -> Array:
                 rows[k] -= rows[k, j] * rows[i]
     whole = np.round(rows)
     return np.where(np.abs(rows - whole) < 1e-10, whole, rows).T
-
-
-@dataclass(frozen=True)
-class Clock:
-    """What the drives of a system repeat after, 2πm/ω, and which part of that is its period.
-
-    Attributes
-    ----------
-    frequency : Expr
-        ω, of the first drive.
-    multiple : int
-        m: after so many of its periods all drives are as before.
-    parts : int
-        After one of so many parts of that the system is as before.
-    zero : frozenset of str
-        Parameters that have to be zero for that: the amplitude of a drive may be one of them.
-    """
-
-    frequency: Expr
-    multiple: int
-    parts: int
-    zero: frozenset[str]
-
-    def period(self, values: Mapping[str, float]) -> float:
-        """The period for given parameters.
-
-        Raises
-        ------
-        DeclarationError
-            If a drive acts that did not where the clock was made.
-        """
-        for name in sorted(self.zero):
-            if values[name] != 0.0:
-                raise DeclarationError(
-                    name,
-                    "where it is not 0, the drives have another period",
-                    "Start from a cycle at such a value",
-                )
-        return 2.0 * math.pi * self.multiple / self.parts / abs(ex.evaluate(self.frequency, values))
-
-    def drives(self, values: Mapping[str, float]) -> tuple[float, int]:
-        """The common period of the drives, and how many times the system repeats in it."""
-        return self.parts * self.period(values), self.parts
-
-    def slope(self, values: Mapping[str, float], parameter: str) -> float:
-        """Its derivative with respect to a parameter."""
-        change = ex.evaluate(ex.derivative(self.frequency, parameter), values)
-        return -self.period(values) * change / ex.evaluate(self.frequency, values)
-
-
-def clock(system: System, equations: MotionEquations, values: Mapping[str, float]) -> Clock:
-    """What the drives of a system repeat after.
-
-    Raises
-    ------
-    DeclarationError
-        If there is no drive of a constant frequency, or their frequencies have no common period.
-    """
-    zero = frozenset(name for name in system.parameters if values[name] == 0.0)
-    found = _clock(system, equations, values, zero)
-    for name in sorted(zero):
-        # Only what matters for it has to stay zero.
-        try:
-            other = _clock(system, equations, values, found.zero - {name})
-        except DeclarationError:
-            continue
-        if other.period(values) <= found.period(values) * (1.0 + _SAME):
-            found = other
-    return found
-
-
-def _clock(
-    system: System, equations: MotionEquations, values: Mapping[str, float], zero: frozenset[str]
-) -> Clock:
-    """What they repeat after as long as some parameters are zero."""
-    rates = {e: ex.evaluate(e, values) for e in equations.frequencies}
-    felt = dict(zip(rates, equations.acting(zero), strict=True))
-    moving = {
-        e: rate for e, rate in rates.items() if rate != 0.0 and (felt[e] or not any(felt.values()))
-    }
-    if not moving:
-        raise DeclarationError(
-            system.name,
-            "it depends on time, but on no wave of a constant frequency, so that nothing tells its "
-            "period",
-            "Cycles need a drive that repeats, such as sin(omega*t)",
-        )
-    first, base = next(iter(moving.items()))
-    ratios = {}
-    for e, rate in moving.items():
-        ratios[e] = Fraction(rate / base).limit_denominator(_MOST_PERIODS)
-        if abs(float(ratios[e]) - rate / base) > 1e-9 * abs(rate / base):
-            raise DeclarationError(
-                system.name,
-                f"its drives have the angular frequencies {abs(base):.9g} and {abs(rate):.9g}, "
-                "which have no common period",
-                "Choose frequencies in the ratio of small whole numbers",
-            )
-    multiple = math.lcm(*(ratio.denominator for ratio in ratios.values()))
-    return Clock(
-        first,
-        multiple,
-        _parts(equations, zero, {e: int(4 * r * multiple) for e, r in ratios.items()}),
-        zero,
-    )
-
-
-def _parts(equations: MotionEquations, zero: frozenset[str], quarters: Mapping[Expr, int]) -> int:
-    """How many times a system repeats while its drives turn by some quarters of their periods.
-
-    The square of a sine repeats after half of its period, sin⁴ + cos⁴ after a quarter.
-    """
-    try:
-        formulas = [ex.substitute(e, dict.fromkeys(zero, ex.ZERO)) for e in equations.formulas]
-    except (ZeroDivisionError, OverflowError):
-        formulas = equations.formulas
-    formulas = [periodic_form(e) for e in formulas]
-    for parts in (4, 2):
-        turns = {e: quarter // parts for e, quarter in quarters.items()}
-        if all(periodic_form(_turned(e, turns)) is e for e in formulas):
-            return parts
-    return 1
-
-
-def _turned(formula: Expr, turns: Mapping[Expr, int]) -> Expr:
-    """A formula in which what repeats has been turned by quarters of its period, by its
-    frequency."""
-
-    def turn(e: Expr) -> Expr | None:
-        if "t" not in e.symbols:
-            return e
-        if len(e.args) != 1:
-            return None
-        (argument,) = e.args
-        rate = ex.frequency(e) or ex.ZERO
-        if rate in turns or -rate in turns:
-            return ex.turned(e, turns[rate] if rate in turns else -turns[-rate])
-        inside = _turned(argument, turns)
-        parity = FUNCTIONS[e.op].parity
-        if inside is -argument and parity:
-            return e if parity == "even" else -e
-        return ex.call(e.op, inside)
-
-    return ex.rewrite(formula, turn)

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.orbits.fields.clock import Clock, clock
 from stickslip.orbits.fields.mode_field import Piece, Pieces
-from stickslip.orbits.fields.symmetry import Clock, Surroundings, Symmetry, clock
+from stickslip.orbits.fields.symmetry import Surroundings, Symmetry
 from stickslip.orbits.fields.variational import resolution
 
 if TYPE_CHECKING:

@@ -28,8 +28,9 @@ from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
+from stickslip.orbits.fields.clock import Clock
 from stickslip.orbits.fields.mode_field import Piece, Pieces
-from stickslip.orbits.fields.symmetry import Clock, Surroundings, Symmetry
+from stickslip.orbits.fields.symmetry import Surroundings, Symmetry
 from stickslip.orbits.fields.variational import Variation, variation
 from stickslip.orbits.return_map.held import HELD, Held, nearest_slip, released, slips
 

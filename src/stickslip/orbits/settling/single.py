@@ -10,7 +10,8 @@ from stickslip.arrays import Array
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
 from stickslip.motion.steps.arrays import NOW
-from stickslip.orbits.fields.symmetry import Clock, Symmetry
+from stickslip.orbits.fields.clock import Clock
+from stickslip.orbits.fields.symmetry import Symmetry
 from stickslip.orbits.settling.engine.tables import COUNT, DURATION
 from stickslip.orbits.settling.motions import Block, Invariance, Settings
 

@@ -1,0 +1,335 @@
+"""What the drives of a system repeat after, and by how much the state is then shifted.
+
+A drive is a phase that advances with time. Time may also move the state along, as a pull Vt does:
+in the frame that goes with it (:mod:`stickslip.orbits.fields.lines_and_phases`) the phases of what
+repeats in space are drives like any other, and what has moved on by their period is the shift.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.equations.derive import MotionEquations
+from stickslip.errors import DeclarationError, short
+from stickslip.model.system import System
+from stickslip.orbits.fields.lines_and_phases import Reading, read
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.functions import FUNCTIONS
+from stickslip.symbolic.pieces import periodic_form
+
+_SAME = 1e-9  # changes below this part of their terms are none
+_STANDS = 1e-12  # … and phases that advance by less than this part of their terms do not advance
+_MOST_PERIODS = 24  # drives have a common period if it is at most this many of their own
+
+
+class Drives(NamedTuple):
+    """What drives a system, for given parameters.
+
+    Attributes
+    ----------
+    period : float
+        Common to all drives.
+    parts : int
+        How many times the system repeats in it.
+    velocity : array, shape (n,)
+        With which the state is moved along.
+    """
+
+    period: float
+    parts: int
+    velocity: Array
+
+
+@dataclass(frozen=True)
+class MovingFrame:
+    """A system in the frame in which time stands in phases alone.
+
+    Attributes
+    ----------
+    equations : MotionEquations
+    zero : frozenset of str
+        Parameters that are zero.
+    """
+
+    equations: MotionEquations
+    zero: frozenset[str]
+
+    @cached_property
+    def states(self) -> list[str]:
+        """Components of the state that may be shifted: not rates, which say how others move on."""
+        d = self.equations.declaration
+        return [x for x in d.state if x not in {f"d_{q}" for q in d.inertial}]
+
+    @cached_property
+    def reading(self) -> Reading:
+        """Where time and state stand."""
+        known = self.equations.declaration.parameters
+        return read(self.formulas, ["t", *self.states], constant=known)
+
+    @cached_property
+    def formulas(self) -> list[Expr]:
+        """All that the motion depends on, such that what repeats is seen."""
+        numbers = dict.fromkeys(self.zero, ex.ZERO)
+        try:
+            found = [ex.substitute(e, numbers) for e in self.equations.formulas]
+        except (ZeroDivisionError, OverflowError):
+            found = self.equations.formulas
+        return [periodic_form(e) for e in found]
+
+    def velocity(self, values: Mapping[str, float]) -> Array | None:
+        """Of the frame; None if there is none."""
+        try:
+            return self.reading.velocity(self.states, values)
+        except (ZeroDivisionError, OverflowError):
+            return None
+
+    def seen_from(self, formulas: list[Expr], velocity: Array) -> list[Expr]:
+        """Formulas in the frame, with a name for each velocity that is not zero."""
+        moved = {
+            x: ex.sym(x) + ex.sym(_name(x)) * ex.sym("t")
+            for x, v in zip(self.states, velocity, strict=True)
+            if v != 0.0
+        }
+        return [ex.substitute(e, moved) for e in formulas] if moved else formulas
+
+    def named(self, velocity: Array) -> dict[str, float]:
+        """The velocities by these names."""
+        return {_name(x): float(v) for x, v in zip(self.states, velocity, strict=True)}
+
+
+def _name(state: str) -> str:
+    return f"velocity:{state}"
+
+
+@dataclass(frozen=True)
+class Clock:
+    """What the drives of a system repeat after, 2πm/ω, and which part of that is its period.
+
+    Attributes
+    ----------
+    frame : MovingFrame
+        In which they are drives.
+    frequency : Expr
+        ω, of the first drive.
+    multiple : int
+        m: after so many of its periods all drives are as before.
+    parts : int
+        After one of so many parts of that the system is as before.
+    alone : bool
+        Whether there is no other drive, so that ω may take any value.
+    """
+
+    frame: MovingFrame
+    frequency: Expr
+    multiple: int
+    parts: int
+    alone: bool
+
+    @property
+    def zero(self) -> frozenset[str]:
+        """Parameters that have to be zero for that: the amplitude of a drive may be one of them."""
+        return self.frame.zero
+
+    def velocity(self, values: Mapping[str, float]) -> Array:
+        """With which the state is moved along."""
+        found = self.frame.velocity(values)
+        return np.zeros(len(self.frame.states)) if found is None else found
+
+    def rate(self, values: Mapping[str, float]) -> float:
+        """ω for given parameters."""
+        return ex.evaluate(self.frequency, {**values, **self.frame.named(self.velocity(values))})
+
+    def period(self, values: Mapping[str, float]) -> float:
+        """The period for given parameters.
+
+        Raises
+        ------
+        DeclarationError
+            If a drive acts that did not where the clock was made, or the drives stand still.
+        """
+        for name in sorted(self.zero):
+            if values[name] != 0.0:
+                raise DeclarationError(
+                    name,
+                    "where it is not 0, the drives have another period",
+                    "Start from a cycle at such a value",
+                )
+        rate = self.rate(values)
+        if rate == 0.0:
+            raise DeclarationError(
+                self.frame.equations.declaration.name,
+                "its drives stand still",
+                "Choose parameters for which they move",
+            )
+        return 2.0 * math.pi * self.multiple / self.parts / abs(rate)
+
+    def drives(self, values: Mapping[str, float]) -> Drives:
+        """The common period of the drives, how many times the system repeats in it, and how the
+        state is moved along."""
+        moved = dict(zip(self.frame.states, self.velocity(values), strict=True))
+        names = self.frame.equations.declaration.state
+        velocity = np.array([float(moved.get(name, 0.0)) for name in names])
+        return Drives(self.parts * self.period(values), self.parts, velocity)
+
+    def slope(self, values: Mapping[str, float], parameter: str) -> float:
+        """Derivative of the period with respect to a parameter."""
+        frame = self.frame
+        every = {**values, **frame.named(self.velocity(values))}
+        change = ex.evaluate(ex.derivative(self.frequency, parameter), every)
+        # The frame, too, moves at another velocity.
+        names = [_name(x) for x in frame.states if _name(x) in self.frequency.symbols]
+        if names:
+            bent = frame.named(frame.reading.acceleration(frame.states, values, parameter))
+            change += sum(
+                ex.evaluate(ex.derivative(self.frequency, name), every) * bent[name]
+                for name in names
+            )
+        return -self.period(values) * change / ex.evaluate(self.frequency, every)
+
+
+def clock(system: System, equations: MotionEquations, values: Mapping[str, float]) -> Clock:
+    """What the drives of a system repeat after.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no drive of a constant frequency, or their frequencies have no common period.
+    """
+    zero = frozenset(name for name in system.parameters if values[name] == 0.0)
+    found = _clock(system, equations, values, zero)
+    for name in sorted(zero):
+        # Only what matters for it has to stay zero.
+        try:
+            other = _clock(system, equations, values, found.zero - {name})
+        except DeclarationError:
+            continue
+        if other.period(values) <= found.period(values) * (1.0 + _SAME):
+            found = other
+    return found
+
+
+def _clock(
+    system: System, equations: MotionEquations, values: Mapping[str, float], zero: frozenset[str]
+) -> Clock:
+    """What they repeat after as long as some parameters are zero."""
+    frame = MovingFrame(equations, zero)
+    found = frame.velocity(values)
+    velocity = np.zeros(len(frame.states)) if found is None else found
+    every = {**values, **frame.named(velocity)}
+    moving = _moving(frame, velocity, every)
+    if not moving:
+        raise DeclarationError(
+            system.name,
+            f"it depends on time, but {_without_wave(frame, found)}, so that nothing tells its "
+            "period",
+            "Cycles need a drive that repeats, such as sin(omega*t), or a pull V*t over what "
+            "repeats in space",
+        )
+    first, base = next(iter(moving.items()))
+    ratios = {}
+    for e, rate in moving.items():
+        ratios[e] = Fraction(rate / base).limit_denominator(_MOST_PERIODS)
+        if abs(float(ratios[e]) - rate / base) > 1e-9 * abs(rate / base):
+            raise DeclarationError(
+                system.name,
+                f"its drives have the angular frequencies {abs(base):.9g} and {abs(rate):.9g}, "
+                "which have no common period",
+                "Choose frequencies in the ratio of small whole numbers",
+            )
+    multiple = math.lcm(*(ratio.denominator for ratio in ratios.values()))
+    quarters = {e: int(4 * r * multiple) for e, r in ratios.items()}
+    parts = _parts(frame.seen_from(frame.formulas, velocity), quarters)
+    return Clock(frame, first, multiple, parts, len(moving) == 1)
+
+
+def _moving(frame: MovingFrame, velocity: Array, every: Mapping[str, float]) -> dict[Expr, float]:
+    """Frequencies of what repeats in the frame, with their values: of what is felt, where anything
+    is."""
+    known = every.keys()
+    numbers = dict.fromkeys(frame.zero, ex.ZERO)
+    plain = frame.seen_from(frame.equations.formulas, velocity)
+    rates: dict[Expr, float] = {}
+    still = plain is frame.equations.formulas
+    for e in frame.equations.frequencies if still else _frequencies(plain):
+        if e.symbols <= known and e not in rates and -e not in rates:
+            rate = ex.evaluate(e, every)
+            terms = [part * weight for part, weight in _terms(e, every)]
+            rates[e] = rate if abs(rate) > _STANDS * math.fsum(map(abs, terms)) else 0.0
+    try:
+        felt = set(_frequencies([ex.substitute(e, numbers) for e in plain]))
+        acts = {
+            e: rate in felt or -rate in felt for e in rates for rate in [ex.substitute(e, numbers)]
+        }
+    except (ZeroDivisionError, OverflowError):
+        acts = dict.fromkeys(rates, True)
+    none = not any(acts.values())
+    return {e: rate for e, rate in rates.items() if rate != 0.0 and (acts[e] or none)}
+
+
+def _frequencies(formulas: list[Expr]) -> list[Expr]:
+    found = dict.fromkeys(ex.frequency(node) for node in ex.walk(formulas))
+    return [e for e in found if e is not None]
+
+
+def _terms(e: Expr, values: Mapping[str, float]) -> list[tuple[float, float]]:
+    parts = e.terms if e.op == "sum" else ((e, 1.0),)
+    return [(ex.evaluate(term, values), weight) for term, weight in parts]
+
+
+def _without_wave(frame: MovingFrame, velocity: Array | None) -> str:
+    """Why nothing tells the period."""
+    if velocity is None:
+        line = frame.reading.holding()
+        assert line is not None
+        shown = ex.to_text(ex.add(*((slope * ex.sym(x), 1.0) for x, slope in line.items())))
+        return (
+            "on no wave of a constant frequency, and no even motion of the state makes up for "
+            f"time in {short(shown)}"
+        )
+    if np.any(velocity):
+        return "on no wave of a constant frequency, and nothing repeats on the way of what is moved"
+    return "on no wave of a constant frequency"
+
+
+def _parts(formulas: list[Expr], quarters: Mapping[Expr, int]) -> int:
+    """How many times a system repeats while its drives turn by some quarters of their periods.
+
+    The square of a sine repeats after half of its period, sin⁴ + cos⁴ after a quarter.
+    """
+    formulas = [periodic_form(e) for e in formulas]
+    for parts in (4, 2):
+        turns = {e: quarter // parts for e, quarter in quarters.items()}
+        if all(periodic_form(_turned(e, turns)) is e for e in formulas):
+            return parts
+    return 1
+
+
+def _turned(formula: Expr, turns: Mapping[Expr, int]) -> Expr:
+    """A formula in which what repeats has been turned by quarters of its period, by its
+    frequency."""
+
+    def turn(e: Expr) -> Expr | None:
+        if "t" not in e.symbols:
+            return e
+        if len(e.args) != 1:
+            return None
+        (argument,) = e.args
+        rate = ex.frequency(e) or ex.ZERO
+        if rate in turns or -rate in turns:
+            return ex.turned(e, turns[rate] if rate in turns else -turns[-rate])
+        inside = _turned(argument, turns)
+        parity = FUNCTIONS[e.op].parity
+        if inside is -argument and parity:
+            return e if parity == "even" else -e
+        return ex.call(e.op, inside)
+
+    return ex.rewrite(formula, turn)

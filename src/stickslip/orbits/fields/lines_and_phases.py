@@ -1,0 +1,173 @@
+"""Which shifts of time and state leave formulas unchanged, read off the formulas.
+
+Time and state stand in them in *phases*, the arguments of what repeats, and in *lines*, evenly and
+outside of anything that repeats:
+
+    lines  α t + β·y,  as in k(Vt − x);      phases  ν t + κ·y, in periods,  as in sin(2πx/a).
+
+A shift (τ, ξ) of (t, y) leaves every formula unchanged if it leaves the lines as they are and turns
+the phases by whole periods:
+
+    α τ + β·ξ = 0,      ν τ + κ·ξ a whole number.
+
+With 0 as that number these are the shifts and the moving frame of a system that is unchanged by
+shifts of any size. If it is another one, they come in steps: a tip that is pulled over a lattice of
+distance a at the speed V is the same a later in space and a/V later in time. The frame that goes
+with both is the same, τ = 1 in the lines: there a pull is a drive whose waves are the phases.
+This is sufficient, not necessary: what else is in a formula may not change at all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.enclosures import bounds
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.functions import FUNCTIONS
+
+_MAKES_UP = 1e-9  # part of the terms of a line that may be left of them
+_ROUNDING = 1e-13  # of the largest velocity
+
+Slopes = dict[str, Expr]
+"""Of a line or phase, by the names in it."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Where some names stand in formulas.
+
+    Attributes
+    ----------
+    lines, phases : list of dict of str to Expr
+        Slopes by name, of phases in periods.
+    """
+
+    lines: list[Slopes]
+    phases: list[Slopes]
+
+    def velocity(self, states: list[str], values: Mapping[str, float]) -> Array | None:
+        """Of a frame in which time stands in phases alone; None if there is none."""
+        table = self._table(["t", *states], values)
+        if not np.any(table[:, 0]):
+            return np.zeros(len(states))
+        found = np.linalg.lstsq(table[:, 1:], -table[:, 0], rcond=None)[0]
+        # What is rounding beside the others is none.
+        found = np.where(np.abs(found) > _ROUNDING * np.max(np.abs(found)), found, 0.0)
+        left = np.abs(table[:, 0] + table[:, 1:] @ found)
+        if np.any(left > _MAKES_UP * (np.abs(table[:, 0]) + np.abs(table[:, 1:]) @ np.abs(found))):
+            return None
+        return found
+
+    def acceleration(self, states: list[str], values: Mapping[str, float], parameter: str) -> Array:
+        """Derivative of that velocity v with respect to a parameter p: of α + β·v = 0."""
+        velocity = self.velocity(states, values)
+        if velocity is None or not np.any(velocity):
+            return np.zeros(len(states))
+        names = ["t", *states]
+        size = self._sizes(names, values)
+        slopes = [{x: ex.derivative(e, parameter) for x, e in line.items()} for line in self.lines]
+        table = self._table(names, values)
+        change = _numbers(slopes, names, values) / size
+        return np.linalg.lstsq(
+            table[:, 1:], -(change[:, 0] + change[:, 1:] @ velocity), rcond=None
+        )[0]
+
+    def holding(self) -> Slopes | None:
+        """A line in which time stands, to be named where no frame makes up for it."""
+        timed = [line for line in self.lines if "t" in line]
+        return min(timed, key=len) if timed else None
+
+    def _table(self, names: list[str], values: Mapping[str, float]) -> Array:
+        """The lines as rows of numbers, the largest of each ±1."""
+        return _numbers(self.lines, names, values) / self._sizes(names, values)
+
+    def _sizes(self, names: list[str], values: Mapping[str, float]) -> Array:
+        size = np.max(np.abs(_numbers(self.lines, names, values)), axis=1, initial=0.0)
+        return np.where(size > 0.0, size, 1.0)[:, None]
+
+
+def _numbers(rows: list[Slopes], names: list[str], values: Mapping[str, float]) -> Array:
+    place = {name: i for i, name in enumerate(names)}
+    table = np.zeros((len(rows), len(names)))
+    for row, slopes in zip(table, rows, strict=True):
+        for name, slope in slopes.items():
+            row[place[name]] = ex.evaluate(slope, values)
+    return table
+
+
+def read(
+    formulas: Iterable[Expr],
+    names: Iterable[str],
+    *,
+    constant: Iterable[str] = (),
+    since: float = -math.inf,
+) -> Reading:
+    """Where some names stand in formulas.
+
+    Parameters
+    ----------
+    formulas : iterable of Expr
+    names : iterable of str
+    constant : iterable of str
+        What slopes may depend on.
+    since : float
+        A branch that lies in the past of this time for good does not count.
+    """
+    reader = _Reader(frozenset(names), frozenset(constant), since)
+    for formula in formulas:
+        reader.look(formula)
+    return Reading(reader.lines, reader.phases)
+
+
+class _Reader:
+    def __init__(self, names: frozenset[str], constant: frozenset[str], since: float) -> None:
+        self.names = names
+        self.constant = constant
+        self.ranges = {"t": (since, math.inf)}
+        self.lines: list[Slopes] = []
+        self.phases: list[Slopes] = []
+        self.seen: set[Expr] = set()
+
+    def look(self, e: Expr) -> None:
+        """Take down the lines and phases of an expression."""
+        if not e.symbols & self.names or e in self.seen:
+            return
+        self.seen.add(e)
+        period = FUNCTIONS[e.op].period if e.op in FUNCTIONS else 0.0
+        if period:
+            self._split(e.args[0], self.phases, 1.0 / period)
+        elif e.op == "select":
+            low, high = bounds(e.args[0], self.ranges)
+            for part in e.args[1:2] if low >= 0.0 else e.args[2:] if high < 0.0 else e.args:
+                self.look(part)
+        else:
+            self._split(e, self.lines, 1.0)
+
+    def _split(self, e: Expr, kept: list[Slopes], unit: float) -> None:
+        """Take down the part of an expression in which the names stand evenly, and look into the
+        rest."""
+        even: Slopes = {}
+        rest: list[Expr] = []
+        for term, weight in e.terms if e.op == "sum" else ((e, 1.0),):
+            felt = term.symbols & self.names
+            slopes = {name: ex.derivative(term, name) for name in sorted(felt)}
+            if ex.bends(term, felt) or any(not s.symbols <= self.constant for s in slopes.values()):
+                rest.append(term)
+                continue
+            for name, slope in slopes.items():
+                even[name] = even.get(name, ex.ZERO) + unit * weight * slope
+        even = {name: slope for name, slope in even.items() if slope is not ex.ZERO}
+        if even:
+            kept.append(even)
+        for term in rest:
+            if term is not e or kept is self.phases:
+                self.look(term)
+            else:
+                for part in (*e.args, *(base for base, _ in e.terms)):
+                    self.look(part)
