@@ -66,3 +66,27 @@ def quasistatic(
             x = node
         positions[i] = x
     return positions
+
+
+def friction(k: float, V_0: float, a: float) -> float:
+    """Mean spring force in slow pull: the energy that is lost in the jump from one valley to the
+    next, by the distance of the valleys; zero for η ≤ 1."""
+    if eta(k, V_0, a) <= 1:
+        return 0.0
+    support = support_at_jump(k, V_0, a) * (1.0 + 1e-15)
+    edge = a / (2 * math.pi) * math.acos(-1 / eta(k, V_0, a))
+    landed = float(quasistatic([support * (1.0 + 1e-12)], k, V_0, a, edge * (1.0 + 1e-6))[0])
+
+    def energy(x: float) -> float:
+        return k / 2 * (x - support) ** 2 - V_0 * math.cos(2 * math.pi * x / a)
+
+    return (energy(edge) - energy(landed)) / round((landed - edge) / a + 0.5) / a
+
+
+def friction_when_fast(k: float, V_0: float, a: float, nu: float, V: float) -> float:
+    """Mean spring force at high speed, to second order in V₀: νV + ½F²κ·ων/(k² + ω²ν²), with F =
+    2πV₀/a, κ = 2π/a and ω = κV, since the tip answers to the lattice as a driven linear one."""
+    kappa = 2 * math.pi / a
+    omega = kappa * V
+    force = kappa * V_0
+    return nu * V + force**2 * kappa / 2 * omega * nu / (k**2 + (omega * nu) ** 2)

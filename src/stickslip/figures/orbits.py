@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 
 _LETTERS = 26  # of a label beside a panel, in a line
+_WIDE = 100.0  # ratio of the ends of a logarithmic axis, at least
+_LOW = 0.2  # … of whose largest value the median is at most this part
 _MARKERS = "osD^vPX*"
 _SMOOTH = ("fold", "period doubling", "torus")  # the curve goes on without a corner
 _VANISHING = ("Hopf", "boundary equilibrium")  # there a cycle is a point
@@ -56,7 +58,7 @@ def plot_branch(
     branch : Branch
     names : list of str, optional
         What is drawn over the parameter; by default the coordinates and internal variables that
-        change, and the speed of gaits, at most three.
+        change, and the speed of gaits, at most three; the mean friction of what is pulled along.
     others : sequence of Branch
         Of the same system and parameter, such as the cycles that are born on a branch of
         equilibria.
@@ -77,8 +79,12 @@ def plot_branch(
     names = _known(branch, names) if names else _changing(branch)
     names = names[:1] if ax is not None else names
 
+    wide = all(_is_wide(_values(one)) for one in every)
+
     def draw(panels: Sequence[Axes]) -> list[Line2D]:
         for axes, name in zip(panels, names, strict=True):
+            if wide:
+                axes.set_xscale("log")
             for one in every:
                 _draw(axes, one, name, _markers(every))
             axes.set_ylabel(_label(branch, name))
@@ -170,8 +176,11 @@ def _changing(branch: Branch) -> list[str]:
     """Coordinates and internal variables that change along the branch (all of them if none does),
     and a gait's speed.
 
-    Where a gait's feet are says nothing.
+    Where a gait's feet are says nothing, nor does the speed of what a load carries along.
     """
+    driven = "harmonics_error" in branch.points and not branch.system.plain.translation
+    if driven and "energy_per_distance" in branch.points:
+        return ["energy_per_distance"]
     speed = ["speed"] if _is_cycles(branch) and np.any(branch.points["speed"].values != 0.0) else []
     candidates = [
         x for x in branch.system.declaration.state if x in branch.points and not x.startswith("d_")
@@ -198,7 +207,7 @@ def _label(branch: Branch, name: str) -> str:
 
 
 def _unit(branch: Branch, name: str) -> str:
-    if name == "speed":
+    if name == "speed" and branch.system.translation:
         return drift_units(branch.system, branch.system.translation)[1]
     declared = {**branch.system.plain.coordinates, **branch.system.plain.internal}
     if name in declared:
@@ -237,7 +246,9 @@ def _draw(axes: Axes, branch: Branch, name: str, markers: Mapping[str, dict[str,
     corners = np.zeros(len(x), bool)
     corners[[s.index for s in branch.special if s.kind not in _SMOOTH or s.note]] = True
     for curve in curves:
-        drawn = smooth_curve(x, branch.points[curve].values.astype(float), corners)
+        across = np.log(x) if axes.get_xscale() == "log" else x
+        drawn = smooth_curve(across, branch.points[curve].values.astype(float), corners)
+        drawn = (np.exp(drawn[0]), drawn[1]) if axes.get_xscale() == "log" else drawn
         for first, last in pairwise([0, *changed, len(x)]):
             # up to the first point of the next stretch
             part = slice(PIECES * first, PIECES * min(last, len(x) - 1) + 1)
@@ -256,6 +267,13 @@ def _heights(branch: Branch, point: SpecialPoint, name: str) -> list[float]:
     if not _is_cycles(branch) or point.kind in _VANISHING:
         return [point.state[name]]
     return [float(branch.points[f"{side}_{name}"].values[point.index]) for side in ("max", "min")]
+
+
+def _is_wide(x: Array) -> bool:
+    """Whether points extend over orders of magnitude, and most of them are far below the
+    largest."""
+    wide = np.min(x) > 0.0 and np.max(x) >= _WIDE * np.min(x)
+    return bool(wide and np.median(x) <= _LOW * np.max(x))
 
 
 def _decided(branch: Branch) -> Array:

@@ -280,7 +280,7 @@ def test_motion_that_has_not_settled_goes_on() -> None:
 
 def test_time_that_does_not_repeat() -> None:
     with pytest.raises(DeclarationError, match="no wave of a constant frequency"):
-        find_cycle(catalogue.prandtl_tomlinson())
+        find_cycle(catalogue.wiggly_energy())
     with pytest.raises(DeclarationError, match="time enters in another way"):
         find_cycle(catalogue.oscillating_play())
     family = linear_family("inertial", 2, 1)

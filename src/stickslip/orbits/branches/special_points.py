@@ -58,6 +58,7 @@ _MEANINGS = {
     "dissipated": "energy dissipated in a period",
     "supplied": "energy supplied in a period",
     "drift": "shift in a period",
+    "energy_per_distance": "mean friction: energy dissipated per distance",
 }
 _STABLE = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "neutral unstable stable"}
 
@@ -343,6 +344,8 @@ def dataset(parameters: Iterable[str], cycles: list[Cycle], steps: Array) -> xar
         "energy_per_distance": cycles[0].units["energy_per_distance"],
     }
 
+    drifts = all(c.drift for c in cycles)
+
     def column(name: str, values: Iterable[float], **attributes: str) -> tuple[str, Array, dict]:
         unit = {"units": units[name]} if name in units else {}
         return "point", np.array([*values], dtype=float), unit | attributes
@@ -381,6 +384,7 @@ def dataset(parameters: Iterable[str], cycles: list[Cycle], steps: Array) -> xar
             name: measured(name)
             for name in ("stick_time", "slip_time", "dissipated", "supplied", "drift", "speed")
         },
+        **({"energy_per_distance": measured("energy_per_distance")} if drifts else {}),
         "residual": measured("residual"),
         "certified": ("point", np.array([c.certificate.ok for c in cycles], np.int8)),
         "step": ("point", steps, _STEP),

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.equations.field import MODE_NAMES
-from stickslip.errors import DeclarationError
+from stickslip.errors import DeclarationError, short
 from stickslip.model.quantities import described, drift_units, per_distance_unit
 from stickslip.model.system import System
 from stickslip.model.units import with_unit
@@ -38,6 +38,8 @@ from stickslip.orbits.cycles.measure import ContactShare, Phase
 from stickslip.orbits.return_map.damped_newton import Closed
 from stickslip.orbits.return_map.mode_sequence import nearest_change
 from stickslip.results import Result, listed, restored_certificate
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.formulas import Scope
 
 if TYPE_CHECKING:
     import xarray
@@ -276,7 +278,8 @@ class Cycle(Result):
 
     @property
     def energy_per_distance(self) -> float:
-        """Energy dissipated per distance; infinite without drift."""
+        """Energy dissipated per distance, the mean friction of what is pulled; infinite without
+        drift."""
         return self.dissipated / abs(self.drift) if self.drift else math.inf
 
     @property
@@ -393,6 +396,41 @@ class Cycle(Result):
         cycle = cls(motion.system, dict(motion.parameters))
         vars(cycle).update(said | changed)
         return cycle
+
+    def mean(self, formula: str) -> float:
+        """The mean of a formula over a period, (1/T) ∫ f dt, such as that of the force of a spring
+        by which a system is pulled.
+
+        Parameters
+        ----------
+        formula : str
+            Of the parameters, functions, drives and facts of the system, of ``t``, the state, the
+            rates ``d_x``, and, by contact, ``friction_c`` and what else :meth:`Trajectory.at` gives
+            of it.
+
+        Raises
+        ------
+        DeclarationError
+            If it is no formula, or undefined somewhere on the cycle.
+
+        Examples
+        --------
+        >>> import stickslip as ss
+        >>> cycle = ss.find_cycle(ss.catalogue.prandtl_tomlinson())
+        >>> print(f"{cycle.mean('k*(X - x)'):.6f} {cycle.energy_per_distance:.6f}")
+        0.465260 0.465260
+        """
+        known = self.system.plain.declaration.scope
+        rows = {name: ex.sym(name) for name in self.trajectory._rows}
+        scope = Scope({**rows, **known.names}, known.definitions)
+        found, _ = measure.mean(self.trajectory, scope.parse(formula, "formula"))
+        if math.isnan(found):
+            raise DeclarationError(
+                "formula",
+                f"{short(formula)} is undefined on the cycle",
+                "Choose one that is defined all along",
+            )
+        return found
 
     def cost_of_transport(self, weight: float | str) -> float:
         """Energy per distance and weight, without dimension.

@@ -140,16 +140,39 @@ def from_state(problem: Problem, state: Array, time: float) -> Closed:
 
 
 def _at_rest(
-    problem: Problem, time: float, rest: Array, before: ConvergenceError | None = None
+    problem: Problem,
+    time: float,
+    rest: Array,
+    before: ConvergenceError | None = None,
+    velocity: Array | None = None,
 ) -> ConvergenceError:
-    final = ", ".join(
-        f"{name} = {value:.6g}"
-        for name, value in zip(problem.system.declaration.state, rest, strict=True)
-    )
+    """The motion comes to rest, perhaps in a frame.
+
+    Parameters
+    ----------
+    problem : Problem
+    time : float
+    rest : array, shape (n,)
+    before : ConvergenceError, optional
+        What was tried before.
+    velocity : array, shape (n,), optional
+        Of the frame.
+    """
+    names = problem.system.declaration.state
+    final = ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, rest, strict=True))
     tried = f"; before that, {before.reached}" if before is not None else ""
+    moved = (
+        {n: v for n, v in zip(names, velocity, strict=True) if v} if velocity is not None else {}
+    )
+    along = ", ".join(f"{name} at the speed {v:.6g}" for name, v in moved.items())
     return ConvergenceError(
         f"a cycle of {problem.system.name}",
-        f"the motion comes to rest: from t = {time:.6g} on it stays near {final}{tried}",
+        (
+            f"the motion becomes steady: from t = {time:.6g} on it moves along evenly, {along}, "
+            f"from {final}{tried}"
+            if moved
+            else f"the motion comes to rest: from t = {time:.6g} on it stays near {final}{tried}"
+        ),
         "Start with more energy, or choose parameters for which it keeps moving",
     )
 
@@ -182,10 +205,10 @@ class _Search:
         fate, along = self._settle(w)
         reached = self.time + fate.elapsed
         if fate.outcome in (Outcome.AT_REST, Outcome.STEADY):
-            raise _at_rest(self.problem, reached, fate.state, self.failure)
+            raise self._rests(reached, fate, along)
         if fate.outcome is Outcome.PERIODIC:
             if not along.extent(np.max(np.abs(along.states), axis=0)) > _STILL:
-                raise _at_rest(self.problem, reached, fate.state, self.failure)
+                raise self._rests(reached, fate, along)
             closed = self._tried(along, [after(along, self.pieces, fate.period)])
         elif fate.outcome is Outcome.UNDAMPED:
             self._tried(w, earliest(w))
@@ -278,6 +301,10 @@ class _Search:
         extents = first.extent(modulus), w.extent(modulus)
         until = self.time + fate.elapsed + LAST_SPANS * self.span
         raise self._failed(until, found[-1] if found else None, extents, exponent)
+
+    def _rests(self, time: float, fate: Settled, w: Window) -> ConvergenceError:
+        velocity = w.symmetry.frame
+        return _at_rest(self.problem, time, fate.state, self.failure, velocity)
 
     def _ended(self, message: str) -> ConvergenceError:
         return NoReturn(

@@ -164,7 +164,9 @@ def _shooting(seed: _Seed, pieces: Pieces, point: SpecialPoint, sizes: Array) ->
     n = len(sizes)
     signs = np.random.default_rng(0).uniform(-1.0, 1.0, (8, n))
     around = Surroundings([piece] * 8, np.zeros(8), seed.equilibrium + signs * sizes, sizes)
-    setting = Setting(around.symmetry(p, None), around, None, 1, sizes, _held(seed))
+    # A small cycle goes around no cell.
+    symmetry = around.symmetry(p, None, np.zeros((n, 0)))
+    setting = Setting(symmetry, around, None, 1, np.zeros(0), sizes, _held(seed))
     return Shooting(
         seed.problem, pieces, [make_station(0.0, piece, 0.0, seed.state, p, sizes)], 0.0, setting
     )

@@ -1,15 +1,15 @@
 """What a period of a motion amounts to: extremes, phases, time in stick and slip, energy by
-contact, harmonics."""
+contact, harmonics, means."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stickslip.arrays import Array
+from stickslip.arrays import AnyArray, Array
 from stickslip.errors import DeclarationError, short
 from stickslip.model.quantities import described, formula_unit
 from stickslip.model.system import System
@@ -17,10 +17,12 @@ from stickslip.model.units import agree, factors
 from stickslip.motion.between.observers import LASTED, Sums
 from stickslip.orbits.return_map.recurrence import segments
 from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.formulas import Scope
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
+    from stickslip.symbolic.expressions import Expr
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)
 _PARTS = 16  # of the shortest wave that is looked for; a panel is at most one of them
@@ -120,8 +122,7 @@ def harmonics(
 ) -> tuple[Array, float]:
     """The coefficients c of Re(c exp(2πi·order·t/T)) in the motion of a period, without the drift.
 
-    c = (2/T) ∫ y exp(−2πi·order·t/T) dt, by Gauss quadrature on the steps, each cut into panels
-    until half as long ones change nothing.
+    c = (2/T) ∫ y exp(−2πi·order·t/T) dt.
 
     Parameters
     ----------
@@ -139,13 +140,69 @@ def harmonics(
     float
         By how much the last halving has changed them, relative to the size of the motion.
     """
+    period = float(motion.knots.time[-1] - motion.knots.time[0])
+    start = float(motion.knots.time[0])
+
+    def wave(times: Array, index: Array) -> tuple[Array, AnyArray]:
+        if names is None:
+            states = motion._states_at(times, index)
+        else:
+            traced = motion.trace(names, times, index)
+            states = np.column_stack([traced[name] for name in names])
+        home = states - np.outer((times - start) / period, shift)
+        return home, 2.0 * np.exp(-2j * np.pi * order * times / period)
+
+    return _averaged(motion, wave, order)
+
+
+def mean(motion: Trajectory, formula: Expr) -> tuple[float, float]:
+    """The mean of a formula over a period, (1/T) ∫ f dt, and by how much the last halving of the
+    panels has changed it, relative to the largest value.
+
+    Parameters
+    ----------
+    motion : Trajectory
+        One period.
+    formula : Expr
+        Of t, parameters, and the rows of the motion.
+    """
+    names = sorted(formula.symbols)
+    value = evaluator([formula], names, strict=True)
+
+    def along(times: Array, index: Array) -> tuple[Array, Array]:
+        rows = motion._sample(times, index)
+        known = {name: rows[:, row] for name, row in motion._rows.items()}
+        known |= {name: np.full(len(times), v) for name, v in motion.parameters.items()}
+        known["t"] = times
+        table = np.array([known[name] for name in names]).reshape(len(names), len(times))
+        return value(table).reshape(-1, 1) * np.ones((len(times), 1)), np.ones(len(times))
+
+    found, change = _averaged(motion, along, 1)
+    return float(found[0].real), change
+
+
+def _averaged(
+    motion: Trajectory, values: Callable[[Array, Array], tuple[Array, Array]], order: int
+) -> tuple[Array, float]:
+    """(1/T) ∫ f w dt over a period, and by how much the last halving of the panels has changed it,
+    relative to the largest |f|.
+
+    Gauss quadrature on the steps, each cut into panels until half as long ones change nothing.
+
+    Parameters
+    ----------
+    motion : Trajectory
+    values : callable
+        Times, and steps in which they are -> f, shape (times, functions), and w, shape (times,).
+    order : int
+        Waves of w in a period.
+    """
     k = motion.knots
-    start = float(k.time[0])
-    period = float(k.time[-1]) - start
+    period = float(k.time[-1]) - float(k.time[0])
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
     lengths = np.diff(k.time)[steps]
     counts = np.ceil(_PARTS * order * lengths / period).astype(int)
-    found, change = np.full(len(shift), np.nan + 0j), np.inf
+    found, change = np.full(1, np.nan + 0j), np.inf
     for _ in range(_DOUBLINGS):
         index = np.repeat(steps, counts)
         place = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -153,17 +210,10 @@ def harmonics(
         middle = k.time[index] + (place + 0.5) * width
         times = (middle[:, None] + 0.5 * width[:, None] * _NODES).ravel()
         weights = (0.5 * width[:, None] * _WEIGHTS).ravel()
-        knot = np.repeat(index, len(_NODES))
-        if names is None:
-            states = motion._states_at(times, knot)
-        else:
-            traced = motion.trace(names, times, knot)
-            states = np.column_stack([traced[name] for name in names])
-        states = states - np.outer((times - start) / period, shift)
-        turn = np.exp(-2j * np.pi * order * times / period)
-        before, found = found, 2.0 / period * (weights * turn) @ states
+        f, w = values(times, np.repeat(index, len(_NODES)))
+        before, found = found, 1.0 / period * (weights * w) @ f
         # Between knots a component may be much larger than at them.
-        size = np.maximum(np.max(np.abs(states), axis=0), 1e-300)
+        size = np.maximum(np.max(np.abs(f), axis=0), 1e-300)
         change = float(np.max(np.abs(found - before) / size))
         if change <= _EXACT:
             break

@@ -49,11 +49,11 @@ class NearCycle:
         found = np.empty(len(states))
         if period is None:
             for i in range(0, len(home), _PART):
-                found[i : i + _PART] = _to_polygon(home[i : i + _PART], self.polygon)
+                found[i : i + _PART] = self._to_polygon(home[i : i + _PART])
             return found
         for time in np.unique(times):
             points = self._home(*self._phases(float(time), period))
-            found[times == time] = _to_points(home[times == time], points)
+            found[times == time] = self._to_points(home[times == time], points)
         return found
 
     def _home(self, times: Array, periods: Array | float = 0.0) -> Array:
@@ -72,16 +72,19 @@ class NearCycle:
         times = k.time[0] + np.mod(time - k.time[0], period) + period * np.arange(turns)
         return np.minimum(times, k.time[-1]), np.rint((time - times) / period)
 
+    def _offset(self, states: Array, points: Array) -> Array:
+        """From points to states, without whole cells; shape (states, points, n)."""
+        sizes = self.window.sizes
+        return self.window.symmetry.at_home((states[:, None] - points) * sizes, sizes) / sizes
 
-def _to_points(states: Array, points: Array) -> Array:
-    return np.min(np.linalg.norm(states[:, None] - points, axis=2), axis=1)
+    def _to_points(self, states: Array, points: Array) -> Array:
+        return np.min(np.linalg.norm(self._offset(states, points), axis=2), axis=1)
 
-
-def _to_polygon(states: Array, points: Array) -> Array:
-    """Distance of states to a polygon."""
-    a = points[:-1]
-    chord = np.diff(points, axis=0)
-    length = np.maximum(np.sum(chord**2, axis=1), 1e-300)
-    offset = states[:, None] - a
-    part = np.clip(np.einsum("sci,ci->sc", offset, chord) / length, 0.0, 1.0)
-    return np.min(np.linalg.norm(offset - part[:, :, None] * chord, axis=2), axis=1)
+    def _to_polygon(self, states: Array) -> Array:
+        """Distance of states to the polygon of the cycle."""
+        a = self.polygon[:-1]
+        chord = np.diff(self.polygon, axis=0)
+        length = np.maximum(np.sum(chord**2, axis=1), 1e-300)
+        offset = self._offset(states, a)
+        part = np.clip(np.einsum("sci,ci->sc", offset, chord) / length, 0.0, 1.0)
+        return np.min(np.linalg.norm(offset - part[:, :, None] * chord, axis=2), axis=1)

@@ -33,7 +33,8 @@ def shorter(closed: Closed) -> dict[int, float]:
     drive; or those up to the number of times that a component has a maximum.
     """
     sizes = closed.shooting.setting.sizes
-    primes = list(_primes(_rounds(closed)))
+    cells = closed.shooting.setting.cells
+    primes = [p for p in _primes(_rounds(closed)) if not np.any(cells % p)]
     if not primes:
         return {}
     start, *later = closed.states_at(np.array([0.0, *(1.0 / p for p in primes)]))

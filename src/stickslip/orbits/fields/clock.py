@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -92,6 +92,13 @@ class MovingFrame:
         except (ZeroDivisionError, OverflowError):
             return None
 
+    def full(self, values: Mapping[str, float]) -> Array:
+        """The same of all components of the state, shape (n,); 0 if there is none."""
+        found = self.velocity(values)
+        moved = {} if found is None else dict(zip(self.states, found, strict=True))
+        names = self.equations.declaration.state
+        return np.array([float(moved.get(name, 0.0)) for name in names])
+
     def seen_from(self, formulas: list[Expr], velocity: Array) -> list[Expr]:
         """Formulas in the frame, with a name for each velocity that is not zero."""
         moved = {
@@ -108,6 +115,25 @@ class MovingFrame:
 
 def _name(state: str) -> str:
     return f"velocity:{state}"
+
+
+@lru_cache(maxsize=256)
+def moving_frame(equations: MotionEquations, zero: frozenset[str]) -> MovingFrame:
+    """The frame of a system with some parameters that are zero; what is read off it is kept."""
+    return MovingFrame(equations, zero)
+
+
+def cells_of(equations: MotionEquations, values: Mapping[str, float]) -> Array:
+    """Least shifts of the state alone that leave a system unchanged, shape (n, cells)."""
+    frame = moving_frame(equations, frozenset(name for name in values if values[name] == 0.0))
+    names = equations.declaration.state
+    try:
+        found = frame.reading.cells(frame.states, values)
+    except (ZeroDivisionError, OverflowError):
+        found = np.zeros((len(frame.states), 0))
+    cells = np.zeros((len(names), found.shape[1]))
+    cells[[names.index(x) for x in frame.states]] = found
+    return cells
 
 
 @dataclass(frozen=True)
@@ -175,10 +201,7 @@ class Clock:
     def drives(self, values: Mapping[str, float]) -> Drives:
         """The common period of the drives, how many times the system repeats in it, and how the
         state is moved along."""
-        moved = dict(zip(self.frame.states, self.velocity(values), strict=True))
-        names = self.frame.equations.declaration.state
-        velocity = np.array([float(moved.get(name, 0.0)) for name in names])
-        return Drives(self.parts * self.period(values), self.parts, velocity)
+        return Drives(self.parts * self.period(values), self.parts, self.frame.full(values))
 
     def slope(self, values: Mapping[str, float], parameter: str) -> float:
         """Derivative of the period with respect to a parameter."""
@@ -221,7 +244,7 @@ def _clock(
     system: System, equations: MotionEquations, values: Mapping[str, float], zero: frozenset[str]
 ) -> Clock:
     """What they repeat after as long as some parameters are zero."""
-    frame = MovingFrame(equations, zero)
+    frame = moving_frame(equations, zero)
     found = frame.velocity(values)
     velocity = np.zeros(len(frame.states)) if found is None else found
     every = {**values, **frame.named(velocity)}

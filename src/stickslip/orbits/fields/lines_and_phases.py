@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
@@ -32,7 +33,8 @@ from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 
 _MAKES_UP = 1e-9  # part of the terms of a line that may be left of them
-_ROUNDING = 1e-13  # of the largest velocity
+_ROUNDING = 1e-13  # of the largest velocity, or of the terms of a phase
+_MOST_CELLS = 24  # phases turn by whole numbers with a ratio of at most this
 
 Slopes = dict[str, Expr]
 """Of a line or phase, by the names in it."""
@@ -78,6 +80,45 @@ class Reading:
             table[:, 1:], -(change[:, 0] + change[:, 1:] @ velocity), rcond=None
         )[0]
 
+    def winds(self, states: list[str], values: Mapping[str, float]) -> bool:
+        """Whether some shift of the state alone leaves the lines as they are, and turns a phase."""
+        return bool(np.any(self._turned(states, values)[2]))
+
+    def cells(self, states: list[str], values: Mapping[str, float]) -> Array:
+        """Least shifts of the state alone that turn phases by whole periods, shape (states, cells).
+
+        Phases whose whole numbers have no small ratio to those of the others leave no such shift.
+        """
+        phases, free, turned = self._turned(states, values)
+        if not np.any(turned):
+            return np.zeros((len(states), 0))
+        # As many independent phases as there are turn by a whole number each; the others follow.
+        first = list[int]()
+        for i in np.argsort(-np.max(np.abs(turned), axis=1, initial=0.0), kind="stable"):
+            row = turned[i] - turned[first].T @ _solved(turned[first].T, turned[i])
+            if np.max(np.abs(row), initial=0.0) > _MAKES_UP * np.max(np.abs(turned), initial=0.0):
+                first.append(int(i))
+        found = list[Array]()
+        least = free @ np.linalg.pinv(turned[first])
+        for cell in least.T:
+            turns = phases @ cell
+            parts = [Fraction(float(x)).limit_denominator(_MOST_CELLS) for x in turns]
+            if np.allclose([float(x) for x in parts], turns, rtol=_MAKES_UP, atol=_MAKES_UP):
+                found.append(cell * math.lcm(*(part.denominator for part in parts)))
+        cells = np.array(found).reshape(len(found), len(states)).T
+        return np.where(np.abs(cells) > _ROUNDING * np.max(np.abs(cells), initial=0.0), cells, 0.0)
+
+    def _turned(self, states: list[str], values: Mapping[str, float]) -> tuple[Array, Array, Array]:
+        """The phases as rows of numbers, shifts that leave the lines as they are as columns, and by
+        how much these turn those."""
+        phases = _numbers(self.phases, ["t", *states], values)[:, 1:]
+        if not np.any(phases):
+            return phases, np.zeros((len(states), 0)), np.zeros((len(phases), 0))
+        free = _kernel(self._table(["t", *states], values)[:, 1:])
+        turned = phases @ free
+        terms = np.abs(phases) @ np.abs(free)
+        return phases, free, np.where(np.abs(turned) > _MAKES_UP * terms, turned, 0.0)
+
     def holding(self) -> Slopes | None:
         """A line in which time stands, to be named where no frame makes up for it."""
         timed = [line for line in self.lines if "t" in line]
@@ -90,6 +131,16 @@ class Reading:
     def _sizes(self, names: list[str], values: Mapping[str, float]) -> Array:
         size = np.max(np.abs(_numbers(self.lines, names, values)), axis=1, initial=0.0)
         return np.where(size > 0.0, size, 1.0)[:, None]
+
+
+def _kernel(matrix: Array) -> Array:
+    """Basis of what a matrix maps to zero, shape (columns, vectors)."""
+    _, s, v = np.linalg.svd(np.vstack([matrix, np.zeros((1, matrix.shape[1]))]))
+    return v[int(np.sum(s > _MAKES_UP * s[0])) if len(s) else 0 :].T
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    return np.linalg.lstsq(matrix, right, rcond=None)[0]
 
 
 def _numbers(rows: list[Slopes], names: list[str], values: Mapping[str, float]) -> Array:

@@ -1,10 +1,13 @@
-"""What leaves a system unchanged: shifts of the state, shifts of time, and moving frames; the
-period of what drives it.
+"""What leaves a system unchanged: shifts of the state, of any size or in steps; shifts of time, and
+moving frames.
 
 A translation e leaves every field and every guard unchanged: ∂f·e = 0. A system under a load ℓ = Vt
 is unchanged if time and position are shifted together: ∂ₜf + ∂f·e = 0, it is autonomous in the
 frame that moves with e. Both are directions in which all first derivatives vanish, so they are
-found, not declared.
+found, not declared. Shifts that come in steps are read off the formulas
+(:mod:`stickslip.orbits.fields.lines_and_phases`): a turn of the drives, with what it shifts, and
+the cells of a lattice. All are elements of one group; with one of them every return of a cycle is
+composed.
 """
 
 from __future__ import annotations
@@ -39,20 +42,39 @@ class Symmetry:
     turn : array, shape (states,)
         Of driven systems: the shift of the state with which the system is the same one period of
         its drives later.
+    cells : array, shape (states, cells)
+        Shifts of the state, each with its multiples, with which the system is the same at once.
     """
 
     shifts: Array
     frame: Array | None
     turn: Array
+    cells: Array
 
     @property
     def driven(self) -> bool:
         """Whether time matters."""
         return self.frame is None
 
-    def moved(self, period: float, turns: int) -> Array:
-        """Known part of the shift in a period."""
-        return turns * self.turn if self.frame is None else period * self.frame
+    def moved(self, period: float, turns: int, cells: Array) -> Array:
+        """Known part of the shift in a period: of the element of the group with which a return is
+        composed, so many turns of the drives (or the time in the frame) and cells."""
+        along = turns * self.turn if self.frame is None else period * self.frame
+        return along + self.cells @ cells
+
+    def counted(self, shift: Array, sizes: Array) -> Array:
+        """How many cells are in a shift, the nearest whole numbers."""
+        every = np.hstack([self.cells, self.shifts]) / sizes[:, None]
+        parts = np.linalg.lstsq(every, shift / sizes, rcond=None)[0]
+        return np.rint(parts[: self.cells.shape[1]])
+
+    def at_home(self, differences: Array, sizes: Array) -> Array:
+        """Differences of states without whole cells, shape (…, n)."""
+        if not self.cells.shape[1]:
+            return differences
+        every = np.hstack([self.cells, self.shifts]) / sizes[:, None]
+        parts = np.rint((differences / sizes) @ np.linalg.pinv(every).T)
+        return differences - parts[..., : self.cells.shape[1]] @ self.cells.T
 
 
 def alike(a: Symmetry, b: Symmetry) -> bool:
@@ -87,8 +109,9 @@ class Surroundings:
     states: Array
     sizes: Array
 
-    def symmetry(self, p: Array, drives: Drives | None) -> Symmetry:
-        """Invariance for given parameters, and drives (None: there are none).
+    def symmetry(self, p: Array, drives: Drives | None, cells: Array) -> Symmetry:
+        """Invariance for given parameters, from what formulas say of drives (None: there are none)
+        and cells.
 
         Raises
         ------
@@ -96,9 +119,13 @@ class Surroundings:
             If the system is driven and not the same one period of its drives later.
         """
         shifts, frame = _split(self._unchanged(p))
+        # Where shifts of any size change nothing, cells say nothing more.
+        N, C = shifts / self.sizes[:, None], cells / self.sizes[:, None]
+        rest = C - N @ np.linalg.lstsq(N, C, rcond=None)[0]
+        cells = cells[:, np.max(np.abs(rest), axis=0) > _SAME * np.max(np.abs(C), axis=0)]
         if frame is not None or drives is None:
-            return Symmetry(shifts, frame, np.zeros(len(self.sizes)))
-        return Symmetry(shifts, None, self._turn(p, drives) / drives.parts)
+            return Symmetry(shifts, frame, np.zeros(len(self.sizes)), cells)
+        return Symmetry(shifts, None, self._turn(p, drives) / drives.parts, cells)
 
     @cached_property
     def _samples(self) -> list[tuple[Piece, Array, Array]]:

@@ -60,8 +60,13 @@ def near(problem: Problem, pieces: Pieces, w: Window, found: Recurrence) -> tupl
     """The equations of the cycle near a recurrence, and where to start."""
     motion = follow_state(problem, found.time, found.time + found.period, found.state)
     sizes = sizes_of(motion, found.shift, pieces)
+    symmetry = w.symmetry
+    known = symmetry.moved(found.period, found.turns, np.zeros(symmetry.cells.shape[1]))
+    cells = symmetry.counted(found.shift - known, sizes)
+    if not np.any(cells):
+        symmetry, cells = replace(symmetry, cells=np.zeros((len(sizes), 0))), np.zeros(0)
     setting = Setting(
-        w.symmetry, w.surroundings, w.clock, found.turns, sizes, held_positions(motion)
+        symmetry, w.surroundings, w.clock, found.turns, cells, sizes, held_positions(motion)
     )
     piece = pieces(motion.knots.mode[0], motion.knots.region[0])
     station = make_station(0.0, piece, found.time, found.state, parameter_values(problem), sizes)
@@ -311,7 +316,7 @@ class Closed:
         setting = self.shooting.setting
         shift, time = carried_along(setting, self.orbit.problem, time)
         points = self.samples(256) if setting.symmetry.frame is not None else self._strobed(time)
-        gap = (points - (state - shift)) / setting.sizes
+        gap = setting.symmetry.at_home(points - (state - shift), setting.sizes) / setting.sizes
         N = setting.symmetry.shifts / setting.sizes[:, None]
         gap = gap - (gap @ N) @ np.linalg.pinv(N) if N.shape[1] else gap
         return float(np.min(np.linalg.norm(gap, axis=1)))

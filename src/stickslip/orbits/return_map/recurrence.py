@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.orbits.fields.clock import Clock, clock
+from stickslip.orbits.fields.clock import Clock, cells_of, clock
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.symmetry import Surroundings, Symmetry
 from stickslip.orbits.fields.variational import resolution
@@ -93,6 +93,13 @@ class Window:
         scaled = (states if e is None else states - np.multiply.outer(times, e)) / self.sizes
         return scaled - (scaled @ N) @ np.linalg.pinv(N) if N.shape[1] else scaled
 
+    def apart(self, differences: Array, times: Array | float) -> Array:
+        """The same of differences of states, and of their times: without whole cells, too."""
+        e = self.symmetry.frame
+        along = differences if e is None else differences - np.multiply.outer(times, e)
+        home = self.symmetry.at_home(along, self.sizes)
+        return self.at_home(home if e is None else home + np.multiply.outer(times, e), times)
+
     def carried(self, states: Array, times: Array) -> Array:
         """States without what a load that moves has carried them along; shape (…, n)."""
         driven = self.symmetry.frame is None
@@ -132,12 +139,14 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
     around = Surroundings(made, times, states, _sizes(states, states, felt))
     equations = trajectory._problem.compiled.equations
     ticking = None
-    found = around.symmetry(p, None)
+    cells = cells_of(equations, trajectory.parameters)
+    found = around.symmetry(p, None, cells)
     if found.driven:
         ticking = clock(trajectory.system, equations, trajectory.parameters)
-        found = around.symmetry(p, ticking.drives(trajectory.parameters))
+        found = around.symmetry(p, ticking.drives(trajectory.parameters), cells)
     rough = Window(trajectory, times, states, index, found, ticking, around.sizes, around)
-    sizes = _sizes(rough.at_home(rough.carried(states, times), times) * around.sizes, states, felt)
+    moving = rough.apart(rough.carried(states - states[0], times - times[0]), times - times[0])
+    sizes = _sizes(moving * around.sizes, states, felt)
     around = Surroundings(made, times, states, sizes)
     return Window(trajectory, times, states, index, found, ticking, sizes, around)
 
@@ -288,7 +297,7 @@ def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
     states = w.trajectory._states_at(np.asarray(times), np.asarray(steps))
     turns = np.round((times - t) / w.period).astype(int) if w.period else np.zeros(len(times), int)
     gap = states - y - np.multiply.outer(turns, w.symmetry.turn)
-    misses = np.linalg.norm(w.at_home(gap, times - t), axis=1)
+    misses = np.linalg.norm(w.apart(gap, times - t), axis=1)
     found = []
     least = np.inf
     for i, miss in enumerate(misses):
@@ -296,6 +305,8 @@ def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:
             least = miss
             later = sign * (states[i] - y)
             between = (w.times - t) * (w.times - times[i]) <= 0.0
+            if not np.any(between):  # shorter than from one sample to the next
+                between[:] = True
             passed = w.times[between]
             size = (
                 np.max(np.ptp(w.at_home(w.carried(w.states[between], passed), passed), axis=0))
@@ -333,10 +344,9 @@ def _passages(w: Window, t: float, y: Array, here: int, sign: float) -> tuple[Ar
     piece = w.surroundings.pieces[int(np.flatnonzero(w.index == here)[0])]
     p = np.array([w.trajectory.parameters[name] for name in w.trajectory.system.parameters])
     normal = w.at_home(piece.rates(t, y, p), 1.0)
-    home = w.at_home(y, t)
 
     def height(states: Array, times: Array) -> Array:
-        return (w.at_home(states, times) - home) @ normal
+        return w.apart(states - y, times - t) @ normal
 
     h = height(w.states, w.times)
     up = same[:-1] & (w.index[:-1] == w.index[1:]) & (h[:-1] <= 0.0) & (h[1:] > 0.0)

@@ -28,7 +28,7 @@ from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
-from stickslip.orbits.fields.clock import Clock
+from stickslip.orbits.fields.clock import Clock, cells_of
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.symmetry import Surroundings, Symmetry
 from stickslip.orbits.fields.variational import Variation, variation
@@ -243,6 +243,8 @@ class Setting:
         Of driven systems.
     turns : int
         Periods of the drives in a period of the cycle.
+    cells : array, shape (cells,)
+        Cells by which the state is shifted in it.
     sizes : array, shape (n,)
         Size of each component of the cycle.
     held : tuple of Held
@@ -253,13 +255,21 @@ class Setting:
     surroundings: Surroundings
     clock: Clock | None
     turns: int
+    cells: Array
     sizes: Array
     held: tuple[Held, ...]
 
     def at(self, problem: Problem) -> Symmetry:
         """The symmetry for other parameters."""
         drives = self.clock.drives(problem.parameters) if self.clock else None
-        return self.surroundings.symmetry(parameter_values(problem), drives)
+        cells = np.zeros((len(self.sizes), 0))
+        if len(self.cells):
+            cells = cells_of(problem.compiled.equations, problem.parameters)
+        return self.surroundings.symmetry(parameter_values(problem), drives, cells)
+
+    def moved(self, symmetry: Symmetry, period: float) -> Array:
+        """Known part of the shift in a period of the cycle."""
+        return symmetry.moved(period, self.turns, self.cells)
 
 
 @dataclass(frozen=True)
@@ -349,7 +359,7 @@ class Shooting:
         self.time: int = int(self.first[-1])
         self.drifts: slice = slice(self.time + 1, self.time + 1 + self.symmetry.shifts.shape[1])
         self.fixed: Array = self._fixed()
-        self._shifted = bool(np.any(self.symmetry.moved(1.0, 1)))
+        self._shifted = bool(np.any(setting.moved(self.symmetry, 1.0)))
         self._last: Orbit | None = None
 
     def with_pieces(self, pieces: Pieces, problem: Problem) -> Shooting:
@@ -371,7 +381,7 @@ class Shooting:
     def guess(self, period: float, shift: Array) -> Array:
         """Unknowns at the origins of the stations, from a period and the shift of the state in
         it."""
-        unknown = shift - self.symmetry.moved(period, self.setting.turns)
+        unknown = shift - self.setting.moved(self.symmetry, period)
         N = self.symmetry.shifts / self.setting.sizes[:, None]
         drift = (
             np.linalg.lstsq(N, unknown / self.setting.sizes, rcond=None)[0]
@@ -572,8 +582,8 @@ class Shooting:
             value = problem.parameters[self.free]
             h = 1e-5 * max(abs(value), 1e-3)
             ends = [
-                setting.at(with_value(problem, self.free, value + d)).moved(period, setting.turns)
+                setting.moved(setting.at(with_value(problem, self.free, value + d)), period)
                 for d in (-h, h)
             ]
             by_parameter = (ends[1] - ends[0]) / (2.0 * h)
-        return KnownShift(now.moved(period, setting.turns), by_time, by_parameter)
+        return KnownShift(setting.moved(now, period), by_time, by_parameter)

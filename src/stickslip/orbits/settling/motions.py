@@ -37,6 +37,7 @@ from stickslip.orbits.settling.engine.tables import (
     make_found,
     make_marks,
 )
+from stickslip.orbits.settling.lattice import forms_of, lattice
 from stickslip.orbits.settling.proofs import Prover
 from stickslip.orbits.settling.repetition import Repetition
 from stickslip.progress import Stopped
@@ -46,6 +47,7 @@ _SHARED_SLOTS = 64  # closed forms of all points
 _ROOM = 256  # knots that are measured at a time
 _SPANS = 100.0  # of the system, after which a motion is given up by default
 _LOOKS = 4.0  # in a span
+_CROSSINGS = 100.0  # periods of a lattice, after which a motion may be given up
 # of the tolerance, from which on a motion is polished: its returns do not tell exactly what is
 # missing
 _MARGIN = 0.1
@@ -68,7 +70,8 @@ class Settings:
         A motion has settled when what is still missing to its cycle or equilibrium is below this
         part of its size.
     max_time : float, optional
-        When it is given up; by default after 100 times the span of the system.
+        When it is given up; by default after 100 times the span of the system, or, where it is
+        pulled over a lattice, after 100 periods of that if this is later.
     max_cycles : int
         … or after so many cycles.
     longest_cycle : int
@@ -149,11 +152,17 @@ class Invariance(NamedTuple):
         Velocity of the frame in which the system does not depend on time, but for its drives.
     period : float
         Of the drives; 0 if there are none.
+    cells : array, shape (n, cells)
+        Shifts of the state, each with its multiples, that change nothing.
+    crossed : bool
+        Whether what repeats in space is what drives it.
     """
 
     shifts: Array
     frame: Array
     period: float
+    cells: Array
+    crossed: bool
 
 
 class Loops(Protocol):
@@ -197,7 +206,8 @@ class Block:
     ----------
     known : Invariance, optional
         By default the translation is the declared one, the period that of the first drive that
-        acts, and the frame is found in the closed forms.
+        acts, and the frame is found in the closed forms; of what is moved along over something
+        that repeats in space, the formulas say both.
     """
 
     def __init__(
@@ -220,6 +230,9 @@ class Block:
         if known is not None:
             most = np.array([*rules.most[:2], _TURNS, *rules.most[3:]])
             rules = rules._replace(shifts=known.shifts, most=most, framed=False)
+        over = lattice(problem, table) if known is None else None
+        if over is not None and over.moved:
+            rules = rules._replace(framed=False)
         self.rules: Rules = rules
         span = float(self.rules.real[0]), float(self.rules.real[1])
         forms = (
@@ -237,9 +250,23 @@ class Block:
             if known is None
             else np.full(count, known.period)
         )
-        self.marks: Marks = make_marks(drive, _RINGS * settings.longest_cycle + 1, n, home, before)
+        cells = np.zeros((count, 0, 2, n))
+        if known is not None:
+            cells = np.tile(forms_of([known.cells]), (count, 1, 1, 1))
+        elif over is not None:
+            drive = np.where(over.period > 0.0, over.period, drive)
+            cells = over.cells
+        limit = np.full(count, self.rules.real[1])
+        if settings.max_time is None:
+            # A lattice may take longer than the span of the system to be crossed.
+            crossed = known.crossed if known is not None else over is not None and over.moved
+            limit = np.where(crossed, np.maximum(limit, _CROSSINGS * drive), limit)
+        ring = _RINGS * settings.longest_cycle + 1
+        self.marks: Marks = make_marks(drive, limit, cells, ring, home, before)
         if known is not None:
             self.marks.frame[:] = known.frame
+        elif over is not None:
+            self.marks.frame[:] = over.frame
         self.found: Found = make_found(count, n, len(problem.rows.u))
         values = dict(zip(problem.system.parameters, table.T, strict=True))
         self.excess: Array = excess(problem.compiled.equations, values, states, problem.origin)

@@ -61,6 +61,7 @@ from stickslip.orbits.fields.engine.variations import (
 )
 from stickslip.orbits.settling.engine.measuring import knots_of
 from stickslip.orbits.settling.engine.returns import (
+    bring_home,
     largest_component,
     norm,
     remove_part,
@@ -289,7 +290,7 @@ def deviate(m: Marks, rules: Rules, station: Lane, lanes: Lane, i: int, out: Arr
     since = lanes.clock[i, NOW] - station.clock[i, NOW]
     for r in range(len(out)):
         out[r] = lanes.y[i, r] - station.y[i, r] - m.frame[i, r] * since
-    remove_shift(out, rules.shifts)
+    bring_home(out, m, rules, i)
     put_into_units(out, m.size[i])
 
 

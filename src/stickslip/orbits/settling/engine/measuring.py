@@ -39,10 +39,10 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.orbits.settling.engine.returns import (
     begin_again,
+    bring_home,
     gap,
     grow,
     miss,
-    remove_shift,
     told_apart,
 )
 from stickslip.orbits.settling.engine.settling import (
@@ -70,6 +70,7 @@ from stickslip.orbits.settling.engine.tables import (
     HIGHEST,
     IMBALANCE,
     LAG,
+    LATEST,
     LAW,
     LOST,
     LOWEST,
@@ -169,15 +170,15 @@ def measure(
     if m.outcome[i] == PERIODIC:
         for r in range(len(bench.gaps)):
             bench.gaps[r] = found.shift[i, r] - m.frame[i, r] * real[DURATION]
-        remove_shift(bench.gaps, rules.shifts)
+        bring_home(bench.gaps, m, rules, i)
         audit[CLOSURE] = miss(bench.gaps, bench.ends[2], rules.real[4])
         audit[PERIOD] = rules.real[5] ** 2 / real[OPEN]
 
 
 @njit(**OPTIONS)
 def framed(m: Marks, i: int) -> bool:
-    """Whether a lane is looked at in a moving frame."""
-    total = 0.0
+    """Whether a lane is looked at in a moving frame, or without whole cells."""
+    total = float(m.cells.shape[1])
     for r in range(m.frame.shape[1]):
         total += abs(m.frame[i, r])
     return total > 0.0
@@ -295,7 +296,7 @@ def return_after(
         m.time[i, 0] = s.clock[i, NOW]
         copy(s.y[i], m.state[i, 0])
         return 0.0
-    gap(m, i, 0, s.clock[i, NOW], s.y[i], rules.shifts, bench.work[0])
+    gap(m, rules, i, 0, s.clock[i, NOW], s.y[i], bench.work[0])
     return miss(bench.work[0], m.size[i], rules.real[4])
 
 
@@ -318,7 +319,7 @@ def extend(m: Marks, rules: Rules, i: int, start: float, t: float, y: Array, ben
     ends = bench.ends
     for r in range(len(y)):
         v[r] = y[r] - m.frame[i, r] * (t - start)
-    remove_shift(v, rules.shifts)
+    bring_home(v, m, rules, i)
     for r in range(len(y)):
         ends[0, r], ends[1, r] = min(ends[0, r], v[r]), max(ends[1, r], v[r])
 
@@ -629,7 +630,7 @@ def measure_lane(
             numbers[PHASE] = SETTLING
         elif deceives(m.outcome[i], m.felt[i], closure):
             forget(m, rules, e.lanes, saved, i)
-            numbers[PHASE] = SETTLING if elapsed(m, rules, e.lanes, i) < rules.real[1] else DONE
+            numbers[PHASE] = SETTLING if elapsed(m, rules, e.lanes, i) < m.real[i, LATEST] else DONE
             m.outcome[i] = NOT_SETTLED
 
 

@@ -68,25 +68,48 @@ def remove_shift(v: Array, shifts: Array) -> None:
                 v[i] -= along / size * shifts[j, i]
 
 
+@njit(**OPTIONS)
+def bring_home(v: Array, m: Marks, rules: Rules, i: int) -> None:
+    """Take translations and whole cells off a difference of states, or off a state.
+
+    Parameters
+    ----------
+    v : array, shape (n,)
+    m : Marks
+    rules : Rules
+    i : int
+        The lane.
+    """
+    remove_shift(v, rules.shifts)
+    for j in range(m.cells.shape[1]):
+        parts = 0.0
+        for r in range(len(v)):
+            parts += m.cells[i, j, 1, r] * v[r]
+        whole = math.floor(parts + 0.5)
+        if whole != 0.0:
+            for r in range(len(v)):
+                v[r] -= whole * m.cells[i, j, 0, r]
+
+
 @njit(**INLINED)
-def gap(m: Marks, i: int, j: int, t: float, y: Array, shifts: Array, out: Array) -> None:
-    """A state minus that of a mark, without frame and translation.
+def gap(m: Marks, rules: Rules, i: int, j: int, t: float, y: Array, out: Array) -> None:
+    """A state minus that of a mark, without frame, translation and cells.
 
     Parameters
     ----------
     m : Marks
+    rules : Rules
     i, j : int
         The lane, and the place of the mark in the ring.
     t : float
     y : array, shape (n,)
         Time and state.
-    shifts : array, shape (translations, n)
     out : array, shape (n,)
         Receives the difference.
     """
     for r in range(len(y)):
         out[r] = y[r] - m.state[i, j, r] - m.frame[i, r] * (t - m.time[i, j])
-    remove_shift(out, shifts)
+    bring_home(out, m, rules, i)
 
 
 @njit(**OPTIONS)
@@ -119,7 +142,7 @@ def grow(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> Non
         return
     for r in range(len(y)):
         work[r] = y[r] - m.frame[i, r] * (t - rules.real[0])
-    remove_shift(work, rules.shifts)
+    bring_home(work, m, rules, i)
     for r in range(len(y)):
         m.size[i, r] = max(m.size[i, r], abs(work[r]))
 
@@ -175,11 +198,11 @@ def distance(m: Marks, rules: Rules, i: int, back: int, work: Array) -> float:
     ring = m.time.shape[1]
     gap(
         m,
+        rules,
         i,
         (here - back) % ring,
         m.time[i, here % ring],
         m.state[i, here % ring],
-        rules.shifts,
         work,
     )
     return miss(work, m.size[i], rules.real[4] * (_FINEST if m.numbers[i, LEAPT] > 0 else 1.0))
@@ -287,7 +310,7 @@ def extrapolate(
     y = m.state[i, here % ring]
     size = m.size[i]
     for j in range(k + 1):
-        gap(m, i, (here - (j + 1) * lag) % ring, t, y, rules.shifts, work[j])
+        gap(m, rules, i, (here - (j + 1) * lag) % ring, t, y, work[j])
     for r in range(n):
         largest = 0.0
         for j in range(k + 1):
@@ -365,11 +388,11 @@ def foretold(m: Marks, rules: Rules, i: int, work: Array, fit: Array) -> int:
         late = (here - j * lag) % ring
         gap(
             m,
+            rules,
             i,
             (here - (j + 1) * lag) % ring,
             m.time[i, late],
             m.state[i, late],
-            rules.shifts,
             work[j],
         )
         for r in range(n):

@@ -64,6 +64,7 @@ from stickslip.orbits.settling.engine.returns import (
     MOST_RETURNS,
     RETURN_PATIENCE,
     begin_again,
+    bring_home,
     distance,
     extrapolate,
     foretold,
@@ -87,6 +88,7 @@ from stickslip.orbits.settling.engine.tables import (
     FLOOR,
     HOME,
     LAG,
+    LATEST,
     LEAPT,
     MEASURING,
     MISS,
@@ -312,9 +314,9 @@ def settle_lane(
                 return
             take_back(m, s, saved, i)
             numbers[PHASE] = SETTLING
-        late = elapsed(m, rules, s, i) >= rules.real[1] or numbers[COUNT] >= rules.most[0] * max(
-            numbers[LAG], 1
-        )
+        late = elapsed(m, rules, s, i) >= m.real[i, LATEST] or numbers[COUNT] >= rules.most[
+            0
+        ] * max(numbers[LAG], 1)
         if numbers[LEAPT] == 0 and late:
             copy_lane(s, i, saved, i)
             m.real[i, START] = s.clock[i, NOW]
@@ -804,7 +806,7 @@ def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int
             - m.home.y[i, r]
             - m.frame[i, r] * (saved.clock[i, NOW] - m.home.clock[i, NOW])
         )
-    remove_shift(work, rules.shifts)
+    bring_home(work, m, rules, i)
     here = miss(work, m.size[i], rules.real[4]) <= rules.real[5]
     afar = real[REACH] > 0.0
     if not d <= (rules.real[3] if afar else rules.real[5]) or not (afar or here):
@@ -850,22 +852,22 @@ def put_plane(m: Marks, i: int, t: float, y: Array, work: Array) -> None:
 
 
 @njit(**OPTIONS)
-def height(m: Marks, i: int, t: float, y: Array, shifts: Array, work: Array) -> float:
+def height(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> float:
     """On which side of the plane a state is, and how far.
 
     Parameters
     ----------
     m : Marks
+    rules : Rules
     i : int
     t : float
     y : array, shape (n,)
         Time and state.
-    shifts : array, shape (translations, n)
     work : array, shape (n,)
     """
     for r in range(len(y)):
         work[r] = y[r] - m.plane[i, 0, r] - m.frame[i, r] * (t - m.plane[i, 2, 0])
-    remove_shift(work, shifts)
+    bring_home(work, m, rules, i)
     total = 0.0
     for r in range(len(y)):
         total += m.plane[i, 1, r] * work[r]
@@ -902,7 +904,6 @@ def cross_plane(
     N = flow.order
     verdict = _GO_ON
     record = bench.record
-    shifts = rules.shifts
     work = bench.work
     lanes = e.lanes
     for j in range(count):
@@ -911,8 +912,8 @@ def cross_plane(
         last = j + 1 == count
         t, y = record.time[j], record.state[j]
         after = lanes.clock[i, NOW] if last else record.time[j + 1]
-        ahead = height(m, i, after, lanes.y[i] if last else record.state[j + 1], shifts, work[0])
-        if not (height(m, i, t, y, shifts, work[0]) <= 0.0 < ahead):
+        ahead = height(m, rules, i, after, lanes.y[i] if last else record.state[j + 1], work[0])
+        if not (height(m, rules, i, t, y, work[0]) <= 0.0 < ahead):
             continue
         copy(record.mode[j], f.mode0)
         copy(record.region[j], f.reg0)
@@ -925,13 +926,13 @@ def cross_plane(
         _, step, series = along(e.machine, flow, start, high, 0.0, lanes.seen[i])
         unit = s.W[len(y), 1]
         point_on(s.W, N, high / unit, work[1])
-        if not abs(height(m, i, after, work[1], shifts, work[0]) - ahead) <= 1e-6 * abs(ahead):
+        if not abs(height(m, rules, i, after, work[1], work[0]) - ahead) <= 1e-6 * abs(ahead):
             # a flight in closed form: its modes are linear, and have no cycle of their own
             continue
         for _ in range(60):
             middle = 0.5 * (low + high)
             point_on(s.W, N, middle / unit, work[1])
-            if height(m, i, t + middle, work[1], shifts, work[0]) > 0.0:
+            if height(m, rules, i, t + middle, work[1], work[0]) > 0.0:
                 high = middle
             else:
                 low = middle

@@ -47,7 +47,7 @@ DONE = 3
 ) = range(13)
 """Columns of :attr:`Marks.numbers`."""
 
-START, DURATION, MISS, FLOOR, STRETCH, OPEN, LEAST, PATIENT, ASK, REACH = range(10)
+START, DURATION, MISS, FLOOR, STRETCH, OPEN, LEAST, PATIENT, ASK, REACH, LATEST = range(11)
 """Columns of :attr:`Marks.real`."""
 
 ENERGY, LAW, MOTION, CLOSURE, PERIOD = range(5)
@@ -80,8 +80,8 @@ class Rules(NamedTuple):
     Attributes
     ----------
     real : array
-        Start, end and time between looks, counted from the origin of the problem; tolerance of
-        waiting, atol, and what may be missing to a cycle.
+        Start, latest end and time between looks, counted from the origin of the problem; tolerance
+        of waiting, atol, and what may be missing to a cycle.
     most : array of int
         Periods, events, marks in one call, and marks of a cycle.
     shifts : array, shape (translations, n)
@@ -130,12 +130,12 @@ class Marks(NamedTuple):
         since returns have last shrunk (STALLED); mark before which there is no other leap (REST);
         number of the mark that the motion is taken back to (HOME); whether the sizes are those of a
         cycle (SIZED).
-    real : array, shape (lanes, 10)
+    real : array, shape (lanes, 11)
         START and DURATION of what is measured; last MISS before a leap; miss of the polished cycle
         (FLOOR), how many times farther away than that the cycle may be (STRETCH), and least miss of
         a return that is shorter (OPEN); LEAST miss at this lag; miss below which polishing is tried
         again (PATIENT); time before which no proof is tried again (ASK); length of the first leap
-        (REACH).
+        (REACH); time at which the motion is given up (LATEST).
     plane : array, shape (lanes, 3, n)
         A state, the normal of the plane through it, and (first) its time.
     size : array, shape (lanes, n)
@@ -146,6 +146,9 @@ class Marks(NamedTuple):
         Period of the drive; 0 if there is none.
     frame : array, shape (lanes, n)
         Velocity of the frame in which the system does not depend on time, but for its drives.
+    cells : array, shape (lanes, cells, 2, n)
+        Shifts of the state, each with its multiples, that change nothing, and (second) the linear
+        forms that count them.
     outcome : array of int, shape (lanes,)
     home, before : Lane
         Where the motion itself was before it was carried on by hand, and where it was before the
@@ -165,6 +168,7 @@ class Marks(NamedTuple):
     felt: Array
     drive: Array
     frame: Array
+    cells: Array
     outcome: Array
     home: Lane
     before: Lane
@@ -244,20 +248,24 @@ class Bench(NamedTuple):
     felt: Array
 
 
-def make_marks(drive: Array, ring: int, n: int, home: Lane, before: Lane) -> Marks:
+def make_marks(
+    drive: Array, limit: Array, cells: Array, ring: int, home: Lane, before: Lane
+) -> Marks:
     """Nothing remembered yet of lanes with these periods of their drives.
 
     Parameters
     ----------
     drive : array, shape (lanes,)
         The periods; 0 where there is no drive.
+    limit : array, shape (lanes,)
+        When they are given up.
+    cells : array, shape (lanes, cells, 2, n)
+        See :class:`Marks`.
     ring : int
         Marks that are remembered of each lane.
-    n : int
-        Components of the state.
     home, before : Lane
     """
-    lanes = len(drive)
+    lanes, n = home.y.shape
     marks = Marks(
         time=np.zeros((lanes, ring)),
         state=np.zeros((lanes, ring, n)),
@@ -266,12 +274,13 @@ def make_marks(drive: Array, ring: int, n: int, home: Lane, before: Lane) -> Mar
         word=np.zeros((lanes, ring), np.int64),
         events=np.zeros((lanes, ring), np.int64),
         numbers=np.zeros((lanes, 13), np.int64),
-        real=np.zeros((lanes, 10)),
+        real=np.zeros((lanes, 11)),
         plane=np.zeros((lanes, 3, n)),
         size=np.zeros((lanes, n)),
         felt=np.zeros(lanes),
         drive=drive,
         frame=np.zeros((lanes, n)),
+        cells=cells,
         outcome=np.full(lanes, -1, np.int64),
         home=home,
         before=before,
@@ -279,6 +288,7 @@ def make_marks(drive: Array, ring: int, n: int, home: Lane, before: Lane) -> Mar
     marks.numbers[:, TRUE] = -1  # the first mark is no return yet
     marks.real[:, PATIENT] = np.inf
     marks.real[:, ASK] = -np.inf
+    marks.real[:, LATEST] = limit
     return marks
 
 

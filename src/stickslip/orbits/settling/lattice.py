@@ -1,0 +1,96 @@
+"""Periods, frames and cells of motions over what repeats in space.
+
+The drives of a system stand in what is compiled, with their frequencies. What repeats in space is a
+drive only in the frame that goes with the motion, at a frequency that depends on how fast that is;
+and a system that repeats in space is the same after every cell.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.equations.derive import MotionEquations
+from stickslip.errors import DeclarationError
+from stickslip.motion.problem import Problem
+from stickslip.orbits.fields.clock import Clock, cells_of, clock, moving_frame
+
+
+class Lattice(NamedTuple):
+    """What repeats in space for some motions.
+
+    Attributes
+    ----------
+    period : array, shape (motions,)
+        After which the system is as before in the frame; 0 where nothing drives it there.
+    frame : array, shape (motions, n)
+        Velocity of the frame.
+    moved : bool
+        Whether time moves the state along at all.
+    cells : array, shape (motions, cells, 2, n)
+        As the loops take them (:func:`forms_of`).
+    """
+
+    period: Array
+    frame: Array
+    moved: bool
+    cells: Array
+
+
+def lattice(problem: Problem, table: Array) -> Lattice | None:
+    """What repeats in space for these parameters, shape (motions, parameters); None if nothing
+    does."""
+    equations = problem.compiled.equations
+    read = moving_frame(equations, frozenset()).reading
+    if not any(phase.keys() - {"t"} for phase in read.phases):
+        return None
+    names = list(problem.system.parameters)
+    n = len(equations.declaration.state)
+    moved = any("t" in line for line in read.lines)
+    period, frame = np.zeros(len(table)), np.zeros((len(table), n))
+    cells: list[Array] = []
+    known: dict[frozenset[str], Clock] = {}
+    for i, row in enumerate(table):
+        values = dict(zip(names, map(float, row), strict=True))
+        zero = frozenset(name for name in names if values[name] == 0.0)
+        free = _may_have_cells(equations, zero)
+        cells.append(cells_of(equations, values) if free else np.zeros((n, 0)))
+        if not moved:
+            continue
+        try:
+            ticking = known.get(zero)
+            if ticking is None or not ticking.alone:
+                ticking = known[zero] = clock(problem.system, equations, values)
+            period[i] = ticking.period(values)
+            frame[i] = ticking.drives(values).velocity
+        except DeclarationError:
+            # Nothing repeats on its way: the frame alone may leave the system unchanged.
+            frame[i] = moving_frame(equations, zero).full(values)
+    return Lattice(period, frame, moved, forms_of(cells))
+
+
+def forms_of(cells: list[Array]) -> Array:
+    """Cells, each shape (n, cells), beside the linear forms that count them; shape (motions, cells,
+    2, n), with zeros where a motion has fewer than others."""
+    n = len(cells[0])
+    found = np.zeros((len(cells), max(part.shape[1] for part in cells), 2, n))
+    for own, part in zip(found, cells, strict=True):
+        own[: part.shape[1], 0] = part.T
+        own[: part.shape[1], 1] = np.linalg.pinv(part)
+    return found
+
+
+@lru_cache(maxsize=1024)
+def _may_have_cells(equations: MotionEquations, zero: frozenset[str]) -> bool:
+    """Whether some shift of the state alone leaves all lines as they are, and turns a phase: of
+    numbers that are in no relation to each other."""
+    names = equations.declaration.parameters
+    values = {x: 0.0 if x in zero else 1.0 + 0.1 * np.sin(i + 1) for i, x in enumerate(names)}
+    frame = moving_frame(equations, zero)
+    try:
+        return frame.reading.winds(frame.states, values)
+    except (ZeroDivisionError, OverflowError, np.linalg.LinAlgError):
+        return True
