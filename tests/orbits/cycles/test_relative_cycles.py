@@ -22,6 +22,7 @@ from stickslip import (
     catalogue,
     continue_cycle,
     find_cycle,
+    sweep,
 )
 from stickslip.equations.derive import derive
 from stickslip.errors import ConvergenceError, DeclarationError
@@ -351,7 +352,7 @@ def test_slope_of_the_period() -> None:
 def test_stored(tmp_path) -> None:
     cycle = find_cycle(TIP)
     cycle.save(tmp_path / "cycle.nc")
-    back = Cycle.load(tmp_path / "cycle.nc")
+    back = Cycle.open(tmp_path / "cycle.nc")
     assert back.drift == cycle.drift
     assert back.mean(FORCE) == pytest.approx(cycle.mean(FORCE), rel=1e-12)
     assert back.certificate == cycle.certificate
@@ -376,3 +377,41 @@ def test_refusals_say_why() -> None:
         find_cycle(catalogue.wiggly_energy())
     with pytest.raises(DeclarationError, match="no common period"):
         find_cycle(heavy("- V_0*cos(2*pi*x/a) - V_0*cos(2*pi*x/b)", b=0.5 * math.sqrt(2)))
+
+
+# -- maps ------------------------------------------------------------------------------------------
+
+
+def test_map_over_speed_and_depth() -> None:
+    """Periods are those of the lattice, however slow; without valleys, or without a pull, it is
+    steady."""
+    over = {"V": [-1.0, 0.0, 1e-3, 10.0], "V_0": [0.0, 0.05]}
+    found = sweep(TIP, over, measure=["period", "shift:x"])
+    assert found.certificate.ok
+    periods = found.dataset.period.values
+    assert np.all(np.isnan(periods[:, 0]))
+    assert np.isnan(periods[1, 1])
+    assert periods[[0, 2, 3], 1] == pytest.approx([0.5, 500.0, 0.05], rel=1e-12)
+    shifts = found.dataset["shift:x"].values
+    assert shifts[[0, 2, 3], 1] == pytest.approx([-0.5, 0.5, 0.5], rel=1e-9)
+
+
+def test_map_of_pendulums() -> None:
+    """At rest below F = 1, around with the period 2πγ/√(F² − 1) above."""
+    torques = [-2.0, 0.5, 1.5, 3.0]
+    found = sweep(pendulum(), {"F": torques}, measure=["period", "shift:x"])
+    assert found.certificate.ok
+    periods = found.dataset.period.values
+    expected = [2 * math.pi / math.sqrt(F**2 - 1) if abs(F) > 1 else math.nan for F in torques]
+    assert periods == pytest.approx(expected, rel=1e-8, nan_ok=True)
+    assert found.dataset["shift:x"].values[[0, 2]] == pytest.approx([-2 * math.pi, 2 * math.pi])
+
+
+def test_map_of_locked_pendulums() -> None:
+    """As :func:`find_cycle` has them, each with its own cells."""
+    system = pendulum(F=1.2, A=1.0)
+    found = sweep(system, {"omega": [0.8, 1.0]}, measure=["period", "shift:x"])
+    for i, omega in enumerate((0.8, 1.0)):
+        cycle = find_cycle(system, parameters={"omega": omega})
+        assert float(found.dataset.period[i]) == pytest.approx(cycle.period, rel=1e-9)
+        assert float(found.dataset["shift:x"][i]) == pytest.approx(cycle.drift, rel=1e-9)
