@@ -145,7 +145,7 @@ def branch_command(
     settings: ParameterOptions = None,
     initial: Initial = None,
     cycles: Annotated[
-        bool, typer.Option("--cycle", help="Follow a cycle instead of an equilibrium.")
+        bool, typer.Option("--cycle", help="Follow a cycle, as where time drives the system.")
     ] = False,
     out: Out = None,
     json_: Json = False,
@@ -158,6 +158,7 @@ def branch_command(
     computed is kept).
     """
     from stickslip import Branch, continue_cycle, continue_equilibrium, find_cycle
+    from stickslip.equations.derive import derive
     from stickslip.orbits.branches.equilibrium_branch import checked_range
 
     ranges = spans(over)
@@ -169,6 +170,8 @@ def branch_command(
     checked_range(system, parameter, (low, high))
     inside = low <= system.values[parameter] <= high
     at = {} if inside else {parameter: 0.5 * (low + high)}
+    # Where time matters there is no equilibrium to follow.
+    cycles = cycles or derive(system.declaration).timed
 
     def work(progress: ShowProgress) -> Branch:
         if cycles:

@@ -58,7 +58,7 @@ _MEANINGS = {
     "dissipated": "energy dissipated in a period",
     "supplied": "energy supplied in a period",
     "drift": "shift in a period",
-    "energy_per_distance": "mean friction: energy dissipated per distance",
+    "energy_per_distance": "mean friction (energy per distance)",
 }
 _STABLE = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "neutral unstable stable"}
 

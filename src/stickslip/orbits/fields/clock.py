@@ -311,12 +311,9 @@ def _terms(e: Expr, values: Mapping[str, float]) -> list[tuple[float, float]]:
 def _without_wave(frame: MovingFrame, velocity: Array | None) -> str:
     """Why nothing tells the period."""
     if velocity is None:
-        line = frame.reading.holding()
-        assert line is not None
-        shown = ex.to_text(ex.add(*((slope * ex.sym(x), 1.0) for x, slope in line.items())))
         return (
             "on no wave of a constant frequency, and no even motion of the state makes up for "
-            f"time in {short(shown)}"
+            f"time in {short(ex.to_text(frame.reading.timed()))}"
         )
     if np.any(velocity):
         return "on no wave of a constant frequency, and nothing repeats on the way of what is moved"

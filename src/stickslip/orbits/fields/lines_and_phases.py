@@ -48,10 +48,13 @@ class Reading:
     ----------
     lines, phases : list of dict of str to Expr
         Slopes by name, of phases in periods.
+    terms : list of Expr
+        In which each line stands, as a person would point at it.
     """
 
     lines: list[Slopes]
     phases: list[Slopes]
+    terms: list[Expr]
 
     def velocity(self, states: list[str], values: Mapping[str, float]) -> Array | None:
         """Of a frame in which time stands in phases alone; None if there is none."""
@@ -119,10 +122,10 @@ class Reading:
         terms = np.abs(phases) @ np.abs(free)
         return phases, free, np.where(np.abs(turned) > _MAKES_UP * terms, turned, 0.0)
 
-    def holding(self) -> Slopes | None:
-        """A line in which time stands, to be named where no frame makes up for it."""
-        timed = [line for line in self.lines if "t" in line]
-        return min(timed, key=len) if timed else None
+    def timed(self) -> Expr:
+        """A term with a line in which time stands, to be named where no frame makes up for it."""
+        found = [e for line, e in zip(self.lines, self.terms, strict=True) if "t" in line]
+        return min(found, key=lambda e: len(e.symbols))
 
     def _table(self, names: list[str], values: Mapping[str, float]) -> Array:
         """The lines as rows of numbers, the largest of each ±1."""
@@ -173,7 +176,7 @@ def read(
     reader = _Reader(frozenset(names), frozenset(constant), since)
     for formula in formulas:
         reader.look(formula)
-    return Reading(reader.lines, reader.phases)
+    return Reading(reader.lines, reader.phases, reader.terms)
 
 
 class _Reader:
@@ -183,6 +186,8 @@ class _Reader:
         self.ranges = {"t": (since, math.inf)}
         self.lines: list[Slopes] = []
         self.phases: list[Slopes] = []
+        self.terms: list[Expr] = []
+        self.within: Expr | None = None  # the outermost term that is looked into
         self.seen: set[Expr] = set()
 
     def look(self, e: Expr) -> None:
@@ -216,9 +221,14 @@ class _Reader:
         even = {name: slope for name, slope in even.items() if slope is not ex.ZERO}
         if even:
             kept.append(even)
+            if kept is self.lines:
+                shown = ((ex.sym(name) * slope, 1.0) for name, slope in even.items())
+                self.terms.append(self.within or ex.add(*shown))
         for term in rest:
             if term is not e or kept is self.phases:
                 self.look(term)
-            else:
-                for part in (*e.args, *(base for base, _ in e.terms)):
-                    self.look(part)
+                continue
+            outermost, self.within = self.within, self.within or e
+            for part in (*e.args, *(base for base, _ in e.terms)):
+                self.look(part)
+            self.within = outermost
