@@ -4,6 +4,7 @@ along the branch."""
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import TYPE_CHECKING
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.errors import StickslipError
+from stickslip.errors import DeclarationError, StickslipError
 from stickslip.orbits.branches.halving import half_gap
 from stickslip.orbits.continuation.arclength import Outgrown, Point, Test, correct, curve_between
 from stickslip.orbits.cycles.cycle import Cycle, make_cycle
@@ -53,6 +54,7 @@ class Extent:
     modulus : array, shape (n,)
         Size of each component of the state.
     period : float
+        The longest that is expected: that at the start, or those of the drives at the ends.
     least, largest : float
         Amplitudes, relative to the modulus, below which a cycle is about to vanish and above which
         it has no bound.
@@ -73,16 +75,29 @@ class Extent:
         return float(np.max(0.5 * np.ptp(closed.samples(64), axis=0) / self.modulus))
 
 
-def extent_of(closed: Closed, span: tuple[float, float]) -> Extent:
+def extent_of(closed: Closed, parameter: str, span: tuple[float, float]) -> Extent:
     """Sizes of a branch that starts in a cycle."""
     sizes = sizes_of(closed.orbit.motion, closed.orbit.shift, closed.shooting.pieces)
     modulus = np.maximum(np.max(np.abs(closed.samples(64)), axis=0), sizes)
     halved = min(_HALVED, max(0.3 * half_gap(closed), NOT_CLOSED))
-    extent = Extent(*span, modulus, closed.orbit.period, _VANISHED, _UNBOUNDED, halved)
+    period = max([closed.orbit.period, *_periods(closed, parameter, span)])
+    extent = Extent(*span, modulus, period, _VANISHED, _UNBOUNDED, halved)
     amplitude = extent.amplitude(closed)
     return replace(
         extent, least=min(_VANISHED, 0.3 * amplitude), largest=_UNBOUNDED * max(amplitude, 0.1)
     )
+
+
+def _periods(closed: Closed, parameter: str, span: tuple[float, float]) -> list[float]:
+    """Periods of the drives at the ends of a range, as many as in the cycle; where they stand still
+    there is none."""
+    setting = closed.shooting.setting
+    found = list[float]()
+    for end in span if setting.clock else ():
+        values = {**closed.orbit.problem.parameters, parameter: end}
+        with suppress(DeclarationError, ZeroDivisionError, OverflowError):
+            found.append(setting.turns * setting.clock.period(values))
+    return found
 
 
 @dataclass

@@ -155,7 +155,7 @@ class _Follower:
         self.parameter = parameter
         self.span = span
         self.steps = steps
-        self.extent = extent_of(cycle.closed, span)
+        self.extent = extent_of(cycle.closed, parameter, span)
         self.pieces = Pieces(cycle.closed.orbit.problem.compiled.equations, parameter)
         self.start = _Station(cycle.parameters[parameter], cycle)
         self.spacing = Spacing({parameter: span}, self.extent.modulus)
@@ -311,6 +311,12 @@ class _Follower:
         if name == "growth":
             grown = self._amplitude(cycle)
             return f"the cycle grows without bound, to {grown:.3g} times the state at the start"
+        if name == "amplitude" and cycle.closed.shooting.symmetry.driven:
+            # What drives it vanishes, and the cycle in proportion.
+            value = self._vanishing(stations, lambda c: self.extent.amplitude(c.closed), 1)
+            width = self.span[1] - self.span[0]
+            about = round(value / width, 6) * width
+            return f"the cycle shrinks to a steady motion, at about {self.parameter} = {about:.4g}"
         event = self._halved(stations) if name == "halving" else self._vanished(stations)
         if self.span[0] <= event.value <= self.span[1]:
             stations[-1].events.append(event)

@@ -246,7 +246,7 @@ class _Follower:
         self.onset = onset
         self.spans = spans
         self.steps = steps
-        self.extent = extent_of(closed, span)
+        self.extent = extent_of(closed, self.first, span)
         self.width = WIDTH * (other[1] - other[0])
         self.upper = np.array([span[1], other[1]])
         self.pieces = Pieces(closed.orbit.problem.compiled.equations, self.first)

@@ -20,7 +20,7 @@ from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.errors import DeclarationError, short
 from stickslip.model.system import System
-from stickslip.orbits.fields.lines_and_phases import Reading, read
+from stickslip.orbits.fields.lines_and_phases import Reading, read_formulas
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
@@ -73,7 +73,7 @@ class MovingFrame:
     def reading(self) -> Reading:
         """Where time and state stand."""
         known = self.equations.declaration.parameters
-        return read(self.formulas, ["t", *self.states], constant=known)
+        return read_formulas(self.formulas, ["t", *self.states], constant=known)
 
     @cached_property
     def formulas(self) -> list[Expr]:

@@ -155,7 +155,7 @@ def _numbers(rows: list[Slopes], names: list[str], values: Mapping[str, float]) 
     return table
 
 
-def read(
+def read_formulas(
     formulas: Iterable[Expr],
     names: Iterable[str],
     *,

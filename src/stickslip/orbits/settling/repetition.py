@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from stickslip.equations.derive import MotionEquations
-from stickslip.orbits.fields.lines_and_phases import Slopes, read
+from stickslip.orbits.fields.lines_and_phases import Slopes, read_formulas
 from stickslip.symbolic import expressions as ex
 
 _MAKES_UP = 1e-9  # part of the terms of a line that may be left of them
@@ -38,7 +38,7 @@ class Repetition:
     def plain(self) -> bool:
         """Whether time stands in phases of one frequency only, whatever the parameters are."""
         known = self.equations.declaration.parameters
-        found = read(self.equations.formulas, ["t"], constant=known, since=0.0)
+        found = read_formulas(self.equations.formulas, ["t"], constant=known, since=0.0)
         return len(self.equations.frequencies) <= 1 and not found.lines
 
     def waves(
@@ -61,7 +61,7 @@ class Repetition:
             formulas = [ex.substitute(e, numbers) for e in self.equations.formulas]
         except (ZeroDivisionError, OverflowError):
             return None
-        found = read(formulas, velocity, since=time)
+        found = read_formulas(formulas, velocity, since=time)
         lines = [_advance(line, velocity) for line in found.lines]
         phases = [_advance(phase, velocity) for phase in found.phases]
         if any(lines):
