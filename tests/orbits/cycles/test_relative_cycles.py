@@ -328,6 +328,20 @@ def test_branch_over_the_lattice() -> None:
     assert np.allclose(branch.points.period, turns * branch.points.a, rtol=1e-12)
 
 
+def test_branch_ends_where_the_lattice_does() -> None:
+    """In proportion to its depth the cycle shrinks to steady sliding: no Hopf point."""
+    cycle = find_cycle(TIP, parameters={"V_0": 0.01})
+    branch = continue_cycle(cycle, "V_0", (0.0, 0.02))
+    assert not branch.special
+    assert "shrinks to a steady motion, at about V_0 = 0;" in branch.ended
+
+
+def test_slow_branch_reaches_its_end() -> None:
+    """A period that grows with 1/V grows within bounds."""
+    branch = continue_cycle(find_cycle(TIP, parameters={"V": 1e-3}), "V", (1e-5, 2e-3))
+    assert "V = 1e-05, the end of the range" in branch.ended
+
+
 def test_slope_of_the_period() -> None:
     """The frame of a chain moves at V, whatever else; of a tip on two springs at what they agree
     on."""
@@ -364,8 +378,16 @@ def test_means() -> None:
     assert cycle.mean("V*t - X") == pytest.approx(0.0, abs=1e-14)
     with pytest.raises(DeclarationError, match="banana"):
         cycle.mean("banana")
+    with pytest.raises(DeclarationError, match="'speed' has no value"):
+        cycle.mean("speed")
     with pytest.raises(DeclarationError, match="undefined on the cycle"):
         cycle.mean("log(x - 100)")
+
+
+def test_mean_friction_of_a_contact() -> None:
+    """On a belt it is that of the spring, on the average."""
+    cycle = find_cycle(catalogue.belt_block())
+    assert cycle.mean("friction_belt_contact") == pytest.approx(cycle.mean("k*x"), rel=1e-9)
 
 
 def test_refusals_say_why() -> None:

@@ -93,7 +93,9 @@ def _periods(closed: Closed, parameter: str, span: tuple[float, float]) -> list[
     there is none."""
     setting = closed.shooting.setting
     found = list[float]()
-    for end in span if setting.clock else ():
+    if setting.clock is None:
+        return found
+    for end in span:
         values = {**closed.orbit.problem.parameters, parameter: end}
         with suppress(DeclarationError, ZeroDivisionError, OverflowError):
             found.append(setting.turns * setting.clock.period(values))

@@ -311,7 +311,8 @@ class _Follower:
         if name == "growth":
             grown = self._amplitude(cycle)
             return f"the cycle grows without bound, to {grown:.3g} times the state at the start"
-        if name == "amplitude" and cycle.closed.shooting.symmetry.driven:
+        smooth = len(cycle.phases) == 1
+        if name == "amplitude" and smooth and cycle.closed.shooting.symmetry.driven:
             # What drives it vanishes, and the cycle in proportion.
             value = self._vanishing(stations, lambda c: self.extent.amplitude(c.closed), 1)
             width = self.span[1] - self.span[0]

@@ -38,8 +38,6 @@ from stickslip.orbits.cycles.measure import ContactShare, Phase
 from stickslip.orbits.return_map.damped_newton import Closed
 from stickslip.orbits.return_map.mode_sequence import nearest_change
 from stickslip.results import Result, listed, restored_certificate
-from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.formulas import Scope
 
 if TYPE_CHECKING:
     import xarray
@@ -420,10 +418,7 @@ class Cycle(Result):
         >>> print(f"{cycle.mean('k*(X - x)'):.6f} {cycle.energy_per_distance:.6f}")
         0.465260 0.465260
         """
-        known = self.system.plain.declaration.scope
-        rows = {name: ex.sym(name) for name in self.trajectory._rows}
-        scope = Scope({**rows, **known.names}, known.definitions)
-        found, _ = measure.mean(self.trajectory, scope.parse(formula, "formula"))
+        found, _ = measure.mean(self.trajectory, formula)
         if math.isnan(found):
             raise DeclarationError(
                 "formula",

@@ -22,7 +22,6 @@ from stickslip.symbolic.formulas import Scope
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
-    from stickslip.symbolic.expressions import Expr
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)
 _PARTS = 16  # of the shortest wave that is looked for; a panel is at most one of them
@@ -155,7 +154,7 @@ def harmonics(
     return _averaged(motion, wave, order)
 
 
-def mean(motion: Trajectory, formula: Expr) -> tuple[float, float]:
+def mean(motion: Trajectory, formula: str) -> tuple[float, float]:
     """The mean of a formula over a period, (1/T) ∫ f dt, and by how much the last halving of the
     panels has changed it, relative to the largest value.
 
@@ -163,18 +162,33 @@ def mean(motion: Trajectory, formula: Expr) -> tuple[float, float]:
     ----------
     motion : Trajectory
         One period.
-    formula : Expr
-        Of t, parameters, and the rows of the motion.
+    formula : str
+        Of what formulas may name, and of the rows of the motion.
+
+    Raises
+    ------
+    DeclarationError
+        If it is no formula of these.
     """
-    names = sorted(formula.symbols)
-    value = evaluator([formula], names, strict=True)
+    known = motion.system.plain.declaration.scope
+    rows = {name: ex.sym(name) for name in motion._rows}
+    read = Scope({**rows, **known.names}, known.definitions).parse(formula, "formula")
+    names = sorted(read.symbols)
+    for name in names:
+        if name not in {"t", *rows, *motion.parameters}:
+            raise DeclarationError(
+                "formula",
+                f"'{name}' has no value along a cycle",
+                "Name the state, rates, forces, t",
+            )
+    value = evaluator([read], names, strict=True)
 
     def along(times: Array, index: Array) -> tuple[Array, Array]:
         rows = motion._sample(times, index)
-        known = {name: rows[:, row] for name, row in motion._rows.items()}
-        known |= {name: np.full(len(times), v) for name, v in motion.parameters.items()}
-        known["t"] = times
-        table = np.array([known[name] for name in names]).reshape(len(names), len(times))
+        values = {name: rows[:, row] for name, row in motion._rows.items()}
+        values |= {name: np.full(len(times), v) for name, v in motion.parameters.items()}
+        values["t"] = times
+        table = np.array([values[name] for name in names]).reshape(len(names), len(times))
         return value(table).reshape(-1, 1) * np.ones((len(times), 1)), np.ones(len(times))
 
     found, change = _averaged(motion, along, 1)

@@ -192,8 +192,8 @@ class Clock:
         rate = self.rate(values)
         if rate == 0.0:
             raise DeclarationError(
-                self.frame.equations.declaration.name,
-                "its drives stand still",
+                "drives",
+                "they stand still",
                 "Choose parameters for which they move",
             )
         return 2.0 * math.pi * self.multiple / self.parts / abs(rate)
