@@ -316,7 +316,7 @@ class _Follower:
             # What drives it vanishes, and the cycle in proportion.
             value = self._vanishing(stations, lambda c: self.extent.amplitude(c.closed), 1)
             width = self.span[1] - self.span[0]
-            about = round(value / width, 6) * width
+            about = round(value / width, 4) * width
             return f"the cycle shrinks to a steady motion, at about {self.parameter} = {about:.4g}"
         event = self._halved(stations) if name == "halving" else self._vanished(stations)
         if self.span[0] <= event.value <= self.span[1]:
