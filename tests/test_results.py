@@ -135,7 +135,7 @@ def test_has_a_face_in_a_notebook(name: str) -> None:
     page = result._repr_html_()
     assert page.count("data:image/png;base64,") == 1
     assert "certificate" in page
-    assert all(f"<td>{parameter}</td>" in page for parameter in result._said.parameters)
+    assert all(f">{parameter}</td>" in page for parameter in result._said.parameters)
 
 
 def test_a_picture_that_fails_costs_no_face(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from stickslip import page
+
 _MOST_SPANS = 8  # not verified, that are named
 
 
@@ -141,6 +143,23 @@ class Certificate:
         raise KeyError(
             f"'{name}' was not measured; there are {', '.join(r.name for r in self.residuals)}"
         )
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return [residual.name for residual in self.residuals]
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (
+                residual.name,
+                f"{residual.value:.1e}",
+                f"{'≥' if residual.least else '≤'} {residual.limit:.0e}" if residual.judged else "",
+                residual.note,
+                "" if residual.ok else "✗",
+            )
+            for residual in self.residuals
+        ]
+        headings = ("residual", "value", "limit", "note", "")
+        return page.whole(page.paragraph(self.verdict), page.table(rows, headings))
 
     def describe(self) -> str:
         """The verdict, and every residual on a line of its own."""

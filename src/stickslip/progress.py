@@ -1,16 +1,26 @@
-"""How far a long computation is: on stderr, and only if a person is looking."""
+"""How far a long computation is: on stderr if a person is looking, or in the notebook that runs
+it."""
 
 from __future__ import annotations
 
+import multiprocessing
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Protocol
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from html import escape
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
+PATIENCE = 0.5
+"""Seconds before which nobody asks how far it is."""
+_EVERY = 0.2  # seconds between two pictures of a bar in a notebook
 _display: Progress | None = None  # a terminal has room for one
+_page: _Page | None = None  # a cell of a notebook, too
+_Listener = TypeVar("_Listener", bound=Callable[..., None])
 
 
 class Stopped(Exception):
@@ -24,12 +34,63 @@ class Show(Protocol):
 
 
 @contextmanager
-def watched(what: str) -> Iterator[Show]:
-    """A bar on stderr while the block runs; below that of the work it is part of, if that has
-    one."""
-    if not sys.stderr.isatty():
-        yield lambda fraction, text="": None
+def watched(what: str, *, patience: float = 0.0) -> Iterator[Show]:
+    """A bar while the block runs, below that of the work it is part of, if that has one: on stderr
+    if that is a terminal, in the output of a notebook's cell if there is one, else nowhere.
+
+    Parameters
+    ----------
+    what : str
+        What is done, beside the bar.
+    patience : float
+        Seconds before which there is no bar; then it begins with the next thing to show.
+    """
+    place = _place()
+    began = time.monotonic()
+    with ExitStack() as stack:
+        bar: Show | None = None
+
+        def show(fraction: float | None, text: str = "") -> None:
+            nonlocal bar
+            if place is None:
+                return
+            if bar is None and time.monotonic() - began >= patience:
+                bar = stack.enter_context(place(what))
+            if bar is not None:
+                bar(fraction, text)
+
+        if place is not None and patience == 0.0:
+            bar = stack.enter_context(place(what))
+        yield show
+
+
+@contextmanager
+def told(listener: _Listener | None, what: str) -> Iterator[_Listener | Show]:
+    """Who is told of the fraction done: the caller's listener, or whoever has watched for a
+    while."""
+    if listener is not None:
+        yield listener
         return
+    with watched(what, patience=PATIENCE) as show:
+        yield show
+
+
+def _place() -> Callable[[str], AbstractContextManager[Show]] | None:
+    """Where bars are shown; those of the work of other threads and processes are not."""
+    if threading.current_thread() is not threading.main_thread():
+        return None
+    if multiprocessing.parent_process() is not None:
+        return None
+    if in_notebook():
+        return _in_cell
+    return _on_terminal if sys.stderr.isatty() else None
+
+
+# -- terminals -------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _on_terminal(what: str) -> Iterator[Show]:
     with _shared() as bar:
         task = bar.add_task(what, total=None, text="")
 
@@ -61,3 +122,82 @@ def _shared() -> Iterator[Progress]:
             yield _display
         finally:
             _display = None
+
+
+# -- notebooks -------------------------------------------------------------------------------------
+
+
+def in_notebook() -> bool:
+    """Whether a kernel runs this. IPython is looked for, and not imported."""
+    ipython = sys.modules.get("IPython")
+    running = getattr(ipython, "get_ipython", None)
+    return running is not None and getattr(running(), "kernel", None) is not None
+
+
+class _Page:
+    """Bars in the output of a cell, one below the other, that are drawn anew in place.
+
+    Nothing is shown of what is done at once, and nothing is left of what is done.
+    """
+
+    def __init__(self) -> None:
+        self.lines: list[dict[str, Any]] = []
+        self.due = time.monotonic() + PATIENCE
+        self.handle: Any = None
+
+    def draw(self) -> None:
+        """The bars as they are, if that is due."""
+        now = time.monotonic()
+        if now < self.due:
+            return
+        self.due = now + _EVERY
+        bars = [_bar(now=now, **line) for line in self.lines]
+        self.publish("".join(html for html, _ in bars), "; ".join(text for _, text in bars))
+
+    def publish(self, html: str, text: str) -> None:
+        """Put this where the bars are."""
+        from IPython.display import display
+
+        content = {"text/html": html, "text/plain": text}
+        if self.handle is None:
+            self.handle = display(content, raw=True, display_id=True)
+        else:
+            self.handle.update(content, raw=True)
+
+    def clear(self) -> None:
+        """Leave nothing."""
+        if self.handle is not None:
+            self.publish("", "")
+
+
+@contextmanager
+def _in_cell(what: str) -> Iterator[Show]:
+    global _page
+    outermost = _page is None
+    page = _page = _Page() if _page is None else _page
+    line: dict[str, Any] = {"what": what, "fraction": None, "text": "", "began": time.monotonic()}
+    page.lines.append(line)
+
+    def show(fraction: float | None, text: str = "") -> None:
+        line.update(fraction=fraction, text=text)
+        page.draw()
+
+    try:
+        yield show
+    finally:
+        page.lines.remove(line)
+        if outermost:
+            _page = None
+            page.clear()
+
+
+def _bar(what: str, fraction: float | None, text: str, began: float, now: float) -> tuple[str, str]:
+    """One bar, as HTML and as text."""
+    seconds = f"{now - began:.0f} s"
+    share = "" if fraction is None else f"{100.0 * fraction:.0f} %"
+    said = ", ".join(part for part in (share, text, seconds) if part)
+    value = "" if fraction is None else f' value="{fraction:.4f}" max="1"'
+    return (
+        f"<div>{escape(what)} <progress{value}></progress> {escape(said)}</div>",
+        f"{what}: {said}",
+    )

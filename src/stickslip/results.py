@@ -16,14 +16,17 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, cast
 
-from stickslip import storage
+from stickslip import page, storage
 from stickslip.certificates import Certificate, Residual
+from stickslip.errors import DeclarationError, short, suggestion
 
 if TYPE_CHECKING:
     import pandas
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from stickslip.model.system import System
 
 _SHOWN = 12  # of many rows or numbers on a page; all are in the data
 
@@ -98,11 +101,11 @@ class Summary:
         return json.dumps(storage.plain(self.data), indent=2, ensure_ascii=False)
 
     def _repr_html_(self) -> str:
-        lines = (
-            f"<tr><td>{escape(name).replace('  ', '&emsp;')}</td><td>{escape(text)}</td></tr>"
+        rows = (
+            (page.Html(escape(name).replace("  ", "&emsp;")), _in_lines(text))
             for name, text in self.rows
         )
-        return f"<b>{escape(self.title)}</b><table>{''.join(lines)}</table>"
+        return page.whole(page.heading(self.title), page.table(rows))
 
 
 class Described(Protocol):
@@ -152,7 +155,7 @@ class Described(Protocol):
 
 
 class Result:
-    """What every result can do.
+    """What every result can do; ``result["x"]`` is a variable of its dataset.
 
     Attributes
     ----------
@@ -172,6 +175,23 @@ class Result:
     def _said(self) -> Described:
         """Itself, as what every kind has to be."""
         return cast(Described, self)
+
+    def __getitem__(self, name: str) -> xarray.DataArray:
+        """A variable of the dataset, with its unit.
+
+        Raises
+        ------
+        DeclarationError
+            If there is none of that name.
+        """
+        data = self._said.dataset
+        if name in data.variables:
+            return data[name]
+        known = suggestion(str(name), self._ipython_key_completions_())
+        raise DeclarationError(self.KIND, f"it has no '{short(str(name))}'", known)
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return [str(name) for name in self._said.dataset.variables]
 
     @property
     def table(self) -> pandas.DataFrame:
@@ -261,8 +281,11 @@ class Result:
     def _repr_html_(self) -> str:
         from stickslip.figures.drawing.notebook import embedded
 
-        parameters = _parameters(self._said.parameters)
-        return f"<div>{embedded(self.plot)}{self.summary()._repr_html_()}{parameters}</div>"
+        system: System | None = getattr(self, "system", None)
+        declared = {} if system is None else system.parameters
+        values = page.parameters(self._said.parameters, declared)
+        summary = page.Html(self.summary()._repr_html_())
+        return page.whole(embedded(self.plot), summary, page.folded("parameters", values))
 
     def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
         """Data and other parts of a file: by default the data is all there is."""
@@ -325,9 +348,6 @@ def restored_certificate(entry: Mapping[str, Any]) -> Certificate:
     return Certificate(residuals, entry["outcome"], spans, tuple(entry["notes"]))
 
 
-def _parameters(parameters: Mapping[str, float]) -> str:
-    """The parameters, folded away."""
-    if not parameters:
-        return ""
-    lines = "".join(f"<tr><td>{escape(n)}</td><td>{v:.9g}</td></tr>" for n, v in parameters.items())
-    return f"<details><summary>parameters</summary><table>{lines}</table></details>"
+def _in_lines(text: str) -> page.Html:
+    """A text of several lines."""
+    return page.Html("<br>".join(map(escape, text.splitlines())))

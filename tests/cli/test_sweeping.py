@@ -15,7 +15,6 @@ from typer.testing import CliRunner, Result
 
 import stickslip as ss
 from stickslip.cli.app import app
-from stickslip.cli.sweeping import points_line
 from stickslip.errors import DeclarationError
 from stickslip.figures.sweep import measures_of, plot_sweep
 from stickslip.sweeps.adaptive import Adaptive
@@ -164,8 +163,8 @@ def test_control_c_names_what_is_kept() -> None:
 
 
 def test_the_line_of_progress() -> None:
-    assert points_line(Progress(0, 2000, 0, 0.0, {})) == "0 of 2,000 points"
-    line = points_line(Progress(1500, 2000, 1000, 2.0, {0: 1400, 1: 100}))
+    assert Progress(0, 2000, 0, 0.0, {}).describe() == "0 of 2,000 points"
+    line = Progress(1500, 2000, 1000, 2.0, {0: 1400, 1: 100}).describe()
     assert line == "1,500 of 2,000 points, 500/s: 1,400 finished, 100 at rest forever"
 
 

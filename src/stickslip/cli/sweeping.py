@@ -266,17 +266,6 @@ def _progress(label: str) -> Iterator[Callable[[Progress], None] | None]:
         def show(state: Progress) -> None:
             if state.new == 0:  # what was found in the store says nothing about the time left
                 bar.reset(task, total=state.total, completed=state.done)
-            bar.update(task, completed=state.done, points=points_line(state))
+            bar.update(task, completed=state.done, points=state.describe())
 
         yield show
-
-
-def points_line(state: Progress) -> str:
-    """Points done, points per second, and how they ended."""
-    from stickslip.motion.outcome import Outcome
-
-    rate = f", {state.new / state.elapsed:,.0f}/s" if state.new and state.elapsed > 0.0 else ""
-    ends = ", ".join(
-        f"{count:,} {Outcome.from_code(code).label}" for code, count in state.outcomes.items()
-    )
-    return f"{state.done:,} of {state.total:,} points{rate}" + (f": {ends}" if ends else "")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from stickslip.display.printers import LatexWriter, UnicodeWriter
 from stickslip.display.symbols import is_word, unicode_unit, width
@@ -38,6 +38,7 @@ from stickslip.symbolic import expressions as ex
 if TYPE_CHECKING:
     from stickslip.model.system import Contact, System
 
+_W = TypeVar("_W", bound=UnicodeWriter)
 ACCELERATION = "{}''"  # no identifier, so that it cannot be a name of the declaration
 
 
@@ -206,14 +207,38 @@ class Equations:
             groups.setdefault((friction.thresholds, friction.sliding), []).append(friction)
         return list(groups.values())
 
-    def _definitions(self) -> Iterator[tuple[Node, Node]]:
+    def definitions(self) -> Iterator[tuple[Node, Node]]:
         """Functions and drives with their bodies."""
         for name, (arguments, body) in self._reader.definitions.items():
             yield Call(name, tuple(Name(a) for a in arguments)), body
 
+    def conditions(self, write: UnicodeWriter) -> Iterator[tuple[str, str, str]]:
+        """Names of conditions, what they say, and whether that holds."""
+        for name, condition in self.system.conditions.items():
+            margin = ex.evaluate(self._declared.conditions[name][0], self.system.values)
+            holds = margin > 0.0 or (margin == 0.0 and "=" in condition.formula)
+            otherwise = f": {condition.otherwise}" if condition.otherwise else ""
+            verdict = "holds" if holds else f"FAILS{otherwise}"
+            yield name, self._relation(condition.formula, write), verdict
+
+    def _relation(self, text: str, write: UnicodeWriter) -> str:
+        """A condition; its two sides are read apart, since a comparison is no formula."""
+        for sign in ("<=", ">=", "<", ">"):
+            if sign in text:
+                left, right = map(self._reader.read, text.split(sign))
+                return write(Relation(sign, left, right))
+        return text
+
+    def facts(self) -> Iterator[tuple[str, Node, float]]:
+        """Names of facts, their formulas and values."""
+        for name, text in self.system.facts.items():
+            value = ex.evaluate(self._declared.facts[name], self.system.values)
+            yield name, self._reader.read(text), value
+
     # Text.
 
-    def _writer(self, kind: type[UnicodeWriter]) -> UnicodeWriter:
+    def writer(self, kind: type[_W]) -> _W:
+        """What writes the formulas of this system in an alphabet."""
         names = [*self.system.coordinates, *self.system.internal]
         rates = {f"d_{x}": (x, 1) for x in names if f"d_{x}" not in self.system.internal}
         rates |= {ACCELERATION.format(x): (x, 2) for x in names}
@@ -221,14 +246,14 @@ class Equations:
         return kind(rates, dict.fromkeys(self.system.drives, "t"), arguments)
 
     def __str__(self) -> str:
-        write = self._writer(UnicodeWriter)
+        write = self.writer(UnicodeWriter)
         return "\n".join(_Text(self, write).lines()) + "\n"
 
     __repr__ = __str__
 
     def latex(self) -> str:
         """The equations of motion, friction laws, functions and drives as one ``aligned`` block."""
-        write = self._writer(LatexWriter)
+        write = self.writer(LatexWriter)
         rows = [
             f"{write(b.left)} &{'=' if b.sign == '=' else chr(92) + 'ni'} {write(b.right)}"
             for b in [*self.balances, *self.laws]
@@ -237,14 +262,14 @@ class Equations:
             rows += [f"{write(Name(f'u{f.index}'))} &= {write(f.velocity)}" for f in group]
             laws = group[0].laws(write, group[0].index if len(group) == 1 else "_i")
             rows += [rf"\text{{if }} {when}: \quad & {law}" for when, law in laws]
-        rows += [f"{write(left)} &= {write(body)}" for left, body in self._definitions()]
+        rows += [f"{write(left)} &= {write(body)}" for left, body in self.definitions()]
         return "\\begin{aligned}\n" + " \\\\\n".join(rows) + "\n\\end{aligned}"
 
     def _repr_latex_(self) -> str:
         return f"$$\n{self.latex()}\n$$"
 
     def _repr_markdown_(self) -> str:
-        write = self._writer(LatexWriter)
+        write = self.writer(LatexWriter)
         system = self.system
         heading = f"**{system.title or system.name}**" + (
             f" ({system.source})" if system.source else ""
@@ -323,7 +348,7 @@ class _Text:
 
     def definitions(self) -> list[str]:
         lines = []
-        for left, body in self.equations._definitions():
+        for left, body in self.equations.definitions():
             match body:
                 case Call("piecewise", arguments):
                     lines += self.cases(self.write(left), arguments)
@@ -389,36 +414,13 @@ class _Text:
         return wrap(",  ".join(moved), breaks=(", ",)) if moved else []
 
     def conditions(self) -> list[str]:
-        values = self.system.values
-        rows = []
-        for name, condition in self.system.conditions.items():
-            margin = ex.evaluate(self.system.declaration.conditions[name][0], values)
-            holds = margin > 0.0 or (margin == 0.0 and "=" in condition.formula)
-            verdict = (
-                "holds"
-                if holds
-                else "FAILS" + (f": {condition.otherwise}" if condition.otherwise else "")
-            )
-            rows.append([name, self.relation(condition.formula), verdict])
-        return text_table(rows)
-
-    def relation(self, text: str) -> str:
-        """A condition; its two sides are read apart, since a comparison is no formula."""
-        for sign in ("<=", ">=", "<", ">"):
-            if sign in text:
-                left, right = text.split(sign)
-                return self.write(
-                    Relation(sign, *(self.equations._reader.read(side) for side in (left, right)))
-                )
-        return text
+        return text_table([[*row] for row in self.equations.conditions(self.write)])
 
     def facts(self) -> list[str]:
-        values = self.system.values
         lines = []
-        for name, text in self.system.facts.items():
-            value = ex.evaluate(self.system.declaration.facts[name], values)
+        for name, read, value in self.equations.facts():
             symbol = self.write(Name(name))
-            formula = self.write(self.equations._reader.read(text))
+            formula = self.write(read)
             shown = f"{value:.6g}".replace("-", "−").replace("nan", "undefined")
             left = name.replace("_", " ") if is_word(name) else symbol
             lines += wrap(

@@ -1,5 +1,4 @@
-"""Trees of :mod:`stickslip.display.tree` as text: Unicode for the terminal, LaTeX for notebooks and
-papers."""
+"""Trees of :mod:`stickslip.display.tree` as text: Unicode for the terminal, LaTeX for papers."""
 
 from __future__ import annotations
 
@@ -50,6 +49,7 @@ class UnicodeWriter:
         Names of the arguments of the system's functions, for partial derivatives.
     """
 
+    plus: str = "+"
     minus: str = "−"
     gap: str = " "
 
@@ -68,9 +68,7 @@ class UnicodeWriter:
         match node:
             case Number(value):
                 text = self.number(value)
-                own = (
-                    _SUM if value < 0 else _ATOM if text.replace(".", "").isdecimal() else _PRODUCT
-                )
+                own = _SUM if value < 0 else _ATOM if _is_digits(value) else _PRODUCT
             case Name(name):
                 text = self.name(name)
                 own = _ATOM
@@ -97,7 +95,7 @@ class UnicodeWriter:
         for term in terms:
             negative = coefficient_and_rest(term)[0] < 0
             body = self(negate(term) if negative else term, _PRODUCT)
-            sign = self.minus if negative else "+"
+            sign = self.minus if negative else self.plus
             text += f" {sign} {body}" if text else f"{self.minus if negative else ''}{body}"
         return text
 
@@ -127,7 +125,7 @@ class UnicodeWriter:
             return self.root(base), _ATOM
         if exponent == UNITY:
             return self(base, _PRODUCT), _PRODUCT
-        return self(base, _ATOM) + self.exponent(exponent), _POWER
+        return self.raised(self(base, _ATOM), exponent), _POWER
 
     def call(self, node: Call) -> str:
         match node:
@@ -160,7 +158,7 @@ class UnicodeWriter:
         """Whether it is the time derivative of a drive."""
         return node.by == ("t",) and node.name in self.drives
 
-    # What differs between the two alphabets.
+    # What differs between the alphabets.
 
     def name(self, name: str) -> str:
         if name == "speed":
@@ -197,10 +195,10 @@ class UnicodeWriter:
         text = self(base, _ATOM)
         return f"√{text}"
 
-    def exponent(self, exponent: Node) -> str:
+    def raised(self, base: str, exponent: Node) -> str:
         if isinstance(exponent, Number) and exponent.value.denominator == 1:
-            return str(exponent.value).translate(SUPERSCRIPTS)
-        return f"^{self(exponent, _ATOM)}"
+            return base + str(exponent.value).translate(SUPERSCRIPTS)
+        return f"{base}^{self(exponent, _ATOM)}"
 
     def cases(self, pairs: list[tuple[str, str]], otherwise: str) -> str:
         return (
@@ -255,8 +253,8 @@ class LatexWriter(UnicodeWriter):
     def root(self, base: Node) -> str:
         return rf"\sqrt{{{self(base)}}}"
 
-    def exponent(self, exponent: Node) -> str:
-        return f"^{{{self(exponent)}}}"
+    def raised(self, base: str, exponent: Node) -> str:
+        return f"{base}^{{{self(exponent)}}}"
 
     def cases(self, pairs: list[tuple[str, str]], otherwise: str) -> str:
         rows = [rf"{value} & \text{{if }} {condition}" for value, condition in pairs]
@@ -286,6 +284,11 @@ class LatexWriter(UnicodeWriter):
 
 def _negative(exponent: Node) -> bool:
     return coefficient_and_rest(exponent)[0] < 0
+
+
+def _is_digits(value: Fraction) -> bool:
+    """Whether it is written in digits, without a fraction and a power of ten."""
+    return _is_decimal(value) and f"{float(value):.15g}".replace(".", "").isdecimal()
 
 
 def _is_decimal(value: Fraction) -> bool:

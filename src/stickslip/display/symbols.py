@@ -21,8 +21,12 @@ _GREEK_LATEX = {
     "epsilon": r"\varepsilon",
     "phi": r"\varphi",
 }
-_ACCENTS = {"hat": ("\u0302", r"\hat"), "tilde": ("\u0303", r"\tilde"), "bar": ("\u0304", r"\bar")}
-_ABOVE = {"star": ("*", "*"), "plus": ("⁺", "+"), "minus": ("⁻", "-")}
+_ACCENTS = {
+    "hat": ("\u0302", r"\hat", "^"),
+    "tilde": ("\u0303", r"\tilde", "~"),
+    "bar": ("\u0304", r"\bar", "¯"),
+}
+_ABOVE = {"star": ("*", "*", "*"), "plus": ("⁺", "+", "+"), "minus": ("⁻", "-", "−")}
 _DOTS = ("", "\u0307", "\u0308")
 _SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
@@ -79,6 +83,14 @@ def unicode_name(name: str, dots: int = 0) -> str:
     return (
         unicodedata.normalize("NFC", letter) + tail + "".join(_ABOVE[a][0] for a in s.superscripts)
     )
+
+
+def symbol_parts(name: str) -> tuple[str, list[str], list[str], list[str]]:
+    """Letter, accents, and what stands below and above on its right, in Unicode."""
+    s = parse_name(name)
+    below, above = [_GREEK.get(part, part) for part in s.subscripts], s.superscripts
+    accents = [_ACCENTS[a][2] for a in s.accents]
+    return _GREEK.get(s.letter, s.letter), accents, below, [_ABOVE[a][2] for a in above]
 
 
 def latex_name(name: str, dots: int = 0) -> str:

@@ -146,6 +146,13 @@ class FrictionLaw:
         contact = LawContact(self.name, "0", self._by_name(), speed, "N")
         return self._example(values, parameters=parameters, contacts={"law": contact}, **parts)
 
+    def _repr_html_(self) -> str:
+        from stickslip.display.system_page import law_page
+        from stickslip.figures.drawing.notebook import embedded
+        from stickslip.figures.law import plot_law
+
+        return law_page(self, embedded(lambda: plot_law(self)))
+
     def _by_name(self) -> dict[str, Formula | tuple[Formula, ...]]:
         """Its parameters, called by their names; some elements share what is a list."""
         return {

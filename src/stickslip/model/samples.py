@@ -37,6 +37,9 @@ from stickslip.symbolic.formulas import TimeFunction
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS, Function
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
     from stickslip.symbolic.intervals import Interval
 
 SampleKind = Literal["linear", "cubic", "hold"]
@@ -153,6 +156,28 @@ class Samples(TimeFunction):
         first, last = self.span
         repeats = ", periodic" if self.periodic else ""
         return f"{len(self.times):,} samples from {first:.6g} to {last:.6g}, {self.kind}{repeats}"
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """Their values over time, with what is between them.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Draw into these axes of a figure of yours.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        from stickslip.figures.samples import plot_samples
+
+        return plot_samples(self, ax)
+
+    def _repr_html_(self) -> str:
+        from stickslip.display.system_page import samples_page
+        from stickslip.figures.drawing.notebook import embedded
+
+        return samples_page(self, embedded(self.plot))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Samples) and other.digest == self.digest

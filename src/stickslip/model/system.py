@@ -426,6 +426,11 @@ class System:
         shown = Equations(self)
         return shown.latex() if latex else shown
 
+    def _repr_html_(self) -> str:
+        from stickslip.display.system_page import system_page
+
+        return system_page(self)
+
     def to_toml(self) -> str:
         """The declaration as a model file."""
         from stickslip.model.system_file import dumps

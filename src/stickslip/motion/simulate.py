@@ -15,6 +15,7 @@ from stickslip.model.system import Kind, System
 from stickslip.motion.knots import Knots
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
+from stickslip.progress import told
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
@@ -80,14 +81,9 @@ def simulate(
     problem = pose(system, parameters, rtol, atol, exact=flow == "auto", origin=start)
     y = problem.initial_state(initial or {})
     check_positive(max_events=max_events)
-    code, knots = run_loop(
-        problem,
-        start,
-        end,
-        y,
-        max_events + system.declaration.kinks_known(start, end),
-        progress,
-    )
+    with told(progress, f"moving {system.name}") as show:
+        most = max_events + system.declaration.kinks_known(start, end)
+        code, knots = run_loop(problem, start, end, y, most, show)
     outcome = Outcome.from_code(code)
     if outcome is Outcome.NO_BOUNDED_RATE and len(knots.clock) == 1:
         check_stable_start(problem, start, y)

@@ -55,9 +55,6 @@ class Ensemble(Result):
     def __repr__(self) -> str:
         return f"<Ensemble of {self.system.name}: {self.dataset.sizes['trajectory']} motions>"
 
-    def __getitem__(self, name: str) -> xarray.DataArray:
-        return self.dataset[name]
-
     def __len__(self) -> int:
         return self.dataset.sizes["trajectory"]
 

@@ -30,6 +30,7 @@ from stickslip.orbits.cycles.nearness import NearCycle, NearPoint
 from stickslip.orbits.equilibria.equilibrium import Equilibrium
 from stickslip.orbits.equilibria.finding import equilibria
 from stickslip.orbits.fields.steady import invariant_directions
+from stickslip.progress import told
 from stickslip.sweeps.map import Basin
 from stickslip.sweeps.request.axes import Axis, read_axes
 from stickslip.sweeps.request.measures import LACKING, known_for_a_time
@@ -190,13 +191,12 @@ def basin(
         section=True,
     )
     store = create(plan, None)
+    with told(progress, f"basin of {system.name}") as show:
 
-    def share(state: Progress) -> None:
-        assert progress is not None
-        progress(state.done / state.total)
+        def share(state: Progress) -> None:
+            show(state.done / state.total)
 
-    show = None if progress is None else share
-    interrupted = not compute_missing(store, Pool("threads", workers), None, show)
+        interrupted = not compute_missing(store, Pool("threads", workers), None, share)
     done = store.outcome.ravel() >= 0
     label = np.full(done.size, ON_ITS_WAY)
     lacks = np.full(done.size, LACKING.index("result"))

@@ -56,9 +56,6 @@ class Map(Result):
         carried = f", carried along {self.carried}" if self.carried else ""
         return f"<Map of {self.title}: {sizes}, {', '.join(self.measures)}{carried}>"
 
-    def __getitem__(self, name: str) -> xarray.DataArray:
-        return self.dataset[name]
-
     @cached_property
     def system(self) -> System:
         """The system that was measured."""
@@ -283,9 +280,6 @@ class Basin(Result):
     def __repr__(self) -> str:
         sizes = " x ".join(f"{n} {name}" for name, n in self.dataset["attractor"].sizes.items())
         return f"<Basin of {self.title}: {sizes}, attractors {self.dataset.sizes['reached']}>"
-
-    def __getitem__(self, name: str) -> xarray.DataArray:
-        return self.dataset[name]
 
     @property
     def along(self) -> str:

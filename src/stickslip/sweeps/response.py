@@ -71,9 +71,6 @@ class FrequencyResponse(Result):
             f"{data.sizes['level']} levels, {lines} lines, {data.sizes['point']} points>"
         )
 
-    def __getitem__(self, name: str) -> xarray.DataArray:
-        return self.dataset[name]
-
     @property
     def along(self) -> str:
         """Dimension of the points of the lines."""

@@ -17,8 +17,10 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
+from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import pose
 from stickslip.orbits.settling.engine.tables import DEVICE_LANES
+from stickslip.progress import PATIENCE, watched
 from stickslip.sweeps.adaptive import Adaptive, check_adaptive, rounds
 from stickslip.sweeps.map import Map
 from stickslip.sweeps.request.axes import read_axes
@@ -56,6 +58,14 @@ class Progress:
     new: int
     elapsed: float
     outcomes: Mapping[int, int]
+
+    def describe(self) -> str:
+        """Points done, points per second, and how they ended."""
+        rate = f", {self.new / self.elapsed:,.0f}/s" if self.new and self.elapsed > 0.0 else ""
+        ends = ", ".join(
+            f"{count:,} {Outcome.from_code(code).label}" for code, count in self.outcomes.items()
+        )
+        return f"{self.done:,} of {self.total:,} points{rate}" + (f": {ends}" if ends else "")
 
 
 @dataclass(frozen=True)
@@ -171,7 +181,12 @@ def sweep(
             store.load()
         if adaptive is not None:
             check_adaptive(adaptive, store)
-        compute_missing(store, pool, adaptive, progress, device)
+        with watched(f"sweep of {system.name}", patience=PATIENCE) as show:
+
+            def share(state: Progress) -> None:
+                show(state.done / state.total, state.describe())
+
+            compute_missing(store, pool, adaptive, progress or share, device)
         return Map(store.dataset())
 
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self, overload
 
 from stickslip.certificates import NOTHING, Certificate, worst
 from stickslip.equations.derive import MotionEquations
@@ -190,8 +190,16 @@ class Equilibria(Result):
     def __len__(self) -> int:
         return len(self.isolated) + len(self.sets)
 
-    def __getitem__(self, index: int) -> Equilibrium | EquilibriumSet:
-        return (*self.isolated, *self.sets)[index]
+    @overload
+    def __getitem__(self, name: int) -> Equilibrium | EquilibriumSet: ...
+
+    @overload
+    def __getitem__(self, name: str) -> xarray.DataArray: ...
+
+    def __getitem__(self, name: int | str) -> Equilibrium | EquilibriumSet | xarray.DataArray:
+        if isinstance(name, str):
+            return super().__getitem__(name)
+        return (*self.isolated, *self.sets)[name]
 
     @property
     def along(self) -> str:

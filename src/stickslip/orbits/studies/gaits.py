@@ -23,6 +23,7 @@ from stickslip.orbits.cycles.cycle import Cycle, find_cycle
 from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.return_map.shooting import follow_freely
+from stickslip.progress import told
 from stickslip.results import Completion, Result, restored_certificate
 
 if TYPE_CHECKING:
@@ -89,9 +90,6 @@ class GaitStudy(Result):
         walks = int(np.count_nonzero(self.dataset["walks"]))
         over = f"{len(values)} values of {self.parameter}"
         return f"<GaitStudy of {self.system.name}: {over}, walks at {walks}>"
-
-    def __getitem__(self, name: str) -> xarray.DataArray:
-        return self.dataset[name]
 
     @property
     def along(self) -> str:
@@ -206,15 +204,15 @@ def gait_study(
     rows: list[dict[str, object]] = []
     certificates: list[Certificate] = []
     last: Cycle | None = None
-    for i, value in enumerate(values):
-        if progress is not None:
-            progress(i / len(values))
-        system.declaration.check_range(parameter, float(value))
-        found = _gait(system, last, initial, {**(parameters or {}), parameter: float(value)})
-        if isinstance(found, Cycle):
-            last = found
-            certificates.append(found.certificate)
-        rows.append(_row(found, names))
+    with told(progress, f"gaits of {system.name}") as show:
+        for i, value in enumerate(values):
+            show(i / len(values))
+            system.declaration.check_range(parameter, float(value))
+            found = _gait(system, last, initial, {**(parameters or {}), parameter: float(value)})
+            if isinstance(found, Cycle):
+                last = found
+                certificates.append(found.certificate)
+            rows.append(_row(found, names))
     units = {
         "speed": _along_unit(system, True),
         "stride": _along_unit(system, False),

@@ -13,9 +13,10 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, worst
 from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.progress import told
 from stickslip.rate_independent.evolution.blocks import TESTS, Gauge, Motion, motion_of
 from stickslip.rate_independent.evolution.evolution import Evolution, UnstableStart
-from stickslip.rate_independent.evolution.evolve import bar, check_tolerances
+from stickslip.rate_independent.evolution.evolve import check_tolerances
 from stickslip.results import Completion, Result, restored_certificate, shortened
 from stickslip.symbolic.formulas import is_finite
 
@@ -197,7 +198,7 @@ def averaging_study(
     done: list[tuple[Motion, Gauge]] = []
     stopped = ""
     try:
-        with bar(progress) as show:
+        with told(progress, "averaging study") as show:
             for k, epsilon in enumerate(periods.tolist()):
                 motion = motion_of(problem.with_period(epsilon), tolerance)
                 done.append((motion, Gauge(problem.A, grid, limit.at).measure(motion)))

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
-from stickslip.progress import watched
+from stickslip.progress import told
 from stickslip.rate_independent.evolution.audit import (
     STEP_COLUMNS,
     EnergyFlow,
@@ -111,7 +110,7 @@ def evolve(
     )
     earlier = 0.0 if start is None else start.wall_time
     try:
-        with bar(progress) as show:
+        with told(progress, "evolving") as show:
             for block in march:
                 record.add(block)
                 show((march.state.t - problem.span[0]) / march.length)
@@ -364,13 +363,3 @@ class Recording:
         return xr.Dataset(
             data, {"time": ("time", kept_times[done], {"long_name": "time"})}, attributes
         )
-
-
-@contextmanager
-def bar(progress: Callable[[float], None] | None) -> Iterator[Callable[[float], None]]:
-    """Who is told of the fraction done: the caller, a person at a terminal, or nobody."""
-    if progress is not None:
-        yield progress
-        return
-    with watched("evolving") as show:
-        yield show

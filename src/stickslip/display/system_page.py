@@ -1,0 +1,170 @@
+"""A system as a page of a notebook: its equations in MathML, and what is declared beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from stickslip import page
+from stickslip.display.equations import Equations
+from stickslip.display.mathml import MathmlWriter, math
+from stickslip.display.symbols import unicode_symbol, unicode_unit
+from stickslip.display.tree import NOUGHT, Name, Node
+from stickslip.model.samples import Samples
+from stickslip.page import Html
+
+if TYPE_CHECKING:
+    from stickslip.model.laws import FrictionLaw
+    from stickslip.model.system import System
+
+_INDENT = "margin:0.3em 0 0.3em 1.5em;overflow-x:auto"
+
+
+def system_page(system: System) -> str:
+    """What a system declares and the equations that follow from it."""
+    shown = _Page(Equations(system))
+    return page.whole(page.heading(system.title or system.name, system.source), *shown.sections())
+
+
+def law_page(law: FrictionLaw, picture: Html) -> str:
+    """A friction law: the picture of its loops, what it says of a mass, its parameters."""
+    example = law.specimen()
+    shown = _Page(Equations(example))
+    rows = [
+        (own, f"{p.default:g}", unicode_unit(p.unit), p.meaning, "" if own in law.options else "yes")
+        for own, p in law.known().items()
+    ]
+    return page.whole(
+        page.heading(law.title, law.source),
+        page.paragraph(law.about),
+        picture,
+        shown.balances(),
+        shown.friction(),
+        shown.definitions(),
+        page.table(rows, ("parameter", "of the example", "unit", "meaning", "has to be given")),
+    )
+
+
+class _Page:
+    def __init__(self, equations: Equations) -> None:
+        self.equations = equations
+        self.system = equations.system
+        self.write = equations.writer(MathmlWriter)
+
+    def sections(self) -> Iterator[str]:
+        """All there is, in the order of the page of a terminal."""
+        yield self.state()
+        for title, node in (
+            ("Energy", self.equations.energy),
+            ("Dissipation potential", self.equations.dissipation),
+        ):
+            if node != NOUGHT:
+                yield _section(title, [self.write(node)])
+        yield self.balances()
+        yield self.friction()
+        yield self.definitions()
+        yield self.parameters()
+        yield self.start()
+        yield self.conditions()
+        yield self.facts()
+
+    def symbol(self, name: str) -> Html:
+        return Html(math(self.write(Name(name))))
+
+    def state(self) -> str:
+        rows = [
+            (self.symbol(name), name, str(x.kind), unicode_unit(x.unit), x.meaning)
+            for name, x in self.system.coordinates.items()
+        ]
+        rows += [
+            (self.symbol(name), name, "internal", unicode_unit(a.unit), a.meaning)
+            for name, a in self.system.internal.items()
+        ]
+        return page.table(rows, ("state", "name", "kind", "unit", "meaning"))
+
+    def balances(self) -> str:
+        lines = [
+            self.write(b.left) + f"<mo>{b.sign}</mo>" + self.write(b.right)
+            for b in [*self.equations.balances, *self.equations.laws]
+        ]
+        return _section("Equations of motion", lines)
+
+    def friction(self) -> str:
+        lines = []
+        for group in self.equations.friction_groups():
+            for f in group:
+                u = self.write(Name(f"u{f.index}"))
+                named = f"<mtext>{page.text(f.contact)}:&#160;&#160;</mtext>"
+                lines.append(f"{named}{u}<mo>=</mo>{self.write(f.velocity)}")
+            index = group[0].index if len(group) == 1 else "_i"
+            for when, law in group[0].laws(self.write, index):
+                lines.append(f"{when}<mtext>:&#160;&#160;</mtext>{law}")
+        return _section("Friction", lines)
+
+    def definitions(self) -> str:
+        lines = [
+            f"{self.write(left)}<mo>=</mo>{self.write(body)}"
+            for left, body in self.equations.definitions()
+        ]
+        return _section("with", lines)
+
+    def parameters(self) -> str:
+        rows = [
+            (
+                self.symbol(name),
+                name,
+                f"{p.default:g}",
+                unicode_unit(p.unit),
+                "" if p.range == "(-inf, inf)" else p.range.replace("inf", "∞"),
+                p.meaning,
+            )
+            for name, p in self.system.parameters.items()
+        ]
+        headings = ("parameter", "name", "value", "unit", "admissible", "meaning")
+        return page.table(rows, headings)
+
+    def start(self) -> str:
+        system = self.system
+        given = [f"{unicode_symbol(name)} = {value:g}" for name, value in system.initial.items()]
+        if len(given) < len(system.declaration.state):
+            given.append("the others 0" if given else "all 0")
+        unit = unicode_unit(system.time_unit)
+        span = f"t from {system.span[0]:g} to {system.span[1]:g} {unit}".rstrip()
+        return page.paragraph(f"Start: {', '.join(given)}; {span}")
+
+    def conditions(self) -> str:
+        rows = [
+            (name, condition, verdict)
+            for name, condition, verdict in self.equations.conditions(self.write)
+        ]
+        cells = [(name, Html(math(said)), verdict) for name, said, verdict in rows]
+        return page.table(cells, ("condition", "", ""))
+
+    def facts(self) -> str:
+        rows = [
+            (name.replace("_", " "), Html(math(self.write(formula))), f"{value:.6g}")
+            for name, formula, value in self.equations.facts()
+        ]
+        return page.table(rows, ("fact", "", "value"))
+
+
+def _section(title: str, lines: list[str]) -> Html:
+    """Formulas below each other."""
+    shown = "".join(f'<div style="{_INDENT}">{math(line)}</div>' for line in lines)
+    return Html(f"<p>{page.text(title)}</p>{shown}" if lines else "")
+
+
+def samples_page(samples: Samples, picture: Html) -> str:
+    """Samples: how many, from when to when, and what they look like."""
+    low, high = float(samples.values.min()), float(samples.values.max())
+    source = samples.source
+    rows = [
+        ("samples", f"{len(samples.times):,}"),
+        ("time", f"{samples.span[0]:.9g} to {samples.span[1]:.9g}"),
+        ("values", f"{low:.6g} to {high:.6g}"),
+        ("between them", samples.kind),
+        ("period", f"{samples.period:.9g}" if samples.periodic else "none"),
+    ]
+    if source:
+        rows.append(("file", f"{source['file']}, columns {source['time']} and {source['value']}"))
+    return page.whole(page.heading("Samples"), picture, page.table(rows))
