@@ -159,7 +159,7 @@ class Certificate:
             for residual in self.residuals
         ]
         headings = ("residual", "value", "limit", "note", "")
-        return page.whole(page.paragraph(self.verdict), page.table(rows, headings))
+        return page.whole(page.paragraph(self.verdict), page.tabled(rows, headings))
 
     def describe(self) -> str:
         """The verdict, and every residual on a line of its own."""

@@ -24,7 +24,7 @@ def text(content: str) -> Html:
     return content if isinstance(content, Html) else Html(escape(content))
 
 
-def heading(title: str, source: str = "") -> Html:
+def headline(title: str, source: str = "") -> Html:
     """What something is, and where it comes from."""
     return Html(f"<p><b>{text(title)}</b>{text(f' ({source})' if source else '')}</p>")
 
@@ -34,7 +34,7 @@ def paragraph(content: str) -> Html:
     return Html(f"<p>{text(content)}</p>") if content else Html("")
 
 
-def table(rows: Iterable[Sequence[str]], headings: Sequence[str] = ()) -> Html:
+def tabled(rows: Iterable[Sequence[str]], headings: Sequence[str] = ()) -> Html:
     """Rows as a table; columns that are empty throughout are left out."""
     rows = [*map(list, rows)]
     if not rows:
@@ -55,7 +55,7 @@ def parameters(values: Mapping[str, float], declared: Mapping[str, Parameter]) -
         known = declared.get(name)
         unit, meaning = (unicode_unit(known.unit), known.meaning) if known else ("", "")
         rows.append((name, f"{value:.9g}", unit, meaning))
-    return table(rows, ("parameter", "value", "unit", "meaning"))
+    return tabled(rows, ("parameter", "value", "unit", "meaning"))
 
 
 def folded(title: str, content: str) -> Html:

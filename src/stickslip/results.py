@@ -105,7 +105,7 @@ class Summary:
             (page.Html(escape(name).replace("  ", "&emsp;")), _in_lines(text))
             for name, text in self.rows
         )
-        return page.whole(page.heading(self.title), page.table(rows))
+        return page.whole(page.headline(self.title), page.tabled(rows))
 
 
 class Described(Protocol):

@@ -38,7 +38,7 @@ class MathmlWriter(UnicodeWriter):
         if name == "speed":
             return row("<mo>|</mo>", "<mi>u</mi>", "<mo>|</mo>")
         base, dots = self.rates.get(name, (name, 0))
-        return named(base, dots)
+        return symbol_of(base, dots)
 
     def number(self, value: Fraction) -> str:
         sign, size = ("<mo>−</mo>" if value < 0 else ""), abs(value)
@@ -82,7 +82,7 @@ class MathmlWriter(UnicodeWriter):
     def function(self, node: Call, arguments: list[str]) -> str:
         inside = self.brackets("<mo>,</mo>".join(arguments)) if arguments else ""
         if self.is_rate(node):
-            return row(named(node.name, 1), inside)
+            return row(symbol_of(node.name, 1), inside)
         if node.by and set(node.by) == {"0"} and len(node.arguments) == 1:
             primes = f"<mo>{'′' * len(node.by)}</mo>"
             return row(f"<msup>{self.name(node.name)}{primes}</msup>", inside)
@@ -95,7 +95,7 @@ class MathmlWriter(UnicodeWriter):
         return row(slopes, own, inside)
 
 
-def named(name: str, dots: int = 0) -> str:
+def symbol_of(name: str, dots: int = 0) -> str:
     """The name as a symbol, with one or two dots for rates."""
     if is_word(name):
         return _accented(f'<mi mathvariant="normal">{escape(name)}</mi>', "˙" * dots)
@@ -118,4 +118,3 @@ def _accented(text: str, accent: str) -> str:
 
 def _fraction(above: str, below: str) -> str:
     return f"<mfrac>{row(above)}{row(below)}</mfrac>"
-

@@ -9,7 +9,7 @@ from stickslip import page
 from stickslip.display.equations import Equations
 from stickslip.display.mathml import MathmlWriter, math
 from stickslip.display.symbols import unicode_symbol, unicode_unit
-from stickslip.display.tree import NOUGHT, Name, Node
+from stickslip.display.tree import NOUGHT, Name
 from stickslip.model.samples import Samples
 from stickslip.page import Html
 
@@ -23,7 +23,7 @@ _INDENT = "margin:0.3em 0 0.3em 1.5em;overflow-x:auto"
 def system_page(system: System) -> str:
     """What a system declares and the equations that follow from it."""
     shown = _Page(Equations(system))
-    return page.whole(page.heading(system.title or system.name, system.source), *shown.sections())
+    return page.whole(page.headline(system.title or system.name, system.source), *shown.sections())
 
 
 def law_page(law: FrictionLaw, picture: Html) -> str:
@@ -31,17 +31,23 @@ def law_page(law: FrictionLaw, picture: Html) -> str:
     example = law.specimen()
     shown = _Page(Equations(example))
     rows = [
-        (own, f"{p.default:g}", unicode_unit(p.unit), p.meaning, "" if own in law.options else "yes")
+        (
+            own,
+            f"{p.default:g}",
+            unicode_unit(p.unit),
+            p.meaning,
+            "" if own in law.options else "yes",
+        )
         for own, p in law.known().items()
     ]
     return page.whole(
-        page.heading(law.title, law.source),
+        page.headline(law.title, law.source),
         page.paragraph(law.about),
         picture,
         shown.balances(),
         shown.friction(),
         shown.definitions(),
-        page.table(rows, ("parameter", "of the example", "unit", "meaning", "has to be given")),
+        page.tabled(rows, ("parameter", "of the example", "unit", "meaning", "may be left out")),
     )
 
 
@@ -80,7 +86,7 @@ class _Page:
             (self.symbol(name), name, "internal", unicode_unit(a.unit), a.meaning)
             for name, a in self.system.internal.items()
         ]
-        return page.table(rows, ("state", "name", "kind", "unit", "meaning"))
+        return page.tabled(rows, ("state", "name", "kind", "unit", "meaning"))
 
     def balances(self) -> str:
         lines = [
@@ -121,7 +127,7 @@ class _Page:
             for name, p in self.system.parameters.items()
         ]
         headings = ("parameter", "name", "value", "unit", "admissible", "meaning")
-        return page.table(rows, headings)
+        return page.tabled(rows, headings)
 
     def start(self) -> str:
         system = self.system
@@ -138,14 +144,14 @@ class _Page:
             for name, condition, verdict in self.equations.conditions(self.write)
         ]
         cells = [(name, Html(math(said)), verdict) for name, said, verdict in rows]
-        return page.table(cells, ("condition", "", ""))
+        return page.tabled(cells, ("condition", "", ""))
 
     def facts(self) -> str:
         rows = [
             (name.replace("_", " "), Html(math(self.write(formula))), f"{value:.6g}")
             for name, formula, value in self.equations.facts()
         ]
-        return page.table(rows, ("fact", "", "value"))
+        return page.tabled(rows, ("fact", "", "value"))
 
 
 def _section(title: str, lines: list[str]) -> Html:
@@ -167,4 +173,4 @@ def samples_page(samples: Samples, picture: Html) -> str:
     ]
     if source:
         rows.append(("file", f"{source['file']}, columns {source['time']} and {source['value']}"))
-    return page.whole(page.heading("Samples"), picture, page.table(rows))
+    return page.whole(page.headline("Samples"), picture, page.tabled(rows))

@@ -10,6 +10,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from stickslip import page
 from stickslip.arrays import Array
 from stickslip.equations.derive import derive
 from stickslip.equations.field import MODE_NAMES, Field, Mode, Region, mode_field
@@ -49,6 +50,15 @@ class VectorField:
     def __repr__(self) -> str:
         modes = ", ".join(f"{contact}: {mode}" for contact, mode in self.modes.items())
         return f"<VectorField of {self.system.name}: {modes or 'no contacts'}>"
+
+    def _repr_html_(self) -> str:
+        modes = ", ".join(f"{contact}: {mode}" for contact, mode in self.modes.items())
+        return page.whole(
+            page.headline(self.system.title or self.system.name),
+            page.paragraph(f"Modes: {modes}" if modes else "No contacts"),
+            page.tabled(self.rates.items(), ("state", "its rate")),
+            page.tabled(self.forces.items(), ("contact", "its force")),
+        )
 
     @property
     def state(self) -> tuple[str, ...]:

@@ -298,13 +298,13 @@ def _is_default(entry: Any, value: Any) -> bool:
 def _lines(key: str, value: Any) -> Iterator[str]:
     """Lines `key = value`; a mapping of names to entries has one line for each."""
     if not isinstance(value, Mapping) or key in ("translation", "initial"):
-        yield f"{key} = {_value(value)}"
+        yield f"{key} = {text_of(value)}"
         return
     for name, item in value.items():
         path = f"{key}.{_key(name)}"
-        line = f"{path} = {_value(item)}"
+        line = f"{path} = {text_of(item)}"
         if len(line) > _LONG_LINE and is_dataclass(item) and not hasattr(item, "plain"):
-            yield from (f"{path}.{field} = {_value(part)}" for field, part in _parts(item))
+            yield from (f"{path}.{field} = {text_of(part)}" for field, part in _parts(item))
         else:
             yield line
 
@@ -320,27 +320,28 @@ def _parts(item: Any) -> Iterator[tuple[str, Any]]:
             yield entry.name, value
 
 
-def _value(value: Any) -> str:
+def text_of(value: Any) -> str:
+    """A value as it stands in a file."""
     match value:
         case str():
             return _text(value)
         case bool():
             return "true" if value else "false"
         case tuple() | list():
-            return f"[{', '.join(map(_value, value))}]"
+            return f"[{', '.join(map(text_of, value))}]"
         case Mapping():
             return (
                 "{"
-                + ", ".join(f"{_key(name)} = {_value(item)}" for name, item in value.items())
+                + ", ".join(f"{_key(name)} = {text_of(item)}" for name, item in value.items())
                 + "}"
             )
         case int():
             return str(int(value))
     if hasattr(value, "plain"):
-        return _value(value.plain())
+        return text_of(value.plain())
     if hasattr(value, "__float__"):
         return repr(float(value))
-    return "{" + ", ".join(f"{name} = {_value(part)}" for name, part in _parts(value)) + "}"
+    return "{" + ", ".join(f"{name} = {text_of(part)}" for name, part in _parts(value)) + "}"
 
 
 def _key(name: str) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from stickslip import page
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.dissipation import Dissipation
@@ -107,6 +108,19 @@ class Evolution:
     def energy(self, t: float, z: Array) -> float:
         """½⟨Az, z⟩ − ⟨ℓ(t), z⟩."""
         return float(0.5 * z @ (self.A @ z) - z @ self.ell.over(np.array([t]))[0])
+
+    def _repr_html_(self) -> str:
+        rows = [
+            ("unknowns", str(self.n)),
+            ("dissipation", type(self.dissipation).__name__),
+            ("period ε", f"{self.epsilon:.9g}"),
+            ("time", f"{self.span[0]:g} to {self.span[1]:g}"),
+        ]
+        return page.whole(
+            page.headline("Rate-independent evolution"),
+            page.paragraph("0 ∈ ∂Ψ(t/ε, ż) + A z − ℓ(t)"),
+            page.tabled(rows),
+        )
 
     def with_period(self, epsilon: float) -> Evolution:
         """The same evolution with another ε."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any, cast
 
+from stickslip import page
 from stickslip.errors import DeclarationError, short
 from stickslip.model import toml
 from stickslip.model.names import DeclaredNames, reconfigured
@@ -148,6 +149,22 @@ class EvolutionModel:
             If a name is neither, or a value is not admissible.
         """
         return reconfigured(self, given, ("functions",))
+
+    def _repr_html_(self) -> str:
+        shown = {
+            **{f"function {name}": text for name, text in self.functions.items()},
+            "load": self.load,
+            "A": self.A,
+            "dissipation": self.dissipation,
+            "period ε": self.epsilon,
+            "span": self.span,
+        }
+        rows = [(name, short(toml.text_of(value))) for name, value in shown.items() if value != ()]
+        return page.whole(
+            page.headline(self.title or self.name, self.source),
+            page.tabled(rows),
+            page.parameters(self.values, self.parameters),
+        )
 
     def to_toml(self) -> str:
         """The declaration as a model file."""

@@ -5,11 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip import page
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.sets.cones import ConeForm, polyhedron
@@ -25,6 +26,12 @@ from stickslip.rate_independent.sets.stretches import (
     Stretches,
 )
 from stickslip.rate_independent.signals.signal import Signal, finite
+from stickslip.results import listed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_DRAWN = 8  # components of a potential that is drawn in a notebook
 
 
 class Dissipation(ABC):
@@ -265,6 +272,35 @@ class Dissipation(ABC):
         """A metric of a projection; refuses what is not symmetric and positive definite."""
         return None if given is None else spd(given, self.dimension, "metric")
 
+    # -- a page of a notebook ----------------------------------------------------------------------
+
+    def _repr_html_(self) -> str:
+        from stickslip.figures.drawing.notebook import embedded
+
+        picture = embedded(self._picture) if self._drawn else page.Html("")
+        return page.whole(page.headline(type(self).__name__), picture, page.tabled(self._said()))
+
+    @property
+    def _drawn(self) -> bool:
+        """Whether a page has a picture of it."""
+        return self.dimension <= _DRAWN
+
+    def _picture(self) -> Figure:
+        """Stable sets and costs, with those of the average."""
+        from stickslip.figures.dissipation import plot_average
+
+        return plot_average(self, self.average())
+
+    def _said(self) -> list[tuple[str, str]]:
+        """What there is to say of it on a page."""
+        depends = "the phase s = t/ε" if self.depends_on_phase else "nothing but the rates"
+        known = "bounded at all of them" if self.bounded else "known at those that are looked at"
+        return [
+            ("dimension", str(self.dimension)),
+            ("depends on", depends),
+            *([("phases", known)] if self.depends_on_phase else []),
+        ]
+
     def _nearest_at(self, s: float) -> Callable[[Array], Array]:
         """The Euclidean projection onto K(s), for several points, as accurate as a search over the
         phase needs it."""
@@ -404,6 +440,28 @@ class Average(Dissipation):
     def average(self, tolerance: float = 1e-8) -> Self:
         """Itself."""
         return self
+
+    @property
+    def _drawn(self) -> bool:
+        return self.dimension == 2
+
+    def _picture(self) -> Figure:
+        from stickslip.figures.dissipation import stable_sets
+        from stickslip.figures.drawing.style import new_figure
+
+        figure = new_figure(4.4, 4.4)
+        stable_sets(figure.add_subplot(), self)
+        return figure
+
+    def _said(self) -> list[tuple[str, str]]:
+        known = self.closed_form
+        terms = listed(known.terms) if known else ""
+        return [
+            ("dimension", str(self.dimension)),
+            *([("Ψ_av(v), the sum of", terms)] if terms else []),
+            ("friction", self.verdict),
+            ("phases", self.coverage),
+        ]
 
 
 def spd(given: ArrayLike, n: int, where: str) -> Array:
