@@ -13,9 +13,10 @@ import typer
 
 from stickslip import __version__
 from stickslip.certificates import Certificate, Residual
-from stickslip.cli.models import assignments
+from stickslip.cli.models import settings_of
 from stickslip.cli.present import Files, Json, Out, ShowProgress, folder_of, present
 from stickslip.errors import DeclarationError
+from stickslip.model.names import measured_drives
 from stickslip.results import Completion, Summary, certificate_rows, listed
 
 if TYPE_CHECKING:
@@ -37,7 +38,10 @@ File = Annotated[
 EvolutionOptions = Annotated[
     list[str] | None,
     typer.Option(
-        "--set", metavar="NAME=VALUE", help="Parameter, or function as a formula; may be repeated."
+        "--set",
+        metavar="NAME=VALUE",
+        help="Parameter, or function or drive as a formula; a drive may be a file of samples, "
+        "as in a=base.csv; may be repeated.",
     ),
 ]
 
@@ -84,9 +88,7 @@ def evolve_command(
     Exit code: 0 certified to its end, 1 not, 2 wrong input, 130 interrupted (what was computed is
     kept).
     """
-    model = configured(file, settings)
-    if until is not None:
-        model = with_option("--until", model, span=(model.span[0], until))
+    model = configured(file, settings, until)
     if steps is not None:
         model = with_option("--steps", model, steps=steps)
     _ = model.problem  # a dissipation potential alone does not evolve
@@ -108,11 +110,19 @@ def evolve_command(
 # -- what both share -------------------------------------------------------------------------------
 
 
-def configured(file: Path, settings: Sequence[str] | None) -> EvolutionModel:
-    """The model of a file with ``--set`` applied."""
+def configured(
+    file: Path, settings: Sequence[str] | None, until: float | None = None
+) -> EvolutionModel:
+    """The model of a file with ``--set`` and ``--until`` applied."""
     from stickslip.rate_independent.evolution.evolution_file import load_evolution
 
-    return load_evolution(file).configure(assignments(settings or [], "--set"))
+    given = settings_of(settings or [])
+    samples = measured_drives(given)
+    others = {name: value for name, value in given.items() if name not in samples}
+    model = load_evolution(file).configure(others)
+    if until is not None:
+        model = with_option("--until", model, span=(model.span[0], until))
+    return model.configure(samples)  # which have to cover that
 
 
 def with_option(option: str, model: EvolutionModel, **changes: Any) -> EvolutionModel:
@@ -129,7 +139,7 @@ def heading(model: EvolutionModel) -> dict[str, Any]:
         "model": model.name,
         "title": model.title or model.name,
         "parameters": model.values,
-        "functions": dict(model.functions),
+        "functions": {**model.functions, **{k: str(d) for k, d in model.drives.items()}},
         "dissipation": model.dissipation["kind"],
     }
 

@@ -4,30 +4,50 @@ from __future__ import annotations
 
 import inspect
 import os
+import re
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from stickslip import catalogue, load
-from stickslip.errors import DeclarationError
-from stickslip.model.system import Formula, System
+from stickslip.errors import DeclarationError, short
+from stickslip.model import toml
+from stickslip.model.names import measured_drives
+from stickslip.model.samples import Samples
+from stickslip.model.system import Drive, Formula, System
 from stickslip.symbolic.expressions import is_number, number
 from stickslip.symbolic.formulas import Scope
 
+_FILE = re.compile(r"[^*+()^<>]*\.(?![eE]\d)[A-Za-z]\w*\Z")  # no formula looks like that
 
-def load_model(model: str, settings: Iterable[str]) -> System:
+
+def load_model(model: str, settings: Iterable[str], until: float | None = None) -> System:
     """The system that a catalogue name or a model file stands for, with ``--set`` applied.
+
+    Parameters
+    ----------
+    model : str
+    settings : iterable of str
+    until : float, optional
+        End of its time span, which samples have to cover then.
 
     Raises
     ------
     DeclarationError
         If there is no such model, or something in it or in the settings is wrong.
     """
-    given = assignments(settings, "--set")
+    given = settings_of(settings)
+    samples = measured_drives(given)
+    others = {name: value for name, value in given.items() if name not in samples}
     if model in catalogue.names():
-        return getattr(catalogue, model)(**given)
-    if model.endswith(".toml") or os.sep in model or Path(model).is_file():
-        return load(model).configure(given)
-    return catalogue.get(model)
+        system = getattr(catalogue, model)(**others)
+    elif model.endswith(".toml") or os.sep in model or Path(model).is_file():
+        system = load(model).configure(others)
+    else:
+        system = catalogue.get(model)
+    if until is not None and samples and until > system.span[0]:
+        system = replace(system, span=(system.span[0], until))
+    return system.configure(samples)
 
 
 def references(model: str) -> list[str]:
@@ -45,6 +65,15 @@ def references(model: str) -> list[str]:
         section = text.partition("References\n----------\n")[2]
         return [" ".join(part.split()) for part in section.split("\n\n") if part.strip()]
     return [system.source] if system.source else []
+
+
+def settings_of(texts: Iterable[str]) -> dict[str, Drive]:
+    """What ``--set`` gives: numbers, formulas, and samples from files, as in ``a=base.csv`` or
+    ``a={file = "base.csv", time = "t", value = "a", kind = "cubic"}``."""
+    return {
+        name: _samples(name, value) if isinstance(value, str) and _is_file(value) else value
+        for name, value in assignments(texts, "--set").items()
+    }
 
 
 def assignments(texts: Iterable[str], option: str) -> dict[str, Formula]:
@@ -93,6 +122,26 @@ def spans(texts: Iterable[str], option: str = "--over") -> dict[str, list[float]
             )
         found[name] = [numbers(assignments([f"{name}={p}"], option), option)[name] for p in pieces]
     return found
+
+
+def _is_file(text: str) -> bool:
+    """Whether it names a file of samples, or is a table that does."""
+    return text.startswith("{") or bool(_FILE.match(text)) or Path(text).is_file()
+
+
+def _samples(name: str, text: str) -> Drive:
+    """Samples of a drive, with the names of the columns or without."""
+    where = f"--set {name}"
+    table: object = {"file": text}
+    if text.startswith("{"):
+        try:
+            table = toml.parse(f"it = {text}")["it"]
+        except DeclarationError:
+            form = '{file = "base.csv", time = "t", value = "a"}'
+            raise DeclarationError(
+                where, f"'{short(text)}' is no table", f"Write it like --set '{name}={form}'"
+            ) from None
+    return Samples.from_plain(toml.mapping(table, where), where, name=name)
 
 
 def _value(text: str) -> Formula:

@@ -52,7 +52,7 @@ def run_command(
     """
     from stickslip import Trajectory, simulate
 
-    system = load_model(model, settings or [])
+    system = load_model(model, settings or [], until)
     start = given(initial)
     span = (system.span[0], system.span[1] if until is None else until)
 

@@ -35,7 +35,8 @@ ParameterOptions = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=VALUE",
-        help="Parameter, or free function as a formula; may be repeated.",
+        help="Parameter, or free function as a formula; a drive may be a file of samples, as in "
+        "a=base.csv; may be repeated.",
     ),
 ]
 Initial = Annotated[

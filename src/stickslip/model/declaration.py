@@ -12,7 +12,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from stickslip.errors import DeclarationError, short, some
-from stickslip.model.names import DeclaredNames, Range
+from stickslip.model.names import DeclaredNames, Range, check_covered, measured_drives
 from stickslip.model.schema import PLANAR, check_shape, entry_key
 from stickslip.model.system import Kind
 from stickslip.model.units import check_unit
@@ -162,15 +162,7 @@ class Declaration:
 
     def check_span(self, start: float, stop: float) -> None:
         """Refuse a time span of which a drive says nothing."""
-        for name, drive in self.given.items():
-            if not drive.covers(start, stop):
-                first, last = drive.span
-                raise DeclarationError(
-                    entry_key("drives", name),
-                    f"the samples cover {first:.9g} ... {last:.9g}, the time span is {start:.9g} "
-                    f"... {stop:.9g}",
-                    "Shorten the span, give more samples, or let them be periodic",
-                )
+        check_covered(self.given, start, stop)
 
     def kinks_known(self, start: float, stop: float) -> int:
         """How many kinks drives that are no formulas have in a time span, at most."""
@@ -279,9 +271,7 @@ class _Reader:
             raise DeclarationError("span", "not a time span", "Write [start, end] with start < end")
         names.functions("functions", system.functions)
         names.functions("drives", system.drives, clock="t")
-        for name, drive in system.drives.items():
-            if isinstance(drive, TimeFunction):
-                result.given[name] = drive
+        result.given = measured_drives(system.drives)
         result.check_span(start, stop)
         self.declared = list(names.definitions)
         self.definitions = names.with_derivatives()

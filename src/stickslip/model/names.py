@@ -12,7 +12,13 @@ from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.model.schema import entry_key
 from stickslip.model.system import Drive, Parameter
 from stickslip.model.units import check_unit
-from stickslip.symbolic.formulas import Definition, check_name, is_finite, parse_signature
+from stickslip.symbolic.formulas import (
+    Definition,
+    TimeFunction,
+    check_name,
+    is_finite,
+    parse_signature,
+)
 
 _INTERVAL = re.compile(r"\s*([\[(])\s*(\S+?)\s*,\s*(\S+?)\s*([\])])\s*\Z")
 _M = TypeVar("_M")
@@ -113,6 +119,24 @@ class DeclaredNames:
         """All definitions, and the derivatives of those of one argument and of drives."""
         derivatives = {name: d for name, d in self._derivatives.items() if name not in self._taken}
         return self.definitions | derivatives
+
+
+def measured_drives(drives: Mapping[str, Drive]) -> dict[str, TimeFunction]:
+    """Those of the drives that are no formulas."""
+    return {name: drive for name, drive in drives.items() if isinstance(drive, TimeFunction)}
+
+
+def check_covered(drives: Mapping[str, TimeFunction], start: float, stop: float) -> None:
+    """Refuse a time span of which a drive says nothing."""
+    for name, drive in drives.items():
+        if not drive.covers(start, stop):
+            first, last = drive.span
+            raise DeclarationError(
+                entry_key("drives", name),
+                f"the samples cover {first:.9g} ... {last:.9g}, the time span is {start:.9g} "
+                f"... {stop:.9g}",
+                "Shorten the span, give more samples, or let them be periodic",
+            )
 
 
 def reconfigured(model: _M, given: Mapping[str, Drive], sections: tuple[str, ...]) -> _M:

@@ -116,10 +116,12 @@ class Samples(TimeFunction):
     def read(
         cls,
         file: str | PathLike[str],
-        time: str = "time",
-        value: str = "value",
+        time: str = "",
+        value: str = "",
         kind: SampleKind = "linear",
         periodic: bool = False,
+        *,
+        name: str = "",
     ) -> Samples:
         """Samples of two columns of a text file.
 
@@ -129,9 +131,12 @@ class Samples(TimeFunction):
             Columns that commas, semicolons, tabs or blanks separate, with a line of names. Lines
             that begin with # are left out.
         time, value : str
-            Names of the columns.
+            Names of the columns. By default the times are in the column called ``time`` or ``t``,
+            the values in that called by the `name`, or ``value``, or else in the only other one.
         kind, periodic
             As of :class:`Samples`.
+        name : str
+            What the values are, such as the name of a drive.
 
         Raises
         ------
@@ -139,7 +144,7 @@ class Samples(TimeFunction):
             If it cannot be read, has no such columns, or something in them is wrong; the message
             names the row, the column and the remedy.
         """
-        t, y, rows = columns_of(file, time, value)
+        t, y, rows, (time, value) = columns_of(file, time, value, name)
         try:
             checked(t, y, str(file))
         except _At as error:
@@ -235,7 +240,9 @@ class Samples(TimeFunction):
         return {**self.source, **found, "digest": self.digest}
 
     @classmethod
-    def from_plain(cls, table: Mapping[str, Any], where: str, folder: Path = Path()) -> Samples:
+    def from_plain(
+        cls, table: Mapping[str, Any], where: str, folder: Path = Path(), name: str = ""
+    ) -> Samples:
         """Samples of what a model file says.
 
         Parameters
@@ -247,6 +254,8 @@ class Samples(TimeFunction):
         where : str
             The key, for messages.
         folder : path
+        name : str
+            What the values are, as in :meth:`read`.
 
         Raises
         ------
@@ -269,10 +278,10 @@ class Samples(TimeFunction):
         if not isinstance(periodic, bool):
             raise DeclarationError(f"{where}.periodic", "not true or false", "Write true or false")
         if way[0] == "file":
-            file, time, value = (table.get(key, key) for key in way)
-            if not all(isinstance(name, str) for name in (file, time, value)):
+            file, time, value = (table.get(key, "") for key in way)
+            if not all(isinstance(part, str) for part in (file, time, value)):
                 raise DeclarationError(where, "a name is no text", 'Write it like time = "t"')
-            found = cls.read(folder / file, time, value, kind, periodic)
+            found = cls.read(folder / file, time, value, kind, periodic, name=name)
         elif way[0] == "times":
             found = cls(table["times"], table.get("values", ()), kind, periodic, where=where)
         elif way[0] == "packed":
@@ -662,8 +671,12 @@ _MOST_BYTES = 2_000_000_000
 _SEPARATORS = (",", ";", "\t", None)
 
 
-def columns_of(file: str | PathLike[str], time: str, value: str) -> tuple[Array, Array, Any]:
-    """Two columns of a text file, and in which line of it each row stands.
+def columns_of(
+    file: str | PathLike[str], time: str, value: str, name: str = ""
+) -> tuple[Array, Array, Any, tuple[str, str]]:
+    """Two columns of a text file, in which line of it each row stands, and how they are called.
+
+    Names that are not given are found, see :meth:`Samples.read`.
 
     Raises
     ------
@@ -699,32 +712,57 @@ def columns_of(file: str | PathLike[str], time: str, value: str) -> tuple[Array,
         raise DeclarationError(where, "the file is empty", "Give columns with a line of names")
     heading = lines[numbers[0]]
     separator = next((s for s in _SEPARATORS if s is None or s in heading), None)
-    names = [name.strip() for name in _cells(heading, separator)]
-    places = []
-    for name in (time, value):
-        if name not in names:
-            raise DeclarationError(
-                f"{where}, line {numbers[0] + 1}",
-                f"there is no column '{short(name)}'",
-                suggestion(name, names, "'"),
-            )
-        places.append(names.index(name))
+    names = [cell.strip() for cell in _cells(heading, separator)]
+    wanted = _chosen(names, time, value, name, f"{where}, line {numbers[0] + 1}")
+    places = [names.index(column) for column in wanted]
     rows = numbers[1:]
     columns = np.empty((2, len(rows)))
     for k, i in enumerate(rows):
         cells = _cells(lines[i], separator)
         for column, place in enumerate(places):
-            name = (time, value)[column]
             cell = cells[place].strip() if place < len(cells) else ""
             try:
                 columns[column, k] = float(cell)
             except ValueError:
                 raise DeclarationError(
-                    f"{where}, line {i + 1}, column '{short(name)}'",
+                    f"{where}, line {i + 1}, column '{short(wanted[column])}'",
                     f"'{short(cell)}' is no number" if cell else "there is no value",
                     "Leave the row out, or fill it",
                 ) from None
-    return columns[0], columns[1], np.array(rows) + 1
+    return columns[0], columns[1], np.array(rows) + 1, wanted
+
+
+def _chosen(names: list[str], time: str, value: str, own: str, where: str) -> tuple[str, str]:
+    """The columns of times and of values: those that are named, or those that can be meant."""
+    for name in (time, value):
+        if name and name not in names:
+            known = suggestion(name, names, "'")
+            raise DeclarationError(where, f"there is no column '{short(name)}'", known)
+    if not (time and value) and all(map(_is_number, names)):
+        raise DeclarationError(
+            where, "there are numbers where names of columns should be", "Let it begin with: t,a"
+        )
+    time = time or next((name for name in ("time", "t") if name in names and name != value), "")
+    others = [name for name in names if name != time]
+    value = value or next((name for name in (own, "value") if name and name in others), "")
+    if time and not value and len(others) == 1:
+        value = others[0]
+    if not (time and value):
+        missing = "values" if time else "times"
+        raise DeclarationError(
+            where,
+            f"which column has the {missing} is not clear: there are {short(', '.join(names))}",
+            'Say it, as in {file = "base.csv", time = "t", value = "a"}',
+        )
+    return time, value
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
 
 
 def _cells(line: str, separator: str | None) -> list[str]:

@@ -52,13 +52,15 @@ def _contact(value: Any, where: str, folder: Path) -> Any:
     return LawContact.from_plain(table)
 
 
-def _drive(value: Any, where: str, folder: Path) -> Any:
+def read_drive(value: Any, where: str, folder: Path) -> Any:
     """A formula as it stands; samples from their table."""
     if not isinstance(value, dict):
         return value
     from stickslip.model.samples import Samples
 
-    return Samples.from_plain(toml.mapping(value, where), where, folder)
+    return Samples.from_plain(
+        toml.mapping(value, where), where, folder, name=where.rpartition(".")[2].strip("'")
+    )
 
 
 _SYSTEMS = toml.Language(
@@ -74,7 +76,7 @@ _SYSTEMS = toml.Language(
     ),
     sections={
         "parameters": partial(toml.entry, Parameter),
-        "drives": _drive,
+        "drives": read_drive,
         "coordinates": _coordinate,
         "internal": partial(toml.entry, Internal),
         "contacts": _contact,

@@ -4,7 +4,7 @@ as TOML and back, key by key, without loss.
 The language is that of :mod:`stickslip.model.system_file`. The keys from ``A`` to ``span`` are
 those of :class:`~stickslip.rate_independent.evolution.evolution.Evolution`; the dissipation has a
 ``kind`` and the keys of that kind. Every number may be a formula of the parameters, the load also
-of the time ``t``, the dissipation of the phase ``s``.
+of the time ``t`` and of drives (formulas of ``t``, or samples), the dissipation of the phase ``s``.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from os import PathLike
 
 from stickslip.model import toml
 from stickslip.model.system import Parameter
+from stickslip.model.system_file import read_drive
 from stickslip.rate_independent.evolution.model import EvolutionModel
 
 _A_SYSTEM = (
@@ -23,7 +24,7 @@ _A_SYSTEM = (
 EVOLUTIONS = toml.Language(
     EvolutionModel,
     groups=("name", "parameters", "functions", "A", "dissipation", "epsilon"),
-    sections={"parameters": partial(toml.entry, Parameter)},
+    sections={"parameters": partial(toml.entry, Parameter), "drives": read_drive},
     others=dict.fromkeys(("coordinates", "internal", "contacts"), _A_SYSTEM),
 )
 

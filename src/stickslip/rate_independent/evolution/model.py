@@ -10,13 +10,16 @@ from typing import Any, cast
 from stickslip import page
 from stickslip.errors import DeclarationError, short
 from stickslip.model import toml
-from stickslip.model.names import DeclaredNames, reconfigured
+from stickslip.model.names import DeclaredNames, check_covered, measured_drives, reconfigured
 from stickslip.model.schema import check_shape
-from stickslip.model.system import Formula, Parameter, hold_plain
+from stickslip.model.system import Drive, Formula, Parameter, hold_plain
 from stickslip.rate_independent.dissipation import Dissipation
 from stickslip.rate_independent.evolution.evolution import Evolution, UnstableStart
+from stickslip.rate_independent.signals.reading import read
+from stickslip.rate_independent.signals.signal import OF_TIME
+from stickslip.rate_independent.signals.sums import WeightedSignals
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.formulas import Definition, Scope
+from stickslip.symbolic.formulas import Definition, Scope, TimeFunction
 
 _CLOCK = "t"
 _PHASE = "s"
@@ -36,6 +39,9 @@ class EvolutionModel:
     parameters : mapping of str to Parameter
     functions : mapping of str to formula
         Functions used in formulas, such as ``{"rho(s)": "1 + cos(2*pi*s)/2"}``.
+    drives : mapping of str to formula or Samples
+        Functions of time that the load may use, such as ``{"ell": "V*t"}``, or measured ones. These
+        may be multiplied by numbers and added in the load.
     A : matrix of formulas
         (n, n), of the parameters; a single one if n = 1. May be left out, with the load, where only
         the dissipation is meant.
@@ -62,6 +68,7 @@ class EvolutionModel:
     source: str = ""
     parameters: Mapping[str, Parameter] = field(default_factory=dict[str, Parameter])
     functions: Mapping[str, Formula] = field(default_factory=dict[str, Formula])
+    drives: Mapping[str, Drive] = field(default_factory=dict[str, Drive])
     A: FormulaTable = ()
     load: FormulaTable = ()
     dissipation: Mapping[str, Any] = field(default_factory=dict[str, Any])
@@ -129,30 +136,34 @@ class EvolutionModel:
             if getattr(self, key) == ():
                 raise toml.missing("", key)
         n = self.potential.dimension
+        start, stop = self._numbers("span")
+        check_covered(measured_drives(self.drives), start, stop)
         return with_nearest_start(
             lambda: Evolution(
                 A=self._numbers("A"),
-                load=_trees(self._scope(_CLOCK), self.load, "load"),
+                load=self._loads(),
                 dissipation=self.potential,
                 initial=[0.0] * n if self.initial == () else self._numbers("initial"),
                 epsilon=self._numbers("epsilon"),
-                span=self._numbers("span"),
+                span=(start, stop),
             )
         )
 
-    def configure(self, given: Mapping[str, Formula]) -> EvolutionModel:
-        """The same model with other parameter values (numbers) and functions (formulas).
+    def configure(self, given: Mapping[str, Drive]) -> EvolutionModel:
+        """The same model with other parameter values (numbers), functions and drives (formulas, or
+        samples of drives).
 
         Raises
         ------
         DeclarationError
             If a name is neither, or a value is not admissible.
         """
-        return reconfigured(self, given, ("functions",))
+        return reconfigured(self, given, ("functions", "drives"))
 
     def _repr_html_(self) -> str:
         shown = {
             **{f"function {name}": text for name, text in self.functions.items()},
+            **{f"drive {name}": str(drive) for name, drive in self.drives.items()},
             "load": self.load,
             "A": self.A,
             "dissipation": self.dissipation,
@@ -178,20 +189,35 @@ class EvolutionModel:
         names = DeclaredNames(reserved={_PHASE: "the phase"})
         names.parameters(self.parameters)
         names.functions("functions", self.functions)
+        given = measured_drives(self.drives)
+        for name in given:
+            names.claim(name, f"drives.{name}")
+        formulas = {name: drive for name, drive in self.drives.items() if name not in given}
+        names.functions("drives", formulas, clock=_CLOCK)
         return names.with_derivatives()
 
     def _scope(self, *variables: str) -> Scope:
         """Parameters stand for their values."""
         names = {name: ex.num(value) for name, value in self.values.items()}
         allowed = ", ".join([*variables, "parameters"]).replace(", parameters", " and parameters")
+        drives = measured_drives(self.drives)
         forbidden = {
             name: f"Only {allowed} may stand here"
-            for name in (_CLOCK, _PHASE)
+            for name in (_CLOCK, _PHASE, *drives)
             if name not in variables
-        }
+        } | {f"d_{name}": "A measured drive has no rate here" for name in drives}
         return Scope(
             names | {name: ex.sym(name) for name in variables}, self._definitions, forbidden
         )
+
+    def _loads(self) -> list[Any]:
+        """Every component of the load: an expression in t, samples, or a sum with samples."""
+        given = measured_drives(self.drives)
+        trees = _trees(self._scope(_CLOCK, *given), self.load, "load")
+        if not isinstance(trees, list):
+            return [with_samples(trees, given, "load")]
+        parts = enumerate(cast(list[Any], trees))
+        return [with_samples(tree, given, f"load[{i}]") for i, tree in parts]
 
     def _numbers(self, key: str) -> Any:
         return _evaluated(self._scope(), getattr(self, key), key)
@@ -222,6 +248,33 @@ def with_nearest_start(make: Callable[[], Evolution]) -> Evolution:
         more = ", ..." if len(nearest) > _MOST_SHOWN else ""
         remedy = f"The nearest stable state is initial = [{numbers}{more}]"
         raise DeclarationError(unstable.where, unstable.reason, remedy) from None
+
+
+def with_samples(tree: Any, given: Mapping[str, TimeFunction], where: str) -> Any:
+    """An expression in the time and measured drives as something that a signal is read from.
+
+    Raises
+    ------
+    DeclarationError
+        If a measured drive is not just multiplied by a number.
+    """
+    used = [name for name in given if isinstance(tree, ex.Expr) and name in tree.symbols]
+    if not used:
+        return tree
+    slopes = {name: ex.derivative(tree, name) for name in used}
+    rest = ex.substitute(tree, {name: ex.ZERO for name in used})
+    weights = {name: ex.number(w) for name, w in slopes.items() if ex.is_number(w)}
+    if ex.add((rest, 1.0), *((ex.sym(name), w) for name, w in weights.items())) is not tree:
+        names = " and ".join(f"'{name}'" for name in used)
+        raise DeclarationError(
+            where,
+            f"the measured drive {names} is not only multiplied by a number",
+            "Give the samples of what the load is, as a drive of its own",
+        )
+    if list(weights.values()) == [1.0] and ex.is_number(rest, 0.0):
+        return given[used[0]]
+    parts = [(w, read(given[name], where, OF_TIME, ())) for name, w in weights.items()]
+    return WeightedSignals([*parts, (1.0, read(rest, where, OF_TIME, ()))], where, OF_TIME)
 
 
 def _trees(scope: Scope, value: Any, where: str) -> Any:

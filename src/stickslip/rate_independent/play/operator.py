@@ -27,6 +27,7 @@ from stickslip.rate_independent.play.nodes import Nodes, PlayBounds, Sample, pan
 from stickslip.rate_independent.signals.chebyshev import FIT_ROUNDING
 from stickslip.rate_independent.signals.reading import INTERPOLATIONS, is_table, read
 from stickslip.rate_independent.signals.signal import OF_PHASE, OF_TIME, Signal
+from stickslip.rate_independent.signals.sums import WeightedSignals
 from stickslip.results import Completion, Result
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import is_finite
@@ -190,6 +191,9 @@ def _revived(entry: Any) -> Any:
     """What was stored as data for JSON."""
     if isinstance(entry, dict) and "samples" in entry:
         return Samples.from_plain(entry["samples"], "load")
+    if isinstance(entry, dict) and "sum" in entry:
+        parts = [(w, read(_revived(part), "load", OF_TIME, ())) for w, part in entry["sum"]]
+        return WeightedSignals(parts, "load", OF_TIME)
     if isinstance(entry, dict):
         return np.array(entry["times"]), np.array(entry["values"])
     return tuple(_revived(part) for part in entry) if isinstance(entry, list) else entry

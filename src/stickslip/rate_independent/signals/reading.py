@@ -64,10 +64,11 @@ def read(
         return given
     if isinstance(given, Samples) and math.prod(shape or ()) == 1:
         return MeasuredSignal(given, where, clock, shape or ())
-    if isinstance(given, list | tuple) and any(isinstance(part, Samples) for part in given):
-        entries = fitting(np.empty(len(given)), shape or (len(given),), where)
-        names = [f"{where}[{i}]" for i in range(len(given))]
-        parts = [read(part, name, clock, ()) for part, name in zip(given, names, strict=True)]
+    several = given if isinstance(given, list | tuple) else ()
+    if any(isinstance(part, Samples | Signal) for part in several):
+        entries = fitting(np.empty(len(several)), shape or (len(several),), where)
+        names = [f"{where}[{i}]" for i in range(len(several))]
+        parts = [read(part, name, clock, ()) for part, name in zip(several, names, strict=True)]
         return SignalColumns(parts, where, clock, entries.shape)
     if callable(given):
         return CallableSignal(given, where, clock, shape)

@@ -201,10 +201,21 @@ class MeasuredSignal(Signal):
         return np.asarray(self.samples(places))
 
     def chord(self, low: Array, high: Array) -> Chord:
-        if self.samples.kind != "linear" or self.samples.periodic:
-            return super().chord(low, high)
         start, end = self.unwrapped(low), self.unwrapped(high)
-        return Chord(start, end, np.zeros(start.shape))
+        if self.samples.kind == "linear" and not self.samples.periodic:
+            return Chord(start, end, np.zeros(start.shape))
+        # Off its chord a spline is by an eighth of the square of the length times the second
+        # derivative, lines by a quarter of the length times what their slope changes by, and steps
+        # by what they change by.
+        order = {"cubic": 2, "linear": 1, "hold": 0}[self.samples.kind]
+        least, most = self.samples.pieces.bounds((low, high), "even", order)
+        length = high - low
+        off = [
+            most - least,
+            0.25 * length * (most - least),
+            0.125 * length**2 * np.maximum(np.abs(least), np.abs(most)),
+        ][order]
+        return Chord(start, end, off.reshape(start.shape))
 
     def panels(self, span: tuple[float, float], period: float | None = None) -> Panels:
         self.check_span(*span)
@@ -292,6 +303,10 @@ class SignalColumns(Signal):
     def panels(self, span: tuple[float, float], period: float | None = None) -> Panels:
         (part,) = self.parts  # a single value
         return part.panels(span, period)
+
+    def plain(self) -> Any:
+        (part,) = self.parts
+        return part.plain()
 
 
 def as_numbers(given: Any, where: str) -> Array:
