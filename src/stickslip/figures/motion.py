@@ -31,6 +31,7 @@ from stickslip.figures.drawing.style import (
     line_colours,
     new_figure,
     paper_style,
+    powers_in_labels,
     symbol,
 )
 from stickslip.figures.drawing.thinning import COLUMNS, FEW, Columns, Curve, chosen, strip
@@ -212,6 +213,7 @@ class _Overview:
             for row, plane in enumerate(planes):
                 plane(figure.add_subplot(right[row]))
         figure.align_ylabels(rows)
+        powers_in_labels(figure)
         return figure
 
     def time_axis(self, axes: Axes) -> None:
@@ -436,7 +438,7 @@ class _Overview:
             axes.margins(x=0.05)
             axes.set_box_aspect(0.9)
             axes.set_anchor("N")
-            axes.xaxis.set_major_locator(MaxNLocator(6))
+            axes.xaxis.set_major_locator(MaxNLocator(6 if len(self.curves) == 1 else 4))
             legend_above(axes)
 
         return panel

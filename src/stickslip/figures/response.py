@@ -4,7 +4,7 @@ phase below."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from typing import TYPE_CHECKING, Any
 
 import matplotlib.patheffects as effects
@@ -24,6 +24,7 @@ from stickslip.figures.drawing.style import (
     level_colours,
     new_figure,
     paper_style,
+    powers_in_labels,
     root_of,
     symbol,
 )
@@ -40,21 +41,19 @@ _LOW = 1.7
 _EXTRA = 0.7
 _SLIPS = 1.6  # width of a line where a contact slips …
 _NEVER_SLIPS = 0.9  # … and where none does
-_BACKBONE: dict[str, Any] = {"color": STICK_LINE, "lw": 0.7, "zorder": 2.5}
+_BACKBONE: dict[str, Any] = {"color": STICK_LINE, "lw": 0.9, "ls": (0, (6, 2, 1, 2)), "zorder": 2.5}
 _FOLD: dict[str, Any] = {"marker": "o", "ms": 6, "mfc": "white", "mec": STICK_LINE, "mew": 1.2}
 _CHANGE: dict[str, Any] = {"marker": ".", "ms": 5, "color": STICK_LINE}
 _SWEEPS = {"up": "^", "down": "v"}
 _ALIKE = 1e-6  # sweeps that differ by less, relative to the largest response, are the same
-# where the level of a line may stand beside its peak (points), and how it is aligned there
-_SIDES = {
-    (5.0, 3.0): ("left", "bottom"),
-    (-5.0, 3.0): ("right", "bottom"),
-    (0.0, 5.0): ("center", "bottom"),
-    (0.0, 16.0): ("center", "bottom"),
-    (0.0, -6.0): ("center", "top"),
-    (6.0, -6.0): ("left", "top"),
-    (-6.0, -6.0): ("right", "top"),
-}
+# where the level of a line may stand around its peak: distances (points) and directions, those that
+# are preferred first
+_DISTANCES = (3.0, 6.0, 10.0, 15.0, 21.0, 28.0, 36.0, 45.0, 60.0)
+_DIRECTIONS = (45.0, 90.0, 135.0, 15.0, 165.0, 70.0, 110.0, -20.0, 200.0, -45.0, 225.0, -90.0)
+_GRID = np.array(
+    [(i, j) for i in np.linspace(-1, 1, 21) for j in np.linspace(-1, 1, 5)]
+)  # of a box
+_APART = 2.0  # points between a label and what it must not touch
 
 
 def plot_response(
@@ -101,6 +100,7 @@ def plot_response(
         _label_frequency(panels[-1, 0], response)
         if handles := _handles(response, shown):
             legend_above(panels[0, 0], handles)
+        powers_in_labels(figure)
         figure.align_ylabels(panels[:, 0])
     return figure
 
@@ -145,39 +145,41 @@ def _draw_line(axes: Axes, x: Any, y: Any, line: xarray.Dataset, colour: str) ->
 
 
 def _name_lines(axes: Axes, response: FrequencyResponse, name: str, colours: Sequence[str]) -> None:
-    """The level of each line at its largest response, on the side on which fewest lines are."""
+    """The level of each line at its largest response, where it hits no line and no other label."""
     if not response.level:
         return
     data = response.dataset
     axes.set_ylim(top=axes.get_ylim()[1] + 0.07 * float(np.ptp(axes.get_ylim())))
     root_of(axes).draw_without_rendering()
     drawn = np.concatenate([_pixels(axes, line) for line in axes.get_lines()])
+    points = root_of(axes).dpi / 72.0
+    frame = axes.get_window_extent()
     unit = response.system.parameters[response.level].unit
     peaks = zip(data[f"peak_{response.parameter}"], data[f"peak_{name}"], strict=True)
     for level, (x, y), colour in zip(response.levels, peaks, colours, strict=True):
         if not np.isfinite(y):
             continue
         text = f"{symbol(response.level)} = {with_unit(float(level), unit, 3)}"
-        labels = []
-        for (dx, dy), (across, up) in _SIDES.items():
-            label = axes.annotate(
-                text,
-                (float(x), float(y)),
-                (dx, dy),
-                textcoords="offset points",
-                ha=across,
-                va=up,
-                color=colour,
-                fontsize=9.5,
-            )
-            box = label.get_window_extent()
-            inside = (drawn >= [box.x0, box.y0]) & (drawn <= [box.x1, box.y1])
-            labels.append((np.count_nonzero(np.all(inside, axis=1)), label))
-        best = min(labels, key=lambda entry: entry[0])[1]
-        for _, label in labels:
-            if label is not best:
-                label.remove()
-        best.set_path_effects([effects.withStroke(linewidth=2.0, foreground="white")])
+        style = {"ha": "center", "va": "center", "color": colour, "fontsize": 9.5}
+        label = axes.annotate(
+            text, (float(x), float(y)), (0, 0), textcoords="offset points", **style
+        )
+        box = label.get_window_extent()
+        half = 0.5 * np.array([box.width, box.height])
+        peak = np.array([0.5 * (box.x0 + box.x1), 0.5 * (box.y0 + box.y1)])
+        best, fewest = np.zeros(2), np.inf
+        for distance, angle in product(_DISTANCES, np.radians(_DIRECTIONS)):
+            offset = (half + distance * points) * [np.cos(angle), np.sin(angle)]
+            away = np.abs(drawn - peak - offset)
+            hits = np.count_nonzero(np.all(away <= half + _APART * points, axis=1))
+            corners = (peak + offset - half, peak + offset + half)
+            if not all(frame.contains(*corner) for corner in corners):
+                hits += len(drawn)
+            if hits < fewest:
+                best, fewest = offset, hits
+        label.set_position(tuple(best / points))
+        label.set_path_effects([effects.withStroke(linewidth=2.0, foreground="white")])
+        drawn = np.concatenate([drawn, peak + best + half * _GRID])
 
 
 def _differ(sweep: Any) -> Any:
@@ -225,7 +227,9 @@ def _in_halves(value: float, _: float) -> str:
 def _label_frequency(axes: Axes, response: FrequencyResponse) -> None:
     declared = response.system.parameters[response.parameter]
     axes.set_xlabel(axis_label([response.parameter], declared.unit))
-    axes.margins(x=0.0)
+    over = response.dataset[response.parameter].values
+    if len(over) and np.ptp(over) > 0.0:
+        axes.set_xlim(float(np.min(over)), float(np.max(over)))
 
 
 def _handles(response: FrequencyResponse, names: Sequence[str]) -> list[Line2D]:

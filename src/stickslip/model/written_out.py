@@ -238,13 +238,15 @@ class _WrittenOut:
         return units.pop() if len(units) == 1 else ""
 
     def define(self, where: str, name: str, value: object, interval: str) -> str:
-        """What a parameter of a law is called: by its value if that is a name, else a function
-        without arguments."""
+        """What a parameter of a law is called: by its value if that is a name or nothing, else a
+        function without arguments."""
         if isinstance(value, tuple):
             raise wrong_kind(value, "Formula", where)
         meant = self.scope.parse(value, where)
         if meant.symbols <= self.system.parameters.keys():
             parse_range(interval, where).check(ex.evaluate(meant, self.system.values), where)
+        if meant is ex.ZERO:
+            return "0"  # what it multiplies is not there, and not shown
         if isinstance(value, str) and NAME.match(value.strip()):
             name = value.strip()
         else:

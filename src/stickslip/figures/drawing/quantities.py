@@ -19,6 +19,7 @@ from stickslip.figures.drawing.style import (
     line_colours,
     new_figure,
     paper_style,
+    powers_in_labels,
     root_of,
     symbol,
 )
@@ -78,6 +79,7 @@ def plot_quantities(
         panels[-1].set_xlabel(_horizontal(data, along))
         panels[-1].margins(x=0.0)
         figure.align_ylabels(panels)
+        powers_in_labels(figure)
     return figure
 
 

@@ -13,17 +13,21 @@ those of the library:
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
+from matplotlib.ticker import ScalarFormatter
 
 from stickslip.display.symbols import latex_name
 from stickslip.model.units import unit_label
@@ -66,6 +70,7 @@ THRESHOLD = "#B8860B"
 BAND = "#F3DFA8"
 UNSTABLE = (0, (4, 2))
 SLIP = {-1: ORANGE, 1: BLUE}
+_SMALL, _LARGE = 1e-2, 1e5  # numbers on an axis, from which on powers of ten are said apart
 _LAID_OUT = 0.95  # part of the width of axes that the layout leaves them at least
 
 # Sizes are for a picture of full text width; at half that size the smallest letters are still 5
@@ -153,6 +158,36 @@ def axis_label(names: Iterable[str], unit: str) -> str:
     return ", ".join(map(symbol, names)) + (f"  [{label}]" if label else "")
 
 
+def powers_in_labels(figure: Figure) -> None:
+    """Powers of ten of very large and very small numbers stand with the unit, as in x [10⁻⁶ m], not
+    at the end of the axis, where they may hit something."""
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            largest = float(np.max(np.abs(axis.get_view_interval())))
+            if (
+                type(axis.get_major_formatter()) is not ScalarFormatter
+                or axis.get_scale() != "linear"
+                or not (0.0 < largest <= _SMALL or _LARGE <= largest < np.inf)
+            ):
+                continue
+            power = 3 * math.floor((math.log10(largest) + 1.0) / 3.0)
+            formatter = ScalarFormatter(useOffset=False)
+            formatter.set_powerlimits((power, power))
+            axis.set_major_formatter(formatter)
+            _with_power(axis, power)
+
+
+def _with_power(axis: Axis, power: int) -> None:
+    """Say a power in the label of an axis."""
+    axis.offsetText.set_visible(False)
+    label = axis.get_label_text()
+    if not label:
+        return
+    name, bracket, unit = label.rpartition("  [")
+    number = f"$10^{{{power}}}$"
+    axis.set_label_text(f"{name}{bracket}{number} {unit}" if bracket else f"{label}  [{number}]")
+
+
 def legend_above(axes: Axes, handles: Sequence[Artist] | None = None, right: bool = False) -> None:
     """A legend above the axes, where it covers no data, in as many rows as the width asks for.
 
@@ -165,8 +200,12 @@ def legend_above(axes: Axes, handles: Sequence[Artist] | None = None, right: boo
     corner, x = ("lower right", 1.0) if right else ("lower left", 0.0)
 
     def place(columns: int) -> float:
-        """Draw the legend; how much of the width it takes."""
-        artists, labels = zip(*shown, strict=True)
+        """Draw the legend, row by row; how much of the width it takes."""
+        # Legends are filled column by column, and are read row by row.
+        columns = -(-len(shown) // -(-len(shown) // columns))
+        artists, labels = zip(
+            *(pair for c in range(columns) for pair in shown[c::columns]), strict=True
+        )
         where = {"loc": corner, "bbox_to_anchor": (x, 0.98), "borderaxespad": 0.0}
         return _width(axes, axes.legend(artists, labels, ncols=columns, **where))
 
