@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -114,6 +115,23 @@ def test_is_read_back_as_it_was_written(name: str, tmp_path: Path) -> None:
     same(again.summary().data, result.summary().data)
     again.save(tmp_path / "again.nc")
     same(ss.open(tmp_path / "again.nc").summary().data, result.summary().data)
+
+
+def test_goes_to_another_process(name: str) -> None:
+    """As it is, or with what it is measured of left behind."""
+    result: Any = made(name)
+    again = pickle.loads(pickle.dumps(result))
+    assert type(again) is type(result)
+    same(again.summary().data, result.summary().data)
+    assert again.dataset.identical(result.dataset)
+
+
+def test_a_branch_of_cycles_goes_to_another_process() -> None:
+    cycle = ss.find_cycle(BLOCK)
+    branch = ss.continue_cycle(cycle, "V", (0.29, 0.31))
+    again = pickle.loads(pickle.dumps(branch))
+    assert again.points.identical(branch.points)
+    assert pickle.loads(pickle.dumps(again)).special == branch.special
 
 
 def test_has_a_picture(name: str) -> None:

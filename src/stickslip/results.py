@@ -291,10 +291,25 @@ class Result:
         """Data and other parts of a file: by default the data is all there is."""
         return self._said.dataset, {}
 
+    def essence(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+        """What of that is needed to make it again: by default all."""
+        return self.stored()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # It goes to another process as it goes into a file: what it was made of, compiled functions
+        # and work space among it, stays here.
+        data, parts = self.essence()
+        return _remade, (type(self), data, storage.as_texts(parts))
+
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
         """A result from the data and the other parts of a file, as texts."""
         raise NotImplementedError
+
+
+def _remade(kind: type[Result], data: xarray.Dataset, parts: Mapping[str, str]) -> Result:
+    """A result from another process."""
+    return kind.restored(data, parts, "a pickled result")
 
 
 def flat(data: xarray.Dataset, along: str) -> pandas.DataFrame:

@@ -46,10 +46,7 @@ def write(path: str | Path, data: xarray.Dataset, kind: str, form: int, **parts:
 
     path = Path(path)
     own = {"kind": kind, "format": form, "version": __version__, **parts}
-    texts = {
-        PREFIX + key: value if isinstance(value, str) else json.dumps(value)
-        for key, value in own.items()
-    }
+    texts = {PREFIX + key: text for key, text in as_texts(own).items()}
     partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         data.assign_attrs(texts).to_netcdf(partial, engine="netcdf4", format="NETCDF4")
@@ -58,6 +55,11 @@ def write(path: str | Path, data: xarray.Dataset, kind: str, form: int, **parts:
         raise StickslipError(f"{path}: cannot be written ({error.strerror or error})") from None
     finally:
         partial.unlink(missing_ok=True)
+
+
+def as_texts(parts: Mapping[str, Any]) -> dict[str, str]:
+    """Texts as they are, and all other data as JSON."""
+    return {k: part if isinstance(part, str) else json.dumps(part) for k, part in parts.items()}
 
 
 @contextmanager

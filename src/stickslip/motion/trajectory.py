@@ -568,6 +568,11 @@ class Trajectory(Result):
 
     def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
         """The knots beside the dataset: all values between come from these."""
+        knots, parts = self.essence()
+        return self.dataset.merge(knots), parts
+
+    def essence(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+        """The knots, and what moves."""
         import xarray as xr
 
         k = self.knots
@@ -588,13 +593,12 @@ class Trajectory(Result):
             "outcome": self.outcome.code,
             "wall_time": self.wall_time,
         }
-        data = self.dataset.merge(xr.Dataset(extra))
         parts = {
             "system": self.system.to_toml(),
             "parameters": self.parameters,
             "settings": settings,
         }
-        return data, parts
+        return xr.Dataset(extra), parts
 
     @classmethod
     def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
