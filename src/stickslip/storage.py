@@ -2,7 +2,8 @@
 
 Beside its data a file holds attributes ``stickslip_*``: the kind of the result, the format of that
 kind, the version that wrote it, and what else the result is made of, texts as they are and all
-other values as JSON.
+other values as JSON. Where it would have hundreds of variables, it has a few larger ones
+(:mod:`stickslip.packing`).
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip.errors import StickslipError
+from stickslip.packing import packed, unpacked
 
 if TYPE_CHECKING:
     import xarray
@@ -49,7 +51,7 @@ def write(path: str | Path, data: xarray.Dataset, kind: str, form: int, **parts:
     texts = {PREFIX + key: text for key, text in as_texts(own).items()}
     partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        data.assign_attrs(texts).to_netcdf(partial, engine="netcdf4", format="NETCDF4")
+        packed(data).assign_attrs(texts).to_netcdf(partial, engine="netcdf4", format="NETCDF4")
         os.replace(partial, path)
     except OSError as error:
         raise StickslipError(f"{path}: cannot be written ({error.strerror or error})") from None
@@ -81,7 +83,7 @@ def reading(
         raise StickslipError(f"{path}: there is no such file")
     try:
         with xr.open_dataset(path, engine="netcdf4") as stored:
-            data = stored.load()
+            data = unpacked(stored.load())
         own = {
             key.removeprefix(PREFIX): data.attrs.pop(key)
             for key in [*data.attrs]
