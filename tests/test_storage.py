@@ -10,7 +10,7 @@ import xarray as xr
 
 import stickslip as ss
 from stickslip import packing, storage
-from stickslip.packing import packed, unpacked
+from stickslip.packing import in_all, in_few
 
 
 def many(count: int) -> xr.Dataset:
@@ -33,20 +33,13 @@ def many(count: int) -> xr.Dataset:
 
 def test_few_variables_stay_as_they_are() -> None:
     data = many(3)
-    assert packed(data) is data and unpacked(data) is data
+    assert in_few(data) is data and in_all(data) is data
 
 
 def test_many_variables_are_few_arrays(tmp_path: Path) -> None:
     data = many(100)
-    few = packed(data)
-    assert sorted(few.data_vars) == [
-        "alone",
-        "packed_1",
-        "packed_2",
-        "packed_3",
-        "packed_4",
-        "text",
-    ]
+    few = in_few(data)
+    assert {*few.data_vars} == {"alone", *(f"packed_{k}" for k in range(1, 5)), "text"}
     lines = few["packed_1"]
     assert lines.dims == ("packed_1_names", "time") and lines.attrs["units"] == "m"
     np.testing.assert_array_equal(lines.sel(packed_1_names="x_7"), data["x_7"])

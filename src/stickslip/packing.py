@@ -11,8 +11,6 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 if TYPE_CHECKING:
     import xarray
 
@@ -21,10 +19,11 @@ _PREFIX = "packed_"
 _OWN = "stickslip_attributes"
 
 
-def packed(data: xarray.Dataset) -> xarray.Dataset:
+def in_few(data: xarray.Dataset) -> xarray.Dataset:
     """The same with few variables, if they are many."""
     if len(data.data_vars) <= _MANY:
         return data
+    import numpy as np
     import xarray as xr
 
     groups: dict[Any, list[str]] = {}
@@ -49,7 +48,7 @@ def packed(data: xarray.Dataset) -> xarray.Dataset:
     return xr.Dataset({**kept, **together}, coordinates, data.attrs)
 
 
-def unpacked(data: xarray.Dataset) -> xarray.Dataset:
+def in_all(data: xarray.Dataset) -> xarray.Dataset:
     """What was packed."""
     places = [name for name in data.data_vars if _OWN in data.variables[name].attrs]
     if not places:
@@ -69,6 +68,8 @@ def unpacked(data: xarray.Dataset) -> xarray.Dataset:
 
 def _plain(attributes: dict[str, Any]) -> dict[str, Any]:
     """Attributes for JSON; arrays with their type."""
+    import numpy as np
+
     return {
         key: {"type": value.dtype.str, "values": value.tolist()}
         if isinstance(value, np.ndarray | np.generic)
@@ -78,6 +79,8 @@ def _plain(attributes: dict[str, Any]) -> dict[str, Any]:
 
 
 def _restored(attributes: dict[str, Any]) -> dict[str, Any]:
+    import numpy as np
+
     return {
         key: np.array(value["values"], dtype=value["type"]) if isinstance(value, dict) else value
         for key, value in attributes.items()

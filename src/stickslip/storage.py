@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stickslip.errors import StickslipError
-from stickslip.packing import packed, unpacked
+from stickslip.packing import in_all, in_few
 
 if TYPE_CHECKING:
     import xarray
@@ -51,7 +51,7 @@ def write(path: str | Path, data: xarray.Dataset, kind: str, form: int, **parts:
     texts = {PREFIX + key: text for key, text in as_texts(own).items()}
     partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        packed(data).assign_attrs(texts).to_netcdf(partial, engine="netcdf4", format="NETCDF4")
+        in_few(data).assign_attrs(texts).to_netcdf(partial, engine="netcdf4", format="NETCDF4")
         os.replace(partial, path)
     except OSError as error:
         raise StickslipError(f"{path}: cannot be written ({error.strerror or error})") from None
@@ -83,7 +83,7 @@ def reading(
         raise StickslipError(f"{path}: there is no such file")
     try:
         with xr.open_dataset(path, engine="netcdf4") as stored:
-            data = unpacked(stored.load())
+            data = in_all(stored.load())
         own = {
             key.removeprefix(PREFIX): data.attrs.pop(key)
             for key in [*data.attrs]

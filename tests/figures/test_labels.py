@@ -85,7 +85,9 @@ def test_legends_are_read_row_by_row() -> None:
         axes.plot([0, 1], [k, k], label=f"number {k} of six")
     legend_above(axes)
     figure.draw_without_rendering()
-    texts = axes.get_legend().texts
+    legend = axes.get_legend()
+    assert legend is not None
+    texts = legend.texts
     places = [text.get_window_extent().get_points()[0] for text in texts]
     order = sorted(range(6), key=lambda k: (-round(places[k][1]), places[k][0]))
     assert [texts[k].get_text() for k in order] == [f"number {k} of six" for k in range(6)]

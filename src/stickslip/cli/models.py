@@ -13,7 +13,6 @@ from stickslip import catalogue, load
 from stickslip.errors import DeclarationError, short
 from stickslip.model import toml
 from stickslip.model.names import measured_drives
-from stickslip.model.samples import Samples
 from stickslip.model.system import Drive, Formula, System
 from stickslip.symbolic.expressions import is_number, number
 from stickslip.symbolic.formulas import Scope
@@ -131,6 +130,8 @@ def _is_file(text: str) -> bool:
 
 def _samples(name: str, text: str) -> Drive:
     """Samples of a drive, with the names of the columns or without."""
+    from stickslip.model.samples import Samples
+
     where = f"--set {name}"
     table: object = {"file": text}
     if text.startswith("{"):
