@@ -65,13 +65,14 @@ def watched(what: str, *, patience: float = 0.0) -> Iterator[Show]:
 
 
 @contextmanager
-def told(listener: _Listener | None, what: str) -> Iterator[_Listener | Show]:
-    """Who is told of the fraction done: the caller's listener, or whoever has watched for a
-    while."""
+def told(
+    listener: _Listener | None, what: str, *, patience: float = PATIENCE
+) -> Iterator[_Listener | Show]:
+    """Who is told of the fraction done: the caller's listener, or whoever watches."""
     if listener is not None:
         yield listener
         return
-    with watched(what, patience=PATIENCE) as show:
+    with watched(what, patience=patience) as show:
         yield show
 
 

@@ -198,7 +198,7 @@ def averaging_study(
     done: list[tuple[Motion, Gauge]] = []
     stopped = ""
     try:
-        with told(progress, "averaging study") as show:
+        with told(progress, "averaging study", patience=0.0) as show:
             for k, epsilon in enumerate(periods.tolist()):
                 motion = motion_of(problem.with_period(epsilon), tolerance)
                 done.append((motion, Gauge(problem.A, grid, limit.at).measure(motion)))

@@ -110,7 +110,7 @@ def evolve(
     )
     earlier = 0.0 if start is None else start.wall_time
     try:
-        with told(progress, "evolving") as show:
+        with told(progress, "evolving", patience=0.0) as show:
             for block in march:
                 record.add(block)
                 show((march.state.t - problem.span[0]) / march.length)
