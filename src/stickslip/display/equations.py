@@ -150,10 +150,7 @@ class Equations:
     def _balance(self, x: str) -> Balance:
         system = self.system
         read = self._reader.read
-        accelerations: dict[str, Node] = {
-            f"d_{q}": Name(ACCELERATION.format(q)) for q in self._declared.inertial
-        }
-        inertia = inserted(differentiated(read(system.kinetic), f"d_{x}"), accelerations)
+        inertia = self._inertia(x)
         viscous = differentiated(read(system.viscous), f"d_{x}")
         coordinate = system.coordinates[x]
         drag = read(getattr(coordinate, "drag", 0.0))
@@ -169,6 +166,22 @@ class Equations:
         ]
         inclusion = any(_is_inclusion(part) for part in dry)
         return Balance(sum_of(*parts, *dry), "∋" if inclusion else "=", read(coordinate.force))
+
+    def _inertia(self, x: str) -> Node:
+        """M a of one coordinate, and the forces that velocities make where M is not constant."""
+        d = self._declared
+        read = self._reader.read
+        if x not in d.inertial:
+            return NOUGHT
+        momentum = differentiated(read(self.system.kinetic), f"d_{x}")
+        accelerations = {f"d_{y}": Name(ACCELERATION.format(y)) for y in d.inertial}
+        force = d.velocity_force(x)
+        if force is ex.ZERO:
+            return inserted(momentum, accelerations)
+        # What cancels is seen by the canonical form alone.
+        mass = {y: d.mass[x, y] for y in d.inertial if (x, y) in d.mass}
+        pushed = [times(read(ex.to_text(m)), accelerations[f"d_{y}"]) for y, m in mass.items()]
+        return sum_of(*pushed, negate(read(ex.to_text(force))))
 
     def _force(self, declared: DryContact, x: str) -> Node:
         """Contribution of a contact to the left side of the balance of x."""

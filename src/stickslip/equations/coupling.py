@@ -18,11 +18,12 @@ _MOST_COORDINATES = 200
 
 
 class Component(NamedTuple):
-    """What one inverse couples: numbers of coordinates (among those of their kind) and of
-    contacts."""
+    """What one inverse couples: numbers of coordinates (among those of their kind) and of contacts;
+    and whether its matrix changes on the way, so that it is inverted for each series."""
 
     coordinates: list[int]
     contacts: list[int]
+    moving: bool = False
 
 
 def components(

@@ -6,7 +6,9 @@ The three kinds of coordinates pose the same linear problem, one time derivative
     viscous           C ż  − Jᵀλ  = f,      stick: J ż = w,   slip: λ = −σ k
     rate-independent  H ṙ  − Jᵀλ̇  = −∂ₜ∂Φ,  stick: J ṙ = w,   slip: λ̇ = −σ ṡ
 
-with f the forces that are not from contacts. The rate of a viscous coordinate with a drag is the
+with f the forces that are not from contacts. Where the kinetic energy T(q, q̇, t) or a direction
+depends on the configuration, f holds −(∂²T/∂q̇∂q) q̇ − ∂²T/∂q̇∂t + ∂T/∂q, and stick asks for
+J a = ẇ − J̇ q̇ (Lagrange's equations). The rate of a viscous coordinate with a drag is the
 zero of drag(ż) + c ż − f, which increases with ż. All expressions here hold within one region of
 every function with kinks; which region, and which mode, is decided while the motion is computed.
 """
@@ -64,8 +66,8 @@ class MotionEquations:
     inertial_force, viscous_force : list of Expr
         Right-hand sides f.
     mass, damping : dict of (int, int) to Expr
-        M of the inertial and C of the viscous coordinates without a drag: the entries that there
-        are, row by row.
+        M(q, t) of the inertial and C of the viscous coordinates without a drag: the entries that
+        there are, row by row.
     implicit : dict of str to Expr
         By viscous coordinate with a drag, what its rate is the zero of.
     laws : list of Expr
@@ -102,9 +104,25 @@ class MotionEquations:
         """All that the motion depends on."""
         found = [*self.inertial_force, *self.viscous_force, *self.laws, *self.rate.force]
         found += self.implicit.values()
+        found += self.inertia
         for c in self.contacts:
             found += [c.plus, c.minus, c.kinetic_plus, c.kinetic_minus, c.speed]
         return found
+
+    @property
+    def inertia(self) -> list[Expr]:
+        """Entries of the mass matrix, and coefficients of directions, that change on the way."""
+        held = frozenset(self.declaration.parameters)
+        entries = [*self.mass.values(), *(j for c in self.contacts for j in c.direction.values())]
+        return [e for e in dict.fromkeys(entries) if not e.symbols <= held]
+
+    def surface_acceleration(self, i: int) -> Expr:
+        """What J a is in stick: ẇ − J̇ q̇."""
+        c = self.contacts[i]
+        rates = {"t": ex.ONE, **{q: ex.sym(f"d_{q}") for q in self.declaration.inertial}}
+        turning = [(ex.along(j, rates), ex.sym(f"d_{x}")) for x, j in c.direction.items()]
+        carried = [(slope * rate, -1.0) for slope, rate in turning if slope is not ex.ZERO]
+        return ex.add((ex.derivative(c.speed, "t"), 1.0), *carried)
 
     def acting(self, zero: frozenset[str]) -> list[bool]:
         """Which frequencies are felt where some parameters are zero: the amplitude of a drive may
@@ -149,7 +167,9 @@ def _equations_of(d: Declaration) -> MotionEquations:
     slope = {x: ex.derivative(d.potential, x) - d.forces[x] for x in d.coordinates}
     by_inertial, by_all = _damping(d, d.inertial), _damping(d, [*d.inertial, *d.viscous])
     viscous_force = [-slope[z] - by_inertial.get(z, ex.ZERO) for z in d.viscous]
-    inertial_force = [-slope[q] - d.drags[q] - by_all.get(q, ex.ZERO) for q in d.inertial]
+    inertial_force = [
+        -slope[q] - d.drags[q] - by_all.get(q, ex.ZERO) + d.velocity_force(q) for q in d.inertial
+    ]
     force_of = dict(zip(d.viscous, viscous_force, strict=True))
     implicit = {z: d.resistance(z) - force_of[z] for z in d.resisted}
     laws = [d.laws[a] for a in d.internal]
@@ -164,8 +184,11 @@ def _equations_of(d: Declaration) -> MotionEquations:
         *rate.force,
         *(r for row in rate.stiffness for r in row),
     ]
+    held = frozenset(d.parameters)
+    used += [e for e in d.mass.values() if not e.symbols <= held]
     for c in contacts:
         used += [c.plus, c.minus, c.kinetic_plus, c.kinetic_minus, c.speed]
+        used += [j for j in c.direction.values() if not j.symbols <= held]
     guards = dict.fromkeys(n.args[0] for n in ex.walk(used) if n.op == "select")
     for n in ex.walk([energy, dissipation, supply]):
         if n.op == "select":
@@ -277,11 +300,12 @@ def _rate_problem(
 def _powers(d: Declaration, contacts: list[DryContact]) -> tuple[Expr, Expr, Expr]:
     """Energy, dissipated power, and power supplied by time-dependence, belts, forces and internal
     variables."""
-    energy = d.kinetic + d.potential
+    energy = d.moving_energy + d.potential
     rates = {x: ex.sym(f"d_{x}") for x in (*d.coordinates, *d.internal)}
     dissipated = [(2.0 * d.dissipation, 1.0), *((f * rates[x], 1.0) for x, f in d.drags.items())]
     supplied = [
         (ex.derivative(d.potential, "t"), 1.0),
+        (ex.derivative(d.kinetic, "t"), -1.0),
         (ex.along(d.potential, {a: rates[a] for a in d.internal}), 1.0),
         *((d.forces[x] * rates[x], 1.0) for x in d.coordinates),
     ]

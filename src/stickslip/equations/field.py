@@ -207,14 +207,16 @@ class _Solver:
                 )
                 force = -self.fix(plus) if self.mode[i] > 0 else self.fix(minus)
                 self.known[f"lambda:{i}"] = force
-                pulled = [c.direction.get(x, ex.ZERO) * force for x in names]
+                pulled = [self.fix(c.direction.get(x, ex.ZERO)) * force for x in names]
                 right = [f + g for f, g in zip(right, pulled, strict=True)]
-        J = [[contacts[i].direction.get(x, ex.ZERO) for x in names] for i in stuck]
+        J = [[self.fix(contacts[i].direction.get(x, ex.ZERO)) for x in names] for i in stuck]
         for i in stuck:
             belt = contacts[i].speed
-            right.append(self.fix(belt if kind == Kind.VISCOUS else ex.derivative(belt, "t")))
+            viscous = kind == Kind.VISCOUS
+            right.append(self.fix(belt if viscous else self.eq.surface_acceleration(i)))
         each = range(len(names))
-        rows = [[*(matrix.get((i, k), ex.ZERO) for k in each), *(-j[i] for j in J)] for i in each]
+        M = {place: self.fix(entry) for place, entry in matrix.items()}
+        rows = [[*(M.get((i, k), ex.ZERO) for k in each), *(-j[i] for j in J)] for i in each]
         rows += [[*j, *(ex.ZERO for _ in stuck)] for j in J]
         solution = solve(rows, right)
         self.known |= {f"lambda:{i}": e for i, e in zip(stuck, solution[len(names) :], strict=True)}

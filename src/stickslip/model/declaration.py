@@ -30,14 +30,15 @@ _QUADRATIC = "Write a pure quadratic form, like m/2*d_x**2"
 
 @dataclass(frozen=True)
 class DryContact:
-    """A contact read: directions are constants, forces are expressions.
+    """A contact read.
 
     Attributes
     ----------
     kind : str
         Kind of the coordinates it acts on.
     direction : dict of str to Expr
-        Coefficients by coordinate.
+        Coefficients by coordinate: constants, but of t and inertial coordinates where it acts on
+        these.
     plus, minus : Expr
         Thresholds for u > 0 and u < 0.
     kinetic_plus, kinetic_minus : Expr
@@ -66,7 +67,9 @@ class Declaration:
     inertial, viscous, rate_independent, internal : list of str
         Names by kind, in order of declaration; viscous coordinates with a drag come last.
     mass, damping : dict of (str, str) to Expr
-        Constant matrices M (inertial) and C (inertial and viscous) by pairs of coordinates.
+        Matrices M(q, t) of inertial and C, constant, of inertial and viscous coordinates, by pairs.
+    kinetic : Expr
+        T = q̇·M q̇/2 + b·q̇ + c, with b and c of q and t.
     potential : Expr
     forces : dict of str to Expr
         Non-potential forces.
@@ -122,6 +125,27 @@ class Declaration:
         """What resists the rate of a viscous coordinate with a drag, the viscous part included."""
         own = self.damping.get((z, z), ex.ZERO)
         return self.drags[z] + own * ex.sym(f"d_{z}")
+
+    @cached_property
+    def moving_energy(self) -> Expr:
+        """What the kinetic energy adds to the energy that is conserved, q̇·∂T/∂q̇ − T: T itself
+        where it is a quadratic form (Jacobi's integral)."""
+        rates = [f"d_{q}" for q in self.inertial]
+        at_rest = dict.fromkeys(rates, ex.ZERO)
+        if all(
+            ex.substitute(e, at_rest) is ex.ZERO
+            for e in (self.kinetic, *(ex.derivative(self.kinetic, rate) for rate in rates))
+        ):
+            return self.kinetic
+        momenta = [ex.derivative(self.kinetic, rate) * ex.sym(rate) for rate in rates]
+        return ex.add(*((term, 1.0) for term in momenta), (self.kinetic, -1.0))
+
+    def velocity_force(self, q: str) -> Expr:
+        """The force on an inertial coordinate where the kinetic energy depends on the
+        configuration: ∂T/∂q − (∂²T/∂q̇∂q) q̇ − ∂²T/∂q̇∂t (Coriolis and centrifugal forces)."""
+        momentum = ex.derivative(self.kinetic, f"d_{q}")
+        rates = {"t": ex.ONE, **{x: ex.sym(f"d_{x}") for x in self.inertial}}
+        return ex.derivative(self.kinetic, q) - ex.along(momentum, rates)
 
     @property
     def coordinates(self) -> list[str]:
@@ -189,7 +213,8 @@ class Declaration:
         for name, value in values.items():
             self.check_range(name, value)
         self.check_limits(values)
-        _check_definite(self.mass, self.inertial, values, "kinetic", "mass matrix")
+        here = {**self.start, **values}
+        _check_definite(self.mass, self.inertial, here, "kinetic", "mass matrix")
         _check_definite(self.damping, self.damped, values, "viscous", _VISCOUS_MATRIX)
         for z in self.resisted:
             _check_increasing(self, z, values)
@@ -308,12 +333,16 @@ class _Reader:
         result.potential = self.place.parse(system.potential, "potential")
         _check_slopes(result.potential, result.coordinates, "potential", 2)
         self._check_energy()
+        self.inertia = {name: self.state[name] for name in ("t", *result.inertial)}
         speeds = self.scope(
+            self.inertia,
             self.velocities,
-            why="The kinetic energy uses rates of inertial coordinates and parameters",
+            why="The kinetic energy uses t, inertial coordinates, their rates and parameters",
         )
         result.kinetic = speeds.parse(system.kinetic, "kinetic")
-        result.mass = _quadratic(result.kinetic, result.inertial, "kinetic")
+        _check_slopes(result.kinetic, [*self.inertia, *self.velocities], "kinetic", 2)
+        self._check_steps("kinetic", result.kinetic)
+        result.mass = _quadratic(result.kinetic, result.inertial, "kinetic", pure=False)
         heavy = {q for pair in result.mass for q in pair}
         for q in result.inertial:
             if q not in heavy:
@@ -322,7 +351,8 @@ class _Reader:
                     "an inertial coordinate without mass",
                     f"Add m/2*d_{q}**2 to 'kinetic', or declare it viscous or rate-independent",
                 )
-        _check_definite(result.mass, result.inertial, system.values, "kinetic", "mass matrix")
+        result.start = self.start
+        _check_definite(result.mass, result.inertial, self.start, "kinetic", "mass matrix")
 
     def dissipation(self) -> None:
         system, result = self.system, self.result
@@ -391,7 +421,6 @@ class _Reader:
                     "mass",
                 )
         result.viscous.sort(key=lambda z: z in result.drags)
-        result.start = self.start
         for z in result.resisted:
             self._check_drag(z, result.drags[z])
             _check_increasing(result, z, system.values)
@@ -420,6 +449,19 @@ class _Reader:
                         f"the energy jumps with {x} where {ex.to_text(unwrapped(guard))} = 0, so "
                         "that the force would be infinite",
                         "Make it continuous, or write the force that jumps under 'force'",
+                    )
+
+    def _check_steps(self, where: str, formula: Expr) -> None:
+        """Refuse an inertia or a direction that jumps with a coordinate or in time: momentum would
+        have to, too."""
+        for guard, part in _by_guard(formula).items():
+            for x in sorted(guard.symbols & self.inertia.keys()):
+                if any(self._jumps(part, guard, x)):
+                    raise DeclarationError(
+                        where,
+                        f"it jumps with {x} where {ex.to_text(unwrapped(guard))} = 0, so that "
+                        "velocities would have to jump",
+                        "Make it continuous",
                     )
 
     def _jumps(self, formula: Expr, guard: Expr, name: str) -> list[float]:
@@ -475,7 +517,12 @@ class _Reader:
 
     def contacts(self) -> None:
         system, result = self.system, self.result
-        self.directions = self.scope(self.rates, why="A direction is a linear combination of rates")
+        self.directions = self.scope(
+            self.inertia,
+            self.rates,
+            why="A direction is a linear combination of rates, with coefficients of t, inertial "
+            "coordinates and parameters",
+        )
         self.sliding = self.scope(
             self.state, self.velocities, {"speed": ex.sym("speed")}, why="Use 'speed' for |u|"
         )
@@ -529,6 +576,18 @@ class _Reader:
                 "Give all coordinates of one contact the same kind",
             )
         kind = kinds.pop()
+        turning = sorted(
+            {name for c in direction.values() for name in c.symbols & self.inertia.keys()}
+        )
+        if turning and kind != Kind.INERTIAL:
+            raise DeclarationError(
+                f"{where}.direction",
+                f"it depends on {turning[0]}, and its coordinates are {kind}",
+                "Let it have constant coefficients, or declare the coordinates inertial",
+            )
+        if turning:
+            _check_slopes(text, [*self.inertia, *self.rates], f"{where}.direction", 2)
+            self._check_steps(f"{where}.direction", text)
         resisted = direction.keys() & set(self.result.resisted)
         if resisted:
             raise DeclarationError(
@@ -650,10 +709,12 @@ class _Reader:
         shift = {x: ex.num(float(w)) for x, w in system.translation.items()}
         formulas = [
             ("potential", result.potential),
+            ("kinetic", result.kinetic),
             *((f"internal.{n}.law", law) for n, law in result.laws.items()),
         ]
         for c in result.contacts:
             where = entry_key("contacts", c.name)
+            formulas += [(f"{where}.direction", weight) for weight in c.direction.values()]
             formulas += [(f"{where}.threshold", c.plus), (f"{where}.threshold", c.minus)]
             formulas += [
                 (f"{where}.kinetic", c.kinetic_plus),
@@ -737,8 +798,11 @@ def check_initial(declaration: Declaration, name: str, value: object) -> None:
         raise DeclarationError(where, "its value is not a finite number", "Give a number")
 
 
-def _quadratic(form: Expr, names: Iterable[str], where: str) -> dict[tuple[str, str], Expr]:
-    """Matrix of a quadratic form in the rates of the named coordinates."""
+def _quadratic(
+    form: Expr, names: Iterable[str], where: str, pure: bool = True
+) -> dict[tuple[str, str], Expr]:
+    """Matrix of a form of degree two in the rates of the named coordinates; a pure one has no terms
+    of lower degree."""
     order = {f"d_{x}": (i, x) for i, x in enumerate(names)}
     at_rest = dict.fromkeys(order, ex.ZERO)
     if ex.bends(form, order):
@@ -758,9 +822,9 @@ def _quadratic(form: Expr, names: Iterable[str], where: str) -> dict[tuple[str, 
             if entry is not ex.ZERO:
                 matrix[x, y] = matrix[y, x] = entry
         rest = ex.substitute(slope, at_rest)
-        if rest is not ex.ZERO:
+        if pure and rest is not ex.ZERO:
             raise DeclarationError(where, f"it has a part linear in d_{x}", _QUADRATIC)
-    if ex.substitute(form, at_rest) is not ex.ZERO:
+    if pure and ex.substitute(form, at_rest) is not ex.ZERO:
         raise DeclarationError(where, "it has a part without rates", _QUADRATIC)
     return matrix
 

@@ -64,6 +64,12 @@ class Outcome(Ended):
         "The motion goes on without events for ever, and an oscillation in it neither dies out nor "
         "grows: nothing damps it. Add damping",
     )
+    NO_INERTIA = (
+        16,
+        "inertia not positive definite",
+        "The mass matrix is not positive definite here: some motion would have no, or negative, "
+        "kinetic energy. Check the kinetic energy, or end the motion before",
+    )
     OUTSIDE = (
         15,
         "outside the stable set",

@@ -234,9 +234,9 @@ class Problem:
             *self._coupling(),
         )
 
-    def _coupling(self) -> tuple[Array, Array, Array]:
-        """The components of the linear problems, what they have as members, and where each contact
-        is."""
+    def _coupling(self) -> tuple[Array, Array, Array, Array]:
+        """The components of the linear problems, what they have as members, where each contact
+        is, and which of their directions change on the way."""
         layout = self.compiled.layout
         parts = list[tuple[int, ...]]()
         members = list[int]()
@@ -247,12 +247,15 @@ class Problem:
                 n, m = len(part.coordinates), len(part.contacts)
                 for j, c in enumerate(part.contacts):
                     homes[c] = len(parts), seat + n + j
-                parts.append((matrix, seat, n, m, len(members)))
+                parts.append((matrix, seat, n, m, len(members), int(part.moving)))
                 members += [*part.coordinates, *part.contacts]
                 seat += n + m
         homes[homes[:, PART] < 0, PART] = len(parts)
-        table = np.array(parts, dtype=np.int64).reshape(-1, 5)
-        return table, np.array(members, dtype=np.int64), homes
+        table = np.array(parts, dtype=np.int64).reshape(-1, 6)
+        turning = np.full((len(layout.u), layout.shape("J")[1]), -1, np.int64)
+        for place, row in layout.turning.items():
+            turning[place] = row
+        return table, np.array(members, dtype=np.int64), homes, turning
 
     def _places_of_sizes(self) -> dict[int, int]:
         """Rows that bound the step, with the places of the sizes of their terms: the state, then

@@ -232,15 +232,30 @@ class Trajectory(Result):
         )
 
     def _kinetic(self) -> Array:
+        """Kinetic energy at the knots."""
         layout = self._problem.compiled.layout
         n = layout.sizes["nq"]
         v = self.knots.state[:, n : 2 * n]
+        parts = layout.coupled["Rq"]
+        if any(part.moving for part in parts):
+            return self._kinetic_of_formula()
         total = np.zeros(len(v))
-        for part in layout.coupled["Rq"]:
+        for part in parts:
             of_part = v[:, part.coordinates]
             M = self._problem.constants.M[part.coordinates, : len(part.coordinates)]
             total += np.einsum("ki,ij,kj->k", of_part, M, of_part)
         return 0.5 * total
+
+    def _kinetic_of_formula(self) -> Array:
+        """The same where the mass matrix is not constant."""
+        from stickslip.symbolic.evaluator import evaluator
+
+        d = self._problem.compiled.equations.declaration
+        given = self._problem.parameters
+        k = self.knots
+        values = [*k.state.T, k.time, *(np.full(len(k.time), given[p]) for p in d.parameters)]
+        (found,) = evaluator([d.kinetic], [*d.state, "t", *d.parameters])(np.array(values))
+        return np.asarray(found)
 
     def _integrate(
         self, times: Array, states: Array, index: Array, ends: Array, whole: bool = False

@@ -88,7 +88,9 @@ class Instruction:
         `place` is 1, the second elsewhere. SIDE is the right-hand side of contact `place` (inputs:
         surface; friction for u > 0, u < 0; thresholds for u > 0, u < 0), SPEED its |u|. ENTRY (of
         the matrix) and RIGHT belong to the linear problem of the rate-independent coordinates,
-        whose contact is `place`; RATES solves it. SOLVE applies `size` rows of the inverse
+        whose contact is `place`. RATES solves `size` equations whose matrix changes on the way, and
+        leaves the inverse of order 0 in the rows of `matrix` from `place` on: those of the
+        rate-independent coordinates, or of inertial ones. SOLVE applies `size` rows of the inverse
         `matrix`, from `place` on, to as many rows that begin with the input. IMPLICIT is a rate
         that solves an equation: at order 0 the zero of `zero`, an increasing function of the row
         (and its slope); at the others the integral of its input, which comes later. The `place`
@@ -104,10 +106,12 @@ class Instruction:
         Of the table, for CHAIN, TAN and TANH.
     entries : tuple of Instruction
         Of RATES: the entries of its matrix, row by row. Those that change along the motion have
-        inputs (stiffness, slopes of the thresholds) and a row of their own, the others four
-        constants.
+        inputs and a row of their own, the others four constants: in stick; in slip a sum of the
+        second and, with its sign, the third (u > 0) or the fourth (u < 0).
     zero : tuple of Scalar
         Of IMPLICIT: the function and its slope.
+    definite : int
+        Of RATES: so many leading rows and columns have to be positive definite.
     """
 
     op: Op
@@ -120,6 +124,7 @@ class Instruction:
     function: str = ""
     entries: tuple[Instruction, ...] = ()
     zero: tuple[Scalar, ...] = ()
+    definite: int = 0
 
 
 @dataclass

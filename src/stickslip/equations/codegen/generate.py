@@ -40,6 +40,7 @@ from stickslip.symbolic.tape import (
 
 ORDERS = (8, 12, 16, 20, 24)  # that a Taylor series may have
 INVERSES = ("Rq", "Rz")  # of the linear problems of inertial and of viscous coordinates
+MATRICES = (*INVERSES, "B")  # and of rate-independent ones
 
 
 @dataclass
@@ -73,6 +74,9 @@ class Layout:
         What stands in K, and where.
     coupled : dict of str to list of Component
         For each inverse matrix what its rows stand for, component by component.
+    turning : dict of (int, int) to int
+        Rows of the coefficients of directions that change on the way, by contact and by the place
+        of the coordinate in its component.
     """
 
     state: list[str]
@@ -94,6 +98,7 @@ class Layout:
     timed: bool = False
     rate_sizes: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
     coupled: dict[str, list[Component]] = field(default_factory=dict)
+    turning: dict[tuple[int, int], int] = field(default_factory=dict)
 
     def shape(self, name: str) -> tuple[int, ...]:
         """Shape of an array that ``setup`` fills; a row of M, C and J has the coordinates of one
@@ -176,7 +181,12 @@ class _Generator:
         """Row of the relative velocity of contact i, and its size for rounding."""
         c = self.eq.contacts[i]
         tape = self.tape
-        parts = [Scaled(j, tape.names[f"d_{x}"]) for x, j in c.direction.items()]
+        parts = [
+            Scaled(j, tape.names[f"d_{x}"])
+            if self.constants.is_constant(j)
+            else tape.lower(j * ex.sym(f"d_{x}"))
+            for x, j in c.direction.items()
+        ]
         belt = tape.lower(c.speed)
         parts.append(Scaled(-belt.factor, belt.row))
         self.layout.u.append(tape.assign(parts, None))
@@ -220,9 +230,15 @@ class _Generator:
         )
         place = {x: i for i, x in enumerate(names)}
         directions = [c.direction for c in self.eq.contacts[first : first + count]]
-        coupled = components(
-            len(names), matrix, first, [[place[x] for x in direction] for direction in directions]
-        )
+        coupled = [
+            part._replace(moving=self.moves(part, matrix))
+            for part in components(
+                len(names),
+                matrix,
+                first,
+                [[place[x] for x in direction] for direction in directions],
+            )
+        ]
         self.layout.coupled[resolvent] = coupled
         # Rows of R in the order of the components, each with its contacts last.
         seats: dict[int, int] = {}
@@ -250,11 +266,14 @@ class _Generator:
         at = 0
         for part in coupled:
             size = len(part.coordinates) + len(part.contacts)
-            self.solves[stage].append(
-                Instruction(
-                    Op.SOLVE, solution + at, (right + at,), place=at, size=size, matrix=resolvent
-                )
+            solve = Instruction(
+                Op.SOLVE, solution + at, (right + at,), place=at, size=size, matrix=resolvent
             )
+            if part.moving:
+                entries = self.moving_entries(part, names, matrix)
+                known = len(part.coordinates)
+                solve = replace(solve, op=Op.RATES, entries=entries, definite=known)
+            self.solves[stage].append(solve)
             for c in part.contacts:
                 where = (contacts[c], size, base + at)
                 self.note(2 * self.nc + c, Scalar("spread", name=resolvent, index=where))
@@ -263,6 +282,60 @@ class _Generator:
             inertial, matrix, directions, first, [base + seats[j] for j in place.values()]
         )
         return [solution + seats[j] for j in range(len(forces))]
+
+    def moves(self, part: Component, matrix: Mapping[tuple[int, int], Expr]) -> bool:
+        """Whether the matrix of a component changes on the way."""
+        own = frozenset(part.coordinates)
+        entries = [e for (i, _), e in matrix.items() if i in own]
+        entries += [e for c in part.contacts for e in self.eq.contacts[c].direction.values()]
+        return not all(map(self.constants.is_constant, entries))
+
+    def moving_entries(
+        self, part: Component, names: list[str], matrix: Mapping[tuple[int, int], Expr]
+    ) -> tuple[Instruction, ...]:
+        """The matrix [[M, −Jᵀ], [stick: J, 0; slip: 0, 1]] of a component, row by row."""
+        zero = self.tape.row(ex.ZERO)
+        found = list[Instruction]()
+        n = len(part.coordinates)
+        for i in part.coordinates:
+            found += [self.moving_entry(matrix.get((i, j), ex.ZERO)) for j in part.coordinates]
+            for c in part.contacts:
+                weight = self.eq.contacts[c].direction.get(names[i], ex.ZERO)
+                found.append(self.moving_entry(-weight))
+        for c in part.contacts:
+            for place, i in enumerate(part.coordinates):
+                weight = self.eq.contacts[c].direction.get(names[i], ex.ZERO)
+                if self.constants.is_constant(weight):
+                    found.append(self.fixed_entry(c, weight, ex.ZERO))
+                    continue
+                row = self.tape.row(weight)
+                self.layout.turning[c, place] = row
+                sides = (row, zero, zero, zero, zero)
+                entry = Instruction(Op.SIDE, self.tape.new_row(0), sides, place=c)
+                self.tape.emit(0, entry)
+                found.append(entry)
+            found += [
+                self.fixed_entry(c, ex.ZERO, ex.ONE if c == other else ex.ZERO)
+                for other in part.contacts
+            ]
+        assert len(found) == (n + len(part.contacts)) ** 2
+        return tuple(found)
+
+    def moving_entry(self, e: Expr) -> Instruction:
+        """An entry that is the same in all modes."""
+        if self.constants.is_constant(e):
+            return self.fixed_entry(0, e, e)
+        row = self.tape.row(e)
+        return Instruction(Op.LINEAR, row, (row,))
+
+    def fixed_entry(self, contact: int, stick: Expr, slip: Expr) -> Instruction:
+        """A constant entry, by the mode of a contact."""
+        zero = Scaled(ex.ZERO)
+        for e in (stick, slip):
+            self.constants.scalar(e)  # has a place
+        return Instruction(
+            Op.ENTRY, -1, parts=(Scaled(stick), Scaled(slip), zero, zero), place=contact
+        )
 
     def block_sizes(
         self,
@@ -274,7 +347,7 @@ class _Generator:
     ) -> None:
         """Scales of the rates and of the relative velocities: what they would be if no two forces
         cancelled; `forces` are the places of their sizes."""
-        scalar = self.constants.scalar
+        scalar = self.number
         names = self.d.inertial if inertial else self.d.damped
         offset = self.rate_sizes + (0 if inertial else self.nq)
         terms = {x: [element("mag", place)] for x, place in zip(names, forces, strict=True)}
@@ -291,6 +364,11 @@ class _Generator:
                 self.note(self.nc + c, size)
             else:
                 self.note(c, size, adding=True)
+
+    def number(self, e: Expr) -> Scalar:
+        """A constant, or the value of a row."""
+        constant = self.constants.is_constant(e)
+        return self.constants.scalar(e) if constant else _start(self.tape.row(e))
 
     def implicit_rates(self) -> dict[str, int]:
         """Rows of the rates that solve equations of their own; the slopes of these rows are still
@@ -342,7 +420,7 @@ class _Generator:
         """Right-hand side of contact i: the belt in stick, the friction force in slip."""
         c = self.eq.contacts[i]
         tape = self.tape
-        belt = c.speed if c.kind == Kind.VISCOUS else ex.derivative(c.speed, "t")
+        belt = c.speed if c.kind == Kind.VISCOUS else self.eq.surface_acceleration(i)
         sides = tuple(tape.row(e) for e in (belt, c.kinetic_plus, c.kinetic_minus, c.plus, c.minus))
         tape.emit(stage, Instruction(Op.SIDE, row, sides, place=i))
         tape.stage[row] = stage
@@ -389,7 +467,7 @@ class _Generator:
             free = _times(weight, over) + abs(_start(rows[0]))
             self.note(base + i, by_mode(c, free, plus, minus))
         self.solves[1].append(
-            Instruction(Op.RATES, first, (right,), size=n, entries=tuple(entries))
+            Instruction(Op.RATES, first, (right,), size=n, matrix="B", entries=tuple(entries))
         )
         for i in range(n):
             c = self.mq + self.mz + i
@@ -534,11 +612,16 @@ class _Generator:
                 for j, i in enumerate(part.coordinates)
             }
             own |= {x: column[i] for i, x in enumerate(names)}
-            entries += [Store(name, (i, column[j]), scalar(e)) for (i, j), e in matrix.items()]
+            entries += [
+                Store(name, (i, column[j]), scalar(e))
+                for (i, j), e in matrix.items()
+                if self.constants.is_constant(e)
+            ]
         entries += [
             Store("J", (i, own[x]), scalar(e))
             for i, c in enumerate(self.eq.contacts[: self.mq + self.mz])
             for x, e in c.direction.items()
+            if self.constants.is_constant(e)
         ]
         frequencies = enumerate(self.eq.frequencies)
         entries += [Store("omega", (i,), abs(scalar(e))) for i, e in frequencies]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from stickslip.equations.codegen.generate import Generated
-from stickslip.equations.codegen.series import MOST_TURNS
+from stickslip.equations.codegen.series import INDEFINITE, MOST_TURNS, SINGULAR
 from stickslip.machine_code.interface import INTERFACE
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.functions import FUNCTIONS
@@ -219,6 +219,7 @@ def _rates(i: Instruction, constants: ParameterExpressions) -> list[str]:
     others."""
     n = i.size
     right = i.inputs[0]
+    inverse = f"{i.matrix}[{i.place}:]"
     first = list[str]()
     later = list[str]()
     for j, entry in enumerate(i.entries):
@@ -237,7 +238,12 @@ def _rates(i: Instruction, constants: ParameterExpressions) -> list[str]:
     solved = [
         "if k == 0:",
         *("    " + line for line in first),
-        f"    if not invert(A, {n}, B):",
-        "        return 1",
+        *_refused(f"definite(A, {i.definite}, {inverse})", INDEFINITE if i.definite else None),
+        *_refused(f"invert(A, {n}, {inverse})", SINGULAR),
     ]
-    return [*solved, *later, f"solve_order(B, 0, W, {right}, {i.row}, {n}, k)"]
+    return [*solved, *later, f"solve_order({i.matrix}, {i.place}, W, {right}, {i.row}, {n}, k)"]
+
+
+def _refused(test: str, status: int | None) -> list[str]:
+    """Leave with a status where a test fails; None: there is none."""
+    return [] if status is None else [f"    if not {test}:", f"        return {status}"]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.equations.codegen.generate import INVERSES, Layout
+from stickslip.equations.codegen.generate import MATRICES, Layout
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.tape import OUTPUTS, Instruction, Op, Scaled
@@ -32,7 +32,7 @@ class Program(NamedTuple):
     code : array of int, shape (instructions, 9)
         By the columns from `OPERATION` to `SIZE`; see :class:`stickslip.symbolic.tape.Op`. The
         operands of LINEAR and of RATES (its second and third) are where a list of terms begins and
-        its length; SELECT, POWER (its second), ENTRY (its fourth) and CHAIN (its third, −1: none)
+        its length, and the fourth of RATES and second of SOLVE say which inverse; SELECT, POWER (its second), ENTRY (its fourth) and CHAIN (its third, −1: none)
         name the place of their first term.
     term_row : array of int
         Row of a term, −1 for a constant.
@@ -160,9 +160,9 @@ class _Packer:
             changing = [(entry.row, j) for j, entry in enumerate(i.entries) if entry.inputs]
             self.rows += [row for row, _ in changing]
             self.factors += [j for _, j in changing]
-            operands += [start, len(changing)]
+            operands += [start, len(changing), MATRICES.index(i.matrix)]
         elif i.op is Op.SOLVE:
-            operands.append(INVERSES.index(i.matrix))
+            operands.append(MATRICES.index(i.matrix))
         elif i.op in (Op.LINEAR, Op.SELECT):
             operands += [start, len([self.term(part) for part in i.parts])]
         elif i.op is Op.POWER:

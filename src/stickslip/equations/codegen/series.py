@@ -14,6 +14,9 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.machine_code.functions import njit
 
+# What ``jets`` returns: a linear problem has no solution, or a mass matrix is not positive definite.
+SINGULAR = 1
+INDEFINITE = 6
 _NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a difference may be zero
 # Where a search for a zero begins: the largest number, and the least that has all its digits.
 FARTHEST = 1.7976931348623157e308
@@ -21,6 +24,7 @@ NEAREST = 2.2250738585072014e-308
 MOST_TURNS = 240  # of the search for a zero: enough for bisection down to rounding
 SPREAD = 16.0  # ratio of the ends of a bracket from which Newton's method is tried
 NEAR = 1e-9  # relative step of Newton's method behind which rounding comes
+LEAST_PIVOT = 1e-13  # of a matrix of size 1: what is smaller is zero
 _OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
 
 # Sums may be reordered (they are long dot products), nothing else is relaxed: NaN and inf must stay
@@ -290,7 +294,7 @@ def invert(A: Array, n: int, R: Array) -> bool:
         for i in range(c + 1, n):
             if abs(A[i, c]) > abs(A[pivot, c]):
                 pivot = i
-        if not abs(A[pivot, c]) > 1e-13:
+        if not abs(A[pivot, c]) > LEAST_PIVOT:
             return False
         for j in range(n):
             A[c, j], A[pivot, j] = A[pivot, j], A[c, j]
@@ -308,6 +312,23 @@ def invert(A: Array, n: int, R: Array) -> bool:
     for i in range(n):
         for j in range(n):
             R[i, j] *= A[n, i]
+    return True
+
+
+@njit(**_exact)
+def definite(A: Array, n: int, R: Array) -> bool:
+    """Whether the leading n×n block of a symmetric matrix A is positive definite: the pivots of
+    elimination, in R, are positive and no rounding errors."""
+    for i in range(n):
+        for j in range(n):
+            R[i, j] = A[i, j]
+    for c in range(n):
+        if not R[c, c] > LEAST_PIVOT * abs(A[c, c]):
+            return False
+        for i in range(c + 1, n):
+            factor = R[i, c] / R[c, c]
+            for j in range(c, n):
+                R[i, j] -= factor * R[c, j]
     return True
 
 

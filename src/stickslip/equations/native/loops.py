@@ -5,9 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from stickslip.equations.codegen.series import LEAST_PIVOT
 from stickslip.equations.native.assembly import REAL, WHOLE, Assembly, Operand
-
-_LEAST_PIVOT = 1e-13
 
 
 def _sum(f: Assembly, low: str | int, high: str, term: Callable[[str], tuple[str, str]]) -> None:
@@ -91,15 +90,15 @@ def _balance() -> Assembly:
 
 
 def _invert() -> Assembly:
-    """Inverse R of the leading n×n block of A (destroyed, with the row below), both with rows of
-    length n, by Gauss-Jordan elimination; 0 if it is singular.
+    """Inverse R of the leading n×n block of A (destroyed, with the row below) by Gauss-Jordan
+    elimination; 0 if it is singular. Rows are `a` and `r` numbers apart.
 
     The same steps as :func:`stickslip.equations.codegen.series.invert`.
     """
-    f = Assembly("invert", "ptr %A, i64 %n, ptr %R", WHOLE, inside=True)
+    f = Assembly("invert", "ptr %A, i64 %a, i64 %n, ptr %R, i64 %r", WHOLE, inside=True)
 
     def entry(name: str, i: str, j: str) -> str:
-        return f.at(name, f.whole("add", f.whole("mul", i, "%n"), j))
+        return f.at(name, f.whole("add", f.whole("mul", i, _APART[name]), j))
 
     def over_columns(change: Callable[[str], None], high: str = "%n") -> None:
         f.loop(0, high, change)
@@ -118,7 +117,7 @@ def _invert() -> Assembly:
         over_columns(change)
 
     def scale_column(j: str) -> None:
-        factor = f.new(f"call double @balance(ptr {entry('%A', '0', j)}, i64 %n, i64 %n)")
+        factor = f.new(f"call double @balance(ptr {entry('%A', '0', j)}, i64 %a, i64 %n)")
         f.leave(f.test("oeq", factor, 0.0), 0)
         f.store(factor, entry("%A", "%n", j))
         over_columns(lambda i: by(entry("%A", i, j), factor))
@@ -134,7 +133,7 @@ def _invert() -> Assembly:
 
         size = f.call("llvm.fabs.f64", f.load(entry("%A", c, c)))
         pivot, size = f.loop(f.whole("add", c, 1), "%n", larger, (WHOLE, c), (REAL, size))
-        f.leave(f.new(f"xor i1 {f.test('ogt', size, _LEAST_PIVOT)}, true"), 0)
+        f.leave(f.new(f"xor i1 {f.test('ogt', size, LEAST_PIVOT)}, true"), 0)
 
         def swap(j: str) -> None:
             for name in ("%A", "%R"):
@@ -172,7 +171,46 @@ def _invert() -> Assembly:
     return f
 
 
+def _definite() -> Assembly:
+    """Whether the leading n×n block of A is positive definite; R is work space.
+
+    The same steps as :func:`stickslip.equations.codegen.series.definite`.
+    """
+    f = Assembly("definite", "ptr %A, i64 %a, i64 %n, ptr %R, i64 %r", WHOLE, inside=True)
+
+    def entry(name: str, i: str, j: str) -> str:
+        return f.at(name, f.whole("add", f.whole("mul", i, _APART[name]), j))
+
+    def copy(i: str) -> None:
+        f.loop(0, "%n", lambda j: f.store(f.load(entry("%A", i, j)), entry("%R", i, j)))
+
+    def eliminate(c: str) -> None:
+        pivot = f.load(entry("%R", c, c))
+        least = f.times(LEAST_PIVOT, f.call("llvm.fabs.f64", f.load(entry("%A", c, c))))
+        f.leave(f.new(f"xor i1 {f.test('ogt', pivot, least)}, true"), 0)
+
+        def clear(i: str) -> None:
+            minus = f.negative(f.over(f.load(entry("%R", i, c)), pivot))
+
+            def change(j: str) -> None:
+                place = entry("%R", i, j)
+                f.store(f.fused(minus, f.load(entry("%R", c, j)), f.load(place)), place)
+
+            f.loop(c, "%n", change)
+
+        f.loop(f.whole("add", c, 1), "%n", clear)
+
+    f.loop(0, "%n", copy)
+    f.loop(0, "%n", eliminate)
+    f.lines.append("ret i64 1")
+    return f
+
+
+_APART = {"%A": "%a", "%R": "%r"}
+"""From a row to the next, in numbers."""
+
 LOOPS = {
+    "definite": _definite().text(),
     "cauchy": _cauchy().text(),
     "chained": _chained().text(),
     "powered": _powered().text(),

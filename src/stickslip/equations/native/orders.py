@@ -14,7 +14,15 @@ from typing import Any
 
 from stickslip.equations.codegen.generate import ORDERS, Generated
 from stickslip.equations.codegen.program import rows_made, rows_read
-from stickslip.equations.codegen.series import FARTHEST, MOST_TURNS, NEAR, NEAREST, SPREAD
+from stickslip.equations.codegen.series import (
+    FARTHEST,
+    INDEFINITE,
+    MOST_TURNS,
+    NEAR,
+    NEAREST,
+    SINGULAR,
+    SPREAD,
+)
 from stickslip.equations.native.assembly import REAL, Operand, Pair, constant
 from stickslip.equations.native.routines import Routine
 from stickslip.equations.native.tables import (
@@ -412,8 +420,9 @@ def _rates(s: Series, i: Instruction, k: Order) -> None:
                 slips = s.add(stiffness, plus), s.add(stiffness, s.negative(minus))
                 x = s.by_mode_of(entry.place, own, *slips)
             s.store(x, s.place("A", j // n, j % n))
-        done = s.new(f"call i64 @invert(ptr {s.data('A')}, i64 {n}, ptr {s.data('B')})")
-        s.leave(s.whole("icmp eq", done, 0), 1)
+        if i.definite:
+            s.leave(_fails(s, "definite", i, i.definite), INDEFINITE)
+        s.leave(_fails(s, "invert", i, n), SINGULAR)
     else:
         for line in range(n):
             terms = [
@@ -425,7 +434,15 @@ def _rates(s: Series, i: Instruction, k: Order) -> None:
             if terms:
                 rest = s.total([(s.get(right + line, k), 1.0), *terms])
                 s.put(right + line, k, rest)
-    s.solved("B", 0, right, i.row, n, k)
+    s.solved(i.matrix, i.place, right, i.row, n, k)
+
+
+def _fails(s: Series, loop: str, i: Instruction, n: int) -> str:
+    """Whether a loop over a matrix of n rows, and the inverse that an instruction fills, says 0."""
+    across, along = (s.whole("sdiv", s.stride(name), 8) for name in ("A", i.matrix))
+    inverse = s.row(i.matrix, i.place)
+    matrices = f"ptr {s.data('A')}, i64 {across}, i64 {n}, ptr {inverse}, i64 {along}"
+    return s.whole("icmp eq", s.new(f"call i64 @{loop}({matrices})"), 0)
 
 
 def _implicit(s: Series, i: Instruction, k: Order) -> None:

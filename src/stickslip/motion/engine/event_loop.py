@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.equations.codegen.series import INDEFINITE
 from stickslip.machine_code.functions import entry_point, njit
 from stickslip.motion.engine import flights
 from stickslip.motion.engine.closed_forms import make_form
@@ -40,6 +41,7 @@ from stickslip.motion.steps.arrays import (
     LIMIT,
     LONG_AGO,
     NAN,
+    NO_INERTIA,
     NEGATIVE,
     NO_RATE,
     NONE_YET,
@@ -265,13 +267,13 @@ def give_up(status: int, rows: Rows, lane: Lane, task: Task, count: int) -> tupl
     count : int
         Steps recorded so far.
     """
-    if status == NAN:
+    if status in (NAN, INDEFINITE):
         if task.recording and lane.counters[CAUSE] < 0 and count > 1:
             # The last step has left the domain of a formula: its end is no state of the motion.
             count -= 1
             lane.clock[NOW] = task.record.time[count - 1]
             copy(task.record.state[count - 1], lane.y)
-        return UNDEFINED, count
+        return (UNDEFINED if status == NAN else NO_INERTIA), count
     return (ON_JUMP if rows.sizes[RATE_INDEPENDENT] == 0 else NO_RATE), count
 
 

@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.equations.codegen.series import invert
+from stickslip.equations.codegen.series import INDEFINITE, SINGULAR, invert
 from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.guards import NUMBER, contact_of, is_second, scan, stays
 from stickslip.motion.steps.arrays import (
@@ -36,6 +36,7 @@ from stickslip.motion.steps.arrays import (
     LAST,
     MATRIX,
     MEMBERS,
+    MOVING,
     NAN,
     NOW,
     NOWHERE,
@@ -53,7 +54,6 @@ from stickslip.motion.steps.arrays import (
     ROUNDING,
     SEAT,
     SERIES,
-    SINGULAR,
     UNIT,
     VISCOUS,
     Constants,
@@ -145,6 +145,8 @@ def resolve(rows: Rows, k: Constants, space: Space, mode: Array) -> bool:
     last = len(known) - 1
     fresh = known[last] != 0
     for p in range(len(rows.parts)):
+        if rows.parts[p, MOVING] == 1:
+            continue  # inverted with each series
         n = rows.parts[p, COORDINATES]
         m = rows.parts[p, CONTACTS]
         first = rows.parts[p, MEMBERS]
@@ -275,7 +277,7 @@ def evaluate_mode(
     Returns
     -------
     int
-        OK, SINGULAR, NAN, OFF_SURFACE or OVERFLOW.
+        OK, SINGULAR, INDEFINITE, NAN, OFF_SURFACE or OVERFLOW.
     """
     W = flow.space.W
     rows = flow.rows
@@ -287,16 +289,18 @@ def evaluate_mode(
             sticking = sticking or at.mode[c] == 0
         if not sticking or not hold:
             break
-        if coefficients(machine, flow, at, 1, W) == SINGULAR:
-            return SINGULAR
+        status = coefficients(machine, flow, at, 1, W)
+        if status != OK:
+            return status
         if release_or_hold(flow, at, last, near):
             break
     if rows.sizes[RATE_INDEPENDENT] > 0:
         status = project_rates(machine, flow, at)
         if status != OK:
             return status
-    if coefficients(machine, flow, at, flow.order, W) == SINGULAR:
-        return SINGULAR
+    status = coefficients(machine, flow, at, flow.order, W)
+    if status != OK:
+        return status
     return judge_coefficients(rows, W, flow.order)
 
 
@@ -463,17 +467,7 @@ def flip_apart(rows: Rows, space: Space, mode: Array, reg: Array, count: int) ->
 
 
 @njit(**OPTIONS)
-def loosen(
-    J: Array,
-    members: Array,
-    n: int,
-    m: int,
-    mode: Array,
-    keep: int,
-    space: Space,
-    nk: int,
-    drops: Array,
-) -> bool:
+def loosen(rows: Rows, p: int, J: Array, mode: Array, keep: int, space: Space) -> bool:
     """Let sticking contacts of a component whose directions depend on those of the others be
     carried at their threshold (u stays 0).
 
@@ -483,28 +477,27 @@ def loosen(
 
     Parameters
     ----------
+    rows : Rows
+    p : int
+        The component.
     J : array
-        Contact directions, with a column for each coordinate of the component.
-    members : array of int, shape (n + m,)
-        Coordinates and contacts of the component.
-    n, m : int
-        Numbers of them.
+        Contact directions, with a column for each coordinate of the component; those that change on
+        the way are in the table.
     mode : array of int, shape (contacts,)
         Is changed.
     keep : int
         The contact that has just begun to stick; negative: none.
     space : Space
         Receives which switches are concerned.
-    nk : int
-        Number of kinks.
-    drops : array of int, shape (contacts,)
-        1 for each contact whose sliding force is not its threshold.
 
     Returns
     -------
     bool
         Whether there are any.
     """
+    n = rows.parts[p, COORDINATES]
+    m = rows.parts[p, CONTACTS]
+    members = rows.members[rows.parts[p, MEMBERS] :]
     rank = 0
     changed = False
     kept = NOWHERE
@@ -520,21 +513,23 @@ def loosen(
         c = members[n + i]
         if mode[c] != 0:
             continue
-        if is_new(J[c], n, space.scratch, rank):
+        for j in range(n):
+            turning = rows.turning[c, j]
+            space.scratch[rank, j] = space.W[turning, 0] if turning >= 0 else J[c, j]
+        if is_new(n, space.scratch, rank):
             rank += 1
         else:
-            mode[c] = 1 + drops[c]
-            space.touched[nk + c] = 1
+            mode[c] = 1 + rows.drops[c]
+            space.touched[len(rows.kinks) + c] = 1
             changed = True
     return changed
 
 
 @njit(**OPTIONS)
-def is_new(direction: Array, n: int, basis: Array, rank: int) -> bool:
-    """Whether a direction is no combination of others; if so, it joins their orthonormal basis."""
+def is_new(n: int, basis: Array, rank: int) -> bool:
+    """Whether the vector behind an orthonormal basis is no combination of it; if so, it joins."""
     size = 0.0
     for j in range(n):
-        basis[rank, j] = direction[j]
         size += basis[rank, j] ** 2
     for _ in range(2):
         for r in range(rank):
@@ -569,8 +564,9 @@ def settle_mode(
     Returns
     -------
     status, step, series, count
-        OK, the step size, that of the series, and the number of guards that may fire; NAN; SINGULAR
-        if no mode is possible; ASTRAY if the step that ended here does not solve the equations.
+        OK, the step size, that of the series, and the number of guards that may fire; NAN;
+        INDEFINITE if the mass matrix is; SINGULAR if no mode is possible; ASTRAY if the step that
+        ended here does not solve the equations.
     """
     rows = flow.rows
     space = flow.space
@@ -605,12 +601,12 @@ def settle_mode(
         if known and promised > 0.0 and not keeps(flow, space.W, lane.y, lane.seen, promised):
             return ASTRAY, 0.0, 0.0, 0
         # A formula may end where its region ends.
-        lost = status in (NAN, OVERFLOW) and total == 0 and pivots <= nk + 1
+        lost = status in (NAN, OVERFLOW, INDEFINITE) and total == 0 and pivots <= nk + 1
         if lost and set_regions(rows, space.W, space.mag, lane.reg):
             continue
         rescaled, unit = unit_for(status, h, room, space.W[n, 1])
-        if status == NAN or (rescaled and units == MOST_UNITS):
-            return NAN, 0.0, 0.0, 0
+        if status in (NAN, INDEFINITE) or (rescaled and units == MOST_UNITS):
+            return (INDEFINITE if status == INDEFINITE else NAN), 0.0, 0.0, 0
         if rescaled:
             space.W[n, 1] = unit
             units += 1
@@ -794,10 +790,7 @@ def let_carry(flow: Flow, mode: Array, keep: int) -> bool:
     rows = flow.rows
     changed = False
     for p in range(len(rows.parts)):
-        members = rows.members[rows.parts[p, MEMBERS] :]
-        n = rows.parts[p, COORDINATES]
-        m = rows.parts[p, CONTACTS]
-        if loosen(flow.k.J, members, n, m, mode, keep, flow.space, len(rows.kinks), rows.drops):
+        if loosen(rows, p, flow.k.J, mode, keep, flow.space):
             changed = True
     return changed
 

@@ -22,11 +22,12 @@ LIMIT = 6
 NEGATIVE = 7
 UNDEFINED = 8
 INADMISSIBLE = 14
+NO_INERTIA = 16
 FULL = 100
 # What may be said of a candidate mode; or of the step that led to it: that it does not solve the
 # equations.
+# (SINGULAR, 1, and INDEFINITE, 6, are said by `jets`)
 OK = 0
-SINGULAR = 1
 NAN = 2
 OFF_SURFACE = 3
 ASTRAY = 4
@@ -64,8 +65,9 @@ POWERS_MADE = 3
 # Rows of Space.promise.
 PROMISED, STARTED = range(2)
 # Columns of Rows.parts: which inverse (0: inertial, 1: viscous), its first row there, how many
-# coordinates and contacts, and where these begin in Rows.members; columns of Rows.homes.
-MATRIX, FIRST_ROW, COORDINATES, CONTACTS, MEMBERS = range(5)
+# coordinates and contacts, where these begin in Rows.members, and whether its matrix changes on the
+# way; columns of Rows.homes.
+MATRIX, FIRST_ROW, COORDINATES, CONTACTS, MEMBERS, MOVING = range(6)
 PART, SEAT = range(2)
 # Columns of Rows.doubtful.
 DOUBTED, SLIPPING, TOWARDS = range(3)
@@ -111,14 +113,16 @@ class Rows(NamedTuple):
         1 for each contact whose sliding force is not its threshold.
     program : Program
         The tape of the system.
-    parts : array of int, shape (components, 5)
+    parts : array of int, shape (components, 6)
         Components of the linear problems of inertial, then of viscous coordinates, by the columns
-        from `MATRIX` to `MEMBERS`.
+        from `MATRIX` to `MOVING`.
     members : array of int
         Coordinates (among those of their kind), then contacts of each component.
     homes : array of int, shape (contacts, 2)
         Component of each contact (PART; all that are rate-independent share one behind the others),
         and its row in the inverse (SEAT).
+    turning : array of int, shape (contacts, coordinates of a component)
+        Rows of the coefficients of directions that change on the way; −1: constant.
     """
 
     sizes: Array
@@ -137,6 +141,7 @@ class Rows(NamedTuple):
     parts: Array
     members: Array
     homes: Array
+    turning: Array
 
 
 class Constants(NamedTuple):
@@ -167,7 +172,8 @@ class Space(NamedTuple):
         Inverses of the linear problems of inertial and viscous coordinates, one component below the
         other.
     A, B, G : arrays
-        Matrix, inverse and residual of the rate-independent coordinates.
+        Matrix, inverse and residual of the rate-independent coordinates; A also of inertial ones
+        where theirs changes on the way.
     discs : array, shape (rows, 4)
         How far each row strays from its value at the beginning of a step, and how near it comes to
         zero, see :mod:`stickslip.motion.steps.discs`; last, how far the derivative of a part of the
@@ -364,7 +370,7 @@ def own_inverse(rows: Rows, space: Space, c: int) -> float:
 @njit(**INLINED)
 def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
     """Taylor coefficients of all rows of the tape at an instant, up to an order, in a table; OK, or
-    what keeps the equations from being solved."""
+    SINGULAR or INDEFINITE, what keeps the equations from being solved."""
     s = flow.space
     return machine.jets(
         at.t, at.y, at.mode, at.reg, flow.k.K, s.Rq, s.Rz, order, table, s.A, s.B, s.mag
@@ -381,6 +387,8 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         for i in (0, 1)
     ]
     big = max(widths)
+    moving = [int(p[COORDINATES] + p[CONTACTS]) for p in rows.parts if p[MOVING]]
+    most = max([nr, *moving])  # unknowns of a problem whose matrix changes on the way
     guards = nk + 2 * nc + len(rows.doubtful) + 1
     implicit = N // 2 * n if n <= MOST_IMPLICIT else 0
     W = z((table_rows, N + 1))
@@ -392,11 +400,11 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         mag=z(max(magnitudes, 1)),
         Rq=z((nq + mq, widths[0])),
         Rz=z((nz + mz, widths[1])),
-        A=z((nr + 1, nr)),
+        A=z((most + 1, most)),
         B=z((nr, nr)),
         G=z(2 * nr),
         discs=z((table_rows, 4)),
-        balls=z((2, max(nr, 1))),
+        balls=z((2, max(most, 1))),
         reaches=z(N + 1),
         kinds=z(table_rows, np.int64),
         samples=z((n + 3 * nc + nk, AUDIT_NODES)),

@@ -560,13 +560,15 @@ def solve_rate_discs(tape: DiscTape, i: int) -> None:
     """
     p = tape.program
     W = tape.W
-    B = tape.B
+    matrix = p.code[i, FOURTH]
+    R = tape.Rq if matrix == 0 else (tape.Rz if matrix == 1 else tape.B)
     discs = tape.discs
     row = p.code[i, RESULT]
     right = p.code[i, FIRST]
     start = p.code[i, SECOND]
     count = p.code[i, THIRD]
     n = p.code[i, SIZE]
+    first = p.code[i, PLACE]
     old, new = tape.balls[0], tape.balls[1]
     for part in (BALL, OFF):
         for j in range(n):
@@ -587,7 +589,8 @@ def solve_rate_discs(tape: DiscTape, i: int) -> None:
             for j in range(n):
                 total = 0.0
                 for k in range(n):
-                    total += abs(B[j, k]) * new[k] if B[j, k] != 0.0 else 0.0
+                    weight = abs(R[first + j, k])
+                    total += weight * new[k] if weight != 0.0 else 0.0
                 settled = settled and total <= old[j]
                 old[j] = max(old[j], total * (1.0 + 1e-4))
             if settled:
