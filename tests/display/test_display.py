@@ -337,6 +337,8 @@ def test_what_is_shown_is_what_is_computed(system: ss.System, seed: int) -> None
             if p == x
         ]
         terms += [ex.evaluate(declared.drags[x], values)] if x in declared.drags else []
+        if x in declared.inertial:
+            terms.append(-ex.evaluate(declared.velocity_force(x), values))
         return sum(terms) + ex.evaluate(ex.derivative(declared.potential, x), values)
 
     for x, balance in zip(system.coordinates, equations.balances, strict=True):
