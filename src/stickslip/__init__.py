@@ -29,6 +29,7 @@ if TYPE_CHECKING:
         Parameter,
         RateIndependent,
         System,
+        Unilateral,
         Viscous,
     )
     from stickslip.model.system_file import load
@@ -124,6 +125,7 @@ __all__ = [
     "System",
     "Trajectory",
     "VectorField",
+    "Unilateral",
     "Viscous",
     "WeightedL1",
     "__version__",
@@ -231,6 +233,7 @@ _HOMES = {
             "Parameter",
             "RateIndependent",
             "System",
+            "Unilateral",
             "Viscous",
         ],
         "model.system",

@@ -31,6 +31,7 @@ def components(
     entries: Iterable[tuple[int, int]],
     first: int,
     directions: Sequence[Iterable[int]],
+    pressing: Iterable[tuple[int, int]] = (),
 ) -> list[Component]:
     """The connected components of a linear problem, by their least coordinates.
 
@@ -44,6 +45,8 @@ def components(
         Number of the first contact.
     directions : sequence of iterable of int
         Coordinates that each contact moves.
+    pressing : iterable of (int, int)
+        Contacts that feel normal forces, with those that have them.
 
     Raises
     ------
@@ -67,6 +70,8 @@ def components(
     for c, moved in enumerate(directions):
         for i in moved:
             join(i, coordinates + c)
+    for c, other in pressing:
+        join(coordinates + c - first, coordinates + other - first)
     found: dict[int, Component] = {}
     for i in range(len(parent)):
         component = found.setdefault(root(i), Component([], []))

@@ -15,7 +15,7 @@ every function with kinks; which region, and which mode, is decided while the mo
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from weakref import WeakKeyDictionary
 
@@ -111,10 +111,23 @@ class MotionEquations:
 
     @property
     def inertia(self) -> list[Expr]:
-        """Entries of the mass matrix, and coefficients of directions, that change on the way."""
+        """Entries of the mass matrix, coefficients of directions, and gaps, that change on the
+        way."""
         held = frozenset(self.declaration.parameters)
         entries = [*self.mass.values(), *(j for c in self.contacts for j in c.direction.values())]
+        entries += [c.gap for c in self.contacts if c.gap is not None]
         return [e for e in dict.fromkeys(entries) if not e.symbols <= held]
+
+    def pressing(self, i: int) -> list[int]:
+        """Contacts whose normal forces are in the friction of contact i."""
+        c = self.contacts[i]
+        names = c.plus.symbols | c.minus.symbols | c.kinetic_plus.symbols | c.kinetic_minus.symbols
+        return [j for j, other in enumerate(self.contacts) if other.opens and f"lambda:{j}" in names]
+
+    def parent(self, i: int) -> int:
+        """The contact that can open whose friction contact i is; −1 if there is none."""
+        names = [c.name if c.opens else "" for c in self.contacts]
+        return names.index(self.contacts[i].on) if self.contacts[i].on else -1
 
     def surface_acceleration(self, i: int) -> Expr:
         """What J a is in stick: ẇ − J̇ q̇."""
@@ -163,7 +176,8 @@ def _equations_of(d: Declaration) -> MotionEquations:
     contacts = sorted(
         d.contacts, key=lambda c: (_KINDS.index(c.kind), own.get(next(iter(c.direction)), 0))
     )
-    contacts = [_name_speed(c, i) for i, c in enumerate(contacts)]
+    normals = {c.name: ex.sym(f"lambda:{i}") for i, c in enumerate(contacts) if c.opens}
+    contacts = [_name_speed(c, i, normals) for i, c in enumerate(contacts)]
     slope = {x: ex.derivative(d.potential, x) - d.forces[x] for x in d.coordinates}
     by_inertial, by_all = _damping(d, d.inertial), _damping(d, [*d.inertial, *d.viscous])
     viscous_force = [-slope[z] - by_inertial.get(z, ex.ZERO) for z in d.viscous]
@@ -189,6 +203,7 @@ def _equations_of(d: Declaration) -> MotionEquations:
     for c in contacts:
         used += [c.plus, c.minus, c.kinetic_plus, c.kinetic_minus, c.speed]
         used += [j for j in c.direction.values() if not j.symbols <= held]
+        used += [c.gap] if c.gap is not None else []
     guards = dict.fromkeys(n.args[0] for n in ex.walk(used) if n.op == "select")
     for n in ex.walk([energy, dissipation, supply]):
         if n.op == "select":
@@ -212,19 +227,15 @@ def _equations_of(d: Declaration) -> MotionEquations:
     )
 
 
-def _name_speed(c: DryContact, i: int) -> DryContact:
-    """Give each contact's ``speed`` its own symbol."""
-    own = {"speed": ex.sym(f"speed:{i}")}
-    return DryContact(
-        c.name,
-        c.kind,
-        c.direction,
-        c.plus,
-        c.minus,
-        ex.substitute(c.kinetic_plus, own),
-        ex.substitute(c.kinetic_minus, own),
-        c.speed,
-        c.unit,
+def _name_speed(c: DryContact, i: int, normals: dict[str, Expr]) -> DryContact:
+    """Give each contact's ``speed`` its own symbol, and normal forces those of the forces."""
+    own = {"speed": ex.sym(f"speed:{i}"), **normals}
+    return replace(
+        c,
+        plus=ex.substitute(c.plus, own),
+        minus=ex.substitute(c.minus, own),
+        kinetic_plus=ex.substitute(c.kinetic_plus, own),
+        kinetic_minus=ex.substitute(c.kinetic_minus, own),
     )
 
 

@@ -6,15 +6,22 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from stickslip.errors import DeclarationError, short, some
-from stickslip.model.names import DeclaredNames, Range, check_covered, measured_drives
+from stickslip.model.names import (
+    DeclaredNames,
+    Range,
+    check_covered,
+    measured_drives,
+    normal_force,
+    parse_range,
+)
 from stickslip.model.schema import PLANAR, check_shape, entry_key
-from stickslip.model.system import Kind
+from stickslip.model.system import Contact, Kind, Unilateral
 from stickslip.model.units import check_unit
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -22,7 +29,7 @@ from stickslip.symbolic.formulas import Scope, TimeFunction, is_finite
 from stickslip.symbolic.pieces import unwrapped
 
 if TYPE_CHECKING:
-    from stickslip.model.system import Contact, System
+    from stickslip.model.system import System
 
 _VISCOUS_MATRIX = "viscous matrix of the viscous coordinates"
 _QUADRATIC = "Write a pure quadratic form, like m/2*d_x**2"
@@ -43,7 +50,13 @@ class DryContact:
         Thresholds for u > 0 and u < 0.
     kinetic_plus, kinetic_minus : Expr
         Friction forces while sliding (the thresholds unless declared); may contain the symbol
-        ``speed``.
+        ``speed``. Both may contain normal forces.
+    gap : Expr or None
+        Of the normal direction of a contact that can open: u is its rate, λ the normal force.
+    on : str
+        Of the friction of such a contact: its name.
+    restitution : Expr
+        Of either, in an impact.
     """
 
     name: str
@@ -55,6 +68,14 @@ class DryContact:
     kinetic_minus: Expr
     speed: Expr
     unit: str
+    gap: Expr | None = None
+    on: str = ""
+    restitution: Expr = ex.ZERO
+
+    @property
+    def opens(self) -> bool:
+        """Whether it is the normal direction of a contact that can open."""
+        return self.gap is not None
 
 
 @dataclass(eq=False)
@@ -523,12 +544,28 @@ class _Reader:
             why="A direction is a linear combination of rates, with coefficients of t, inertial "
             "coordinates and parameters",
         )
+        self.normals = {
+            normal_force(name): ex.sym(normal_force(name)) for name in system.unilateral
+        }
+        self.pressed = self.scope(
+            self.state,
+            self.velocities,
+            self.normals,
+            why="Only rates of inertial coordinates may stand here",
+        )
         self.sliding = self.scope(
-            self.state, self.velocities, {"speed": ex.sym("speed")}, why="Use 'speed' for |u|"
+            self.state,
+            self.velocities,
+            self.normals,
+            {"speed": ex.sym("speed")},
+            why="Use 'speed' for |u|",
         )
         self.order = {f"d_{x}": i for i, x in enumerate(result.coordinates)}
-        for name, contact in system.dry_contacts.items():
-            result.contacts.append(self._contact(name, contact))
+        for name, contact in system.plain.contacts.items():
+            if isinstance(contact, Unilateral):
+                result.contacts += self._unilateral(name, contact)
+            else:
+                result.contacts.append(self._contact(name, cast("Contact", contact)))
         moving = {r: list[str]() for r in result.rate_independent}
         for c in result.contacts:
             for x in c.direction.keys() & moving.keys():
@@ -546,6 +583,87 @@ class _Reader:
                     f"'{r}' already has the contact '{short(acting[0])}'",
                     "Add their thresholds in one contact",
                 )
+
+    def _unilateral(self, name: str, contact: Unilateral) -> list[DryContact]:
+        """The normal direction of a contact that can open, and its friction."""
+        where = entry_key("contacts", name)
+        gaps = self.scope(self.inertia, why="A gap uses t, inertial coordinates and parameters")
+        gap = gaps.parse(contact.gap, f"{where}.gap")
+        _check_slopes(gap, self.inertia, f"{where}.gap", 3)
+        self._check_steps(f"{where}.gap", gap)
+        slopes = {q: ex.derivative(gap, q) for q in self.result.inertial}
+        direction = {q: slope for q, slope in slopes.items() if slope is not ex.ZERO}
+        if not direction:
+            raise DeclarationError(
+                f"{where}.gap",
+                "it depends on no inertial coordinate",
+                "Write the distance, such as 'y' or 'y - l*sin(phi)'",
+            )
+        parts = [
+            self.static.parse(given, f"{where}.{key}")
+            for key, given in (
+                ("restitution", contact.restitution),
+                ("tangential_restitution", contact.tangential_restitution),
+            )
+        ]
+        for key, part in zip(("restitution", "tangential_restitution"), parts, strict=True):
+            interval = parse_range("[0, 1]", where)
+            interval.check(ex.evaluate(part, self.system.values), f"{where}.{key}")
+            self.result.limits.append((f"{where}.{key}", part, interval))
+        check_unit(contact.unit, f"{where}.unit")
+        here = ex.evaluate(gap, self.start)
+        if here < -1e-12 * max(_size(gap, self.start), 1e-300):
+            raise DeclarationError(
+                f"{where}.gap",
+                f"it is {here:g} at the initial state: the bodies overlap",
+                "Start where it is positive, or zero for contact",
+            )
+        zero = (ex.ZERO, ex.ZERO)
+        normal = DryContact(
+            normal_force(name),
+            Kind.INERTIAL,
+            direction,
+            *zero,
+            *zero,
+            -ex.derivative(gap, "t"),
+            contact.unit,
+            gap=gap,
+            restitution=parts[0],
+        )
+        mu = self.motion.parse(contact.mu, f"{where}.mu")
+        if not ex.evaluate(mu, self.start) >= 0.0:
+            raise DeclarationError(
+                f"{where}.mu",
+                f"the coefficient of friction is {ex.evaluate(mu, self.start):g} at the start",
+                "It is never negative",
+            )
+        if not contact.direction:
+            if mu is not ex.ZERO:
+                raise DeclarationError(
+                    f"{where}.direction",
+                    "friction has no direction",
+                    "Give the relative velocity, like direction = 'd_x'",
+                )
+            return [normal]
+        plain = Contact(contact.direction, contact.mu, contact.surface_speed, None, contact.unit)
+        rubs = self._contact(name, plain)
+        if rubs.kind != Kind.INERTIAL:
+            raise DeclarationError(
+                f"{where}.direction",
+                f"its coordinates are {rubs.kind}",
+                "A contact that can open moves inertial coordinates",
+            )
+        force = mu * ex.sym(normal_force(name))
+        friction = replace(
+            rubs,
+            plus=force,
+            minus=force,
+            kinetic_plus=force,
+            kinetic_minus=force,
+            on=normal_force(name),
+            restitution=parts[1],
+        )
+        return [normal, friction]
 
     def _contact(self, name: str, contact: Contact) -> DryContact:
         where = entry_key("contacts", name)
@@ -602,10 +720,16 @@ class _Reader:
                 "a contact of rate-independent coordinates moves one of them",
                 "Use one contact per coordinate, or give them viscosity",
             )
-        plus, minus = self._pair(contact.threshold, f"{where}.threshold", self.motion)
+        inertial = kind == Kind.INERTIAL
+        pressed = self.pressed if inertial else self.motion
+        plus, minus = self._pair(contact.threshold, f"{where}.threshold", pressed)
+        for e in (plus, minus):
+            self._check_affine(f"{where}.threshold", e)
         kinetic = (plus, minus)
         if contact.kinetic is not None:
             kinetic = self._pair(contact.kinetic, f"{where}.kinetic", self.sliding)
+            for e in kinetic:
+                self._check_affine(f"{where}.kinetic", e)
             if kind == Kind.RATE_INDEPENDENT:
                 raise DeclarationError(
                     f"{where}.kinetic",
@@ -631,6 +755,17 @@ class _Reader:
                     "Sliding friction is at most the threshold",
                 )
         return DryContact(name, kind, direction, plus, minus, *kinetic, speed, contact.unit)
+
+    def _check_affine(self, where: str, force: Expr) -> None:
+        """Refuse a threshold that is not affine in the normal forces."""
+        own = force.symbols & self.normals.keys()
+        slopes = [ex.derivative(force, name) for name in own]
+        if any(slope.symbols & own for slope in slopes) or ex.bends(force, own):
+            raise DeclarationError(
+                where,
+                f"it is not proportional to {min(own)}",
+                f"Write it like 'mu*{min(own)}'",
+            )
 
     def _pair(self, given: object, where: str, scope: Scope) -> tuple[Expr, Expr]:
         if isinstance(given, tuple):
@@ -758,7 +893,8 @@ class _Reader:
         """Values at the start, at rest where none is declared."""
         state = dict.fromkeys([*self.state, *self.rates, "speed"], 0.0)
         given = {k: float(v) for k, v in self.system.initial.items() if is_finite(v)}
-        return {**state, **given, **self.system.values, "t": float(self.system.span[0])}
+        pressed = {normal_force(name): 0.0 for name in self.system.unilateral}
+        return {**state, **given, **self.system.values, **pressed, "t": float(self.system.span[0])}
 
 
 def _check_increasing(d: Declaration, z: str, values: Mapping[str, float]) -> None:

@@ -65,6 +65,16 @@ def parse_range(text: object, where: str) -> Range:
     )
 
 
+def key_of(name: str) -> str:
+    """The name of a contact as the end of a name in formulas."""
+    return re.sub(r"\W", "_", name, flags=re.ASCII)
+
+
+def normal_force(contact: str) -> str:
+    """What the normal force of a contact that can open is called in formulas."""
+    return f"normal_{key_of(contact)}"
+
+
 @dataclass
 class DeclaredNames:
     """The names of a declaration while it is read: each means one thing.

@@ -166,6 +166,42 @@ class Contact:
 
 
 @dataclass(frozen=True)
+class Unilateral:
+    """A contact that can open: gap g ≥ 0, normal force N ≥ 0, N g = 0, and Coulomb's friction μN.
+
+    Thresholds of all contacts of inertial coordinates may use its normal force, by the name
+    ``normal_foot`` for a contact called foot.
+
+    Attributes
+    ----------
+    gap : str
+        g(q, t), a function of inertial coordinates and time: the distance.
+    direction : str
+        Linear combination of rates along which it rubs, with coefficients of q and t.
+    mu : str or float
+        Coefficient of friction μ ≥ 0; may depend on the state and on time.
+    surface_speed : str or float
+        Speed w(t) of the surface along the direction.
+    restitution, tangential_restitution : str or float
+        Part of the approaching velocity with which it rebounds (Newton's law), normal and
+        tangential, between 0 and 1.
+    unit : str
+        Unit of the forces.
+    """
+
+    gap: Formula
+    direction: Direction = ""
+    mu: Formula = 0.0
+    surface_speed: Formula = 0.0
+    restitution: Formula = 0.0
+    tangential_restitution: Formula = 0.0
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        hold_plain(self)
+
+
+@dataclass(frozen=True)
 class LawContact:
     """A contact with a friction law of :mod:`stickslip.model.laws`, by its name.
 
@@ -207,7 +243,7 @@ class LawContact:
         return cls(values=values, **{key: entry[key] for key in own & entry.keys()})
 
 
-AnyContact = Contact | LawContact
+AnyContact = Contact | Unilateral | LawContact
 
 
 @dataclass(frozen=True)
@@ -339,8 +375,36 @@ class System:
 
     @cached_property
     def dry_contacts(self) -> dict[str, Contact]:
-        """Contacts with a threshold, those that laws are made of among them."""
-        return {n: c for n, c in self.plain.contacts.items() if isinstance(c, Contact)}
+        """Contacts with a threshold: those that laws are made of, and the normal direction and the
+        friction of those that can open, too."""
+        found: dict[str, Contact] = {}
+        for name, contact in self.plain.contacts.items():
+            if isinstance(contact, Contact):
+                found[name] = contact
+            elif isinstance(contact, Unilateral):
+                found |= self._parts_of(name, contact)
+        return found
+
+    def _parts_of(self, name: str, contact: Unilateral) -> dict[str, Contact]:
+        from stickslip.model.names import normal_force
+
+        normal = normal_force(name)
+        (declared,) = (c for c in self.declaration.contacts if c.name == normal)
+        rate = " + ".join(
+            f"({formula_text(weight, normal)})*d_{x}" for x, weight in declared.direction.items()
+        )
+        speed = formula_text(declared.speed, normal)
+        parts = {normal: Contact(rate, 0.0, speed, unit=contact.unit)}
+        if contact.direction:
+            threshold = f"({contact.mu})*{normal}"
+            direction, speed = contact.direction, contact.surface_speed
+            parts[name] = Contact(direction, threshold, speed, unit=contact.unit)
+        return parts
+
+    @cached_property
+    def unilateral(self) -> dict[str, Unilateral]:
+        """Contacts that can open."""
+        return {n: c for n, c in self.plain.contacts.items() if isinstance(c, Unilateral)}
 
     @cached_property
     def doubts(self) -> list[str]:

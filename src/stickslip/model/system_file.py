@@ -25,6 +25,7 @@ from stickslip.model.system import (
     Parameter,
     RateIndependent,
     System,
+    Unilateral,
     Viscous,
 )
 
@@ -40,7 +41,7 @@ def _contact(value: Any, where: str, folder: Path) -> Any:
     """A contact with its forces; one with a law has the parameters of that beside it."""
     table = toml.mapping(value, where)
     if "law" not in table:
-        return toml.entry(Contact, table, where)
+        return toml.entry(Unilateral if "gap" in table else Contact, table, where)
     if isinstance(table["law"], list):
         raise DeclarationError(
             f"{where}.law",

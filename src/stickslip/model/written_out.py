@@ -14,7 +14,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar, cast
 
 from stickslip.errors import DeclarationError, suggestion
-from stickslip.model.names import DeclaredNames, parse_range
+from stickslip.model.names import DeclaredNames, key_of, parse_range
 from stickslip.model.schema import check_shape, entry_key, wrong_kind
 from stickslip.model.system import (
     AnyContact,
@@ -67,11 +67,6 @@ def without_laws(system: System) -> System:
         plain.declaration.limit(where, name, parse_range(text, where))
     plain.declaration.check_limits(system.values)
     return plain
-
-
-def key_of(name: str) -> str:
-    """The name of a contact as the end of a name in formulas."""
-    return re.sub(r"\W", "_", name, flags=re.ASCII)
 
 
 class _WrittenOut:

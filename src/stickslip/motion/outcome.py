@@ -70,6 +70,24 @@ class Outcome(Ended):
         "The mass matrix is not positive definite here: some motion would have no, or negative, "
         "kinetic energy. Check the kinetic energy, or end the motion before",
     )
+    NO_ACCELERATION = (
+        17,
+        "no admissible acceleration (Painlevé)",
+        "No mode of the contacts has accelerations that obey Coulomb's law with these normal "
+        "forces: only an impulse could go on. Lower the coefficient of friction",
+    )
+    NO_COLLISION = (
+        18,
+        "no admissible impact",
+        "No impulses obey the law of impacts here, or there are too many contacts to try all of "
+        "their modes",
+    )
+    CREATES_ENERGY = (
+        19,
+        "impact that creates energy",
+        "Newton's law of impacts with friction would create energy here. Lower the restitution or "
+        "the coefficient of friction",
+    )
     OUTSIDE = (
         15,
         "outside the stable set",

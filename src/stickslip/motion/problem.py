@@ -181,7 +181,7 @@ class Problem:
         contacts = len(layout.u)
         kinks = len(layout.kinks)
         small = contacts + kinks <= MOST_SWITCHES and n <= 24 and layout.frequencies <= 6
-        slots = slots if small and self.exact else 0
+        slots = slots if small and self.exact and not layout.gaps else 0
         doubtful = len(self.rows.doubtful)
         return make_closed_forms(groups, slots, n, contacts, kinks, doubtful, layout.frequencies)
 
@@ -232,6 +232,7 @@ class Problem:
             np.array([c in dropping for c in range(len(u))], dtype=np.int64),
             pack(layout),
             *self._coupling(),
+            *self._openings(),
         )
 
     def _coupling(self) -> tuple[Array, Array, Array, Array]:
@@ -257,6 +258,17 @@ class Problem:
             turning[place] = row
         return table, np.array(members, dtype=np.int64), homes, turning
 
+    def _openings(self) -> tuple[Array, Array, Array, Array]:
+        """Rows of the gaps and of the restitution of contacts, whose friction each is, and the row
+        of its coefficient; −1: of none."""
+        layout = self.compiled.layout
+        found = tuple(np.full(len(layout.u), -1, np.int64) for _ in range(4))
+        tables = (layout.gaps, layout.restitution, layout.parents, layout.friction)
+        for array, table in zip(found, tables, strict=True):
+            for c, value in table.items():
+                array[c] = value
+        return found  # type: ignore[return-value]
+
     def _places_of_sizes(self) -> dict[int, int]:
         """Rows that bound the step, with the places of the sizes of their terms: the state, then
         guards."""
@@ -269,6 +281,7 @@ class Problem:
         others |= {row: 2 * contacts + c for c, row in enumerate(layout.force)}
         others |= {row: c for c, row in enumerate(layout.u)}
         others |= {row: 3 * contacts + j for j, row in enumerate(layout.kinks[:kinks])}
+        others |= {row: 3 * contacts + kinks + c for c, row in layout.gaps.items()}
         return noise | {row: others[row] for row in sorted(others) if row >= n}
 
     def _vanishing(self) -> Array:
@@ -293,6 +306,7 @@ class Problem:
         boxes = dict(self.boxes or {name: (v, v) for name, v in self.parameters.items()})
         layout = self.compiled.layout
         contacts = self.compiled.equations.contacts
+        boxes |= {f"lambda:{i}": (0.0, math.inf) for i, c in enumerate(contacts) if c.opens}
         sides = [(row, c.plus) for row, c in zip(layout.plus, contacts, strict=True)]
         sides += [(row, c.minus) for row, c in zip(layout.minus, contacts, strict=True)]
         found = {(row, -1, 0) for row, s in sides if bounds(s, boxes)[0] < 0.0}

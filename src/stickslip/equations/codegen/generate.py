@@ -77,6 +77,11 @@ class Layout:
     turning : dict of (int, int) to int
         Rows of the coefficients of directions that change on the way, by contact and by the place
         of the coordinate in its component.
+    gaps, restitution : dict of int to int
+        Rows of the gaps of contacts that can open, and of the restitution of these and of their
+        friction.
+    parents, friction : dict of int to int
+        For the friction of a contact that can open, that contact, and the row of its coefficient.
     """
 
     state: list[str]
@@ -99,6 +104,10 @@ class Layout:
     rate_sizes: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
     coupled: dict[str, list[Component]] = field(default_factory=dict)
     turning: dict[tuple[int, int], int] = field(default_factory=dict)
+    gaps: dict[int, int] = field(default_factory=dict)
+    restitution: dict[int, int] = field(default_factory=dict)
+    parents: dict[int, int] = field(default_factory=dict)
+    friction: dict[int, int] = field(default_factory=dict)
 
     def shape(self, name: str) -> tuple[int, ...]:
         """Shape of an array that ``setup`` fills; a row of M, C and J has the coordinates of one
@@ -171,7 +180,9 @@ class _Generator:
         self.tape = Tape(self.constants, rows, self.n + 1, regions)
         self.solves: dict[int, list[Instruction]] = {0: [], 1: [], 2: []}
         self.magnitudes: list[Store] = []
-        self.rate_sizes = 3 * (self.mq + self.mz + self.mr) + len(equations.kinks)
+        self.gap_sizes = 3 * (self.mq + self.mz + self.mr) + len(equations.kinks)
+        opens = any(c.opens for c in equations.contacts)
+        self.rate_sizes = self.gap_sizes + (self.mq if opens else 0)
         self.scratch = self.rate_sizes + self.nq + self.nz + self.nr + self.na
         self.nc = self.mq + self.mz + self.mr
 
@@ -237,6 +248,7 @@ class _Generator:
                 matrix,
                 first,
                 [[place[x] for x in direction] for direction in directions],
+                [(c, n) for c in range(first, first + count) for n in self.eq.pressing(c)],
             )
         ]
         self.layout.coupled[resolvent] = coupled
@@ -285,6 +297,8 @@ class _Generator:
 
     def moves(self, part: Component, matrix: Mapping[tuple[int, int], Expr]) -> bool:
         """Whether the matrix of a component changes on the way."""
+        if any(self.eq.contacts[c].opens for c in part.contacts):
+            return True  # what is closed, and what normal forces do, changes with the mode
         own = frozenset(part.coordinates)
         entries = [e for (i, _), e in matrix.items() if i in own]
         entries += [e for c in part.contacts for e in self.eq.contacts[c].direction.values()]
@@ -314,12 +328,25 @@ class _Generator:
                 entry = Instruction(Op.SIDE, self.tape.new_row(0), sides, place=c)
                 self.tape.emit(0, entry)
                 found.append(entry)
-            found += [
-                self.fixed_entry(c, ex.ZERO, ex.ONE if c == other else ex.ZERO)
-                for other in part.contacts
-            ]
+            pressing = frozenset(self.eq.pressing(c))
+            for other in part.contacts:
+                if other in pressing:
+                    found.append(self.pressed_entry(c, other))
+                else:
+                    found.append(self.fixed_entry(c, ex.ZERO, ex.ONE if c == other else ex.ZERO))
         assert len(found) == (n + len(part.contacts)) ** 2
         return tuple(found)
+
+    def pressed_entry(self, i: int, normal: int) -> Instruction:
+        """What a unit of normal force adds to λᵢ + σk = 0 in slip."""
+        c = self.eq.contacts[i]
+        zero = self.tape.row(ex.ZERO)
+        force = f"lambda:{normal}"
+        sides = (c.kinetic_plus, c.kinetic_minus, c.plus, c.minus)
+        slopes = tuple(self.tape.row(-ex.derivative(side, force)) for side in sides)
+        entry = Instruction(Op.SIDE, self.tape.new_row(0), (zero, *slopes), place=i)
+        self.tape.emit(max(self.tape.stage[row] for row in slopes), entry)
+        return entry
 
     def moving_entry(self, e: Expr) -> Instruction:
         """An entry that is the same in all modes."""
@@ -421,7 +448,10 @@ class _Generator:
         c = self.eq.contacts[i]
         tape = self.tape
         belt = c.speed if c.kind == Kind.VISCOUS else self.eq.surface_acceleration(i)
-        sides = tuple(tape.row(e) for e in (belt, c.kinetic_plus, c.kinetic_minus, c.plus, c.minus))
+        pressed = {f"lambda:{n}": ex.ZERO for n in self.eq.pressing(i)}
+        forces = (c.kinetic_plus, c.kinetic_minus, c.plus, c.minus)
+        alone = [ex.substitute(force, pressed) for force in forces]
+        sides = tuple(tape.row(e) for e in (belt, *alone))
         tape.emit(stage, Instruction(Op.SIDE, row, sides, place=i))
         tape.stage[row] = stage
 
@@ -513,6 +543,7 @@ class _Generator:
         layout = self.layout
         guards = [*layout.u, *layout.force, *layout.plus, *layout.minus, *layout.kinks]
         guards += [row for *_, force, margin in layout.kinetic for row in (force, margin)]
+        guards += layout.gaps.values()
         layout.kept = sorted({*range(self.n), *guards})
         sizes = self.magnitudes
         return Generated(layout, self.constants, setup, sizes, residual, powers)
@@ -585,6 +616,16 @@ class _Generator:
         for j, guard in enumerate(self.eq.kinks):
             layout.kinks.append(tape.row(guard))
             self.note(3 * self.nc + j, self.size(guard))
+        for i, c in enumerate(self.eq.contacts):
+            if c.gap is not None:
+                layout.gaps[i] = tape.row(c.gap)
+                self.note(self.gap_sizes + i, self.size(c.gap))
+            if c.on:
+                layout.parents[i] = self.eq.parent(i)
+                slope = ex.derivative(c.plus, f"lambda:{layout.parents[i]}")
+                layout.friction[i] = tape.row(slope)
+            if c.gap is not None or c.on:
+                layout.restitution[i] = tape.row(c.restitution)
 
     def finish(self) -> None:
         """How large everything has become."""

@@ -37,7 +37,8 @@ from stickslip.motion.between.nodes import (
     most,
 )
 from stickslip.motion.between.observers import Sums, add_step, count_times, make_sums
-from stickslip.motion.engine.guards import resting
+from stickslip.motion.engine.guards import is_loose, opens, resting
+from stickslip.motion.engine.impacts import distance_of_jump
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import (
@@ -55,6 +56,7 @@ from stickslip.motion.steps.arrays import (
     STORED,
     SUPPLIED,
     VISCOUS,
+    WIDEST,
     Flow,
     Instant,
     Machine,
@@ -62,6 +64,7 @@ from stickslip.motion.steps.arrays import (
     Rows,
     Space,
     coefficients,
+    gap_size,
     own_inverse,
 )
 from stickslip.motion.steps.discs import BALL, OFF, SLOPE, spread, spread_state, tape_of
@@ -76,7 +79,8 @@ _CANCELS = 1e-5  # part of its terms against which a sum is measured in which th
 _ROUNDINGS = 8.0  # rounding errors of a rate, in parts of the size of its terms
 # Rows of Tally.state, columns of Tally.law and of Tally.kinks, and slots of Tally.total.
 LARGEST, _SWAY, _DEFECT, _ROUNDED = range(4)
-_EXCESS, _OFF_THRESHOLD, _CREEP, _BACKWARDS, _FORCE, _SPEED, _HELD = range(7)
+_EXCESS, _OFF_THRESHOLD, _CREEP, _BACKWARDS, _FORCE, _SPEED, _HELD, _OVERLAP, _OPENING = range(9)
+_LAW = 9  # columns of these
 _BEYOND, _REACHED = range(2)
 FED_IN_ALL, _ERRORS, UNVERIFIED = range(3)
 # Columns of Steps.work: dissipated and supplied energy.
@@ -93,10 +97,11 @@ class Tally(NamedTuple):
     state : array, shape (4, n)
         LARGEST modulus of each component; by how much the terms of its rate would change it within
         a piece (SWAY); largest DEFECT of a Taylor step; largest rounding error of one (ROUNDED).
-    law : array, shape (contacts, 7)
+    law : array, shape (contacts, 9)
         Largest |λ| − s, or s − |λ| where rest ends too early (EXCESS); |λ + σs| of what slides
         without mass (OFF_THRESHOLD); |u| in stick (CREEP); −σu in slip (BACKWARDS); largest FORCE,
-        relative SPEED, and speed that the forces in stick hold back (HELD).
+        relative SPEED, and speed that the forces in stick hold back (HELD); of what can open the
+        largest −g while open, or |g| while closed (OVERLAP), and the largest gap (OPENING).
     kinks : array, shape (kinks, 2)
         Largest −guard (BEYOND) and |guard| (REACHED).
     total : array, shape (3,)
@@ -115,7 +120,7 @@ def make_tally(rows: Rows) -> Tally:
     n = int(rows.sizes[DIMENSION])
     contacts = len(rows.u)
     kinks = len(rows.kinks)
-    return Tally(np.zeros((4, n)), np.zeros((contacts, 7)), np.zeros((kinks, 2)), np.zeros(3))
+    return Tally(np.zeros((4, n)), np.zeros((contacts, _LAW)), np.zeros((kinks, 2)), np.zeros(3))
 
 
 class Steps(NamedTuple):
@@ -299,9 +304,67 @@ def audit_step(
         pieces = pieces + 1
     if check:
         final = Instant(ends.time[i], ends.state[i], mode, reg)
+        if may_collide(flow.rows, ends.cause[i]):
+            close_impact(machine, flow, final, order, h, i, steps, tally)
         close_step(flow, final, order, h, starts.state[i], i, steps, tally)
         judge_departures(flow, final, ends.mode[i], ends.region[i], order, h, tally)
         count_jumps(machine, flow, final, ends.region[i], i, steps, tally)
+
+
+@njit(**OPTIONS)
+def may_collide(rows: Rows, cause: int) -> bool:
+    """Whether what ends a step is that a gap closes."""
+    nk = len(rows.kinks)
+    return bool(cause >= nk and opens(rows, cause - nk))
+
+
+@njit(**INLINED)
+def close_impact(
+    machine: Machine,
+    flow: Flow,
+    at: Instant,
+    order: int,
+    h: float,
+    i: int,
+    steps: Steps,
+    tally: Tally,
+) -> None:
+    """Measure the jump of the velocities at the end of a step against the law of impacts, and count
+    the energy that it loses; then the step is taken to end with that jump.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    at : Instant
+        After the impact, with the mode of the step.
+    order : int
+        Of the polynomials.
+    h : float
+        Length of the last piece.
+    i : int
+        The step.
+    steps : Steps
+    tally : Tally
+        Both are added to.
+    """
+    space = flow.space
+    nq = flow.rows.sizes[INERTIAL]
+    before = space.trial
+    for c in range(len(at.mode)):
+        space.labels[c, 0] = at.mode[c]
+    lost = 0.0
+    sample = Instant(at.t, before, at.mode, at.reg)
+    lost = energy_in(machine, flow, sample)
+    off = distance_of_jump(machine, flow, sample, at.y, h)
+    for c in range(len(at.mode)):
+        at.mode[c] = space.labels[c, 0]
+    for q in range(nq):
+        # What the law does not explain stays as a gap of the step; the rest is no gap.
+        before[nq + q] = at.y[nq + q]
+        steps.gap[i, nq + q] += off
+    lost -= energy_in(machine, flow, sample)
+    steps.work[i, SPENT] += lost
 
 
 @njit(**INLINED)
@@ -493,6 +556,11 @@ def encloses(
         for row in forces:
             if not strays(discs[row], factor) <= _NEGLIGIBLE * held:
                 return False
+        if opens(rows, c):
+            row = rows.gaps[c]
+            size = extent(W[row], N - 1, powers) + _CANCELS * mag[3 * nc + len(rows.kinks) + c]
+            if not strays(discs[row], factor) <= _NEGLIGIBLE * max(size, tally.law[c, _OPENING]):
+                return False
     for j in range(len(rows.kinks)):
         row = rows.kinks[j]
         size = max(
@@ -650,6 +718,8 @@ def sample_law(
     samples = space.samples
     law = tally.law
     for c in range(nc):
+        if is_loose(rows, mode, c):
+            continue
         u = V[rows.u[c], 0]
         held = V[rows.force[c], 0]
         up = V[rows.plus[c], 0]
@@ -660,6 +730,15 @@ def sample_law(
         )
         law[c, _SPEED] = most(most(law[c, _SPEED], abs(u)), _CANCELS * mag[c])
         row = n + 3 * c
+        if opens(rows, c):
+            gap = V[rows.gaps[c], 0]
+            size = max(abs(gap), _CANCELS * mag[3 * nc + len(rows.kinks) + c])
+            law[c, _OPENING] = most(law[c, _OPENING], size)
+            space.impact[WIDEST, c] = law[c, _OPENING]
+            samples[row, g] = held if mode[c] == 0 else gap
+            samples[row + 1, g] = gap
+            samples[row + 2, g] = u
+            continue
         if resting(mode[c]):
             samples[row, g] = held + up
             samples[row + 1, g] = down - held
@@ -703,6 +782,11 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
     samples = space.samples
     law = tally.law
     for c in range(nc):
+        if is_loose(rows, mode, c):
+            continue
+        if opens(rows, c):
+            judge_opening(rows, space, mode, c, factor, tally)
+            continue
         row = n + 3 * c
         loose = 0.0
         tight = 0.0
@@ -733,6 +817,43 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
         negligible = 1e-2 * _NEGLIGIBLE * tally.kinks[j, _REACHED]
         low = least_on_nodes(samples[n + 3 * nc + j], space.bernstein, negligible)
         tally.kinks[j, _BEYOND] = most(tally.kinks[j, _BEYOND], between - low)
+
+
+@njit(**OPTIONS)
+def judge_opening(
+    rows: Rows, space: Space, mode: Array, c: int, factor: float, tally: Tally
+) -> None:
+    """By how much g ≥ 0, or N ≥ 0 and g = 0, fail on a piece.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With normal forces and gaps at the nodes, and the discs.
+    mode : array of int, shape (contacts,)
+    c : int
+        The contact.
+    factor : float
+        As of :func:`judge_law`.
+    tally : Tally
+        Receives the largest.
+    """
+    law = tally.law
+    row = rows.sizes[DIMENSION] + 3 * c
+    known = factor < np.inf
+    apart = strays(space.discs[rows.gaps[c]], factor) if known else 0.0
+    apart -= ROUNDING * gap_size(rows, space, c)
+    if mode[c] != 0:
+        low = least_on_nodes(
+            space.samples[row], space.bernstein, 1e-2 * _NEGLIGIBLE * law[c, _OPENING]
+        )
+        law[c, _OVERLAP] = most(law[c, _OVERLAP], apart - low)
+        return
+    loose = strays(space.discs[rows.force[c]], factor) if known else 0.0
+    low = least_on_nodes(space.samples[row], space.bernstein, 1e-2 * _NEGLIGIBLE * law[c, _FORCE])
+    unsure = ROUNDING * space.mag[2 * len(rows.u) + c]
+    law[c, _EXCESS] = most(law[c, _EXCESS], loose - low - unsure)
+    law[c, _OVERLAP] = most(law[c, _OVERLAP], largest_of(space.samples[row + 1]) + apart)
 
 
 @njit(**OPTIONS)
@@ -910,6 +1031,7 @@ def judge(
             violation, relative(max(law[c, _EXCESS], law[c, _OFF_THRESHOLD]), law[c, _FORCE])
         )
         violation = most(violation, relative(max(law[c, _CREEP], law[c, _BACKWARDS]), speed))
+        violation = most(violation, relative(law[c, _OVERLAP], law[c, _OPENING]))
     for j in range(len(tally.kinks)):
         violation = most(violation, relative(tally.kinks[j, _BEYOND], tally.kinks[j, _REACHED]))
     for r in range(n):

@@ -24,10 +24,12 @@ from stickslip.motion.engine.forms import (
     slots_of,
 )
 from stickslip.motion.engine.guards import contact_of, doubt_of, first_event, resting, spell
+from stickslip.motion.engine.impacts import CREATES, NO_IMPULSE, collide
 from stickslip.motion.engine.modes import copy, flip, keeps, let_slide, settle_mode
 from stickslip.motion.engine.roots import value_and_slope
 from stickslip.motion.steps.arrays import (
     ASTRAY,
+    CREATES_ENERGY,
     CAUSE,
     CROSSED,
     DIMENSION,
@@ -41,6 +43,8 @@ from stickslip.motion.steps.arrays import (
     LIMIT,
     LONG_AGO,
     NAN,
+    NO_ACCELERATION,
+    NO_COLLISION,
     NO_INERTIA,
     NEGATIVE,
     NO_RATE,
@@ -76,6 +80,7 @@ from stickslip.motion.steps.arrays import (
     coefficients,
     flow_of,
     lane_of,
+    remember_gaps,
 )
 from stickslip.motion.steps.step_size import fill_powers
 
@@ -176,6 +181,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
     room = np.inf
     again = False
     promised = 0.0
+    closes = has_gaps(rows)
     before = Before(0.0, 0.0, 0.0, 0.0, NOWHERE)
     while True:
         if task.recording and count == len(task.record.time) and not again:
@@ -183,6 +189,13 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         t, fired = clock[NOW], counters[CAUSE]
         hold = fired >= 0 or counters[TAKEN] % _LOOK == 0
         most = min(room, max(end - t, 0.0))
+        if closes:
+            remember_gaps(rows, space, lane.seen)
+        if closes and (fired >= 0 or counters[TAKEN] == 0) and not again:
+            struck = collide(machine, flow, lane, clock[LAST])
+            if struck in (NO_IMPULSE, CREATES):
+                count = note(lane, task, count)
+                return (NO_COLLISION if struck == NO_IMPULSE else CREATES_ENERGY), count
         status, h, series, may_fire = settle_mode(machine, flow, lane, most, hold, promised)
         if status == ASTRAY:
             go_back(lane, space, before)
@@ -274,7 +287,18 @@ def give_up(status: int, rows: Rows, lane: Lane, task: Task, count: int) -> tupl
             lane.clock[NOW] = task.record.time[count - 1]
             copy(task.record.state[count - 1], lane.y)
         return (UNDEFINED if status == NAN else NO_INERTIA), count
+    if has_gaps(rows):
+        return NO_ACCELERATION, count
     return (ON_JUMP if rows.sizes[RATE_INDEPENDENT] == 0 else NO_RATE), count
+
+
+@njit(**OPTIONS)
+def has_gaps(rows: Rows) -> bool:
+    """Whether a contact can open."""
+    found = False
+    for gap in rows.gaps:
+        found = found or gap >= 0
+    return found
 
 
 @njit(**OPTIONS)

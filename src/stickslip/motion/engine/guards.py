@@ -15,6 +15,7 @@ from stickslip.motion.steps.arrays import (
     INLINED,
     INT_ZERO,
     NOWHERE,
+    ON_INERTIAL,
     OPTIONS,
     ROUNDING,
     SLIPPING,
@@ -22,6 +23,7 @@ from stickslip.motion.steps.arrays import (
     Flow,
     Rows,
     Space,
+    gap_size,
 )
 from stickslip.motion.steps.step_size import impulse
 
@@ -196,6 +198,26 @@ def stays(
     return s == 0
 
 
+@njit(**OPTIONS)
+def opens(rows: Rows, c: int) -> bool:
+    """Whether a contact is the normal direction of one that can open."""
+    return bool(rows.gaps[c] >= 0)
+
+
+@njit(**OPTIONS)
+def is_loose(rows: Rows, mode: Array, c: int) -> bool:
+    """Whether a contact is the friction of one that is open."""
+    return bool(rows.parents[c] >= 0 and mode[rows.parents[c]] != 0)
+
+
+@njit(**OPTIONS)
+def loosen_friction(rows: Rows, mode: Array) -> None:
+    """What is open has no friction: its contact slips, without force."""
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if is_loose(rows, mode, c) and mode[c] == 0:
+            mode[c] = 1
+
+
 # -- numbers of guards and switches ----------------------------------------------------------------
 # Guards: kinks, then two for each contact (towards slip+, or back to stick; towards slip−), then
 # what must not become negative. Switches: kinks, then contacts.
@@ -228,15 +250,18 @@ def switch_of(guard: int, nk: int, nc: int) -> int:
 
 
 @njit(**OPTIONS)
-def is_asked(doubtful: Array, mode: Array, nk: int, g: int) -> bool:
+def is_asked(rows: Rows, mode: Array, nk: int, g: int) -> bool:
     """Whether a guard says anything in a mode."""
     if g < nk:
         return True
     d = doubt_of(g, nk, len(mode))
     if d >= 0:
-        c = doubtful[d, SLIPPING]
-        return c < 0 or mode[c] * doubtful[d, TOWARDS] > 0
-    return mode[contact_of(g, nk)] == 0 or not is_second(g, nk)
+        c = rows.doubtful[d, SLIPPING]
+        return c < 0 or mode[c] * rows.doubtful[d, TOWARDS] > 0
+    c = contact_of(g, nk)
+    if is_second(g, nk):
+        return mode[c] == 0 and not opens(rows, c)
+    return not is_loose(rows, mode, c)
 
 
 @njit(**INLINED)
@@ -284,6 +309,13 @@ def guard_of(
         size = abs(W[row, 0]) + abs(W[row, 1]) * powers[1]
         if i >= 0:
             size += max(W[rows.plus[i], 0], W[rows.minus[i], 0])
+    elif opens(rows, i) and mode[i] == 0:
+        row = rows.force[i]
+        size = mag[2 * nc + i] + near * abs(W[row, 1])
+    elif opens(rows, i):
+        row = rows.gaps[i]
+        size = gap_size(rows, space, i)
+        rate = mag[i] * unit + abs(W[row, 1])
     elif mode[i] == 0:
         row = rows.force[i]
         shift = rows.minus[i] if is_second(g, nk) else rows.plus[i]
@@ -331,7 +363,7 @@ def scan(
     violated = NOWHERE
     near = last / W[rows.sizes[DIMENSION], 1] + powers[1]
     for g in range(nk + 2 * nc + len(rows.doubtful)):
-        if not is_asked(rows.doubtful, mode, nk, g):
+        if not is_asked(rows, mode, nk, g):
             continue
         precision = max(FIRED if switch_of(g, nk, nc) == fired else 0.0, slack * ROUNDING)
         guard = guard_of(rows, space, mode, reg, g, near, precision)

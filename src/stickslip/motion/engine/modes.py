@@ -18,7 +18,15 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import INDEFINITE, SINGULAR, invert
 from stickslip.machine_code.functions import njit
-from stickslip.motion.engine.guards import NUMBER, contact_of, is_second, scan, stays
+from stickslip.motion.engine.guards import (
+    NUMBER,
+    contact_of,
+    is_second,
+    loosen_friction,
+    opens,
+    scan,
+    stays,
+)
 from stickslip.motion.steps.arrays import (
     ASTRAY,
     CAUSE,
@@ -64,6 +72,8 @@ from stickslip.motion.steps.arrays import (
     Rows,
     Space,
     coefficients,
+    direction_entry,
+    gap_size,
     own_inverse,
 )
 from stickslip.motion.steps.step_size import (
@@ -90,6 +100,7 @@ _TOGETHER = 16  # times that the switches of different components are flipped to
 _PAST = 1.0625  # of the time to a kink: the end of the step in which it comes
 # parts of a step, and of the time, within which a kink is the one that has been passed
 _PASSED, _ROUNDED = 1e-12, 1e3 * EPSILON
+TOUCHING = 1e-12  # part of its size, and of what it does in a step, below which a gap is zero
 _LOOSER = 1e4  # tolerances by which the rates at the end of a step may break its promise
 
 
@@ -237,10 +248,11 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
         # mass.
         gap = W[rows.u[c], 0]
         rate = mag[nc + c] + mag[2 * nc + c] / abs(own_inverse(rows, space, c))
-        if abs(gap) > (_ON_SURFACE * last + _WIDE * ROUNDING * near) * rate + ROUNDING * mag[c]:
+        away = abs(gap) > (_ON_SURFACE * last + _WIDE * ROUNDING * near) * rate + ROUNDING * mag[c]
+        if away or is_apart(rows, space, c, last):
             # Contacts of other components hold the same whether this one does or not.
             if asked[rows.homes[c, PART]] == 0:
-                mode[c] = 1 if gap > 0.0 else -1
+                mode[c] = 1 if gap > 0.0 or opens(rows, c) else -1
             asked[rows.homes[c, PART]] = 1
             released = True
     if released:
@@ -253,7 +265,25 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
             for i in range(rows.parts[part, COORDINATES]):
                 q = rows.members[rows.parts[part, MEMBERS] + i]
                 at.y[nq + q] -= space.Rq[first + i, rows.homes[c, SEAT] - first] * gap
+        if mode[c] == 0 and opens(rows, c):
+            # What is closed stays on the surface itself, too.
+            part = rows.homes[c, PART]
+            first = rows.parts[part, FIRST_ROW]
+            distance = W[rows.gaps[c], 0]
+            for i in range(rows.parts[part, COORDINATES]):
+                q = rows.members[rows.parts[part, MEMBERS] + i]
+                at.y[q] -= space.Rq[first + i, rows.homes[c, SEAT] - first] * distance
     return True
+
+
+@njit(**OPTIONS)
+def is_apart(rows: Rows, space: Space, c: int, last: float) -> bool:
+    """Whether a contact that can open is not closed, up to what its gap does in a step and to
+    rounding."""
+    if not opens(rows, c):
+        return False
+    size = gap_size(rows, space, c) + last * space.mag[c]
+    return bool(abs(space.W[rows.gaps[c], 0]) > TOUCHING * size)
 
 
 @njit(**INLINED)
@@ -514,8 +544,7 @@ def loosen(rows: Rows, p: int, J: Array, mode: Array, keep: int, space: Space) -
         if mode[c] != 0:
             continue
         for j in range(n):
-            turning = rows.turning[c, j]
-            space.scratch[rank, j] = space.W[turning, 0] if turning >= 0 else J[c, j]
+            space.scratch[rank, j] = direction_entry(rows, J, space.W, c, j)
         if is_new(n, space.scratch, rank):
             rank += 1
         else:
@@ -592,10 +621,11 @@ def settle_mode(
         pivots += 1
         if total > 0 and kept == 0:
             candidate, total, slack = choose_next(
-                touched, lane.mode, lane.reg, rows.drops, candidate, total, slack
+                touched, lane.mode, lane.reg, rows.drops, rows.gaps, candidate, total, slack
             )
             if total == 0:
                 return SINGULAR, 0.0, 0.0, 0
+        loosen_friction(rows, lane.mode)
         status, h = make_series(machine, flow, lane, room, slack * denied, hold or pivots > 1)
         known = pivots == 1 and status != SINGULAR
         if known and promised > 0.0 and not keeps(flow, space.W, lane.y, lane.seen, promised):
@@ -818,6 +848,7 @@ def choose_next(
     mode: Array,
     reg: Array,
     drops: Array,
+    gaps: Array,
     candidate: int,
     total: int,
     slack: float,
@@ -830,8 +861,9 @@ def choose_next(
         1 for each switch concerned; all contacts are once no state is left.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
         Are changed.
-    drops : array of int, shape (contacts,)
-        1 for each contact whose sliding force is not its threshold.
+    drops, gaps : arrays of int, shape (contacts,)
+        1 for each contact whose sliding force is not its threshold; nonnegative for those that can
+        open.
     candidate, total : int
         The number of the next state, and of all states.
     slack : float
@@ -858,7 +890,7 @@ def choose_next(
         candidate = 0
     if total > _MOST_CANDIDATES or slack > _SLACKEST:
         return candidate, INT_ZERO, slack
-    choose(candidate, touched, mode, reg, drops)
+    choose(candidate, touched, mode, reg, drops, gaps)
     return candidate + 1, total, slack
 
 
@@ -887,9 +919,11 @@ def candidates(touched: Array, nk: int) -> int:
 
 
 @njit(**OPTIONS)
-def choose(candidate: int, touched: Array, mode: Array, reg: Array, drops: Array) -> None:
+def choose(
+    candidate: int, touched: Array, mode: Array, reg: Array, drops: Array, gaps: Array
+) -> None:
     """Put the switches concerned into the states that a number stands for; what does not stick is
-    at its threshold.
+    at its threshold, or open.
 
     Parameters
     ----------
@@ -901,6 +935,8 @@ def choose(candidate: int, touched: Array, mode: Array, reg: Array, drops: Array
         Are changed.
     drops : array of int, shape (contacts,)
         1 for each contact whose sliding force is not its threshold.
+    gaps : array of int, shape (contacts,)
+        Nonnegative for contacts that can open.
     """
     nk = len(reg)
     for i in range(len(touched)):
@@ -911,6 +947,8 @@ def choose(candidate: int, touched: Array, mode: Array, reg: Array, drops: Array
             else:
                 mode[i - nk] = (candidate % 3 - 1) * (1 + drops[i - nk])
                 candidate //= 3
+                if gaps[i - nk] >= 0:
+                    mode[i - nk] = abs(mode[i - nk])
 
 
 @njit(**OPTIONS)

@@ -23,6 +23,9 @@ NEGATIVE = 7
 UNDEFINED = 8
 INADMISSIBLE = 14
 NO_INERTIA = 16
+NO_ACCELERATION = 17
+NO_COLLISION = 18
+CREATES_ENERGY = 19
 FULL = 100
 # What may be said of a candidate mode; or of the step that led to it: that it does not solve the
 # equations.
@@ -123,6 +126,12 @@ class Rows(NamedTuple):
         and its row in the inverse (SEAT).
     turning : array of int, shape (contacts, coordinates of a component)
         Rows of the coefficients of directions that change on the way; −1: constant.
+    gaps, restitution : arrays of int, shape (contacts,)
+        Rows of the gaps of contacts that can open, and of the restitution of these and of their
+        friction; −1: none.
+    parents, friction : arrays of int, shape (contacts,)
+        Of the friction of a contact that can open, that contact, and the row of its coefficient;
+        −1: of others.
     """
 
     sizes: Array
@@ -142,6 +151,10 @@ class Rows(NamedTuple):
     members: Array
     homes: Array
     turning: Array
+    gaps: Array
+    restitution: Array
+    parents: Array
+    friction: Array
 
 
 class Constants(NamedTuple):
@@ -192,6 +205,8 @@ class Space(NamedTuple):
         1 for each component of which a contact has changed its mode.
     stages : array
         Of implicit steps: two matrices and some vectors; see :mod:`stickslip.motion.steps.stiff`.
+    impact, tried : arrays
+        Of impacts; see :mod:`stickslip.motion.engine.impacts`.
     """
 
     W: Array
@@ -220,6 +235,8 @@ class Space(NamedTuple):
     known: Array
     asked: Array
     stages: Array
+    impact: Array
+    tried: Array
 
 
 class Lane(NamedTuple):
@@ -367,6 +384,37 @@ def own_inverse(rows: Rows, space: Space, c: int) -> float:
     )
 
 
+# Row of Space.impact: the largest gap of a contact so far.
+WIDEST = 6
+
+
+@njit(**OPTIONS)
+def gap_size(rows: Rows, space: Space, c: int) -> float:
+    """What the rounding errors of a gap are measured against: its terms, and how wide it has been,
+    since a motion does not know its place any better."""
+    place = 3 * len(rows.u) + len(rows.kinks) + c
+    return float(max(space.mag[place], space.impact[WIDEST, c]))
+
+
+@njit(**OPTIONS)
+def remember_gaps(rows: Rows, space: Space, seen: Array) -> None:
+    """Keep how wide the gaps of a motion have been, from the sizes of the rows that bound its
+    steps."""
+    for c in range(len(rows.gaps)):
+        if rows.gaps[c] >= 0:
+            for i in range(len(rows.watched)):
+                if rows.watched[i] == rows.gaps[c]:
+                    space.impact[WIDEST, c] = seen[i]
+
+
+@njit(**OPTIONS)
+def direction_entry(rows: Rows, J: Array, table: Array, c: int, j: int) -> float:
+    """A coefficient of the direction of a contact, by the place of the coordinate in its component:
+    constant, or from the table."""
+    turning = rows.turning[c, j]
+    return float(table[turning, 0] if turning >= 0 else J[c, j])
+
+
 @njit(**INLINED)
 def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
     """Taylor coefficients of all rows of the tape at an instant, up to an order, in a table; OK, or
@@ -420,5 +468,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         labels=z((guards, 2), np.int64),
         known=np.ones(mq + mz + 1, np.int64),
         asked=z(len(rows.parts) + 1, np.int64),
+        impact=z((7, max(nq, nc))),
+        tried=z((3, max(nc, 1)), np.int64),
         stages=z((2 * implicit + 7, max(implicit, len(rows.watched), N // 2 + 1))),
     )
