@@ -122,7 +122,9 @@ class MotionEquations:
         """Contacts whose normal forces are in the friction of contact i."""
         c = self.contacts[i]
         names = c.plus.symbols | c.minus.symbols | c.kinetic_plus.symbols | c.kinetic_minus.symbols
-        return [j for j, other in enumerate(self.contacts) if other.opens and f"lambda:{j}" in names]
+        return [
+            j for j, other in enumerate(self.contacts) if other.opens and f"lambda:{j}" in names
+        ]
 
     def parent(self, i: int) -> int:
         """The contact that can open whose friction contact i is; −1 if there is none."""

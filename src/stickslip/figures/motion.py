@@ -35,8 +35,10 @@ from stickslip.figures.drawing.style import (
     symbol,
 )
 from stickslip.figures.drawing.thinning import COLUMNS, FEW, Columns, Curve, chosen, strip
+from stickslip.model.names import normal_force
 from stickslip.model.quantities import FORCES, contact_key, quantity
 from stickslip.model.units import unit_label
+from stickslip.motion.knots import CLOSED, OPEN
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -125,12 +127,15 @@ class _Overview:
         self.system = trajectory.system
         self.declaration = trajectory.system.declaration
         self.shown = self.chosen(coordinates)
-        self.names = [
-            c.name
+        opening = {normal_force(name): name for name in self.system.unilateral}
+        shown = [
+            opening.get(c.name, c.name)
             for c in self.declaration.contacts
             if coordinates is None or self.shown & c.direction.keys()
         ]
+        self.names = list(dict.fromkeys(shown))
         self.contacts = [contact_key(name) for name in self.names]
+        self.opening = [contact_key(name) for name in self.names if name in self.system.unilateral]
         self.motion = _Samples(trajectory, t)
         part = slice(self.motion.first, self.motion.first + self.motion.steps)
         modes = {key: mode[part] for key, mode in trajectory.modes.items()}
@@ -152,6 +157,10 @@ class _Overview:
                 )
         return set(known if coordinates is None else coordinates)
 
+    def rubs(self, key: str) -> bool:
+        """Whether a contact has friction."""
+        return any(contact_key(c.name) == key for c in self.declaration.contacts if not c.opens)
+
     def these(self, names: Iterable[str]) -> list[str]:
         """Those of some names that are shown."""
         return [name for name in names if name in self.shown]
@@ -163,7 +172,9 @@ class _Overview:
         """Lines over time, and the curves of the planes, bit by bit from all of the motion."""
         names = [*self.declaration.state]
         if len(self.contacts) <= _MANY:
-            names += [f"{kind}_{key}" for key in self.contacts for kind in FORCES]
+            rubbing = [key for key in self.contacts if self.rubs(key)]
+            names += [f"{kind}_{key}" for key in rubbing for kind in FORCES]
+            names += [f"{kind}_{key}" for key in self.opening for kind in ("gap", "normal")]
         motion = self.motion
         planes = self.planes()
         whole = self.whole
@@ -238,7 +249,9 @@ class _Overview:
         panels += [self.trace(names) for names in internal]
         if len(self.contacts) > _MANY:
             return [*panels, self.mode_map]
-        return panels + [self.friction(name) for name in self.names]
+        forces = [self.friction(name) for name in self.names if self.rubs(contact_key(name))]
+        presses = [self.normal(name) for name in self.names if contact_key(name) in self.opening]
+        return [*panels, *presses, *forces]
 
     def by_unit(self, names: list[str]) -> list[list[str]]:
         """Names in groups that share an axis."""
@@ -351,17 +364,39 @@ class _Overview:
 
         return panel
 
+    def normal(self, name: str) -> Callable[[Axes], None]:
+        """Normal force of a contact that can open, and where it is closed."""
+        key = contact_key(name)
+
+        def panel(axes: Axes) -> None:
+            self.shade(axes, self.modes[key] != OPEN)
+            self._line(axes, f"normal_{key}", BLUE, zorder=3)
+            _roomy(axes, self.values[f"normal_{key}"])
+            unit = unit_label(self.unit(f"normal_{key}"))
+            axes.set_ylabel(r"$N$" + (f"  [{unit}]" if unit else ""))
+            axes.set_title(name)
+            if key == self.opening[0]:
+                marks = [
+                    Line2D([], [], color=BLUE, label="normal force"),
+                    Patch(color=STICK_SHADE, label="closed"),
+                ]
+                legend_above(axes, marks, right=True)
+
+        return panel
+
     def mode_map(self, axes: Axes) -> None:
-        """Who sticks when: one row per contact."""
+        """Who sticks when: one row per contact; nothing where it is open."""
         for row, key in enumerate(self.contacts, start=1):
             phases = {
                 colour: self.modes[key] == mode
-                for mode, colour in ((0, STICK_SHADE), *SLIP.items())
+                for mode, colour in ((0, STICK_SHADE), (CLOSED, BAND), *SLIP.items())
             }
             strip(axes, self.motion.time, phases, row - 0.42, row + 0.42)
         axes.set_ylim(len(self.contacts) + 0.5, 0.5)
         _rows(axes, self.names)
-        shown = ((STICK_SHADE, "stick"), (SLIP[1], "slip +"), (SLIP[-1], "slip −"))
+        shown = [(STICK_SHADE, "stick"), (SLIP[1], "slip +"), (SLIP[-1], "slip −")]
+        if any(np.any(mode == CLOSED) for mode in self.modes.values()):
+            shown.append((BAND, "closed"))
         legend_above(axes, [Patch(color=colour, label=label) for colour, label in shown])
 
     # Phase planes.

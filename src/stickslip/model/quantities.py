@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
 
+from stickslip.model.names import normal_force
 from stickslip.model.system import System
 from stickslip.model.units import UnitPowers, agree, factors, lowest_terms, unit_product, unit_text
 from stickslip.symbolic import expressions as ex
@@ -56,6 +57,16 @@ def quantity(system: System, name: str) -> dict[str, str]:
             )
     if name in _ENERGIES:
         return described_as(name.replace("_", " "), energy_unit(system))
+    for contact in system.unilateral:
+        key = contact_key(contact)
+        normal = normal_force(contact)
+        if name == f"normal_{key}":
+            return described_as(f"normal force of {contact}", force_unit(system, normal))
+        if name == f"gap_{key}":
+            speed = slip_unit(system, normal)
+            return described_as(
+                f"gap of {contact}", None if speed is None else per_time(system, speed, -1)
+            )
     for contact in system.dry_contacts:
         key = contact_key(contact)
         if name == f"slip_speed_{key}":

@@ -13,6 +13,10 @@ if TYPE_CHECKING:
     from stickslip.motion.steps.arrays import Record
 
 
+# What a contact that can open does beside −1, 0, 1: it is open, or closed and without friction.
+OPEN, CLOSED = 2, 3
+
+
 @dataclass(frozen=True)
 class Knots:
     """Start of every step.

@@ -14,10 +14,11 @@ from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError, StickslipError
+from stickslip.model.names import normal_force
 from stickslip.model.quantities import contact_key, quantity
 from stickslip.model.system import System
 from stickslip.motion.certify import certify_trajectory
-from stickslip.motion.knots import Knots
+from stickslip.motion.knots import CLOSED, OPEN, Knots
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.results import Result, listed
@@ -151,19 +152,69 @@ class Trajectory(Result):
                 f"threshold_minus_{key}": layout.minus[i],
                 f"slip_speed_{key}": layout.u[i],
             }
+        for key, i in self._openings.items():
+            rows |= {f"normal_{key}": layout.force[i], f"gap_{key}": layout.gaps[i]}
         return rows
 
     @cached_property
     def _contacts(self) -> dict[str, int]:
-        """Key of each contact in the order of declaration, with its number in the engine."""
-        order = {c.name: i for i, c in enumerate(self._problem.compiled.equations.contacts)}
-        return {contact_key(name): order[name] for name in self.system.dry_contacts}
+        """Key of each contact that rubs in the order of declaration, with its number in the
+        engine."""
+        numbers = enumerate(self._problem.compiled.equations.contacts)
+        order = {c.name: i for i, c in numbers if not c.opens}
+        names = [name for name in self.system.dry_contacts if name in order]
+        return {contact_key(name): order[name] for name in names}
 
-    @property
+    @cached_property
+    def _openings(self) -> dict[str, int]:
+        """Key of each contact that can open, with the number of its normal direction."""
+        order = {c.name: i for i, c in enumerate(self._problem.compiled.equations.contacts)}
+        return {contact_key(name): order[normal_force(name)] for name in self.system.unilateral}
+
+    @cached_property
     def modes(self) -> dict[str, Array]:
-        """Mode of each contact from every knot on (−1, 0, 1), by its name in variables."""
+        """Mode of each contact from every knot on, by its name in variables: −1, 0, 1 where it
+        slips or sticks; of one that can open, 2 where it is open, and 3 where it is closed and
+        without friction."""
         mode = self.knots.slip
-        return {key: mode[:, i] for key, i in self._contacts.items()}
+        found = {key: mode[:, i] for key, i in self._contacts.items()}
+        for key, i in self._openings.items():
+            closed = found.get(key, np.full(len(mode), CLOSED))
+            found[key] = np.where(mode[:, i] == 0, closed, OPEN).astype(np.int8)
+        return found
+
+    @cached_property
+    def impacts(self) -> pandas.DataFrame:
+        """Impacts: time, the contact whose gap closed, the speed at which it did and that of its
+        rebound, and the energy that all contacts lost in it.
+
+        An initial velocity that violates a closed contact has an impact at the start, which the
+        initial state does not show; it is not listed.
+        """
+        import pandas as pd
+
+        k = self.knots
+        first = len(self._problem.compiled.equations.kinks)
+        numbers = {first + i: key for key, i in self._openings.items()}
+        closing = np.flatnonzero(np.isin(k.cause, list(numbers)))
+        open_before = [
+            closing[j] > 0 and k.mode[i - 1, k.cause[i] - first] != 0 for j, i in enumerate(closing)
+        ]
+        struck = closing[np.array(open_before, dtype=bool)]
+        before = self._sample_clock(k.clock[struck], struck - 1)
+        after = self._sample_clock(k.clock[struck], struck)
+        rows = [self._problem.compiled.layout.u[k.cause[i] - first] for i in struck]
+        each = np.arange(len(struck))
+        energy = self._problem.compiled.layout.rows
+        return pd.DataFrame(
+            {
+                "time": k.time[struck],
+                "contact": [numbers[k.cause[i]] for i in struck],
+                "approach": -before[each, rows],
+                "rebound": after[each, rows],
+                "energy": before[:, energy] - after[:, energy],
+            }
+        )
 
     def _sample(self, times: Array, index: Array) -> Array:
         """Values of all rows, energy and powers at times within the steps of the knots `index`."""
@@ -356,9 +407,8 @@ class Trajectory(Result):
         out = self._sample_clock(clock, index)
         rows = self._problem.compiled.layout.rows
         values = {name: out[:, row] for name, row in self._rows.items()}
-        mode = self.knots.slip
-        for key, i in self._contacts.items():
-            values[f"mode_{key}"] = mode[index, i]
+        for key, mode in self.modes.items():
+            values[f"mode_{key}"] = mode[index]
         values["energy"] = out[:, rows]
         work = self._work(clock, index, out[:, : self.knots.state.shape[1]])
         values["dissipated_energy"] = self.audit.dissipated[index] + work[:, 0]
@@ -416,16 +466,21 @@ class Trajectory(Result):
         contact = self._contact_of_mode.get(name)
         if contact is None:
             return quantity(self.system, name)
+        words = ["slip-", "stick", "slip+"]
+        if contact in self.system.unilateral:
+            words += ["open", "closed"]
         flags = {
-            "flag_values": np.array([-1, 0, 1], np.int8),
-            "flag_meanings": "slip- stick slip+",
+            "flag_values": np.arange(-1, len(words) - 1, dtype=np.int8),
+            "flag_meanings": " ".join(words),
         }
         return {"long_name": f"mode of {contact}", **flags}
 
     @cached_property
     def _contact_of_mode(self) -> dict[str, str]:
         """Contacts by the names under which their modes are published."""
-        return {f"mode_{contact_key(contact)}": contact for contact in self.system.dry_contacts}
+        names = [*self.system.dry_contacts, *self.system.unilateral]
+        found = {contact_key(contact): contact for contact in names}
+        return {f"mode_{key}": contact for key, contact in found.items() if key in self.modes}
 
     @cached_property
     def events(self) -> pandas.DataFrame:
@@ -437,17 +492,16 @@ class Trajectory(Result):
 
         equations = self._problem.compiled.equations
         k = self.knots
-        mode = k.slip
+        mode = self._published
         changes = np.hstack([np.diff(mode, axis=0), self._crossed])
         knot, which = np.nonzero(changes)
-        names = [c.name for c in equations.contacts] + [
+        names = [*self._names_of_modes] + [
             f"{ex.to_text(unwrapped(g))} = 0" for g in equations.kinks
         ]
-        # The names of the modes −1, 0, 1, then those of the regions 0, 1.
-        words = np.array(
-            [*(MODE_NAMES[mode] for mode in (-1, 0, 1)), "below", "above"], dtype=object
-        )
-        values = np.hstack([mode + 1, k.region + 3])
+        # The names of the modes −1, 0, 1, of what can open, then those of the regions 0, 1.
+        words = [MODE_NAMES[mode] for mode in (-1, 0, 1)]
+        words = np.array([*words, "open", "closed", "below", "above"], dtype=object)
+        values = np.hstack([mode + 1, k.region + 5])
         columns = {
             "time": k.time[knot + 1],
             "contact": np.array(names, dtype=object)[which],
@@ -479,7 +533,21 @@ class Trajectory(Result):
     @property
     def n_switches(self) -> int:
         """Number of changes between stick and slip, over all contacts."""
-        return int(np.count_nonzero(np.diff(self.knots.slip, axis=0)))
+        return int(np.count_nonzero(np.diff(self._published, axis=0)))
+
+    @property
+    def _names_of_modes(self) -> list[str]:
+        """Contacts in the order of the engine, each once."""
+        equations = self._problem.compiled.equations
+        opening = {normal_force(name): name for name in self.system.unilateral}
+        names = [opening.get(c.name, c.name) for c in equations.contacts]
+        return list(dict.fromkeys(names))
+
+    @cached_property
+    def _published(self) -> Array:
+        """Modes at the knots, a column for each contact, in the order of the engine."""
+        columns = [self.modes[contact_key(name)] for name in self._names_of_modes]
+        return np.stack(columns, axis=1) if columns else self.knots.slip
 
     @property
     def n_kinks(self) -> int:

@@ -29,8 +29,8 @@ from stickslip.motion.engine.modes import copy, flip, keeps, let_slide, settle_m
 from stickslip.motion.engine.roots import value_and_slope
 from stickslip.motion.steps.arrays import (
     ASTRAY,
-    CREATES_ENERGY,
     CAUSE,
+    CREATES_ENERGY,
     CROSSED,
     DIMENSION,
     FINISHED,
@@ -43,10 +43,10 @@ from stickslip.motion.steps.arrays import (
     LIMIT,
     LONG_AGO,
     NAN,
+    NEGATIVE,
     NO_ACCELERATION,
     NO_COLLISION,
     NO_INERTIA,
-    NEGATIVE,
     NO_RATE,
     NONE_YET,
     NOW,
