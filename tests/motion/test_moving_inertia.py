@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from oracles import lagrange
 from scipy.integrate import quad
 
 import stickslip as ss
+from oracles import lagrange
 from stickslip.errors import DeclarationError
 from stickslip.motion.outcome import Outcome
 
@@ -88,9 +88,7 @@ EXAMPLES = {
 def test_against_lagrange(name: str) -> None:
     """Equations by SymPy, motion by SciPy."""
     names, kinetic, potential, direction, threshold, start, end = EXAMPLES[name]
-    example = system(
-        names, kinetic, potential, {"rough": ss.Contact(direction, threshold)}, start
-    )
+    example = system(names, kinetic, potential, {"rough": ss.Contact(direction, threshold)}, start)
     found = ss.simulate(example, (0, end))
     assert found.outcome.ok and found.certificate.ok, found.certificate
     assert len(found.events) >= 2

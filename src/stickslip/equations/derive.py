@@ -119,17 +119,11 @@ class MotionEquations:
         return [e for e in dict.fromkeys(entries) if not e.symbols <= held]
 
     def pressing(self, i: int) -> list[int]:
-        """Contacts whose normal forces are in the friction of contact i."""
+        """The contact that can open whose normal force is in the friction of contact i, if any."""
         c = self.contacts[i]
         names = c.plus.symbols | c.minus.symbols | c.kinetic_plus.symbols | c.kinetic_minus.symbols
-        return [
-            j for j, other in enumerate(self.contacts) if other.opens and f"lambda:{j}" in names
-        ]
-
-    def parent(self, i: int) -> int:
-        """The contact that can open whose friction contact i is; −1 if there is none."""
-        names = [c.name if c.opens else "" for c in self.contacts]
-        return names.index(self.contacts[i].on) if self.contacts[i].on else -1
+        normals = [j for j, other in enumerate(self.contacts) if other.opens]
+        return [j for j in normals if f"lambda:{j}" in names]
 
     def surface_acceleration(self, i: int) -> Expr:
         """What J a is in stick: ẇ − J̇ q̇."""

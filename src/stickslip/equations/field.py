@@ -158,6 +158,12 @@ def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
             "Motions, ensembles and maps can be computed; for equilibria, cycles, branches and "
             f"vector fields give {z} mass",
         )
+    if any(c.opens for c in equations.contacts):
+        raise DeclarationError(
+            "contacts",
+            "a contact can open: velocities jump in its impacts",
+            "Motions and ensembles can be computed; equilibria, cycles, branches and maps cannot",
+        )
     made = _made.setdefault(equations, {})
     if (mode, region) not in made:
         made[mode, region] = _Solver(equations, mode, region).field()

@@ -724,12 +724,12 @@ class _Reader:
         pressed = self.pressed if inertial else self.motion
         plus, minus = self._pair(contact.threshold, f"{where}.threshold", pressed)
         for e in (plus, minus):
-            self._check_affine(f"{where}.threshold", e)
+            self._check_proportional(f"{where}.threshold", e)
         kinetic = (plus, minus)
         if contact.kinetic is not None:
             kinetic = self._pair(contact.kinetic, f"{where}.kinetic", self.sliding)
             for e in kinetic:
-                self._check_affine(f"{where}.kinetic", e)
+                self._check_proportional(f"{where}.kinetic", e)
             if kind == Kind.RATE_INDEPENDENT:
                 raise DeclarationError(
                     f"{where}.kinetic",
@@ -756,15 +756,17 @@ class _Reader:
                 )
         return DryContact(name, kind, direction, plus, minus, *kinetic, speed, contact.unit)
 
-    def _check_affine(self, where: str, force: Expr) -> None:
-        """Refuse a threshold that is not affine in the normal forces."""
+    def _check_proportional(self, where: str, force: Expr) -> None:
+        """Refuse a friction force that is not proportional to one normal force, if it has any."""
         own = force.symbols & self.normals.keys()
         slopes = [ex.derivative(force, name) for name in own]
-        if any(slope.symbols & own for slope in slopes) or ex.bends(force, own):
+        bent = any(slope.symbols & own for slope in slopes) or ex.bends(force, own)
+        rest = ex.substitute(force, dict.fromkeys(own, ex.ZERO))
+        if own and (bent or len(own) > 1 or rest is not ex.ZERO):
             raise DeclarationError(
                 where,
                 f"it is not proportional to {min(own)}",
-                f"Write it like 'mu*{min(own)}'",
+                f"Write it like 'mu*{min(own)}', and give other friction a contact of its own",
             )
 
     def _pair(self, given: object, where: str, scope: Scope) -> tuple[Expr, Expr]:

@@ -81,7 +81,7 @@ class Layout:
         Rows of the gaps of contacts that can open, and of the restitution of these and of their
         friction.
     parents, friction : dict of int to int
-        For the friction of a contact that can open, that contact, and the row of its coefficient.
+        For what rubs under a normal force, the contact that has it, and the row of the coefficient.
     """
 
     state: list[str]
@@ -620,10 +620,9 @@ class _Generator:
             if c.gap is not None:
                 layout.gaps[i] = tape.row(c.gap)
                 self.note(self.gap_sizes + i, self.size(c.gap))
-            if c.on:
-                layout.parents[i] = self.eq.parent(i)
-                slope = ex.derivative(c.plus, f"lambda:{layout.parents[i]}")
-                layout.friction[i] = tape.row(slope)
+            for normal in self.eq.pressing(i):
+                layout.parents[i] = normal
+                layout.friction[i] = tape.row(ex.derivative(c.plus, f"lambda:{normal}"))
             if c.gap is not None or c.on:
                 layout.restitution[i] = tape.row(c.restitution)
 

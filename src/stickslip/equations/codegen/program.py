@@ -32,8 +32,9 @@ class Program(NamedTuple):
     code : array of int, shape (instructions, 9)
         By the columns from `OPERATION` to `SIZE`; see :class:`stickslip.symbolic.tape.Op`. The
         operands of LINEAR and of RATES (its second and third) are where a list of terms begins and
-        its length, and the fourth of RATES and second of SOLVE say which inverse; SELECT, POWER (its second), ENTRY (its fourth) and CHAIN (its third, −1: none)
-        name the place of their first term.
+        its length, and the fourth of RATES and second of SOLVE say which inverse; SELECT, POWER
+        (its second), ENTRY (its fourth) and CHAIN (its third, −1: none) name the place of their
+        first term.
     term_row : array of int
         Row of a term, −1 for a constant.
     term_factor : array of int

@@ -14,7 +14,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.machine_code.functions import njit
 
-# What ``jets`` returns: a linear problem has no solution, or a mass matrix is not positive definite.
+# What ``jets`` returns: a linear problem has no solution, or a mass matrix is not definite.
 SINGULAR = 1
 INDEFINITE = 6
 _NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a difference may be zero

@@ -130,7 +130,7 @@ class Rows(NamedTuple):
         Rows of the gaps of contacts that can open, and of the restitution of these and of their
         friction; −1: none.
     parents, friction : arrays of int, shape (contacts,)
-        Of the friction of a contact that can open, that contact, and the row of its coefficient;
+        For what rubs under a normal force, the contact that has it, and the row of the coefficient;
         −1: of others.
     """
 
