@@ -240,10 +240,10 @@ def test_indefinite_elsewhere() -> None:
         ({"kinetic": "abs(d_x)**2/2"}, "kinetic", "kinks"),
     ],
 )
-def test_refused(changes: dict[str, str], where: str, reason: str) -> None:
+def test_refused(changes: dict[str, Any], where: str, reason: str) -> None:
     """Inertia that is none."""
     with pytest.raises(DeclarationError, match=reason) as error:
-        system(["x"], **changes)
+        ss.System(name="wrong", coordinates={"x": ss.Inertial()}, **changes)
     assert where in str(error.value)
 
 

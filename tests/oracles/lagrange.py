@@ -44,7 +44,8 @@ def motion(
     q = sp.symbols(list(coordinates))
     v = sp.symbols([f"d_{x}" for x in coordinates])
     names = {str(s): s for s in (t, *q, *v)}
-    T, V, u = (sp.sympify(text, locals=names) for text in (kinetic, potential, direction))
+    read: Any = sp.sympify
+    T, V, u = (read(text, locals=names) for text in (kinetic, potential, direction))
     momenta = [sp.diff(T, rate) for rate in v]
     M = sp.Matrix([[sp.diff(p, rate) for rate in v] for p in momenta])
 
@@ -52,9 +53,10 @@ def motion(
         return sp.diff(e, t) + sum(sp.diff(e, x) * rate for x, rate in zip(q, v, strict=True))
 
     force = sp.Matrix([sp.diff(T - V, x) - carried(p) for x, p in zip(q, momenta, strict=True)])
-    J = sp.Matrix([[sp.diff(u, rate) for rate in v]])
-    turn = sum(carried(j) * rate for j, rate in zip(J, v, strict=True)) + carried(
-        u - sum(j * rate for j, rate in zip(J, v, strict=True))
+    slopes = [sp.diff(u, rate) for rate in v]
+    J = sp.Matrix([slopes])
+    turn = sum(carried(j) * rate for j, rate in zip(slopes, v, strict=True)) + carried(
+        u - sum(j * rate for j, rate in zip(slopes, v, strict=True))
     )
     parts = sp.lambdify([t, q, v], [M, force, J, u, turn], "numpy")
     n = len(q)

@@ -38,7 +38,7 @@ from stickslip.figures.drawing.thinning import COLUMNS, FEW, Columns, Curve, cho
 from stickslip.model.names import normal_force
 from stickslip.model.quantities import FORCES, contact_key, quantity
 from stickslip.model.units import unit_label
-from stickslip.motion.knots import CLOSED, OPEN
+from stickslip.motion.knots import IS_CLOSED, IS_OPEN
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -369,7 +369,7 @@ class _Overview:
         key = contact_key(name)
 
         def panel(axes: Axes) -> None:
-            self.shade(axes, self.modes[key] != OPEN)
+            self.shade(axes, self.modes[key] != IS_OPEN)
             self._line(axes, f"normal_{key}", BLUE, zorder=3)
             _roomy(axes, self.values[f"normal_{key}"])
             unit = unit_label(self.unit(f"normal_{key}"))
@@ -389,13 +389,13 @@ class _Overview:
         for row, key in enumerate(self.contacts, start=1):
             phases = {
                 colour: self.modes[key] == mode
-                for mode, colour in ((0, STICK_SHADE), (CLOSED, BAND), *SLIP.items())
+                for mode, colour in ((0, STICK_SHADE), (IS_CLOSED, BAND), *SLIP.items())
             }
             strip(axes, self.motion.time, phases, row - 0.42, row + 0.42)
         axes.set_ylim(len(self.contacts) + 0.5, 0.5)
         _rows(axes, self.names)
         shown = [(STICK_SHADE, "stick"), (SLIP[1], "slip +"), (SLIP[-1], "slip −")]
-        if any(np.any(mode == CLOSED) for mode in self.modes.values()):
+        if any(np.any(mode == IS_CLOSED) for mode in self.modes.values()):
             shown.append((BAND, "closed"))
         legend_above(axes, [Patch(color=colour, label=label) for colour, label in shown])
 

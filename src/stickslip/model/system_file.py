@@ -53,7 +53,7 @@ def _contact(value: Any, where: str, folder: Path) -> Any:
     return LawContact.from_plain(table)
 
 
-def read_drive(value: Any, where: str, folder: Path) -> Any:
+def drive_entry(value: Any, where: str, folder: Path) -> Any:
     """A formula as it stands; samples from their table."""
     if not isinstance(value, dict):
         return value
@@ -77,7 +77,7 @@ _SYSTEMS = toml.Language(
     ),
     sections={
         "parameters": partial(toml.entry, Parameter),
-        "drives": read_drive,
+        "drives": drive_entry,
         "coordinates": _coordinate,
         "internal": partial(toml.entry, Internal),
         "contacts": _contact,

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 # What a contact that can open does beside −1, 0, 1: it is open, or closed and without friction.
-OPEN, CLOSED = 2, 3
+IS_OPEN, IS_CLOSED = 2, 3
 
 
 @dataclass(frozen=True)

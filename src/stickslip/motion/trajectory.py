@@ -18,7 +18,7 @@ from stickslip.model.names import normal_force
 from stickslip.model.quantities import contact_key, quantity
 from stickslip.model.system import System
 from stickslip.motion.certify import certify_trajectory
-from stickslip.motion.knots import CLOSED, OPEN, Knots
+from stickslip.motion.knots import IS_CLOSED, IS_OPEN, Knots
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.results import Result, listed
@@ -179,8 +179,8 @@ class Trajectory(Result):
         mode = self.knots.slip
         found = {key: mode[:, i] for key, i in self._contacts.items()}
         for key, i in self._openings.items():
-            closed = found.get(key, np.full(len(mode), CLOSED))
-            found[key] = np.where(mode[:, i] == 0, closed, OPEN).astype(np.int8)
+            closed = found.get(key, np.full(len(mode), IS_CLOSED))
+            found[key] = np.where(mode[:, i] == 0, closed, IS_OPEN).astype(np.int8)
         return found
 
     @cached_property
@@ -209,7 +209,7 @@ class Trajectory(Result):
         return pd.DataFrame(
             {
                 "time": k.time[struck],
-                "contact": [numbers[k.cause[i]] for i in struck],
+                "contact": [numbers[int(k.cause[i])] for i in struck],
                 "approach": -before[each, rows],
                 "rebound": after[each, rows],
                 "energy": before[:, energy] - after[:, energy],

@@ -14,7 +14,6 @@ from stickslip.errors import ConvergenceError
 from stickslip.model.system import System
 from stickslip.motion.problem import pose
 from stickslip.orbits.cycles.cycle import Cycle, find_cycle
-from stickslip.orbits.fields.clock import clock
 from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.return_map.shooting import follow_freely
 from stickslip.sweeps.work.handed import Handed, handed_on, period_of_drives, taken_up

@@ -43,7 +43,6 @@ from stickslip.progress import Show, watched
 from stickslip.sweeps.carried import carried
 from stickslip.sweeps.request.axes import read_axes
 from stickslip.sweeps.response import FrequencyResponse
-from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
 if TYPE_CHECKING:

@@ -189,13 +189,10 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         t, fired = clock[NOW], counters[CAUSE]
         hold = fired >= 0 or counters[TAKEN] % _LOOK == 0
         most = min(room, max(end - t, 0.0))
-        if closes:
-            remember_gaps(rows, space, lane.seen)
-        if closes and (fired >= 0 or counters[TAKEN] == 0) and not again:
-            struck = collide(machine, flow, lane, clock[LAST])
-            if struck in (NO_IMPULSE, CREATES):
-                count = note(lane, task, count)
-                return (NO_COLLISION if struck == NO_IMPULSE else CREATES_ENERGY), count
+        if closes and not again:
+            code = strike(machine, flow, lane)
+            if code >= 0:
+                return code, note(lane, task, count)
         status, h, series, may_fire = settle_mode(machine, flow, lane, most, hold, promised)
         if status == ASTRAY:
             go_back(lane, space, before)
@@ -290,6 +287,19 @@ def give_up(status: int, rows: Rows, lane: Lane, task: Task, count: int) -> tupl
     if has_gaps(rows):
         return NO_ACCELERATION, count
     return (ON_JUMP if rows.sizes[RATE_INDEPENDENT] == 0 else NO_RATE), count
+
+
+@njit(**INLINED)
+def strike(machine: Machine, flow: Flow, lane: Lane) -> int:
+    """Let what closes collide, at the start and after an event: an outcome code if no impact is
+    admissible, else −1."""
+    remember_gaps(flow.rows, flow.space, lane.seen)
+    if lane.counters[CAUSE] < 0 and lane.counters[TAKEN] > 0:
+        return NOWHERE
+    struck = collide(machine, flow, lane, lane.clock[LAST])
+    if struck == NO_IMPULSE:
+        return NO_COLLISION
+    return CREATES_ENERGY if struck == CREATES else NOWHERE
 
 
 @njit(**OPTIONS)

@@ -352,7 +352,7 @@ def distance_of_jump(
     for c in range(rows.sizes[ON_INERTIAL]):
         work[RESTITUTION, c] = space.V[rows.restitution[c], 0] if rows.restitution[c] >= 0 else 0.0
     if near == 0:
-        return least
+        return float(least)
     total = modes_of(rows, tried)
     if total > _MOST_MODES:
         return np.inf

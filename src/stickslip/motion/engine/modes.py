@@ -312,6 +312,7 @@ def evaluate_mode(
     W = flow.space.W
     rows = flow.rows
     while True:
+        loosen_friction(rows, at.mode)
         if not resolve(rows, flow.k, flow.space, at.mode):
             return SINGULAR
         sticking = False
@@ -593,9 +594,8 @@ def settle_mode(
     Returns
     -------
     status, step, series, count
-        OK, the step size, that of the series, and the number of guards that may fire; NAN;
-        INDEFINITE if the mass matrix is; SINGULAR if no mode is possible; ASTRAY if the step that
-        ended here does not solve the equations.
+        OK, the step size, that of the series, and the number of guards that may fire; NAN or
+        INDEFINITE; SINGULAR if no mode is possible; ASTRAY if the last step is wrong.
     """
     rows = flow.rows
     space = flow.space
@@ -625,7 +625,6 @@ def settle_mode(
             )
             if total == 0:
                 return SINGULAR, 0.0, 0.0, 0
-        loosen_friction(rows, lane.mode)
         status, h = make_series(machine, flow, lane, room, slack * denied, hold or pivots > 1)
         known = pivots == 1 and status != SINGULAR
         if known and promised > 0.0 and not keeps(flow, space.W, lane.y, lane.seen, promised):

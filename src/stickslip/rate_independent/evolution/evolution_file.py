@@ -14,7 +14,7 @@ from os import PathLike
 
 from stickslip.model import toml
 from stickslip.model.system import Parameter
-from stickslip.model.system_file import read_drive
+from stickslip.model.system_file import drive_entry
 from stickslip.rate_independent.evolution.model import EvolutionModel
 
 _A_SYSTEM = (
@@ -24,7 +24,7 @@ _A_SYSTEM = (
 EVOLUTIONS = toml.Language(
     EvolutionModel,
     groups=("name", "parameters", "functions", "A", "dissipation", "epsilon"),
-    sections={"parameters": partial(toml.entry, Parameter), "drives": read_drive},
+    sections={"parameters": partial(toml.entry, Parameter), "drives": drive_entry},
     others=dict.fromkeys(("coordinates", "internal", "contacts"), _A_SYSTEM),
 )
 

@@ -15,7 +15,7 @@ from stickslip.model.quantities import contact_key
 from stickslip.model.system import System
 from stickslip.orbits.cycles.drive_phase import phase_of_drive, read_drive, relative_phase
 from stickslip.orbits.cycles.measure import harmonics, weight
-from stickslip.orbits.fields.symmetry import clock
+from stickslip.orbits.fields.clock import clock
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory

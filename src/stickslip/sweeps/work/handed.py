@@ -14,8 +14,8 @@ from stickslip.arrays import Array
 from stickslip.equations.derive import derive
 from stickslip.errors import DeclarationError
 from stickslip.model.system import System
+from stickslip.orbits.fields.clock import clock
 from stickslip.orbits.fields.stable_set import settle_friction
-from stickslip.orbits.fields.symmetry import clock
 from stickslip.orbits.settling.repetition import Repetition, repeats
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
