@@ -181,7 +181,6 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
     room = np.inf
     again = False
     promised = 0.0
-    closes = has_gaps(rows)
     before = Before(0.0, 0.0, 0.0, 0.0, NOWHERE)
     while True:
         if task.recording and count == len(task.record.time) and not again:
@@ -189,10 +188,9 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         t, fired = clock[NOW], counters[CAUSE]
         hold = fired >= 0 or counters[TAKEN] % _LOOK == 0
         most = min(room, max(end - t, 0.0))
-        if closes and not again:
-            code = strike(machine, flow, lane)
-            if code >= 0:
-                return code, note(lane, task, count)
+        code = strike(machine, flow, lane, again)
+        if code >= 0:
+            return code, note(lane, task, count)
         status, h, series, may_fire = settle_mode(machine, flow, lane, most, hold, promised)
         if status == ASTRAY:
             go_back(lane, space, before)
@@ -290,9 +288,11 @@ def give_up(status: int, rows: Rows, lane: Lane, task: Task, count: int) -> tupl
 
 
 @njit(**INLINED)
-def strike(machine: Machine, flow: Flow, lane: Lane) -> int:
-    """Let what closes collide, at the start and after an event: an outcome code if no impact is
-    admissible, else −1."""
+def strike(machine: Machine, flow: Flow, lane: Lane, again: bool) -> int:
+    """Let what closes collide, at the start and after an event, unless it has (again): an outcome
+    code if no impact is admissible, else −1."""
+    if again or not has_gaps(flow.rows):
+        return NOWHERE
     remember_gaps(flow.rows, flow.space, lane.seen)
     if lane.counters[CAUSE] < 0 and lane.counters[TAKEN] > 0:
         return NOWHERE
