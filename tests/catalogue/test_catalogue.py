@@ -25,6 +25,7 @@ ISSUED = [
     "belt_block",
     "belt_stribeck",
     "block_chain",
+    "bouncing_ball",
     "bowed_string",
     "brake_mode_coupling",
     "cart_pendulum",
@@ -32,6 +33,7 @@ ISSUED = [
     "forced_oscillator",
     "iwan_oscillator",
     "jenkins_oscillator",
+    "limit_stops",
     "lugre_positioner",
     "oscillating_play",
     "plate_compactor",
@@ -48,6 +50,7 @@ ISSUED = [
     "two_block_rate_and_state",
     "two_leg_crawler",
     "wiggly_energy",
+    "woodpecker",
 ]
 
 

@@ -52,6 +52,7 @@ _AT_ONCE = 64_000  # samples taken in one go
 _MANY = 4
 _SWINGS = 0.2  # part of its range that a quantity takes within a column, of which a line is a block
 _INSIDE = 0.3  # opacity of what is between an envelope
+_CLOSED_FOR = 0.1  # of the time: from there on what can open shows its friction, not its gap
 _ROW = 1.5  # inches
 _EXTRA = 1.0  # inches
 _TIME_WIDTH = 7.2  # inches
@@ -161,6 +162,18 @@ class _Overview:
         """Whether a contact has friction."""
         return any(contact_key(c.name) == key for c in self.declaration.contacts if not c.opens)
 
+    def is_held(self, key: str) -> bool:
+        """Whether the friction force of a contact is worth a panel: it is closed for a while."""
+        if not self.rubs(key):
+            return False
+        closed = self.modes[key] != IS_OPEN
+        time = self.motion.time
+        lengths = np.diff(time)[: len(closed)]
+        share = float(np.sum(lengths[closed[: len(lengths)]])) / max(
+            float(time[-1] - time[0]), 1e-300
+        )
+        return key not in self.opening or share > _CLOSED_FOR
+
     def these(self, names: Iterable[str]) -> list[str]:
         """Those of some names that are shown."""
         return [name for name in names if name in self.shown]
@@ -174,7 +187,7 @@ class _Overview:
         if len(self.contacts) <= _MANY:
             rubbing = [key for key in self.contacts if self.rubs(key)]
             names += [f"{kind}_{key}" for key in rubbing for kind in FORCES]
-            names += [f"{kind}_{key}" for key in self.opening for kind in ("gap", "normal")]
+            names += [f"gap_{key}" for key in self.opening]
         motion = self.motion
         planes = self.planes()
         whole = self.whole
@@ -249,9 +262,10 @@ class _Overview:
         panels += [self.trace(names) for names in internal]
         if len(self.contacts) > _MANY:
             return [*panels, self.mode_map]
-        forces = [self.friction(name) for name in self.names if self.rubs(contact_key(name))]
-        presses = [self.normal(name) for name in self.names if contact_key(name) in self.opening]
-        return [*panels, *presses, *forces]
+        return panels + [
+            self.friction(name) if self.is_held(contact_key(name)) else self.gap(name)
+            for name in self.names
+        ]
 
     def by_unit(self, names: list[str]) -> list[list[str]]:
         """Names in groups that share an axis."""
@@ -354,7 +368,7 @@ class _Overview:
             unit = unit_label(self.unit(f"friction_{key}"))
             axes.set_ylabel(r"$\lambda$" + (f"  [{unit}]" if unit else ""))
             axes.set_title(name)
-            if key == self.contacts[0]:
+            if key == next(key for key in self.contacts if self.is_held(key)):
                 marks = [
                     Line2D([], [], color=BLUE, label="friction force"),
                     Patch(fc=BAND, ec=THRESHOLD, lw=0.8, label="thresholds"),
@@ -364,20 +378,20 @@ class _Overview:
 
         return panel
 
-    def normal(self, name: str) -> Callable[[Axes], None]:
-        """Normal force of a contact that can open, and where it is closed."""
+    def gap(self, name: str) -> Callable[[Axes], None]:
+        """Gap of a contact that can open, and where it is closed."""
         key = contact_key(name)
 
         def panel(axes: Axes) -> None:
             self.shade(axes, self.modes[key] != IS_OPEN)
-            self._line(axes, f"normal_{key}", BLUE, zorder=3)
-            _roomy(axes, self.values[f"normal_{key}"])
-            unit = unit_label(self.unit(f"normal_{key}"))
-            axes.set_ylabel(r"$N$" + (f"  [{unit}]" if unit else ""))
+            self._line(axes, f"gap_{key}", BLUE, zorder=3)
+            _roomy(axes, self.values[f"gap_{key}"])
+            unit = unit_label(self.unit(f"gap_{key}"))
+            axes.set_ylabel(r"$g$" + (f"  [{unit}]" if unit else ""))
             axes.set_title(name)
-            if key == self.opening[0]:
+            if key == next(key for key in self.opening if not self.is_held(key)):
                 marks = [
-                    Line2D([], [], color=BLUE, label="normal force"),
+                    Line2D([], [], color=BLUE, label="gap"),
                     Patch(color=STICK_SHADE, label="closed"),
                 ]
                 legend_above(axes, marks, right=True)

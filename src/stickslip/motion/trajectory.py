@@ -15,7 +15,7 @@ from stickslip.certificates import Certificate
 from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.model.names import normal_force
-from stickslip.model.quantities import contact_key, quantity
+from stickslip.model.quantities import FORCES, contact_key, quantity
 from stickslip.model.system import System
 from stickslip.motion.certify import certify_trajectory
 from stickslip.motion.knots import IS_CLOSED, IS_OPEN, Knots
@@ -399,7 +399,9 @@ class Trajectory(Result):
         clock = times - k.origin
         work = make_scratch(p.rows, (flow.order + 2, len(wanted)))
         trace_rows(p.machine, flow, self._seen, k.record, index, clock, wanted, work, out)
-        return dict(zip(names, out, strict=True))
+        values = dict(zip(names, out, strict=True))
+        self._without_contact(values, index)
+        return values
 
     def _values(self, clock: Array, index: Array) -> dict[str, Array]:
         """All published quantities at times since the origin, within the steps of the knots
@@ -407,6 +409,7 @@ class Trajectory(Result):
         out = self._sample_clock(clock, index)
         rows = self._problem.compiled.layout.rows
         values = {name: out[:, row] for name, row in self._rows.items()}
+        self._without_contact(values, index)
         for key, mode in self.modes.items():
             values[f"mode_{key}"] = mode[index]
         values["energy"] = out[:, rows]
@@ -414,6 +417,15 @@ class Trajectory(Result):
         values["dissipated_energy"] = self.audit.dissipated[index] + work[:, 0]
         values["supplied_energy"] = self.audit.supplied[index] + work[:, 1]
         return values
+
+    def _without_contact(self, values: dict[str, Array], index: Array) -> None:
+        """Let the forces of what is open be exactly zero: solving leaves rounding errors."""
+        for key in self._openings:
+            is_open = self.modes[key][index] == IS_OPEN
+            for kind in ("normal", *FORCES):
+                name = f"{kind}_{key}"
+                if name in values:
+                    values[name] = np.where(is_open, 0.0, values[name])
 
     def _work(self, clock: Array, index: Array, states: Array) -> Array:
         """Dissipated and supplied energy from the knots `index` to times since the origin, where it

@@ -228,6 +228,8 @@ def audit_steps(
         count_times(starts.mode[i], ends.mode[i], length, accounts.sums)
         if length > 0.0:
             audit_step(machine, flow, seen, starts, ends, wanted, i, accounts)
+        elif wanted.law and may_collide(flow.rows, ends.cause[i]):
+            audit_start(machine, flow, starts, ends, i, accounts)
 
 
 @njit(**INLINED)
@@ -305,10 +307,40 @@ def audit_step(
     if check:
         final = Instant(ends.time[i], ends.state[i], mode, reg)
         if may_collide(flow.rows, ends.cause[i]):
-            close_impact(machine, flow, final, order, h, i, steps, tally)
+            close_impact(machine, flow, final, h, i, accounts)
         close_step(flow, final, order, h, starts.state[i], i, steps, tally)
         judge_departures(flow, final, ends.mode[i], ends.region[i], order, h, tally)
         count_jumps(machine, flow, final, ends.region[i], i, steps, tally)
+
+
+@njit(**INLINED)
+def audit_start(
+    machine: Machine, flow: Flow, starts: Record, ends: Record, i: int, accounts: Accounts
+) -> None:
+    """Measure an impact without a step before it: at the start.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    starts, ends, accounts
+        As of :func:`audit_steps`.
+    i : int
+        The step, which has no length.
+    """
+    space = flow.space
+    nc = len(flow.rows.u)
+    mode = space.touched[:nc]
+    reg = space.touched[nc:]
+    copy(starts.mode[i], mode)
+    copy(starts.region[i], reg)
+    copy(starts.state[i], space.trial)
+    steps, tally = accounts.steps, accounts.tally
+    close_impact(machine, flow, Instant(ends.time[i], ends.state[i], mode, reg), 0.0, i, accounts)
+    for r in range(len(space.trial)):
+        steps.gap[i, r] += abs(ends.state[i, r] - space.trial[r])
+        tally.state[LARGEST, r] = most(tally.state[LARGEST, r], abs(starts.state[i, r]))
+    count_gaps(i, steps, tally)
 
 
 @njit(**OPTIONS)
@@ -320,14 +352,7 @@ def may_collide(rows: Rows, cause: int) -> bool:
 
 @njit(**INLINED)
 def close_impact(
-    machine: Machine,
-    flow: Flow,
-    at: Instant,
-    order: int,
-    h: float,
-    i: int,
-    steps: Steps,
-    tally: Tally,
+    machine: Machine, flow: Flow, at: Instant, h: float, i: int, accounts: Accounts
 ) -> None:
     """Measure the jump of the velocities at the end of a step against the law of impacts, and count
     the energy that it loses; then the step is taken to end with that jump.
@@ -336,34 +361,31 @@ def close_impact(
     ----------
     machine : Machine
     flow : Flow
+        Its work space has the state at which the step arrives.
     at : Instant
         After the impact, with the mode of the step.
-    order : int
-        Of the polynomials.
     h : float
         Length of the last piece.
     i : int
         The step.
-    steps : Steps
-    tally : Tally
-        Both are added to.
+    accounts : Accounts
+        Is added to.
     """
     space = flow.space
     nq = flow.rows.sizes[INERTIAL]
-    before = space.trial
+    steps = accounts.steps
+    arrived = Instant(at.t, space.trial, at.mode, at.reg)
+    lost = energy_in(machine, flow, arrived)
     for c in range(len(at.mode)):
         space.labels[c, 0] = at.mode[c]
-    lost = 0.0
-    sample = Instant(at.t, before, at.mode, at.reg)
-    lost = energy_in(machine, flow, sample)
-    off = distance_of_jump(machine, flow, sample, at.y, h)
+    off = distance_of_jump(machine, flow, arrived, at.y, h)
     for c in range(len(at.mode)):
         at.mode[c] = space.labels[c, 0]
     for q in range(nq):
-        # What the law does not explain stays as a gap of the step; the rest is no gap.
-        before[nq + q] = at.y[nq + q]
+        # What the law does not explain stays as a gap of the step; the rest is none.
+        space.trial[nq + q] = at.y[nq + q]
         steps.gap[i, nq + q] += off
-    lost -= energy_in(machine, flow, sample)
+    lost -= energy_in(machine, flow, arrived)
     steps.work[i, SPENT] += lost
 
 

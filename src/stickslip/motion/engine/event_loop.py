@@ -24,7 +24,13 @@ from stickslip.motion.engine.forms import (
     slots_of,
 )
 from stickslip.motion.engine.guards import contact_of, doubt_of, first_event, resting, spell
-from stickslip.motion.engine.impacts import CREATES, NO_IMPULSE, collide
+from stickslip.motion.engine.impacts import (
+    CREATES,
+    NO_IMPULSE,
+    collide,
+    first_approaching,
+    open_all,
+)
 from stickslip.motion.engine.modes import copy, flip, keeps, let_slide, settle_mode
 from stickslip.motion.engine.roots import value_and_slope
 from stickslip.motion.steps.arrays import (
@@ -188,7 +194,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         t, fired = clock[NOW], counters[CAUSE]
         hold = fired >= 0 or counters[TAKEN] % _LOOK == 0
         most = min(room, max(end - t, 0.0))
-        code = strike(machine, flow, lane, again)
+        code, count = strike(machine, flow, lane, task, count, again)
         if code >= 0:
             return code, note(lane, task, count)
         status, h, series, may_fire = settle_mode(machine, flow, lane, most, hold, promised)
@@ -288,18 +294,46 @@ def give_up(status: int, rows: Rows, lane: Lane, task: Task, count: int) -> tupl
 
 
 @njit(**INLINED)
-def strike(machine: Machine, flow: Flow, lane: Lane, again: bool) -> int:
-    """Let what closes collide, at the start and after an event, unless it has (again): an outcome
-    code if no impact is admissible, else −1."""
-    if again or not has_gaps(flow.rows):
-        return NOWHERE
-    remember_gaps(flow.rows, flow.space, lane.seen)
-    if lane.counters[CAUSE] < 0 and lane.counters[TAKEN] > 0:
-        return NOWHERE
-    struck = collide(machine, flow, lane, lane.clock[LAST])
+def strike(
+    machine: Machine, flow: Flow, lane: Lane, task: Task, count: int, again: bool
+) -> tuple[int, int]:
+    """Let what closes collide, at the start and after an event.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    lane : Lane
+        Its rates may jump.
+    task : Task
+    count : int
+        Steps recorded so far; a state that has an impact at the start is one more.
+    again : bool
+        Whether this has been asked here before.
+
+    Returns
+    -------
+    code, count : int
+        An outcome code if no impact is admissible, else −1.
+    """
+    rows = flow.rows
+    if again or not has_gaps(rows):
+        return NOWHERE, count
+    remember_gaps(rows, flow.space, lane.seen)
+    last = lane.clock[LAST]
+    if lane.counters[CAUSE] < 0:
+        if lane.counters[TAKEN] > 0:
+            return NOWHERE, count
+        here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
+        struck_first = first_approaching(machine, flow, here, last)
+        if struck_first >= 0:
+            open_all(rows, lane.mode)
+            count = note(lane, task, count)
+            lane.counters[CAUSE] = len(rows.kinks) + struck_first
+    struck = collide(machine, flow, lane, last)
     if struck == NO_IMPULSE:
-        return NO_COLLISION
-    return CREATES_ENERGY if struck == CREATES else NOWHERE
+        return NO_COLLISION, count
+    return (CREATES_ENERGY if struck == CREATES else NOWHERE), count
 
 
 @njit(**OPTIONS)

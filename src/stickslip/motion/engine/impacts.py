@@ -30,6 +30,7 @@ from stickslip.motion.steps.arrays import (
     MEMBERS,
     MOVING,
     NOW,
+    NOWHERE,
     OK,
     ON_INERTIAL,
     OPTIONS,
@@ -121,11 +122,33 @@ def approaching(machine: Machine, flow: Flow, here: Instant, last: float) -> int
         if opens(rows, c):
             gap = space.V[rows.gaps[c], 0]
             size = gap_size(rows, space, c) + last * space.mag[c]
-            closed = here.mode[c] == 0 or abs(gap) <= TOUCHING * size
+            closed = abs(gap) <= TOUCHING * size
             space.tried[_NEAR, c] = 1 if closed else 0
             if closed and work[BEFORE, c] < -_SLOW * space.mag[c]:
                 found += 1
     return found
+
+
+@njit(**INLINED)
+def first_approaching(machine: Machine, flow: Flow, here: Instant, last: float) -> int:
+    """The first contact that is closed and approaches; −1 if there is none."""
+    if approaching(machine, flow, here, last) == 0:
+        return NOWHERE
+    space = flow.space
+    for c in range(flow.rows.sizes[ON_INERTIAL]):
+        slow = -_SLOW * space.mag[c]
+        if opens(flow.rows, c) and space.tried[_NEAR, c] == 1 and space.impact[BEFORE, c] < slow:
+            return c
+    return NOWHERE
+
+
+@njit(**OPTIONS)
+def open_all(rows: Rows, mode: Array) -> None:
+    """Let everything be open that can."""
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if opens(rows, c):
+            mode[c] = 1
+    loosen_friction(rows, mode)
 
 
 @njit(**INLINED)
