@@ -42,9 +42,10 @@ def test_a_ball_comes_to_rest(e: float) -> None:
     t = found.impacts["time"].to_numpy()
     n = np.arange(len(t))
     assert_allclose(t, first * (1 + 2 * e * (1 - e**n) / (1 - e)), rtol=1e-11)
-    assert found.events["to"].iloc[-1] == "closed"
-    assert found.events["time"].iloc[-1] == pytest.approx(rest, rel=1e-11)
-    assert found.impacts["energy"].sum() == pytest.approx(G, rel=1e-9)
+    events: Any = found.events
+    assert list(events["to"])[-1] == "closed"
+    assert list(events["time"])[-1] == pytest.approx(rest, rel=1e-11)
+    assert float(np.sum(found.impacts["energy"])) == pytest.approx(G, rel=1e-9)
     at = found.at([1.2 * rest])
     assert_allclose([at["y"][0], at["gap_plate"][0]], 0.0, atol=1e-15)
     assert at["normal_plate"][0] == pytest.approx(G)
@@ -116,9 +117,9 @@ def test_jumps_off() -> None:
     )
     found = ss.simulate(system)
     assert found.certificate.ok
-    changes = found.events
+    changes: Any = found.events
     assert list(changes["to"])[:1] == ["open"]
-    assert changes["time"].iloc[0] == pytest.approx(np.arcsin(G / (0.05 * 400)) / 20, rel=1e-10)
+    assert list(changes["time"])[0] == pytest.approx(np.arcsin(G / (0.05 * 400)) / 20, rel=1e-10)
 
 
 def test_a_bead_on_a_hoop() -> None:
@@ -169,7 +170,7 @@ def test_the_woodpecker_pecks() -> None:
     parameters give 0.14598 s (a time stepping of order one 0.1460)."""
     found = ss.simulate(ss.catalogue.woodpecker(), (0.0, 8.0))
     assert found.certificate.ok, found.certificate
-    impacts = found.impacts
+    impacts: Any = found.impacts
     pecks = impacts[impacts["contact"] == "beak"]["time"].to_numpy()
     assert_allclose(np.diff(pecks)[-20:], 0.145976, atol=2e-6)
     angle = found.at(np.linspace(7.0, 8.0, 20001))["phi_S"]
@@ -195,7 +196,7 @@ def test_the_spool_between_stops() -> None:
     one."""
     found = ss.simulate(ss.catalogue.limit_stops(), (0.0, 0.04))
     assert found.certificate.ok
-    impacts = found.impacts
+    impacts: Any = found.impacts
     late = impacts[impacts["time"] > 0.02]
     assert set(late["contact"]) == {"left_stop", "right_stop"}
     t = late["time"].to_numpy()
@@ -262,16 +263,18 @@ def random_system(seed: int) -> tuple[ss.System, tuple[Any, ...], moreau_jean.Co
 @pytest.mark.parametrize("seed", range(30))
 def test_time_stepping_comes_to_it(seed: int) -> None:
     """Steps of order one, no events: what they come to is this motion."""
-    system, matrices, contacts, start = random_system(seed)
+    system, (M, C, K, push), contacts, start = random_system(seed)
     found = ss.simulate(system)
     assert found.outcome.ok and found.certificate.ok, (found.outcome, found.certificate)
     assert len(found.impacts) > 0 or seed > 0
     exact = np.array([found.final[x] for x in ("a", "b", "c")])
     errors = []
     for steps in (20_000, 80_000):
-        q, _ = moreau_jean.final_state(*matrices, contacts, start, 3.0, steps)
+        q, _ = moreau_jean.final_state(M, C, K, push, contacts, start, 3.0, steps)
         errors.append(float(np.max(np.abs(q - exact))))
-    assert errors[1] < 2e-3 and errors[1] < 0.6 * errors[0] + 1e-6, errors
+    # Its error has no sign and no smooth expansion: whether an impact is seen in one step or in the
+    # next changes it by a part of a step.
+    assert errors[0] < 2e-3 and errors[1] < 5e-4, errors
 
 
 def test_time_and_place_do_not_matter() -> None:

@@ -101,7 +101,8 @@ class Tally(NamedTuple):
         Largest |λ| − s, or s − |λ| where rest ends too early (EXCESS); |λ + σs| of what slides
         without mass (OFF_THRESHOLD); |u| in stick (CREEP); −σu in slip (BACKWARDS); largest FORCE,
         relative SPEED, and speed that the forces in stick hold back (HELD); of what can open the
-        largest −g while open, or |g| while closed (OVERLAP), and the largest gap (OPENING).
+        largest −g while open, or |g| while closed (OVERLAP), and the largest gap, or term of it
+        (OPENING).
     kinks : array, shape (kinks, 2)
         Largest −guard (BEYOND) and |guard| (REACHED).
     total : array, shape (3,)
@@ -580,7 +581,7 @@ def encloses(
                 return False
         if opens(rows, c):
             row = rows.gaps[c]
-            size = extent(W[row], N - 1, powers) + _CANCELS * mag[3 * nc + len(rows.kinks) + c]
+            size = extent(W[row], N - 1, powers) + mag[3 * nc + len(rows.kinks) + c]
             if not strays(discs[row], factor) <= _NEGLIGIBLE * max(size, tally.law[c, _OPENING]):
                 return False
     for j in range(len(rows.kinks)):
@@ -754,7 +755,7 @@ def sample_law(
         row = n + 3 * c
         if opens(rows, c):
             gap = V[rows.gaps[c], 0]
-            size = max(abs(gap), _CANCELS * mag[3 * nc + len(rows.kinks) + c])
+            size = max(abs(gap), mag[3 * nc + len(rows.kinks) + c])
             law[c, _OPENING] = most(law[c, _OPENING], size)
             space.impact[WIDEST, c] = law[c, _OPENING]
             samples[row, g] = held if mode[c] == 0 else gap
