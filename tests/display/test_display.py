@@ -321,6 +321,8 @@ def test_what_is_shown_is_what_is_computed(system: ss.System, seed: int) -> None
     values |= {f"d_{x}": rng.uniform(-1.0, 1.0) for x in declared.coordinates}
     accelerations = {q: rng.uniform(-1.0, 1.0) for q in declared.inertial}
     values |= system.values
+    normals = [c for c in declared.contacts if c.opens]
+    values |= {c.name: rng.uniform(0.0, 1.0) for c in normals}
     evaluate = Evaluator(
         system, values | {ACCELERATION.format(q): a for q, a in accelerations.items()}
     )
@@ -339,6 +341,8 @@ def test_what_is_shown_is_what_is_computed(system: ss.System, seed: int) -> None
         terms += [ex.evaluate(declared.drags[x], values)] if x in declared.drags else []
         if x in declared.inertial:
             terms.append(-ex.evaluate(declared.velocity_force(x), values))
+        pressed = [(c.direction[x], values[c.name]) for c in normals if x in c.direction]
+        terms += [-ex.evaluate(weight, values) * force for weight, force in pressed]
         return sum(terms) + ex.evaluate(ex.derivative(declared.potential, x), values)
 
     for x, balance in zip(system.coordinates, equations.balances, strict=True):

@@ -35,7 +35,7 @@ ENERGIES = {
     "prandtl_tomlinson": "aJ",
     "lugre_positioner": "m^2*kg/s^2",
 }  # no work at a contact
-ANGLES = ("psi", "theta", "phi")
+ANGLES = ("psi", "theta", "phi", "phi_M", "phi_S")
 
 
 def published(name: str) -> ss.System:
@@ -143,7 +143,10 @@ def test_everything_published_has_its_unit(name: str) -> None:
     assert energies == {expected}
     for q in system.declaration.inertial:
         assert units[f"dd_{q}"] == ("rad/s^2" if q in ANGLES else "m/s^2")
-    for contact in system.dry_contacts:
+    for contact in system.unilateral:
+        assert units[f"normal_{contact_key(contact)}"] == "N"
+        assert units[f"gap_{contact_key(contact)}"] == "m"
+    for contact in (c.name for c in system.declaration.contacts if not c.opens):
         slip, force = ("rad/s", "N*m") if system.name == "drill_string" else ("m/s", "N")
         assert units[f"slip_speed_{contact_key(contact)}"] == ("1" if expected == "1" else slip)
         assert units[f"friction_{contact_key(contact)}"] == ("1" if expected == "1" else force)

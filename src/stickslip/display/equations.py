@@ -33,6 +33,7 @@ from stickslip.display.tree import (
     times,
 )
 from stickslip.model.declaration import DryContact
+from stickslip.model.names import normal_force
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
@@ -185,6 +186,9 @@ class Equations:
 
     def _force(self, declared: DryContact, x: str) -> Node:
         """Contribution of a contact to the left side of the balance of x."""
+        if declared.opens:
+            weight = self._reader.read(ex.to_text(declared.direction[x]))
+            return negate(times(weight, Name(declared.name)))
         contact = self.system.dry_contacts[declared.name]
         u = self._velocity(contact)
         weight = differentiated(self._reader.read(contact.direction), f"d_{x}")
@@ -264,6 +268,11 @@ class Equations:
 
     __repr__ = __str__
 
+    def openings(self) -> list[tuple[Node, Node]]:
+        """Normal forces and gaps of the contacts that can open."""
+        gaps = {normal_force(name): c.gap for name, c in self.system.unilateral.items()}
+        return [(Name(name), self._reader.read(gap)) for name, gap in gaps.items()]
+
     def latex(self) -> str:
         """The equations of motion, friction laws, functions and drives as one ``aligned`` block."""
         write = self.writer(LatexWriter)
@@ -275,6 +284,7 @@ class Equations:
             rows += [f"{write(Name(f'u{f.index}'))} &= {write(f.velocity)}" for f in group]
             laws = group[0].laws(write, group[0].index if len(group) == 1 else "_i")
             rows += [rf"\text{{if }} {when}: \quad & {law}" for when, law in laws]
+        rows += [rf"0 \leq {write(n)} &\perp {write(gap)} \geq 0" for n, gap in self.openings()]
         rows += [f"{write(left)} &= {write(body)}" for left, body in self.definitions()]
         return "\\begin{aligned}\n" + " \\\\\n".join(rows) + "\n\\end{aligned}"
 
@@ -303,6 +313,11 @@ class _Text:
         self.system = equations.system
         self.write = write
 
+    def openings(self) -> list[str]:
+        """0 ≤ N ⟂ g ≥ 0 for each of them."""
+        pairs = self.equations.openings()
+        return [f"0 ≤ {self.write(force)} ⟂ {self.write(gap)} ≥ 0" for force, gap in pairs]
+
     def lines(self) -> list[str]:
         system = self.system
         head = [system.title or system.name, system.source]
@@ -313,6 +328,7 @@ class _Text:
             ("Dissipation potential", self.formula(self.equations.dissipation)),
             ("Equations of motion", self.motion()),
             ("Friction", self.friction()),
+            ("Contacts that can open", self.openings()),
             ("with", self.definitions()),
             ("Parameters", self.parameters()),
             ("Start", self.start()),

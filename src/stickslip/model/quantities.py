@@ -241,7 +241,9 @@ def per_distance_unit(system: System, distance: str) -> str:
     """The unit of an energy per distance: that of a force, if these agree."""
     energy = described(system, "energy_per_cycle").get("units", "1")
     force = described(system, "peak_force").get("units", "1")
-    return force if distance == "1" or energy == f"{force}*{distance}" else f"{energy}/({distance})"
+    if distance == "1" or energy == f"{force}*{distance}":
+        return force
+    return f"{energy}/{distance}" if distance.isalpha() else f"{energy}/({distance})"
 
 
 def formula_unit(system: System, formula: Expr) -> str:

@@ -16,7 +16,10 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.formulas import Scope
 from stickslip.symbolic.functions import FUNCTIONS, Function
 
-WITH_FIELDS = [n for n in catalogue.names() if not catalogue.get(n).declaration.resisted]
+DECLARED = {name: catalogue.get(name).declaration for name in catalogue.names()}
+WITH_FIELDS = [
+    name for name, d in DECLARED.items() if not d.resisted and not any(c.opens for c in d.contacts)
+]
 
 NAMES: tuple[str, ...] = ("x", "y", "p", "q")
 FORMULAS = (

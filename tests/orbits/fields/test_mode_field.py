@@ -20,8 +20,10 @@ from stickslip.symbolic.evaluator import evaluator
 from systems import ode, oscillator, pair
 
 SYSTEMS = {name: catalogue.get(name) for name in catalogue.names()}
-# A rate that solves an equation has no formula.
-SYSTEMS = {name: s for name, s in SYSTEMS.items() if not s.declaration.resisted}
+# A rate that solves an equation has no formula, and an impact is no mode.
+SYSTEMS = {
+    name: s for name, s in SYSTEMS.items() if not s.declaration.resisted and not s.unilateral
+}
 SYSTEMS |= {
     "oscillator": oscillator(),
     "viscous pair": pair("viscous"),

@@ -20,7 +20,10 @@ from stickslip.orbits.fields.variational import Variation, variation
 from stickslip.orbits.return_map.shooting import follow_state
 from systems import oscillator
 
-WITH_FIELDS = [n for n in catalogue.names() if not catalogue.get(n).declaration.resisted]
+DECLARED = {name: catalogue.get(name).declaration for name in catalogue.names()}
+WITH_FIELDS = [
+    name for name, d in DECLARED.items() if not d.resisted and not any(c.opens for c in d.contacts)
+]
 
 Array = NDArray[np.float64]
 

@@ -73,9 +73,9 @@ def test_the_picture_says_which_starts_friction_does_not_hold() -> None:
     outside = data["outcome"].values == Outcome.OUTSIDE.code
     assert np.array_equal(np.any(outside, axis=1), np.linspace(0.8, 1.6, 9) > 1.54)
     assert data["excess"].values[-1] == pytest.approx(0.06)
-    said = " ".join(
-        text.get_text() for legend in plot_sweep(data).legends for text in legend.get_texts()
-    )
+    figure = plot_sweep(data)
+    legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes)]
+    said = " ".join(text.get_text() for legend in legends if legend for text in legend.get_texts())
     assert "outside the stable set |∂Φ| ≤ s, by up to 0.06 N" in said.replace("\n", " ")
 
 

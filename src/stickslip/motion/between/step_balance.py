@@ -581,7 +581,9 @@ def encloses(
                 return False
         if opens(rows, c):
             row = rows.gaps[c]
-            size = extent(W[row], N - 1, powers) + mag[3 * nc + len(rows.kinks) + c]
+            # At an instant all terms of a gap may vanish.
+            size = extent(W[row], N - 1, powers) + h * mag[c]
+            size += mag[3 * nc + len(rows.kinks) + c]
             if not strays(discs[row], factor) <= _NEGLIGIBLE * max(size, tally.law[c, _OPENING]):
                 return False
     for j in range(len(rows.kinks)):
