@@ -101,6 +101,12 @@ def test_hunting() -> None:
     assert motion.at(times)["x"] == pytest.approx(other.y[0], abs=2e-6)
     late = motion.at(np.linspace(45.0, 90.0, 901))["x"]
     assert late.max() > 1.05 and late.min() < 0.95
+    cycle = ss.find_cycle(system, motion.final)
+    assert cycle.certificate.ok and cycle.stable
+    t = np.linspace(40.0, 90.0, 50_001)
+    x = motion.at(t)["x"]
+    (first, second) = t[1:][(x[:-1] < 1.0) & (x[1:] >= 1.0)][:2]
+    assert cycle.period == pytest.approx(second - first, abs=5e-3)
 
 
 def test_step_of_the_inertia_drive() -> None:

@@ -463,11 +463,13 @@ class _Overview:
     def plane(self, across: list[str], up: list[str], curve: Curve) -> Callable[[Axes], None]:
         """A plane of two quantities, each a variable or the difference of two."""
 
+        rubbing = any(map(self.rubs, self.contacts))
+
         def panel(axes: Axes) -> None:
             x, y, sticking = curve.points()
             moving = np.where(sticking, np.nan, y)
-            axes.plot(x, moving, color=BLUE, lw=1.3, label="slip" if self.contacts else None)
-            if self.contacts:
+            axes.plot(x, moving, color=BLUE, lw=1.3, label="slip" if rubbing else None)
+            if rubbing:
                 label = "stick" if len(self.contacts) == 1 else "all stick"
                 width = 2.2 if np.count_nonzero(np.diff(self.all_stick)) <= 40 else 1.4
                 axes.plot(

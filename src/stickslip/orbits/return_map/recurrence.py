@@ -341,7 +341,10 @@ def _passages(w: Window, t: float, y: Array, here: int, sign: float) -> tuple[Ar
     same = np.all(k.mode[w.index] == k.mode[here], axis=1) & np.all(
         k.region[w.index] == k.region[here], axis=1
     )
-    piece = w.surroundings.pieces[int(np.flatnonzero(w.index == here)[0])]
+    if not np.any(same):
+        return np.zeros(0), np.zeros(0, np.int64)
+    # A step may be shorter than the distance of two samples; any in its mode has its field.
+    piece = w.surroundings.pieces[int(np.flatnonzero(same)[0])]
     p = np.array([w.trajectory.parameters[name] for name in w.trajectory.system.parameters])
     normal = w.at_home(piece.rates(t, y, p), 1.0)
 
