@@ -90,7 +90,7 @@ def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
         tried[_KEPT, c] = lane.mode[c]
         work[RESTITUTION, c] = space.V[rows.restitution[c], 0] if rows.restitution[c] >= 0 else 0.0
     for _ in range(mq + 1):
-        found = best_impulse(machine, flow, lane)
+        found = best_impulse(machine, flow, here)
         for c in range(mq):
             lane.mode[c] = tried[_KEPT, c]
         if found != JUMPED:
@@ -152,36 +152,43 @@ def open_all(rows: Rows, mode: Array) -> None:
 
 
 @njit(**INLINED)
-def best_impulse(machine: Machine, flow: Flow, lane: Lane) -> int:
+def best_impulse(machine: Machine, flow: Flow, at: Instant) -> int:
     """The impulses that obey the law and lose most energy; the change of the rates is left in the
     work space."""
     rows = flow.rows
-    space = flow.space
-    work = space.impact
-    tried = space.tried
-    mode = lane.mode
+    work = flow.space.impact
+    tried = flow.space.tried
     total = modes_of(rows, tried)
-    if total > _MOST_MODES:
-        return NO_IMPULSE
     least = np.inf
     largest = 0.0
-    for number in range(total):
-        choose_impulse_mode(number, rows, tried, mode)
-        here = Instant(lane.clock[NOW], lane.y, mode, lane.reg)
-        if coefficients(machine, flow, here, 1, space.V) != OK:
-            continue
-        make_impulses(flow, mode)
-        gained, size, right = judge_impulses(rows, space.V, work, tried, mode)
+    for number in range(total if total <= _MOST_MODES else 0):
+        right, gained, size = try_impulses(machine, flow, at, number)
         largest = max(largest, size)
         if right and gained < least:
             least = gained
             for q in range(rows.sizes[INERTIAL]):
                 work[BEST, q] = work[CHANGE, q]
             for c in range(rows.sizes[ON_INERTIAL]):
-                tried[_CHOSEN, c] = mode[c]
+                tried[_CHOSEN, c] = at.mode[c]
     if not least < np.inf:
         return NO_IMPULSE
     return JUMPED if least <= _CREATED * largest else CREATES
+
+
+@njit(**INLINED)
+def try_impulses(
+    machine: Machine, flow: Flow, at: Instant, number: int
+) -> tuple[bool, float, float]:
+    """Impulses in the mode that a number stands for: whether they obey the law, the energy that
+    they gain, and the size of its terms."""
+    rows = flow.rows
+    space = flow.space
+    choose_impulse_mode(number, rows, space.tried, at.mode)
+    if coefficients(machine, flow, at, 1, space.V) != OK:
+        return False, 0.0, 0.0
+    make_impulses(flow, at.mode)
+    gained, size, right = judge_impulses(rows, space.V, space.impact, space.tried, at.mode)
+    return right, gained, size
 
 
 @njit(**OPTIONS)
@@ -286,17 +293,11 @@ def judge_impulses(
             if mode[normal] != 0:
                 continue
             if mode[c] == 0:
-                held = coefficient_of_friction(rows, table, c, normal) * work[IMPULSE, normal]
+                held = table[rows.friction[c], 0] * work[IMPULSE, normal]
                 right = right and abs(work[IMPULSE, c]) <= held + strong
             else:
                 right = right and mode[c] * moved >= -fast
     return gained, size, right
-
-
-@njit(**OPTIONS)
-def coefficient_of_friction(rows: Rows, table: Array, c: int, normal: int) -> float:
-    """μ of the friction of a contact that can open."""
-    return float(table[rows.friction[c], 0])
 
 
 @njit(**OPTIONS)
@@ -366,7 +367,6 @@ def distance_of_jump(
     rows = flow.rows
     space = flow.space
     work = space.impact
-    tried = space.tried
     nq = rows.sizes[INERTIAL]
     least = 0.0
     for q in range(nq):
@@ -376,20 +376,14 @@ def distance_of_jump(
         work[RESTITUTION, c] = space.V[rows.restitution[c], 0] if rows.restitution[c] >= 0 else 0.0
     if near == 0:
         return float(least)
-    total = modes_of(rows, tried)
-    if total > _MOST_MODES:
-        return np.inf
+    total = modes_of(rows, space.tried)
     least = np.inf
-    for number in range(total):
-        choose_impulse_mode(number, rows, tried, before.mode)
-        if coefficients(machine, flow, before, 1, space.V) != OK:
-            continue
-        make_impulses(flow, before.mode)
-        gained, size, right = judge_impulses(rows, space.V, work, tried, before.mode)
+    for number in range(total if total <= _MOST_MODES else 0):
+        right, gained, size = try_impulses(machine, flow, before, number)
         if right and gained <= _CREATED * size:
             off = 0.0
             for q in range(nq):
                 jump = after[nq + q] - before.y[nq + q]
                 off = max(off, abs(jump - work[CHANGE, q]))
             least = min(least, off)
-    return least
+    return float(least)
