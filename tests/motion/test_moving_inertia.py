@@ -258,3 +258,15 @@ def test_refused_directions() -> None:
             viscous="d_z**2/2",
             contacts={"c": ss.Contact("(1 + t)*d_z", 1.0)},
         )
+
+
+def test_a_cycle_of_the_cart() -> None:
+    """Under a force that oscillates the cart comes back, though it may stand anywhere: a drift that
+    is a rounding error is none."""
+    cart = ss.catalogue.cart_pendulum(A=6.0, c=0.15)
+    cycle = ss.find_cycle(cart)
+    assert cycle.certificate.ok and cycle.stable
+    assert cycle.period == pytest.approx(np.pi, rel=1e-12)
+    assert cycle.drift == 0.0
+    found = ss.simulate(cart, (0.0, np.pi), initial=cycle.state)
+    assert_allclose([found.final[x] for x in cycle.state], list(cycle.state.values()), atol=1e-9)

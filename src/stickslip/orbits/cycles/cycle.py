@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
+_ROUNDING = 1e-12  # part of what a coordinate moves in a period below which it does not drift
 _TOUCHED = 1e-9  # a guard that comes down to this part of its size is touched
 _NEUTRAL = 1e-9  # multipliers this close to the unit circle are on it
 
@@ -211,12 +212,19 @@ class Cycle(Result):
     def direction(self) -> dict[str, float]:
         """Of the drift: the declared translation, or scaled to the largest component 1. Empty
         without drift."""
-        return _drift(self.system, self.closed.orbit.shift)[0]
+        return _drift(self.system, self._shift)[0]
 
     @cached_property
     def drift(self) -> float:
         """Shift along `direction` in one period."""
-        return _drift(self.system, self.closed.orbit.shift)[1]
+        return _drift(self.system, self._shift)[1]
+
+    @property
+    def _shift(self) -> Array:
+        """Shift of the state in a period; none where it is a rounding error of the motion."""
+        orbit = self.closed.orbit
+        moved = np.ptp(orbit.motion.knots.state, axis=0)
+        return np.where(np.abs(orbit.shift) > _ROUNDING * moved, orbit.shift, 0.0)
 
     @cached_property
     def residual(self) -> float:
