@@ -48,6 +48,7 @@ from stickslip.motion.steps.arrays import (
     INERTIAL,
     INLINED,
     INT_ZERO,
+    NOWHERE,
     ON_INERTIAL,
     ON_VISCOUS,
     OPTIONS,
@@ -308,7 +309,8 @@ def audit_step(
     if check:
         final = Instant(ends.time[i], ends.state[i], mode, reg)
         if may_collide(flow.rows, ends.cause[i]):
-            close_impact(machine, flow, final, h, i, accounts)
+            struck = ends.cause[i] - len(flow.rows.kinks)
+            close_impact(machine, flow, final, h, struck, i, accounts)
         close_step(flow, final, order, h, starts.state[i], i, steps, tally)
         judge_departures(flow, final, ends.mode[i], ends.region[i], order, h, tally)
         count_jumps(machine, flow, final, ends.region[i], i, steps, tally)
@@ -337,7 +339,8 @@ def audit_start(
     copy(starts.region[i], reg)
     copy(starts.state[i], space.trial)
     steps, tally = accounts.steps, accounts.tally
-    close_impact(machine, flow, Instant(ends.time[i], ends.state[i], mode, reg), 0.0, i, accounts)
+    after = Instant(ends.time[i], ends.state[i], mode, reg)
+    close_impact(machine, flow, after, 0.0, ends.cause[i] - len(flow.rows.kinks), i, accounts)
     for r in range(len(space.trial)):
         steps.gap[i, r] += abs(ends.state[i, r] - space.trial[r])
         tally.state[LARGEST, r] = most(tally.state[LARGEST, r], abs(starts.state[i, r]))
@@ -353,7 +356,7 @@ def may_collide(rows: Rows, cause: int) -> bool:
 
 @njit(**INLINED)
 def close_impact(
-    machine: Machine, flow: Flow, at: Instant, h: float, i: int, accounts: Accounts
+    machine: Machine, flow: Flow, at: Instant, h: float, cause: int, i: int, accounts: Accounts
 ) -> None:
     """Measure the jump of the velocities at the end of a step against the law of impacts, and count
     the energy that it loses; then the step is taken to end with that jump.
@@ -367,6 +370,9 @@ def close_impact(
         After the impact, with the mode of the step.
     h : float
         Length of the last piece.
+    cause : int
+        The contact that has closed. Whether others that are as good as closed take part is not
+        decided by the law: both are admissible.
     i : int
         The step.
     accounts : Accounts
@@ -379,7 +385,12 @@ def close_impact(
     lost = energy_in(machine, flow, arrived)
     for c in range(len(at.mode)):
         space.labels[c, 0] = at.mode[c]
-    off = distance_of_jump(machine, flow, arrived, at.y, h)
+    off = np.inf
+    for alone in range(2):
+        for c in range(len(at.mode)):
+            at.mode[c] = space.labels[c, 0]
+        only = cause if alone == 1 else NOWHERE
+        off = min(off, distance_of_jump(machine, flow, arrived, at.y, h, only))
     for c in range(len(at.mode)):
         at.mode[c] = space.labels[c, 0]
     for q in range(nq):
@@ -743,9 +754,11 @@ def sample_law(
     samples = space.samples
     law = tally.law
     for c in range(nc):
-        if is_loose(rows, mode, c):
-            continue
         u = V[rows.u[c], 0]
+        if is_loose(rows, mode, c):
+            # It has no force, but says how fast things are.
+            law[c, _SPEED] = most(law[c, _SPEED], abs(u))
+            continue
         held = V[rows.force[c], 0]
         up = V[rows.plus[c], 0]
         down = V[rows.minus[c], 0]

@@ -56,7 +56,7 @@ _NEAR, _KEPT, _CHOSEN = range(3)
 _MOST_MODES = 65536
 _CREATED = 1e-9  # part of the energy of an impact that may be a rounding error
 _SLOW = 1e-12  # part of their terms below which velocities are zero
-_TOGETHER = 1e-12  # of the time that a motion may last: what of bouncing is left then is none
+_TOGETHER = 1e-13  # of the time that a motion may last: what of bouncing is left then is none
 
 
 @njit(**INLINED)
@@ -344,7 +344,7 @@ def settles(machine: Machine, flow: Flow, lane: Lane) -> bool:
 
 @njit(**INLINED)
 def distance_of_jump(
-    machine: Machine, flow: Flow, before: Instant, after: Array, last: float
+    machine: Machine, flow: Flow, before: Instant, after: Array, last: float, only: int
 ) -> float:
     """How far a jump of the rates is from the nearest one that obeys the law of impacts.
 
@@ -358,6 +358,8 @@ def distance_of_jump(
         State after it.
     last : float
         Length of the step that ends there.
+    only : int
+        A contact beside which none takes part that is open; negative: all do that touch.
 
     Returns
     -------
@@ -373,6 +375,11 @@ def distance_of_jump(
         least = max(least, abs(after[nq + q] - before.y[nq + q]))
     near = approaching(machine, flow, before, last)
     for c in range(rows.sizes[ON_INERTIAL]):
+        if only >= 0 and c != only and before.mode[c] != 0:
+            space.tried[_NEAR, c] = 0
+        if c == only:
+            space.tried[_NEAR, c] = 1
+            near += 1
         work[RESTITUTION, c] = space.V[rows.restitution[c], 0] if rows.restitution[c] >= 0 else 0.0
     if near == 0:
         return float(least)
