@@ -368,3 +368,9 @@ def test_a_brake_is_proportional() -> None:
     assert ss.simulate(braked).final["x"] == pytest.approx(9.0 / (0.6 * G), rel=1e-12)
     with pytest.raises(DeclarationError, match="not proportional"):
         replace(block(), contacts={**pads, "brake": ss.Contact("d_x", "1 + normal_floor")})
+    for other in (
+        ss.Contact("d_x", ("0.3*normal_floor", "0.2*normal_floor")),
+        ss.Contact("d_x", 1.0, kinetic="0.2*normal_floor"),
+    ):
+        with pytest.raises(DeclarationError, match="only a part of its friction"):
+            replace(block(), contacts={**pads, "brake": other})

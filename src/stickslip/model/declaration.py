@@ -742,6 +742,7 @@ class _Reader:
                     "for viscous coordinates it may not depend on the speed",
                     "Declare the coordinate inertial, or put the slope into 'viscous'",
                 )
+        self._check_pressed(where, (plus, minus, *kinetic))
         speed = self.clock.parse(contact.surface_speed, f"{where}.surface_speed")
         check_unit(contact.unit, f"{where}.unit")
         values = self.start
@@ -755,6 +756,18 @@ class _Reader:
                     "Sliding friction is at most the threshold",
                 )
         return DryContact(name, kind, direction, plus, minus, *kinetic, speed, contact.unit)
+
+    def _check_pressed(self, where: str, forces: tuple[Expr, ...]) -> None:
+        """Refuse friction whose sides, at rest or sliding, belong to different normal forces, or to
+        none: an impact knows one coefficient of a contact."""
+        own = [force.symbols & self.normals.keys() for force in forces]
+        if any(own) and (len(set(map(frozenset, own))) > 1 or forces[0] is not forces[1]):
+            name = min(set().union(*own))
+            raise DeclarationError(
+                where,
+                f"only a part of its friction is proportional to {name}, or by two coefficients",
+                f"Write threshold and kinetic like 'mu*{name}', the same for both directions",
+            )
 
     def _check_proportional(self, where: str, force: Expr) -> None:
         """Refuse a friction force that is not proportional to one normal force, if it has any."""
