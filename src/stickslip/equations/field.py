@@ -9,13 +9,15 @@ respect to parameters are exact.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 from stickslip.equations.derive import MotionEquations
 from stickslip.errors import DeclarationError
+from stickslip.model.names import NORMAL, normal_force
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -29,7 +31,15 @@ MODE_NAMES = {-1: "slip-", 0: "stick", 1: "slip+"}
 @dataclass(frozen=True)
 class ContactField:
     """One contact in a mode: relative velocity u, friction force λ, thresholds s⁺ (u > 0) and s⁻ (u
-    < 0)."""
+    < 0).
+
+    Attributes
+    ----------
+    gap : Expr or None
+        Of the normal direction of a contact that can open: u is its rate, λ the normal force.
+    loose : bool
+        Whether it is the friction of a contact that is open.
+    """
 
     name: str
     kind: str
@@ -37,6 +47,8 @@ class ContactField:
     force: Expr
     plus: Expr
     minus: Expr
+    gap: Expr | None = None
+    loose: bool = False
 
 
 @dataclass(frozen=True)
@@ -66,8 +78,8 @@ class Field:
     state, parameters : tuple of str
         Names of y and p, in their order.
     mode, region : tuple of int
-        Mode of each contact (0 stick, ±1 slip, ±2 carried by others at its threshold) and region of
-        each kink (1: guard ≥ 0, 0: guard < 0).
+        Mode of each contact (0 stick, ±1 slip, ±2 carried by others at its threshold; of one that
+        can open 0 closed, 1 open) and region of each kink (1: guard ≥ 0, 0: guard < 0).
     rates : list of Expr
         f, in the order of the state.
     contacts : list of ContactField
@@ -75,8 +87,8 @@ class Field:
     kinks : list of Expr
         Guards of the functions with kinks.
     constraints : list of Expr
-        What vanishes in this mode: u of sticking inertial contacts, λ + σs of sliding
-        rate-independent ones. They are invariant under the flow.
+        What vanishes in this mode: u of sticking inertial contacts, u and the gap of closed ones,
+        λ + σs of sliding rate-independent ones. They are invariant under the flow.
     """
 
     state: tuple[str, ...]
@@ -112,7 +124,8 @@ class Field:
 
     @cached_property
     def guards(self) -> list[Guard]:
-        """What must be nonnegative here: signed kinks, λ + s⁺ and s⁻ − λ in stick, σu in slip."""
+        """What must be nonnegative here: signed kinks, λ + s⁺ and s⁻ − λ in stick, σu in slip, the
+        normal force of what is closed and the gap of what is open."""
         found = [
             Guard(g if r == 1 else -g, j, 1 - r)
             for j, (g, r) in enumerate(zip(self.kinks, self.region, strict=True))
@@ -120,11 +133,33 @@ class Field:
         for switch, (c, m) in enumerate(
             zip(self.contacts, self.mode, strict=True), start=len(self.kinks)
         ):
-            if m == 0:
+            if c.gap is not None:
+                found.append(Guard(c.force, switch, 1) if m == 0 else Guard(c.gap, switch, 0))
+            elif m == 0:
                 found += [Guard(c.force + c.plus, switch, 1), Guard(c.minus - c.force, switch, -1)]
-            else:
+            elif not c.loose:
                 found.append(Guard(c.u if m > 0 else -c.u, switch, 0))
         return found
+
+
+def named_modes(contacts: Sequence[str], mode: Sequence[int]) -> dict[str, str]:
+    """What each contact does, by name; one that can open once: whether it is open, or closed, and
+    then what its friction does.
+
+    Parameters
+    ----------
+    contacts : sequence of str
+        Names in the engine's order.
+    mode : sequence of int
+    """
+    found = {name: MODE_NAMES[m] for name, m in zip(contacts, mode, strict=True)}
+    friction = {normal_force(name): name for name in contacts}
+    for name, m in zip(contacts, mode, strict=True):
+        if name in friction or name.startswith(NORMAL):
+            del found[name]
+            rubs = friction.get(name, name.removeprefix(NORMAL))
+            found[rubs] = "open" if m != 0 else found.get(rubs, "closed")
+    return found
 
 
 _made: WeakKeyDictionary[MotionEquations, dict[tuple[Mode, Region], Field]] = WeakKeyDictionary()
@@ -138,7 +173,7 @@ def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
     equations : MotionEquations
     mode : tuple of int
         By contact in the order of ``equations.contacts``: 0 stick, +1 or −1 slip, +2 or −2 carried
-        at its threshold.
+        at its threshold; of one that can open 0 closed, +1 open.
     region : tuple of int
         By kink in the order of ``equations.kinks``: 1 where the guard is ≥ 0, else 0.
 
@@ -158,16 +193,44 @@ def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
             "Motions, ensembles and maps can be computed; for equilibria, cycles, branches and "
             f"vector fields give {z} mass",
         )
-    if any(c.opens for c in equations.contacts):
-        raise DeclarationError(
-            "contacts",
-            "a contact can open: velocities jump in its impacts",
-            "Motions and ensembles can be computed; equilibria, cycles, branches and maps cannot",
-        )
     made = _made.setdefault(equations, {})
     if (mode, region) not in made:
         made[mode, region] = _Solver(equations, mode, region).field()
     return made[mode, region]
+
+
+def impact_map(
+    equations: MotionEquations, mode: Mode, region: Region, settled: frozenset[int]
+) -> list[Expr]:
+    """The state after an impact, as functions of that before it: Newton's law with Coulomb's
+    friction, in impulses (:mod:`stickslip.motion.engine.impacts`).
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    mode : tuple of int
+        Of the impact: of a contact that can open 0 if it takes part, else 1; of the friction of one
+        that takes part 0 if it sticks, else ±1.
+    region : tuple of int
+    settled : frozenset of int
+        Contacts that have lost their restitution, because what is left of their bounces takes no
+        time.
+
+    Raises
+    ------
+    ZeroDivisionError
+        If the impulses are not determined.
+    """
+    return _Solver(equations, mode, region).impact(settled)
+
+
+class _LinearProblem(NamedTuple):
+    """M x − Jᵀλ = f for some coordinates: by contact either J x is asked for, or λ is given."""
+
+    names: list[str]
+    matrix: Mapping[tuple[int, int], Expr]
+    asked: dict[int, Expr]
+    given: dict[int, Expr]
 
 
 class _Solver:
@@ -200,33 +263,81 @@ class _Solver:
         forces: list[Expr],
     ) -> list[Expr]:
         """Solve M x − Jᵀλ = f with J x given in stick and λ given in slip; notes λ, returns x."""
-        contacts = {i: c for i, c in enumerate(self.eq.contacts) if c.kind == kind}
+        contacts = [i for i, c in enumerate(self.eq.contacts) if c.kind == kind]
         stuck = [i for i in contacts if self.mode[i] == 0]
+        self.known |= {f"lambda:{i}": ex.ZERO for i in contacts if self.is_open(i)}
+        given = {i: self.slip_force(i) for i in contacts if self.mode[i] != 0}
+        viscous = kind == Kind.VISCOUS
+        asked = [
+            self.eq.contacts[i].speed if viscous else self.eq.surface_acceleration(i) for i in stuck
+        ]
+        problem = _LinearProblem(names, matrix, dict(zip(stuck, asked, strict=True)), given)
+        found, held = self.solve(problem, forces)
+        self.known |= held
+        return found
+
+    def is_open(self, i: int) -> bool:
+        """Whether contact i is the normal direction of one that is open."""
+        return self.mode[i] != 0 and self.eq.contacts[i].opens
+
+    def solve(
+        self, problem: _LinearProblem, forces: list[Expr]
+    ) -> tuple[list[Expr], dict[str, Expr]]:
+        """x and all λ of M x − Jᵀλ = f with J x asked for or λ given; these may contain others."""
+        names, matrix, asked, given = problem
+        J = {
+            i: [self.fix(self.eq.contacts[i].direction.get(x, ex.ZERO)) for x in names]
+            for i in (*asked, *given)
+        }
         right = [self.fix(f) for f in forces]
-        for i, c in contacts.items():
-            if self.mode[i] != 0:
-                # Carried by others, a contact is at its threshold.
-                plus, minus = (
-                    (c.kinetic_plus, c.kinetic_minus)
-                    if abs(self.mode[i]) == 1
-                    else (c.plus, c.minus)
-                )
-                force = -self.fix(plus) if self.mode[i] > 0 else self.fix(minus)
-                self.known[f"lambda:{i}"] = force
-                pulled = [self.fix(c.direction.get(x, ex.ZERO)) * force for x in names]
-                right = [f + g for f, g in zip(right, pulled, strict=True)]
-        J = [[self.fix(contacts[i].direction.get(x, ex.ZERO)) for x in names] for i in stuck]
-        for i in stuck:
-            belt = contacts[i].speed
-            viscous = kind == Kind.VISCOUS
-            right.append(self.fix(belt if viscous else self.eq.surface_acceleration(i)))
-        each = range(len(names))
+        pull = {i: list(J[i]) for i in asked}
+        for i, force in given.items():
+            # Friction under a normal force that is unknown pulls along with it.
+            rest = ex.substitute(force, {f"lambda:{n}": ex.ZERO for n in asked})
+            right = [f + j * rest for f, j in zip(right, J[i], strict=True)]
+            for n in asked:
+                if f"lambda:{n}" in force.symbols:
+                    share = ex.derivative(force, f"lambda:{n}")
+                    pull[n] = [a + j * share for a, j in zip(pull[n], J[i], strict=True)]
+        right += [self.fix(e) for e in asked.values()]
         M = {place: self.fix(entry) for place, entry in matrix.items()}
-        rows = [[*(M.get((i, k), ex.ZERO) for k in each), *(-j[i] for j in J)] for i in each]
-        rows += [[*j, *(ex.ZERO for _ in stuck)] for j in J]
+        rows = [
+            [*(M.get((i, k), ex.ZERO) for k in range(len(names))), *(-pull[n][i] for n in asked)]
+            for i in range(len(names))
+        ]
+        rows += [[*J[n], *(ex.ZERO for _ in asked)] for n in asked]
         solution = solve(rows, right)
-        self.known |= {f"lambda:{i}": e for i, e in zip(stuck, solution[len(names) :], strict=True)}
-        return solution[: len(names)]
+        found = {f"lambda:{i}": e for i, e in zip(asked, solution[len(names) :], strict=True)}
+        slid = {f"lambda:{i}": ex.substitute(force, found) for i, force in given.items()}
+        return solution[: len(names)], {**found, **slid}
+
+    def impact(self, settled: frozenset[int]) -> list[Expr]:
+        """The state after an impact; see :func:`impact_map`."""
+        d, eq = self.d, self.eq
+        inertial = [i for i, c in enumerate(eq.contacts) if c.kind == Kind.INERTIAL]
+        struck = [i for i in inertial if eq.contacts[i].opens and self.mode[i] == 0]
+        rubbing = [i for i in inertial if set(eq.pressing(i)) & set(struck)]
+        held = [*struck, *(i for i in rubbing if self.mode[i] == 0)]
+        # J Δq̇ = −(1 + e) γ⁻ for what takes part, Λ = ∓μ Λ_N for what slips.
+        asked = {}
+        for i in held:
+            e = ex.ZERO if i in settled else self.fix(eq.contacts[i].restitution)
+            asked[i] = -(ex.ONE + e) * self.velocity(i)
+        given = {i: self.slip_force(i) for i in rubbing if self.mode[i] != 0}
+        problem = _LinearProblem(d.inertial, eq.mass, asked, given)
+        change, _ = self.solve(problem, [ex.ZERO for _ in d.inertial])
+        jumps = {f"d_{q}": e for q, e in zip(d.inertial, change, strict=True)}
+        return [ex.sym(y) + jumps.get(y, ex.ZERO) for y in d.state]
+
+    def slip_force(self, i: int) -> Expr:
+        """Friction force of contact i, which slips; in it normal forces may be unknown."""
+        c = self.eq.contacts[i]
+        if c.opens:
+            return ex.ZERO
+        # Carried by others, a contact is at its threshold.
+        carried = abs(self.mode[i]) == 2
+        plus, minus = (c.plus, c.minus) if carried else (c.kinetic_plus, c.kinetic_minus)
+        return -self.fix(plus) if self.mode[i] > 0 else self.fix(minus)
 
     def rates(self) -> list[Expr]:
         """Rates of the rate-independent coordinates."""
@@ -279,13 +390,16 @@ class _Solver:
             force = self.known[f"lambda:{i}"]
         at_rest = self.mode[i] == 0 and c.kind != Kind.INERTIAL
         u = ex.ZERO if at_rest else self.velocity(i)
-        return ContactField(c.name, c.kind, u, force, self.fix(c.plus), self.fix(c.minus))
+        gap = None if c.gap is None else self.fix(c.gap)
+        loose = any(self.mode[n] != 0 for n in self.eq.pressing(i))
+        plus, minus = self.fix(c.plus), self.fix(c.minus)
+        return ContactField(c.name, c.kind, u, force, plus, minus, gap, loose)
 
     def constraints(self, contacts: list[ContactField]) -> list[Expr]:
         found = []
         for c, m in zip(contacts, self.mode, strict=True):
             if c.kind == Kind.INERTIAL and m == 0:
-                found.append(c.u)
+                found += [c.u] if c.gap is None else [c.gap, c.u]
             elif c.kind == Kind.RATE_INDEPENDENT and m != 0:
                 found.append(c.force + c.plus if m > 0 else c.force - c.minus)
         return found

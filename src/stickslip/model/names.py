@@ -65,6 +65,9 @@ def parse_range(text: object, where: str) -> Range:
     )
 
 
+NORMAL = "normal_"  # what names of normal forces begin with, and those of contacts do not
+
+
 def key_of(name: str) -> str:
     """The name of a contact as the end of a name in formulas."""
     return re.sub(r"\W", "_", name, flags=re.ASCII)
@@ -72,7 +75,7 @@ def key_of(name: str) -> str:
 
 def normal_force(contact: str) -> str:
     """What the normal force of a contact that can open is called in formulas."""
-    return f"normal_{key_of(contact)}"
+    return NORMAL + key_of(contact)
 
 
 @dataclass

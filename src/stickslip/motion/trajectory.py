@@ -196,11 +196,7 @@ class Trajectory(Result):
         k = self.knots
         first = len(self._problem.compiled.equations.kinks)
         numbers = {first + i: key for key, i in self._openings.items()}
-        closing = np.flatnonzero(np.isin(k.cause, list(numbers)))
-        open_before = [
-            closing[j] > 0 and k.mode[i - 1, k.cause[i] - first] != 0 for j, i in enumerate(closing)
-        ]
-        struck = closing[np.array(open_before, dtype=bool)]
+        struck = self._strikes
         before = self._sample_clock(k.clock[struck], struck - 1)
         after = self._sample_clock(k.clock[struck], struck)
         rows = [self._problem.compiled.layout.u[k.cause[i] - first] for i in struck]
@@ -215,6 +211,15 @@ class Trajectory(Result):
                 "energy": before[:, energy] - after[:, energy],
             }
         )
+
+    @cached_property
+    def _strikes(self) -> Array:
+        """Knots at which a gap has closed with a speed, so that velocities jump."""
+        k = self.knots
+        first = len(self._problem.compiled.equations.kinks)
+        closed = np.isin(k.cause, [first + i for i in self._openings.values()])
+        index = np.flatnonzero(closed & (np.arange(len(k.cause)) > 0))
+        return index[k.mode[index - 1, k.cause[index] - first] != 0]
 
     def _sample(self, times: Array, index: Array) -> Array:
         """Values of all rows, energy and powers at times within the steps of the knots `index`."""

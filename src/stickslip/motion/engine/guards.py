@@ -212,9 +212,9 @@ def is_loose(rows: Rows, mode: Array, c: int) -> bool:
 
 @njit(**OPTIONS)
 def loosen_friction(rows: Rows, mode: Array) -> None:
-    """What is open has no friction: its contact slips, without force."""
+    """What is open has no friction: its contact slips, without force, which has one name only."""
     for c in range(rows.sizes[ON_INERTIAL]):
-        if is_loose(rows, mode, c) and mode[c] == 0:
+        if is_loose(rows, mode, c):
             mode[c] = 1
 
 

@@ -228,7 +228,7 @@ class Chart:
         shooting = self.shooting
         for station, leg in zip(shooting.stations, orbit.legs, strict=True):
             k = leg.motion.knots
-            a = segments(leg.motion.knots)[0][0]
+            a = segments(leg.motion)[0][0]
             if shooting.pieces(k.mode[a], k.region[a]) is not station.piece:
                 raise OutOfChart("the cycle starts in another mode than its chart")
         if shooting.miss(orbit) > NOT_CLOSED:

@@ -193,8 +193,9 @@ def _approach(
 
 def _well_inside(chart: Chart, x: Array) -> bool:
     """Whether a cycle starts well inside its first phase, which is its last one, too."""
-    k = chart.orbit(x).motion.knots
-    found = segments(k)
+    motion = chart.orbit(x).motion
+    k = motion.knots
+    found = segments(motion)
     before, after = (float(k.time[b] - k.time[a]) for a, b in (found[-1], found[0]))
     return len(found) == 1 or min(before, after) > _EDGE * (before + after)
 

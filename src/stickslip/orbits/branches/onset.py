@@ -62,7 +62,7 @@ def _sticks(motion: Trajectory, contact: int, sense: int) -> Iterator[tuple[tupl
 
     `sense` is the product of the directions of slip before and after.
     """
-    found = segments(motion.knots)
+    found = segments(motion)
     mode = motion.knots.mode[:, contact]
     for before, stuck, after in zip(found, found[1:], found[2:], strict=False):
         if mode[stuck[0]] == 0 and mode[before[0]] * mode[after[0]] == sense:
@@ -77,7 +77,7 @@ def _touching(motion: Trajectory, pieces: Pieces, contact: int) -> list[float]:
     switch = k.region.shape[1] + contact
     margins = []
     looks = at_nodes(motion)
-    for a, b in segments(k):
+    for a, b in segments(motion):
         if k.mode[a, contact] != 0:
             low = dips(motion, pieces(k.mode[a], k.region[a]), a, b, p, looks)
             margins += [dip.refined() for dip in low if dip.switch == switch]
@@ -116,7 +116,7 @@ def _reversing(motion: Trajectory, pieces: Pieces, contact: int) -> list[float]:
     margins = []
     turns = [
         b
-        for (a, _), (b, _) in pairwise(segments(k))
+        for (a, _), (b, _) in pairwise(segments(motion))
         if k.mode[a, contact] * k.mode[b, contact] == -1
     ]
     for knot in (*turns, *(begin for _, begin in _sticks(motion, contact, -1))):

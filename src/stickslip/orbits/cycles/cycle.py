@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate
-from stickslip.equations.field import MODE_NAMES
+from stickslip.equations.field import named_modes
 from stickslip.errors import DeclarationError, short
 from stickslip.model.quantities import described, drift_units, per_distance_unit
 from stickslip.model.system import System
@@ -114,7 +114,9 @@ class Cycle(Result):
     @cached_property
     def section(self) -> str:
         """What is special about this state."""
-        modes = ", ".join(f"{c}: {MODE_NAMES[m]}" for c, m in self.phases[0].modes.items())
+        first = self.phases[0].modes
+        named = named_modes(list(first), list(first.values()))
+        modes = ", ".join(f"{contact}: {mode}" for contact, mode in named.items())
         return "the middle of a phase" + (f" ({modes})" if modes else "")
 
     @cached_property

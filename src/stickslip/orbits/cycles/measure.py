@@ -68,7 +68,7 @@ def phases(motion: Trajectory) -> tuple[Phase, ...]:
     names = [c.name for c in motion._problem.compiled.equations.contacts]
     found = list[Phase]()
     mode = k.slip
-    for a, b in segments(k):
+    for a, b in segments(motion):
         modes = dict(zip(names, map(int, mode[a]), strict=True))
         phase = Phase(float(k.time[b] - k.time[a]), modes, tuple(map(int, k.region[a])))
         if found and (found[-1].modes, found[-1].region) == (phase.modes, phase.region):

@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self, overload
 
 from stickslip.certificates import NOTHING, Certificate, worst
 from stickslip.equations.derive import MotionEquations
-from stickslip.equations.field import MODE_NAMES, Guard, Mode, Region
+from stickslip.equations.field import MODE_NAMES, Guard, Mode, Region, named_modes
+from stickslip.model.names import NORMAL
 from stickslip.model.quantities import quantity
 from stickslip.model.system import System
 from stickslip.results import Completion, Result, restored_certificate, shortened
@@ -39,7 +40,8 @@ class Equilibrium:
     contacts : tuple of str
         Names of the contacts in the order of `mode`.
     mode, region : tuple of int
-        Mode of each contact (0 stick, ±1 slip) and region of each kink.
+        Mode of each contact (0 stick, ±1 slip; of a normal direction 0 closed, 1 open) and region
+        of each kink.
     eigenvalues : tuple of complex
         Of the motion within the mode's constraints and modulo translation, the rightmost first.
     drift : dict of str to float
@@ -52,6 +54,8 @@ class Equilibrium:
         What is left of the equations, the nearest guard, and how well the eigenvalues are known.
     eigenvalue_error : float
         By how much they may be wrong; a stability that depends on that is not decided.
+    normal_forces : dict of str to float
+        Of closed contacts that can open, by their names in formulas.
     """
 
     state: dict[str, float]
@@ -64,6 +68,7 @@ class Equilibrium:
     boundary: tuple[str, ...]
     certificate: Certificate
     eigenvalue_error: float
+    normal_forces: dict[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"<Equilibrium {self.describe()}>"
@@ -71,7 +76,7 @@ class Equilibrium:
     @property
     def modes(self) -> dict[str, str]:
         """Mode of each contact by name."""
-        return {c: MODE_NAMES[m] for c, m in zip(self.contacts, self.mode, strict=True)}
+        return named_modes(self.contacts, self.mode)
 
     @property
     def stable(self) -> bool | None:
@@ -90,6 +95,7 @@ class Equilibrium:
         text = (
             f"{modes_text(self.modes)}: {state}"
             + (f", drifting with {drift}" if drift else "")
+            + pressed_text(self.normal_forces)
             + f"; {verdict}"
         )
         text += "".join(f"; on the boundary: {name}" for name in self.boundary)
@@ -120,6 +126,9 @@ class EquilibriumSet:
         unique there.
     certificate : Certificate
         Of that point.
+    normal_forces : dict of str to float
+        At that point, as of :class:`Equilibrium`; those that the state does not determine are left
+        out.
     """
 
     state: dict[str, float]
@@ -133,6 +142,7 @@ class EquilibriumSet:
     eigenvalues: tuple[complex, ...] | None
     drift: dict[str, float]
     certificate: Certificate
+    normal_forces: dict[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"<EquilibriumSet {self.describe()}>"
@@ -140,7 +150,7 @@ class EquilibriumSet:
     @property
     def modes(self) -> dict[str, str]:
         """Mode of each contact by name."""
-        return {c: MODE_NAMES[m] for c, m in zip(self.contacts, self.mode, strict=True)}
+        return named_modes(self.contacts, self.mode)
 
     @property
     def stable(self) -> bool | None:
@@ -152,6 +162,7 @@ class EquilibriumSet:
         extent = ", ".join(_interval(name, low, high) for name, (low, high) in self.extent.items())
         how = "" if self.exact else " (followed from a point inside)"
         text = f"of dimension {self.dimension}, {modes_text(self.modes)}: {extent}{how}"
+        text += pressed_text(self.normal_forces)
         return text if self.certificate.ok else f"{text}; {self.certificate.verdict}"
 
 
@@ -249,6 +260,7 @@ class Equilibria(Result):
                 "stable": {True: "yes", False: "no", None: "undecided"}[found.stable],
                 "largest_real_part": max(real_parts, default=math.nan),
                 **{f"drift_{name}": rate for name, rate in found.drift.items()},
+                **found.normal_forces,
                 **ends,
                 "boundary": ", ".join(found.boundary) if isinstance(found, Equilibrium) else "",
             }
@@ -263,12 +275,18 @@ class Equilibria(Result):
         data = {}
         for key, column in self.table.items():
             name = str(key)
-            known = name if name in self.system.declaration.state else ""
+            shown = {*self.system.declaration.state, *self._pressed}
+            known = name if name in shown else ""
             values = column.to_numpy()
             values = values.astype(str) if values.dtype == object else values
             data[name] = ("equilibrium", values, quantity(self.system, known) if known else {})
         attrs = {"title": self.title, "source": self.system.source, "tried": self.tried}
         return xr.Dataset(data, attrs=attrs)
+
+    @property
+    def _pressed(self) -> set[str]:
+        """Names of the normal forces."""
+        return {name for found in self for name in found.normal_forces}
 
     def facts(self) -> dict[str, Any]:
         """What fits on a page, as plain data."""
@@ -326,6 +344,7 @@ def _facts_of(found: Equilibrium | EquilibriumSet) -> dict[str, Any]:
         "modes": found.modes,
         "stable": found.stable,
         "drift": found.drift,
+        "normal_forces": found.normal_forces,
         "eigenvalues": [[z.real, z.imag] for z in found.eigenvalues or ()],
         "certificate": found.certificate.to_dict(),
         "text": found.describe(),
@@ -388,7 +407,15 @@ def describe_guard(equations: MotionEquations, guard: Guard, mode: Mode) -> str:
         return f"{ex.to_text(unwrapped(equations.kinks[guard.switch]))} = 0"
     contact = guard.switch - kinks
     name = equations.contacts[contact].name
+    if equations.contacts[contact].opens:
+        return f"contact '{name.removeprefix(NORMAL)}' {'opens' if guard.to else 'closes'}"
     return f"contact '{name}' goes from {MODE_NAMES[mode[contact]]} to {MODE_NAMES[guard.to]}"
+
+
+def pressed_text(forces: Mapping[str, float]) -> str:
+    """Normal forces, to be put behind a state."""
+    said = ", ".join(f"{name} = {value:.9g}" for name, value in forces.items())
+    return f", pressed with {said}" if said else ""
 
 
 def modes_text(modes: Mapping[str, str]) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 
 from stickslip.certificates import worst
 from stickslip.equations.derive import MotionEquations, derive
-from stickslip.equations.field import MODE_NAMES, Field, Guard, Mode, Region, mode_field
+from stickslip.equations.field import Field, Guard, Mode, Region, mode_field, named_modes
 from stickslip.errors import DeclarationError, StickslipError, short
 from stickslip.model.declaration import DryContact
 from stickslip.model.system import System
@@ -108,22 +108,42 @@ def surface_speed(contact: DryContact, values: Mapping[str, float]) -> float:
 
 
 def possible_modes(
-    equations: MotionEquations, values: Mapping[str, float], invariant: Array
-) -> list[tuple[int, ...]]:
-    """Modes that each contact can have in steady motion.
+    equations: MotionEquations, values: Mapping[str, float], at: Mapping[str, float], moved: Array
+) -> list[list[dict[int, int]]]:
+    """Modes that contacts can have in steady motion, together for those that depend on each other:
+    every choice of one of each list is a mode of all.
 
     There u = j·(translation) − w: where no translation moves the contact, its surface speed alone
-    decides.
+    decides. A contact that can open is open, and without friction, or closed.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    values, at : mapping of str to float
+        Parameters, and a state.
+    moved : array, shape (states, translations)
     """
     state = equations.declaration.state
-    found = []
+    alone: list[tuple[int, ...]] = []
     for c in equations.contacts:
         weights = np.zeros(len(state))
         for x, j in c.direction.items():
-            weights[state.index(x)] = ex.evaluate(j, values)
+            weights[state.index(x)] = ex.evaluate(j, {**values, **at})
         w = surface_speed(c, values)
-        moved = np.any(np.abs(weights @ invariant) > 1e-12 * np.max(np.abs(weights)))
-        found.append((0, 1, -1) if moved else (-int(np.sign(w)),))
+        free = np.any(np.abs(weights @ moved) > 1e-12 * np.max(np.abs(weights)))
+        alone.append((0, 1, -1) if free else (-int(np.sign(w)),))
+    found = []
+    rubbing = {i for i in range(len(alone)) if equations.pressing(i)}
+    for i, c in enumerate(equations.contacts):
+        if c.opens:
+            own = [j for j in sorted(rubbing) if i in equations.pressing(j)]
+            closed = [
+                {i: 0, **dict(zip(own, slips, strict=True))}
+                for slips in product(*(alone[j] for j in own))
+            ]
+            found.append([*closed, {i: 1, **dict.fromkeys(own, 1)}])
+        elif i not in rubbing:
+            found.append([{i: m} for m in alone[i]])
     return found
 
 
@@ -182,8 +202,14 @@ class _Search:
     # -- where to look -----------------------------------------------------------------------------
 
     def run(self) -> Equilibria:
-        choices = possible_modes(self.eq, self.values, self.invariant)
-        self._look_everywhere(islice(product(product(*choices), self._regions()), _MOST))
+        choices = possible_modes(self.eq, self.values, self._named(self.origin), self.invariant)
+        modes = (
+            tuple(mode for _, mode in sorted(pair for part in parts for pair in part.items()))
+            for parts in product(*choices)
+        )
+        regions = self._regions()
+        candidates = ((mode, region) for mode in modes for region in regions)
+        self._look_everywhere(islice(candidates, _MOST))
         count = math.prod(map(len, choices)) * 2 ** sum(s is None for s in self._fixed_regions())
         tried = (
             f"{len(self.looked)} of {count} combinations of modes and regions, "
@@ -253,11 +279,7 @@ class _Search:
     # -- one mode and region -----------------------------------------------------------------------
 
     def _look(self, mode: Mode, region: Region) -> None:
-        at_rest = (
-            bool(mode)
-            and not any(mode)
-            and all(surface_speed(c, self.values) == 0.0 for c in self.eq.contacts)
-        )
+        at_rest = self._rests(mode)
         try:
             field = mode_field(self.eq, mode, region)
         except ZeroDivisionError:
@@ -267,8 +289,19 @@ class _Search:
         elif field is not None:
             self._look_for_steady_motion(field)
 
+    def _rests(self, mode: Mode) -> bool:
+        """Whether contacts stick in a mode, and nothing slides."""
+        sticks = False
+        for i, (c, m) in enumerate(zip(self.eq.contacts, mode, strict=True)):
+            if c.opens or any(mode[n] != 0 for n in self.eq.pressing(i)):
+                continue
+            if m != 0 or surface_speed(c, self.values) != 0.0:
+                return False
+            sticks = True
+        return sticks
+
     def _look_for_rest(self, field: Field | None, mode: Mode, region: Region) -> None:
-        conditions = all_stick(self.eq, region, self.values)
+        conditions = all_stick(self.eq, mode, region, self.values)
         forces = len(conditions.unknowns) - len(self.state)
         starts = self.starts[:, :1] if conditions.affine else self.starts[:, :8]
         for y in starts.T:
@@ -338,6 +371,7 @@ class _Search:
             tuple(describe_guard(self.eq, g, field.mode) for g in guards),
             certificate,
             error,
+            self._normal_forces(field, y),
         )
         units = np.maximum(np.maximum(np.abs(self.origin), np.abs(y)), 1e-6)
         for other in self.isolated:
@@ -363,9 +397,7 @@ class _Search:
     def _note_failure(self, field: Field, y: Array, margin: float, guard: Guard) -> None:
         if margin > self.nearest[0]:
             state = ", ".join(f"{name} = {value:.6g}" for name, value in self._named(y).items())
-            modes = modes_text(
-                dict(zip(self.contacts, (MODE_NAMES[m] for m in field.mode), strict=True))
-            )
+            modes = modes_text(named_modes(self.contacts, field.mode))
             broken = describe_guard(self.eq, guard, field.mode)
             self.nearest = (
                 margin,
@@ -411,6 +443,7 @@ class _Search:
                 eigenvalues,
                 drift,
                 certify_set(conditions, centre),
+                self._normal_forces(field, y),
             )
         )
 
@@ -435,8 +468,18 @@ class _Search:
                 larger.eigenvalues,
                 larger.drift,
                 worst([other.certificate, new.certificate]),
+                larger.normal_forces,
             )
         self.sets.append(new)
+
+    def _normal_forces(self, field: Field | None, y: Array) -> dict[str, float]:
+        """Of the closed contacts in a mode, as far as the state determines them."""
+        at = {**self.values, **self._named(y), "t": 0.0}
+        if field is None:
+            return {}
+        pairs = zip(field.contacts, field.mode, strict=True)
+        closed = [c for c, m in pairs if c.gap is not None and m == 0]
+        return {c.name: ex.evaluate(c.force, at) for c in closed}
 
     def _named(self, y: Array) -> dict[str, float]:
         return dict(zip(self.state, map(float, y), strict=True))

@@ -16,7 +16,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
-from stickslip.equations.field import Region, in_region
+from stickslip.equations.field import Mode, Region, in_region
 from stickslip.orbits.fields.steady import ResidualFunction
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -169,9 +169,10 @@ def _optimum(
 
 
 def all_stick(
-    equations: MotionEquations, region: Region, values: Mapping[str, float]
+    equations: MotionEquations, mode: Mode, region: Region, values: Mapping[str, float]
 ) -> Conditions:
-    """Rest with every contact in stick, in terms of the state and the friction forces.
+    """Rest with every contact in stick that is not open, in terms of the state and the forces of
+    contacts.
 
     The forces are unknowns of their own, so that it does not matter whether the state determines
     them (it does not where more contacts stick than there are directions).
@@ -203,8 +204,15 @@ def all_stick(
     nonnegative = [
         fix(g) if r == 1 else -fix(g) for g, r in zip(equations.kinks, region, strict=True)
     ]
-    for c, h in zip(equations.contacts, held, strict=True):
-        nonnegative += [h + fix(c.plus), fix(c.minus) - h]
+    for i, (c, h) in enumerate(zip(equations.contacts, held, strict=True)):
+        if c.gap is not None:
+            # 0 ≤ N ⟂ g ≥ 0
+            equal.append(fix(c.gap) if mode[i] == 0 else h)
+            nonnegative.append(h if mode[i] == 0 else fix(c.gap))
+        elif any(mode[n] != 0 for n in equations.pressing(i)):
+            equal.append(h)
+        else:
+            nonnegative += [h + fix(c.plus), fix(c.minus) - h]
     unknowns = (*d.state, *(str(h.value) for h in held))
     return Conditions(unknowns, tuple(equal), tuple(nonnegative), values)
 

@@ -301,7 +301,8 @@ def rightmost_first(eigenvalues: Array) -> Array:
 def invariant_directions(
     equations: MotionEquations, values: Mapping[str, float], origin: Array
 ) -> Array:
-    """Orthonormal basis of the translations that change no force, no law, no threshold and no kink.
+    """Orthonormal basis of the translations that change no force, no law, no threshold, no kink, no
+    inertia and no gap.
 
     Within a region all of these are analytic, so that slopes at random points decide.
 
@@ -317,6 +318,7 @@ def invariant_directions(
         *equations.laws,
         *rate.force,
         *equations.kinks,
+        *equations.inertia,
     ]
     for c in contacts:
         felt += [c.plus, c.minus, c.kinetic_plus, c.kinetic_minus]

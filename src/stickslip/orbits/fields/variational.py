@@ -3,8 +3,9 @@ its events.
 
 Between events Φ' = J(t)Φ along the motion's own states. At an event with the guard g the motion
 leaves the field f⁻ for f⁺, and neighbours do so a little earlier or later: S = I + (f⁺ −
-f⁻)∇gᵀ/(g_t + ∇g·f⁻). A parameter is one more component that does not move, so derivatives with
-respect to it pass through the same formulas.
+f⁻)∇gᵀ/(g_t + ∇g·f⁻). Where the state itself jumps, in an impact, it is that of
+:mod:`stickslip.orbits.fields.impacts`. A parameter is one more component that does not move, so
+derivatives with respect to it pass through the same formulas.
 
 References
 ----------
@@ -17,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import permutations
 from typing import TYPE_CHECKING
 
@@ -34,12 +36,14 @@ from stickslip.orbits.fields.engine.variations import (
     MET,
     PASSED,
     STAGES,
+    STRUCK,
     Pass,
     PassSpace,
     jump,
     resolve_steps,
     vary,
 )
+from stickslip.orbits.fields.impacts import Strike, saltation, strikes
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 
 if TYPE_CHECKING:
@@ -107,6 +111,8 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
             work = _work(trajectory, pieces, run, int(run.event[BEGINS]))
         elif code == CORNER:
             start = meeting.pass_through()
+        elif code == STRUCK:
+            start = meeting.strike()
         else:
             raise AssertionError("a mode has changed, and no guard of it has fired")
     grazed = run.knots.time[run.outcome == GRAZED] + run.origin
@@ -157,10 +163,11 @@ def _work(trajectory: Trajectory, pieces: Pieces, run: Pass, nodes: int) -> Pass
 
 
 class _Meeting:
-    """Saltation matrices of events that coincide here and not for neighbours: they exist if the
-    order in which the guards are passed does not matter."""
+    """Saltation matrices of events that coincide here and not for neighbours, which exist if the
+    order in which the guards are passed does not matter; and of impacts."""
 
     def __init__(self, trajectory: Trajectory, pieces: Pieces, run: Pass) -> None:
+        self.trajectory = trajectory
         self.knots = trajectory.knots
         self.p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
         self.pieces = pieces
@@ -176,6 +183,22 @@ class _Meeting:
         switches = [int(s) for s in event[MET : MET + event[MEETING]]]
         self.run.after[i : last + 1] = self._corner(i, last, switches) @ self.run.after[i]
         return last
+
+    def strike(self) -> int:
+        """Enter what comes after the impact at which the pass has stopped; returns the knot from
+        which it goes on."""
+        strike = self._strikes[int(self.run.event[BEGINS])]
+        i, last = strike.knot, strike.last
+        sides = self.pieces.made[self.run.piece[i - 1]], self.pieces.made[self.run.piece[last]]
+        S, exists = saltation(self.pieces.equations, self.trajectory, strike, sides, self.p)
+        if not exists:
+            self.grazings.append(strike.time)
+        self.run.after[i : last + 1] = S @ self.run.after[i]
+        return last
+
+    @cached_property
+    def _strikes(self) -> dict[int, Strike]:
+        return strikes(self.trajectory)
 
     def _corner(self, i: int, last: int, switches: list[int]) -> Array:
         """S where several guards vanish at once."""

@@ -173,7 +173,7 @@ def best_start(shooting: Shooting, orbit: Orbit) -> float:
     """
     k = orbit.motion.knots
     pieces = shooting.pieces
-    stretches = [(float(k.time[a]), float(k.time[b]), a) for a, b in segments(k)]
+    stretches = [(float(k.time[a]), float(k.time[b]), a) for a, b in segments(orbit.motion)]
     first, last = stretches[0], stretches[-1]
     made = [pieces(k.mode[i], k.region[i]) for _, _, i in stretches]
     if all(piece is made[0] for piece in made):
@@ -266,7 +266,7 @@ def _step(motion: Trajectory, t: float) -> int:
 def _well_inside(motion: Trajectory, t: float) -> tuple[float, int]:
     """A time near t that is not near an event, and its step."""
     k = motion.knots
-    a, b = next((a, b) for a, b in segments(k) if k.time[b] >= t)
+    a, b = next((a, b) for a, b in segments(motion) if k.time[b] >= t)
     margin = 0.2 * (k.time[b] - k.time[a])
     t = float(np.clip(t, k.time[a] + margin, k.time[b] - margin))
     return t, _step(motion, t)

@@ -77,6 +77,8 @@ def held_positions(motion: Trajectory, before: Sequence[Held] = ()) -> tuple[Hel
     stuck = np.all(k.mode[:-1][np.diff(k.time) > 0.0] == 0, axis=0)
     found: list[Held] = []
     for i in np.flatnonzero(stuck):
+        if equations.contacts[i].opens:
+            continue  # where it is closed is no matter of chance
         form = np.zeros(len(state))
         for x, weight in equations.contacts[i].direction.items():
             form[state.index(x)] = ex.evaluate(weight, motion.parameters)

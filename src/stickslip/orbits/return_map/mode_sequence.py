@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.model.names import NORMAL
 from stickslip.orbits.fields.engine.variations import NODES
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.return_map.recurrence import SHORTEST, segments
@@ -26,19 +27,44 @@ if TYPE_CHECKING:
 ModeAndRegion = tuple[tuple[int, ...], tuple[int, ...]]
 Sequence = tuple[ModeAndRegion, ...]
 
+_IMPACT = 4  # mode of a contact that is struck, in a phase without duration
 _FAR = 0.1  # a guard that comes down to this part of its size is far from zero
 LOSS = "loss of the cycle"
 
 
 def sequence(motion: Trajectory) -> Sequence:
-    """Mode and region of the phases of a period, wherever it starts.
+    """Mode and region of the phases of a period, wherever it starts; an impact is a phase without
+    duration.
 
     A motion that does not end in the phase it starts in is no cycle; its phases are followed by the
     first one.
     """
     k = motion.knots
-    phases = [(tuple(map(int, k.mode[a])), tuple(map(int, k.region[a]))) for a, _ in segments(k)]
+    found = [(a, _phase(k.mode[a], k.region[a]), -1) for a, _ in segments(motion)]
+    for i in motion._strikes:
+        contact = int(k.cause[i]) - k.region.shape[1]
+        mode = k.mode[i - 1].copy()
+        mode[contact] = _IMPACT
+        found.append((i - 0.5, _phase(mode, k.region[i - 1]), contact))
+    found.sort(key=lambda entry: entry[0])
+    phases = _without_bounces([entry[1:] for entry in found])
     return _canonical(phases) if phases[0] == phases[-1] else (*phases, phases[0])
+
+
+def _phase(mode: Array, region: Array) -> ModeAndRegion:
+    return tuple(map(int, mode)), tuple(map(int, region))
+
+
+def _without_bounces(phases: list[tuple[ModeAndRegion, int]]) -> list[ModeAndRegion]:
+    """Phases in which the bounces of a contact that come to an end count as one: how many of them
+    there are is a matter of resolution."""
+    kept: list[tuple[ModeAndRegion, int]] = []
+    for phase, contact in phases:
+        closed = len(kept) > 2 and contact < 0 and kept[-1][1] >= 0 and phase[0][kept[-1][1]] == 0
+        while closed and len(kept) > 4 and kept[-1] == kept[-3] and kept[-2] == kept[-4]:
+            del kept[-2:]
+        kept.append((phase, contact))
+    return [phase for phase, _ in kept]
 
 
 def is_open(s: Sequence) -> bool:
@@ -59,6 +85,19 @@ def change_of(contacts: list[str], before: Sequence, after: Sequence) -> tuple[s
         missed = _difference(contacts, after[-2], after[0])
         return LOSS, f"the motion no longer comes back to the phase it starts in: {missed}"
     for i, name in enumerate(contacts):
+        if not name.startswith(NORMAL):
+            continue
+        own = name.removeprefix(NORMAL)
+        for mode, kind, said in (
+            (_IMPACT, "grazing impact", ("is struck", "is no longer struck")),
+            (0, "loss of contact", ("begins to stay closed", "no longer stays closed")),
+        ):
+            was, comes = (any(modes[i] == mode for modes, _ in s) for s in (before, after))
+            if was != comes:
+                return kind, f"contact '{own}' {said[was]}"
+    for i, name in enumerate(contacts):
+        if name.startswith(NORMAL):
+            continue
         stuck, sticks = (any(mode[i] == 0 for mode, _ in s) for s in (before, after))
         if stuck != sticks:
             return "stick onset", f"contact '{name}' " + (
@@ -72,7 +111,8 @@ def change_of(contacts: list[str], before: Sequence, after: Sequence) -> tuple[s
     few, many = sorted((before, after), key=len)
     touched = _excursions(many, few)
     if touched:
-        return "grazing", ", ".join(dict.fromkeys(_difference(contacts, a, b) for a, b in touched))
+        kind = "grazing impact" if any(_IMPACT in mode for _, (mode, _) in touched) else "grazing"
+        return kind, ", ".join(dict.fromkeys(_difference(contacts, a, b) for a, b in touched))
     return "sequence change", f"{_phases(before)} become {_phases(after)}"
 
 
@@ -103,12 +143,15 @@ def _difference(contacts: list[str], a: ModeAndRegion, b: ModeAndRegion) -> str:
     """What is different in two phases."""
     from stickslip.equations.field import MODE_NAMES
 
-    modes = [
-        f"contact '{c}' touches the boundary between {MODE_NAMES[max(m, n)]} and "
-        f"{MODE_NAMES[min(m, n)]}"
-        for c, m, n in zip(contacts, a[0], b[0], strict=True)
-        if m != n
-    ]
+    def said(contact: str, m: int, n: int) -> str:
+        if contact.startswith(NORMAL):
+            own = contact.removeprefix(NORMAL)
+            words = "is struck" if _IMPACT in (m, n) else "is about to open or to close"
+            return f"contact '{own}' {words}"
+        between = f"{MODE_NAMES[max(m, n)]} and {MODE_NAMES[min(m, n)]}"
+        return f"contact '{contact}' touches the boundary between {between}"
+
+    modes = [said(c, m, n) for c, m, n in zip(contacts, a[0], b[0], strict=True) if m != n]
     kinks = [
         f"kink {j + 1} is touched"
         for j, (m, n) in enumerate(zip(a[1], b[1], strict=True))
@@ -121,7 +164,7 @@ def nearest_change(motion: Trajectory, pieces: Pieces) -> float:
     """The least of: phases as parts of the period, as far as they are longer than what takes no
     time, guards and forces relative to their size."""
     k = motion.knots
-    found = segments(k)
+    found = segments(motion)
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
     period = k.time[-1] - k.time[0]
     margins = [float(k.time[b] - k.time[a]) / period - SHORTEST for a, b in found[1:-1]]

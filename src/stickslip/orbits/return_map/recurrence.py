@@ -219,10 +219,13 @@ def stretch(motion: Trajectory, first: int, last: int) -> Trajectory:
     )
 
 
-def segments(knots: Knots) -> list[tuple[int, int]]:
-    """First and last knot of every stretch in one mode and region that takes time."""
+def segments(motion: Trajectory) -> list[tuple[int, int]]:
+    """First and last knot of every stretch in one mode and region, without impacts, that takes
+    time."""
+    knots = motion.knots
     mode, region, time = knots.mode, knots.region, knots.time
     changed = (mode[1:] != mode[:-1]).any(axis=1) | (region[1:] != region[:-1]).any(axis=1)
+    changed[motion._strikes - 1] = True
     ends = [0, *(np.flatnonzero(changed[: len(time) - 2]) + 1), len(time) - 1]
     span = time[-1] - time[0]
     return [(int(a), int(b)) for a, b in pairwise(ends) if time[b] - time[a] > SHORTEST * span]
@@ -247,7 +250,7 @@ def station_time(knots: Knots, pieces: Pieces, found: list[tuple[int, int]]) -> 
 def latest(w: Window, pieces: Pieces) -> list[Recurrence]:
     """The last state of a motion, and when it was passed before."""
     k = w.trajectory.knots
-    found = segments(k)
+    found = segments(w.trajectory)
     if len(found) == 1:
         return _closest(w, float(k.time[-1]), -1.0)
     recent = [
@@ -260,7 +263,7 @@ def after(w: Window, pieces: Pieces, period: float) -> Recurrence:
     """A state early in a motion that is there again after a known period, well inside a mode."""
     k = w.trajectory.knots
     begin = float(k.time[0])
-    found = segments(k)
+    found = segments(w.trajectory)
     inside = [(a, b) for a, b in found[1:] if 0.5 * (k.time[a] + k.time[b]) <= begin + period]
     t = station_time(k, pieces, inside or found[:1]) if len(found) > 1 else begin
     steps = np.searchsorted(k.time, [t, t + period], side="right") - 1
@@ -275,10 +278,9 @@ def after(w: Window, pieces: Pieces, period: float) -> Recurrence:
 def earliest(w: Window) -> list[Recurrence]:
     """When a motion comes back to where it has started."""
     k = w.trajectory.knots
-    a, b = segments(k)[0]
-    return _closest(
-        w, float(k.time[a] if len(segments(k)) == 1 else 0.5 * (k.time[a] + k.time[b])), 1.0
-    )
+    whole = segments(w.trajectory)
+    a, b = whole[0]
+    return _closest(w, float(k.time[a] if len(whole) == 1 else 0.5 * (k.time[a] + k.time[b])), 1.0)
 
 
 def _closest(w: Window, t: float, sign: float) -> list[Recurrence]:

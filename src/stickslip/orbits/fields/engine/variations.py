@@ -10,7 +10,8 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.machine_code.functions import entry_point, njit
 from stickslip.motion.between.dense import Scratch, states_at
-from stickslip.motion.steps.arrays import OPTIONS, Flow, Machine, Record
+from stickslip.motion.engine.guards import opens
+from stickslip.motion.steps.arrays import OPTIONS, Flow, Machine, Record, Rows
 from stickslip.orbits.fields.engine.interpreter import LANES, Instructions, perform
 
 STAGES = LANES  # Gauss nodes of a step: order 16
@@ -26,8 +27,9 @@ ALIKE = 1e-8  # derivatives that differ by less, relative to the largest, are th
 _NO_JUMP = 1e-12  # a change of the field this small, relative to its terms, is none
 _LEAST_PIVOT = 0.1  # a pivot below this part of its column is exchanged
 
-# What becomes of an event, or of the pass: it may need more room for its nodes.
-PASSED, GRAZED, CORNER, UNEXPLAINED, CROWDED = range(5)
+# What becomes of an event, or of the pass: it may need more room for its nodes, or stand at a knot
+# at which the state jumps.
+PASSED, GRAZED, CORNER, UNEXPLAINED, CROWDED, STRUCK = range(6)
 # Entries of Pass.event.
 BEGINS, ENDS, MEETING, MET = range(4)
 
@@ -765,6 +767,13 @@ def pass_event(listed: Listed, run: Pass, work: PassSpace, i: int, last: int) ->
     return jump(here, g, around.rates, max(usual[g], here.terms[g]), change)
 
 
+@njit(**OPTIONS)
+def strikes(rows: Rows, run: Pass, i: int) -> bool:
+    """Whether velocities jump at a knot: a gap has closed."""
+    c = run.knots.cause[i] - len(rows.kinks)
+    return bool(c >= 0 and opens(rows, c) and run.knots.mode[i - 1, c] != 0)
+
+
 @entry_point(**OPTIONS)
 def vary(
     machine: Machine, flow: Flow, listed: Listed, run: Pass, work: PassSpace, start: int
@@ -785,9 +794,10 @@ def vary(
     Returns
     -------
     int
-        `PASSED`; or `CORNER` where guards meet that do not meet for neighbours (the caller has to
-        say what comes after it, and to go on from there), `UNEXPLAINED` where no guard has fired,
-        or `CROWDED` with the number of nodes for which there has to be room as the event.
+        `PASSED`; or `CORNER` where guards meet that do not meet for neighbours, `STRUCK` where the
+        state jumps (of both the caller has to say what comes after it, and to go on from there),
+        `UNEXPLAINED` where no guard has fired, or `CROWDED` with the number of nodes for which
+        there has to be room as the event.
     """
     if start == 0:
         nodes = resolve_steps(listed, run, work)
@@ -809,8 +819,13 @@ def vary(
         if i <= start:
             continue
         last = i
+        if strikes(flow.rows, run, i):
+            run.event[BEGINS], run.event[ENDS] = i, i
+            return STRUCK
         if run.piece[i] != run.piece[i - 1]:
             while last + 2 < knots and time_of(run, last + 1) - time_of(run, i) <= 1e-3 * together:
+                if strikes(flow.rows, run, last + 1):
+                    break
                 last += 1
             run.event[BEGINS], run.event[ENDS] = i, last
             code = pass_event(listed, run, work, i, last)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.errors import DeclarationError
 from stickslip.motion.between.observers import Sums, make_sums
 from stickslip.motion.between.step_balance import Steps, Tally, make_steps, make_tally
 from stickslip.motion.engine.forms import ClosedForms, Flight
@@ -301,19 +300,7 @@ def make_found(lanes: int, n: int, contacts: int) -> Found:
 
 
 def make_bench(problem: Problem, room: int) -> Bench:
-    """Work space for a system, in which `room` steps are measured at a time.
-
-    Raises
-    ------
-    DeclarationError
-        If a contact can open: what settles has no impacts here.
-    """
-    if problem.compiled.layout.gaps:
-        raise DeclarationError(
-            "contacts",
-            "a contact can open, and velocities jump in its impacts",
-            "Motions and ensembles can be computed; what they settle on cannot",
-        )
+    """Work space for a system, in which `room` steps are measured at a time."""
     n = int(problem.rows.sizes[DIMENSION])
     contacts = len(problem.rows.u)
     kinks = len(problem.rows.kinks)

@@ -1,0 +1,247 @@
+"""First variation through impacts, where the state jumps.
+
+At a knot with y⁺ = Δ(t, y⁻) neighbours arrive a little earlier or later: with the guard h,
+
+    S = DΔ + (f⁺ − DΔ f⁻ − ∂ₜΔ) ∇hᵀ/(∂ₜh + ∇h·f⁻).
+
+Which contacts take part in an impact, and which of them stick, is not recorded: of all maps that
+the law of impacts admits (:func:`stickslip.equations.field.impact_map`) it is the one that leads
+where the motion has gone on.
+
+References
+----------
+R. I. Leine, H. Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical Systems*, Springer
+2004, chapter 7; M. di Bernardo et al., *Piecewise-smooth Dynamical Systems*, Springer 2008, 2.5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import chain, product
+from typing import TYPE_CHECKING, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.equations.derive import MotionEquations
+from stickslip.equations.field import Mode, impact_map
+from stickslip.orbits.fields.instructions import PointFunction
+from stickslip.orbits.fields.mode_field import Piece
+from stickslip.symbolic import expressions as ex
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
+
+_SAME = 1e-7  # part of the velocities by which a jump may miss what its map says
+_EXACT = 1e-11  # … and what is no miss
+_SMALL = 3e-8  # part of the first speed of bounces below which they are taken together
+_TANGENT = 1e-9  # part of its terms below which a gap closes without speed
+
+
+class Jump(NamedTuple):
+    """A map of the state at a point: its value, and derivatives by time and by state and free
+    parameter, shape (n, columns)."""
+
+    after: Array
+    time: Array
+    slopes: Array
+
+
+class ImpactMap:
+    """The map of an impact in one mode, with first derivatives.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    piece : Piece
+        Before the impact.
+    mode : tuple of int
+    settled : frozenset of int
+        As of :func:`stickslip.equations.field.impact_map`.
+    """
+
+    def __init__(
+        self, equations: MotionEquations, piece: Piece, mode: Mode, settled: frozenset[int]
+    ) -> None:
+        after = impact_map(equations, mode, piece.field.region, settled)
+        columns = ("t", *piece.columns)
+        every = [e for a in after for e in (a, *(ex.derivative(a, c) for c in columns))]
+        self._values = PointFunction(piece.field, every)
+
+    def __call__(self, t: float, y: Array, p: Array) -> Jump:
+        """The map at a point."""
+        table = self._values(t, y, p).reshape(len(y), -1)
+        return Jump(table[:, 0], table[:, 1], table[:, 2:])
+
+
+_latest: WeakKeyDictionary[Piece, dict[tuple[int, frozenset[int]], Mode]] = WeakKeyDictionary()
+_maps: WeakKeyDictionary[Piece, dict[tuple[Mode, frozenset[int]], ImpactMap]] = WeakKeyDictionary()
+
+
+class Strike(NamedTuple):
+    """An impact of a motion.
+
+    Attributes
+    ----------
+    knot : int
+    last : int
+        The same, or that of the last of the bounces which are taken together with it.
+    time : float
+    before : array, shape (n,)
+        State before.
+    """
+
+    knot: int
+    last: int
+    time: float
+    before: Array
+
+
+def strikes(motion: Trajectory) -> dict[int, Strike]:
+    """The impacts of a motion by their knots.
+
+    Bounces that come to an end are taken together as soon as they are small: as one impact without
+    rebound, after which the contact is closed. The normal force that presses it while the bounces
+    last has the impulse that these have, so that what is neglected is their square. Rounding
+    errors of their derivatives grow as they shrink: here both are small.
+    """
+    k = motion.knots
+    index = motion._strikes
+    before = motion._states_at(k.time[index], index - 1)
+    speed = motion.impacts["approach"].to_numpy()
+    first = k.region.shape[1]
+    last = index.copy()
+    for j in range(len(index) - 1, -1, -1):
+        contact = k.cause[index[j]] - first
+        ends = k.mode[index[j], contact] == 0
+        bounces = (
+            j + 1 < len(index)
+            and k.cause[index[j + 1]] == k.cause[index[j]]
+            and index[j + 1] == index[j] + 1
+        )
+        if bounces and not ends and k.mode[last[j + 1], contact] == 0:
+            last[j] = last[j + 1]
+    begun = 0.0
+    found = {}
+    for j, i in enumerate(map(int, index)):
+        begun = speed[j] if j == 0 or last[j - 1] != last[j] else begun
+        small = last[j] > i and speed[j] <= _SMALL * begun
+        found[i] = Strike(i, int(last[j]) if small else i, float(k.time[i]), before[j])
+    return found
+
+
+def saltation(
+    equations: MotionEquations,
+    motion: Trajectory,
+    strike: Strike,
+    pieces: tuple[Piece, Piece],
+    p: Array,
+) -> tuple[Array, bool]:
+    """The saltation matrix of an impact, and whether it exists: not if a gap closes without speed
+    (grazing), or no impulse is found that explains the jump.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    motion : Trajectory
+    strike : Strike
+    pieces : (Piece, Piece)
+        Before and after it.
+    p : array, shape (parameters,)
+
+    Returns
+    -------
+    array, shape (columns, columns)
+    bool
+    """
+    left, right = pieces
+    t, y = strike.time, strike.before
+    k = motion.knots
+    switch = int(k.cause[strike.knot])
+    contact = switch - len(equations.kinks)
+    settled = frozenset([contact]) if right.field.mode[contact] == 0 else frozenset[int]()
+    here = left.leave(t, y, p)
+    g = int(np.flatnonzero(left.switches == switch)[0])
+    recorded = settled if strike.last == strike.knot else frozenset[int]()
+    mode = _mode_of(equations, left, (t, y, k.state[strike.knot]), (contact, recorded), p)
+    n, columns = len(y), len(left.columns)
+    S = np.eye(columns)
+    if mode is None or not abs(here.fall[g]) > _TANGENT * here.terms[g]:
+        return S, False
+    found = _map(equations, left, mode, settled)(t, y, p)
+    D = found.slopes[:, :n]
+    S[:n] = found.slopes
+    late = right.rates(t, k.state[strike.last], p) - D @ here.rates - found.time
+    S[:n] += np.outer(late, here.slopes[g] / here.fall[g])
+    return S, True
+
+
+def _mode_of(
+    equations: MotionEquations,
+    left: Piece,
+    jump: tuple[float, Array, Array],
+    closing: tuple[int, frozenset[int]],
+    p: Array,
+) -> Mode | None:
+    """The mode of an impact that explains a jump; None if there is none.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    left : Piece
+        Before the impact.
+    jump : float and two arrays, shape (n,)
+        When, and the states before and after.
+    closing : int and frozenset of int
+        The contact that has closed, and those that have lost their restitution.
+    p : array, shape (parameters,)
+    """
+    t, y, after = jump
+    contact, settled = closing
+    size = float(np.max(np.abs(after - y), initial=0.0))
+    closed = {i for i, c in enumerate(equations.contacts) if c.opens and left.field.mode[i] == 0}
+    # Mostly it is the one of last time, which a rounding error tells.
+    latest = _latest.setdefault(left, {})
+    candidates = _modes(equations, {*closed, contact})
+    if closing in latest:
+        candidates = chain([latest[closing]], candidates)
+    best: Mode | None = None
+    least = _SAME * size
+    for mode in candidates:
+        try:
+            found = _map(equations, left, mode, settled)(t, y, p)
+        except ZeroDivisionError:
+            continue
+        off = float(np.max(np.abs(found.after - after)))
+        if off < least:
+            best, least = mode, off
+        if least <= _EXACT * size:
+            break
+    if best is not None:
+        latest[closing] = best
+    return best
+
+
+def _modes(equations: MotionEquations, near: set[int]) -> Iterator[Mode]:
+    """The modes of an impact of some contacts, of which each may take part or not."""
+    choices: list[tuple[int, ...]] = []
+    for i, c in enumerate(equations.contacts):
+        rubs = bool(set(equations.pressing(i)) & near)
+        choices.append((0, 1) if i in near else (0, 1, -1) if rubs and not c.opens else (1,))
+    for mode in product(*choices):
+        # What takes no part rubs in no way.
+        if all(
+            mode[i] == 1 for i in range(len(mode)) for n in equations.pressing(i) if mode[n] != 0
+        ):
+            yield mode
+
+
+def _map(
+    equations: MotionEquations, piece: Piece, mode: Mode, settled: frozenset[int]
+) -> ImpactMap:
+    """The map of an impact, made once."""
+    made = _maps.setdefault(piece, {})
+    if (mode, settled) not in made:
+        made[mode, settled] = ImpactMap(equations, piece, mode, settled)
+    return made[mode, settled]

@@ -1,0 +1,154 @@
+"""Cycles, branches and equilibria of systems with contacts that open."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+import stickslip as ss
+from stickslip.orbits.fields.mode_field import Pieces
+from stickslip.orbits.fields.variational import variation
+
+G = 9.81
+
+
+def shaken_ball(e: float, omega: float, above: float) -> tuple[ss.Trajectory, float]:
+    """A ball that bounces once a period on a plate, from the middle of a flight to that of another;
+    and the sine of the phase of its impacts.
+
+    It leaves with gT/2, so that the plate has the velocity c = gT/2 (1 − e)/(1 + e) at each impact.
+    """
+    period = 2 * np.pi / omega
+    c = G * period / 2 * (1 - e) / (1 + e)
+    A = above * c / omega
+    phase = np.arccos(c / (A * omega))
+    ball = ss.catalogue.bouncing_ball(e=e, A=A, omega=omega)
+    initial = {"y": A * np.sin(phase), "d_y": G * period / 2}
+    start = phase / omega
+    return ss.simulate(ball, (start, start + 2.5 * period), initial=initial), float(np.sin(phase))
+
+
+@pytest.mark.parametrize("above", [1.002, 1.01, 1.03])
+@pytest.mark.parametrize("e", [0.3, 0.8])
+def test_multipliers_of_a_ball_on_a_shaken_plate(e: float, above: float) -> None:
+    """Impacts at t and with the speed v that follows: with s = Aω² sin φ the derivative of the map
+    (t, v) has the determinant e² and the trace 1 + e² − (1 + e)² s/g."""
+    omega = 20.0
+    motion, sine = shaken_ball(e, omega, above)
+    cycle = ss.find_cycle(motion.system, motion)
+    assert cycle.certificate.ok, cycle.certificate
+    assert cycle.period == pytest.approx(2 * np.pi / omega, rel=1e-12)
+    s = float(motion.parameters["A"]) * omega**2 * sine
+    trace = 1 + e**2 - (1 + e) ** 2 * s / G
+    found = cycle.multipliers
+    assert_allclose(np.prod(found).real, e**2, rtol=1e-9)
+    assert_allclose(np.sum(found).real, trace, rtol=1e-9, atol=1e-9)
+
+
+def test_a_ball_on_a_shaken_plate_doubles_its_period() -> None:
+    """The cycle is born at Aω = c, and loses its stability at s = 2g(1 + e²)/(1 + e)²."""
+    e, omega = 0.5, 20.0
+    motion, _ = shaken_ball(e, omega, 1.05)
+    ball = motion.system
+    branch = ss.continue_cycle(ss.find_cycle(ball, motion), "A", (0.001, 0.08))
+    c = G * np.pi / omega * (1 - e) / (1 + e)
+    doubling = np.hypot(c / omega, 2 * G * (1 + e**2) / (1 + e) ** 2 / omega**2)
+    places = {p.kind: p.value for p in branch.special}
+    assert places["fold"] == pytest.approx(c / omega, rel=1e-9)
+    assert places["period doubling"] == pytest.approx(doubling, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_first_variation_through_impacts(seed: int) -> None:
+    """Saltation matrices against differences of motions that are really followed."""
+    from motion.test_impacts import random_system
+
+    system, _, _, (q, v) = random_system(seed)
+    names = system.declaration.state
+    first = np.array([*q, *v])
+
+    def end(change: np.ndarray) -> tuple[np.ndarray, list[str]]:
+        initial = dict(zip(names, map(float, first + change), strict=True))
+        motion = ss.simulate(system, (0.0, 0.9), initial=initial, rtol=1e-12, atol=1e-14)
+        assert motion.outcome.ok
+        return motion.knots.state[-1], list(motion.impacts["contact"])
+
+    motion = ss.simulate(system, (0.0, 0.9), rtol=1e-12, atol=1e-14)
+    found = variation(motion, Pieces(motion._problem.compiled.equations))
+    if not found.differentiable:
+        pytest.skip("it has a corner")
+    rng = np.random.default_rng(seed)
+    size = float(np.max(np.abs(found.matrix)))
+    for _ in range(3):
+        direction = rng.normal(size=6)
+        h = 1e-5
+        ends = [end(k * h * direction) for k in (1, -1, 2, -2)]
+        if any(struck != ends[0][1] for _, struck in ends):
+            continue  # another impact comes in: no difference tells
+        a, b, c, d = (y for y, _ in ends)
+        slope = (8 * (a - b) - (c - d)) / (12 * h)
+        assert_allclose(found.matrix @ direction, slope, atol=1e-6 * max(size, 1.0))
+
+
+def test_the_woodpecker() -> None:
+    """The printed parameters of Leine, Glocker and van Campen: 0.1460 s where a time stepping of
+    order one is converged, φ_S down to −0.53."""
+    bird = ss.catalogue.woodpecker()
+    cycle = ss.find_cycle(bird, ss.simulate(bird, (0.0, 2.0)))
+    assert cycle.certificate.ok, cycle.certificate
+    assert cycle.stable
+    assert cycle.period == pytest.approx(0.145976, abs=1e-6)
+    assert cycle.minimum["phi_S"] == pytest.approx(-0.5295, abs=1e-4)
+    # It is pulled down only.
+    assert cycle.drift["y"] < 0.0
+
+
+@pytest.mark.parametrize(("mu", "hangs"), [(0.28, False), (0.3, True), (0.6, True)])
+def test_the_woodpecker_hangs(mu: float, hangs: bool) -> None:
+    """At rest it jams at φ_S = −0.2216 (printed), for μ ≥ 0.285 only."""
+    found = ss.equilibria(ss.catalogue.woodpecker(), parameters={"mu": mu})
+    assert len(found) == int(hangs)
+    if hangs:
+        (jam,) = found
+        assert jam.modes == {"beak": "open", "lower edge": "stick", "upper edge": "open"}
+        assert jam.state["phi_S"] == pytest.approx(-0.2216, abs=1e-4)
+        assert jam.certificate.ok
+        weight = (0.0003 + 0.0045) * G
+        pressed = jam.normal_forces["normal_lower_edge"]
+        assert mu * pressed >= weight
+
+
+def test_a_block_in_a_corner() -> None:
+    """Pressed into it, a block rests in a set: its friction takes up to μN of its weight."""
+    block = ss.System(
+        name="corner",
+        parameters={"F": ss.Parameter(3.0), "mu": ss.Parameter(0.4)},
+        coordinates={"x": ss.Inertial(force="-F"), "y": ss.Inertial(force="-1 - y")},
+        kinetic="(d_x**2 + d_y**2)/2",
+        contacts={"wall": ss.Unilateral("x", "d_y", "mu")},
+        initial={"x": 1.0},
+    )
+    found = ss.equilibria(block)
+    (rest,) = found
+    assert rest.dimension == 1
+    assert rest.extent["y"] == pytest.approx((-1 - 1.2, -1 + 1.2), rel=1e-9)
+    assert rest.extent["x"] == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert rest.normal_forces["normal_wall"] == pytest.approx(3.0)
+
+
+def test_rest_on_a_plate() -> None:
+    """Without friction what rests on a plate is isolated, and nothing is left that could move."""
+    ball = ss.System(
+        name="ball",
+        coordinates={"y": ss.Inertial()},
+        kinetic="d_y**2/2",
+        potential="2*y",
+        contacts={"plate": ss.Unilateral("y")},
+        initial={"y": 1.0},
+    )
+    (rest,) = ss.equilibria(ball)
+    assert rest.modes == {"plate": "closed"}
+    assert rest.normal_forces == {"normal_plate": pytest.approx(2.0)}
+    assert rest.eigenvalues == ()
+    assert rest.stable
