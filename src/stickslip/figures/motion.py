@@ -141,9 +141,12 @@ class _Overview:
         part = slice(self.motion.first, self.motion.first + self.motion.steps)
         modes = {key: mode[part] for key, mode in trajectory.modes.items()}
         self.modes = {key: modes[key] for key in self.contacts}
-        self.all_stick = np.full(self.motion.steps, bool(modes))
+        # What is open says nothing.
+        self.all_stick = np.zeros(self.motion.steps, bool)
         for mode in modes.values():
-            self.all_stick &= mode == 0
+            self.all_stick |= np.isin(mode, (0, IS_CLOSED))
+        for mode in modes.values():
+            self.all_stick &= np.isin(mode, (0, IS_CLOSED, IS_OPEN))
         self.whole = self.motion.count <= FEW  # everything is drawn as it is
         self.t, self.values, self.curves = self.collect()
 

@@ -14,7 +14,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.machine_code.functions import njit
 from stickslip.motion.between.nodes import GAUSS_NODES, GAUSS_WEIGHTS
-from stickslip.motion.engine.guards import resting
+from stickslip.motion.engine.guards import resting, stands
 from stickslip.motion.engine.roots import halve, horner, lowest
 from stickslip.motion.steps.arrays import OPTIONS, Rows
 
@@ -37,7 +37,7 @@ class Sums(NamedTuple):
     stick, work, peak, impulse : arrays, shape (contacts,)
         Time in stick, dissipated energy −∫λu dt, largest |λ| and ∫λ dt.
     total : array
-        Duration (LASTED), and the time in which all contacts stick (STUCK).
+        Duration (LASTED), and the time in which all contacts stick that are not open (STUCK).
     switches : array of int
         Changes between stick and slip.
     """
@@ -169,22 +169,21 @@ def turning_point(c: Array, d: int, a: float, b: float, rising: bool) -> float:
 
 
 @njit(**OPTIONS)
-def count_times(mode: Array, after: Array, length: float, sums: Sums) -> None:
+def count_times(rows: Rows, mode: Array, after: Array, length: float, sums: Sums) -> None:
     """Add the time of a step in a mode, and the switches at its end.
 
     Parameters
     ----------
+    rows : Rows
     mode, after : arrays of int, shape (contacts,)
         On the step, and from its end on.
     """
-    stuck = len(mode) > 0
     for c in range(len(mode)):
         rests = resting(mode[c])
-        stuck = stuck and rests
         sums.stick[c] += length if rests else 0.0
         sums.switches[0] += 1 if after[c] != mode[c] and not (rests and resting(after[c])) else 0
     sums.total[LASTED] += length
-    sums.total[STUCK] += length if stuck else 0.0
+    sums.total[STUCK] += length if stands(rows, mode) else 0.0
 
 
 @njit(**OPTIONS)

@@ -227,7 +227,7 @@ def audit_steps(
     """
     for i in range(len(ends.time)):
         length = ends.time[i] - starts.time[i]
-        count_times(starts.mode[i], ends.mode[i], length, accounts.sums)
+        count_times(flow.rows, starts.mode[i], ends.mode[i], length, accounts.sums)
         if length > 0.0:
             audit_step(machine, flow, seen, starts, ends, wanted, i, accounts)
         elif wanted.law and may_collide(flow.rows, ends.cause[i]):

@@ -146,6 +146,19 @@ def resting(mode: int) -> bool:
 
 
 @njit(**OPTIONS)
+def stands(rows: Rows, mode: Array) -> bool:
+    """Whether every contact rests that is not open, and there is one."""
+    found = False
+    for c in range(len(mode)):
+        if is_loose(rows, mode, c) or (opens(rows, c) and mode[c] != 0):
+            continue
+        if not resting(mode[c]):
+            return False
+        found = True
+    return found
+
+
+@njit(**OPTIONS)
 def spell(word: int, mode: Array, region: Array) -> int:
     """A word, as a number, with one letter more: the mode of each contact and the region of each
     kink.

@@ -5,11 +5,11 @@ Newton's law with Coulomb's friction, in impulses, for all contacts that are clo
 
     0 ≤ Λ_N ⟂ γ_N⁺ + e_N γ_N⁻ ≥ 0,   Λ_T ∈ −μ Λ_N Sign(γ_T⁺ + e_T γ_T⁻),   M (q̇⁺ − q̇⁻) = JᵀΛ
 
-(Ch. Glocker, *Set-Valued Force Laws*, 2001, chapter 10). In a mode of the contacts this is the
-linear problem of accelerations with other right-hand sides: a contact that takes part asks for
-J Δq̇ = −(1 + e) γ⁻, one that slips has Λ_T = ∓μ Λ_N. So its inverse is the one that ``jets`` makes.
-All modes of the contacts concerned are tried; of those that satisfy the law the one that loses most
-energy is taken. Contacts with a given threshold have bounded forces and take no impulse.
+(Ch. Glocker, *Set-Valued Force Laws*, 2001, chapter 10). In a mode of the contacts this is a
+linear problem with Delassus' matrix G = J M⁻¹ Jᵀ: a contact that takes part asks for G Λ =
+−(1 + e) γ⁻, one that slips has Λ_T = ∓μ Λ_N. All modes of the contacts concerned are tried; of
+those that satisfy the law the one that loses most energy is taken. Contacts with a given threshold
+have bounded forces and take no impulse.
 """
 
 from __future__ import annotations
@@ -34,12 +34,14 @@ from stickslip.motion.steps.arrays import (
     OK,
     ON_INERTIAL,
     OPTIONS,
+    PART,
     SPAN,
     Flow,
     Instant,
     Lane,
     Machine,
     Rows,
+    Space,
     coefficients,
     direction_entry,
     gap_size,
@@ -49,7 +51,7 @@ from stickslip.motion.steps.arrays import (
 # only such that create energy.
 NO_IMPACT, JUMPED, NO_IMPULSE, CREATES = range(4)
 # Rows of Space.impact: velocities of contacts before and after, impulses, and the restitution that
-# counts; then, by coordinate, the change of the rates and the best one so far.
+# counts; by coordinate, the change of the rates; and the best impulses so far.
 BEFORE, AFTER, IMPULSE, RESTITUTION, CHANGE, BEST = range(6)
 # Rows of Space.tried: which contacts take part, the mode before, and the best mode so far.
 _NEAR, _KEPT, _CHOSEN = range(3)
@@ -57,6 +59,7 @@ _MOST_MODES = 65536
 _CREATED = 1e-9  # part of the energy of an impact that may be a rounding error
 _SLOW = 1e-12  # part of their terms below which velocities are zero
 _TOGETHER = 1e-13  # of the time that a motion may last: what of bouncing is left then is none
+_SINGULAR = 1e-13  # part of its row below which a pivot is zero
 
 
 @njit(**INLINED)
@@ -96,13 +99,13 @@ def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
         if found != JUMPED:
             return found
         for q in range(nq):
-            lane.y[nq + q] += work[BEST, q]
+            lane.y[nq + q] += work[CHANGE, q]
         guess_mode(rows, tried, work, lane.mode)
         if not settles(machine, flow, lane):
             return JUMPED
         # What is left of the bounces cannot be told from none: once more, without restitution.
         for q in range(nq):
-            lane.y[nq + q] -= work[BEST, q]
+            lane.y[nq + q] -= work[CHANGE, q]
     return JUMPED
 
 
@@ -153,42 +156,242 @@ def open_all(rows: Rows, mode: Array) -> None:
 
 @njit(**INLINED)
 def best_impulse(machine: Machine, flow: Flow, at: Instant) -> int:
-    """The impulses that obey the law and lose most energy; the change of the rates is left in the
-    work space."""
+    """The impulses that obey the law and lose most energy; they are left in the work space, with
+    the velocities after them and the change of the rates."""
     rows = flow.rows
-    work = flow.space.impact
-    tried = flow.space.tried
+    space = flow.space
+    work = space.impact
+    tried = space.tried
+    if not put_responses(machine, flow, at):
+        return NO_IMPULSE
     total = modes_of(rows, tried)
     least = np.inf
     largest = 0.0
     for number in range(total if total <= _MOST_MODES else 0):
-        right, gained, size = try_impulses(machine, flow, at, number)
+        right, gained, size = try_impulses(rows, space, at.mode, number)
         largest = max(largest, size)
         if right and gained < least:
             least = gained
-            for q in range(rows.sizes[INERTIAL]):
-                work[BEST, q] = work[CHANGE, q]
             for c in range(rows.sizes[ON_INERTIAL]):
+                work[BEST, c] = work[IMPULSE, c]
                 tried[_CHOSEN, c] = at.mode[c]
     if not least < np.inf:
         return NO_IMPULSE
+    for c in range(rows.sizes[ON_INERTIAL]):
+        work[IMPULSE, c] = work[BEST, c]
+    put_velocities(rows, space)
+    put_change(rows, space)
     return JUMPED if least <= _CREATED * largest else CREATES
 
 
+@njit(**OPTIONS)
+def takes_part(rows: Rows, tried: Array, c: int) -> bool:
+    """Whether a contact may have an impulse: it is near, or the friction of one that is."""
+    near = opens(rows, c) and tried[_NEAR, c] == 1
+    return bool(near or (rows.parents[c] >= 0 and tried[_NEAR, rows.parents[c]] == 1))
+
+
 @njit(**INLINED)
-def try_impulses(
-    machine: Machine, flow: Flow, at: Instant, number: int
-) -> tuple[bool, float, float]:
-    """Impulses in the mode that a number stands for: whether they obey the law, the energy that
-    they gain, and the size of its terms."""
+def put_responses(machine: Machine, flow: Flow, at: Instant) -> bool:
+    """What unit impulses of those that take part do to the rates, M⁻¹Jᵀ, and to the velocities of
+    all contacts, J M⁻¹ Jᵀ; False if the inertia is not definite.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        Its work space receives them.
+    at : Instant
+        Its mode is used up.
+    """
     rows = flow.rows
     space = flow.space
-    choose_impulse_mode(number, rows, space.tried, at.mode)
+    for c in range(rows.sizes[ON_INERTIAL]):
+        at.mode[c] = 1
     if coefficients(machine, flow, at, 1, space.V) != OK:
+        return False
+    for p in range(len(rows.parts)):
+        if rows.parts[p, MOVING] == 1:
+            put_part(rows, space, flow.k.J, p)
+    return True
+
+
+@njit(**OPTIONS)
+def put_part(rows: Rows, space: Space, J: Array, p: int) -> None:
+    """The same for one component, whose inverse is in the work space.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+    J : array
+        Directions that do not change.
+    p : int
+    """
+    n = rows.parts[p, COORDINATES]
+    m = rows.parts[p, CONTACTS]
+    first = rows.parts[p, FIRST_ROW]
+    members = rows.members[rows.parts[p, MEMBERS] :]
+    for j in range(m):
+        c = members[n + j]
+        if not takes_part(rows, space.tried, c):
+            continue
+        for i in range(n):
+            total = 0.0
+            for k in range(n):
+                total += space.Rq[first + i, k] * direction_entry(rows, J, space.V, c, k)
+            space.response[members[i], c] = total
+        for other in range(m):
+            b = members[n + other]
+            total = 0.0
+            for i in range(n):
+                weight = direction_entry(rows, J, space.V, b, i)
+                total += weight * space.response[members[i], c]
+            space.delassus[b, c] = total
+
+
+@njit(**OPTIONS)
+def try_impulses(rows: Rows, space: Space, mode: Array, number: int) -> tuple[bool, float, float]:
+    """Impulses in the mode that a number stands for: whether they obey the law, the energy that
+    they gain, and the size of its terms.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the responses to unit impulses.
+    mode : array of int
+        Receives the mode.
+    number : int
+    """
+    choose_impulse_mode(number, rows, space.tried, mode)
+    if not solve_impulses(rows, space, mode):
         return False, 0.0, 0.0
-    make_impulses(flow, at.mode)
-    gained, size, right = judge_impulses(rows, space.V, space.impact, space.tried, at.mode)
+    put_velocities(rows, space)
+    gained, size, right = judge_impulses(rows, space.V, space.impact, space.tried, mode)
     return right, gained, size
+
+
+@njit(**OPTIONS)
+def is_held(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
+    """Whether the velocity of a contact after an impact is asked for, so that its impulse is
+    unknown."""
+    if mode[c] != 0 or not takes_part(rows, tried, c):
+        return False
+    return bool(rows.parents[c] < 0 or mode[rows.parents[c]] == 0)
+
+
+@njit(**OPTIONS)
+def slides_along(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
+    """Whether a contact rubs in an impact."""
+    normal = rows.parents[c]
+    return bool(normal >= 0 and tried[_NEAR, normal] == 1 and mode[normal] == 0 and mode[c] != 0)
+
+
+@njit(**OPTIONS)
+def solve_impulses(rows: Rows, space: Space, mode: Array) -> bool:
+    """Impulses in a mode; False if they are not determined.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the responses; receives the impulses.
+    mode : array of int
+    """
+    work = space.impact
+    tried = space.tried
+    G = space.delassus
+    system = space.impulses
+    mq = rows.sizes[ON_INERTIAL]
+    size = 0
+    for a in range(mq):
+        work[IMPULSE, a] = 0.0
+        if not is_held(rows, tried, mode, a):
+            continue
+        column = 0
+        for b in range(mq):
+            if is_held(rows, tried, mode, b):
+                entry = G[a, b]
+                for c in range(mq):
+                    if rows.parents[c] == b and slides_along(rows, tried, mode, c):
+                        entry -= mode[c] * space.V[rows.friction[c], 0] * G[a, c]
+                system[size, column] = entry
+                column += 1
+        system[size, column] = -(1.0 + work[RESTITUTION, a]) * work[BEFORE, a]
+        size += 1
+    if not eliminate(system, size):
+        return False
+    place = 0
+    for c in range(mq):
+        if is_held(rows, tried, mode, c):
+            work[IMPULSE, c] = system[place, size]
+            place += 1
+    for c in range(mq):
+        if slides_along(rows, tried, mode, c):
+            mu = space.V[rows.friction[c], 0]
+            work[IMPULSE, c] = -mode[c] * mu * work[IMPULSE, rows.parents[c]]
+    return True
+
+
+@njit(**OPTIONS)
+def eliminate(system: Array, n: int) -> bool:
+    """Solve n equations, whose right side is the column behind them and becomes the solution; False
+    if a pivot vanishes beside its row."""
+    for k in range(n):
+        best = k
+        most = -1.0
+        for i in range(k, n):
+            size = 0.0
+            for j in range(n):
+                size = max(size, abs(system[i, j]))
+            part = abs(system[i, k]) / size if size > 0.0 else 0.0
+            if part > most:
+                best, most = i, part
+        if not most > _SINGULAR:
+            return False
+        if best != k:
+            for j in range(n + 1):
+                system[k, j], system[best, j] = system[best, j], system[k, j]
+        for i in range(k + 1, n):
+            factor = system[i, k] / system[k, k]
+            for j in range(k, n + 1):
+                system[i, j] -= factor * system[k, j]
+    for k in range(n - 1, -1, -1):
+        total = system[k, n]
+        for j in range(k + 1, n):
+            total -= system[k, j] * system[j, n]
+        system[k, n] = total / system[k, k]
+    return True
+
+
+@njit(**OPTIONS)
+def put_velocities(rows: Rows, space: Space) -> None:
+    """Velocities of contacts after impulses."""
+    work = space.impact
+    mq = rows.sizes[ON_INERTIAL]
+    for c in range(mq):
+        work[AFTER, c] = work[BEFORE, c]
+    for b in range(mq):
+        if work[IMPULSE, b] != 0.0:
+            for c in range(mq):
+                if rows.homes[c, PART] == rows.homes[b, PART]:
+                    work[AFTER, c] += space.delassus[c, b] * work[IMPULSE, b]
+
+
+@njit(**OPTIONS)
+def put_change(rows: Rows, space: Space) -> None:
+    """The change of the rates by impulses."""
+    work = space.impact
+    for q in range(rows.sizes[INERTIAL]):
+        work[CHANGE, q] = 0.0
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if work[IMPULSE, c] == 0.0:
+            continue
+        p = rows.homes[c, PART]
+        for i in range(rows.parts[p, COORDINATES]):
+            q = rows.members[rows.parts[p, MEMBERS] + i]
+            work[CHANGE, q] += space.response[q, c] * work[IMPULSE, c]
 
 
 @njit(**OPTIONS)
@@ -217,43 +420,6 @@ def choose_impulse_mode(number: int, rows: Rows, tried: Array, mode: Array) -> N
             mode[c] = number % 3 - 1
             number //= 3
     loosen_friction(rows, mode)
-
-
-@njit(**OPTIONS)
-def make_impulses(flow: Flow, mode: Array) -> None:
-    """Impulses, the change of the rates, and the velocities after it, in a mode of which the
-    inverses are in the work space."""
-    rows = flow.rows
-    space = flow.space
-    work = space.impact
-    for q in range(rows.sizes[INERTIAL]):
-        work[CHANGE, q] = 0.0
-    for c in range(rows.sizes[ON_INERTIAL]):
-        work[IMPULSE, c] = 0.0
-        work[AFTER, c] = work[BEFORE, c]
-    for p in range(len(rows.parts)):
-        if rows.parts[p, MOVING] == 0:
-            continue
-        n = rows.parts[p, COORDINATES]
-        m = rows.parts[p, CONTACTS]
-        first = rows.parts[p, FIRST_ROW]
-        members = rows.members[rows.parts[p, MEMBERS] :]
-        for i in range(n + m):
-            total = 0.0
-            for j in range(m):
-                c = members[n + j]
-                if mode[c] == 0:
-                    asked = -(1.0 + work[RESTITUTION, c]) * work[BEFORE, c]
-                    total += space.Rq[first + i, n + j] * asked
-            if i < n:
-                work[CHANGE, members[i]] = total
-            else:
-                work[IMPULSE, members[i]] = total
-        for j in range(m):
-            c = members[n + j]
-            for i in range(n):
-                weight = direction_entry(rows, flow.k.J, space.V, c, i)
-                work[AFTER, c] += weight * work[CHANGE, members[i]]
 
 
 @njit(**OPTIONS)
@@ -385,9 +551,12 @@ def distance_of_jump(
         return float(least)
     total = modes_of(rows, space.tried)
     least = np.inf
+    if not put_responses(machine, flow, before):
+        return np.inf
     for number in range(total if total <= _MOST_MODES else 0):
-        right, gained, size = try_impulses(machine, flow, before, number)
+        right, gained, size = try_impulses(rows, space, before.mode, number)
         if right and gained <= _CREATED * size:
+            put_change(rows, space)
             off = 0.0
             for q in range(nq):
                 jump = after[nq + q] - before.y[nq + q]

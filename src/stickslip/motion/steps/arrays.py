@@ -207,6 +207,8 @@ class Space(NamedTuple):
         Of implicit steps: two matrices and some vectors; see :mod:`stickslip.motion.steps.stiff`.
     impact, tried : arrays
         Of impacts; see :mod:`stickslip.motion.engine.impacts`.
+    response, delassus, impulses : arrays, shapes (nq, mq), (mq, mq), (mq, mq + 1)
+        M⁻¹Jᵀ and J M⁻¹ Jᵀ of contacts that take part in an impact, and the equations of impulses.
     """
 
     W: Array
@@ -237,6 +239,9 @@ class Space(NamedTuple):
     stages: Array
     impact: Array
     tried: Array
+    response: Array
+    delassus: Array
+    impulses: Array
 
 
 class Lane(NamedTuple):
@@ -438,6 +443,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
     moving = [int(p[COORDINATES] + p[CONTACTS]) for p in rows.parts if p[MOVING]]
     most = max([nr, *moving])  # unknowns of a problem whose matrix changes on the way
     guards = nk + 2 * nc + len(rows.doubtful) + 1
+    struck = mq if np.any(rows.gaps >= 0) else 0
     implicit = N // 2 * n if n <= MOST_IMPLICIT else 0
     W = z((table_rows, N + 1))
     V = z((table_rows, 2))
@@ -470,5 +476,8 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         asked=z(len(rows.parts) + 1, np.int64),
         impact=z((7, max(nq, nc))),
         tried=z((3, max(nc, 1)), np.int64),
+        response=z((nq, struck)),
+        delassus=z((struck, struck)),
+        impulses=z((struck, struck + 1)),
         stages=z((2 * implicit + 7, max(implicit, len(rows.watched), N // 2 + 1))),
     )

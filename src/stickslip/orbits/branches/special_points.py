@@ -391,12 +391,22 @@ def dataset(parameters: Iterable[str], cycles: list[Cycle], steps: Array) -> xar
     }
     if any(c.drift for c in cycles):
         data["energy_per_distance"] = measured("energy_per_distance")
-    for i, name in enumerate(cycles[0].contacts):
+    for i, contact in enumerate(cycles[0].trajectory._problem.compiled.equations.contacts):
+        peaks = [c._sums.peak[i] for c in cycles]
+        if contact.opens:
+            what = quantity(system, contact.name)
+            what = {**what, "long_name": f"largest {what.get('long_name', contact.name)}"}
+            data[f"peak_{contact.name}"] = column("", peaks, **what)
+        else:
+            key = contact_key(contact.name)
+            force = described(system, f"peak_force:{contact.name}")
+            data[f"peak_force_{key}"] = column("", peaks, **force)
+    for name in cycles[0].contacts:
         key = contact_key(name)
-        stuck = (c.contacts[name].stick_time for c in cycles)
-        data[f"stick_time_{key}"] = column("", stuck, units=time)
-        force = described(system, f"peak_force:{name}")
-        data[f"peak_force_{key}"] = column("", (c._sums.peak[i] for c in cycles), **force)
+        times = ["stick_time", *(["open_time"] if name in system.unilateral else [])]
+        for part in times:
+            lasted = (getattr(c.contacts[name], part) for c in cycles)
+            data[f"{part}_{key}"] = column("", lasted, units=time)
     return xr.Dataset(data, attrs={"title": system.title or system.name, "kind": "cycles"})
 
 

@@ -21,12 +21,13 @@ from numpy.typing import ArrayLike
 
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate
-from stickslip.equations.field import named_modes
+from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError, short
 from stickslip.model.quantities import described, drift_units, per_distance_unit
 from stickslip.model.system import System
 from stickslip.model.units import with_unit
 from stickslip.motion.between.observers import Sums
+from stickslip.motion.knots import IS_CLOSED, IS_OPEN
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.orbits.continuation.branch import SpecialPoint
@@ -114,9 +115,8 @@ class Cycle(Result):
     @cached_property
     def section(self) -> str:
         """What is special about this state."""
-        first = self.phases[0].modes
-        named = named_modes(list(first), list(first.values()))
-        modes = ", ".join(f"{contact}: {mode}" for contact, mode in named.items())
+        words = {**MODE_NAMES, IS_OPEN: "open", IS_CLOSED: "closed"}
+        modes = ", ".join(f"{c}: {words[m]}" for c, m in self.phases[0].modes.items())
         return "the middle of a phase" + (f" ({modes})" if modes else "")
 
     @cached_property

@@ -11,10 +11,12 @@ import numpy as np
 
 from stickslip.arrays import AnyArray, Array
 from stickslip.errors import DeclarationError, short
-from stickslip.model.quantities import described, formula_unit
+from stickslip.model.names import normal_force
+from stickslip.model.quantities import contact_key, described, formula_unit
 from stickslip.model.system import System
 from stickslip.model.units import agree, factors
 from stickslip.motion.between.observers import LASTED, Sums
+from stickslip.motion.knots import IS_CLOSED, IS_OPEN
 from stickslip.orbits.return_map.recurrence import segments
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
@@ -37,7 +39,7 @@ class Phase:
     ----------
     duration : float
     modes : dict of str to int
-        By contact: 0 stick, +1 or −1 slip.
+        By contact: 0 stick, +1 or −1 slip, 2 open, 3 closed without friction.
     region : tuple of int
         By kink of the formulas: 1 where its guard is ≥ 0.
     """
@@ -48,28 +50,43 @@ class Phase:
 
     @property
     def sticks(self) -> bool:
-        """Whether all contacts stick."""
-        return bool(self.modes) and not any(self.modes.values())
+        """Whether all contacts stick that are not open."""
+        rests = {0, IS_CLOSED}
+        found = set(self.modes.values())
+        return bool(found & rests) and found <= {*rests, IS_OPEN}
 
 
 @dataclass(frozen=True)
 class ContactShare:
-    """What a contact does in a period: time in stick and in slip, and the energy it dissipates."""
+    """What a contact does in a period.
+
+    Attributes
+    ----------
+    stick_time, slip_time : float
+    dissipated : float
+        Energy, without that of impacts.
+    open_time : float
+        Of a contact that can open; what is closed without friction slips.
+    impact_loss : float
+        Energy that all contacts lose in its impacts.
+    """
 
     stick_time: float
     slip_time: float
     dissipated: float
+    open_time: float = 0.0
+    impact_loss: float = 0.0
 
 
 def phases(motion: Trajectory) -> tuple[Phase, ...]:
     """The phases of a period; the one it starts in, which it also ends in, comes first as a
     whole."""
     k = motion.knots
-    names = [c.name for c in motion._problem.compiled.equations.contacts]
+    names = list(motion.system.contacts)
+    mode = {name: motion.modes[contact_key(name)] for name in names}
     found = list[Phase]()
-    mode = k.slip
     for a, b in segments(motion):
-        modes = dict(zip(names, map(int, mode[a]), strict=True))
+        modes = {name: int(mode[name][a]) for name in names}
         phase = Phase(float(k.time[b] - k.time[a]), modes, tuple(map(int, k.region[a])))
         if found and (found[-1].modes, found[-1].region) == (phase.modes, phase.region):
             phase = Phase(found.pop().duration + phase.duration, modes, phase.region)
@@ -83,10 +100,20 @@ def phases(motion: Trajectory) -> tuple[Phase, ...]:
 def contact_shares(motion: Trajectory, sums: Sums) -> dict[str, ContactShare]:
     """Time and energy of every contact."""
     contacts = motion._problem.compiled.equations.contacts
-    return {
-        contact.name: ContactShare(float(stick), float(sums.total[LASTED] - stick), float(work))
+    lasted = float(sums.total[LASTED])
+    found = {
+        contact.name: ContactShare(float(stick), lasted - float(stick), float(work))
         for contact, stick, work in zip(contacts, sums.stick, sums.work, strict=True)
     }
+    impacts = motion.impacts
+    for name in motion.system.unilateral:
+        closed = found.pop(normal_force(name)).stick_time
+        own = found.get(name, ContactShare(0.0, lasted, 0.0))
+        lost = impacts["energy"][impacts["contact"] == contact_key(name)].sum()
+        found[name] = ContactShare(
+            own.stick_time, closed - own.stick_time, own.dissipated, lasted - closed, float(lost)
+        )
+    return found
 
 
 def weight(system: System, text: str, values: Mapping[str, float]) -> float:

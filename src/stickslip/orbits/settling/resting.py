@@ -78,7 +78,8 @@ class _Neighbourhood:
         """The positions of the contacts that stick, as linear forms of the state."""
         equations = self.pieces.equations
         state = equations.declaration.state
-        values = dict(zip(equations.declaration.parameters, map(float, self.p), strict=True))
+        named = ("t", *equations.declaration.parameters, *state)
+        values = dict(zip(named, map(float, (self.t, *self.p, *self.y)), strict=True))
         forms = np.zeros((len(point.mode), len(state)))
         for c in np.flatnonzero(point.mode == 0):
             for x, weight in equations.contacts[c].direction.items():

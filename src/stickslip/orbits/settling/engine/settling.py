@@ -28,7 +28,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.machine_code.functions import entry_point, njit
 from stickslip.motion.engine.event_loop import integrate
-from stickslip.motion.engine.guards import resting
+from stickslip.motion.engine.guards import stands
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
 from stickslip.motion.outcome import Outcome
@@ -513,7 +513,10 @@ def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
     numbers[STRIDE] = 0
     m.real[i, START] = t
     m.real[i, DURATION] = drive if drive > 0.0 else rules.real[2]
-    m.outcome[i] = equilibrium(s.mode[i]) if faded else _NOTHING_YET
+    m.outcome[i] = _NOTHING_YET
+    if faded:
+        # A system without contacts moves, too.
+        m.outcome[i] = AT_REST if stands(e.flow.rows, s.mode[i]) else STEADY
     numbers[PHASE] = PROVING
     return _SETTLED
 
@@ -526,15 +529,6 @@ def is_lost(m: Marks, rules: Rules, i: int, t: float) -> bool:
     last = m.numbers[i, COUNT] - 1
     period = m.time[i, last % ring] - m.time[i, (last - m.numbers[i, LAG]) % ring]
     return t - m.time[i, last % ring] > 2.0 * max(period, rules.real[2])
-
-
-@njit(**OPTIONS)
-def equilibrium(mode: Array) -> int:
-    """Rest if all contacts stick (a system without contacts moves, too)."""
-    for c in range(len(mode)):
-        if not resting(mode[c]):
-            return STEADY
-    return AT_REST if len(mode) > 0 else STEADY
 
 
 # -- what a mark says ------------------------------------------------------------------------------
