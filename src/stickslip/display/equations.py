@@ -40,6 +40,12 @@ if TYPE_CHECKING:
     from stickslip.model.system import Contact, System
 
 _W = TypeVar("_W", bound=UnicodeWriter)
+_PASSES = {
+    "falling": ("falls through 0", r"\searrow"),
+    "rising": ("rises through 0", r"\nearrow"),
+    "both": ("passes through 0", "="),
+}
+_RATE = "{}'"
 ACCELERATION = "{}''"  # no identifier, so that it cannot be a name of the declaration
 
 
@@ -98,6 +104,31 @@ class Friction:
         return [(write(when), write(law)) for when, law in laws]
 
 
+@dataclass(frozen=True)
+class Leap:
+    """A jump of the state.
+
+    Attributes
+    ----------
+    name : str
+    guard : Node
+    passes, sign : str
+        How the guard passes through zero, in words and as a sign of LaTeX.
+    moved : list of Relation
+        What becomes what.
+    """
+
+    name: str
+    guard: Node
+    passes: str
+    sign: str
+    moved: list[Relation]
+
+    def moves(self, write: UnicodeWriter) -> str:
+        """What becomes what, in a row."""
+        return write.words(", ").join(map(write, self.moved))
+
+
 class Equations:
     """What a system declares and the equations that follow from it, to be read.
 
@@ -116,7 +147,7 @@ class Equations:
         self.frictions: list[Friction] = []
         self.balances: list[Balance] = [self._balance(x) for x in system.coordinates]
         self.laws: list[Balance] = [
-            Balance(Name(f"d_{name}"), "=", self._reader.read(internal.law))
+            Balance(Name(_RATE.format(name)), "=", self._reader.read(internal.law))
             for name, internal in system.internal.items()
         ]
 
@@ -258,6 +289,7 @@ class Equations:
         """What writes the formulas of this system in an alphabet."""
         names = [*self.system.coordinates, *self.system.internal]
         rates = {f"d_{x}": (x, 1) for x in names if f"d_{x}" not in self.system.internal}
+        rates |= {_RATE.format(x): (x, 1) for x in names}
         rates |= {ACCELERATION.format(x): (x, 2) for x in names}
         arguments = {name: given for name, (given, _) in self._reader.definitions.items()}
         return kind(rates, dict.fromkeys(self.system.drives, "t"), arguments)
@@ -273,8 +305,16 @@ class Equations:
         gaps = {normal_force(name): c.gap for name, c in self.system.unilateral.items()}
         return [(Name(name), self._reader.read(gap)) for name, gap in gaps.items()]
 
+    def jumps(self) -> Iterator[Leap]:
+        """Jumps of the state, in the order of declaration."""
+        read = self._reader.read
+        for name, jump in self.system.jumps.items():
+            moved = [Relation("→", Name(x), read(value)) for x, value in jump.to.items()]
+            yield Leap(name, read(jump.when), *_PASSES[jump.direction], moved)
+
     def latex(self) -> str:
-        """The equations of motion, friction laws, functions and drives as one ``aligned`` block."""
+        """The equations of motion, friction laws, jumps, functions and drives as one ``aligned``
+        block."""
         write = self.writer(LatexWriter)
         rows = [
             f"{write(b.left)} &{'=' if b.sign == '=' else chr(92) + 'ni'} {write(b.right)}"
@@ -285,6 +325,9 @@ class Equations:
             laws = group[0].laws(write, group[0].index if len(group) == 1 else "_i")
             rows += [rf"\text{{if }} {when}: \quad & {law}" for when, law in laws]
         rows += [rf"0 \leq {write(n)} &\perp {write(gap)} \geq 0" for n, gap in self.openings()]
+        for jump in self.jumps():
+            when = f"{write(jump.guard)} {jump.sign} 0"
+            rows.append(rf"\text{{if }} {when}: \quad & {jump.moves(write)}")
         rows += [f"{write(left)} &= {write(body)}" for left, body in self.definitions()]
         return "\\begin{aligned}\n" + " \\\\\n".join(rows) + "\n\\end{aligned}"
 
@@ -329,6 +372,7 @@ class _Text:
             ("Equations of motion", self.motion()),
             ("Friction", self.friction()),
             ("Contacts that can open", self.openings()),
+            ("Jumps", self.jumps()),
             ("with", self.definitions()),
             ("Parameters", self.parameters()),
             ("Start", self.start()),
@@ -373,6 +417,13 @@ class _Text:
             )
             for when, law in group[0].laws(self.write, group[0].index if len(group) == 1 else "_i"):
                 lines += ["  " + line for line in wrap(f"{when}:  {law}")]
+        return lines
+
+    def jumps(self) -> list[str]:
+        lines = []
+        for jump in self.equations.jumps():
+            lines += wrap(f"{jump.name}: where {self.write(jump.guard)} {jump.passes}")
+            lines += ["  " + line for line in wrap(jump.moves(self.write), breaks=(", ",))]
         return lines
 
     def definitions(self) -> list[str]:

@@ -33,7 +33,7 @@ _VULGAR = {
     Fraction(1, 4): "¼",
     Fraction(3, 4): "¾",
 }
-_RELATIONS = {"=": "=", "<": "<", "<=": "≤", ">": ">", ">=": "≥", "!=": "≠"}
+_RELATIONS = {"=": "=", "<": "<", "<=": "≤", ">": ">", ">=": "≥", "!=": "≠", "→": "→"}
 
 
 class UnicodeWriter:
@@ -235,7 +235,7 @@ class LatexWriter(UnicodeWriter):
         return rf"\tfrac{{{value.numerator}}}{{{value.denominator}}}"
 
     def relation(self, sign: str) -> str:
-        return {"<=": r"\leq", ">=": r"\geq", "!=": r"\neq"}.get(sign, sign)
+        return {"<=": r"\leq", ">=": r"\geq", "!=": r"\neq", "→": r"\to"}.get(sign, sign)
 
     def words(self, text: str) -> str:
         return rf"\text{{{text}}}"

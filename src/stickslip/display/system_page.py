@@ -68,6 +68,7 @@ class _Page:
                 yield _section(title, [self.write(node)])
         yield self.balances()
         yield self.friction()
+        yield self.jumps()
         yield self.definitions()
         yield self.parameters()
         yield self.start()
@@ -106,6 +107,14 @@ class _Page:
             for when, law in group[0].laws(self.write, index):
                 lines.append(f"{when}<mtext>:&#160;&#160;</mtext>{law}")
         return _section("Friction", lines)
+
+    def jumps(self) -> str:
+        lines = []
+        for jump in self.equations.jumps():
+            where = f"<mtext>{page.text(jump.name)}: where&#160;</mtext>{self.write(jump.guard)}"
+            where += f"<mtext>&#160;{jump.passes}:&#160;&#160;</mtext>"
+            lines.append(where + jump.moves(self.write))
+        return _section("Jumps", lines)
 
     def definitions(self) -> str:
         lines = [

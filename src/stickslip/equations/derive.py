@@ -20,7 +20,7 @@ from functools import cached_property
 from weakref import WeakKeyDictionary
 
 from stickslip.errors import DeclarationError
-from stickslip.model.declaration import Declaration, DryContact
+from stickslip.model.declaration import Declaration, DryContact, StateJump
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -73,7 +73,9 @@ class MotionEquations:
     laws : list of Expr
     rate : RateProblem
     kinks : list of Expr
-        Guards of all functions with kinks; region 1 is guard ≥ 0.
+        Guards of all functions with kinks, and of jumps; region 1 is guard ≥ 0.
+    jumps : list of StateJump
+        In the order of declaration; of each the number of its kink.
     frequencies : list of Expr
         Rates ω of the phases of what repeats in time.
     timed : bool
@@ -93,6 +95,7 @@ class MotionEquations:
     laws: list[Expr]
     rate: RateProblem
     kinks: list[Expr]
+    jumps: list[StateJump]
     frequencies: list[Expr]
     timed: bool
     energy: Expr
@@ -105,6 +108,7 @@ class MotionEquations:
         found = [*self.inertial_force, *self.viscous_force, *self.laws, *self.rate.force]
         found += self.implicit.values()
         found += self.inertia
+        found += _formulas_of(self.jumps)
         for c in self.contacts:
             found += [c.plus, c.minus, c.kinetic_plus, c.kinetic_minus, c.speed]
         return found
@@ -117,6 +121,13 @@ class MotionEquations:
         entries = [*self.mass.values(), *(j for c in self.contacts for j in c.direction.values())]
         entries += [c.gap for c in self.contacts if c.gap is not None]
         return [e for e in dict.fromkeys(entries) if not e.symbols <= held]
+
+    @cached_property
+    def guards_alone(self) -> frozenset[Expr]:
+        """Guards of jumps that are no kinks of functions."""
+        used = [*self.formulas, self.energy, self.dissipation, self.supply]
+        kinks = {n.args[0] for n in ex.walk(used) if n.op == "select"}
+        return frozenset(jump.guard for jump in self.jumps) - kinks
 
     def pressing(self, i: int) -> list[int]:
         """The contact that can open whose normal force is in the friction of contact i, if any."""
@@ -200,10 +211,13 @@ def _equations_of(d: Declaration) -> MotionEquations:
         used += [c.plus, c.minus, c.kinetic_plus, c.kinetic_minus, c.speed]
         used += [j for j in c.direction.values() if not j.symbols <= held]
         used += [c.gap] if c.gap is not None else []
+    used += _formulas_of(d.jumps)
     guards = dict.fromkeys(n.args[0] for n in ex.walk(used) if n.op == "select")
     for n in ex.walk([energy, dissipation, supply]):
         if n.op == "select":
             guards.setdefault(n.args[0])
+    guards |= dict.fromkeys(jump.guard for jump in d.jumps)
+    kinks = list(guards)
     return MotionEquations(
         declaration=d,
         contacts=contacts,
@@ -214,13 +228,19 @@ def _equations_of(d: Declaration) -> MotionEquations:
         implicit=implicit,
         laws=laws,
         rate=rate,
-        kinks=list(guards),
+        kinks=kinks,
+        jumps=[replace(jump, kink=kinks.index(jump.guard)) for jump in d.jumps],
         frequencies=_frequencies(used, d.parameters),
         timed=any("t" in e.symbols for e in used),
         energy=energy,
         dissipation=dissipation,
         supply=supply,
     )
+
+
+def _formulas_of(jumps: list[StateJump]) -> list[Expr]:
+    """Guards and new values."""
+    return [e for jump in jumps for e in (jump.guard, *jump.values.values())]
 
 
 def _name_speed(c: DryContact, i: int, normals: dict[str, Expr]) -> DryContact:

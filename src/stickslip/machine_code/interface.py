@@ -14,6 +14,7 @@ INTERFACE: dict[str, tuple[str, dict[str, str]]] = {
         ("jets", "int64", f"{_INSTANT} {_SERIES}"),
         ("residual", "void", f"{_INSTANT} G:vector P:matrix"),
         ("powers", "void", "W:matrix reg:indices K:vector out:vector"),
+        ("landings", "void", "W:matrix reg:indices K:vector out:vector"),
     )
 }
 """By name: what a function returns, and its arguments with their kinds."""

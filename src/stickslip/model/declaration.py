@@ -11,7 +11,7 @@ from difflib import get_close_matches
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
-from stickslip.errors import DeclarationError, short, some
+from stickslip.errors import DeclarationError, short, some, suggestion
 from stickslip.model.names import (
     DeclaredNames,
     Range,
@@ -21,7 +21,7 @@ from stickslip.model.names import (
     parse_range,
 )
 from stickslip.model.schema import PLANAR, check_shape, entry_key
-from stickslip.model.system import Contact, Kind, Unilateral
+from stickslip.model.system import CROSSINGS, Contact, Kind, Unilateral
 from stickslip.model.units import check_unit
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -78,6 +78,29 @@ class DryContact:
         return self.gap is not None
 
 
+@dataclass(frozen=True)
+class StateJump:
+    """A jump of the state read.
+
+    Attributes
+    ----------
+    guard : Expr
+        It fires where this passes through zero ...
+    direction : int
+        ... falling (−1), rising (1) or either way (0).
+    values : dict of str to Expr
+        New values of parts of the state, from those before.
+    kink : int
+        Number of the guard among the kinks of the equations of motion; −1 before these are derived.
+    """
+
+    name: str
+    guard: Expr
+    direction: int
+    values: Mapping[str, Expr]
+    kink: int = -1
+
+
 @dataclass(eq=False)
 class Declaration:
     """A system's formulas as expressions in the symbols ``t``, coordinates, rates ``d_x`` and
@@ -99,6 +122,7 @@ class Declaration:
     laws : dict of str to Expr
         Rates of the internal variables.
     contacts : list of DryContact
+    jumps : list of StateJump
     scope : Scope
         What names mean in a formula that may use all of them.
     given : dict of str to TimeFunction
@@ -124,6 +148,7 @@ class Declaration:
     drags: dict[str, Expr] = field(default_factory=dict)
     laws: dict[str, Expr] = field(default_factory=dict)
     contacts: list[DryContact] = field(default_factory=list)
+    jumps: list[StateJump] = field(default_factory=list)
     conditions: dict[str, tuple[Expr, str]] = field(default_factory=dict)
     facts: dict[str, Expr] = field(default_factory=dict)
     drives: dict[str, Expr] = field(default_factory=dict)
@@ -269,6 +294,7 @@ def declare(system: System) -> Declaration:
         reader.dissipation()
         reader.contacts()
         reader.laws()
+        reader.jumps()
         reader.known_facts()
         reader.defaults()
     except ArithmeticError:
@@ -823,6 +849,56 @@ class _Reader:
             self.result.laws[name] = scope.parse(internal.law, f"internal.{name}.law")
             _check_slopes(self.result.laws[name], state, f"internal.{name}.law")
 
+    def jumps(self) -> None:
+        """Guards and new values; each guard fires one jump."""
+        result = self.result
+        felt = frozenset([*result.state, "t"])
+        taken: dict[tuple[Expr, int], str] = {}
+        for name, jump in self.system.jumps.items():
+            where = entry_key("jumps", name)
+            guard = self.motion.parse(jump.when, f"{where}.when")
+            _check_slopes(guard, felt, f"{where}.when")
+            if not guard.symbols & felt:
+                raise DeclarationError(
+                    f"{where}.when",
+                    "it depends neither on the state nor on time, so that it never passes through "
+                    "zero",
+                    "Write what vanishes where the state jumps, such as 'x - 1'",
+                )
+            if not jump.to:
+                raise DeclarationError(
+                    f"{where}.to", "nothing jumps", 'Give new values, like {d_x = "-d_x"}'
+                )
+            direction = CROSSINGS[jump.direction]
+            for way in (-1, 1) if direction == 0 else (direction,):
+                if (guard, way) in taken:
+                    raise DeclarationError(
+                        f"{where}.when",
+                        f"'{short(taken[guard, way])}' jumps there, too",
+                        "Give all new values in one jump, or one of them another direction",
+                    )
+                taken[guard, way] = name
+            values = {x: self._landing(f"{where}.to", x, value) for x, value in jump.to.items()}
+            result.jumps.append(StateJump(name, guard, direction, values))
+
+    def _landing(self, where: str, name: str, value: object) -> Expr:
+        """The new value of a part of the state."""
+        result = self.result
+        if name not in result.places:
+            massless = name[2:] in (*result.viscous, *result.rate_independent)
+            if name.startswith("d_") and massless:
+                raise DeclarationError(
+                    entry_key(where, name),
+                    f"the rate of '{name[2:]}', which has no inertia, follows from the forces",
+                    f"Let '{name[2:]}' jump, or declare it inertial",
+                )
+            raise DeclarationError(
+                entry_key(where, name),
+                "not a part of the state",
+                suggestion(name, result.state),
+            )
+        return self.motion.parse(value, entry_key(where, name))
+
     def known_facts(self) -> None:
         for name, condition in self.system.conditions.items():
             where = entry_key("conditions", name)
@@ -872,6 +948,10 @@ class _Reader:
             ]
         for x in result.coordinates:
             formulas += [(f"coordinates.{x}.force", result.forces[x])]
+        for jump in result.jumps:
+            where = entry_key("jumps", jump.name)
+            formulas.append((f"{where}.when", jump.guard))
+            formulas += [(f"{where}.to.{x}", e - ex.sym(x)) for x, e in jump.values.items()]
         values = {
             **self.start,
             **{f"d_{x}": 0.3 for x in result.coordinates},

@@ -78,6 +78,11 @@ class _Check:
             self.at_speed.clear()
             for e in {c.kinetic_plus, c.kinetic_minus} - {c.plus, c.minus}:
                 self.terms(f"{where}.kinetic", e, force, meaning)
+        for jump in d.jumps:
+            where = entry_key("jumps", jump.name)
+            self.terms(f"{where}.when", jump.guard, None, "")
+            for x, value in jump.values.items():
+                self.terms(f"{where}.to.{x}", value, self.of(ex.sym(x)), f"'{x}'")
         for name, drive in d.drives.items():
             self.terms(f"drives.{name}", drive, None, "")
         return list(self.found)

@@ -10,10 +10,12 @@ from typing import Any
 
 from stickslip.errors import DeclarationError, short
 from stickslip.model.system import (
+    CROSSINGS,
     AnyContact,
     Condition,
     Coordinate,
     Internal,
+    Jump,
     LawContact,
     Parameter,
 )
@@ -36,6 +38,7 @@ _EXPECTED = {
         "a formula or a pair of them",
         'Write "mu*m*g" or ["f_plus", "f_minus"]',
     ),
+    "Crossing": ("how a guard passes through zero", 'Write "falling", "rising" or "both"'),
     "Direction": ("one linear combination of rates", PLANAR),
     "Formula | tuple[Formula, ...]": (
         "a formula or a list of them",
@@ -57,6 +60,7 @@ _CLASSES = {
     "Coordinate": Coordinate,
     "Internal": Internal,
     "AnyContact": AnyContact,
+    "Jump": Jump,
     "Condition": Condition,
 }
 _MOST_ENTRIES = 50_000
@@ -110,6 +114,8 @@ def _has_kind(value: Any, kind: str) -> bool:
     match kind:
         case "str" | "Direction":
             return isinstance(value, str)
+        case "Crossing":
+            return isinstance(value, str) and value in CROSSINGS
         case "float":
             return isinstance(value, Real) and not isinstance(value, bool)
         case "int":
@@ -146,6 +152,8 @@ def wrong_kind(value: Any, expected: str, where: str) -> DeclarationError:
         "bool": "true or false",
     }
     kind = type(value).__name__
+    if expected == "Crossing":
+        names |= {"str": f"'{short(str(value))}'"}
     found = (
         names.get(kind, f"a value of type {kind}") if not _has_kind(value, "float") else "a number"
     )

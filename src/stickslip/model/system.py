@@ -25,6 +25,10 @@ Direction = str
 """A linear combination of rates."""
 Drive = Formula | TimeFunction
 """A function of time: a formula, or samples."""
+Crossing = str
+"""How a guard passes through zero: a key of :data:`CROSSINGS`."""
+CROSSINGS = {"falling": -1, "both": 0, "rising": 1}
+"""The sign of its rate where it does."""
 
 
 class Kind(StrEnum):
@@ -247,6 +251,34 @@ AnyContact = Contact | Unilateral | LawContact
 
 
 @dataclass(frozen=True)
+class Jump:
+    """A jump of the state where a formula passes through zero: a leg exchange, a kick, a reset.
+
+    Attributes
+    ----------
+    when : str
+        Formula of the state, rates of inertial coordinates and time. It fires where it passes
+        through zero on the way of the motion; what another jump, or an impact, leaps over does not
+        fire, and neither does a motion that begins at zero.
+    to : mapping of str to formula
+        New values of parts of the state: coordinates, rates ``d_x`` of inertial ones, internal
+        variables; formulas of the state before, all at once. What is not named stays.
+    direction : {"falling", "rising", "both"}
+        In which way it passes through zero; −1, 1 and 0 are the same.
+    """
+
+    when: Formula
+    to: Mapping[str, Formula]
+    direction: Crossing = "both"
+
+    def __post_init__(self) -> None:
+        hold_plain(self)
+        if isinstance(self.direction, int) and not isinstance(self.direction, bool):
+            words = {sign: word for word, sign in CROSSINGS.items()}
+            object.__setattr__(self, "direction", words.get(self.direction, self.direction))
+
+
+@dataclass(frozen=True)
 class Condition:
     """An inequality between formulas of the parameters that the literature asks for.
 
@@ -314,6 +346,8 @@ class System:
         potential Φ(t, x, α), and the quadratic viscous part of the dissipation potential.
     contacts : mapping of str to Contact
         Or to a friction law with a name, such as ``ss.laws.stribeck("d_x", ...)``.
+    jumps : mapping of str to Jump
+        Where the state jumps.
     translation : mapping of str to float
         A direction in which the whole system may be shifted.
     initial : mapping of str to float
@@ -346,6 +380,7 @@ class System:
     potential: Formula = 0.0
     viscous: Formula = 0.0
     contacts: Mapping[str, AnyContact] = field(default_factory=dict[str, AnyContact])
+    jumps: Mapping[str, Jump] = field(default_factory=dict[str, Jump])
     translation: Mapping[str, float] = field(default_factory=dict[str, float])
     initial: Mapping[str, float] = field(default_factory=dict[str, float])
     span: tuple[float, float] = (0.0, 100.0)

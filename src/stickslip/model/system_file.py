@@ -21,6 +21,7 @@ from stickslip.model.system import (
     Contact,
     Inertial,
     Internal,
+    Jump,
     LawContact,
     Parameter,
     RateIndependent,
@@ -72,6 +73,7 @@ _SYSTEMS = toml.Language(
         "functions",
         "coordinates",
         "contacts",
+        "jumps",
         "translation",
         "conditions",
     ),
@@ -81,6 +83,7 @@ _SYSTEMS = toml.Language(
         "coordinates": _coordinate,
         "internal": partial(toml.entry, Internal),
         "contacts": _contact,
+        "jumps": partial(toml.entry, Jump),
         "conditions": partial(toml.entry, Condition),
     },
     others={

@@ -31,6 +31,8 @@ _EXAMPLES = {
     "law": 'law = "1 - alpha"',
     "direction": 'direction = "d_x"',
     "threshold": 'threshold = "mu*m*g"',
+    "when": 'when = "x - 1"',
+    "to": 'to = {d_x = "-d_x"}',
     "formula": 'formula = "P > rho"',
     "A": "A = [[2, 0], [0, 1]]",
     "load": 'load = ["sin(t)", "2*t"]',

@@ -88,6 +88,18 @@ class Outcome(Ended):
         "Newton's law of impacts with friction would create energy here. Lower the restitution or "
         "the coefficient of friction",
     )
+    JUMPS_MEET = (
+        20,
+        "several jumps at once",
+        "The guards of two jumps pass through zero at the same time, so that the state jumps in no "
+        "order. Declare one jump that does what both do, or move one of the guards",
+    )
+    JUMPS_ON = (
+        21,
+        "a jump ends in the guard of a jump",
+        "The state has jumped to where a jump fires at once, its own or another one: there may be "
+        "no end of it. Let it jump to one side of the guard, or give the guard a direction",
+    )
     OUTSIDE = (
         15,
         "outside the stable set",

@@ -108,7 +108,7 @@ class Problem:
     def machine(self) -> Machine:
         """What compiled functions call: series, residual, and powers."""
         compiled = self.compiled
-        return Machine(compiled.jets, compiled.residual, compiled.powers)
+        return Machine(compiled.jets, compiled.residual, compiled.powers, compiled.landings)
 
     def flow(self, constants: Constants | None = None, retracing: bool = False) -> Flow:
         """What compiled functions take, with the work space of this thread: good for one call.
@@ -233,6 +233,7 @@ class Problem:
             pack(layout),
             *self._coupling(),
             *self._openings(),
+            *self._jumps(),
         )
 
     def _coupling(self) -> tuple[Array, Array, Array, Array]:
@@ -268,6 +269,15 @@ class Problem:
             for c, value in table.items():
                 array[c] = value
         return found  # type: ignore[return-value]
+
+    def _jumps(self) -> tuple[Array, Array]:
+        """Jumps of the state, and which parts of it have new values."""
+        table = list[tuple[int, ...]]()
+        landings = list[int]()
+        for kink, direction, places in self.compiled.layout.jumps:
+            table.append((kink, direction, len(landings), len(places)))
+            landings += places
+        return np.array(table, dtype=np.int64).reshape(-1, 4), np.array(landings, dtype=np.int64)
 
     def _places_of_sizes(self) -> dict[int, int]:
         """Rows that bound the step, with the places of the sizes of their terms: the state, then

@@ -153,7 +153,7 @@ def simulate_many(
         Its dataset has the dimension ``trajectory``: the given values, the final state
         (``final_psi`` …), ``time``
         reached, ``outcome`` (codes with flag_meanings), ``switches`` of contacts, ``kinks``
-        crossed, ``steps``.
+        (and guards of jumps) crossed, ``steps``.
 
     Raises
     ------

@@ -120,11 +120,25 @@ class Trajectory(Result):
     @property
     def message(self) -> str:
         """How it ended, in words."""
-        return (
-            self.outcome.message
-            if self.outcome.ok
-            else f"{self.outcome.label} at t = {self.knots.time[-1]:.9g}: {self.outcome.message}"
-        )
+        if self.outcome.ok:
+            return self.outcome.message
+        label = self.outcome.label
+        if self.outcome in (Outcome.JUMPS_MEET, Outcome.JUMPS_ON):
+            label = f"{label} ({listed(self._jumps_at_the_end())})"
+        return f"{label} at t = {self.knots.time[-1]:.9g}: {self.outcome.message}"
+
+    def _jumps_at_the_end(self) -> list[str]:
+        """Jumps whose guards are zero at the end of the motion, as far as they are known."""
+        values = {**self.parameters, **self.final, "t": float(self.knots.time[-1])}
+        sizes = dict(zip(self.final, map(float, self._seen), strict=False)) | {"t": values["t"]}
+        found = []
+        for jump in self._problem.compiled.equations.jumps:
+            felt = jump.guard.symbols & sizes.keys()
+            slopes = {name: ex.evaluate(ex.derivative(jump.guard, name), values) for name in felt}
+            size = sum(abs(slope * sizes[name]) for name, slope in slopes.items())
+            if abs(ex.evaluate(jump.guard, values)) <= 1e-9 * size:
+                found.append(jump.name)
+        return found
 
     @property
     def warnings(self) -> list[str]:
@@ -220,6 +234,36 @@ class Trajectory(Result):
         closed = np.isin(k.cause, [first + i for i in self._openings.values()])
         index = np.flatnonzero(closed & (np.arange(len(k.cause)) > 0))
         return index[k.mode[index - 1, k.cause[index] - first] != 0]
+
+    @cached_property
+    def jumps(self) -> pandas.DataFrame:
+        """Jumps of the state: time, which one, and by how much the energy changed in it.
+
+        What it lost counts as dissipated, what it gained as supplied.
+        """
+        import pandas as pd
+
+        knot, which = map(np.ascontiguousarray, np.nonzero(self._jumped))
+        clock = self.knots.clock[knot + 1]
+        energy = self._problem.compiled.layout.rows
+        before = self._sample_clock(clock, knot)[:, energy]
+        after = self._sample_clock(clock, knot + 1)[:, energy]
+        names = np.array([*self.system.jumps], dtype=object)
+        time = self.knots.time[knot + 1]
+        columns = {"time": time, "jump": names[which], "energy_change": after - before}
+        return pd.DataFrame(columns)
+
+    @cached_property
+    def _jumped(self) -> Array:
+        """Which jumps each step ends with, shape (steps, jumps)."""
+        k = self.knots
+        jumps = self._problem.compiled.equations.jumps
+        found = np.zeros((len(k.clock) - 1, len(jumps)), bool)
+        for j, jump in enumerate(jumps):
+            rises = k.region[:-1, jump.kink] == 0
+            passes = rises if jump.direction > 0 else ~rises if jump.direction < 0 else True
+            found[:, j] = (k.cause[1:] == jump.kink) & passes
+        return found
 
     def _sample(self, times: Array, index: Array) -> Array:
         """Values of all rows, energy and powers at times within the steps of the knots `index`."""
@@ -501,7 +545,8 @@ class Trajectory(Result):
 
     @cached_property
     def events(self) -> pandas.DataFrame:
-        """Every change of mode or region: time, contact (or the kink), from, to, and the state.
+        """Every change of mode or region, and every jump: time, contact (or the kink, or the jump),
+        from, to, and the state.
 
         That a sample of a drive has passed is none.
         """
@@ -510,20 +555,23 @@ class Trajectory(Result):
         equations = self._problem.compiled.equations
         k = self.knots
         mode = self._published
-        changes = np.hstack([np.diff(mode, axis=0), self._crossed])
+        changes = np.hstack([np.diff(mode, axis=0), self._crossed, self._jumped])
         knot, which = np.nonzero(changes)
         names = [*self._names_of_modes] + [
             f"{ex.to_text(unwrapped(g))} = 0" for g in equations.kinks
         ]
-        # The names of the modes −1, 0, 1, of what can open, then those of the regions 0, 1.
+        names += self.system.jumps
+        # The names of the modes −1, 0, 1, of what can open, then those of the regions 0, 1; last,
+        # of the sides of a jump.
         words = [MODE_NAMES[mode] for mode in (-1, 0, 1)]
-        words = np.array([*words, "open", "closed", "below", "above"], dtype=object)
-        values = np.hstack([mode + 1, k.region + 5])
+        words = [*words, "open", "closed", "below", "above", "before", "after"]
+        values = np.hstack([mode + 1, k.region + 5, np.full((len(mode), len(equations.jumps)), 7)])
+        leaps = which >= mode.shape[1] + len(equations.kinks)
         columns = {
             "time": k.time[knot + 1],
             "contact": np.array(names, dtype=object)[which],
-            "from": words[values[knot, which]],
-            "to": words[values[knot + 1, which]],
+            "from": np.array(words, dtype=object)[values[knot, which]],
+            "to": np.array(words, dtype=object)[values[knot + 1, which] + leaps],
         }
         states = zip(self._problem.compiled.layout.state, k.state[knot + 1].T, strict=True)
         return pd.DataFrame(columns | dict(states))
@@ -568,14 +616,18 @@ class Trajectory(Result):
 
     @property
     def n_kinks(self) -> int:
-        """Number of kinks (regions of piecewise functions) crossed, without samples of drives."""
+        """Number of kinks (regions of piecewise functions) crossed, without samples of drives and
+        guards of jumps."""
         return int(np.count_nonzero(self._crossed))
 
     @property
     def _crossed(self) -> Array:
-        """Changes of the regions of all kinks but those of samples."""
-        kinks = self._problem.compiled.equations.kinks
-        counted = [not (g.op in FUNCTIONS and FUNCTIONS[g.op].sampled) for g in kinks]
+        """Changes of the regions of all kinks but those of samples, and those that are guards of
+        jumps alone."""
+        equations = self._problem.compiled.equations
+        sampled = {g for g in equations.kinks if g.op in FUNCTIONS and FUNCTIONS[g.op].sampled}
+        left_out = sampled | equations.guards_alone
+        counted = [guard not in left_out for guard in equations.kinks]
         return np.diff(self.knots.region, axis=0) * np.array(counted, int)
 
     @property
@@ -599,6 +651,7 @@ class Trajectory(Result):
             "t_span": list(self.t_span),
             "end": float(self.knots.time[-1]),
             "switches": self.n_switches,
+            **({"jumps": len(self.jumps)} if self.system.jumps else {}),
             "final": self.final,
             "warnings": self.warnings,
             "rtol": self.rtol,
@@ -612,6 +665,7 @@ class Trajectory(Result):
         rows = [
             ("time", f"{self.t_span[0]:g} to {self.knots.time[-1]:g}"),
             ("switches", str(self.n_switches)),
+            *([("jumps", str(len(self.jumps)))] if self.system.jumps else []),
             ("final state", listed(final)),
         ]
         return rows + [("warning", warning) for warning in self.warnings]

@@ -1,6 +1,6 @@
 """Equations of motion -> what the functions that the engine calls have to compute, as data.
 
-A system has four functions:
+A system has five functions:
 
 ``setup(p, K, M, C, J, omega)``
     constants, mass matrix, viscous matrix, contact directions and drive frequencies from the
@@ -12,7 +12,9 @@ A system has four functions:
 ``residual(t, y, mode, reg, K, G, P)``
     how far sliding rate-independent contacts are from λ + σ s = 0, and the matrix to put them back;
 ``powers(W, reg, K, out)``
-    energy, dissipated power, supplied power at order 0.
+    energy, dissipated power, supplied power at order 0;
+``landings(W, reg, K, out)``
+    new values of the state in all jumps, from order 0.
 """
 
 from __future__ import annotations
@@ -82,6 +84,9 @@ class Layout:
         friction.
     parents, friction : dict of int to int
         For what rubs under a normal force, the contact that has it, and the row of the coefficient.
+    jumps : list of (int, int, list of int)
+        Of each jump the number of its kink, its direction, and which parts of the state have new
+        values.
     """
 
     state: list[str]
@@ -108,6 +113,7 @@ class Layout:
     restitution: dict[int, int] = field(default_factory=dict)
     parents: dict[int, int] = field(default_factory=dict)
     friction: dict[int, int] = field(default_factory=dict)
+    jumps: list[tuple[int, int, list[int]]] = field(default_factory=list)
 
     def shape(self, name: str) -> tuple[int, ...]:
         """Shape of an array that ``setup`` fills; a row of M, C and J has the coordinates of one
@@ -136,7 +142,7 @@ class Generated:
     layout : Layout
         With the tape, of which ``jets`` makes series.
     constants : ParameterExpressions
-    setup, sizes, residual, powers : list of Store
+    setup, sizes, residual, powers, landings : list of Store
         Statements of the functions; `sizes`, of ``jets``, fill ``mag`` from order 0.
     """
 
@@ -146,6 +152,7 @@ class Generated:
     sizes: list[Store]
     residual: list[Store]
     powers: list[Store]
+    landings: list[Store]
 
 
 def generate(equations: MotionEquations) -> Generated:
@@ -537,7 +544,7 @@ class _Generator:
     def generated(self) -> Generated:
         """Lay the equations out, and state what the functions compute."""
         self.lay_out()
-        residual, powers = self.residual(), self.powers()
+        residual, powers, landings = self.residual(), self.powers(), self.landings()
         setup = self.setup()
         self.finish()
         layout = self.layout
@@ -546,7 +553,7 @@ class _Generator:
         guards += layout.gaps.values()
         layout.kept = sorted({*range(self.n), *guards})
         sizes = self.magnitudes
-        return Generated(layout, self.constants, setup, sizes, residual, powers)
+        return Generated(layout, self.constants, setup, sizes, residual, powers, landings)
 
     def lay_out(self) -> None:
         """Rows of everything, in the order in which it can be computed: velocities, rates, laws of
@@ -586,6 +593,9 @@ class _Generator:
         self.kinetic_laws()
         self.guards()
         layout = self.layout
+        layout.jumps = [
+            (jump.kink, jump.direction, [d.places[x] for x in jump.values]) for jump in eq.jumps
+        ]
         layout.named = {f"d_{x}": tape.names[f"d_{x}"] for x in d.coordinates}
         layout.named |= {f"d_{a}": row for a, row in zip(d.internal, laws, strict=True)}
         layout.named |= {f"dd_{q}": row for q, row in zip(d.inertial, inertial, strict=True)}
@@ -700,8 +710,14 @@ class _Generator:
         return stores
 
     def powers(self) -> list[Store]:
+        return self.listed([self.eq.energy, self.eq.dissipation, self.eq.supply])
+
+    def landings(self) -> list[Store]:
+        return self.listed([e for jump in self.eq.jumps for e in jump.values.values()])
+
+    def listed(self, targets: list[Expr]) -> list[Store]:
+        """Values at order 0, one after the other."""
         names = {s: _start(row) for s, row in self.tape.names.items()}
-        targets = [self.eq.energy, self.eq.dissipation, self.eq.supply]
         v = scalars_of(targets, names, self.tape.regions, self.constants)
         return [Store("out", (i,), v[e]) for i, e in enumerate(targets)]
 

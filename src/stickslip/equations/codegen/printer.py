@@ -44,6 +44,7 @@ def source_of(generated: Generated) -> str:
         "jets": _jets(generated),
         "residual": [*_statements(generated.residual), "return"],
         "powers": [*_statements(generated.powers), "return"],
+        "landings": [*_statements(generated.landings), "return"],
     }
     lines = [_HEADER, f"KEPT = {tuple(generated.layout.kept)}", ""]
     for name, body in bodies.items():

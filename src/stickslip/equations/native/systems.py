@@ -42,6 +42,7 @@ class CompiledSystem:
     jets: Any
     residual: Any
     powers: Any
+    landings: Any
 
     @property
     def layout(self) -> Layout:
@@ -78,7 +79,7 @@ def assembly_of(generated: Generated) -> str:
     """The functions of a system as LLVM assembly."""
     functions = [series_of(generated)]
     long = is_long(generated)
-    for name in ("setup", "residual", "powers"):
+    for name in ("setup", "residual", "powers", "landings"):
         routine = Tabled(name) if long else Routine(name)
         routine.statements(getattr(generated, name))
         routine.lines.append("ret void")

@@ -48,6 +48,7 @@ from stickslip.motion.steps.arrays import (
     INERTIAL,
     INLINED,
     INT_ZERO,
+    KINK,
     NOWHERE,
     ON_INERTIAL,
     ON_VISCOUS,
@@ -69,6 +70,7 @@ from stickslip.motion.steps.arrays import (
     own_inverse,
 )
 from stickslip.motion.steps.discs import BALL, OFF, SLOPE, spread, spread_state, tape_of
+from stickslip.motion.steps.jumps import fired_jump, leap
 from stickslip.motion.steps.step_size import LEAST_SIZE, fill_powers, impulse
 from stickslip.motion.steps.stiff import follow_mode
 
@@ -230,7 +232,10 @@ def audit_steps(
         count_times(flow.rows, starts.mode[i], ends.mode[i], length, accounts.sums)
         if length > 0.0:
             audit_step(machine, flow, seen, starts, ends, wanted, i, accounts)
-        elif wanted.law and may_collide(flow.rows, ends.cause[i]):
+        elif wanted.law and (
+            may_collide(flow.rows, ends.cause[i])
+            or jump_after(flow.rows, ends.cause[i], starts.region[i]) >= 0
+        ):
             audit_start(machine, flow, starts, ends, i, accounts)
 
 
@@ -308,11 +313,15 @@ def audit_step(
         pieces = pieces + 1
     if check:
         final = Instant(ends.time[i], ends.state[i], mode, reg)
+        jump = jump_after(flow.rows, ends.cause[i], reg)
+        if jump >= 0:
+            close_jump(machine, flow, final, ends.region[i], jump, i, accounts)
         if may_collide(flow.rows, ends.cause[i]):
             struck = ends.cause[i] - len(flow.rows.kinks)
             close_impact(machine, flow, final, h, struck, i, accounts)
         close_step(flow, final, order, h, starts.state[i], i, steps, tally)
-        judge_departures(flow, final, ends.mode[i], ends.region[i], order, h, tally)
+        if jump < 0:
+            judge_departures(flow, final, ends.mode[i], ends.region[i], order, h, tally)
         count_jumps(machine, flow, final, ends.region[i], i, steps, tally)
 
 
@@ -320,7 +329,8 @@ def audit_step(
 def audit_start(
     machine: Machine, flow: Flow, starts: Record, ends: Record, i: int, accounts: Accounts
 ) -> None:
-    """Measure an impact without a step before it: at the start.
+    """Measure an impact, or a jump, without a step before it: at the start, or where another jump
+    has been.
 
     Parameters
     ----------
@@ -340,7 +350,11 @@ def audit_start(
     copy(starts.state[i], space.trial)
     steps, tally = accounts.steps, accounts.tally
     after = Instant(ends.time[i], ends.state[i], mode, reg)
-    close_impact(machine, flow, after, 0.0, ends.cause[i] - len(flow.rows.kinks), i, accounts)
+    jump = jump_after(flow.rows, ends.cause[i], reg)
+    if jump >= 0:
+        close_jump(machine, flow, after, ends.region[i], jump, i, accounts)
+    else:
+        close_impact(machine, flow, after, 0.0, ends.cause[i] - len(flow.rows.kinks), i, accounts)
     for r in range(len(space.trial)):
         steps.gap[i, r] += abs(ends.state[i, r] - space.trial[r])
         tally.state[LARGEST, r] = most(tally.state[LARGEST, r], abs(starts.state[i, r]))
@@ -352,6 +366,60 @@ def may_collide(rows: Rows, cause: int) -> bool:
     """Whether what ends a step is that a gap closes."""
     nk = len(rows.kinks)
     return bool(cause >= nk and opens(rows, cause - nk))
+
+
+@njit(**OPTIONS)
+def jump_after(rows: Rows, cause: int, reg: Array) -> int:
+    """The jump that ends a step in some regions; −1: none."""
+    if len(rows.jumps) == 0 or cause < 0 or cause >= len(reg):
+        return NOWHERE
+    return fired_jump(rows, cause, 1 - reg[cause])
+
+
+@njit(**INLINED)
+def close_jump(
+    machine: Machine,
+    flow: Flow,
+    at: Instant,
+    next_reg: Array,
+    jump: int,
+    i: int,
+    accounts: Accounts,
+) -> None:
+    """Let the state jump where a step arrives, and count the energy that this takes, or gives; then
+    the step is taken to end there.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        Its work space has the state at which the step arrives, and receives the one after it.
+    at : Instant
+        After the jump, with the mode and the regions of the step; these become the next ones, but
+        for kinks of time.
+    next_reg : array of int, shape (kinks,)
+        Regions that begin there.
+    jump, i : int
+        The jump, and the step.
+    accounts : Accounts
+        Is added to.
+    """
+    rows = flow.rows
+    steps = accounts.steps
+    arrived = Instant(at.t, flow.space.trial, at.mode, at.reg)
+    before = energy_in(machine, flow, arrived)
+    kink = rows.jumps[jump, KINK]
+    at.reg[kink] = 1 - at.reg[kink]
+    if not leap(machine, flow, arrived, jump, flow.space.trial):
+        steps.gap[i, 0] = np.inf
+    at.reg[kink] = 1 - at.reg[kink]
+    for j in range(len(rows.kinks)):
+        if rows.timed[j] == 0:
+            at.reg[j] = next_reg[j]
+    gained = energy_in(machine, flow, arrived) - before
+    steps.work[i, SPENT] += max(-gained, 0.0)
+    steps.work[i, FED] += max(gained, 0.0)
+    accounts.tally.total[FED_IN_ALL] += max(gained, 0.0)
 
 
 @njit(**INLINED)

@@ -23,15 +23,31 @@ from stickslip.motion.engine.forms import (
     form_of,
     slots_of,
 )
-from stickslip.motion.engine.guards import contact_of, doubt_of, first_event, resting, spell
+from stickslip.motion.engine.guards import (
+    contact_of,
+    doubt_of,
+    first_event,
+    germ,
+    guard_of,
+    resting,
+    spell,
+)
 from stickslip.motion.engine.impacts import (
     CREATES,
+    JUMPED,
     NO_IMPULSE,
     collide,
     first_approaching,
     open_all,
 )
-from stickslip.motion.engine.modes import copy, flip, keeps, let_slide, settle_mode
+from stickslip.motion.engine.modes import (
+    copy,
+    flip,
+    keeps,
+    let_slide,
+    set_regions,
+    settle_mode,
+)
 from stickslip.motion.engine.roots import value_and_slope
 from stickslip.motion.steps.arrays import (
     ASTRAY,
@@ -40,11 +56,15 @@ from stickslip.motion.steps.arrays import (
     CROSSED,
     DIMENSION,
     FINISHED,
+    FIRED,
     FULL,
     HAPPENED,
     INADMISSIBLE,
     INLINED,
     INT_ZERO,
+    JUMPS_MEET,
+    JUMPS_ON,
+    KINK,
     LAST,
     LIMIT,
     LONG_AGO,
@@ -88,6 +108,7 @@ from stickslip.motion.steps.arrays import (
     lane_of,
     remember_gaps,
 )
+from stickslip.motion.steps.jumps import due_jump, fires, leap, passed_jumps
 from stickslip.motion.steps.step_size import fill_powers
 
 _ZENO_EVENTS = 200
@@ -97,6 +118,7 @@ _LOOK = (
     64  # steps after which sticking contacts are put onto the surface speed, and a promise is kept
 )
 _CUT = 0.25  # of a step that did not solve the equations
+_MEETING = 1e-12  # of its terms, and of what it does in a step: a guard that is zero with another
 _UNDECIDED = -1  # what is said of the mode that a motion is in, beside the slot of its closed form
 
 
@@ -184,19 +206,23 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
     counters = lane.counters
     end = task.end
     nk = len(rows.kinks)
+    jumping = len(rows.jumps) > 0
+    spare = 1 if jumping and has_gaps(rows) else 0
     room = np.inf
     again = False
+    due = NOWHERE
     promised = 0.0
     before = Before(0.0, 0.0, 0.0, 0.0, NOWHERE)
     while True:
-        if task.recording and count == len(task.record.time) and not again:
+        if is_full(task, count + spare) and not again:
             return FULL, count
         t, fired = clock[NOW], counters[CAUSE]
         hold = fired >= 0 or counters[TAKEN] % _LOOK == 0
         most = min(room, max(end - t, 0.0))
-        code, count = strike(machine, flow, lane, task, count, again)
-        if code >= 0:
-            return code, note(lane, task, count)
+        if not again:
+            code, count, due = strike(machine, flow, lane, task, count)
+            if code >= 0:
+                return code, note(lane, task, count)
         status, h, series, may_fire = settle_mode(machine, flow, lane, most, hold, promised)
         if status == ASTRAY:
             go_back(lane, space, before)
@@ -206,6 +232,13 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
             continue
         if status != OK:
             restore_mode(lane.mode, lane.settled)
+        elif jumping and not again:
+            code, count, late = look_at_jumps(flow, lane, task, count, due)
+            if code >= 0:
+                return code, note(lane, task, count)
+            if late:
+                promised = 0.0
+                continue
         if not again:
             count = note(lane, task, count)
         if status != OK:
@@ -224,9 +257,10 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         promised = x * h
         if (
             which >= 0
+            or due >= 0
             or (counters[TAKEN] + 1) % _LOOK == 0
             or rows.sizes[RATE_INDEPENDENT] > 0
-            or (task.recording and count == len(task.record.time))
+            or is_full(task, count + spare)
         ):
             if not solves(machine, flow, lane, x * h):
                 room = _CUT * x * h
@@ -244,6 +278,14 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
             return inadmissible(rows.doubtful, doubt), count
         if which >= 0:
             return fire(which, lane, rows, task.max_events), count
+        if due >= 0:
+            return NOWHERE, count  # closed forms may go on
+
+
+@njit(**OPTIONS)
+def is_full(task: Task, count: int) -> bool:
+    """Whether there is no room to record one step more."""
+    return bool(task.recording and count >= len(task.record.time))
 
 
 @njit(**INLINED)
@@ -295,7 +337,193 @@ def give_up(status: int, rows: Rows, lane: Lane, task: Task, count: int) -> tupl
 
 @njit(**INLINED)
 def strike(
-    machine: Machine, flow: Flow, lane: Lane, task: Task, count: int, again: bool
+    machine: Machine, flow: Flow, lane: Lane, task: Task, count: int
+) -> tuple[int, int, int]:
+    """Let the state jump where a jump is due, then what closes collide: at the start and after an
+    event.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        Its work space keeps the regions then.
+    lane : Lane
+        Its state may jump.
+    task : Task
+    count : int
+        Steps recorded so far; a state that has an impact at the start, or after a jump, is one
+        more.
+
+    Returns
+    -------
+    code, count : int
+        An outcome code if the motion ends here, else −1.
+    due : int
+        The jump that was due, or −1.
+    """
+    rows = flow.rows
+    code = NOWHERE
+    zero = 0.0
+    due = due_jump(rows, lane.counters[CAUSE], lane.reg)
+    if due >= 0:
+        code, zero = take_jump(machine, flow, lane, due)
+    if code < 0 and has_gaps(rows):
+        code, count = knock(machine, flow, lane, task, count, due, zero)
+    copy(lane.reg, flow.space.stood)
+    flow.space.stood[len(lane.reg)] = rows.jumps[due, KINK] if due >= 0 else NOWHERE
+    return code, count, due
+
+
+@njit(**INLINED)
+def take_jump(machine: Machine, flow: Flow, lane: Lane, due: int) -> tuple[int, float]:
+    """Let the state jump: an outcome code if it cannot, else −1; and up to which its guard is
+    zero."""
+    here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
+    kink = flow.rows.jumps[due, KINK]
+    code = NOWHERE
+    zero = 0.0
+    if meets_another(machine, flow, here, due, lane.clock[LAST]):
+        code = JUMPS_MEET
+    elif not leap(machine, flow, here, due, lane.y):
+        code = UNDEFINED
+    if code < 0:
+        # What is as close to zero as the guard was where it fired, is zero.
+        zero = abs(flow.space.V[flow.rows.kinks[kink], 0])
+        find_regions(machine, flow, here, kink, zero)
+    else:
+        lane.counters[CAUSE] = -1
+    return code, zero
+
+
+@njit(**INLINED)
+def meets_another(machine: Machine, flow: Flow, here: Instant, due: int, last: float) -> bool:
+    """Whether the guard of another jump passes through zero, too, where one is due.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    here : Instant
+        Before the jump.
+    due : int
+        The jump.
+    last : float
+        Length of the last step.
+    """
+    rows = flow.rows
+    W = flow.space.W
+    found = False
+    if len(rows.jumps) > 1:
+        known = coefficients(machine, flow, here, flow.order, W) == OK
+        for j in range(len(rows.jumps)):
+            kink = rows.jumps[j, KINK]
+            if kink == rows.jumps[due, KINK]:
+                continue
+            row = rows.kinks[kink]
+            rate = W[row, 1] / W[rows.sizes[DIMENSION], 1]
+            size = flow.space.mag[3 * len(rows.u) + kink] + last * abs(rate)
+            passes = fires(rows, j, 1 - here.reg[kink]) and (
+                not known or (rate if here.reg[kink] == 0 else -rate) > 0.0
+            )
+            found = found or (passes and abs(W[row, 0]) <= _MEETING * size)
+    return found
+
+
+@njit(**INLINED)
+def find_regions(machine: Machine, flow: Flow, at: Instant, own: int, zero: float) -> None:
+    """Put kinks onto the sides where their guards are after a jump: what it leaps over is not
+    crossed.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    at : Instant
+        After the jump; its regions are changed.
+    own : int
+        The kink that has fired, which stays where it is while its guard is zero; −1: none.
+    zero : float
+        Up to which the guard is that.
+    """
+    V = flow.space.V
+    rows = flow.rows
+    for _ in range(len(at.reg) + 1):
+        side = at.reg[own] if own >= 0 else 0
+        coefficients(machine, flow, at, 1, V)
+        changed = set_regions(rows, V, flow.space.mag, at.reg)
+        if own >= 0 and abs(V[rows.kinks[own], 0]) <= zero:
+            at.reg[own] = side
+        if not changed:
+            break
+
+
+@njit(**INLINED)
+def look_at_jumps(
+    flow: Flow, lane: Lane, task: Task, count: int, due: int
+) -> tuple[int, int, bool]:
+    """What jumps have to do with the mode that was found.
+
+    Parameters
+    ----------
+    flow : Flow
+        Its work space has the series, and the regions before.
+    lane : Lane
+        If a jump is due because something else than its guard has fired, it is as after an event
+        of that guard.
+    task : Task
+    count : int
+        Steps recorded so far; the state before a jump that is due now is one more.
+    due : int
+        The jump that has just been taken, or −1.
+
+    Returns
+    -------
+    code, count : int
+        An outcome code if the motion ends here, else −1.
+    late : bool
+        Whether a jump is due.
+    """
+    rows = flow.rows
+    stood = flow.space.stood
+    counters = lane.counters
+    code = NOWHERE
+    passed, first = passed_jumps(rows, stood, lane.reg)
+    if due >= 0:
+        if passed > 0 or falls_back(flow, lane, due):
+            code = JUMPS_ON
+    elif passed > 1 and counters[TAKEN] > 0:
+        code = JUMPS_MEET
+    late = due < 0 and passed == 1 and counters[TAKEN] > 0
+    if late:
+        kink = rows.jumps[first, KINK]
+        lane.reg[kink] = stood[kink]
+        count = note(lane, task, count)
+        lane.reg[kink] = 1 - stood[kink]
+        counters[CAUSE] = kink
+        counters[HAPPENED] += 1
+        counters[CROSSED] += 1
+    return code, count, late
+
+
+@njit(**INLINED)
+def falls_back(flow: Flow, lane: Lane, due: int) -> bool:
+    """Whether a jump leaves its own guard at zero and at rest, and the motion then passes into the
+    region where it fires: then it has not left the guard."""
+    rows = flow.rows
+    space = flow.space
+    kink = rows.jumps[due, KINK]
+    order = 0
+    if fires(rows, due, lane.reg[kink]):
+        near = lane.clock[LAST] / space.W[rows.sizes[DIMENSION], 1] + space.powers[1]
+        guard = guard_of(rows, space, lane.mode, lane.reg, kink, near, FIRED)
+        spare = space.pending[len(space.pending) - 1]
+        _, order = germ(space.W, guard, flow.order, space.powers, 1.0, spare)
+    return 1 < order < flow.order
+
+
+@njit(**INLINED)
+def knock(
+    machine: Machine, flow: Flow, lane: Lane, task: Task, count: int, due: int, zero: float
 ) -> tuple[int, int]:
     """Let what closes collide, at the start and after an event.
 
@@ -307,9 +535,12 @@ def strike(
         Its rates may jump.
     task : Task
     count : int
-        Steps recorded so far; a state that has an impact at the start is one more.
-    again : bool
-        Whether this has been asked here before.
+        Steps recorded so far; a state that has an impact at the start, or after a jump, is one
+        more.
+    due : int
+        The jump that has just been taken, or −1.
+    zero : float
+        Up to which its guard is zero.
 
     Returns
     -------
@@ -317,13 +548,11 @@ def strike(
         An outcome code if no impact is admissible, else −1.
     """
     rows = flow.rows
-    if again or not has_gaps(rows):
-        return NOWHERE, count
     remember_gaps(rows, flow.space, lane.seen)
     last = lane.clock[LAST]
-    if lane.counters[CAUSE] < 0:
-        if lane.counters[TAKEN] > 0:
-            return NOWHERE, count
+    if lane.counters[CAUSE] < 0 and lane.counters[TAKEN] > 0:
+        return NOWHERE, count
+    if lane.counters[CAUSE] < 0 or due >= 0:
         here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
         struck_first = first_approaching(machine, flow, here, last)
         if struck_first >= 0:
@@ -333,6 +562,10 @@ def strike(
     struck = collide(machine, flow, lane, last)
     if struck == NO_IMPULSE:
         return NO_COLLISION, count
+    if struck == JUMPED and len(rows.jumps) > 0:
+        here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
+        own = rows.jumps[due, KINK] if due >= 0 else NOWHERE
+        find_regions(machine, flow, here, own, zero)
     return (CREATES_ENERGY if struck == CREATES else NOWHERE), count
 
 
@@ -461,7 +694,11 @@ def fly_on(
         copy(lane.reg, flight.reg0)
         let_slide(mode)
         flights.place(flight, y, t, omega)
-        slot = decide(machine, flow, g, T, flight, lane, several)
+        slot = _UNDECIDED
+        if due_jump(rows, fired, lane.reg) < 0:
+            slot = decide(machine, flow, g, T, flight, lane, several)
+        if lane.counters[TAKEN] > 0 and passed_jumps(rows, flight.reg0, lane.reg)[0] > 0:
+            slot = _UNDECIDED
         if slot == _UNDECIDED:
             copy(flight.mode0, mode)
             copy(flight.reg0, lane.reg)

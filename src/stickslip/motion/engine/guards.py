@@ -374,11 +374,13 @@ def scan(
     nc = len(rows.u)
     count = INT_ZERO
     violated = NOWHERE
+    leapt = space.stood[nk]
     near = last / W[rows.sizes[DIMENSION], 1] + powers[1]
     for g in range(nk + 2 * nc + len(rows.doubtful)):
         if not is_asked(rows, mode, nk, g):
             continue
-        precision = max(FIRED if switch_of(g, nk, nc) == fired else 0.0, slack * ROUNDING)
+        just = switch_of(g, nk, nc) == fired or g == leapt
+        precision = max(FIRED if just else 0.0, slack * ROUNDING)
         guard = guard_of(rows, space, mode, reg, g, near, precision)
         start = guard.sign * W[guard.row, 0] + (W[guard.shift, 0] if guard.shift >= 0 else 0.0)
         if start > guard.precision * (guard.size + guard.near * guard.rate) and start > fall(

@@ -26,6 +26,8 @@ NO_INERTIA = 16
 NO_ACCELERATION = 17
 NO_COLLISION = 18
 CREATES_ENERGY = 19
+JUMPS_MEET = 20
+JUMPS_ON = 21
 FULL = 100
 # What may be said of a candidate mode; or of the step that led to it: that it does not solve the
 # equations.
@@ -72,6 +74,9 @@ PROMISED, STARTED = range(2)
 # way; columns of Rows.homes.
 MATRIX, FIRST_ROW, COORDINATES, CONTACTS, MEMBERS, MOVING = range(6)
 PART, SEAT = range(2)
+# Columns of Rows.jumps: the kink, the direction, where its parts of the state begin in
+# Rows.landings, and how many they are.
+KINK, DIRECTION, FIRST_LANDING, LANDINGS = range(4)
 # Columns of Rows.doubtful.
 DOUBTED, SLIPPING, TOWARDS = range(3)
 # Slots of Lane.clock, and of Lane.counters: see there.
@@ -132,6 +137,10 @@ class Rows(NamedTuple):
     parents, friction : arrays of int, shape (contacts,)
         For what rubs under a normal force, the contact that has it, and the row of the coefficient;
         −1: of others.
+    jumps : array of int, shape (jumps, 4)
+        By the columns from `KINK` to `LANDINGS`.
+    landings : array of int
+        Parts of the state that have new values, jump by jump.
     """
 
     sizes: Array
@@ -155,6 +164,8 @@ class Rows(NamedTuple):
     restitution: Array
     parents: Array
     friction: Array
+    jumps: Array
+    landings: Array
 
 
 class Constants(NamedTuple):
@@ -209,6 +220,9 @@ class Space(NamedTuple):
         Of impacts; see :mod:`stickslip.motion.engine.impacts`.
     response, delassus, impulses : arrays, shapes (nq, mq), (mq, mq), (mq, mq + 1)
         M⁻¹Jᵀ and J M⁻¹ Jᵀ of contacts that take part in an impact, and the equations of impulses.
+    landed, stood : arrays
+        New values of the state in all jumps; and the regions before a mode is chosen, then the kink
+        whose jump has just been taken, −1: none.
     """
 
     W: Array
@@ -242,6 +256,8 @@ class Space(NamedTuple):
     response: Array
     delassus: Array
     impulses: Array
+    landed: Array
+    stood: Array
 
 
 class Lane(NamedTuple):
@@ -311,12 +327,13 @@ class Task(NamedTuple):
 
 class Machine(NamedTuple):
     """Machine code of a system: Taylor coefficients of all rows, residual of the rate-independent
-    coordinates, and energy with dissipated and supplied power.
+    coordinates, energy with dissipated and supplied power, and new values of the state in jumps.
     """
 
     jets: MachineFunction
     residual: MachineFunction
     powers: MachineFunction
+    landings: MachineFunction
 
 
 class Flow(NamedTuple):
@@ -479,5 +496,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         response=z((nq, struck)),
         delassus=z((struck, struck)),
         impulses=z((struck, struck + 1)),
+        landed=z(max(len(rows.landings), 1)),
+        stood=np.full(nk + 1, -1, np.int64),
         stages=z((2 * implicit + 7, max(implicit, len(rows.watched), N // 2 + 1))),
     )

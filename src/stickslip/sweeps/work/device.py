@@ -95,7 +95,9 @@ class OnDevice:
         self.count: int = len(block.lanes.codes)
         here = block.engine(block.lanes)
         source = block.problem.compiled.by_numba
-        self.kernels: tuple[Any, Any] = _kernels(source.jets, source.residual, source.powers)
+        self.kernels: tuple[Any, Any] = _kernels(
+            source.jets, source.residual, source.powers, source.landings
+        )
         rules = block.rules._replace(
             most=np.array([*block.rules.most[:2], _TURNS, block.rules.most[3]])
         )
@@ -243,7 +245,7 @@ def space_of_thread(s: Any, a: int) -> Any:
         s.discs[a], s.balls[a], s.reaches[a], s.kinds[a], s.samples[a], s.bernstein[a],
         s.scratch[a], s.stack[a], s.touched[a], s.y0[a], s.trial[a], s.promise[a],
         s.powers[a], s.pending[a], s.labels[a], s.known[a], s.asked[a],
-        s.stages[a], s.impact[a], s.tried[a],
+        s.stages[a], s.impact[a], s.tried[a], s.landed[a], s.stood[a],
     )  # fmt: skip
 
 
@@ -289,13 +291,14 @@ def bench_of_thread(b: Any, a: int) -> Any:
 
 
 @cache
-def _kernels(jets: Any, residual: Any, powers: Any) -> tuple[Any, Any]:
+def _kernels(jets: Any, residual: Any, powers: Any, landings: Any) -> tuple[Any, Any]:
     """The kernels for a system: settle and measure, and exponents."""
     if sys.stderr.isatty():
         print("stickslip: compiling this system for the GPU, some minutes ...", file=sys.stderr)
     jets = ported(jets)
     residual = ported(residual)
     powers = ported(powers)
+    landings = ported(landings)
     advance_here, grow_here = ported(advance_lane), ported(grow_lane)
     on_gpu: Any = cuda.jit(device=True)
     own_space, own_flight, own_bench = map(
@@ -306,7 +309,7 @@ def _kernels(jets: Any, residual: Any, powers: Any) -> tuple[Any, Any]:
     def of_thread(e: Any, a: int) -> Any:
         f = e.flow
         flow = Flow(f.rows, f.k, own_space(f.space, a), f.order, f.tol, f.atol)
-        machine = Machine(jets, residual, powers)
+        machine = Machine(jets, residual, powers, landings)
         return Engine(machine, flow, own_flight(e.flight, a), e.forms, e.group, e.codes, e.lanes)
 
     @cuda.jit
