@@ -99,6 +99,7 @@ class Field:
     contacts: list[ContactField]
     kinks: list[Expr]
     constraints: list[Expr]
+    leaps: list[Expr]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -379,6 +380,7 @@ class _Solver:
             contacts=contacts,
             kinks=[self.fix(g) for g in eq.kinks],
             constraints=self.constraints(contacts),
+            leaps=[self.fix(e) - ex.sym(x) for j in eq.jumps for x, e in j.values.items()],
         )
 
     def contact(self, i: int) -> ContactField:

@@ -236,6 +236,12 @@ class Trajectory(Result):
         return index[k.mode[index - 1, k.cause[index] - first] != 0]
 
     @cached_property
+    def _leaps(self) -> Array:
+        """Knots at which the state jumps, in impacts or declared jumps."""
+        jumped = np.flatnonzero(np.any(self._jumped, axis=1)) + 1
+        return np.union1d(self._strikes, jumped)
+
+    @cached_property
     def jumps(self) -> pandas.DataFrame:
         """Jumps of the state: time, which one, and by how much the energy changed in it.
 

@@ -84,7 +84,8 @@ class Piece:
         return Bounds(table[:, 0], table[:, 1], table[:, 2:])
 
     def felt(self, t: Array, y: Array, p: Array) -> Array:
-        """Rates, guards and constraints at many points, shape (functions, points)."""
+        """Rates, guards, constraints and changes in jumps at many points, shape (functions,
+        points)."""
         return self._felt(t, y, p)
 
     def dependence(self, t: Array, y: Array, p: Array) -> Array:
@@ -132,7 +133,8 @@ class Piece:
 
     @property
     def _all(self) -> list[Expr]:
-        return [*self.field.rates, *(g.value for g in self.field.guards), *self.field.constraints]
+        f = self.field
+        return [*f.rates, *(g.value for g in f.guards), *f.constraints, *f.leaps]
 
     @cached_property
     def _felt(self) -> PointFunction:

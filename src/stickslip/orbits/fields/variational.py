@@ -3,8 +3,8 @@ its events.
 
 Between events Φ' = J(t)Φ along the motion's own states. At an event with the guard g the motion
 leaves the field f⁻ for f⁺, and neighbours do so a little earlier or later: S = I + (f⁺ −
-f⁻)∇gᵀ/(g_t + ∇g·f⁻). Where the state itself jumps, in an impact, it is that of
-:mod:`stickslip.orbits.fields.impacts`. A parameter is one more component that does not move, so
+f⁻)∇gᵀ/(g_t + ∇g·f⁻). Where the state itself jumps it is that of
+:mod:`stickslip.orbits.fields.saltation`. A parameter is one more component that does not move, so
 derivatives with respect to it pass through the same formulas.
 
 References
@@ -43,8 +43,8 @@ from stickslip.orbits.fields.engine.variations import (
     resolve_steps,
     vary,
 )
-from stickslip.orbits.fields.impacts import Strike, saltation, strikes
 from stickslip.orbits.fields.mode_field import Piece, Pieces
+from stickslip.orbits.fields.saltation import Strike, saltation, strikes
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -164,7 +164,7 @@ def _work(trajectory: Trajectory, pieces: Pieces, run: Pass, nodes: int) -> Pass
 
 class _Meeting:
     """Saltation matrices of events that coincide here and not for neighbours, which exist if the
-    order in which the guards are passed does not matter; and of impacts."""
+    order in which the guards are passed does not matter; and of impacts and jumps."""
 
     def __init__(self, trajectory: Trajectory, pieces: Pieces, run: Pass) -> None:
         self.trajectory = trajectory
@@ -185,8 +185,8 @@ class _Meeting:
         return last
 
     def strike(self) -> int:
-        """Enter what comes after the impact at which the pass has stopped; returns the knot from
-        which it goes on."""
+        """Enter what comes after the jump of the state at which the pass has stopped; returns the
+        knot from which it goes on."""
         strike = self._strikes[int(self.run.event[BEGINS])]
         i, last = strike.knot, strike.last
         sides = self.pieces.made[self.run.piece[i - 1]], self.pieces.made[self.run.piece[last]]

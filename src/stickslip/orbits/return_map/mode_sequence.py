@@ -28,24 +28,29 @@ ModeAndRegion = tuple[tuple[int, ...], tuple[int, ...]]
 Sequence = tuple[ModeAndRegion, ...]
 
 _IMPACT = 4  # mode of a contact that is struck, in a phase without duration
+_JUMP = 2  # region of the guard of a jump, likewise
 _FAR = 0.1  # a guard that comes down to this part of its size is far from zero
 LOSS = "loss of the cycle"
 
 
 def sequence(motion: Trajectory) -> Sequence:
-    """Mode and region of the phases of a period, wherever it starts; an impact is a phase without
-    duration.
+    """Mode and region of the phases of a period, wherever it starts; an impact, or a jump, is a
+    phase without duration.
 
     A motion that does not end in the phase it starts in is no cycle; its phases are followed by the
     first one.
     """
     k = motion.knots
     found = [(a, _phase(k.mode[a], k.region[a]), -1) for a, _ in segments(motion)]
-    for i in motion._strikes:
-        contact = int(k.cause[i]) - k.region.shape[1]
-        mode = k.mode[i - 1].copy()
-        mode[contact] = _IMPACT
-        found.append((i - 0.5, _phase(mode, k.region[i - 1]), contact))
+    for i in motion._leaps:
+        switch = int(k.cause[i])
+        contact = switch - k.region.shape[1]
+        mode, region = k.mode[i - 1].copy(), k.region[i - 1].copy()
+        if contact < 0:
+            region[switch] = _JUMP
+        else:
+            mode[contact] = _IMPACT
+        found.append((i - 0.5, _phase(mode, region), contact))
     found.sort(key=lambda entry: entry[0])
     phases = _without_bounces([entry[1:] for entry in found])
     return _canonical(phases) if phases[0] == phases[-1] else (*phases, phases[0])

@@ -220,12 +220,12 @@ def stretch(motion: Trajectory, first: int, last: int) -> Trajectory:
 
 
 def segments(motion: Trajectory) -> list[tuple[int, int]]:
-    """First and last knot of every stretch in one mode and region, without impacts, that takes
-    time."""
+    """First and last knot of every stretch in one mode and region, without a jump of the state,
+    that takes time."""
     knots = motion.knots
     mode, region, time = knots.mode, knots.region, knots.time
     changed = (mode[1:] != mode[:-1]).any(axis=1) | (region[1:] != region[:-1]).any(axis=1)
-    changed[motion._strikes - 1] = True
+    changed[motion._leaps - 1] = True
     ends = [0, *(np.flatnonzero(changed[: len(time) - 2]) + 1), len(time) - 1]
     span = time[-1] - time[0]
     return [(int(a), int(b)) for a, b in pairwise(ends) if time[b] - time[a] > SHORTEST * span]

@@ -12,6 +12,7 @@ from stickslip.machine_code.functions import entry_point, njit
 from stickslip.motion.between.dense import Scratch, states_at
 from stickslip.motion.engine.guards import opens
 from stickslip.motion.steps.arrays import OPTIONS, Flow, Machine, Record, Rows
+from stickslip.motion.steps.jumps import fired_jump
 from stickslip.orbits.fields.engine.interpreter import LANES, Instructions, perform
 
 STAGES = LANES  # Gauss nodes of a step: order 16
@@ -769,8 +770,11 @@ def pass_event(listed: Listed, run: Pass, work: PassSpace, i: int, last: int) ->
 
 @njit(**OPTIONS)
 def strikes(rows: Rows, run: Pass, i: int) -> bool:
-    """Whether velocities jump at a knot: a gap has closed."""
-    c = run.knots.cause[i] - len(rows.kinks)
+    """Whether the state jumps at a knot: a gap has closed, or a declared jump has been taken."""
+    cause = run.knots.cause[i]
+    c = cause - len(rows.kinks)
+    if cause >= 0 and c < 0:
+        return bool(fired_jump(rows, cause, 1 - run.knots.region[i - 1, cause]) >= 0)
     return bool(c >= 0 and opens(rows, c) and run.knots.mode[i - 1, c] != 0)
 
 

@@ -1,4 +1,4 @@
-"""First variation through impacts, where the state jumps.
+"""First variation where the state jumps: through impacts and declared jumps.
 
 At a knot with y⁺ = Δ(t, y⁻) neighbours arrive a little earlier or later: with the guard h,
 
@@ -16,7 +16,7 @@ R. I. Leine, H. Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical S
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import chain, product
 from typing import TYPE_CHECKING, NamedTuple
 from weakref import WeakKeyDictionary
@@ -25,10 +25,11 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
-from stickslip.equations.field import Mode, impact_map
+from stickslip.equations.field import Mode, impact_map, in_region
 from stickslip.orbits.fields.instructions import PointFunction
 from stickslip.orbits.fields.mode_field import Piece
 from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -39,7 +40,7 @@ _SMALL = 3e-8  # part of the first speed of bounces below which they are taken t
 _TANGENT = 1e-9  # part of its terms below which a gap closes without speed
 
 
-class Jump(NamedTuple):
+class Landing(NamedTuple):
     """A map of the state at a point: its value, and derivatives by time and by state and free
     parameter, shape (n, columns)."""
 
@@ -48,39 +49,37 @@ class Jump(NamedTuple):
     slopes: Array
 
 
-class ImpactMap:
-    """The map of an impact in one mode, with first derivatives.
+class StateMap:
+    """A map of the state in the region of a piece, with first derivatives.
 
     Parameters
     ----------
-    equations : MotionEquations
     piece : Piece
-        Before the impact.
-    mode : tuple of int
-    settled : frozenset of int
-        As of :func:`stickslip.equations.field.impact_map`.
+        Before the jump.
+    after : sequence of Expr
+        The new state.
     """
 
-    def __init__(
-        self, equations: MotionEquations, piece: Piece, mode: Mode, settled: frozenset[int]
-    ) -> None:
-        after = impact_map(equations, mode, piece.field.region, settled)
+    def __init__(self, piece: Piece, after: Sequence[Expr]) -> None:
         columns = ("t", *piece.columns)
         every = [e for a in after for e in (a, *(ex.derivative(a, c) for c in columns))]
         self._values = PointFunction(piece.field, every)
 
-    def __call__(self, t: float, y: Array, p: Array) -> Jump:
+    def __call__(self, t: float, y: Array, p: Array) -> Landing:
         """The map at a point."""
         table = self._values(t, y, p).reshape(len(y), -1)
-        return Jump(table[:, 0], table[:, 1], table[:, 2:])
+        return Landing(table[:, 0], table[:, 1], table[:, 2:])
 
 
 _latest: WeakKeyDictionary[Piece, dict[tuple[int, frozenset[int]], Mode]] = WeakKeyDictionary()
-_maps: WeakKeyDictionary[Piece, dict[tuple[Mode, frozenset[int]], ImpactMap]] = WeakKeyDictionary()
+_impacts: WeakKeyDictionary[Piece, dict[tuple[Mode, frozenset[int]], StateMap]] = (
+    WeakKeyDictionary()
+)
+_jumps: WeakKeyDictionary[Piece, dict[int, StateMap]] = WeakKeyDictionary()
 
 
 class Strike(NamedTuple):
-    """An impact of a motion.
+    """An impact, or a jump, of a motion.
 
     Attributes
     ----------
@@ -99,7 +98,7 @@ class Strike(NamedTuple):
 
 
 def strikes(motion: Trajectory) -> dict[int, Strike]:
-    """The impacts of a motion by their knots.
+    """The impacts and jumps of a motion by their knots.
 
     Bounces that come to an end are taken together as soon as they are small: as one impact without
     rebound, after which the contact is closed. The normal force that presses it while the bounces
@@ -123,12 +122,21 @@ def strikes(motion: Trajectory) -> dict[int, Strike]:
         if bounces and not ends and k.mode[last[j + 1], contact] == 0:
             last[j] = last[j + 1]
     begun = 0.0
-    found = {}
+    found = leaps(motion)
     for j, i in enumerate(map(int, index)):
         begun = speed[j] if j == 0 or last[j - 1] != last[j] else begun
         small = last[j] > i and speed[j] <= _SMALL * begun
         found[i] = Strike(i, int(last[j]) if small else i, float(k.time[i]), before[j])
     return found
+
+
+def leaps(motion: Trajectory) -> dict[int, Strike]:
+    """The declared jumps of a motion by their knots."""
+    k = motion.knots
+    index = np.flatnonzero(np.any(motion._jumped, axis=1)) + 1
+    before = motion._states_at(k.time[index], index - 1)
+    pairs = zip(map(int, index), before, strict=True)
+    return {i: Strike(i, i, float(k.time[i]), y) for i, y in pairs}
 
 
 def saltation(
@@ -138,8 +146,8 @@ def saltation(
     pieces: tuple[Piece, Piece],
     p: Array,
 ) -> tuple[Array, bool]:
-    """The saltation matrix of an impact, and whether it exists: not if a gap closes without speed
-    (grazing), or no impulse is found that explains the jump.
+    """The saltation matrix of an impact or a jump, and whether it exists: not if a guard vanishes
+    without speed (grazing), or no impulse is found that explains what has happened.
 
     Parameters
     ----------
@@ -160,21 +168,64 @@ def saltation(
     k = motion.knots
     switch = int(k.cause[strike.knot])
     contact = switch - len(equations.kinks)
-    settled = frozenset([contact]) if right.field.mode[contact] == 0 else frozenset[int]()
     here = left.leave(t, y, p)
     g = int(np.flatnonzero(left.switches == switch)[0])
-    recorded = settled if strike.last == strike.knot else frozenset[int]()
-    mode = _mode_of(equations, left, (t, y, k.state[strike.knot]), (contact, recorded), p)
+    if contact < 0:
+        jump = int(np.flatnonzero(motion._jumped[strike.knot - 1])[0])
+        found = _jump_map(equations, left, jump)(t, y, p)
+    else:
+        found = _impact(equations, (left, right), strike, k.state[strike.knot], contact, p)
     n, columns = len(y), len(left.columns)
     S = np.eye(columns)
-    if mode is None or not abs(here.fall[g]) > _TANGENT * here.terms[g]:
+    if found is None or not abs(here.fall[g]) > _TANGENT * here.terms[g]:
         return S, False
-    found = _map(equations, left, mode, settled)(t, y, p)
     D = found.slopes[:, :n]
     S[:n] = found.slopes
     late = right.rates(t, k.state[strike.last], p) - D @ here.rates - found.time
     S[:n] += np.outer(late, here.slopes[g] / here.fall[g])
     return S, True
+
+
+def _jump_map(equations: MotionEquations, piece: Piece, jump: int) -> StateMap:
+    """The map of a declared jump, made once: in the region into which its guard passes."""
+    made = _jumps.setdefault(piece, {})
+    if jump not in made:
+        declared = equations.jumps[jump]
+        region = list(piece.field.region)
+        region[declared.kink] = 1 - region[declared.kink]
+        regions = dict(zip(equations.kinks, region, strict=True))
+        after = [in_region(declared.values.get(x, ex.sym(x)), regions) for x in piece.field.state]
+        made[jump] = StateMap(piece, after)
+    return made[jump]
+
+
+def _impact(
+    equations: MotionEquations,
+    pieces: tuple[Piece, Piece],
+    strike: Strike,
+    after: Array,
+    contact: int,
+    p: Array,
+) -> Landing | None:
+    """The map of an impact, at the state before; None if no impulse leads to the state after.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    pieces : (Piece, Piece)
+        Before and after it.
+    strike : Strike
+    after : array, shape (n,)
+    contact : int
+        That has closed.
+    p : array, shape (parameters,)
+    """
+    left, right = pieces
+    t, y = strike.time, strike.before
+    settled = frozenset([contact]) if right.field.mode[contact] == 0 else frozenset[int]()
+    recorded = settled if strike.last == strike.knot else frozenset[int]()
+    mode = _mode_of(equations, left, (t, y, after), (contact, recorded), p)
+    return None if mode is None else _impact_map(equations, left, mode, settled)(t, y, p)
 
 
 def _mode_of(
@@ -210,7 +261,7 @@ def _mode_of(
     least = _SAME * size
     for mode in candidates:
         try:
-            found = _map(equations, left, mode, settled)(t, y, p)
+            found = _impact_map(equations, left, mode, settled)(t, y, p)
         except ZeroDivisionError:
             continue
         off = float(np.max(np.abs(found.after - after)))
@@ -237,11 +288,12 @@ def _modes(equations: MotionEquations, near: set[int]) -> Iterator[Mode]:
             yield mode
 
 
-def _map(
+def _impact_map(
     equations: MotionEquations, piece: Piece, mode: Mode, settled: frozenset[int]
-) -> ImpactMap:
+) -> StateMap:
     """The map of an impact, made once."""
-    made = _maps.setdefault(piece, {})
+    made = _impacts.setdefault(piece, {})
     if (mode, settled) not in made:
-        made[mode, settled] = ImpactMap(equations, piece, mode, settled)
+        after = impact_map(equations, mode, piece.field.region, settled)
+        made[mode, settled] = StateMap(piece, after)
     return made[mode, settled]
