@@ -39,11 +39,13 @@ ISSUED = [
     "plate_compactor",
     "prandtl_tomlinson",
     "rate_and_state_slider",
+    "rimless_wheel",
     "rocking_oscillator",
     "rocking_toy",
     "rocking_toy_inertial",
     "scaled_slider",
     "scaled_slider_limit",
+    "simplest_walker",
     "sliding_base",
     "spring_slider",
     "stick_slip_actuator",
@@ -122,6 +124,7 @@ def test_units_are_given_throughout_or_nowhere():
         "spring_slider",
         "scaled_slider",
         "scaled_slider_limit",
+        "simplest_walker",
         "wiggly_energy",
     }
     for name in ISSUED:

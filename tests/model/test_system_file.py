@@ -17,6 +17,7 @@ from stickslip.model.system import (
     Contact,
     Inertial,
     Internal,
+    Jump,
     Parameter,
     RateIndependent,
     System,
@@ -64,6 +65,10 @@ EVERYTHING = System(
         "a contact, named 'so' \"oddly\"": Contact("d_x", 1.0, 0.1, ("0.5", 0.25), unit="N"),
         "b": Contact("d_z", threshold=("1", 2)),
         "ψ": Contact("d_u", threshold="1"),
+    },
+    jumps={
+        "over, and 'back'": Jump("x - 1", {"x": 0, "d_x": -0.5, "alpha": "2*alpha"}, "falling"),
+        "either": Jump("alpha", {"beta": "-beta"}),
     },
     translation={"x": 0, "u": 0.0},
     initial={"x": 1, "d_x": 0.1, "alpha": -0.30000000000000004},

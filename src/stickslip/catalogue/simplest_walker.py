@@ -28,13 +28,13 @@ def simplest_walker(**given: float | str) -> System:
         name="simplest_walker",
         title="The simplest walking model",
         source="Garcia, Chatterjee, Ruina and Coleman 1998",
-        parameters={"gamma": Parameter(0.009, "rad", "slope", "[0, 1.57)")},
-        coordinates={"theta": Inertial("rad", "angle of the stance leg from the slope's normal")},
+        parameters={"gamma": Parameter(0.009, "", "slope", "[0, 1.57)")},
+        coordinates={"theta": Inertial("", "angle of the stance leg from the slope's normal")},
         internal={
-            "phi": Internal("d_phi", "rad", "angle between the legs"),
+            "phi": Internal("d_phi", "", "angle between the legs"),
             "d_phi": Internal(
                 "sin(theta - gamma) + d_theta**2*sin(phi) - cos(theta - gamma)*sin(phi)",
-                "rad",
+                "",
                 "its rate",
             ),
         },

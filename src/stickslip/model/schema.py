@@ -38,7 +38,7 @@ _EXPECTED = {
         "a formula or a pair of them",
         'Write "mu*m*g" or ["f_plus", "f_minus"]',
     ),
-    "Crossing": ("how a guard passes through zero", 'Write "falling", "rising" or "both"'),
+    "Passing": ("how a guard passes through zero", 'Write "falling", "rising" or "both"'),
     "Direction": ("one linear combination of rates", PLANAR),
     "Formula | tuple[Formula, ...]": (
         "a formula or a list of them",
@@ -114,7 +114,7 @@ def _has_kind(value: Any, kind: str) -> bool:
     match kind:
         case "str" | "Direction":
             return isinstance(value, str)
-        case "Crossing":
+        case "Passing":
             return isinstance(value, str) and value in CROSSINGS
         case "float":
             return isinstance(value, Real) and not isinstance(value, bool)
@@ -152,7 +152,7 @@ def wrong_kind(value: Any, expected: str, where: str) -> DeclarationError:
         "bool": "true or false",
     }
     kind = type(value).__name__
-    if expected == "Crossing":
+    if expected == "Passing":
         names |= {"str": f"'{short(str(value))}'"}
     found = (
         names.get(kind, f"a value of type {kind}") if not _has_kind(value, "float") else "a number"

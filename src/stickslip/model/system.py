@@ -25,7 +25,7 @@ Direction = str
 """A linear combination of rates."""
 Drive = Formula | TimeFunction
 """A function of time: a formula, or samples."""
-Crossing = str
+Passing = str
 """How a guard passes through zero: a key of :data:`CROSSINGS`."""
 CROSSINGS = {"falling": -1, "both": 0, "rising": 1}
 """The sign of its rate where it does."""
@@ -269,7 +269,7 @@ class Jump:
 
     when: Formula
     to: Mapping[str, Formula]
-    direction: Crossing = "both"
+    direction: Passing = "both"
 
     def __post_init__(self) -> None:
         hold_plain(self)

@@ -70,7 +70,7 @@ from stickslip.motion.steps.arrays import (
     own_inverse,
 )
 from stickslip.motion.steps.discs import BALL, OFF, SLOPE, spread, spread_state, tape_of
-from stickslip.motion.steps.jumps import fired_jump, leap
+from stickslip.motion.steps.jumps import fired_jump, make_jump
 from stickslip.motion.steps.step_size import LEAST_SIZE, fill_powers, impulse
 from stickslip.motion.steps.stiff import follow_mode
 
@@ -313,14 +313,9 @@ def audit_step(
         pieces = pieces + 1
     if check:
         final = Instant(ends.time[i], ends.state[i], mode, reg)
-        jump = jump_after(flow.rows, ends.cause[i], reg)
-        if jump >= 0:
-            close_jump(machine, flow, final, ends.region[i], jump, i, accounts)
-        if may_collide(flow.rows, ends.cause[i]):
-            struck = ends.cause[i] - len(flow.rows.kinks)
-            close_impact(machine, flow, final, h, struck, i, accounts)
+        jumped = jump_or_collide(machine, flow, final, h, ends, i, accounts)
         close_step(flow, final, order, h, starts.state[i], i, steps, tally)
-        if jump < 0:
+        if not jumped:
             judge_departures(flow, final, ends.mode[i], ends.region[i], order, h, tally)
         count_jumps(machine, flow, final, ends.region[i], i, steps, tally)
 
@@ -350,11 +345,7 @@ def audit_start(
     copy(starts.state[i], space.trial)
     steps, tally = accounts.steps, accounts.tally
     after = Instant(ends.time[i], ends.state[i], mode, reg)
-    jump = jump_after(flow.rows, ends.cause[i], reg)
-    if jump >= 0:
-        close_jump(machine, flow, after, ends.region[i], jump, i, accounts)
-    else:
-        close_impact(machine, flow, after, 0.0, ends.cause[i] - len(flow.rows.kinks), i, accounts)
+    jump_or_collide(machine, flow, after, 0.0, ends, i, accounts)
     for r in range(len(space.trial)):
         steps.gap[i, r] += abs(ends.state[i, r] - space.trial[r])
         tally.state[LARGEST, r] = most(tally.state[LARGEST, r], abs(starts.state[i, r]))
@@ -374,6 +365,42 @@ def jump_after(rows: Rows, cause: int, reg: Array) -> int:
     if len(rows.jumps) == 0 or cause < 0 or cause >= len(reg):
         return NOWHERE
     return fired_jump(rows, cause, 1 - reg[cause])
+
+
+@njit(**INLINED)
+def jump_or_collide(
+    machine: Machine,
+    flow: Flow,
+    at: Instant,
+    h: float,
+    ends: Record,
+    i: int,
+    accounts: Accounts,
+) -> bool:
+    """Measure the jump, or the impact, that ends a step, if one does; whether it is a jump.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    at : Instant
+        After it, with the mode and the regions of the step.
+    h : float
+        Length of the last piece.
+    ends : Record
+        As of :func:`audit_steps`.
+    i : int
+        The step.
+    accounts : Accounts
+        Is added to.
+    """
+    cause = ends.cause[i]
+    jump = jump_after(flow.rows, cause, at.reg)
+    if jump >= 0:
+        close_jump(machine, flow, at, ends.region[i], jump, i, accounts)
+    elif may_collide(flow.rows, cause):
+        close_impact(machine, flow, at, h, cause - len(flow.rows.kinks), i, accounts)
+    return jump >= 0
 
 
 @njit(**INLINED)
@@ -410,7 +437,7 @@ def close_jump(
     before = energy_in(machine, flow, arrived)
     kink = rows.jumps[jump, KINK]
     at.reg[kink] = 1 - at.reg[kink]
-    if not leap(machine, flow, arrived, jump, flow.space.trial):
+    if not make_jump(machine, flow, arrived, jump, flow.space.trial):
         steps.gap[i, 0] = np.inf
     at.reg[kink] = 1 - at.reg[kink]
     for j in range(len(rows.kinks)):

@@ -108,7 +108,7 @@ from stickslip.motion.steps.arrays import (
     lane_of,
     remember_gaps,
 )
-from stickslip.motion.steps.jumps import due_jump, fires, leap, passed_jumps
+from stickslip.motion.steps.jumps import due_jump, fires, make_jump, passed_jumps
 from stickslip.motion.steps.step_size import fill_powers
 
 _ZENO_EVENTS = 200
@@ -202,19 +202,15 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
     """
     rows = flow.rows
     space = flow.space
-    clock = lane.clock
-    counters = lane.counters
+    clock, counters = lane.clock, lane.counters
     end = task.end
-    nk = len(rows.kinks)
-    jumping = len(rows.jumps) > 0
-    spare = 1 if jumping and has_gaps(rows) else 0
     room = np.inf
     again = False
     due = NOWHERE
     promised = 0.0
     before = Before(0.0, 0.0, 0.0, 0.0, NOWHERE)
     while True:
-        if is_full(task, count + spare) and not again:
+        if is_full(task, rows, count) and not again:
             return FULL, count
         t, fired = clock[NOW], counters[CAUSE]
         hold = fired >= 0 or counters[TAKEN] % _LOOK == 0
@@ -232,7 +228,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
             continue
         if status != OK:
             restore_mode(lane.mode, lane.settled)
-        elif jumping and not again:
+        elif len(rows.jumps) > 0 and not again:
             code, count, late = look_at_jumps(flow, lane, task, count, due)
             if code >= 0:
                 return code, note(lane, task, count)
@@ -248,26 +244,19 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         if h <= _CLOSEST * abs(t) and h < end - t:
             return (NO_RATE if runs_away(rows.sizes, lane.mode) else TINY), count
         x, which = first_event(space, may_fire, flow.order)
-        doubt = doubt_of(which, nk, len(rows.u))
+        doubt = doubt_of(which, len(rows.kinks), len(rows.u))
         if doubt >= 0 and x == 0.0:
             return inadmissible(rows.doubtful, doubt), count
         look_ahead(flow, x, h)
         # The next step begins with the rates at the end of this one, unless something comes in
         # between.
-        promised = x * h
-        if (
-            which >= 0
-            or due >= 0
-            or (counters[TAKEN] + 1) % _LOOK == 0
-            or rows.sizes[RATE_INDEPENDENT] > 0
-            or is_full(task, count + spare)
-        ):
-            if not solves(machine, flow, lane, x * h):
-                room = _CUT * x * h
-                again = True
-                promised = 0.0
-                continue
+        asked = is_promise_due(rows, lane, which, due) or is_full(task, rows, count)
+        if asked and not solves(machine, flow, lane, x * h):
+            room = _CUT * x * h
+            again = True
             promised = 0.0
+            continue
+        promised = 0.0 if asked else x * h
         before = Before(t, clock[LAST], clock[SERIES], clock[RECENT], fired)
         copy(lane.y, space.promise[STARTED])
         copy(space.trial, lane.y)
@@ -283,9 +272,19 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
 
 
 @njit(**OPTIONS)
-def is_full(task: Task, count: int) -> bool:
-    """Whether there is no room to record one step more."""
-    return bool(task.recording and count >= len(task.record.time))
+def is_full(task: Task, rows: Rows, count: int) -> bool:
+    """Whether there is no room to record what happens at a knot: one step more, or two where an
+    impact may follow a jump."""
+    spare = 1 if len(rows.jumps) > 0 and has_gaps(rows) else 0
+    return bool(task.recording and count + spare >= len(task.record.time))
+
+
+@njit(**OPTIONS)
+def is_promise_due(rows: Rows, lane: Lane, which: int, due: int) -> bool:
+    """Whether the rates at the end of a step have to be checked there: an event comes (which is not
+    −1) or a jump has been taken (due is not), nothing else would check them, or it is time."""
+    free = rows.sizes[RATE_INDEPENDENT] == 0 and (lane.counters[TAKEN] + 1) % _LOOK != 0
+    return bool(which >= 0 or due >= 0 or not free)
 
 
 @njit(**INLINED)
@@ -384,7 +383,7 @@ def take_jump(machine: Machine, flow: Flow, lane: Lane, due: int) -> tuple[int, 
     zero = 0.0
     if meets_another(machine, flow, here, due, lane.clock[LAST]):
         code = JUMPS_MEET
-    elif not leap(machine, flow, here, due, lane.y):
+    elif not make_jump(machine, flow, here, due, lane.y):
         code = UNDEFINED
     if code < 0:
         # What is as close to zero as the guard was where it fired, is zero.

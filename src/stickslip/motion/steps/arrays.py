@@ -76,7 +76,7 @@ MATRIX, FIRST_ROW, COORDINATES, CONTACTS, MEMBERS, MOVING = range(6)
 PART, SEAT = range(2)
 # Columns of Rows.jumps: the kink, the direction, where its parts of the state begin in
 # Rows.landings, and how many they are.
-KINK, DIRECTION, FIRST_LANDING, LANDINGS = range(4)
+KINK, WAY, FIRST_LANDING, LANDINGS = range(4)
 # Columns of Rows.doubtful.
 DOUBTED, SLIPPING, TOWARDS = range(3)
 # Slots of Lane.clock, and of Lane.counters: see there.

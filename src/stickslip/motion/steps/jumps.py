@@ -7,13 +7,13 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.machine_code.functions import njit
 from stickslip.motion.steps.arrays import (
-    DIRECTION,
     FIRST_LANDING,
     INLINED,
     KINK,
     LANDINGS,
     NOWHERE,
     OPTIONS,
+    WAY,
     Flow,
     Instant,
     Machine,
@@ -25,7 +25,7 @@ from stickslip.motion.steps.arrays import (
 @njit(**OPTIONS)
 def fires(rows: Rows, j: int, region: int) -> bool:
     """Whether a jump fires where its guard passes into a region."""
-    direction = rows.jumps[j, DIRECTION]
+    direction = rows.jumps[j, WAY]
     return bool(direction == 0 or (direction > 0) == (region == 1))
 
 
@@ -60,7 +60,7 @@ def passed_jumps(rows: Rows, before: Array, after: Array) -> tuple[int, int]:
 
 
 @njit(**INLINED)
-def leap(machine: Machine, flow: Flow, at: Instant, j: int, y: Array) -> bool:
+def make_jump(machine: Machine, flow: Flow, at: Instant, j: int, y: Array) -> bool:
     """Give a state the new values of a jump from an instant; False, and nothing is changed, if one
     of them is no number.
 
