@@ -36,6 +36,7 @@ ISSUED = [
     "limit_stops",
     "lugre_positioner",
     "oscillating_play",
+    "painleve_rod",
     "plate_compactor",
     "prandtl_tomlinson",
     "rate_and_state_slider",
