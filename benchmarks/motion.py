@@ -6,7 +6,9 @@ compiled loop itself, measured over a batch of equal motions (so that the call f
 the same for every tool, does not hide it). The rivals' times are those of prepared integrators,
 told beforehand which boundary ends which mode.
 
-The second table is the cold start: whole processes that import, integrate one motion and stop.
+The second table is the cold start: whole processes that import, integrate one motion and stop. The
+third one is about impacts (``benchmarks/impacts.py``); ``python benchmarks/motion.py impacts``
+measures it alone and leaves the others as they are.
 
 The tables go to ``benchmarks/results/motion.md`` with the machine named.
 """
@@ -25,12 +27,14 @@ from statistics import median
 
 import numpy as np
 
+import impacts
 import stickslip as ss
 from reference_values import PROBLEMS
 from rivals import ABSENT, RIVALS, time_interleaved
 
 # motions in one call, so many that making the closed forms does not count
 BATCH = {"A": 2000, "B": 30000, "C": 10000}
+IMPACTS = "## Impacts"
 RESULTS = Path(__file__).parent / "results" / "motion.md"
 SLIDER = {"mu": "0.5 + exp(-(alpha - 1)/0.4)", "V": 0.18, "nu": 0.02}
 SYSTEMS: dict[str, tuple[ss.System, dict[str, float]]] = {
@@ -162,23 +166,17 @@ def machine() -> str:
 
 
 def main() -> None:
-    """Run everything, print it and keep it."""
-    absent = [f"{name} is absent: {reason}" for name, reason in ABSENT.items()]
-    text = "\n".join(
-        [
-            "# Motion: time and error",
-            "",
-            machine(),
-            "",
-            *motions(),
-            "",
-            *cold_start(),
-            "",
-            *absent,
-            "",
-        ]
-    )
+    """Run everything, or the impacts alone; print it and keep it."""
     RESULTS.parent.mkdir(exist_ok=True)
+    if sys.argv[1:] == ["impacts"]:
+        before = RESULTS.read_text().split(IMPACTS)[0].rstrip().splitlines()
+    else:
+        absent = [f"{name} is absent: {reason}" for name, reason in ABSENT.items()]
+        before = ["# Motion: time and error", "", machine(), "", *motions(), "", *cold_start()]
+        before += ["", *absent]
+    text = "\n".join(
+        [*before, "", IMPACTS, "", machine(), "", *impacts.table(time_interleaved), ""]
+    )
     RESULTS.write_text(text)
     print(text)
 
