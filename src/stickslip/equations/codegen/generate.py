@@ -127,7 +127,7 @@ class Layout:
             "K": (max(len(self.constants), 1),),
             "M": (s["nq"], widest["Rq"]),
             "C": (s["nz"], widest["Rz"]),
-            "J": (s["mq"] + s["mz"], max(widest.values())),
+            "J": (s["mq"] + s["mz"], max(widest.values()) + 1),
             "omega": (self.frequencies,),
         }
         return shapes[name]
@@ -304,12 +304,25 @@ class _Generator:
 
     def moves(self, part: Component, matrix: Mapping[tuple[int, int], Expr]) -> bool:
         """Whether the matrix of a component changes on the way."""
-        if any(self.eq.contacts[c].opens for c in part.contacts):
-            return True  # what is closed, and what normal forces do, changes with the mode
+        if not all(self.rubs_evenly(c) for c in part.contacts):
+            return True
         own = frozenset(part.coordinates)
         entries = [e for (i, _), e in matrix.items() if i in own]
         entries += [e for c in part.contacts for e in self.eq.contacts[c].direction.values()]
         return not all(map(self.constants.is_constant, entries))
+
+    def rubs_evenly(self, i: int) -> bool:
+        """Whether the friction of a contact under normal forces has one constant coefficient."""
+        slopes = self.pressed_slopes(i)
+        return len(set(slopes)) <= 1 and all(map(self.constants.is_constant, slopes))
+
+    def pressed_slopes(self, i: int) -> list[Expr]:
+        """What a unit of normal force adds to the friction of a contact, and to its threshold,
+        either way."""
+        c = self.eq.contacts[i]
+        sides = (c.kinetic_plus, c.kinetic_minus, c.plus, c.minus)
+        normals = [f"lambda:{n}" for n in self.eq.pressing(i)]
+        return [ex.derivative(side, force) for force in normals for side in sides]
 
     def moving_entries(
         self, part: Component, names: list[str], matrix: Mapping[tuple[int, int], Expr]
@@ -338,19 +351,16 @@ class _Generator:
             pressing = frozenset(self.eq.pressing(c))
             for other in part.contacts:
                 if other in pressing:
-                    found.append(self.pressed_entry(c, other))
+                    found.append(self.pressed_entry(c))
                 else:
                     found.append(self.fixed_entry(c, ex.ZERO, ex.ONE if c == other else ex.ZERO))
         assert len(found) == (n + len(part.contacts)) ** 2
         return tuple(found)
 
-    def pressed_entry(self, i: int, normal: int) -> Instruction:
+    def pressed_entry(self, i: int) -> Instruction:
         """What a unit of normal force adds to λᵢ + σk = 0 in slip."""
-        c = self.eq.contacts[i]
         zero = self.tape.row(ex.ZERO)
-        force = f"lambda:{normal}"
-        sides = (c.kinetic_plus, c.kinetic_minus, c.plus, c.minus)
-        slopes = tuple(self.tape.row(-ex.derivative(side, force)) for side in sides)
+        slopes = tuple(self.tape.row(-slope) for slope in self.pressed_slopes(i))
         entry = Instruction(Op.SIDE, self.tape.new_row(0), (zero, *slopes), place=i)
         self.tape.emit(max(self.tape.stage[row] for row in slopes), entry)
         return entry
@@ -672,6 +682,12 @@ class _Generator:
             for i, c in enumerate(self.eq.contacts[: self.mq + self.mz])
             for x, e in c.direction.items()
             if self.constants.is_constant(e)
+        ]
+        friction = self.layout.shape("J")[1] - 1
+        entries += [
+            Store("J", (i, friction), scalar(self.pressed_slopes(i)[0]))
+            for i in range(self.mq)
+            if self.eq.pressing(i) and self.rubs_evenly(i)
         ]
         frequencies = enumerate(self.eq.frequencies)
         entries += [Store("omega", (i,), abs(scalar(e))) for i, e in frequencies]

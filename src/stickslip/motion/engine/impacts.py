@@ -19,7 +19,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.guards import loosen_friction, opens
-from stickslip.motion.engine.modes import TOUCHING
+from stickslip.motion.engine.modes import TOUCHING, resolve
 from stickslip.motion.steps.arrays import (
     CONTACTS,
     COORDINATES,
@@ -27,8 +27,8 @@ from stickslip.motion.steps.arrays import (
     FIRST_ROW,
     INERTIAL,
     INLINED,
+    MATRIX,
     MEMBERS,
-    MOVING,
     NOW,
     NOWHERE,
     OK,
@@ -208,10 +208,12 @@ def put_responses(machine: Machine, flow: Flow, at: Instant) -> bool:
     space = flow.space
     for c in range(rows.sizes[ON_INERTIAL]):
         at.mode[c] = 1
+    if not resolve(rows, flow.k, space, at.mode):
+        return False
     if coefficients(machine, flow, at, 1, space.V) != OK:
         return False
     for p in range(len(rows.parts)):
-        if rows.parts[p, MOVING] == 1:
+        if rows.parts[p, MATRIX] == 0:
             put_part(rows, space, flow.k.J, p)
     return True
 
@@ -495,6 +497,8 @@ def settles(machine: Machine, flow: Flow, lane: Lane) -> bool:
     here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
     unit = space.W[rows.sizes[DIMENSION], 1]
     found = False
+    if not resolve(rows, flow.k, space, lane.mode):
+        return False
     if coefficients(machine, flow, here, flow.order, space.W) != OK:
         return False
     for c in range(rows.sizes[ON_INERTIAL]):

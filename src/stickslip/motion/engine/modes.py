@@ -106,16 +106,27 @@ _LOOSER = 1e4  # tolerances by which the rates at the end of a step may break it
 
 @njit(**OPTIONS)
 def resolvent(
-    A: Array, J: Array, members: Array, n: int, m: int, mode: Array, scratch: Array, R: Array
+    A: Array,
+    J: Array,
+    parents: Array,
+    members: Array,
+    n: int,
+    m: int,
+    mode: Array,
+    scratch: Array,
+    R: Array,
 ) -> bool:
     """Inverse of [[A, −Jᵀ], [stick: J, 0; slip: 0, 1]] for the coordinates and contacts of one
-    component.
+    component; what slips under a normal force has σμ in its column.
 
     Parameters
     ----------
     A, J : arrays
         Mass matrix, or viscous matrix, and contact directions: rows of all coordinates and
-        contacts, with a column for each coordinate of their component.
+        contacts, with a column for each coordinate of their component; the last of J has
+        coefficients of friction.
+    parents : array of int
+        The contact whose normal force presses each, or negative.
     members : array of int, shape (n + m,)
         The coordinates, then the contacts.
     n, m : int
@@ -145,6 +156,11 @@ def resolvent(
                 scratch[n + c, i] = J[members[n + c], i]
         else:
             scratch[n + c, n + c] = 1.0
+            parent = parents[members[n + c]]
+            for other in range(m if parent >= 0 else 0):
+                if members[n + other] == parent:
+                    sense = 1.0 if mode[members[n + c]] > 0 else -1.0
+                    scratch[n + c, n + other] = sense * J[members[n + c], J.shape[1] - 1]
     return invert(scratch, n + m, R)
 
 
@@ -174,6 +190,7 @@ def resolve(rows: Rows, k: Constants, space: Space, mode: Array) -> bool:
         if not resolvent(
             k.M if inertial else k.C,
             k.J,
+            rows.parents,
             rows.members[first:],
             n,
             m,

@@ -172,7 +172,8 @@ class Constants(NamedTuple):
     """Constants, mass matrix, viscous matrix, contact directions and drive frequencies for a set of
     parameters.
 
-    A row of M, C and J has a column for each coordinate of the component that it belongs to.
+    A row of M, C and J has a column for each coordinate of the component that it belongs to; the
+    last column of J is the coefficient of friction under a normal force, where that is constant.
     """
 
     K: Array
