@@ -39,6 +39,7 @@ ISSUED = [
     "painleve_rod",
     "plate_compactor",
     "prandtl_tomlinson",
+    "ramp_walker",
     "rate_and_state_slider",
     "rimless_wheel",
     "rocking_oscillator",

@@ -189,7 +189,7 @@ def test_the_woodpecker_hangs(mu: float, holds: bool) -> None:
     rest = {"phi_M": sleeve, "phi_S": bird, "d_y": 0.0, "d_phi_S": 0.0}
     found = ss.simulate(w, (0.0, 0.1), initial=rest)
     assert found.certificate.ok
-    assert (found.final["y"] == 0.0) is holds
+    assert (abs(found.final["y"]) < 1e-15) is holds
 
 
 def test_the_spool_between_stops() -> None:
@@ -327,18 +327,6 @@ def test_stored(tmp_path: Path) -> None:
     assert again.certificate.ok
     assert again.system == found.system
     assert 'gap = "' in found.system.to_toml()
-
-
-def test_orbits_refuse_what_opens() -> None:
-    """By name, until they know impacts."""
-    w = ss.catalogue.woodpecker()
-    for asked in (
-        lambda: ss.equilibria(w),
-        lambda: ss.find_cycle(w),
-        lambda: ss.basin(ss.catalogue.bouncing_ball(), {"y": "0:1:3"}),
-    ):
-        with pytest.raises(DeclarationError, match="a contact can open"):
-            asked()
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import groupby
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -72,14 +74,15 @@ def test_first_variation_through_impacts(seed: int) -> None:
         initial = dict(zip(names, map(float, first + change), strict=True))
         motion = ss.simulate(system, (0.0, 0.9), initial=initial, rtol=1e-12, atol=1e-14)
         assert motion.outcome.ok
-        return motion.knots.state[-1], list(motion.impacts["contact"])
+        # How many bounces there are before they end is a matter of resolution.
+        return motion.knots.state[-1], [name for name, _ in groupby(motion.impacts["contact"])]
 
     motion = ss.simulate(system, (0.0, 0.9), rtol=1e-12, atol=1e-14)
     found = variation(motion, Pieces(motion._problem.compiled.equations))
-    if not found.differentiable:
-        pytest.skip("it has a corner")
+    assert found.differentiable
     rng = np.random.default_rng(seed)
     size = float(np.max(np.abs(found.matrix)))
+    compared = 0
     for _ in range(3):
         direction = rng.normal(size=6)
         h = 1e-5
@@ -89,6 +92,8 @@ def test_first_variation_through_impacts(seed: int) -> None:
         a, b, c, d = (y for y, _ in ends)
         slope = (8 * (a - b) - (c - d)) / (12 * h)
         assert_allclose(found.matrix @ direction, slope, atol=1e-6 * max(size, 1.0))
+        compared += 1
+    assert compared > 0
 
 
 def test_the_woodpecker() -> None:
@@ -154,3 +159,83 @@ def test_rest_on_a_plate() -> None:
     assert rest.normal_forces == {"normal_plate": pytest.approx(2.0)}
     assert rest.eigenvalues == ()
     assert rest.stable
+
+
+def test_the_rimless_wheel() -> None:
+    """McGeer: after the exchange cot 2α √(4 sin α sin γ) at the fixed point (g = l = 1), with the
+    multiplier cos² 2α."""
+    alpha, gamma = 0.3, 0.08
+    wheel = ss.catalogue.rimless_wheel(alpha=alpha, gamma=gamma, g=1.0, l=1.0)
+    cycle = ss.find_cycle(wheel, {"theta": gamma - alpha + 0.1, "d_theta": 0.4})
+    assert cycle.certificate.ok, cycle.certificate
+    after = np.sqrt(4 * np.sin(alpha) * np.sin(gamma)) / np.tan(2 * alpha)
+    motion = cycle.trajectory
+    (knot,) = motion._leaps
+    assert motion.knots.state[knot, 1] == pytest.approx(after, rel=1e-10)
+    assert_allclose(
+        np.sort(cycle.multipliers.real), [np.cos(2 * alpha) ** 2, 1.0], rtol=1e-9, atol=1e-9
+    )
+
+
+LONG = {"theta": 0.200310900, "d_theta": -0.199832473}
+
+
+def walker_start(theta: float, d_theta: float) -> dict[str, float]:
+    """Right after a heel strike."""
+    swing = {"phi": 2 * theta, "d_phi": (1 - np.cos(2 * theta)) * d_theta}
+    return {"theta": theta, "d_theta": d_theta, **swing}
+
+
+def test_the_simplest_walker() -> None:
+    """Garcia, Chatterjee, Ruina and Coleman, slope 0.009: the long gait takes 3.88246 and has the
+    multipliers −0.190 ± 0.558i."""
+    walker = ss.catalogue.simplest_walker(gamma=0.009)
+    motion = ss.simulate(walker, (0.0, 40 * 3.88246 + 1.0), initial=walker_start(**LONG))
+    cycle = ss.find_cycle(walker, motion)
+    assert cycle.certificate.ok, cycle.certificate
+    assert cycle.period == pytest.approx(3.88246, abs=1e-5)
+    others = sorted(cycle.nontrivial, key=lambda z: (abs(z), z.imag))
+    assert_allclose(others[-2:], [-0.190 - 0.558j, -0.190 + 0.558j], atol=6e-4)
+    assert abs(others[0]) < 1e-9
+
+
+def test_the_ramp_walker_is_the_toy_at_small_angles() -> None:
+    """As long as both feet are on the ground it is (4.1) but for sin ψ − ψ: what is left falls with
+    the cube of the angle."""
+    errors = []
+    for small in (0.04, 0.02):
+        walker = ss.catalogue.ramp_walker()
+        p = dict(walker.values)
+        gravity = p["g"] * np.cos(p["gamma"])
+        star = p["m_b"] * gravity / (2 * p["k"] * p["l"])
+        # A pull that the evenly loaded feet just hold.
+        pull = (p["m_b"] / 2 + p["m_l"]) * p["g"] * np.sin(p["gamma"])
+        mu = pull / ((p["m_b"] / 2 + p["m_l"]) * gravity) * (1 + 0.3 * small / star)
+        toy = ss.catalogue.rocking_toy_inertial(
+            I_b=p["I_b"], m_W=2 * pull / p["g"], m_b=p["m_b"] / 4 - 2 * pull / p["g"],
+            m_l=p["m_l"], g=p["g"], delta=p["delta"] + 2 * p["d"] * p["l"] ** 2, nu=0.0,
+            a=p["a"], b=2 * p["k"] * p["l"] ** 2 - p["m_b"] * gravity * p["h"], c=p["c"],
+            rho=mu * p["m_l"] * gravity, psi_star=star, H_star=mu * p["m_b"] * gravity,
+        )  # fmt: skip
+        span = (0.0, 1.5)
+        start = {"psi": small, "x_R": 0.0}
+        ends = [
+            ss.simulate(s, span, initial=start, parameters=values).final
+            for s, values in ((walker, {"mu": mu}), (toy, {}))
+        ]
+        assert abs(ends[0]["x_R"]) + abs(ends[0]["x_L"]) > 0.0  # it has slipped
+        errors.append(max(abs(ends[0][x] - ends[1][x]) for x in ("psi", "x_R", "x_L")) / small)
+    assert errors[1] < 0.35 * errors[0]
+    assert errors[0] < 1e-3
+
+
+def test_the_ramp_walker_walks() -> None:
+    """Down the ramp, both feet alike, each lifted once a period."""
+    walker = ss.catalogue.ramp_walker()
+    cycle = ss.find_cycle(walker, ss.simulate(walker, (0.0, 60.0)))
+    assert cycle.certificate.ok, cycle.certificate
+    assert cycle.stable
+    assert cycle.speed > 0.03
+    right, left = cycle.contacts["right foot"], cycle.contacts["left foot"]
+    assert right.open_time == pytest.approx(left.open_time, rel=1e-6)
+    assert right.open_time > 0.0
