@@ -355,7 +355,7 @@ def test_jumps_that_meet() -> None:
     left = ss.Jump("x - 1", {"d_x": "2*d_x"}, "rising")
     right = ss.Jump("1 - x**2", {"d_x": "d_x + 1"}, "falling")
     for jumps in ({"left": left, "right": right}, {"right": right, "left": left}):
-        found = ss.simulate(mass(initial={"d_x": 1.0}, **jumps))
+        found = ss.simulate(replace(mass(initial={"d_x": 1.0}), jumps=jumps))
         assert found.outcome is Outcome.JUMPS_MEET
         assert found.knots.time[-1] == pytest.approx(1.0)
         assert found.final["d_x"] == 1.0

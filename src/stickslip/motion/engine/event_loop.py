@@ -265,10 +265,8 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         count_step(clock, counters, h, series, end if which < 0 and h >= end - t else t + x * h)
         if doubt >= 0:
             return inadmissible(rows.doubtful, doubt), count
-        if which >= 0:
-            return fire(which, lane, rows, task.max_events), count
-        if due >= 0:
-            return NOWHERE, count  # closed forms may go on
+        if which >= 0 or due >= 0:  # after a jump closed forms may go on
+            return (fire(which, lane, rows, task.max_events) if which >= 0 else NOWHERE), count
 
 
 @njit(**OPTIONS)
