@@ -17,7 +17,14 @@ from typing import Any, Protocol, TypeVar
 from .verdict import Verdict
 
 # Kinds in the order of the report, with their share of --count.
-SHARES = {"motions": 1.0, "cycles": 0.1, "maps": 0.1, "averages": 0.1, "evolutions": 0.1}
+SHARES = {
+    "motions": 1.0,
+    "impacts": 0.25,
+    "cycles": 0.1,
+    "maps": 0.1,
+    "averages": 0.1,
+    "evolutions": 0.1,
+}
 
 
 Case = TypeVar("Case")
