@@ -638,7 +638,9 @@ class _Reader:
             self.result.limits.append((f"{where}.{key}", part, interval))
         check_unit(contact.unit, f"{where}.unit")
         here = ex.evaluate(gap, self.start)
-        if here < -1e-12 * max(_size(gap, self.start), 1e-300):
+        # Where nothing else says how large it is, rounding errors of the state are no overlap.
+        most = max(abs(self.start[q]) for q in self.result.inertial)
+        if here < -1e-12 * max(_size(gap, self.start), 1e-3 * most, 1e-300):
             raise DeclarationError(
                 f"{where}.gap",
                 f"it is {here:g} at the initial state: the bodies overlap",

@@ -865,7 +865,8 @@ def sample_law(
         row = n + 3 * c
         if opens(rows, c):
             gap = V[rows.gaps[c], 0]
-            size = max(abs(gap), mag[3 * nc + len(rows.kinks) + c])
+            # What is closed has no size but that of what forces would do to it.
+            size = max(abs(gap), mag[3 * nc + len(rows.kinks) + c], _REST * h * h * mag[nc + c])
             law[c, _OPENING] = most(law[c, _OPENING], size)
             space.impact[WIDEST, c] = law[c, _OPENING]
             samples[row, g] = held if mode[c] == 0 else gap

@@ -39,6 +39,7 @@ from stickslip.motion.engine.impacts import (
     collide,
     first_approaching,
     open_all,
+    size_gaps,
 )
 from stickslip.motion.engine.modes import (
     copy,
@@ -551,6 +552,8 @@ def knock(
         return NOWHERE, count
     if lane.counters[CAUSE] < 0 or due >= 0:
         here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
+        if lane.counters[TAKEN] == 0:
+            size_gaps(machine, flow, here, lane.clock[SPAN])
         struck_first = first_approaching(machine, flow, here, last)
         if struck_first >= 0:
             open_all(rows, lane.mode)

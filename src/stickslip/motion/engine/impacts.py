@@ -19,7 +19,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.guards import loosen_friction, opens
-from stickslip.motion.engine.modes import TOUCHING, resolve
+from stickslip.motion.engine.modes import resolve, touching
 from stickslip.motion.steps.arrays import (
     CONTACTS,
     COORDINATES,
@@ -36,6 +36,7 @@ from stickslip.motion.steps.arrays import (
     OPTIONS,
     PART,
     SPAN,
+    WIDEST,
     Flow,
     Instant,
     Lane,
@@ -44,7 +45,6 @@ from stickslip.motion.steps.arrays import (
     Space,
     coefficients,
     direction_entry,
-    gap_size,
 )
 
 # What :func:`collide` says: nothing collides; velocities have jumped; no impulse obeys the law; or
@@ -59,6 +59,7 @@ _MOST_MODES = 65536
 _CREATED = 1e-9  # part of the energy of an impact that may be a rounding error
 _SLOW = 1e-12  # part of their terms below which velocities are zero
 _TOGETHER = 1e-13  # of the time that a motion may last: what of bouncing is left then is none
+_AT_FIRST = 1e-9  # square of the part of its time that says how large the gaps of a motion are
 _SINGULAR = 1e-13  # part of its row below which a pivot is zero
 
 
@@ -123,13 +124,24 @@ def approaching(machine: Machine, flow: Flow, here: Instant, last: float) -> int
         work[BEFORE, c] = space.V[rows.u[c], 0]
         space.tried[_NEAR, c] = 0
         if opens(rows, c):
-            gap = space.V[rows.gaps[c], 0]
-            size = gap_size(rows, space, c) + last * space.mag[c]
-            closed = abs(gap) <= TOUCHING * size
+            closed = abs(space.V[rows.gaps[c], 0]) <= touching(flow, c, last)
             space.tried[_NEAR, c] = 1 if closed else 0
             if closed and work[BEFORE, c] < -_SLOW * space.mag[c]:
                 found += 1
     return found
+
+
+@njit(**INLINED)
+def size_gaps(machine: Machine, flow: Flow, here: Instant, span: float) -> None:
+    """Give the gaps of a motion that has not begun a size: what its forces would open in a part of
+    its time. A gap that starts at zero has no size of its own."""
+    rows = flow.rows
+    space = flow.space
+    coefficients(machine, flow, here, 1, space.V)
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if opens(rows, c):
+            size = _AT_FIRST * span * span * space.mag[len(rows.u) + c]
+            space.impact[WIDEST, c] = max(space.impact[WIDEST, c], size)
 
 
 @njit(**INLINED)

@@ -100,7 +100,8 @@ _TOGETHER = 16  # times that the switches of different components are flipped to
 _PAST = 1.0625  # of the time to a kink: the end of the step in which it comes
 # parts of a step, and of the time, within which a kink is the one that has been passed
 _PASSED, _ROUNDED = 1e-12, 1e3 * EPSILON
-TOUCHING = 1e-12  # part of its size, and of what it does in a step, below which a gap is zero
+_LOOSELY = 1e-6  # of the tolerance, where that is loose
+_TOUCHING = 1e-12  # part of its size, and of what it does in a step, below which a gap is zero
 _LOOSER = 1e4  # tolerances by which the rates at the end of a step may break its promise
 
 
@@ -266,7 +267,7 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
         gap = W[rows.u[c], 0]
         rate = mag[nc + c] + mag[2 * nc + c] / abs(own_inverse(rows, space, c))
         away = abs(gap) > (_ON_SURFACE * last + _WIDE * ROUNDING * near) * rate + ROUNDING * mag[c]
-        if away or is_apart(rows, space, c, last):
+        if away or is_apart(flow, c, last):
             # Contacts of other components hold the same whether this one does or not.
             if asked[rows.homes[c, PART]] == 0:
                 mode[c] = 1 if gap > 0.0 or opens(rows, c) else -1
@@ -294,13 +295,20 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
 
 
 @njit(**OPTIONS)
-def is_apart(rows: Rows, space: Space, c: int, last: float) -> bool:
+def is_apart(flow: Flow, c: int, last: float) -> bool:
     """Whether a contact that can open is not closed, up to what its gap does in a step and to
     rounding."""
-    if not opens(rows, c):
-        return False
-    size = gap_size(rows, space, c) + last * space.mag[c]
-    return bool(abs(space.W[rows.gaps[c], 0]) > TOUCHING * size)
+    rows = flow.rows
+    return opens(rows, c) and abs(flow.space.W[rows.gaps[c], 0]) > touching(flow, c, last)
+
+
+@njit(**OPTIONS)
+def touching(flow: Flow, c: int, last: float) -> float:
+    """The distance below which a contact is closed: a part of its gap's size, and of what
+    velocities and forces do to it in a step."""
+    mag = flow.space.mag
+    moved = last * (mag[c] + last * mag[len(flow.rows.u) + c])
+    return float(max(_TOUCHING, _LOOSELY * flow.tol) * (gap_size(flow.rows, flow.space, c) + moved))
 
 
 @njit(**INLINED)
