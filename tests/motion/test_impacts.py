@@ -362,3 +362,88 @@ def test_a_brake_is_proportional() -> None:
     ):
         with pytest.raises(DeclarationError, match="only a part of its friction"):
             replace(block(), contacts={**pads, "brake": other})
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.2])
+@pytest.mark.parametrize("speed", [0.0, 1.0, 5.0])
+def test_a_bead_on_a_wire(mu: float, speed: float) -> None:
+    """Held from both sides: two contacts that face each other are the pendulum φ″ = −g sin φ − μ
+    sign(φ′) |g cos φ + φ′²|."""
+    from scipy.integrate import solve_ivp
+
+    x, y = 0.6, 0.8
+    wire = ss.System(
+        name="wire",
+        coordinates={"x": ss.Inertial(), "y": ss.Inertial()},
+        kinetic="(d_x**2 + d_y**2)/2",
+        potential=f"{G}*y",
+        contacts={
+            "outside": ss.Unilateral("1 - x**2 - y**2", "x*d_y - y*d_x", mu),
+            "inside": ss.Unilateral("x**2 + y**2 - 1", "x*d_y - y*d_x", mu),
+        },
+        initial={"x": x, "y": y, "d_x": y * speed, "d_y": -x * speed},
+    )
+    end = 0.5
+    found = ss.simulate(wire, (0.0, end))
+    assert found.outcome.ok and found.certificate.ok
+    # φ is counted from the lowest point, and falls: the bead goes down on the right.
+    start = np.arctan2(x, -y)
+
+    def pendulum(t: float, z: Any) -> Any:
+        phi, rate = z
+        pressed = abs(G * np.cos(phi) + rate**2)
+        return [rate, -G * np.sin(phi) + mu * pressed]
+
+    first = [start, -speed if speed else -1e-300]
+    expected = solve_ivp(pendulum, (0.0, end), first, rtol=1e-12, atol=1e-13).y[0, -1]
+    angle = np.arctan2(found.final["x"], -found.final["y"])
+    assert angle == pytest.approx(expected, abs=1e-8)
+
+
+def test_a_rod_tips_onto_its_other_end() -> None:
+    """Both ends are rough, and one slides: the other one lands, and both slide to rest."""
+    rod = ss.System(
+        name="rod",
+        coordinates={q: ss.Inertial() for q in ("x", "y", "theta")},
+        kinetic="(d_x**2 + d_y**2)/2 + d_theta**2/6",
+        potential=f"{G}*y",
+        contacts={
+            "left": ss.Unilateral("y - sin(theta)", "d_x + sin(theta)*d_theta", 0.3),
+            "right": ss.Unilateral("y + sin(theta)", "d_x - sin(theta)*d_theta", 0.3),
+        },
+        initial={"theta": 0.4, "y": float(np.sin(0.4)), "d_x": -3.0},
+        span=(0.0, 3.0),
+    )
+    found = ss.simulate(rod)
+    assert found.outcome.ok and found.certificate.ok, (found.outcome, found.certificate)
+    assert abs(found.final["theta"]) < 1e-12
+    assert found.final["d_x"] == 0.0
+    landed = found.impacts["time"].iloc[-1]
+    after = found.at([landed + 1e-9])["d_x"][0]
+    # Flat it slides as a block: v²/(2 μ g).
+    way = found.final["x"] - found.at([landed])["x"][0]
+    assert way == pytest.approx(-(after**2) / (0.6 * G), rel=1e-6)
+
+
+def test_a_gap_that_starts_at_zero() -> None:
+    """It has no size of its own, and rounding errors of the state are not its violation."""
+    system = ss.System(
+        name="pressed",
+        coordinates={"y": ss.Inertial(), "z": ss.Inertial()},
+        kinetic="(d_y**2 + d_z**2)/2 + 0.3*d_y*d_z + 0.1*z**2*d_z**2",
+        potential=f"{G}*y",
+        contacts={"floor": ss.Unilateral("y")},
+        initial={"z": 0.5, "d_z": 1.0},
+        span=(0.0, 1.0),
+    )
+    found = ss.simulate(system)
+    assert found.certificate.ok, found.certificate
+    again = ss.simulate(system, initial={**found.final, "y": -1e-20})
+    assert again.certificate.ok, again.certificate
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-12])
+def test_tolerances(rtol: float) -> None:
+    """What a loose tolerance knows badly is no reason to end."""
+    found = ss.simulate(ss.catalogue.limit_stops(), rtol=rtol)
+    assert found.outcome.ok, found.message
