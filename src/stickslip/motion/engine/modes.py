@@ -100,7 +100,7 @@ _TOGETHER = 16  # times that the switches of different components are flipped to
 _PAST = 1.0625  # of the time to a kink: the end of the step in which it comes
 # parts of a step, and of the time, within which a kink is the one that has been passed
 _PASSED, _ROUNDED = 1e-12, 1e3 * EPSILON
-_LOOSELY = 1e-6  # of the tolerance, where that is loose
+_LOOSELY = 1e-3  # of the tolerance, where that is loose
 _TOUCHING = 1e-12  # part of its size, and of what it does in a step, below which a gap is zero
 _LOOSER = 1e4  # tolerances by which the rates at the end of a step may break its promise
 
