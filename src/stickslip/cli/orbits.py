@@ -145,7 +145,10 @@ def branch_command(
     settings: ParameterOptions = None,
     initial: Initial = None,
     cycles: Annotated[
-        bool, typer.Option("--cycle", help="Follow a cycle, as where time drives the system.")
+        bool,
+        typer.Option(
+            "--cycle", help="Follow a cycle, as where time drives the system or its state jumps."
+        ),
     ] = False,
     out: Out = None,
     json_: Json = False,
@@ -171,7 +174,8 @@ def branch_command(
     inside = low <= system.values[parameter] <= high
     at = {} if inside else {parameter: 0.5 * (low + high)}
     # Where time matters there is no equilibrium to follow.
-    cycles = cycles or derive(system.declaration).timed
+    equations = derive(system.declaration)
+    cycles = cycles or equations.timed or bool(equations.jumps)
 
     def work(progress: ShowProgress) -> Branch:
         if cycles:

@@ -11,6 +11,7 @@ from matplotlib.patches import Patch
 
 from stickslip.errors import DeclarationError
 from stickslip.figures.drawing.style import (
+    BAND,
     SLIP,
     STICK_SHADE,
     axis_label,
@@ -19,8 +20,9 @@ from stickslip.figures.drawing.style import (
     new_figure,
     paper_style,
 )
-from stickslip.model.quantities import quantity
+from stickslip.model.quantities import contact_key, quantity
 from stickslip.model.units import unit_label
+from stickslip.motion.knots import IS_CLOSED, IS_OPEN
 
 if TYPE_CHECKING:
     from stickslip.orbits.cycles.cycle import Cycle
@@ -62,24 +64,26 @@ def plot_gait(cycle: Cycle, periods: int = 2) -> Figure:
 
 
 def _bars(axes: Axes, cycle: Cycle, periods: int) -> None:
-    """One row for each contact, one bar for each phase."""
+    """One row for each contact, one bar for each phase; none where it is open."""
     knots = cycle.trajectory.knots
-    contacts = [c.name for c in cycle.trajectory._problem.compiled.equations.contacts]
+    names = list(cycle.contacts)
     start = knots.time[:-1] - knots.time[0]
     length = np.diff(knots.time)
     shown: set[int] = set()
-    for row, name in enumerate(cycle.system.dry_contacts):
-        mode = knots.slip[:-1, contacts.index(name)]
+    colours = {**SLIP, 0: STICK_SHADE, IS_CLOSED: BAND}
+    for row, name in enumerate(names):
+        mode = cycle.trajectory.modes[contact_key(name)][:-1]
         edges = np.flatnonzero(np.append(True, np.diff(mode) != 0))
         for turn in range(periods):
             for i, j in zip(edges, [*edges[1:], len(mode)], strict=True):
                 begins = start[i] + turn * cycle.period
                 lasts = float(np.sum(length[i:j]))
-                colour = SLIP.get(int(mode[i]), STICK_SHADE)
-                axes.broken_barh([(begins, lasts)], (row - 0.36, 0.72), color=colour, lw=0)
-                shown.add(int(mode[i]))
-    axes.set_yticks(range(rows := len(cycle.contacts)), list(cycle.system.dry_contacts))
-    axes.set_ylim(rows - 0.5, -0.5)
+                if mode[i] != IS_OPEN:
+                    colour = colours[int(mode[i])]
+                    axes.broken_barh([(begins, lasts)], (row - 0.36, 0.72), color=colour, lw=0)
+                    shown.add(int(mode[i]))
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.5, -0.5)
     axes.tick_params(left=False)
     axes.spines[["left", "bottom"]].set_visible(False)
     axes.tick_params(bottom=False, labelbottom=False)
@@ -87,6 +91,7 @@ def _bars(axes: Axes, cycle: Cycle, periods: int) -> None:
         (0, STICK_SHADE, "stick"),
         (1, SLIP[1], "slip forward"),
         (-1, SLIP[-1], "slip back"),
+        (IS_CLOSED, BAND, "closed"),
     )
     legend_above(
         axes,
