@@ -5,14 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from stickslip.errors import DeclarationError
 from stickslip.figures.drawing.style import (
     BAND,
     SLIP,
+    STICK_LINE,
     STICK_SHADE,
     axis_label,
     legend_above,
@@ -64,7 +67,8 @@ def plot_gait(cycle: Cycle, periods: int = 2) -> Figure:
 
 
 def _bars(axes: Axes, cycle: Cycle, periods: int) -> None:
-    """One row for each contact, one bar for each phase; none where it is open."""
+    """One row for each contact, one bar for each phase, none where it is open, and a line for each
+    impact."""
     knots = cycle.trajectory.knots
     names = list(cycle.contacts)
     start = knots.time[:-1] - knots.time[0]
@@ -82,6 +86,11 @@ def _bars(axes: Axes, cycle: Cycle, periods: int) -> None:
                     colour = colours[int(mode[i])]
                     axes.broken_barh([(begins, lasts)], (row - 0.36, 0.72), color=colour, lw=0)
                     shown.add(int(mode[i]))
+    struck = cycle.trajectory.impacts
+    for row, name in enumerate(names):
+        times = struck["time"][struck["contact"] == contact_key(name)].to_numpy() - knots.time[0]
+        every = np.concatenate([times + turn * cycle.period for turn in range(periods)])
+        axes.vlines(every, row - 0.36, row + 0.36, color=STICK_LINE, lw=1.4)
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.tick_params(left=False)
@@ -93,10 +102,12 @@ def _bars(axes: Axes, cycle: Cycle, periods: int) -> None:
         (-1, SLIP[-1], "slip back"),
         (IS_CLOSED, BAND, "closed"),
     )
-    legend_above(
-        axes,
-        [Patch(color=colour, label=label) for mode, colour, label in meanings if mode in shown],
-    )
+    marks: list[Artist] = [
+        Patch(color=c, label=text) for mode, c, text in meanings if mode in shown
+    ]
+    if len(struck):
+        marks.append(Line2D([], [], color=STICK_LINE, lw=1.4, label="impact"))
+    legend_above(axes, marks)
 
 
 def _positions(axes: Axes, cycle: Cycle, names: list[str], periods: int) -> None:

@@ -26,6 +26,7 @@ from stickslip.figures.drawing.style import (
     STICK_LINE,
     STICK_SHADE,
     THRESHOLD,
+    VERMILION,
     axis_label,
     legend_above,
     line_colours,
@@ -52,6 +53,7 @@ _AT_ONCE = 64_000  # samples taken in one go
 _MANY = 4
 _SWINGS = 0.2  # part of its range that a quantity takes within a column, of which a line is a block
 _INSIDE = 0.3  # opacity of what is between an envelope
+_MARKED = 200  # impacts of a contact
 _CLOSED_FOR = 0.1  # of the time: from there on what can open shows its friction, not its gap
 _ROW = 1.5  # inches
 _EXTRA = 1.0  # inches
@@ -387,6 +389,8 @@ class _Overview:
 
         def panel(axes: Axes) -> None:
             self.shade(axes, self.modes[key] != IS_OPEN)
+            struck = self.struck(key)
+            axes.plot(struck, np.zeros(len(struck)), "o", ms=3.5, mfc="white", mec=VERMILION)
             self._line(axes, f"gap_{key}", BLUE, zorder=3)
             _roomy(axes, self.values[f"gap_{key}"])
             unit = unit_label(self.unit(f"gap_{key}"))
@@ -397,9 +401,20 @@ class _Overview:
                     Line2D([], [], color=BLUE, label="gap"),
                     Patch(color=STICK_SHADE, label="closed"),
                 ]
+                if any(len(self.struck(k)) for k in self.opening):
+                    mark = Line2D([], [], ls="", marker="o", ms=3.5, mfc="white", mec=VERMILION)
+                    mark.set_label("impact")
+                    marks.append(mark)
                 legend_above(axes, marks, right=True)
 
         return panel
+
+    def struck(self, key: str) -> Array:
+        """When a contact is struck within what is shown; of very many impacts none is marked."""
+        impacts = self.trajectory.impacts
+        times = impacts["time"][impacts["contact"] == key].to_numpy()
+        shown = (times >= self.motion.time[0]) & (times <= self.motion.time[-1])
+        return times[shown] if np.count_nonzero(shown) <= _MARKED else times[:0]
 
     def mode_map(self, axes: Axes) -> None:
         """Who sticks when: one row per contact; nothing where it is open."""
