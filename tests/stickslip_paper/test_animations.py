@@ -14,11 +14,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
-from matplotlib.patches import Polygon
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Polygon
+from numpy.testing import assert_allclose
 from PIL import Image
 
+import stickslip as ss
 from stickslip_paper.moving.animations import ANIMATIONS, frames, write_page, write_video
-from stickslip_paper.moving.scenes import SLIP, STICK, Scene, compactor_scene, toy_scene
+from stickslip_paper.moving.impacts import (
+    ramp_walker_scene,
+    simplest_walker_scene,
+    woodpecker_scene,
+)
+from stickslip_paper.moving.parts import SLIP, STICK, Scene
+from stickslip_paper.moving.scenes import compactor_scene, toy_scene
 
 
 def soles(scene: Scene, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -55,6 +64,83 @@ def test_what_sticks_keeps_still(
         # periods.
         assert not np.any(slips[:, :2] & slips[:, 2:])
         assert x[-1] - x[0] == pytest.approx(np.full(4, 2.0), abs=1e-3)
+
+
+WHITE = "#ffffff"
+
+
+def test_what_the_ramp_walker_stands_on() -> None:
+    """A foot that sticks keeps still, one that slips is on the ramp, one that is lifted is off it,
+    and each goes two strides down the ramp."""
+    scene = ramp_walker_scene(300)
+    slope = ss.catalogue.ramp_walker().values["gamma"]
+    scene.place(0)
+    feet = [p for p in scene.moving if isinstance(p, Polygon) and p.get_linewidth() in (0.0, 1.2)]
+    feet = [foot for foot in feet if to_hex(foot.get_facecolor()) in (SLIP.lower(), STICK.lower())]
+    assert len(feet) == 4  # two from the side, two from behind
+    low = np.empty((scene.frames, 2))
+    along = np.empty((scene.frames, 2))
+    colours = np.empty((scene.frames, 4), dtype="<U7")
+    turn = np.array([[np.cos(slope), np.sin(slope)], [-np.sin(slope), np.cos(slope)]])
+    for i in range(scene.frames):
+        scene.place(i)
+        for k, foot in enumerate(feet[:2]):
+            points = foot.get_xy() @ turn
+            along[i, k], low[i, k] = points.min(axis=0)
+        colours[i] = [to_hex(foot.get_facecolor()) for foot in feet]
+    lifted, sticks = colours[:, :2] == WHITE, colours[:, :2] == STICK.lower()
+    assert {str(c) for c in colours.flat} == {WHITE, STICK.lower(), SLIP.lower()}
+    assert_allclose(low[~lifted], -0.02, atol=1e-9)
+    assert np.all(low[lifted] > -0.02) and low.max() == pytest.approx(0.356 - 0.02, abs=2e-3)
+    still = sticks[1:] & sticks[:-1]
+    # A slip may be shorter than a frame.
+    assert np.mean(np.abs(np.diff(along, axis=0)[still]) < 1e-9) > 0.97
+    assert not np.any(lifted[:, 0] & lifted[:, 1])
+    assert_allclose(along[-1] - along[0], 2 * 1.95071, atol=2e-4)
+    assert sorted(map(tuple, colours[:, :2].T)) == sorted(map(tuple, colours[:, 2:].T))
+
+
+def test_the_beak_reaches_the_pole() -> None:
+    """The star shows where the beak is at the pole, of radius 2.5 mm; the sleeve jams by the edge
+    that touches it."""
+    scene = woodpecker_scene(280)
+    stars = [p for p in scene.moving if isinstance(p, Line2D) and p.get_marker() == (8, 1, 0)]
+    discs = [p for p in scene.moving if isinstance(p, Circle) and p.get_radius() == 0.85]
+    beaks = [p for p in scene.moving if isinstance(p, Polygon) and len(p.get_xy()) == 4]
+    (star,) = stars
+    (beak,) = beaks
+    tip = np.empty(scene.frames)
+    shown = np.empty(scene.frames, bool)
+    for i in range(scene.frames):
+        scene.place(i)
+        tip[i] = np.min(beak.get_xy()[:, 0])
+        shown[i] = star.get_visible()
+        for disc in discs:
+            if to_hex(disc.get_facecolor()) != WHITE:
+                assert np.ravel(disc.get_center())[0] == pytest.approx(2.5, abs=0.2)
+    began = np.flatnonzero(np.diff(shown.astype(int)) == 1)
+    assert len(began) == 2 and np.diff(began)[0] == pytest.approx(scene.frames / 2, abs=1)
+    assert_allclose(tip[began], 2.5, atol=0.4)
+    assert np.all(tip > 2.3)
+
+
+def test_the_simplest_walker_stands_on_its_foot() -> None:
+    """The foot that stands keeps still for a step, then the other one stands 2 sin θ further on."""
+    scene = simplest_walker_scene(200)
+    lifted, foot, hip = [p for p in scene.moving if isinstance(p, Circle)]
+    at = np.empty((scene.frames, 3, 2))
+    for i in range(scene.frames):
+        scene.place(i)
+        at[i] = [disc.get_center() for disc in (lifted, foot, hip)]
+    steps = np.linalg.norm(np.diff(at[:, 1], axis=0), axis=1)
+    moved = steps[steps > 1e-9]
+    assert_allclose(moved, 2 * np.sin(0.2003109), atol=1e-6)
+    assert len(moved) == 3
+    assert_allclose(np.linalg.norm(at[:, :2] - at[:, 2:], axis=2), 1.0, rtol=1e-12)
+    # Down a slope of 0.009, and the hip is never above the length of a leg.
+    down = at[-1, 1] - at[0, 1]
+    assert -down[1] / down[0] == pytest.approx(np.tan(0.009), rel=1e-9)
+    assert np.all(at[:, 2, 1] - at[:, 1, 1] <= 1.0 + 1e-12)
 
 
 def test_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""Two motions to watch: the walking toy and the plate compactor.
+"""Motions to watch: toys that walk and peck, the plate compactor, the simplest walker.
 
 Only the moving parts of a scene are drawn anew in each frame. Films are written as GIF, and as MP4
 where ffmpeg is installed, else as a page that plays the frames.
@@ -20,7 +20,13 @@ from numpy import ndarray as Array
 from PIL import Image
 
 import stickslip as ss
-from stickslip_paper.moving.scenes import Scene, compactor_scene, toy_scene
+from stickslip_paper.moving.impacts import (
+    ramp_walker_scene,
+    simplest_walker_scene,
+    woodpecker_scene,
+)
+from stickslip_paper.moving.parts import Scene
+from stickslip_paper.moving.scenes import compactor_scene, toy_scene
 
 _RATE = 20  # frames per second
 _COLOURS = 96
@@ -55,6 +61,24 @@ def plate_compactor(folder: Path) -> list[Path]:
     """Six turns of the imbalance, in slow motion."""
     with ss.style.paper_style():
         return film(compactor_scene(), folder / "plate-compactor")
+
+
+def woodpecker(folder: Path) -> list[Path]:
+    """Two pecks of the woodpecker, in slow motion."""
+    with ss.style.paper_style():
+        return film(woodpecker_scene(), folder / "woodpecker")
+
+
+def ramp_walker(folder: Path) -> list[Path]:
+    """Two periods of the ramp walker, in slow motion."""
+    with ss.style.paper_style():
+        return film(ramp_walker_scene(), folder / "ramp-walker")
+
+
+def simplest_walker(folder: Path) -> list[Path]:
+    """Four steps of the simplest walker."""
+    with ss.style.paper_style():
+        return film(simplest_walker_scene(), folder / "simplest-walker")
 
 
 def film(scene: Scene, path: Path) -> list[Path]:
@@ -211,6 +235,41 @@ ANIMATIONS: dict[str, AnimationEntry] = {
             "is drawn at a tenth of ψ; how far an unloaded foot lifts is drawn for the eye, the "
             "model only has its friction ρ + H(ψ).",
             walking_toy,
+        ),
+        AnimationEntry(
+            "ramp-walker",
+            "The ramp walker rocks down its ramp",
+            "A toy like that of figure 1.1(B): two periods of settled walking, 0.97 s in 7 s. "
+            "Body of 0.1 kg, legs of 2 g with springs of 100 N/m at 2.5 cm from the middle, "
+            "μ = 0.3, a ramp of 0.15 rad; the other parameters are those of the catalogue's "
+            "ramp_walker. Feet are black in stick, red in slip and hollow where they are lifted: "
+            "they are contacts that open, and land with impacts without rebound. It goes 1.95 cm "
+            "in a period of 0.485 s. Lengths of the ramp, lifts (up to 3.6 mm) and the angle ψ "
+            "(up to 0.274 rad) are drawn true to scale.",
+            ramp_walker,
+        ),
+        AnimationEntry(
+            "woodpecker",
+            "The woodpecker pecks its way down a pole",
+            "Two pecks of the settled motion, 0.292 s shown in 7 s, with the parameters of Leine, "
+            "Glocker and van Campen (2003), μ = 0.3. The inner edges of the sleeve are black where "
+            "they stick, red where they slide and hollow where they are open. The sleeve jams "
+            "while the bird swings back and forth, comes free, and the beak strikes the pole "
+            "(star); then the sleeve slides until it jams again. In a period of 0.146 s it comes "
+            "down by 19.4 mm. The clearance of the sleeve, 0.6 mm, and its angle, 0.103 rad at "
+            "most, are drawn 2.5 times as large, the rest true to scale.",
+            woodpecker,
+        ),
+        AnimationEntry(
+            "simplest-walker",
+            "The simplest walker takes four steps",
+            "Two legs of length ℓ with a heavy hip on a slope γ = 0.009, after Garcia, Chatterjee, "
+            "Ruina and Coleman (1998): the long, stable gait from θ = 0.2003, whose steps last "
+            "3.88246 √(ℓ/g). At heel strike (star) the legs exchange their parts, and the state "
+            "jumps. The foot that stands is black, the one that swings hollow. Both legs have the "
+            "same length, so that the swinging foot scuffs the ground where they pass each other, "
+            "which the model ignores. The slope is drawn true to scale.",
+            simplest_walker,
         ),
     )
 }

@@ -3,47 +3,26 @@ apart by colour."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Circle, Patch, Polygon
+from matplotlib.patches import Patch
 from numpy import ndarray as Array
 
 import stickslip as ss
-from stickslip_paper.drawing.sketch import (
-    BODY,
-    BODY_EDGE,
-    canvas,
-    ground,
-    rounded,
-    spring_line,
-    turned,
-)
+from stickslip_paper.drawing.sketch import BODY, canvas, ground, rounded, spring_line, turned
 from stickslip_paper.drawing.style import arrow
 from stickslip_paper.figures.figure_4_1 import FAR, leg, trunk
-
-STICK = ss.style.STICK_LINE
-SLIP = ss.style.VERMILION
-_MODES = [
-    Line2D([], [], color=STICK, lw=2.5, label="stick"),
-    Line2D([], [], color=SLIP, lw=2.5, label="slip"),
-]
-
-
-@dataclass(frozen=True)
-class Scene:
-    """A figure with moving parts, which are drawn in their order on top of the rest."""
-
-    figure: Figure
-    moving: Sequence[Artist]
-    place: Callable[[int], None]
-    frames: int
-
+from stickslip_paper.moving.parts import (
+    STICK,
+    Scene,
+    by_mode,
+    modes,
+    moving_disc,
+    moving_line,
+    part,
+    shoe,
+)
 
 # -- the walking toy -------------------------------------------------------------------------------
 
@@ -70,18 +49,18 @@ def toy_scene(frames: int = 140) -> Scene:
     angle.set_ylabel(r"$\psi$  [rad]", fontsize=11)
     angle.tick_params(labelbottom=False)
     for name, key in _FEET.items():
-        _by_mode(legs, times, traces[f"x_{name}"], traces[f"mode_{key}"] != 0)
+        by_mode(legs, times, traces[f"x_{name}"], traces[f"mode_{key}"])
         legs.text(t[-1] + 0.1, now[f"x_{name}"][-1], f"$x_{name}$", va="center")
     legs.set_ylabel("$x_R$, $x_L$  [m]", fontsize=11)
     legs.set_xlabel("time $t$  [s]", fontsize=11)
-    ss.style.legend_above(angle, _MODES)
+    ss.style.legend_above(angle, modes())
     for axes in (angle, legs):
         axes.set_xlim(0.0, t[-1])
     cursors = [axes.axvline(0.0, color=ss.style.THRESHOLD, lw=1.2) for axes in (angle, legs)]
 
     def place(i: int) -> None:
-        for part in parts:
-            part.place(i)
+        for view in parts:
+            view.place(i)
         for cursor in cursors:
             cursor.set_xdata([t[i], t[i]])
 
@@ -89,26 +68,6 @@ def toy_scene(frames: int = 140) -> Scene:
 
 
 _FEET = {"R": "right_leg", "L": "left_leg"}
-
-
-def _part(axes: Axes, points: Array, face: str = BODY, width: float = 1.2) -> Polygon:
-    """A part that moves."""
-    part = Polygon(points, fc=face, ec=BODY_EDGE, lw=width)
-    axes.add_patch(part)
-    return part
-
-
-def _disc(axes: Axes, centre: tuple[float, float], radius: float, face: str) -> Circle:
-    """A disc that moves."""
-    disc = Circle(centre, radius, fc=face, ec=ss.style.STICK_LINE, lw=1.2)
-    axes.add_patch(disc)
-    return disc
-
-
-def _shoe(patch: Polygon, outline: Array, slips: bool) -> None:
-    """A foot, black in stick and red in slip."""
-    patch.set_xy(outline)
-    patch.set_facecolor(SLIP if slips else STICK)
 
 
 def _lift(psi: Array, side: str) -> Array:
@@ -124,17 +83,17 @@ class _Side:
         ground(axes, (-1.7, 0.0), (4.5, 0.0), spacing=0.25)
         origin = 0.5 * (now["x_R"][0] + now["x_L"][0])
         self.x = {side: now[f"x_{side}"] - origin for side in _FEET}
-        self.slips = {side: now[f"mode_{key}"] != 0 for side, key in _FEET.items()}
+        self.modes = {side: now[f"mode_{key}"] for side, key in _FEET.items()}
         self.psi = now["psi"]
         self.trunk = trunk() - (2.3, 0.0)
-        self.body = _part(axes, self.trunk)
-        self.eye = _disc(axes, (0.0, 2.28), 0.05, ss.style.STICK_LINE)
+        self.body = part(axes, self.trunk)
+        self.eye = moving_disc(axes, (0.0, 2.28), 0.05, ss.style.STICK_LINE)
         self.legs = {
-            (side, hip): _part(axes, self.trunk, face)
+            (side, hip): part(axes, self.trunk, face)
             for side, face in (("L", FAR), ("R", "white"))
             for hip in (-0.8, 0.8)
         }
-        self.feet = {key: _part(axes, self.trunk, STICK, 0.0) for key in self.legs}
+        self.feet = {key: part(axes, self.trunk, STICK, 0.0) for key in self.legs}
         far = [part[key] for part in (self.legs, self.feet) for key in part if key[0] == "L"]
         near = [part[key] for part in (self.legs, self.feet) for key in part if key[0] == "R"]
         self.moving: list[Artist] = [*far, self.body, self.eye, *near]
@@ -150,7 +109,7 @@ class _Side:
             sole = np.array(
                 [(-0.2, -0.02), (0.34, -0.02), (0.34, 0.12), (0.1, 0.22), (-0.17, 0.22)]
             )
-            _shoe(self.feet[side, hip], foot + sole, bool(self.slips[side][i]))
+            shoe(self.feet[side, hip], foot + sole, int(self.modes[side][i]))
 
 
 class _Behind:
@@ -160,7 +119,7 @@ class _Behind:
         canvas(axes, (-1.2, 1.2), (-0.35, 2.8))
         ground(axes, (-1.2, 0.0), (1.2, 0.0), spacing=0.25)
         self.psi = now["psi"]
-        self.slips = {side: now[f"mode_{key}"] != 0 for side, key in _FEET.items()}
+        self.modes = {side: now[f"mode_{key}"] for side, key in _FEET.items()}
         self.outlines = {
             "R": _column(0.4),
             "L": _column(-0.4),
@@ -172,9 +131,9 @@ class _Behind:
         }
         faces = {"R": "white", "L": FAR, "body": BODY}
         self.parts = {
-            name: _part(axes, points, faces[name]) for name, points in self.outlines.items()
+            name: part(axes, points, faces[name]) for name, points in self.outlines.items()
         }
-        self.feet = {side: _part(axes, self.outlines[side], STICK, 0.0) for side in "RL"}
+        self.feet = {side: part(axes, self.outlines[side], STICK, 0.0) for side in "RL"}
         self.moving: list[Artist] = [
             self.parts["R"],
             self.parts["L"],
@@ -192,17 +151,11 @@ class _Behind:
             sole = np.array(
                 [(at - 0.16, -0.02), (at + 0.16, -0.02), (at + 0.16, 0.2), (at - 0.16, 0.2)]
             )
-            _shoe(patch, turned(sole, -0.1 * self.psi[i], foot, foot), bool(self.slips[side][i]))
+            shoe(patch, turned(sole, -0.1 * self.psi[i], foot, foot), int(self.modes[side][i]))
 
 
 def _column(x: float) -> Array:
     return np.array([(x - 0.14, 0.0), (x - 0.14, 1.2), (x + 0.14, 1.2), (x + 0.14, 0.0)])
-
-
-def _by_mode(axes: Axes, t: Array, values: Array, slips: Array) -> None:
-    """A trace, black in stick and red in slip."""
-    axes.plot(t, values, color=STICK, lw=1.6)
-    axes.plot(t, np.where(slips, values, np.nan), color=SLIP, lw=2.6)
 
 
 # -- the plate compactor ---------------------------------------------------------------------------
@@ -229,18 +182,17 @@ def compactor_scene(frames: int = 140) -> Scene:
     trace.fill_between(
         s, 0.0, traces["threshold_plus_ground"], fc=ss.style.BAND, ec=ss.style.THRESHOLD, lw=0.8
     )
-    _by_mode(trace, s, force, traces["mode_ground"] != 0)
+    by_mode(trace, s, force, traces["mode_ground"])
     trace.set_xlim(0.0, turns)
     trace.set_ylim(0.0, 1100.0)
     trace.set_xlabel("turns of the imbalance", fontsize=11)
     trace.set_ylabel("force  [N]", fontsize=11)
-    modes = [
-        Line2D([], [], color=m.get_color(), lw=2.5, label=f"spring force, {m.get_label()}")
-        for m in _MODES
-    ]
     ss.style.legend_above(
         trace,
-        [Patch(fc=ss.style.BAND, ec=ss.style.THRESHOLD, label=r"threshold $\mu N(t)$"), *modes],
+        [
+            Patch(fc=ss.style.BAND, ec=ss.style.THRESHOLD, label=r"threshold $\mu N(t)$"),
+            *modes("spring force, stick", "spring force, slip"),
+        ],
     )
     s = (t - start) / period
     cursor = trace.axvline(0.0, color=ss.style.THRESHOLD, lw=1.2)
@@ -265,18 +217,18 @@ class _Machine:
         axes.text(2.65, -0.46, "mm", va="center", fontsize=9)
         self.moved = 400.0 * (now["x"] - now["x"][0])
         self.phase = phase
-        self.slips = now["mode_ground"] != 0
+        self.modes = now["mode_ground"]
         self.length = 1.2 * now["threshold_plus_ground"] / now["threshold_plus_ground"].max()
         sole = np.array(
             [(0.9, 0.45), (1.15, 0.05), (3.65, 0.05), (3.9, 0.45), (3.65, 0.3), (1.15, 0.3)]
         )
         self.outlines = [sole, np.array([(1.5, 0.3), (1.5, 1.8), (3.3, 1.8), (3.3, 0.3)])]
-        self.plate = [_part(axes, points) for points in self.outlines]
-        self.sole = _part(axes, sole, STICK, 0.0)
-        self.wheel = _disc(axes, (0.0, 1.05), 0.6, "white")
-        self.arm = axes.plot([], [], color=ss.style.STICK_LINE, lw=1.4)[0]
-        self.mass = _disc(axes, (0.0, 0.0), 0.12, ss.style.STICK_LINE)
-        self.spring = axes.plot([], [], color=ss.style.STICK_LINE, lw=1.2)[0]
+        self.plate = [part(axes, points) for points in self.outlines]
+        self.sole = part(axes, sole, STICK, 0.0)
+        self.wheel = moving_disc(axes, (0.0, 1.05), 0.6, "white")
+        self.arm = moving_line(axes, 1.4)
+        self.mass = moving_disc(axes, (0.0, 0.0), 0.12, ss.style.STICK_LINE)
+        self.spring = moving_line(axes)
         self.press = arrow(axes, (0.0, 1.0), (0.0, 0.0), ss.style.THRESHOLD)
         axes.text(0.3, 1.5, "$N(t)$", ha="center", color=ss.style.THRESHOLD, fontsize=13)
         self.moving: list[Artist] = [
@@ -295,7 +247,7 @@ class _Machine:
         for patch, outline in zip(self.plate, self.outlines, strict=True):
             patch.set_xy(outline + np.array([x, 0.0]))
         sole = np.array([(1.15, 0.0), (3.65, 0.0), (3.65, 0.12), (1.15, 0.12)])
-        _shoe(self.sole, sole + np.array([x, 0.0]), bool(self.slips[i]))
+        shoe(self.sole, sole + np.array([x, 0.0]), int(self.modes[i]))
         centre = np.array([2.4 + x, 1.05])
         mass = centre + 0.42 * np.array([np.sin(self.phase[i]), -np.cos(self.phase[i])])
         self.wheel.set_center(tuple(centre))
