@@ -76,6 +76,21 @@ def test_drawings_name_the_variables(key: str, names: list[str]) -> None:
         assert any(name in word for word in words), name
 
 
+def test_1_1_a_toy_walks() -> None:
+    """Both feet take the same steps, half a period apart, and are never lifted at once."""
+    ways, forces = panels("1.1")[3:]
+    t, right = line(forces, "$N_R$")
+    _, left = line(forces, "$N_L$")
+    half = (len(t) - 1) // 4
+    assert np.max(np.abs(right[half:] - left[:-half])) < 1e-6
+    assert right.min() > -1e-12 and np.all(right + left > 0.5)
+    assert 0.2 < np.mean(right == 0.0) < 0.4  # lifted
+    for black in (ways.lines[0], ways.lines[3]):
+        _, way = points(black)
+        assert np.all(np.diff(way) > -1e-9)
+        assert way[-1] - way[0] == pytest.approx(2 * 1.9507, abs=1e-3)
+
+
 def ell(t: Array) -> Array:
     return 5 * t - t**2
 

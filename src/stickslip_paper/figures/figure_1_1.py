@@ -20,18 +20,52 @@ from stickslip_paper.drawing.sketch import (
     turned,
 )
 from stickslip_paper.drawing.style import arrow, heads
+from stickslip_paper.moving.parts import by_mode, modes
 
 
 def draw() -> Figure:
-    """(A) the plate compactor, (B) the toy ramp walker, with the variables of their models."""
+    """(A) the plate compactor, (B) the toy ramp walker, with the variables of their models, and a
+    computed motion of such a toy."""
     with ss.style.paper_style():
-        figure = ss.style.new_figure(8.6, 3.5)
-        left, right = figure.subplots(1, 2)
+        figure = ss.style.new_figure(12.0, 3.9)
+        left, middle, *traces = figure.subplot_mosaic(
+            [["A", "B", "angle"], ["A", "B", "ways"], ["A", "B", "forces"]],
+            width_ratios=[1.0, 1.0, 0.95],
+            height_ratios=[1.0, 1.7, 1.3],
+        ).values()
         plate_compactor(left)
-        ramp_walker(right)
+        ramp_walker(middle)
+        walking(*traces)
         left.set_title("(A)")
-        right.set_title("(B)")
+        middle.set_title("(B)")
+        traces[0].set_title("a toy like (B), computed")
     return figure
+
+
+def walking(angle: Axes, ways: Axes, forces: Axes) -> None:
+    """Two periods of settled walking: rocking angle, feet and normal forces."""
+    toy = ss.catalogue.ramp_walker()
+    settled = ss.simulate(toy, (0.0, 100.0))
+    t = np.linspace(0.0, 2 * ss.find_cycle(toy, settled).period, 3001)
+    motion = ss.simulate(toy, (0.0, t[-1]), initial=settled.final).at(t)
+    angle.plot(t, motion["psi"], color=ss.style.GREEN)
+    for name, foot, line in (("R", "right_foot", "-"), ("L", "left_foot", "--")):
+        way = 100.0 * (motion[f"x_{name}"] - settled.final["x_R"])
+        by_mode(ways, t, way, motion[f"mode_{foot}"])
+        ways.text(
+            1.01 * t[-1], way[-1], f"$x_{name}$", va="bottom" if name == "R" else "top", fontsize=12
+        )
+        force = motion[f"normal_{foot}"]
+        forces.plot(t, force, line, color=ss.style.BLUE, lw=1.4, label=f"$N_{name}$")
+    angle.set_ylabel(r"$\psi$  [rad]", fontsize=11)
+    ways.set_ylabel("$x_R$, $x_L$  [cm]", fontsize=11)
+    forces.set_ylabel("$N_R$, $N_L$  [N]", fontsize=11)
+    forces.set_xlabel("time $t$  [s]", fontsize=11)
+    for axes in (angle, ways, forces):
+        axes.set_xlim(0.0, t[-1])
+        axes.tick_params(labelbottom=axes is forces, labelsize=10)
+    ss.style.legend_above(ways, modes("stick", "slip", "lifted"))
+    ss.style.legend_above(forces)
 
 
 def plate_compactor(axes: Axes) -> None:
@@ -150,6 +184,12 @@ ENTRY = FigureEntry(
     "N(t), and with it the threshold ρ(t/ε) of the friction between plate and ground. Pulled by a "
     "spring k whose end is at ℓ(t), the plate at z(t) moves only when N is small; (1.1) and "
     "section 2. (B) The toy ramp walker walks down only while it rocks (angle ψ), which loads in "
-    "turn the rigid downhill leg at x₂ and the hinged uphill leg at x₁.",
+    "turn the rigid downhill leg at x₂ and the hinged uphill leg at x₁. Right: computed motion of "
+    "such a toy, two periods of settled walking of the catalogue's ramp_walker, whose springy legs "
+    "stand side by side: rocking angle, ways of the feet along the ramp and normal forces. A foot "
+    "slips when it has lost its load, is lifted, and holds again when the body leans on it. "
+    "I_b = 5·10⁻⁴ kg m², m_b = 0.1 kg, m_l = 2 g, γ = 0.15, k = 100 N/m, d = 0.22 N s/m, "
+    "l = 2.5 cm, h = 1 cm, a = 2 N/m, c = 0.25 N, μ = 0.3, restitution 0, δ = 3.3·10⁻⁴ N m s. "
+    "The period is 0.48535 s, in which it goes 1.951 cm.",
     draw,
 )
