@@ -90,7 +90,8 @@ def _bars(axes: Axes, cycle: Cycle, periods: int) -> None:
     for row, name in enumerate(names):
         times = struck["time"][struck["contact"] == contact_key(name)].to_numpy() - knots.time[0]
         every = np.concatenate([times + turn * cycle.period for turn in range(periods)])
-        axes.vlines(every, row - 0.36, row + 0.36, color=STICK_LINE, lw=1.4)
+        if len(every):
+            axes.vlines(every, row - 0.36, row + 0.36, color=STICK_LINE, lw=1.4)
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.tick_params(left=False)

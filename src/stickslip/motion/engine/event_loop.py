@@ -208,6 +208,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
     room = np.inf
     again = False
     due = NOWHERE
+    entering = True
     promised = 0.0
     before = Before(0.0, 0.0, 0.0, 0.0, NOWHERE)
     while True:
@@ -217,7 +218,8 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         hold = fired >= 0 or counters[TAKEN] % _LOOK == 0
         most = min(room, max(end - t, 0.0))
         if not again:
-            code, count, due = strike(machine, flow, lane, task, count)
+            code, count, due = strike(machine, flow, lane, task, count, entering)
+            entering = False
             if code >= 0:
                 return code, note(lane, task, count)
         status, h, series, may_fire = settle_mode(machine, flow, lane, most, hold, promised)
@@ -335,10 +337,10 @@ def give_up(status: int, rows: Rows, lane: Lane, task: Task, count: int) -> tupl
 
 @njit(**INLINED)
 def strike(
-    machine: Machine, flow: Flow, lane: Lane, task: Task, count: int
+    machine: Machine, flow: Flow, lane: Lane, task: Task, count: int, entering: bool
 ) -> tuple[int, int, int]:
-    """Let the state jump where a jump is due, then what closes collide: at the start and after an
-    event.
+    """Let the state jump where a jump is due, then what closes collide: at the start, where a
+    motion goes on that was stopped, and after an event.
 
     Parameters
     ----------
@@ -351,6 +353,8 @@ def strike(
     count : int
         Steps recorded so far; a state that has an impact at the start, or after a jump, is one
         more.
+    entering : bool
+        Whether the motion starts, or goes on, here.
 
     Returns
     -------
@@ -366,7 +370,7 @@ def strike(
     if due >= 0:
         code, zero = take_jump(machine, flow, lane, due)
     if code < 0 and has_gaps(rows):
-        code, count = knock(machine, flow, lane, task, count, due, zero)
+        code, count = knock(machine, flow, lane, task, count, entering, due, zero)
     copy(lane.reg, flow.space.stood)
     flow.space.stood[len(lane.reg)] = rows.jumps[due, KINK] if due >= 0 else NOWHERE
     return code, count, due
@@ -521,7 +525,14 @@ def falls_back(flow: Flow, lane: Lane, due: int) -> bool:
 
 @njit(**INLINED)
 def knock(
-    machine: Machine, flow: Flow, lane: Lane, task: Task, count: int, due: int, zero: float
+    machine: Machine,
+    flow: Flow,
+    lane: Lane,
+    task: Task,
+    count: int,
+    entering: bool,
+    due: int,
+    zero: float,
 ) -> tuple[int, int]:
     """Let what closes collide, at the start and after an event.
 
@@ -535,6 +546,8 @@ def knock(
     count : int
         Steps recorded so far; a state that has an impact at the start, or after a jump, is one
         more.
+    entering : bool
+        Whether the motion starts, or goes on, here: it may have been stopped at an impact.
     due : int
         The jump that has just been taken, or −1.
     zero : float
@@ -548,7 +561,7 @@ def knock(
     rows = flow.rows
     remember_gaps(rows, flow.space, lane.seen)
     last = lane.clock[LAST]
-    if lane.counters[CAUSE] < 0 and lane.counters[TAKEN] > 0:
+    if lane.counters[CAUSE] < 0 and not entering:
         return NOWHERE, count
     if lane.counters[CAUSE] < 0 or due >= 0:
         here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)

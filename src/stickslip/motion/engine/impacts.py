@@ -334,7 +334,7 @@ def solve_impulses(rows: Rows, space: Space, mode: Array) -> bool:
                 column += 1
         system[size, column] = -(1.0 + work[RESTITUTION, a]) * work[BEFORE, a]
         size += 1
-    if not eliminate(system, size):
+    if not solve_equations(system, size):
         return False
     place = 0
     for c in range(mq):
@@ -349,7 +349,7 @@ def solve_impulses(rows: Rows, space: Space, mode: Array) -> bool:
 
 
 @njit(**OPTIONS)
-def eliminate(system: Array, n: int) -> bool:
+def solve_equations(system: Array, n: int) -> bool:
     """Solve n equations, whose right side is the column behind them and becomes the solution; False
     if a pivot vanishes beside its row."""
     for k in range(n):

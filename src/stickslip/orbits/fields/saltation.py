@@ -97,7 +97,7 @@ class Strike(NamedTuple):
     before: Array
 
 
-def strikes(motion: Trajectory) -> dict[int, Strike]:
+def strikes_of(motion: Trajectory) -> dict[int, Strike]:
     """The impacts and jumps of a motion by their knots.
 
     Bounces that come to an end are taken together as soon as they are small: as one impact without

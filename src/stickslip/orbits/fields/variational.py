@@ -44,7 +44,7 @@ from stickslip.orbits.fields.engine.variations import (
     vary,
 )
 from stickslip.orbits.fields.mode_field import Piece, Pieces
-from stickslip.orbits.fields.saltation import Strike, saltation, strikes
+from stickslip.orbits.fields.saltation import Strike, saltation, strikes_of
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -198,7 +198,7 @@ class _Meeting:
 
     @cached_property
     def _strikes(self) -> dict[int, Strike]:
-        return strikes(self.trajectory)
+        return strikes_of(self.trajectory)
 
     def _corner(self, i: int, last: int, switches: list[int]) -> Array:
         """S where several guards vanish at once."""
