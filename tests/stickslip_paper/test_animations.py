@@ -20,13 +20,13 @@ from numpy.testing import assert_allclose
 from PIL import Image
 
 import stickslip as ss
+from stickslip_paper.drawing.parts import SLIP, STICK, Scene
 from stickslip_paper.moving.animations import ANIMATIONS, frames, write_page, write_video
 from stickslip_paper.moving.impacts import (
     ramp_walker_scene,
     simplest_walker_scene,
     woodpecker_scene,
 )
-from stickslip_paper.moving.parts import SLIP, STICK, Scene
 from stickslip_paper.moving.scenes import compactor_scene, toy_scene
 
 

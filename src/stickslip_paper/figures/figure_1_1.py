@@ -6,6 +6,7 @@ from matplotlib.figure import Figure
 
 import stickslip as ss
 from stickslip_paper.drawing.entry import FigureEntry
+from stickslip_paper.drawing.parts import by_mode, modes
 from stickslip_paper.drawing.sketch import (
     BODY_EDGE,
     angle_arc,
@@ -20,7 +21,6 @@ from stickslip_paper.drawing.sketch import (
     turned,
 )
 from stickslip_paper.drawing.style import arrow, heads
-from stickslip_paper.moving.parts import by_mode, modes
 
 
 def draw() -> Figure:

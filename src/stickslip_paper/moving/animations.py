@@ -20,12 +20,12 @@ from numpy import ndarray as Array
 from PIL import Image
 
 import stickslip as ss
+from stickslip_paper.drawing.parts import Scene
 from stickslip_paper.moving.impacts import (
     ramp_walker_scene,
     simplest_walker_scene,
     woodpecker_scene,
 )
-from stickslip_paper.moving.parts import Scene
 from stickslip_paper.moving.scenes import compactor_scene, toy_scene
 
 _RATE = 20  # frames per second

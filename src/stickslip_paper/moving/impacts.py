@@ -10,10 +10,7 @@ from matplotlib.lines import Line2D
 from numpy import ndarray as Array
 
 import stickslip as ss
-from stickslip_paper.drawing.sketch import BODY_EDGE, canvas, ground, rounded, spring_line, turned
-from stickslip_paper.drawing.style import Point
-from stickslip_paper.figures.figure_4_1 import FAR
-from stickslip_paper.moving.parts import (
+from stickslip_paper.drawing.parts import (
     OPEN,
     STICK,
     Scene,
@@ -25,6 +22,9 @@ from stickslip_paper.moving.parts import (
     part,
     shoe,
 )
+from stickslip_paper.drawing.sketch import BODY_EDGE, canvas, ground, rounded, spring_line, turned
+from stickslip_paper.drawing.style import Point
+from stickslip_paper.figures.figure_4_1 import FAR
 
 _IMPACT = ss.style.ORANGE
 

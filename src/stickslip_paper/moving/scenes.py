@@ -10,10 +10,7 @@ from matplotlib.patches import Patch
 from numpy import ndarray as Array
 
 import stickslip as ss
-from stickslip_paper.drawing.sketch import BODY, canvas, ground, rounded, spring_line, turned
-from stickslip_paper.drawing.style import arrow
-from stickslip_paper.figures.figure_4_1 import FAR, leg, trunk
-from stickslip_paper.moving.parts import (
+from stickslip_paper.drawing.parts import (
     STICK,
     Scene,
     by_mode,
@@ -23,6 +20,9 @@ from stickslip_paper.moving.parts import (
     part,
     shoe,
 )
+from stickslip_paper.drawing.sketch import BODY, canvas, ground, rounded, spring_line, turned
+from stickslip_paper.drawing.style import arrow
+from stickslip_paper.figures.figure_4_1 import FAR, leg, trunk
 
 # -- the walking toy -------------------------------------------------------------------------------
 

@@ -48,15 +48,19 @@ def test_multipliers_of_a_ball_on_a_shaken_plate(e: float, above: float) -> None
     assert_allclose(np.sum(found).real, trace, rtol=1e-9, atol=1e-9)
 
 
-def test_a_ball_on_a_shaken_plate_doubles_its_period() -> None:
-    """The cycle is born at Aω = c, and loses its stability at s = 2g(1 + e²)/(1 + e)²."""
+@pytest.mark.parametrize("span", [(0.001, 0.08), (0.02, 0.05)])
+def test_a_ball_on_a_shaken_plate_doubles_its_period(span: tuple[float, float]) -> None:
+    """The cycle is born at Aω = c, and loses its stability at s = 2g(1 + e²)/(1 + e)². On the other
+    side of the fold are cycles of the same period and height at another phase: the branch is not
+    closed there."""
     e, omega = 0.5, 20.0
     motion, _ = shaken_ball(e, omega, 1.05)
     ball = motion.system
-    branch = ss.continue_cycle(ss.find_cycle(ball, motion), "A", (0.001, 0.08))
+    branch = ss.continue_cycle(ss.find_cycle(ball, motion), "A", span)
     c = G * np.pi / omega * (1 - e) / (1 + e)
     doubling = np.hypot(c / omega, 2 * G * (1 + e**2) / (1 + e) ** 2 / omega**2)
     places = {p.kind: p.value for p in branch.special}
+    assert branch.points["A"].values[-1] == pytest.approx(span[1])
     assert places["fold"] == pytest.approx(c / omega, rel=1e-9)
     assert places["period doubling"] == pytest.approx(doubling, rel=1e-9)
 
@@ -186,6 +190,28 @@ def walker_start(theta: float, d_theta: float) -> dict[str, float]:
     return {"theta": theta, "d_theta": d_theta, **swing}
 
 
+@pytest.mark.parametrize("end", [40.0, 100.0, 200.0])
+def test_a_walker_that_has_settled(end: float) -> None:
+    """Wherever in its step the motion ends."""
+    walker = ss.catalogue.simplest_walker()
+    cycle = ss.find_cycle(walker, ss.simulate(walker, (0.0, end)))
+    assert cycle.period == pytest.approx(3.88246, abs=1e-5)
+
+
+def test_a_motion_that_ends_at_an_impact() -> None:
+    """Three periods after an impact comes the next one, up to rounding."""
+    motion, _ = shaken_ball(0.5, 20.0, 1.2)
+    start = motion.span[0]
+    first = {x: float(motion[x].values[0]) for x in ("y", "d_y")}
+    period = np.pi / 10
+    whole = ss.simulate(
+        motion.system, (start, start + 3 * period), initial=first, parameters=motion.parameters
+    )
+    cycle = ss.find_cycle(motion.system, whole)
+    assert cycle.certificate.ok
+    assert cycle.period == pytest.approx(period, rel=1e-12)
+
+
 def test_the_simplest_walker() -> None:
     """Garcia, Chatterjee, Ruina and Coleman, slope 0.009: the long gait takes 3.88246 and has the
     multipliers −0.190 ± 0.558i."""
@@ -229,10 +255,11 @@ def test_the_ramp_walker_is_the_toy_at_small_angles() -> None:
     assert errors[0] < 2e-3
 
 
-def test_the_ramp_walker_walks() -> None:
+@pytest.mark.parametrize("end", [30.0, 50.0, 60.0])
+def test_the_ramp_walker_walks(end: float) -> None:
     """Down the ramp, both feet alike, each lifted once a period."""
     walker = ss.catalogue.ramp_walker()
-    cycle = ss.find_cycle(walker, ss.simulate(walker, (0.0, 60.0)))
+    cycle = ss.find_cycle(walker, ss.simulate(walker, (0.0, end)))
     assert cycle.certificate.ok, cycle.certificate
     assert cycle.stable
     assert cycle.speed > 0.03

@@ -22,7 +22,9 @@ from systems import oscillator
 
 DECLARED = {name: catalogue.get(name).declaration for name in catalogue.names()}
 WITH_FIELDS = [
-    name for name, d in DECLARED.items() if not d.resisted and not any(c.opens for c in d.contacts)
+    name
+    for name, d in DECLARED.items()
+    if not d.resisted and not d.jumps and not any(c.opens for c in d.contacts)
 ]
 
 Array = NDArray[np.float64]

@@ -61,6 +61,7 @@ from stickslip.progress import Show, watched
 
 _STEPS = StepControl(first=0.01, largest=0.25, tolerance=1e-8, turn=0.3, rounding=KNOWN_TO)
 _IN_CHART = 8  # points before the chart is made anew
+_BETWEEN = 2.0  # distances of neighbours on a branch
 _CLOSED = Ending(Stop.CLOSED, "the branch is closed")
 CHART_PATIENCE = 64.0  # a step is shortened by this factor before the chart is made anew
 _ENDINGS = ("amplitude", "halving", "growth", "period", "carried")
@@ -369,15 +370,23 @@ class _Follower:
         if len(stations) <= 2 * _IN_CHART:
             return False
         start = self._features(self.cycle)
-        places = [self._features(s.cycle) for s in stations[before - 1 :]]
-        for a, b in itertools.pairwise(places):
+        for one, other in itertools.pairwise(stations[before - 1 :]):
+            a, b = self._features(one.cycle), self._features(other.cycle)
             chord, offset = b - a, start - a
             part = offset @ chord / (chord @ chord + 1e-300)
-            if 0.0 < part <= 1.0 and np.linalg.norm(offset - part * chord) < 0.05 * np.linalg.norm(
-                chord
-            ):
+            beside = np.linalg.norm(offset - part * chord) < 0.05 * np.linalg.norm(chord)
+            if 0.0 < part <= 1.0 and beside and self._is_between(one.cycle, other.cycle):
                 return True
         return False
+
+    def _is_between(self, one: Cycle, other: Cycle) -> bool:
+        """Whether the start of the branch is as near to a cycle as the one before it is: cycles of
+        the same widths may be passed at other phases of a drive."""
+        near, apart = (
+            other.closed.distance(np.array([*cycle.state.values()]), cycle.time)
+            for cycle in (self.cycle, one)
+        )
+        return near <= _BETWEEN * apart
 
     # -- results -----------------------------------------------------------------------------------
 

@@ -15,6 +15,9 @@ from stickslip.orbits.fields.symmetry import Symmetry
 from stickslip.orbits.settling.engine.tables import COUNT, DURATION
 from stickslip.orbits.settling.motions import Block, Invariance, Settings
 
+_ASIDE = 0.381966  # of a period
+_MOST_EVENTS = 1 << 60
+
 
 @dataclass(frozen=True)
 class Settled:
@@ -79,6 +82,10 @@ def settle_motion(
     )
     block.settle(np.zeros(1, np.int64))
     marks = block.marks
+    layout, jumps = problem.compiled.layout, problem.compiled.equations.jumps
+    leaps = bool(layout.gaps or jumps) and period == 0.0
+    if leaps and marks.outcome[0] == Outcome.PERIODIC.code:
+        _leave_event(block, _ASIDE * float(marks.real[0, DURATION]))
     since = float(block.saved.clock[0, NOW])
     set_back = 0.0 if block.rules.timed else max(int(marks.numbers[0, COUNT]) - 1, 0) * period
     return Settled(
@@ -88,3 +95,27 @@ def settle_motion(
         block.saved.y[0],
         float(marks.real[0, DURATION]),
     )
+
+
+def _leave_event(block: Block, later: float) -> None:
+    """Take a motion that has settled away from the event at which it was looked at: of a state on a
+    guard, up to rounding, it may not be told on which side the motion goes on, and where the state
+    jumps there that matters.
+
+    Parameters
+    ----------
+    block : Block
+        Of one motion.
+    later : float
+        How long it is followed.
+    """
+    from stickslip.motion.steps.arrays import FINISHED, FULL
+
+    lanes, saved = block.lanes, block.saved
+    for part, kept in zip(lanes.now, saved, strict=True):
+        part[:] = kept
+    lanes.codes[:] = FULL
+    lanes.advance(float(saved.clock[0, NOW]) + later, _MOST_EVENTS)
+    if lanes.codes[0] == FINISHED:
+        for part, kept in zip(saved, lanes.now, strict=True):
+            part[:] = kept
