@@ -201,7 +201,7 @@ def test_a_walker_that_has_settled(end: float) -> None:
 def test_a_motion_that_ends_at_an_impact() -> None:
     """Three periods after an impact comes the next one, up to rounding."""
     motion, _ = shaken_ball(0.5, 20.0, 1.2)
-    start = motion.span[0]
+    start = float(motion.knots.time[0])
     first = {x: float(motion[x].values[0]) for x in ("y", "d_y")}
     period = np.pi / 10
     whole = ss.simulate(

@@ -201,14 +201,12 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
     count : int
         Steps recorded so far.
     """
-    rows = flow.rows
-    space = flow.space
+    rows, space = flow.rows, flow.space
     clock, counters = lane.clock, lane.counters
     end = task.end
     room = np.inf
-    again = False
+    again, entering = False, True
     due = NOWHERE
-    entering = True
     promised = 0.0
     before = Before(0.0, 0.0, 0.0, 0.0, NOWHERE)
     while True:
