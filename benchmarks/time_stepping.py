@@ -16,7 +16,7 @@ import numpy as np
 import stickslip as ss
 
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parent / "tests"))
+sys.path[0] = str(HERE.parent / "tests")  # whose "motion" is not the script beside this one
 
 from motion.test_impacts import random_system  # noqa: E402
 from oracles import moreau_jean  # noqa: E402
