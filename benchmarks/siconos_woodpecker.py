@@ -10,8 +10,8 @@ import time
 from statistics import median
 
 import numpy as np
-import siconos.kernel as sk
-import siconos.numerics as sn
+import siconos.kernel as sk  # pyright: ignore[reportMissingImports]
+import siconos.numerics as sn  # pyright: ignore[reportMissingImports]
 
 CONTACT = ("normal", "tangent", "offset", "mu", "e")
 

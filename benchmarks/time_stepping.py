@@ -18,7 +18,9 @@ import stickslip as ss
 HERE = Path(__file__).parent
 sys.path[0] = str(HERE.parent / "tests")  # whose "motion" is not the script beside this one
 
-from motion.test_impacts import random_system  # noqa: E402
+from motion.test_impacts import (  # noqa: E402  # pyright: ignore[reportMissingImports]
+    random_system,
+)
 from oracles import moreau_jean  # noqa: E402
 
 STEPS = (20_000, 80_000, 320_000)

@@ -88,7 +88,8 @@ def _bars(axes: Axes, cycle: Cycle, periods: int) -> None:
                     shown.add(int(mode[i]))
     struck = cycle.trajectory.impacts
     for row, name in enumerate(names):
-        times = struck["time"][struck["contact"] == contact_key(name)].to_numpy() - knots.time[0]
+        times = np.asarray(struck["time"])[np.asarray(struck["contact"]) == contact_key(name)]
+        times = times - knots.time[0]
         every = np.concatenate([times + turn * cycle.period for turn in range(periods)])
         if len(every):
             axes.vlines(every, row - 0.36, row + 0.36, color=STICK_LINE, lw=1.4)

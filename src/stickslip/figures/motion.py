@@ -412,7 +412,7 @@ class _Overview:
     def struck(self, key: str) -> Array:
         """When a contact is struck within what is shown; of very many impacts none is marked."""
         impacts = self.trajectory.impacts
-        times = impacts["time"][impacts["contact"] == key].to_numpy()
+        times = np.asarray(impacts["time"])[np.asarray(impacts["contact"]) == key]
         shown = (times >= self.motion.time[0]) & (times <= self.motion.time[-1])
         return times[shown] if np.count_nonzero(shown) <= _MARKED else times[:0]
 

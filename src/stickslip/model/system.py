@@ -274,9 +274,10 @@ class Jump:
 
     def __post_init__(self) -> None:
         hold_plain(self)
-        if isinstance(self.direction, int) and not isinstance(self.direction, bool):
+        given: object = self.direction
+        if isinstance(given, int) and not isinstance(given, bool):
             words = {sign: word for word, sign in CROSSINGS.items()}
-            object.__setattr__(self, "direction", words.get(self.direction, self.direction))
+            object.__setattr__(self, "direction", words.get(given, given))
 
 
 @dataclass(frozen=True)

@@ -392,7 +392,7 @@ def take_jump(machine: Machine, flow: Flow, lane: Lane, due: int) -> tuple[int, 
         find_regions(machine, flow, here, kink, zero)
     else:
         lane.counters[CAUSE] = -1
-    return code, zero
+    return code, float(zero)
 
 
 @njit(**INLINED)

@@ -109,7 +109,9 @@ def contact_shares(motion: Trajectory, sums: Sums) -> dict[str, ContactShare]:
     for name in motion.system.unilateral:
         closed = found.pop(normal_force(name)).stick_time
         own = found.get(name, ContactShare(0.0, lasted, 0.0))
-        lost = impacts["energy"][impacts["contact"] == contact_key(name)].sum()
+        lost = np.sum(
+            np.asarray(impacts["energy"])[np.asarray(impacts["contact"]) == contact_key(name)]
+        )
         found[name] = ContactShare(
             own.stick_time, closed - own.stick_time, own.dissipated, lasted - closed, float(lost)
         )
