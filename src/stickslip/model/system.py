@@ -274,7 +274,7 @@ class Jump:
 
     def __post_init__(self) -> None:
         hold_plain(self)
-        given: object = self.direction
+        given = cast("object", self.direction)
         if isinstance(given, int) and not isinstance(given, bool):
             words = {sign: word for word, sign in CROSSINGS.items()}
             object.__setattr__(self, "direction", words.get(given, given))
