@@ -113,8 +113,8 @@ def test_sliding_towards_it(mu: float, back: float, part: float) -> None:
         return
     assert theta == pytest.approx(lower, abs=1e-8)
     assert not found.certificate.ok
-    if found.outcome is Outcome.FINISHED:
-        return  # rounding may lead past that point, which is not certified
+    if mu < 2.0:
+        return  # a little above 8/√27 rounding may lead past that point
     assert found.outcome is Outcome.NO_ACCELERATION and len(found.events) == 0
     assert found.final["theta"] == pytest.approx(lower, abs=1e-8)
     assert found.final["d_theta"] == pytest.approx(rate, rel=0.1)  # comes there later

@@ -565,11 +565,14 @@ def knock(
         here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
         if lane.counters[TAKEN] == 0:
             size_gaps(machine, flow, here, lane.clock[SPAN])
-        struck_first = first_approaching(machine, flow, here, last)
+        going = due < 0 and lane.counters[TAKEN] > 0
+        struck_first = first_approaching(machine, flow, here, last, going)
         if struck_first >= 0:
             open_all(rows, lane.mode)
             count = note(lane, task, count)
             lane.counters[CAUSE] = len(rows.kinks) + struck_first
+        elif going:
+            return NOWHERE, count
     struck = collide(machine, flow, lane, last)
     if struck == NO_IMPULSE:
         return NO_COLLISION, count

@@ -145,14 +145,27 @@ def size_gaps(machine: Machine, flow: Flow, here: Instant, span: float) -> None:
 
 
 @njit(**INLINED)
-def first_approaching(machine: Machine, flow: Flow, here: Instant, last: float) -> int:
-    """The first contact that is closed and approaches; −1 if there is none."""
+def first_approaching(machine: Machine, flow: Flow, here: Instant, last: float, going: bool) -> int:
+    """The first contact that is closed and approaches; −1 if there is none.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    here : Instant
+    last : float
+        Length of the last step.
+    going : bool
+        Whether the motion is under way, in the mode of the instant: what has been closed does not
+        approach but for rounding errors.
+    """
     if approaching(machine, flow, here, last) == 0:
         return NOWHERE
     space = flow.space
     for c in range(flow.rows.sizes[ON_INERTIAL]):
         slow = -_SLOW * space.mag[c]
-        if opens(flow.rows, c) and space.tried[_NEAR, c] == 1 and space.impact[BEFORE, c] < slow:
+        near = opens(flow.rows, c) and space.tried[_NEAR, c] == 1
+        if near and space.impact[BEFORE, c] < slow and not (going and here.mode[c] == 0):
             return c
     return NOWHERE
 
