@@ -1,8 +1,8 @@
 """Returns of a motion to its marks: how close, after how many marks, and where they lead; in
 compiled code.
 
-A return is looked at over one *lag*, a number of marks: the least after which a mark has the same
-kind, as long as such returns shrink; where they do not, the one that is nearly as close as any.
+A return is looked at over one *lag*, a number of marks: the one after which the most marks in a row
+have the same kinds, as long as such returns shrink; where they do not, the one that is nearly as close as any.
 What the lag is does not matter to the period, which is decided by the divisors of the lag once the
 cycle is known to rounding (:func:`shortest_lag`).
 
@@ -216,6 +216,24 @@ def same_kind(m: Marks, i: int, back: int) -> bool:
     return m.kind[i, (here - back) % ring] == m.kind[i, here % ring]
 
 
+@njit(**OPTIONS)
+def likeliest_lag(m: Marks, i: int, longest: int) -> int:
+    """The lag after which most of the last marks in a row have come back to their kinds, the least
+    of these; 0 if the last one has not. (The least lag of all is none where a kind stands twice in
+    a cycle.)"""
+    here = m.numbers[i, COUNT] - 1
+    ring = m.time.shape[1]
+    found = most = 0
+    for lag in range(1, longest + 1):
+        limit = min(here + 1, ring) - lag
+        run = 0
+        while run < limit and m.kind[i, (here - run) % ring] == m.kind[i, (here - run - lag) % ring]:
+            run += 1
+        if run > most:
+            found, most = lag, run
+    return found
+
+
 @njit(**INLINED)
 def look_back(m: Marks, rules: Rules, i: int, work: Array) -> float:
     """How closely the last mark comes back after the lag, which changes where it has to; infinite
@@ -225,10 +243,7 @@ def look_back(m: Marks, rules: Rules, i: int, work: Array) -> float:
     ring = m.time.shape[1]
     longest = min(numbers[COUNT] - 1, rules.most[3])
     if not (0 < numbers[LAG] <= longest and same_kind(m, i, numbers[LAG])):
-        lag = 1
-        while lag <= longest and not same_kind(m, i, lag):
-            lag += 1
-        begin_again(m, i, lag if lag <= longest else 0)
+        begin_again(m, i, likeliest_lag(m, i, longest))
     lag = numbers[LAG]
     if lag == 0:
         return np.inf

@@ -104,6 +104,7 @@ from stickslip.orbits.settling.engine.tables import (
     STRETCH,
     STRIDE,
     TRUE,
+    WARY,
     Bench,
     Engine,
     Marks,
@@ -423,6 +424,8 @@ def put_mark(
                 if m.kind[i, before] == _BEGUN:
                     m.kind[i, before] = m.word[i, before] = word
             if m.kind[i, last] != word and numbers[LEAPT] == 0:
+                # What repeated was a part of the cycle: more of it has to be seen the next time.
+                numbers[WARY] = min(2 * numbers[WARY] + 2, rules.most[3])
                 numbers[STRIDE] = 0
         remember(m, i, word, word, t, y)
         m.events[i, (numbers[COUNT] - 1) % ring] = lanes.counters[i, HAPPENED]
@@ -572,7 +575,7 @@ def consider(
         m.real[i, PATIENT] = 0.1 * d
         return polish(m, rules, lanes, saved, work, fit, i, distance(m, rules, i, lag, work[0]))
     whole = m.drive[i] > 0.0 or numbers[STRIDE] > 0 or numbers[EVENTLESS] == 1
-    if not whole and numbers[SAME] > lag:
+    if not whole and numbers[SAME] > max(lag, numbers[WARY]):
         begin_strides(m, i)
     elif numbers[STALLED] > RETURN_PATIENCE * lag and d > rules.real[3]:
         look_wide(m, rules, i, work[0])

@@ -44,7 +44,8 @@ DONE = 3
     REST,
     HOME,
     SIZED,
-) = range(13)
+    WARY,
+) = range(14)
 """Columns of :attr:`Marks.numbers`."""
 
 START, DURATION, MISS, FLOOR, STRETCH, OPEN, LEAST, PATIENT, ASK, REACH, LATEST = range(11)
@@ -121,7 +122,7 @@ class Marks(NamedTuple):
     kind, word, events : arrays of int, shape (lanes, ring)
         What has to be the same for marks to be compared; the modes since the mark before, as a
         number; and how many events there have been.
-    numbers : array of int, shape (lanes, 13)
+    numbers : array of int, shape (lanes, 14)
         PHASE; COUNT of marks; marks made since the state was last changed by hand (TRUE); LAG that
         is looked at; marks at this lag in a row, less one (SAME); EVENTS at the last look; whether
         the motion has had no events for a while, so that its marks are on a plane (EVENTLESS);
@@ -129,7 +130,8 @@ class Marks(NamedTuple):
         since the motion was left (LEAPT; negative: what it was taken to has been refused); marks
         since returns have last shrunk (STALLED); mark before which there is no other leap (REST);
         number of the mark that the motion is taken back to (HOME); whether the sizes are those of a
-        cycle (SIZED).
+        cycle (SIZED); how often modes have to repeat before marks are put once in a STRIDE, which
+        grows where they turn out not to (WARY).
     real : array, shape (lanes, 11)
         START and DURATION of what is measured; last MISS before a leap; miss of the polished cycle
         (FLOOR), how many times farther away than that the cycle may be (STRETCH), and least miss of
@@ -273,7 +275,7 @@ def make_marks(
         kind=np.zeros((lanes, ring), np.int64),
         word=np.zeros((lanes, ring), np.int64),
         events=np.zeros((lanes, ring), np.int64),
-        numbers=np.zeros((lanes, 13), np.int64),
+        numbers=np.zeros((lanes, 14), np.int64),
         real=np.zeros((lanes, 11)),
         plane=np.zeros((lanes, 3, n)),
         size=np.zeros((lanes, n)),
