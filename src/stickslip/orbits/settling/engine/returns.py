@@ -2,9 +2,9 @@
 compiled code.
 
 A return is looked at over one *lag*, a number of marks: the one after which the most marks in a row
-have the same kinds, as long as such returns shrink; where they do not, the one that is nearly as close as any.
-What the lag is does not matter to the period, which is decided by the divisors of the lag once the
-cycle is known to rounding (:func:`shortest_lag`).
+have the same kinds, as long as such returns shrink; where they do not, the one that is nearly as
+close as any. What the lag is does not matter to the period, which is decided by the divisors of the
+lag once the cycle is known to rounding (:func:`shortest_lag`).
 
 Returns that are true (nothing was changed by hand between their marks) shrink by the multipliers of
 the cycle. If few of these count, each return is a linear combination of those before it, and the
@@ -223,11 +223,12 @@ def likeliest_lag(m: Marks, i: int, longest: int) -> int:
     a cycle.)"""
     here = m.numbers[i, COUNT] - 1
     ring = m.time.shape[1]
+    kind = m.kind[i]
     found = most = 0
     for lag in range(1, longest + 1):
         limit = min(here + 1, ring) - lag
         run = 0
-        while run < limit and m.kind[i, (here - run) % ring] == m.kind[i, (here - run - lag) % ring]:
+        while run < limit and kind[(here - run) % ring] == kind[(here - run - lag) % ring]:
             run += 1
         if run > most:
             found, most = lag, run
