@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
@@ -132,6 +132,7 @@ def test_sliding_towards_it(mu: float, back: float, part: float) -> None:
     e=st.sampled_from([0.0, 0.5]),
     half=st.floats(0.3, 3.0),
 )
+@example(mu=1.015625, theta=1.015625, speed=-9.0, rate=0.0, e=0.5, half=0.375)  # bounces gently
 def test_never_below_four_thirds(
     mu: float, theta: float, speed: float, rate: float, e: float, half: float
 ) -> None:

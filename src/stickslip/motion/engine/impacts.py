@@ -497,15 +497,16 @@ def judge_impulses(
 def guess_mode(rows: Rows, tried: Array, work: Array, mode: Array) -> None:
     """After an impact: what has rebounded is open, the rest is closed and sticks if it is at
     rest."""
-    fastest = 0.0
+    # Rounding errors are those of the jump, not of how fast a contact slides on meanwhile.
+    largest = 0.0
     for c in range(rows.sizes[ON_INERTIAL]):
-        fastest = max(fastest, abs(work[BEFORE, c]))
+        largest = max(largest, abs(work[AFTER, c] - work[BEFORE, c]))
     for c in range(rows.sizes[ON_INERTIAL]):
         if opens(rows, c) and tried[_NEAR, c] == 1:
             after = work[AFTER, c]
             if tried[_CHOSEN, c] == 0:
                 after = -work[RESTITUTION, c] * work[BEFORE, c]
-            mode[c] = 1 if after > 1e-10 * fastest else 0
+            mode[c] = 1 if after > 1e-10 * largest else 0
     for c in range(rows.sizes[ON_INERTIAL]):
         if rows.parents[c] >= 0 and tried[_NEAR, rows.parents[c]] == 1:
             mode[c] = tried[_CHOSEN, c]
