@@ -92,7 +92,7 @@ def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
     nq = rows.sizes[INERTIAL]
     for c in range(mq):
         tried[_KEPT, c] = lane.mode[c]
-        work[RESTITUTION, c] = space.V[rows.restitution[c], 0] if rows.restitution[c] >= 0 else 0.0
+        work[RESTITUTION, c] = restitution_of(rows, space, c)
     for _ in range(mq + 1):
         found = best_impulse(machine, flow, here)
         for c in range(mq):
@@ -129,6 +129,15 @@ def approaching(machine: Machine, flow: Flow, here: Instant, last: float) -> int
             if closed and work[BEFORE, c] < -_SLOW * space.mag[c]:
                 found += 1
     return found
+
+
+@njit(**INLINED)
+def restitution_of(rows: Rows, space: Space, c: int) -> float:
+    """Restitution of a contact in the impact at hand. What recedes before it has none: γ⁺ ≥ −e γ⁻
+    would let it come back."""
+    row = rows.restitution[c]
+    recedes = opens(rows, c) and space.impact[BEFORE, c] > 0.0
+    return 0.0 if row < 0 or recedes else float(space.V[row, 0])
 
 
 @njit(**INLINED)
@@ -576,7 +585,7 @@ def distance_of_jump(
         if c == only:
             space.tried[_NEAR, c] = 1
             near += 1
-        work[RESTITUTION, c] = space.V[rows.restitution[c], 0] if rows.restitution[c] >= 0 else 0.0
+        work[RESTITUTION, c] = restitution_of(rows, space, c)
     if near == 0:
         return float(least)
     total = modes_of(rows, space.tried)
