@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from stickslip.model import laws
     from stickslip.model.samples import Samples
     from stickslip.model.system import (
+        Bilateral,
         Condition,
         Contact,
         Inertial,
@@ -87,6 +88,7 @@ __all__ = [
     "Adaptive",
     "AveragingStudy",
     "Basin",
+    "Bilateral",
     "Branch",
     "Condition",
     "Contact",
@@ -228,6 +230,7 @@ _HOMES = {
     ),
     **dict.fromkeys(
         [
+            "Bilateral",
             "Condition",
             "Contact",
             "Inertial",

@@ -174,7 +174,8 @@ class Unilateral:
     """A contact that can open: gap g ≥ 0, normal force N ≥ 0, N g = 0, and Coulomb's friction μN.
 
     Thresholds of all contacts of inertial coordinates may use its normal force, by the name
-    ``normal_foot`` for a contact called foot.
+    ``normal_foot`` for a contact called foot; one that several normal forces press, or other forces
+    as well, is written out as a contact for each of them.
 
     Attributes
     ----------
@@ -200,6 +201,34 @@ class Unilateral:
     surface_speed: Formula = 0.0
     restitution: Formula = 0.0
     tangential_restitution: Formula = 0.0
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        hold_plain(self)
+
+
+@dataclass(frozen=True)
+class Bilateral:
+    """A constraint g(q, t) = 0 that holds from both sides, such as a bead on a wire or a pin in a
+    slot, with Coulomb's friction μ|N|.
+
+    Written out, it is two contacts that face each other, g ≥ 0 and −g ≥ 0, of which one carries at
+    a time: ``wire 1`` and ``wire 2`` for a constraint called wire. Thresholds of all contacts of
+    inertial coordinates may use |N|, by the name ``normal_wire``.
+
+    Attributes
+    ----------
+    constraint : str
+        g(q, t), a function of inertial coordinates and time, zero at the initial state. N is the
+        force that does work on it, so for friction it has to be a length in the units of that.
+    direction, mu, surface_speed, unit
+        As in a :class:`Unilateral`.
+    """
+
+    constraint: Formula
+    direction: Direction = ""
+    mu: Formula = 0.0
+    surface_speed: Formula = 0.0
     unit: str = ""
 
     def __post_init__(self) -> None:
@@ -248,7 +277,7 @@ class LawContact:
         return cls(values=values, **{key: entry[key] for key in own & entry.keys()})
 
 
-AnyContact = Contact | Unilateral | LawContact
+AnyContact = Contact | Unilateral | Bilateral | LawContact
 
 
 @dataclass(frozen=True)
@@ -405,10 +434,11 @@ class System:
 
     @cached_property
     def plain(self) -> System:
-        """The same system with the laws of its contacts written out: what is moved and shown."""
-        from stickslip.model.written_out import without_laws
+        """The same system with the laws of its contacts, its constraints, and thresholds of several
+        normal forces written out: what is moved and shown."""
+        from stickslip.model.written_out import write_out
 
-        return without_laws(self)
+        return write_out(self)
 
     @cached_property
     def dry_contacts(self) -> dict[str, Contact]:

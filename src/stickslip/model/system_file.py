@@ -17,6 +17,7 @@ from typing import Any
 from stickslip.errors import DeclarationError
 from stickslip.model import toml
 from stickslip.model.system import (
+    Bilateral,
     Condition,
     Contact,
     Inertial,
@@ -42,7 +43,8 @@ def _contact(value: Any, where: str, folder: Path) -> Any:
     """A contact with its forces; one with a law has the parameters of that beside it."""
     table = toml.mapping(value, where)
     if "law" not in table:
-        return toml.entry(Unilateral if "gap" in table else Contact, table, where)
+        kinds = {"gap": Unilateral, "constraint": Bilateral}
+        return toml.entry(next((kinds[k] for k in kinds if k in table), Contact), table, where)
     if isinstance(table["law"], list):
         raise DeclarationError(
             f"{where}.law",

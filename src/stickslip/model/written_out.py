@@ -1,7 +1,10 @@
-"""A system whose contacts have laws with names, written out: thresholds, forces, internal
-variables and sliders behind springs, with the contact's name behind each of their names.
+"""A system written out: what computes knows neither laws with names, nor constraints, nor
+thresholds of several normal forces; what is left of them is a declaration like any other.
 
-Nothing that computes knows a law: what is left of it is a declaration like any other.
+A law becomes thresholds, forces, internal variables and sliders behind springs, with the contact's
+name behind each of their names; a constraint two contacts that face each other; a threshold
+Σ μⱼNⱼ + s a contact for each of these forces along the same direction, since |λ| ≤ Σ μⱼNⱼ + s means
+λ = Σ λⱼ + λ₀ with |λⱼ| ≤ μⱼNⱼ and |λ₀| ≤ s, and in slip each of them is −σ times its own.
 """
 
 from __future__ import annotations
@@ -14,10 +17,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar, cast
 
 from stickslip.errors import DeclarationError, suggestion
-from stickslip.model.names import DeclaredNames, key_of, parse_range
+from stickslip.model.names import DeclaredNames, key_of, normal_force, parse_range
 from stickslip.model.schema import check_shape, entry_key, wrong_kind
 from stickslip.model.system import (
     AnyContact,
+    Bilateral,
     Contact,
     Coordinate,
     Drive,
@@ -27,6 +31,7 @@ from stickslip.model.system import (
     LawContact,
     RateIndependent,
     System,
+    Unilateral,
     Viscous,
 )
 from stickslip.symbolic import expressions as ex
@@ -37,32 +42,40 @@ if TYPE_CHECKING:
 
 _WORD = re.compile(r"(?<![\w.])[A-Za-z]\w*")  # a name in a formula, not the e of 1e5
 _MOST_ELEMENTS = 1000
+_HELD = 1e-9  # of the coordinates: by how much a constraint may be violated at the start, at most
 _Part = TypeVar("_Part")
 
 
-def without_laws(system: System) -> System:
-    """The same system without laws; the system itself if it has none.
+def write_out(system: System) -> System:
+    """The same system written out; the system itself where there is nothing to write out.
 
     Raises
     ------
     DeclarationError
-        If a law does not exist, or its parameters are unknown, missing or out of their range.
+        If a law does not exist, or its parameters are unknown, missing or out of their range, or
+        if a constraint does not hold at the start.
     """
     check_shape(system)
-    if not any(isinstance(contact, LawContact) for contact in system.contacts.values()):
+    short_hand = (LawContact, Bilateral, Unilateral)
+    if not any(isinstance(contact, short_hand) for contact in system.contacts.values()):
         return system
     work = _WrittenOut(system)
     for name, contact in system.contacts.items():
         if isinstance(contact, LawContact):
             work.law(name, contact)
+        elif isinstance(contact, Bilateral):
+            work.constraint(name, contact)
         else:
             work.contacts[name] = contact
+    work.share_thresholds()
+    if work.contacts == system.contacts:
+        return system
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # its doubts are those of the system, which says them
         try:
             plain = work.result()
         except DeclarationError as error:
-            raise work.in_the_words_of_the_law(error) from None
+            raise work.as_declared(error) from None
     for where, name, text in work.ranges:
         plain.declaration.limit(where, name, parse_range(text, where))
     plain.declaration.check_limits(system.values)
@@ -70,10 +83,14 @@ def without_laws(system: System) -> System:
 
 
 class _WrittenOut:
-    """The parts of a system while its laws are written out.
+    """The parts of a system while it is written out.
 
     Attributes
     ----------
+    pressing : dict of str to Expr
+        What the names of normal forces mean: that of a constraint is the sum of its sides.
+    holds : bool
+        Whether there is a constraint.
     ranges : list of (str, str, str)
         Of each parameter of a law: where it stands, what it is called now, its range.
     origins : dict of str to str
@@ -89,6 +106,8 @@ class _WrittenOut:
         self.potential: list[Formula] = [system.potential]
         self.initial = dict(system.initial)
         self.translation = dict(system.translation)
+        self.pressing: dict[str, ex.Expr] = {}
+        self.holds = False
         self.ranges: list[tuple[str, str, str]] = []
         self.origins: dict[str, str] = {}
 
@@ -105,7 +124,7 @@ class _WrittenOut:
             translation=self.translation,
         )
 
-    def in_the_words_of_the_law(self, error: DeclarationError) -> DeclarationError:
+    def as_declared(self, error: DeclarationError) -> DeclarationError:
         """An error of the plain system, said of what was declared."""
         for part, origin in self.origins.items():
             if error.where == part or error.where.startswith(f"{part}."):
@@ -182,6 +201,116 @@ class _WrittenOut:
                 self.resist(x, slope, force, where)
             else:
                 self.push(x, slope, force)
+
+    def constraint(self, name: str, contact: Bilateral) -> None:
+        """Write a constraint out: two contacts that face each other."""
+        where = entry_key("contacts", name)
+        self.check_held(contact.constraint, f"{where}.constraint")
+        normals: list[ex.Expr] = []
+        for label, side in ((f"{name} 1", ""), (f"{name} 2", "-")):
+            self.origins[f"{entry_key('contacts', label)}.gap"] = f"{where}.constraint"
+            self.add_contact(
+                label,
+                Unilateral(
+                    f"{side}({contact.constraint})",
+                    contact.direction,
+                    contact.mu,
+                    contact.surface_speed,
+                    unit=contact.unit,
+                ),
+                where,
+            )
+            normals.append(ex.sym(normal_force(label)))
+        self.holds = True
+        self.pressing[normal_force(name)] = ex.add(*((normal, 1.0) for normal in normals))
+
+    def check_held(self, constraint: Formula, where: str) -> None:
+        """Refuse a constraint that does not hold at the start."""
+        system = self.system
+        state = {x: float(system.initial.get(x, 0.0)) for x in system.coordinates}
+        values = {**state, **system.values, "t": float(system.span[0])}
+        held = self.scope.parse(constraint, where)
+        if not held.symbols <= values.keys():
+            return  # refused as a gap
+        here = ex.evaluate(held, values)
+        if not abs(here) <= _HELD * max(1.0, *map(abs, state.values())):
+            raise DeclarationError(
+                where,
+                f"it is {here:g} at the initial state, and has to be zero",
+                "Start where it holds",
+            )
+
+    def share_thresholds(self) -> None:
+        """Let each contact whose friction several forces press be one for each of them."""
+        for name, contact in self.contacts.items():
+            if isinstance(contact, Unilateral):
+                own = normal_force(name)
+                self.pressing[own] = ex.sym(own)
+        if not self.pressing:
+            return
+        contacts, self.contacts = self.contacts, {}
+        for name, contact in contacts.items():
+            parts = self.shares(name, contact) if isinstance(contact, Contact) else []
+            where = entry_key("contacts", name)
+            if len(parts) < 2:
+                self.contacts[name] = parts[0] if parts else contact
+            else:
+                for i, part in enumerate(parts, 1):
+                    self.add_contact(f"{name} {i}", part, where)
+
+    def shares(self, name: str, contact: Contact) -> list[Contact]:
+        """What friction is made of: a part for each normal force, and what else there is; nothing
+        where it is not linear in normal forces, or is a part as it stands."""
+        where = entry_key("contacts", name)
+        texts = [contact.threshold, contact.kinetic]
+        sides = [text if isinstance(text, tuple) else (text, text) for text in texts]
+        known = {word: ex.sym(word) for word in (*self.pressing, "speed")}
+        scope = Scope({**self.scope.names, **known}, self.scope.definitions)
+        try:
+            read = [
+                ex.substitute(scope.parse(text, where), self.pressing)
+                for pair in sides
+                for text in pair
+                if text is not None
+            ]
+        except DeclarationError:
+            return []  # which the declaration says better
+        forces = sorted({n for e in self.pressing.values() for n in e.symbols})
+        forces = [n for n in forces if any(n in e.symbols for e in read)]
+        found: list[list[ex.Expr]] = []
+        for n in forces:
+            slopes = [ex.derivative(e, n) for e in read]
+            if any(slope.symbols & set(forces) for slope in slopes) or any(
+                ex.bends(e, forces) for e in read
+            ):
+                return []
+            found.append([slope * ex.sym(n) for slope in slopes])
+        rest = [ex.substitute(e, dict.fromkeys(forces, ex.ZERO)) for e in read]
+        if not found or any(e is not ex.ZERO for e in rest):
+            found.append(rest)
+        if len(found) == 1 and not self.holds:
+            return []
+        return [self.share(contact, part, where) for part in found]
+
+    @staticmethod
+    def share(contact: Contact, sides: list[ex.Expr], where: str) -> Contact:
+        """A contact with a part of its friction: that of both directions at rest, then sliding."""
+        pairs = [
+            tuple(formula_text(e, where) for e in sides[i : i + 2]) for i in range(0, len(sides), 2)
+        ]
+        plain = [pair[0] if pair[0] == pair[1] else (pair[0], pair[1]) for pair in pairs]
+        return replace(contact, threshold=plain[0], kinetic=plain[1] if len(plain) > 1 else None)
+
+    def add_contact(self, label: str, contact: AnyContact, where: str) -> None:
+        """Add a contact that the one declared somewhere is written out as, unless its name is
+        taken."""
+        own = entry_key("contacts", label) == where
+        if label in self.contacts or (label in self.system.contacts and not own):
+            raise DeclarationError(
+                where, f"it needs the name '{label}', which is taken", "Rename one of the two"
+            )
+        self.contacts[label] = contact
+        self.origins[entry_key("contacts", label)] = where
 
     def number(self, formula: str, words: Mapping[str, str], where: str) -> float:
         """The value of a formula of a law's parameters, as they are declared."""
@@ -322,17 +451,13 @@ class _WrittenOut:
             label = f"{name} {i}" if count > 1 else name
             part = RateIndependent(unit, f"place of the slider of {label}")
             self.take(self.coordinates, slider, part, where)
-            if label in {*self.contacts, *self.system.contacts} - {name}:
-                raise DeclarationError(
-                    where, f"its law needs the name '{label}', which is taken", "Rename one"
-                )
-            self.contacts[label] = Contact(
+            part = Contact(
                 f"d_{slider}",
                 _renamed(law.threshold, each),
                 contact.surface_speed,
                 unit=contact.unit,
             )
-            self.origins[entry_key("contacts", label)] = where
+            self.add_contact(label, part, where)
             self.potential.append(f"({_renamed(law.stiffness, each)})/2*({way} - {slider})**2")
             self.start(slider, slopes)
 
