@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from stickslip import catalogue
 from stickslip.errors import DeclarationError
 from stickslip.model.system import (
+    Bilateral,
     Condition,
     Contact,
     Inertial,
@@ -21,6 +22,7 @@ from stickslip.model.system import (
     Parameter,
     RateIndependent,
     System,
+    Unilateral,
     Viscous,
 )
 from stickslip.model.system_file import dumps, load, loads, save
@@ -92,6 +94,21 @@ def test_round_trip_of_the_catalogue(name):
     assert same_types(loads(text), system)
     assert dumps(loads(text)) == text
     assert system.to_toml() == text
+
+
+def test_round_trip_of_contacts_that_open():
+    system = System(
+        name="held",
+        coordinates={"x": Inertial(), "y": Inertial()},
+        kinetic="(d_x**2 + d_y**2)/2",
+        contacts={
+            "foot": Unilateral("y", "d_x", 0.3, restitution=0.5, unit="N"),
+            "a slot": Bilateral("x - y", "d_x + d_y", "0.2"),
+            "brake": Contact("d_x", "0.1*normal_foot + normal_a_slot"),
+        },
+    )
+    assert loads(dumps(system)) == system
+    assert same_types(loads(dumps(system)), system)
 
 
 def test_round_trip_of_everything():

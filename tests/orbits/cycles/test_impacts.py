@@ -115,6 +115,18 @@ def test_the_woodpecker() -> None:
     assert lost == pytest.approx(-(0.0003 + 0.0045) * G * cycle.drift, rel=1e-9)
 
 
+def test_maps_of_the_woodpecker() -> None:
+    """Its modes repeat within a cycle (between bounces all contacts are open); a map tells when it
+    begins again, and finds the cycle that the search for one finds."""
+    bird = ss.catalogue.woodpecker()
+    found = ss.sweep(bird, over={"e_1": [0.4, 0.5]}, measures=["period", "speed"])
+    assert list(found["outcome"]) == ["periodic", "periodic"]
+    assert np.all(found.certified)
+    cycle = ss.find_cycle(bird, ss.simulate(bird, (0.0, 2.0)))
+    assert found["period"][1] == pytest.approx(cycle.period, rel=1e-9)
+    assert found["speed"][1] == pytest.approx(cycle.drift / cycle.period, rel=1e-8)
+
+
 @pytest.mark.parametrize(("mu", "hangs"), [(0.28, False), (0.3, True), (0.6, True)])
 def test_the_woodpecker_hangs(mu: float, hangs: bool) -> None:
     """At rest it jams at φ_S = −0.2216 (printed), for μ ≥ 0.285 only."""
