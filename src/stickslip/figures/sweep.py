@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -48,6 +48,12 @@ _MULTIPLES = 6  # maps of a third axis at most; more would be stamps
 _LEVELS = 6  # values of an axis that is too short for a map: a line for each of them
 _DASHES: dict[float, Any] = {1.0: "-", -1.0: (0, (4, 2))}  # lines of a sweep up and of one down
 _HATCH = "////"
+_EXTEND: dict[tuple[bool, bool], Literal["neither", "min", "max", "both"]] = {
+    (False, False): "neither",
+    (True, False): "min",
+    (False, True): "max",
+    (True, True): "both",
+}  # whether there are values below the colours, and above them
 # of points without a value, by reason
 _GREYS = (STICK_SHADE, "#B9B9B9", "#8F8F8F", "#D8D2C8", "#6E6E6E")
 
@@ -350,12 +356,16 @@ def draw_map(
         for colour, here in _gaps(data, _codes(data, [name]), name).items():
             shade = np.where(here[turned], 1.0, np.nan)
             axes.pcolormesh(*edges, shade.T, cmap=ListedColormap([colour]), rasterized=True)
-        low, high = limits or _limits(values[computed])
+        # What is certified sets the scale; anything else may be beyond it.
+        sure = computed & ~_uncertified(data, name)[turned] & np.isfinite(values)
+        low, high = limits or _limits(values[sure if np.any(sure) else computed])
         mesh = axes.pcolormesh(
             *edges, np.where(computed, values, np.nan).T, vmin=low, vmax=high, rasterized=True
         )
         if bar:
-            axes.figure.colorbar(mesh, ax=axes, label=_label(data, name))
+            least, most = np.nanmin(values, initial=low), np.nanmax(values, initial=high)
+            beyond = _EXTEND[bool(least < low), bool(most > high)]
+            axes.figure.colorbar(mesh, ax=axes, label=_label(data, name), extend=beyond)
     bad = _uncertified(data, name)[turned]
     if np.any(bad) and min(bad.shape) > 1:
         style: dict[str, Any] = {"levels": [0.5, 1.5], "colors": "none", "hatches": [_HATCH]}
