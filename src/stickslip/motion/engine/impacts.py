@@ -200,12 +200,11 @@ def best_impulse(machine: Machine, flow: Flow, at: Instant) -> int:
         return NO_IMPULSE
     total = modes_of(rows, tried)
     least = np.inf
-    largest = 0.0
+    exchanged = 0.0
     for number in range(total if total <= _MOST_MODES else 0):
         right, gained, size = try_impulses(rows, space, at.mode, number)
-        largest = max(largest, size)
         if right and gained < least:
-            least = gained
+            least, exchanged = gained, size
             for c in range(rows.sizes[ON_INERTIAL]):
                 work[BEST, c] = work[IMPULSE, c]
                 tried[_CHOSEN, c] = at.mode[c]
@@ -215,7 +214,7 @@ def best_impulse(machine: Machine, flow: Flow, at: Instant) -> int:
         work[IMPULSE, c] = work[BEST, c]
     put_velocities(rows, space)
     put_change(rows, space)
-    return JUMPED if least <= _CREATED * largest else CREATES
+    return JUMPED if least <= _CREATED * exchanged else CREATES
 
 
 @njit(**OPTIONS)
