@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import stickslip as ss
@@ -277,6 +279,65 @@ def test_time_stepping_comes_to_it(seed: int) -> None:
     # Its error has no sign and no smooth expansion: whether an impact is seen in one step or in the
     # next changes it by a part of a step.
     assert errors[0] < 2e-3 and errors[1] < 5e-4, errors
+
+
+ROD = ss.System(
+    name="rod",
+    coordinates={"x": ss.Inertial(), "y": ss.Inertial(), "theta": ss.Inertial()},
+    kinetic="(d_x**2 + d_y**2)/2 + d_theta**2/6",
+    parameters={"mu": ss.Parameter(0.3), "e": ss.Parameter(0.5)},
+    contacts={
+        "tip": ss.Unilateral("y - sin(theta)", "d_x + sin(theta)*d_theta", "mu", restitution="e")
+    },
+    initial={"y": 1.0, "theta": np.pi / 2},
+    span=(0.0, 0.01),
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    theta=st.floats(0.1, 3.0),
+    slide=st.floats(-2.0, 2.0),
+    mu=st.floats(0.0, 1.3),
+    e=st.floats(0.0, 1.0),
+)
+@example(theta=0.8, slide=0.2, mu=1.2, e=1.0)  # gains energy
+def test_energy_that_would_be_created(theta: float, slide: float, mu: float, e: float) -> None:
+    """A rod whose tip hits a rough floor with the speed 1: of all modes of the impact the one that
+    loses most energy is taken, and one that would gain some is refused by name."""
+    sin, cos = np.sin(theta), np.cos(theta)
+    G = np.array([[1 + 3 * cos**2, -3 * sin * cos], [-3 * sin * cos, 1 + 3 * sin**2]])
+    before = np.array([-1.0, slide])
+    found = []
+    for mode in (0, 1, -1):
+        law = np.array([mode * mu, 1.0])  # Λ_T + σμΛ_N = 0 in slip
+        system = np.array([G[0], G[1] if mode == 0 else law])
+        impulse = np.linalg.solve(system, [1.0 + e, -slide if mode == 0 else 0.0])
+        after = before + G @ impulse
+        held = abs(impulse[1]) <= mu * impulse[0] if mode == 0 else mode * after[1] >= 0.0
+        if impulse[0] >= 0.0 and held:
+            found.append((0.5 * float(impulse @ (before + after)), after))
+    assume(found)
+    gain, after = min(found, key=lambda pair: pair[0])
+    assume(abs(gain) > 1e-8)
+    initial = {"y": float(sin), "theta": theta, "d_x": slide, "d_y": -1.0}
+    motion = ss.simulate(ROD, initial=initial, parameters={"mu": mu, "e": e})
+    assert (motion.outcome is Outcome.CREATES_ENERGY) == (gain > 0.0)
+    if gain > 0.0:
+        assert not motion.certificate.ok and len(motion.impacts) == 0
+    else:
+        start = motion.knots.state[1]
+        turned = sin * start[5]
+        assert_allclose([start[4] - cos * start[5], start[3] + turned], after, atol=1e-9)
+
+
+def test_energy_that_several_contacts_would_create() -> None:
+    """The woodpecker's beak hits the pole while the sleeve jams: of the modes that were tried, one
+    whose equations are almost singular must not hide what is gained."""
+    bird = ss.catalogue.woodpecker(mu=0.26857142857142857, e_1=0.7828571428571429)
+    motion = ss.simulate(bird, (0.0, 2.0))
+    assert motion.outcome is Outcome.CREATES_ENERGY
+    assert np.all(motion.impacts["energy"] > 0.0)
 
 
 def test_time_and_place_do_not_matter() -> None:

@@ -228,11 +228,14 @@ class Trajectory(Result):
 
     @cached_property
     def _strikes(self) -> Array:
-        """Knots at which a gap has closed with a speed, so that velocities jump."""
+        """Knots at which a gap has closed with a speed, so that velocities jump; not the last one
+        where the motion ends because they cannot."""
         k = self.knots
         first = len(self._problem.compiled.equations.kinks)
         closed = np.isin(k.cause, [first + i for i in self._openings.values()])
-        index = np.flatnonzero(closed & (np.arange(len(k.cause)) > 0))
+        closed[0] = False
+        closed[-1] &= self.outcome not in (Outcome.NO_COLLISION, Outcome.CREATES_ENERGY)
+        index = np.flatnonzero(closed)
         return index[k.mode[index - 1, k.cause[index] - first] != 0]
 
     @cached_property
