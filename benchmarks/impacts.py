@@ -493,7 +493,7 @@ def table(time_interleaved: Callable[..., dict[str, float]]) -> list[str]:
             try:
                 rows += [
                     (f"Siconos, steps of {step:g} s", spent / motion.cycles, end, "")
-                    for step, end, spent in run_siconos(SICONOS_STEPS)
+                    for step, end, spent in run_siconos(of_the_bird(), SICONOS_STEPS)
                 ]
             except OSError as error:
                 notes.append(f"Siconos is absent: {error}.")
@@ -511,14 +511,27 @@ def table(time_interleaved: Callable[..., dict[str, float]]) -> list[str]:
     return [*lines, "", *return_map(), "", *notes]
 
 
-def run_siconos(steps: Sequence[float], rounds: int = 3) -> list[tuple[float, Array, float]]:
-    """Moreau-Jean time stepping of the woodpecker in a process of the system's Python: for every
-    step, the median of the seconds of its loop, and the end. Raises OSError if it is not there."""
+def of_the_bird() -> dict[str, Any]:
+    """The woodpecker, as :func:`run_siconos` takes it."""
     body, motion = bird(), woodpecker()
     given = {name: getattr(body, name).tolist() for name in body.__dataclass_fields__}
-    given |= {"start": motion.start.tolist(), "span": motion.span, "steps": list(steps)}
+    still = np.zeros_like(body.load).tolist()
+    return given | {
+        "C": np.zeros_like(body.M).tolist(),
+        "push": [given.pop("load"), still, still],
+        "start": motion.start.tolist(),
+        "span": motion.span,
+    }
+
+
+def run_siconos(
+    given: dict[str, Any], steps: Sequence[float], rounds: int = 3
+) -> list[tuple[float, Array, float]]:
+    """Moreau-Jean time stepping of a body in a process of the system's Python: for every step, the
+    median of the seconds of its loop, and the end. Raises OSError if it is not there."""
+    given = {**given, "steps": list(steps)}
     ended = subprocess.run(
-        [SICONOS, str(Path(__file__).parent / "siconos_woodpecker.py")],
+        [SICONOS, str(Path(__file__).parent / "siconos_steps.py")],
         input=json.dumps(given | {"rounds": rounds}),
         capture_output=True,
         text=True,

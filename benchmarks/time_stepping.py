@@ -3,17 +3,19 @@
 ``python benchmarks/time_stepping.py`` follows 300 of them, three masses on springs over one or two
 rough planes that shake, by Moreau's and Jean's scheme (tests/oracles/moreau_jean.py), which locates
 no event, with 20,000, 80,000 and 320,000 steps, and writes how far it is from the exact motion into
-``results/time_stepping.md``.
+``results/time_stepping.md``; ten of them by Siconos, too, where the system's Python has it.
 """
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import stickslip as ss
+from impacts import run_siconos
 
 HERE = Path(__file__).parent
 sys.path[0] = str(HERE.parent / "tests")  # whose "motion" is not the script beside this one
@@ -24,6 +26,8 @@ from motion.test_impacts import (  # noqa: E402  # pyright: ignore[reportMissing
 from oracles import moreau_jean  # noqa: E402
 
 STEPS = (20_000, 80_000, 320_000)
+SICONOS_STEPS = (3_000, 30_000)
+SICONOS_SEEDS = 10
 
 
 def distances(seed: int) -> tuple[bool, list[float]]:
@@ -36,6 +40,38 @@ def distances(seed: int) -> tuple[bool, list[float]]:
     ends = [moreau_jean.final_state(M, C, K, push, contacts, start, 3.0, n)[0] for n in STEPS]
     ok = found.outcome.ok and found.certificate.ok
     return ok, [float(np.max(np.abs(q - exact))) / size for q in ends]
+
+
+def by_siconos(seed: int) -> list[float]:
+    """How far Siconos is from the end of a random system, in the same units, with each step."""
+    system, (M, C, K, push), contacts, start = random_system(seed)
+    found = ss.simulate(system)
+    exact = np.array([found.final[x] for x in ("a", "b", "c")])
+    size = float(max(np.max(np.abs(found[x].values)) for x in ("a", "b", "c")))
+    given: dict[str, Any] = {"M": M, "C": C, "K": K, "push": push, **contacts._asdict()}
+    given = {name: np.asarray(value).tolist() for name, value in given.items()}
+    given |= {"start": np.concatenate(start).tolist(), "span": 3.0}
+    runs = run_siconos(given, [3.0 / n for n in SICONOS_STEPS], 1)
+    return [float(np.max(np.abs(end[:3] - exact))) / size for _, end, _ in runs]
+
+
+def siconos_table() -> list[str]:
+    """Ten systems by Siconos; why there are none if it is absent."""
+    try:
+        found = [by_siconos(seed) for seed in range(SICONOS_SEEDS)]
+    except OSError as error:
+        return [f"Siconos is absent: {error}.", ""]
+    return [
+        f"Siconos (Moreau-Jean, θ = ½) on the first {SICONOS_SEEDS}:",
+        "",
+        "| seed | " + " | ".join(f"{n:,} steps" for n in SICONOS_STEPS) + " |",
+        "|---" * (1 + len(SICONOS_STEPS)) + "|",
+        *(
+            f"| {seed} | " + " | ".join(f"{d:.1e}" for d in row) + " |"
+            for seed, row in enumerate(found)
+        ),
+        "",
+    ]
 
 
 def main(count: int) -> None:
@@ -63,6 +99,7 @@ def main(count: int) -> None:
         "|---|---|---|---|",
         *rows,
         "",
+        *siconos_table(),
     ]
     print("\n".join(text))
     (HERE / "results" / "time_stepping.md").write_text("\n".join(text), encoding="utf-8")

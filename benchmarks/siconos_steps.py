@@ -1,4 +1,5 @@
-"""Moreau-Jean time stepping of bodies with linear forces by Siconos; run by the system's Python.
+"""Moreau-Jean time stepping of M q'' + C q' + K q = push₀ + push₁ sin(push₂ t) with contacts by
+Siconos; run by the system's Python.
 
 Reads the mechanics, a start, a span and steps as JSON, and writes for every step the end and the
 median of the seconds of its loop.
@@ -22,11 +23,10 @@ def follow(given, step):
     body = sk.LagrangianLinearTIDS(
         given["start"][:d],
         given["start"][d:],
-        np.array(given["M"]),
-        np.array(given["K"]),
-        np.zeros((d, d)),
+        *(np.array(given[name]) for name in ("M", "K", "C")),
     )
-    body.setFExtPtr(np.array(given["load"]))
+    steady, swing, rate = (np.array(row) for row in given["push"])
+    body.setFExtPtr(steady)
     model = sk.NonSmoothDynamicalSystem(0.0, given["span"])
     model.insertDynamicalSystem(body)
     for n, t, offset, mu, e in zip(*(given[x] for x in CONTACT), strict=True):
@@ -34,11 +34,14 @@ def follow(given, step):
         law = sk.NewtonImpactFrictionNSL(e, 0.0, mu, 2)
         model.link(sk.Interaction(law, relation), body)
     steps = sk.TimeDiscretisation(0.0, step)
-    solver = sk.FrictionContact(2, sn.SICONOS_FRICTION_2D_LEMKE)
+    solver = sk.FrictionContact(2, sn.SICONOS_FRICTION_2D_NSGS)  # Lemke is wrong for two contacts
     solver.numericsSolverOptions().dparam[0] = 1e-14  # the impulses of this toy are small
     simulation = sk.TimeStepping(model, steps, sk.MoreauJeanOSI(0.5), solver)
     began = time.perf_counter()
     while simulation.hasNextEvent():
+        # The force in the middle of the step, which the scheme of order one takes for the whole.
+        middle = simulation.startingTime() + 0.5 * step
+        body.setFExtPtr(steady + swing * np.sin(rate * middle))
         simulation.computeOneStep()
         simulation.nextStep()
     spent = time.perf_counter() - began
