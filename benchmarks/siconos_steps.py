@@ -35,7 +35,7 @@ def follow(given, step):
         model.link(sk.Interaction(law, relation), body)
     steps = sk.TimeDiscretisation(0.0, step)
     solver = sk.FrictionContact(2, sn.SICONOS_FRICTION_2D_NSGS)  # Lemke is wrong for two contacts
-    solver.numericsSolverOptions().dparam[0] = 1e-14  # the impulses of this toy are small
+    solver.numericsSolverOptions().dparam[0] = 1e-14  # a toy's impulses are small
     simulation = sk.TimeStepping(model, steps, sk.MoreauJeanOSI(0.5), solver)
     began = time.perf_counter()
     while simulation.hasNextEvent():

@@ -30,13 +30,19 @@ SICONOS_STEPS = (3_000, 30_000)
 SICONOS_SEEDS = 10
 
 
+def end_of(found: ss.Trajectory) -> tuple[Any, float]:
+    """Where a motion ends, and its largest coordinate."""
+    names = ("a", "b", "c")
+    exact = np.array([found.final[x] for x in names])
+    return exact, float(max(np.max(np.abs(found[x].values)) for x in names))
+
+
 def distances(seed: int) -> tuple[bool, list[float]]:
     """Whether the motion of a random system is certified, and how far the scheme is from its end
     with each number of steps, in units of its largest coordinate."""
     system, (M, C, K, push), contacts, start = random_system(seed)
     found = ss.simulate(system)
-    exact = np.array([found.final[x] for x in ("a", "b", "c")])
-    size = float(max(np.max(np.abs(found[x].values)) for x in ("a", "b", "c")))
+    exact, size = end_of(found)
     ends = [moreau_jean.final_state(M, C, K, push, contacts, start, 3.0, n)[0] for n in STEPS]
     ok = found.outcome.ok and found.certificate.ok
     return ok, [float(np.max(np.abs(q - exact))) / size for q in ends]
@@ -45,9 +51,7 @@ def distances(seed: int) -> tuple[bool, list[float]]:
 def by_siconos(seed: int) -> list[float]:
     """How far Siconos is from the end of a random system, in the same units, with each step."""
     system, (M, C, K, push), contacts, start = random_system(seed)
-    found = ss.simulate(system)
-    exact = np.array([found.final[x] for x in ("a", "b", "c")])
-    size = float(max(np.max(np.abs(found[x].values)) for x in ("a", "b", "c")))
+    exact, size = end_of(ss.simulate(system))
     given: dict[str, Any] = {"M": M, "C": C, "K": K, "push": push, **contacts._asdict()}
     given = {name: np.asarray(value).tolist() for name, value in given.items()}
     given |= {"start": np.concatenate(start).tolist(), "span": 3.0}
