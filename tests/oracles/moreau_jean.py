@@ -84,7 +84,7 @@ def _stepped(
             active[i] = normal[i] @ middle + contacts.offset[i] <= 0.0
             P[i] = T[i] = 0.0
         before = normal @ v
-        for _ in range(200):
+        for _ in range(100_000):  # some pairs of contacts converge slowly
             moved = 0.0
             for i in range(c):
                 if not active[i]:

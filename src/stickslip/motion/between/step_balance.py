@@ -80,6 +80,7 @@ _MOST_PIECES = 512  # of a step
 _REST = 1e-4
 _CANCELS = 1e-5  # part of its terms against which a sum is measured in which they cancel
 _ROUNDINGS = 8.0  # rounding errors of a rate, in parts of the size of its terms
+_NEARBY = 1e3  # tolerances of a gap below which a contact may take part in an impact
 # Rows of Tally.state, columns of Tally.law and of Tally.kinks, and slots of Tally.total.
 LARGEST, _SWAY, _DEFECT, _ROUNDED = range(4)
 _EXCESS, _OFF_THRESHOLD, _CREEP, _BACKWARDS, _FORCE, _SPEED, _HELD, _OVERLAP, _OPENING = range(9)
@@ -466,8 +467,8 @@ def close_impact(
     h : float
         Length of the last piece.
     cause : int
-        The contact that has closed. Whether others that are as good as closed take part is not
-        decided by the law: both are admissible.
+        The contact that has closed. Whether others that are closed but for rounding errors, or
+        for the tolerance, take part is not decided by the law: all of it is admissible.
     i : int
         The step.
     accounts : Accounts
@@ -481,11 +482,12 @@ def close_impact(
     for c in range(len(at.mode)):
         space.labels[c, 0] = at.mode[c]
     off = np.inf
-    for alone in range(2):
+    for attempt in range(3):
         for c in range(len(at.mode)):
             at.mode[c] = space.labels[c, 0]
-        only = cause if alone == 1 else NOWHERE
-        off = min(off, distance_of_jump(machine, flow, arrived, at.y, h, only))
+        only = cause if attempt == 1 else NOWHERE
+        slack = _NEARBY if attempt == 2 else 1.0
+        off = min(off, distance_of_jump(machine, flow, arrived, at.y, h, only, slack))
     for c in range(len(at.mode)):
         at.mode[c] = space.labels[c, 0]
     for q in range(nq):

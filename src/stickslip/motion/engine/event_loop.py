@@ -29,6 +29,7 @@ from stickslip.motion.engine.guards import (
     first_event,
     germ,
     guard_of,
+    opens,
     resting,
     spell,
 )
@@ -273,8 +274,8 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
 @njit(**OPTIONS)
 def is_full(task: Task, rows: Rows, count: int) -> bool:
     """Whether there is no room to record what happens at a knot: one step more, or two where an
-    impact may follow a jump."""
-    spare = 1 if len(rows.jumps) > 0 and has_gaps(rows) else 0
+    impact may follow a jump, or another event."""
+    spare = 1 if has_gaps(rows) else 0
     return bool(task.recording and count + spare >= len(task.record.time))
 
 
@@ -559,16 +560,20 @@ def knock(
     rows = flow.rows
     remember_gaps(rows, flow.space, lane.seen)
     last = lane.clock[LAST]
-    if lane.counters[CAUSE] < 0 and not entering:
+    cause = lane.counters[CAUSE]
+    if cause < 0 and not entering:
         return NOWHERE, count
-    if lane.counters[CAUSE] < 0 or due >= 0:
+    closing = cause >= len(rows.kinks) and closes(rows, lane.mode, cause - len(rows.kinks))
+    if due >= 0 or not closing:
+        # Another event, or none: what touches meanwhile, up to rounding errors, has its impact.
         here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
         if lane.counters[TAKEN] == 0:
             size_gaps(machine, flow, here, lane.clock[SPAN])
-        going = due < 0 and lane.counters[TAKEN] > 0
+        going = due < 0 and (cause >= 0 or lane.counters[TAKEN] > 0)
         struck_first = first_approaching(machine, flow, here, last, going)
         if struck_first >= 0:
-            open_all(rows, lane.mode)
+            if not going:
+                open_all(rows, lane.mode)
             count = note(lane, task, count)
             lane.counters[CAUSE] = len(rows.kinks) + struck_first
         elif going:
@@ -581,6 +586,12 @@ def knock(
         own = rows.jumps[due, KINK] if due >= 0 else NOWHERE
         find_regions(machine, flow, here, own, zero)
     return (CREATES_ENERGY if struck == CREATES else NOWHERE), count
+
+
+@njit(**OPTIONS)
+def closes(rows: Rows, mode: Array, c: int) -> bool:
+    """Whether a contact that can open has just closed."""
+    return bool(opens(rows, c) and mode[c] == 0)
 
 
 @njit(**OPTIONS)

@@ -86,7 +86,7 @@ def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
     work = space.impact
     tried = space.tried
     here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
-    if approaching(machine, flow, here, last) == 0:
+    if approaching(machine, flow, here, last, 1.0) == 0:
         return NO_IMPACT
     mq = rows.sizes[ON_INERTIAL]
     nq = rows.sizes[INERTIAL]
@@ -111,9 +111,20 @@ def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
 
 
 @njit(**INLINED)
-def approaching(machine: Machine, flow: Flow, here: Instant, last: float) -> int:
+def approaching(machine: Machine, flow: Flow, here: Instant, last: float, slack: float) -> int:
     """How many contacts are closed and approach; which are closed, and all their velocities, are
-    left in the work space."""
+    left in the work space.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    here : Instant
+    last : float
+        Length of the last step.
+    slack : float
+        Times the tolerance of a gap below which it is closed.
+    """
     rows = flow.rows
     space = flow.space
     work = space.impact
@@ -124,7 +135,7 @@ def approaching(machine: Machine, flow: Flow, here: Instant, last: float) -> int
         work[BEFORE, c] = space.V[rows.u[c], 0]
         space.tried[_NEAR, c] = 0
         if opens(rows, c):
-            closed = abs(space.V[rows.gaps[c], 0]) <= touching(flow, c, last)
+            closed = abs(space.V[rows.gaps[c], 0]) <= slack * touching(flow, c, last)
             space.tried[_NEAR, c] = 1 if closed else 0
             if closed and work[BEFORE, c] < -_SLOW * space.mag[c]:
                 found += 1
@@ -168,7 +179,7 @@ def first_approaching(machine: Machine, flow: Flow, here: Instant, last: float, 
         Whether the motion is under way, in the mode of the instant: what has been closed does not
         approach but for rounding errors.
     """
-    if approaching(machine, flow, here, last) == 0:
+    if approaching(machine, flow, here, last, 1.0) == 0:
         return NOWHERE
     space = flow.space
     for c in range(flow.rows.sizes[ON_INERTIAL]):
@@ -548,7 +559,13 @@ def settles(machine: Machine, flow: Flow, lane: Lane) -> bool:
 
 @njit(**INLINED)
 def distance_of_jump(
-    machine: Machine, flow: Flow, before: Instant, after: Array, last: float, only: int
+    machine: Machine,
+    flow: Flow,
+    before: Instant,
+    after: Array,
+    last: float,
+    only: int,
+    slack: float,
 ) -> float:
     """How far a jump of the rates is from the nearest one that obeys the law of impacts.
 
@@ -564,6 +581,8 @@ def distance_of_jump(
         Length of the step that ends there.
     only : int
         A contact beside which none takes part that is open; negative: all do that touch.
+    slack : float
+        As of :func:`approaching`.
 
     Returns
     -------
@@ -577,7 +596,7 @@ def distance_of_jump(
     least = 0.0
     for q in range(nq):
         least = max(least, abs(after[nq + q] - before.y[nq + q]))
-    near = approaching(machine, flow, before, last)
+    near = approaching(machine, flow, before, last, slack)
     for c in range(rows.sizes[ON_INERTIAL]):
         if only >= 0 and c != only and before.mode[c] != 0:
             space.tried[_NEAR, c] = 0
