@@ -425,6 +425,7 @@ class Follower:
         )  # fmt: skip
         # A guard that begins at zero, or below it by rounding, has to rise first.
         armed = self.guards(self.t, self.y, self.mode) > 1e-9 * max(self.length, self.speed)
+        fastest = np.zeros(len(self.bodies.touches))
         while solver.status == "running":
             t = solver.t
             solver.step()
@@ -456,11 +457,20 @@ class Follower:
                     break
                 armed |= now > 0.0
                 last = s
+                for i, touch in enumerate(self.bodies.touches):
+                    if touch.gap is not None:
+                        fastest[i] = max(fastest[i], abs(self.gap_speed(touch, s, dense(s))))
             stop = min(first, solver.t)
             while len(found) < len(times) and times[len(found)] <= stop:
                 found.append(np.array(dense(times[len(found)])))
             if which >= 0:
                 self.t, self.y = stop, np.array(dense(stop))
+                i = which // 2
+                hit = which % 2 == 0 and self.mode[i] == OPEN
+                speed = -self.gap_speed(self.bodies.touches[i], stop, self.y) if hit else np.inf
+                if speed < 1e-5 * fastest[i]:
+                    # All of it is error: where it just touches, a gap has no speed.
+                    raise NoAnswer("it grazes")
                 self.land()
                 self.mode_after(which)
                 return True

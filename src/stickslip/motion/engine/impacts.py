@@ -21,6 +21,7 @@ from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.guards import loosen_friction, opens
 from stickslip.motion.engine.modes import resolve, touching
 from stickslip.motion.steps.arrays import (
+    CAUSE,
     CONTACTS,
     COORDINATES,
     DIMENSION,
@@ -86,7 +87,8 @@ def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
     work = space.impact
     tried = space.tried
     here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
-    if approaching(machine, flow, here, last, 1.0) == 0:
+    fired = lane.counters[CAUSE] - len(rows.kinks)
+    if approaching(machine, flow, here, last, fired, 1.0) == 0:
         return NO_IMPACT
     mq = rows.sizes[ON_INERTIAL]
     nq = rows.sizes[INERTIAL]
@@ -111,7 +113,9 @@ def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
 
 
 @njit(**INLINED)
-def approaching(machine: Machine, flow: Flow, here: Instant, last: float, slack: float) -> int:
+def approaching(
+    machine: Machine, flow: Flow, here: Instant, last: float, fired: int, slack: float
+) -> int:
     """How many contacts are closed and approach; which are closed, and all their velocities, are
     left in the work space.
 
@@ -122,6 +126,8 @@ def approaching(machine: Machine, flow: Flow, here: Instant, last: float, slack:
     here : Instant
     last : float
         Length of the last step.
+    fired : int
+        The contact that has just closed, which is so by definition; or negative.
     slack : float
         Times the tolerance of a gap below which it is closed.
     """
@@ -135,7 +141,8 @@ def approaching(machine: Machine, flow: Flow, here: Instant, last: float, slack:
         work[BEFORE, c] = space.V[rows.u[c], 0]
         space.tried[_NEAR, c] = 0
         if opens(rows, c):
-            closed = abs(space.V[rows.gaps[c], 0]) <= slack * touching(flow, c, last)
+            near = abs(space.V[rows.gaps[c], 0]) <= slack * touching(flow, c, last)
+            closed = near or c == fired
             space.tried[_NEAR, c] = 1 if closed else 0
             if closed and work[BEFORE, c] < -_SLOW * space.mag[c]:
                 found += 1
@@ -179,7 +186,7 @@ def first_approaching(machine: Machine, flow: Flow, here: Instant, last: float, 
         Whether the motion is under way, in the mode of the instant: what has been closed does not
         approach but for rounding errors.
     """
-    if approaching(machine, flow, here, last, 1.0) == 0:
+    if approaching(machine, flow, here, last, NOWHERE, 1.0) == 0:
         return NOWHERE
     space = flow.space
     for c in range(flow.rows.sizes[ON_INERTIAL]):
@@ -596,13 +603,10 @@ def distance_of_jump(
     least = 0.0
     for q in range(nq):
         least = max(least, abs(after[nq + q] - before.y[nq + q]))
-    near = approaching(machine, flow, before, last, slack)
+    near = approaching(machine, flow, before, last, only, slack)
     for c in range(rows.sizes[ON_INERTIAL]):
         if only >= 0 and c != only and before.mode[c] != 0:
             space.tried[_NEAR, c] = 0
-        if c == only:
-            space.tried[_NEAR, c] = 1
-            near += 1
         work[RESTITUTION, c] = restitution_of(rows, space, c)
     if near == 0:
         return float(least)

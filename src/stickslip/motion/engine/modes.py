@@ -300,9 +300,10 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
 @njit(**OPTIONS)
 def is_apart(flow: Flow, c: int, last: float) -> bool:
     """Whether a contact that can open is not closed, up to what its gap does in a step and to
-    rounding."""
+    rounding, or as it is where it has just closed."""
     rows = flow.rows
-    return opens(rows, c) and abs(flow.space.W[rows.gaps[c], 0]) > touching(flow, c, last)
+    closed = max(touching(flow, c, last), FIRED * gap_size(rows, flow.space, c))
+    return opens(rows, c) and abs(flow.space.W[rows.gaps[c], 0]) > closed
 
 
 @njit(**OPTIONS)
