@@ -465,17 +465,27 @@ class Follower:
                 found.append(np.array(dense(times[len(found)])))
             if which >= 0:
                 self.t, self.y = stop, np.array(dense(stop))
-                i = which // 2
-                hit = which % 2 == 0 and self.mode[i] == OPEN
-                speed = -self.gap_speed(self.bodies.touches[i], stop, self.y) if hit else np.inf
-                if speed < 1e-5 * fastest[i]:
-                    # All of it is error: where it just touches, a gap has no speed.
-                    raise NoAnswer("it grazes")
+                self.refuse_touch(fastest)
                 self.land()
                 self.mode_after(which)
                 return True
         self.t, self.y = solver.t, np.array(solver.y)
         return False
+
+    def refuse_touch(self, fastest: Array) -> None:
+        """No answer where an open gap just touches: there all of its speed is error.
+
+        Parameters
+        ----------
+        fastest : array
+            The largest speed of each gap on the way there.
+        """
+        for i, touch in enumerate(self.bodies.touches):
+            if touch.gap is None or self.mode[i] != OPEN:
+                continue
+            near = abs(float(touch.gap(self.t, self.y[: self.bodies.size]))) < 1e-8 * self.length
+            if near and abs(self.gap_speed(touch, self.t, self.y)) < 1e-5 * fastest[i]:
+                raise NoAnswer("it grazes")
 
     def grazes(self, path: Any, begin: float, end: float) -> tuple[float, int] | None:
         """Where a gap dips below zero between two samples that do not show it."""
