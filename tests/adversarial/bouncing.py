@@ -481,7 +481,7 @@ class Follower:
             The largest speed of each gap on the way there.
         """
         for i, touch in enumerate(self.bodies.touches):
-            if touch.gap is None or self.mode[i] != OPEN:
+            if touch.gap is None or self.mode[i] != OPEN or fastest[i] < self.slow():
                 continue
             near = abs(float(touch.gap(self.t, self.y[: self.bodies.size]))) < 1e-8 * self.length
             if near and abs(self.gap_speed(touch, self.t, self.y)) < 1e-5 * fastest[i]:
