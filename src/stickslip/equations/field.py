@@ -89,6 +89,9 @@ class Field:
     constraints : list of Expr
         What vanishes in this mode: u of sticking inertial contacts, u and the gap of closed ones,
         λ + σs of sliding rate-independent ones. They are invariant under the flow.
+    leaps : list of Expr
+        Changes of the state in declared jumps.
+    energy : Expr
     """
 
     state: tuple[str, ...]
@@ -100,6 +103,7 @@ class Field:
     kinks: list[Expr]
     constraints: list[Expr]
     leaps: list[Expr]
+    energy: Expr
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -381,6 +385,7 @@ class _Solver:
             kinks=[self.fix(g) for g in eq.kinks],
             constraints=self.constraints(contacts),
             leaps=[self.fix(e) - ex.sym(x) for j in eq.jumps for x, e in j.values.items()],
+            energy=self.fix(eq.energy),
         )
 
     def contact(self, i: int) -> ContactField:

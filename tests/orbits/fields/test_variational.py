@@ -35,12 +35,12 @@ def along(
     span: tuple[float, float],
     initial: Mapping[str, float],
     parameters: Mapping[str, float] | None = None,
-    free: str | None = None,
+    free: tuple[str, ...] = (),
     directions: Array | None = None,
 ) -> Variation:
     motion = simulate(system, span, initial=initial, parameters=parameters)
     assert motion.outcome.ok
-    return variation(motion, Pieces(motion._problem.compiled.equations, free), directions)
+    return variation(motion, Pieces(motion._problem.compiled.equations, *free), directions)
 
 
 def slope(f: Callable[[float], Array], h: float) -> Array:
@@ -83,7 +83,7 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_finite_differences(case: str) -> None:
     system, span, initial, free = CASES[case]
-    found = along(system, span, initial, None, free)
+    found = along(system, span, initial, None, (free,))
     assert found.differentiable
     expected = differences(system, span, initial, {}, free)
     n = len(expected)
@@ -120,9 +120,9 @@ def test_every_system_of_the_catalogue(name: str) -> None:
     begin, end = system.span
     motion = simulate(system, (begin, min(end, begin + 12.0)))
     equations = motion._problem.compiled.equations
-    for free in (None, *system.parameters):
-        found = variation(motion, Pieces(equations, free))
-        expected = variation_by_numpy(motion, Pieces(equations, free))
+    for free in ((), *((p,) for p in system.parameters), tuple(system.parameters)):
+        found = variation(motion, Pieces(equations, *free))
+        expected = variation_by_numpy(motion, Pieces(equations, *free))
         off, size = (
             np.max(np.abs(x), axis=(1, 2)) for x in (found.after - expected.after, expected.after)
         )
@@ -178,7 +178,7 @@ def surfaces() -> System:
 
 def test_event_times_shift_with_a_parameter() -> None:
     """The events come at t = (p − x)/v and 1 − y, so z(2) = 5(1 − y − (p − x)/v) + 1 + y."""
-    found = along(surfaces(), (0, 2), {"x": 0.3, "v": 2.0, "y": 0.1, "z": 0.0}, None, "p").matrix
+    found = along(surfaces(), (0, 2), {"x": 0.3, "v": 2.0, "y": 0.1, "z": 0.0}, None, ("p",)).matrix
     assert found[3] == pytest.approx([5 / 2, 5 * 0.7 / 4, -4.0, 1.0, -5 / 2], abs=1e-12)
 
 

@@ -250,13 +250,13 @@ class Chart:
 def first_chart(closed: Closed, pieces: Pieces, extent: Extent) -> tuple[Chart, Array]:
     """A chart around a cycle, with the free parameter of the pieces, and its unknowns."""
     problem = closed.orbit.problem
-    assert pieces.free is not None
     # A closed form is made for one set of parameters; here every motion has its own.
     boxes = {name: (value, value) for name, value in problem.parameters.items()}
-    boxes[pieces.free] = (extent.low, extent.high)
+    (free,) = pieces.free
+    boxes[free] = (extent.low, extent.high)
     general = replace(problem, exact=False, boxes=boxes)
     shooting = closed.shooting.with_pieces(pieces, general)
-    orbit = shooting.orbit(np.append(closed.orbit.x, problem.parameters[pieces.free]))
+    orbit = shooting.orbit(np.append(closed.orbit.x, problem.parameters[free]))
     new, x = restarted(shooting, orbit, len(shooting.stations), chart_sizes(closed, extent))
     return Chart(new, extent), x
 

@@ -3,6 +3,7 @@ and region."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -22,7 +23,7 @@ from stickslip.symbolic.expressions import Expr
 @dataclass(frozen=True)
 class Bounds:
     """The constraints of a piece at a point: values and derivatives by time, state and free
-    parameter."""
+    parameters."""
 
     value: Array
     time: Array
@@ -35,14 +36,14 @@ class Piece:
     Parameters
     ----------
     field : Field
-    free : str or None
-        A parameter; derivatives with respect to it follow those with respect to the state as a last
-        column.
+    free : sequence of str
+        Parameters; derivatives with respect to them follow those with respect to the state as last
+        columns.
     """
 
-    def __init__(self, field: Field, free: str | None) -> None:
+    def __init__(self, field: Field, free: Sequence[str]) -> None:
         self.field = field
-        self.columns: tuple[str, ...] = (*field.state, *((free,) if free else ()))
+        self.columns: tuple[str, ...] = (*field.state, *free)
         self.switches: Array = np.array([g.switch for g in field.guards], dtype=int)
         rows = [[ex.derivative(f, c) for c in self.columns] for f in field.rates]
         moving = {"t", *field.state}
@@ -161,13 +162,13 @@ class Pieces:
     Parameters
     ----------
     equations : MotionEquations
-    free : str, optional
-        A parameter to differentiate with respect to.
+    *free : str
+        Parameters to differentiate with respect to.
     """
 
-    def __init__(self, equations: MotionEquations, free: str | None = None) -> None:
+    def __init__(self, equations: MotionEquations, *free: str) -> None:
         self.equations: MotionEquations = equations
-        self.free: str | None = free
+        self.free: tuple[str, ...] = free
         self.made: list[Piece] = []
         self._numbers: dict[bytes, int] = {}
         self._listed: Listed | None = None

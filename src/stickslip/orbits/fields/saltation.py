@@ -49,6 +49,24 @@ class Landing(NamedTuple):
     slopes: Array
 
 
+class Saltation(NamedTuple):
+    """First variation through a jump of the state.
+
+    Attributes
+    ----------
+    matrix : array, shape (columns, columns)
+    late : array, shape (columns,)
+        Derivatives of the time at which it happens.
+    exists : bool
+        False if a guard vanishes without speed (grazing), or no impulse is found that explains what
+        has happened.
+    """
+
+    matrix: Array
+    late: Array
+    exists: bool
+
+
 class StateMap:
     """A map of the state in the region of a piece, with first derivatives.
 
@@ -145,9 +163,8 @@ def saltation(
     strike: Strike,
     pieces: tuple[Piece, Piece],
     p: Array,
-) -> tuple[Array, bool]:
-    """The saltation matrix of an impact or a jump, and whether it exists: not if a guard vanishes
-    without speed (grazing), or no impulse is found that explains what has happened.
+) -> Saltation:
+    """The saltation matrix of an impact or a jump.
 
     Parameters
     ----------
@@ -157,11 +174,6 @@ def saltation(
     pieces : (Piece, Piece)
         Before and after it.
     p : array, shape (parameters,)
-
-    Returns
-    -------
-    array, shape (columns, columns)
-    bool
     """
     left, right = pieces
     t, y = strike.time, strike.before
@@ -178,12 +190,13 @@ def saltation(
     n, columns = len(y), len(left.columns)
     S = np.eye(columns)
     if found is None or not abs(here.fall[g]) > _TANGENT * here.terms[g]:
-        return S, False
+        return Saltation(S, np.zeros(columns), False)
     D = found.slopes[:, :n]
     S[:n] = found.slopes
     late = right.rates(t, k.state[strike.last], p) - D @ here.rates - found.time
-    S[:n] += np.outer(late, here.slopes[g] / here.fall[g])
-    return S, True
+    earlier = here.slopes[g] / here.fall[g]
+    S[:n] += np.outer(late, earlier)
+    return Saltation(S, -earlier, True)
 
 
 def _jump_map(equations: MotionEquations, piece: Piece, jump: int) -> StateMap:

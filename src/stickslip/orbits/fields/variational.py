@@ -58,7 +58,9 @@ class Variation:
     ----------
     after : array, shape (knots, m, directions)
         How (state, p) right after each knot changes with the first one, in the directions that were
-        asked for; m is the number of states, plus 1 with a parameter.
+        asked for; m is the number of states and of free parameters.
+    late : array, shape (knots, directions)
+        How the time of the event at each knot changes; not a number where there is none.
     pieces : list of Piece
         Of the step that begins at each knot.
     corners, grazings : tuple of float
@@ -67,6 +69,7 @@ class Variation:
     """
 
     after: Array
+    late: Array
     pieces: list[Piece]
     corners: tuple[float, ...]
     grazings: tuple[float, ...]
@@ -89,7 +92,7 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
     ----------
     trajectory : Trajectory
     pieces : Pieces
-        Smooth pieces of its system; their free parameter p, if any, is differentiated for, too.
+        Smooth pieces of its system; their free parameters p are differentiated for, too.
     directions : array, shape (m, directions), optional
         Changes of the first (state, p); by default every component by itself. They have to keep the
         constraints of the first mode: what sticks is not pushed, what slides without mass stays on
@@ -118,7 +121,7 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
     grazed = run.knots.time[run.outcome == GRAZED] + run.origin
     made = [pieces.made[w] for w in run.piece]
     grazings = sorted([*map(float, grazed), *meeting.grazings])
-    return Variation(run.after, made, tuple(meeting.corners), tuple(grazings))
+    return Variation(run.after, run.late, made, tuple(meeting.corners), tuple(grazings))
 
 
 def resolution(trajectory: Trajectory, pieces: Pieces) -> Array:
@@ -132,7 +135,7 @@ def _prepared(trajectory: Trajectory, pieces: Pieces, directions: Array | None) 
     """The motion as the compiled pass takes it, with the changes of its first state."""
     k = trajectory.knots
     number = pieces.numbers(k.mode, k.region)
-    columns = k.state.shape[1] + (pieces.free is not None)
+    columns = k.state.shape[1] + len(pieces.free)
     first = np.eye(columns) if directions is None else directions
     after = np.zeros((len(k.clock), *first.shape))
     after[0] = first
@@ -144,6 +147,7 @@ def _prepared(trajectory: Trajectory, pieces: Pieces, directions: Array | None) 
         number,
         np.ones(len(number), np.int64),
         after,
+        np.full((len(number), first.shape[1]), np.nan),
         np.zeros(len(number), np.int64),
         np.zeros(MET + 1 + pieces.listed.switches.shape[1], np.int64),
     )
@@ -190,9 +194,11 @@ class _Meeting:
         strike = self._strikes[int(self.run.event[BEGINS])]
         i, last = strike.knot, strike.last
         sides = self.pieces.made[self.run.piece[i - 1]], self.pieces.made[self.run.piece[last]]
-        S, exists = saltation(self.pieces.equations, self.trajectory, strike, sides, self.p)
-        if not exists:
+        found = saltation(self.pieces.equations, self.trajectory, strike, sides, self.p)
+        S = found.matrix
+        if not found.exists:
             self.grazings.append(strike.time)
+        self.run.late[i] = found.late @ self.run.after[i]
         self.run.after[i : last + 1] = S @ self.run.after[i]
         return last
 

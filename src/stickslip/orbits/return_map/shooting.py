@@ -351,7 +351,7 @@ class Shooting:
         self.start = start
         self.setting = setting
         self.symmetry: Symmetry = setting.symmetry
-        self.free: str | None = pieces.free
+        self.free: str | None = next(iter(pieces.free), None)
         self.release: Array = released(setting.held, setting.sizes)
         self.first: Array = np.concatenate(
             [[0], np.cumsum([s.basis.shape[1] for s in self.stations])]

@@ -118,6 +118,7 @@ class Attraction:
             outcome=np.zeros(knots, np.int64),
             event=np.zeros(MET + 1 + listed.switches.shape[1], np.int64),
             after=np.zeros((knots, n, n)),
+            late=np.zeros((knots, 0)),
             work=room_for_pass(listed, places, _PARTS * STAGES * knots, (n, n), between),
             squares=np.zeros((2, n, n)),
             deviation=np.zeros((5, n)),

@@ -59,8 +59,8 @@ _PADE = np.array([math.comb(STAGES, k) / math.perm(2 * STAGES, k) for k in range
 
 
 class Listed(NamedTuple):
-    """The pieces of a system as instructions. A column is a component of the state or, last, the
-    free parameter.
+    """The pieces of a system as instructions. A column is a component of the state or, behind
+    these, a free parameter.
 
     Attributes
     ----------
@@ -111,6 +111,9 @@ class Pass(NamedTuple):
         In which each step is resolved.
     after : array, shape (knots, columns, directions)
         Change of (state, p) right after each knot.
+    late : array, shape (knots, directions)
+        How the time of the event there changes; not a number where there is none. Of no direction,
+        if it has no columns.
     outcome : array of int, shape (knots,)
         What became of the event there: `PASSED` or `GRAZED`.
     event : array of int
@@ -125,6 +128,7 @@ class Pass(NamedTuple):
     piece: Array
     parts: Array
     after: Array
+    late: Array
     outcome: Array
     event: Array
 
@@ -138,7 +142,7 @@ class Leave(NamedTuple):
         The field f.
     value : array, shape (guards,)
     slopes : array, shape (guards, columns)
-        Derivatives with respect to the state and the free parameter.
+        Derivatives with respect to the state and the free parameters.
     fall : array, shape (guards,)
         Rates g_t + ∇g·f along the motion.
     terms : array, shape (guards,)
@@ -436,8 +440,8 @@ def flow_through(listed: Listed, run: Pass, work: PassSpace, i: int, node: int) 
 
 @njit(**OPTIONS)
 def forced_step(places: Array, work: PassSpace, h: float, change: Array) -> None:
-    """One step of Φ' = J_y Φ + J_p where J_y is the same all the time: its flow, and what J_p adds
-    on the way.
+    """One step of Φ' = J_y Φ + J_p where J_y is the same all the time: its flow, and what each
+    column of J_p adds on the way.
 
     Parameters
     ----------
@@ -450,31 +454,32 @@ def forced_step(places: Array, work: PassSpace, h: float, change: Array) -> None
         Φ before, and after.
     """
     columns, directions = change.shape
-    n = columns - 1
-    values, flow, added, rates = (
-        work.values,
-        work.squares[2],
-        work.squares[3, 0],
-        work.squares[4, 0],
-    )
-    for r in range(n):
-        added[r] = 0.0
-    for k in range(len(_MOMENTS) - 1, -1, -1):
-        for r in range(n):
-            rates[r] = 0.0
-            for c in range(n):
-                rates[r] += values[places[r * columns + c], 0] * added[c]
-        for r in range(n):
-            added[r] = h * rates[r]
-            for i in range(STAGES):
-                added[r] += h * _MOMENTS[k, i] * values[places[r * columns + n], i]
+    values, flow, moved = work.values, work.squares[2], work.moved
+    added, rates = work.squares[3, 0], work.squares[4, 0]
+    n = len(flow)
     for d in range(directions):
         for r in range(n):
-            rates[r] = added[r] * change[n, d]
+            moved[r, d] = 0.0
             for c in range(n):
-                rates[r] += flow[r, c] * change[c, d]
+                moved[r, d] += flow[r, c] * change[c, d]
+    for p in range(n, columns):
         for r in range(n):
-            change[r, d] = rates[r]
+            added[r] = 0.0
+        for k in range(len(_MOMENTS) - 1, -1, -1):
+            for r in range(n):
+                rates[r] = 0.0
+                for c in range(n):
+                    rates[r] += values[places[r * columns + c], 0] * added[c]
+            for r in range(n):
+                added[r] = h * rates[r]
+                for i in range(STAGES):
+                    added[r] += h * _MOMENTS[k, i] * values[places[r * columns + p], i]
+        for d in range(directions):
+            for r in range(n):
+                moved[r, d] += added[r] * change[p, d]
+    for d in range(directions):
+        for r in range(n):
+            change[r, d] = moved[r, d]
 
 
 @njit(**OPTIONS)
@@ -763,6 +768,8 @@ def pass_event(listed: Listed, run: Pass, work: PassSpace, i: int, last: int) ->
                 run.event[MET + count] = switch
     run.event[MEETING] = 1 + count
     change = run.after[i]
+    for d in range(run.late.shape[1]):
+        run.late[i, d] = -delay(here, g, change, d)
     if count and not coincide(here, g, others, count, change):
         return CORNER
     return jump(here, g, around.rates, max(usual[g], here.terms[g]), change)

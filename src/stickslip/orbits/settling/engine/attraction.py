@@ -116,7 +116,7 @@ class Claims(NamedTuple):
     listed : Listed
     modes, regions : arrays of int, shapes (pieces, contacts) and (pieces, kinks)
         Of the fields that are listed.
-    piece, parts, outcome, event, after : arrays
+    piece, parts, outcome, event, after, late : arrays
         See :class:`stickslip.orbits.fields.engine.variations.Pass`.
     work : PassSpace
     squares : array, shape (2, n, n)
@@ -140,6 +140,7 @@ class Claims(NamedTuple):
     outcome: Array
     event: Array
     after: Array
+    late: Array
     work: PassSpace
     squares: Array
     deviation: Array
@@ -339,6 +340,7 @@ def differentiate(
         c.piece[:count],
         c.parts[:count],
         c.after[:count],
+        c.late,
         c.outcome[:count],
         c.event,
     )

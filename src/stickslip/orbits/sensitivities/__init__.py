@@ -1,0 +1,1 @@
+"""Derivatives of motions and cycles with respect to parameters and initial values."""

@@ -1,0 +1,360 @@
+"""Derivatives of a motion with respect to parameters and initial values.
+
+The first variation (:mod:`stickslip.orbits.fields.variational`) is exact between events and across
+them, for any number of parameters in one pass along the motion. Times at which it is asked for
+become knots of the motion. Where no derivative exists, it says so, and why: nothing is said beyond.
+
+References
+----------
+R. I. Leine, H. Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical Systems*, Springer
+2004, chapter 7; E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*,
+I.14 (derivatives with respect to parameters and initial values).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.equations.derive import MotionEquations
+from stickslip.errors import DeclarationError, suggestion
+from stickslip.model.quantities import quantity
+from stickslip.model.system import Kind
+from stickslip.motion.knots import Knots
+from stickslip.motion.simulate import simulate
+from stickslip.motion.trajectory import Trajectory
+from stickslip.orbits.fields.mode_field import Piece, Pieces
+from stickslip.orbits.fields.variational import Variation, variation
+from stickslip.orbits.sensitivities.quantities import gradient, read_observations
+from stickslip.orbits.sensitivities.touching import touched
+
+if TYPE_CHECKING:
+    import xarray
+
+_GRID = 201  # times, unless they are given
+_KEEPS = 1e-10  # part of its terms by which a change may break a constraint
+_DIFFERENCE = 1e-4  # first step of differences, in units of a parameter
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Derivatives of quantities along a motion.
+
+    Attributes
+    ----------
+    trajectory : Trajectory
+    names : tuple of str
+        Parameters, and components of the state for their initial values.
+    observed : tuple of str
+    times : array, shape (times,)
+    values : array, shape (quantities, times)
+        The quantities themselves (right limits where they jump).
+    slopes : array, shape (quantities, times, names)
+        Their derivatives; not numbers after a time at which there is none.
+    knots : array of int, shape (switches,)
+        Knots of the motion at which something switches.
+    switches : array, shape (switches, names)
+        Derivatives of the times at which it does.
+    missing : tuple of (float, str)
+        Times at which no derivative exists, and why.
+    """
+
+    trajectory: Trajectory
+    names: tuple[str, ...]
+    observed: tuple[str, ...]
+    times: Array
+    values: Array
+    slopes: Array
+    knots: Array
+    switches: Array
+    missing: tuple[tuple[float, str], ...]
+
+    @property
+    def switch_times(self) -> Array:
+        """When something switches."""
+        return self.trajectory.knots.time[self.knots]
+
+    @cached_property
+    def dataset(self) -> xarray.Dataset:
+        """The derivatives by quantity, over parameter and time; ``d_switch_time`` over parameter
+        and switch. What a unit of the parameter is, is a coordinate."""
+        import xarray as xr
+
+        system = self.trajectory.system
+        units = [quantity(system, name).get("units", "1") for name in self.names]
+        means = [quantity(system, name).get("long_name", name) for name in self.names]
+        variables: dict[str, Any] = {}
+        for name, slope in zip(self.observed, self.slopes, strict=True):
+            said = _said(self.trajectory, name)
+            about = {
+                "long_name": f"derivative of {said.get('long_name', name)}",
+                "units": said.get("units", "1"),
+                "per": "parameter_units",
+            }
+            variables[name] = (("parameter", "time"), slope.T, about)
+        when = quantity(system, "t")
+        variables["d_switch_time"] = (
+            ("parameter", "switch"),
+            self.switches.T,
+            {"long_name": "derivative of the time of a switch", "units": when.get("units", "1")},
+        )
+        return xr.Dataset(
+            variables,
+            {
+                "parameter": ("parameter", list(self.names)),
+                "parameter_units": ("parameter", units),
+                "parameter_meaning": ("parameter", means),
+                "time": ("time", self.times, when),
+                "switch_time": ("switch", self.switch_times, when),
+            },
+            {
+                "title": self.trajectory.title,
+                "missing": [f"t = {t:.9g}: {why}" for t, why in self.missing],
+            },
+        )
+
+
+def _said(trajectory: Trajectory, name: str) -> dict[str, Any]:
+    """Unit and meaning of a quantity; of a formula, none."""
+    known = name in trajectory._rows or name == "energy"
+    return quantity(trajectory.system, name) if known else {"long_name": name}
+
+
+_pieces: WeakKeyDictionary[MotionEquations, dict[tuple[str, ...], Pieces]] = WeakKeyDictionary()
+
+
+def sensitivities(
+    trajectory: Trajectory,
+    names: Sequence[str],
+    times: Sequence[float] | Array | None = None,
+    of: Sequence[str] | None = None,
+    *,
+    touching: bool = True,
+) -> Sensitivity:
+    """Derivatives of a motion with respect to parameters and initial values.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    names : sequence of str
+        Parameters; and components of the state, for their initial values.
+    times : array, optional
+        By default 201 of them, evenly.
+    of : sequence of str, optional
+        Quantities, or formulas of them; by default the state.
+    touching : bool
+        Whether guards are looked for that are touched without being crossed, which takes about as
+        long as the motion.
+
+    Returns
+    -------
+    Sensitivity
+
+    Raises
+    ------
+    DeclarationError
+        If a name, a quantity or a time is not known, or the system has a drag without mass: its
+        rates have no formula.
+    """
+    problem = trajectory._problem
+    equations = problem.compiled.equations
+    state = tuple(problem.compiled.layout.state)
+    for name in names:
+        if name not in (*trajectory.parameters, *state):
+            known = [*trajectory.parameters, *state]
+            raise DeclarationError(
+                f"sensitivity: {name}",
+                "no parameter, and no part of the state, has this name",
+                suggestion(name, known),
+            )
+    observed = read_observations(trajectory, state if of is None else of)
+    when = _times(trajectory, times)
+    free = tuple(dict.fromkeys(name for name in names if name not in state))
+    pieces = _pieces.setdefault(equations, {}).setdefault(free, Pieces(equations, *free))
+    fine, place = _with_knots(trajectory, when)
+    columns = [*state, *free]
+    directions = np.zeros((len(columns), len(names)))
+    for j, name in enumerate(names):
+        directions[columns.index(name), j] = 1.0
+    refused = _begin(trajectory, pieces, directions)
+    found = variation(fine, pieces, directions)
+    missing = [(float(trajectory.knots.time[0]), refused)] if refused else []
+    missing += [(t, "events coincide that do not for neighbours") for t in found.corners]
+    missing += [(t, "a guard is touched without speed") for t in found.grazings]
+    if touching:
+        missing += [
+            (t, "a guard is touched without being crossed") for t in touched(trajectory, pieces)
+        ]
+    return _gathered(
+        trajectory, fine, (tuple(names), observed), (when, place), found, sorted(missing)
+    )
+
+
+def _times(trajectory: Trajectory, times: Sequence[float] | Array | None) -> Array:
+    """The times that are asked for, checked."""
+    first, last = trajectory.knots.time[[0, -1]]
+    if times is None:
+        return np.linspace(first, last, _GRID)
+    when = np.atleast_1d(np.asarray(times, float))
+    if when.ndim != 1 or not np.all((when >= first) & (when <= last)):
+        raise DeclarationError(
+            "times", "a time is outside the computed span", f"Ask for {first:g} <= t <= {last:g}"
+        )
+    return when
+
+
+def _with_knots(trajectory: Trajectory, when: Array) -> tuple[Trajectory, Array]:
+    """The motion with knots at some times, and the number of the knot of each."""
+    k = trajectory.knots
+    clock = when - k.origin
+    new = np.setdiff1d(clock, k.clock)
+    before = np.searchsorted(k.clock, new, side="right") - 1
+    states = trajectory._states_at(new + k.origin, before)
+    order = np.argsort(np.concatenate([k.clock, new]), kind="stable")
+
+    def merged(kept: Array, added: Array) -> Array:
+        return np.concatenate([kept, added])[order]
+
+    knots = Knots(
+        merged(k.clock, new),
+        np.ascontiguousarray(merged(k.state, states)),
+        merged(k.mode, k.mode[before]),
+        merged(k.region, k.region[before]),
+        merged(k.cause, np.full(len(new), -1, k.cause.dtype)),
+        k.origin,
+    )
+    fine = Trajectory(
+        trajectory._problem, trajectory.t_span, knots, trajectory.outcome, trajectory.rtol
+    )
+    return fine, np.searchsorted(knots.clock, clock, side="right") - 1
+
+
+def _begin(trajectory: Trajectory, pieces: Pieces, directions: Array) -> str:
+    """Let changes of the first state, and of parameters, keep the constraints of the first mode.
+
+    What sticks and is pushed slides for a moment, as short as the push is small, until friction has
+    taken the push away: its change is put back along M⁻¹Jᵀ, the difference of the rates of slip in
+    both directions. Returns why there is no derivative, where there is none.
+    """
+    k = trajectory.knots
+    p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
+    t, y = float(k.time[0]), k.state[0]
+    piece = pieces(k.mode[0], k.region[0])
+    slopes = piece.bounds(t, y, p).slopes
+    for place, contact in enumerate(_constrained(piece)):
+        slope = slopes[place]
+        broken = slope @ directions
+        if not np.any(np.abs(broken) > _KEEPS * (np.abs(slope) @ np.abs(directions))):
+            continue
+        c = piece.field.contacts[contact]
+        if c.kind != Kind.INERTIAL or c.gap is not None:
+            what = "closed contact opens" if c.gap is not None else "sliding contact comes to rest"
+            return f"a {what} at once on one side ({c.name})"
+        switch = len(piece.field.region) + contact
+        forward, backward = (pieces(*piece.switched(switch, side)) for side in (1, -1))
+        push = forward.rates(t, y, p) - backward.rates(t, y, p)
+        n = len(y)
+        directions[:n] -= np.outer(push, broken / (slope[:n] @ push))
+    return ""
+
+
+def _constrained(piece: Piece) -> list[int]:
+    """The contact of each constraint of a piece."""
+    found: list[int] = []
+    for i, (c, mode) in enumerate(zip(piece.field.contacts, piece.field.mode, strict=True)):
+        if c.kind == Kind.INERTIAL and mode == 0:
+            found += [i] if c.gap is None else [i, i]
+        elif c.kind == Kind.RATE_INDEPENDENT and mode != 0:
+            found.append(i)
+    return found
+
+
+def _gathered(
+    trajectory: Trajectory,
+    fine: Trajectory,
+    asked: tuple[tuple[str, ...], tuple[Any, ...]],
+    where: tuple[Array, Array],
+    found: Variation,
+    missing: list[tuple[float, str]],
+) -> Sensitivity:
+    """Derivatives of what is asked for, from those of the state.
+
+    Parameters
+    ----------
+    trajectory, fine : Trajectory
+        The motion, and the same with more knots.
+    asked : (tuple of str, tuple of Observation)
+        Names, and quantities.
+    where : arrays, shape (times,)
+        Times, and their knots.
+    found : Variation
+    missing : list of (float, str)
+    """
+    names, observed = asked
+    when, place = where
+    equations = trajectory._problem.compiled.equations
+    p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
+    k = fine.knots
+    values = np.empty((len(observed), len(when)))
+    slopes = np.empty((len(observed), len(when), len(names)))
+    numbers = np.array([id(piece) for piece in found.pieces])[place]
+    for number in np.unique(numbers):
+        here = np.flatnonzero(numbers == number)
+        knots = place[here]
+        at = k.time[knots], np.ascontiguousarray(k.state[knots].T)
+        made = gradient(equations, found.pieces[knots[0]], observed, at, p)
+        values[:, here] = made.values
+        slopes[:, here] = np.moveaxis(made.slopes @ found.after[knots], 0, 1)
+    switched = np.flatnonzero((k.cause >= 0) & ~np.all(np.isnan(found.late), axis=1))
+    late = found.late[switched]
+    kept = np.searchsorted(trajectory.knots.clock, k.clock[switched])
+    if missing:
+        slopes[:, when > missing[0][0]] = np.nan
+        late[k.time[switched] >= missing[0][0]] = np.nan
+    texts = tuple(o.name for o in observed)
+    return Sensitivity(trajectory, names, texts, when, values, slopes, kept, late, tuple(missing))
+
+
+def second_opinion(found: Sensitivity) -> Array:
+    """The same derivatives of the state at the end of the motion, by Richardson's extrapolation of
+    differences of motions; not a number where such motions do not come to the end.
+
+    Parameters
+    ----------
+    found : Sensitivity
+
+    Returns
+    -------
+    array, shape (quantities, times, names)
+    """
+    motion = found.trajectory
+    system = motion.system
+    state = motion._problem.compiled.layout.state
+    start = dict(zip(state, map(float, motion.knots.state[0]), strict=True))
+    span = (float(motion.knots.time[0]), float(motion.knots.time[-1]))
+
+    def values(name: str, change: float) -> Array:
+        given, begin = dict(motion.parameters), dict(start)
+        target = given if name in given else begin
+        target[name] += change
+        moved = simulate(system, span, initial=begin, parameters=given, rtol=1e-12)
+        if not moved.outcome.ok:
+            return np.full(found.values.shape, np.nan)
+        observed = sensitivities(moved, (), found.times, found.observed, touching=False)
+        return observed.values
+
+    slopes = np.empty_like(found.slopes)
+    for j, name in enumerate(found.names):
+        size = abs(motion.parameters.get(name, start.get(name, 0.0)))
+        h = _DIFFERENCE * (size or 1.0)
+        rough, fine = (
+            (values(name, s * h) - values(name, -s * h)) / (2 * s * h) for s in (1.0, 0.5)
+        )
+        slopes[:, :, j] = (4.0 * fine - rough) / 3.0
+    return slopes
