@@ -16,7 +16,7 @@ SOURCE = Path(stickslip.__file__).parent
 COMPANION = Path(stickslip_paper.__file__).parent
 DOZEN = 12
 # what a result or a system shows of itself when it is asked
-PICTURES = ("stickslip.figures", "stickslip.display")
+PICTURES = ("stickslip.figures", "stickslip.display", "stickslip.orbits.sensitivities")
 
 
 class Import(NamedTuple):

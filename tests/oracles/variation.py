@@ -84,7 +84,13 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
             arrived = events.saltation(i, last, arrived) @ arrived
         after[i : last + 1] = arrived
         i = last + 1
-    return Variation(after, np.full(after[:, 0].shape, np.nan), made, tuple(events.corners), tuple(events.grazings))
+    return Variation(
+        after,
+        np.full(after[:, 0].shape, np.nan),
+        made,
+        tuple(events.corners),
+        tuple(events.grazings),
+    )
 
 
 # -- fields with NumPy -----------------------------------------------------------------------------

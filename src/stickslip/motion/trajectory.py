@@ -604,6 +604,55 @@ class Trajectory(Result):
 
         return catalogue_of(self, energy)
 
+    def sensitivity(
+        self,
+        names: Sequence[str],
+        times: Any = None,
+        *,
+        of: Sequence[str] | None = None,
+        second_opinion: bool = False,
+    ) -> xarray.Dataset:
+        """Derivatives of the motion with respect to parameters and initial values, exact across
+        switches, corners and impacts.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Parameters; and components of the state, for their initial values.
+        times : array, optional
+            By default 201 of them, evenly.
+        of : sequence of str, optional
+            Quantities, or formulas of them; by default the state.
+        second_opinion : bool
+            Whether the same is computed by differences of motions, too (a variable with
+            ``_by_differences`` for each quantity). Where a switch passes through a time, these say
+            nothing.
+
+        Returns
+        -------
+        xarray.Dataset
+            A variable for each quantity, over ``parameter`` and ``time``; ``d_switch_time`` over
+            ``parameter`` and ``switch``. After the first time without a derivative they are no
+            numbers, and the attribute ``missing`` says why.
+
+        Raises
+        ------
+        DeclarationError
+            If a name, a quantity or a time is unknown, or rates have no formula (a drag without
+            mass).
+
+        Examples
+        --------
+        >>> import stickslip as ss
+        >>> motion = ss.simulate(ss.catalogue.belt_block(), (0, 10))
+        >>> found = motion.sensitivity(["k", "x"], [10.0], of=["x", "friction_belt"])
+        >>> found["x"].dims
+        ('parameter', 'time')
+        """
+        from stickslip.orbits.sensitivities.motion import dataset_of, sensitivities
+
+        return dataset_of(sensitivities(self, names, times, of), second_opinion)
+
     @property
     def n_switches(self) -> int:
         """Number of changes between stick and slip, over all contacts."""

@@ -47,6 +47,9 @@ class GuardRow(NamedTuple):
         Time, in units of that of the coefficients, within which a zero of it is known.
     precision : float
         What counts as zero, in parts of these scales.
+    is_gap : bool
+        Whether it is a gap: then its rate is a velocity, known to its own rounding errors however
+        small a bounce is beside those of the gap.
     """
 
     row: int
@@ -56,6 +59,7 @@ class GuardRow(NamedTuple):
     rate: float
     near: float
     precision: float
+    is_gap: bool
 
 
 @njit(**OPTIONS, fastmath={"reassoc", "contract", "nsz"})
@@ -128,6 +132,8 @@ def germ(
         return -1, 0
     floor = slack * ROUNDING * (guard.size + powers[1] * guard.rate + largest)
     slipping = max(floor, guard.precision * powers[1] * guard.rate)
+    if guard.is_gap:
+        slipping = slack * ROUNDING * powers[1] * guard.rate
     for k in range(1, N):
         # What has just begun to slip has the acceleration 0 by definition.
         at_least = floor if k > 1 else slipping
@@ -206,7 +212,7 @@ def stays(
     if abs(W[row, 0]) > precision * (size + near * rate):
         return False
     spare = space.pending[len(space.pending) - 1]
-    guard = GuardRow(row, NOWHERE, 1.0, size, rate, near, precision)
+    guard = GuardRow(row, NOWHERE, 1.0, size, rate, near, precision, False)
     s, _ = germ(W, guard, N, space.powers, slack, spare)
     return s == 0
 
@@ -328,7 +334,7 @@ def guard_of(
     elif opens(rows, i):
         row = rows.gaps[i]
         size = gap_size(rows, space, i)
-        rate = mag[i] * unit + abs(W[row, 1])
+        rate = (mag[i] + near * unit * mag[nc + i]) * unit + abs(W[row, 1])
     elif mode[i] == 0:
         row = rows.force[i]
         shift = rows.minus[i] if is_second(g, nk) else rows.plus[i]
@@ -340,7 +346,8 @@ def guard_of(
         sign = 1.0 if mode[i] > 0 else -1.0
         size = mag[i]
         rate = mag[nc + i] * unit + abs(W[row, 1])
-    return GuardRow(row, shift, sign, size, rate, around, exact)  # pyright: ignore[reportArgumentType]
+    is_gap = row == rows.gaps[i] if nk <= g < nk + 2 * nc and opens(rows, i) else False
+    return GuardRow(row, shift, sign, size, rate, around, exact, is_gap)  # pyright: ignore[reportArgumentType]
 
 
 @njit(**INLINED)

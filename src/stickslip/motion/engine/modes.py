@@ -267,9 +267,8 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
         gap = W[rows.u[c], 0]
         rate = mag[nc + c] + mag[2 * nc + c] / abs(own_inverse(rows, space, c))
         slow = (_ON_SURFACE * last + _WIDE * ROUNDING * near) * rate + ROUNDING * mag[c]
-        if opens(rows, c) and near > 0.0:
-            # A gap that opens by less than its rounding errors in such a step does not open.
-            slow += _WIDE * ROUNDING * gap_size(rows, space, c) / near
+        if opens(rows, c):
+            slow += _WIDE * ROUNDING * mag[c]
         if abs(gap) > slow or is_apart(flow, c, last):
             # Contacts of other components hold the same whether this one does or not.
             if asked[rows.homes[c, PART]] == 0:

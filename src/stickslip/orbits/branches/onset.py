@@ -80,7 +80,7 @@ def _touching(motion: Trajectory, pieces: Pieces, contact: int) -> list[float]:
     for a, b in segments(motion):
         if k.mode[a, contact] != 0:
             low = dips(motion, pieces(k.mode[a], k.region[a]), a, b, p, looks)
-            margins += [dip.refined() for dip in low if dip.switch == switch]
+            margins += [dip.refined()[1] for dip in low if dip.switch == switch]
     for (a, b), begin in _sticks(motion, contact, 1):
         margins.append(_depth(motion, pieces(k.mode[a], k.region[a]), (a, b), begin, switch))
     return margins

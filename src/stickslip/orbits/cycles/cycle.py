@@ -263,6 +263,26 @@ class Cycle(Result):
         """Drift per time."""
         return self.drift / self.period
 
+    def sensitivity(self, names: Sequence[str]) -> xarray.Dataset:
+        """Derivatives of period, drift, speed, extremes, amplitudes and multipliers with respect to
+        parameters.
+
+        All but those of multipliers are exact; see
+        :func:`stickslip.orbits.sensitivities.cycle.cycle_sensitivity`.
+
+        Parameters
+        ----------
+        names : sequence of str
+
+        Raises
+        ------
+        DeclarationError
+            If there is no such parameter, or the cycle has no derivative.
+        """
+        from stickslip.orbits.sensitivities.cycle import cycle_sensitivity
+
+        return cycle_sensitivity(self, names)
+
     @property
     def stable(self) -> bool:
         """Whether neighbours are attracted (along the cycle and its translations they stay

@@ -37,6 +37,7 @@ from stickslip.orbits.fields.engine.variations import (
     PASSED,
     STAGES,
     STRUCK,
+    TOGETHER,
     Pass,
     PassSpace,
     jump,
@@ -223,12 +224,15 @@ class _Meeting:
         piece = self.pieces.made[self.run.piece[i - 1]]
         right = self.pieces.made[self.run.piece[last]]
         S = np.eye(len(piece.columns))
+        together = TOGETHER * float(self.knots.time[-1] - self.knots.time[0])
         for switch in order:
             here = piece.leave(t, y, self.p)
             falling = [g for g in np.flatnonzero(piece.switches == switch) if here.fall[g] < 0.0]
             if not falling:
                 return None
             g = int(min(falling, key=lambda g: abs(here.value[g])))
+            if abs(here.value[g]) > together * abs(here.fall[g]):
+                return None  # once the others have switched, this one need not
             piece = (
                 right
                 if switch == order[-1]

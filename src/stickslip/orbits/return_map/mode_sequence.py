@@ -180,9 +180,9 @@ def nearest_change(motion: Trajectory, pieces: Pieces) -> float:
         for dip in dips(motion, pieces(k.mode[a], k.region[a]), a, b, p, looked_at)
     ]
     if low:
-        margins.append(min(low, key=lambda dip: dip.value).refined())
+        margins.append(min(low, key=lambda dip: dip.value).refined()[1])
     for (_, a), (b, _) in itertools.pairwise(found):
-        margins += _reversals(motion, pieces, a, b, p)
+        margins += reversals(motion, pieces, a, b, p)
     return max(min(margins, default=1.0), 1e-300)
 
 
@@ -201,16 +201,16 @@ class Dip:
     def value(self) -> float:
         return float(self.values[1]) / self.scale
 
-    def refined(self) -> float:
-        """The minimum by parabolas through the last three points; where it is far from zero, by the
-        first of them."""
+    def refined(self) -> tuple[float, float]:
+        """When the minimum is, and its value relative to the size of the guard: by parabolas
+        through the last three points; where it is far from zero, by the first of them."""
         t, g = self.times, self.values
         first, second = np.diff(g) / np.diff(t)
         bend = (second - first) / (t[2] - t[0])
         slope = first + bend * (t[1] - t[0])
         least = float(g[1]) - float(slope**2 / (4.0 * bend)) if bend > 0.0 else float(g[1])
         if least > _FAR * self.scale:
-            return least / self.scale
+            return float(t[1]), least / self.scale
         for _ in range(5):
             (a, b, c), (fa, fb, fc) = t, g
             up, down = (b - a) * (fb - fc), (b - c) * (fb - fa)
@@ -225,7 +225,8 @@ class Dip:
             t, g = t[order], g[order]
             i = int(np.clip(np.argmin(g), 1, len(g) - 2))
             t, g = t[i - 1 : i + 2], g[i - 1 : i + 2]
-        return max(float(np.min(g)), 0.0) / self.scale
+        i = int(np.argmin(g))
+        return float(t[i]), max(float(g[i]), 0.0) / self.scale
 
 
 @dataclass(frozen=True)
@@ -237,14 +238,24 @@ class Looks:
     states: Array
 
 
-def at_nodes(motion: Trajectory) -> Looks:
-    """A motion at the nodes of all steps that take time."""
+def at_nodes(motion: Trajectory, parts: Array | None = None) -> Looks:
+    """A motion at the nodes of all steps that take time.
+
+    Parameters
+    ----------
+    motion : Trajectory
+    parts : array of int, shape (steps,), optional
+        Equal parts of each step that have nodes of their own; by default one.
+    """
     time = motion.knots.time
     length = np.diff(time)
-    steps = np.flatnonzero(length > 0.0)
-    times = (time[steps][:, None] + length[steps][:, None] * NODES).ravel()
-    index = np.repeat(steps, len(NODES))
-    return Looks(index, times, motion._states_at(times, index))
+    number = np.where(length > 0.0, 1 if parts is None else parts, 0)
+    step = np.repeat(np.arange(len(length)), number)
+    place = np.arange(len(step)) - np.repeat(np.cumsum(number) - number, number)
+    h = length[step] / number[step]
+    times = (time[step] + place * h)[:, None] + h[:, None] * NODES
+    index = np.repeat(step, len(NODES))
+    return Looks(index, times.ravel(), motion._states_at(times.ravel(), index))
 
 
 def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Looks) -> list[Dip]:
@@ -283,7 +294,7 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
     return [at(int(row), int(i) + 1) for row, i in zip(*lowest.nonzero(), strict=True)]
 
 
-def _reversals(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> list[float]:
+def reversals(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> list[float]:
     """Excess of the forces where contacts slip back without sticking, relative to their size."""
     k = motion.knots
     found = []

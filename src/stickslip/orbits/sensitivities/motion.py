@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
@@ -80,50 +79,60 @@ class Sensitivity:
         """When something switches."""
         return self.trajectory.knots.time[self.knots]
 
-    @cached_property
-    def dataset(self) -> xarray.Dataset:
-        """The derivatives by quantity, over parameter and time; ``d_switch_time`` over parameter
-        and switch. What a unit of the parameter is, is a coordinate."""
-        import xarray as xr
 
-        system = self.trajectory.system
-        units = [quantity(system, name).get("units", "1") for name in self.names]
-        means = [quantity(system, name).get("long_name", name) for name in self.names]
-        variables: dict[str, Any] = {}
-        for name, slope in zip(self.observed, self.slopes, strict=True):
-            said = _said(self.trajectory, name)
-            about = {
-                "long_name": f"derivative of {said.get('long_name', name)}",
-                "units": said.get("units", "1"),
-                "per": "parameter_units",
-            }
-            variables[name] = (("parameter", "time"), slope.T, about)
-        when = quantity(system, "t")
-        variables["d_switch_time"] = (
-            ("parameter", "switch"),
-            self.switches.T,
-            {"long_name": "derivative of the time of a switch", "units": when.get("units", "1")},
-        )
-        return xr.Dataset(
-            variables,
-            {
-                "parameter": ("parameter", list(self.names)),
-                "parameter_units": ("parameter", units),
-                "parameter_meaning": ("parameter", means),
-                "time": ("time", self.times, when),
-                "switch_time": ("switch", self.switch_times, when),
-            },
-            {
-                "title": self.trajectory.title,
-                "missing": [f"t = {t:.9g}: {why}" for t, why in self.missing],
-            },
-        )
+def dataset_of(found: Sensitivity, compared: bool = False) -> xarray.Dataset:
+    """Derivatives by quantity, over parameter and time; ``d_switch_time`` over parameter and
+    switch. What a unit of the parameter is, is a coordinate.
+
+    Parameters
+    ----------
+    found : Sensitivity
+    compared : bool
+        Whether differences of motions stand beside them.
+    """
+    import xarray as xr
+
+    system = found.trajectory.system
+    about = [quantity(system, name) for name in found.names]
+    when = quantity(system, "t")
+    variables: dict[str, Any] = {}
+    for name, slope in zip(found.observed, found.slopes, strict=True):
+        variables[name] = (("parameter", "time"), slope.T, _said(found.trajectory, name))
+    if compared:
+        for name, slope in zip(found.observed, second_opinion(found), strict=True):
+            said = _said(found.trajectory, name)
+            variables[f"{name}_by_differences"] = (("parameter", "time"), slope.T, said)
+    variables["d_switch_time"] = (
+        ("parameter", "switch"),
+        found.switches.T,
+        {"long_name": "derivative of the time of a switch", "units": when.get("units", "1")},
+    )
+    return xr.Dataset(
+        variables,
+        {
+            "parameter": ("parameter", list(found.names)),
+            "parameter_units": ("parameter", [a.get("units", "1") for a in about]),
+            "parameter_meaning": ("parameter", [a.get("long_name", "") for a in about]),
+            "time": ("time", found.times, when),
+            "switch_time": ("switch", found.switch_times, when),
+        },
+        {
+            "title": found.trajectory.title,
+            "missing": [f"t = {t:.9g}: {why}" for t, why in found.missing],
+        },
+    )
 
 
 def _said(trajectory: Trajectory, name: str) -> dict[str, Any]:
-    """Unit and meaning of a quantity; of a formula, none."""
+    """What is said of the derivative of a quantity, whose unit is that of the quantity for each of
+    the parameter; of a formula no unit is known."""
     known = name in trajectory._rows or name == "energy"
-    return quantity(trajectory.system, name) if known else {"long_name": name}
+    said = quantity(trajectory.system, name) if known else {"long_name": name}
+    return {
+        **said,
+        "long_name": f"derivative of {said.get('long_name', name)}",
+        "per": "parameter_units",
+    }
 
 
 _pieces: WeakKeyDictionary[MotionEquations, dict[tuple[str, ...], Pieces]] = WeakKeyDictionary()
@@ -177,7 +186,7 @@ def sensitivities(
     when = _times(trajectory, times)
     free = tuple(dict.fromkeys(name for name in names if name not in state))
     pieces = _pieces.setdefault(equations, {}).setdefault(free, Pieces(equations, *free))
-    fine, place = _with_knots(trajectory, when)
+    fine, place = with_knots(trajectory, when)
     columns = [*state, *free]
     directions = np.zeros((len(columns), len(names)))
     for j, name in enumerate(names):
@@ -188,9 +197,7 @@ def sensitivities(
     missing += [(t, "events coincide that do not for neighbours") for t in found.corners]
     missing += [(t, "a guard is touched without speed") for t in found.grazings]
     if touching:
-        missing += [
-            (t, "a guard is touched without being crossed") for t in touched(trajectory, pieces)
-        ]
+        missing += touched(trajectory, pieces)
     return _gathered(
         trajectory, fine, (tuple(names), observed), (when, place), found, sorted(missing)
     )
@@ -209,7 +216,7 @@ def _times(trajectory: Trajectory, times: Sequence[float] | Array | None) -> Arr
     return when
 
 
-def _with_knots(trajectory: Trajectory, when: Array) -> tuple[Trajectory, Array]:
+def with_knots(trajectory: Trajectory, when: Array) -> tuple[Trajectory, Array]:
     """The motion with knots at some times, and the number of the knot of each."""
     k = trajectory.knots
     clock = when - k.origin
@@ -261,6 +268,45 @@ def _begin(trajectory: Trajectory, pieces: Pieces, directions: Array) -> str:
         push = forward.rates(t, y, p) - backward.rates(t, y, p)
         n = len(y)
         directions[:n] -= np.outer(push, broken / (slope[:n] @ push))
+    return _begins_at_boundary(pieces, piece, (t, y, p), directions)
+
+
+def _begins_at_boundary(
+    pieces: Pieces, piece: Piece, at: tuple[float, Array, Array], directions: Array
+) -> str:
+    """Why there is no derivative where a guard is zero at the start: neighbours on the other side
+    begin with other rates.
+
+    Parameters
+    ----------
+    pieces : Pieces
+    piece : Piece
+        The first one.
+    at : float, array, array
+        The first time and state, and the parameters.
+    directions : array
+        Changes that are asked for.
+    """
+    t, y, p = at
+    here = piece.leave(t, y, p)
+    n = len(y)
+    kinks = len(piece.field.region)
+    for g, guard in enumerate(piece.field.guards):
+        slopes = here.slopes[g]
+        size = np.abs(slopes) @ np.abs(directions)
+        if abs(here.value[g]) > _KEEPS * (np.abs(slopes[:n]) @ np.abs(y)) or not np.any(
+            np.abs(slopes @ directions) > _KEEPS * size
+        ):
+            continue
+        contact = guard.switch - kinks
+        if contact >= 0 and piece.field.contacts[contact].gap is not None:
+            continue  # it has an impact, or cannot be closer
+        # What slips goes on in the other direction, if it comes from there.
+        reverse = contact >= 0 and piece.field.mode[contact] != 0
+        other = -piece.field.mode[contact] if reverse else guard.to
+        beyond = pieces(*piece.switched(guard.switch, other)).rates(t, y, p)
+        if np.max(np.abs(beyond - here.rates)) > _KEEPS * np.max(np.abs(here.rates)):
+            return "it begins on a boundary, on the other side of which rates are others"
     return ""
 
 
