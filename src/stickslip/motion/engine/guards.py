@@ -413,7 +413,9 @@ def scan(
         # a zero at the start is divided out: what remains starts positive
         for k in range(N - order):
             c[k] = c[k + order]
-        c[N] = ROUNDING * (guard.size + powers[1] * guard.rate)
+        # what remains of a gap is as exact as its velocity
+        size = 0.0 if guard.is_gap and order > 0 else guard.size
+        c[N] = ROUNDING * (size + powers[1] * guard.rate)
         count += 1
     return violated, count
 

@@ -295,7 +295,16 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
 
 
 def reversals(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> list[float]:
-    """Excess of the forces where contacts slip back without sticking, relative to their size."""
+    """Excess of the forces where contacts slip back without sticking, relative to their size.
+
+    Parameters
+    ----------
+    motion : Trajectory
+    pieces : Pieces
+    a, b : int
+        First knots of a phase, and of the next one.
+    p : array, shape (parameters,)
+    """
     k = motion.knots
     found = []
     before = k.mode[a - 1] if a else k.mode[a]
