@@ -13,7 +13,7 @@ from adversarial.verdict import AGREED, WRONG
 
 
 @pytest.mark.parametrize("family", impacts.FAMILIES)
-@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("seed", [3, 5])
 def test_motion(family: str, seed: int) -> None:
     case = impacts.draw(family, seed)
     verdict = impacts.judge(case)
