@@ -308,9 +308,11 @@ class Follower:
         return True
 
     def refuse_coincidence(self, hard: set[int]) -> None:
-        """No answer where different contacts are struck hard one right after the other: what comes
-        of it depends on their order, and that on rounding."""
+        """No answer where different contacts are struck hard at once, or one right after the other:
+        what comes of it depends on their order, and that on rounding."""
         soon = 1e-9 * self.length / self.speed
+        if len(hard) > 1:
+            raise NoAnswer("impacts coincide")
         if hard and self.hard and self.t - self.hit < soon and hard != self.hard:
             raise NoAnswer("impacts nearly coincide")
         if hard:
