@@ -283,7 +283,8 @@ class Follower:
         if not any(s < -small for s in speeds.values()):
             return False
         self.impacts += 1
-        self.refuse_coincidence({i for i, s in speeds.items() if s < -1e-3 * self.speed})
+        hard = {i for i, s in speeds.items() if s < -1e-3 * self.speed}
+        self.refuse_coincidence(hard, {i for i in near if self.mode[i] == OPEN})
         self.dropped = {i for i, s in speeds.items() if 0.0 < -s * b.touches[i].e <= self.slow()}
         inverse = np.linalg.inv(np.asarray(b.mass(self.y[:d]), float))
         cases = [
@@ -307,11 +308,11 @@ class Follower:
         self.y = np.concatenate([self.y[:d], after])
         return True
 
-    def refuse_coincidence(self, hard: set[int]) -> None:
-        """No answer where different contacts are struck hard at once, or one right after the other:
-        what comes of it depends on their order, and that on rounding."""
+    def refuse_coincidence(self, hard: set[int], opened: set[int]) -> None:
+        """No answer where different contacts are struck hard at once or one right after the other,
+        or one beside an open gap as small as rounding: what comes of it depends on their order."""
         soon = 1e-9 * self.length / self.speed
-        if len(hard) > 1:
+        if len(hard) > 1 or (hard and opened - hard):
             raise NoAnswer("impacts coincide")
         if hard and self.hard and self.t - self.hit < soon and hard != self.hard:
             raise NoAnswer("impacts nearly coincide")
