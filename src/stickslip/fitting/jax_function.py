@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,10 +21,10 @@ def as_jax(problem: FitProblem) -> Callable[[Any], Any]:
     precision if JAX is told so (``jax.config.update("jax_enable_x64", True)``).
     """
     try:
-        import jax  # type: ignore[import-not-found]
+        jax: Any = import_module("jax")
     except ImportError:
         raise StickslipError("JAX is not installed: pip install 'stickslip[jax]'") from None
-    import jax.numpy as jnp  # type: ignore[import-not-found]
+    jnp = jax.numpy
 
     count, unknowns = len(problem.data), len(problem.unknowns)
 
