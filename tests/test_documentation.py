@@ -24,6 +24,7 @@ def statements(page: str) -> list[doctest.Example]:
 def test_pages(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every block of a page, one after the other, gives what is printed there."""
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
     session = doctest.DocTest(statements(page), {}, page, None, None, None)
     said: list[str] = []
     result = doctest.DocTestRunner(verbose=False).run(session, out=said.append)

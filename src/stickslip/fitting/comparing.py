@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from stickslip.fitting.unknowns import Bounds
+    from stickslip.fitting.unknowns import FreeRange
 
 _DECIDED = 0.95
 _LOOSE = 0.5  # part of its value by which a standard error makes a profile worth looking at
-Free = Mapping[str, "Bounds"] | Iterable[str]
+Free = Mapping[str, "FreeRange"] | Iterable[str]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

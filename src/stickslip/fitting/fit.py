@@ -16,7 +16,7 @@ from stickslip.fitting.problem import RTOL, FitProblem, Loss, fit_problem
 from stickslip.fitting.recording import Recording
 from stickslip.fitting.search import Search, minimise
 from stickslip.fitting.statistics import Statistics, statistics_of
-from stickslip.fitting.unknowns import Bounds
+from stickslip.fitting.unknowns import FreeRange
 from stickslip.model.system import Formula, System
 from stickslip.model.units import with_unit
 from stickslip.motion.simulate import check_positive
@@ -133,7 +133,9 @@ class Fit(Result):
 
     # -- how well it is determined -----------------------------------------------------------------
 
-    def profile(self, name: str, progress: Callable[[float], None] | None = None) -> xarray.Dataset:
+    def profile(
+        self, name: str, *, progress: Callable[[float], None] | None = None
+    ) -> xarray.Dataset:
         """Likelihood of the data with one unknown fixed, and the others as likely as they can be.
 
         Parameters
@@ -158,7 +160,7 @@ class Fit(Result):
 
         return profile_of(self, name, progress)
 
-    def draws(self, count: int = 500, seed: int = 0) -> xarray.Dataset:
+    def draws(self, count: int = 500, *, seed: int = 0) -> xarray.Dataset:
         """Values of the unknowns as likely as the data make them: normally distributed, within
         their bounds.
 
@@ -189,7 +191,11 @@ class Fit(Result):
         return xr.Dataset({n: ("draw", drawn[:, j]) for j, n in enumerate(self.names)})
 
     def continue_cycle(
-        self, parameter: str, span: tuple[float, float], initial: Mapping[str, float] | None = None
+        self,
+        parameter: str,
+        span: tuple[float, float],
+        *,
+        initial: Mapping[str, float] | None = None,
     ) -> Band:
         """The branch of cycles of the fitted system over a parameter, and how far the uncertainty
         of the fit moves it: amplitudes, Hopf points, onsets of stick, folds.
@@ -378,7 +384,7 @@ def _root_of(covariance: Array) -> Array:
 def fit(
     system: System,
     data: Any,
-    free: Mapping[str, Bounds] | Iterable[str],
+    free: Mapping[str, FreeRange] | Iterable[str],
     observe: Mapping[str, str] | None = None,
     *,
     noise: Mapping[str, Noise] | None = None,

@@ -13,9 +13,9 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError, suggestion
-from stickslip.fitting.measured import Column, GivenUp, Measured, Noise, read_recording
+from stickslip.fitting.measured import Column, GivenUp, MeasuredRecord, Noise, read_recording
 from stickslip.fitting.recording import CLOCKS, Recording, as_recordings
-from stickslip.fitting.unknowns import Bounds, Unknown, read_unknowns
+from stickslip.fitting.unknowns import FreeRange, Unknown, read_unknowns
 from stickslip.model.system import Formula, System
 from stickslip.motion.knots import Knots
 from stickslip.motion.problem import pose
@@ -60,7 +60,7 @@ class FitProblem:
     Attributes
     ----------
     system : System
-    measured : tuple of Measured
+    measured : tuple of MeasuredRecord
         The recordings, read.
     unknowns : tuple of Unknown
     given : dict of str to float
@@ -75,7 +75,7 @@ class FitProblem:
     """
 
     system: System
-    measured: tuple[Measured, ...]
+    measured: tuple[MeasuredRecord, ...]
     unknowns: tuple[Unknown, ...]
     given: dict[str, float]
     loss: Loss
@@ -157,11 +157,18 @@ class FitProblem:
         NoDerivative
             If the motion has none, or there is no motion.
         """
+        return self.slopes(p, touching=True)
+
+    def slopes(self, p: Any, touching: bool) -> Array:
+        """The same; boundaries that are touched without being crossed, where one half of the
+        neighbours has other events, may be left unnoticed: a search does not come upon them."""
         p = self._checked(p)
         found = self.evaluate(p)
         if found.reason:
             raise NoDerivative(f"there is no motion: {found.reason}")
-        parts = [self._slopes(m, found.motions[r], r) for r, m in enumerate(self.measured)]
+        parts = [
+            self._slopes(m, found.motions[r], r, touching) for r, m in enumerate(self.measured)
+        ]
         return np.vstack(parts) / self.sigma[:, None]
 
     def log_likelihood(self, p: Any) -> float:
@@ -249,11 +256,11 @@ class FitProblem:
             return Evaluated(tuple(motions), np.zeros(0), str(reason))
         return Evaluated(tuple(motions), np.concatenate(parts), "")
 
-    def _slopes(self, m: Measured, motion: Trajectory, r: int) -> Array:
+    def _slopes(self, m: MeasuredRecord, motion: Trajectory, r: int, touching: bool) -> Array:
         """Derivatives of what was measured in a recording by the unknowns."""
         own = [j for j, u in enumerate(self.unknowns) if u.record in (-1, r)]
         names = [self.unknowns[j].name for j in own]
-        found = m.of_motion(motion, names)
+        found = m.of_motion(motion, names, touching)
         slopes = m.flat(found.slopes)
         if not np.all(np.isfinite(slopes)):
             when, why = found.missing[0] if found.missing else (m.span[0], "it is not finite")
@@ -322,7 +329,7 @@ class FitProblem:
 def fit_problem(
     system: System,
     data: Any,
-    free: Mapping[str, Bounds] | Iterable[str],
+    free: Mapping[str, FreeRange] | Iterable[str],
     observe: Mapping[str, str] | None = None,
     *,
     noise: Mapping[str, Noise] | None = None,
@@ -414,7 +421,7 @@ def _read(
     recording: Recording,
     observe: Mapping[str, str] | None,
     noise: Mapping[str, Noise],
-) -> Measured:
+) -> MeasuredRecord:
     empty = _without_motion(system)
     columns = [str(c) for c in recording.table.columns]
     if observe is None:
@@ -452,7 +459,7 @@ def _without_motion(system: System) -> Trajectory:
     return Trajectory(problem, system.span, nothing, Outcome.FINISHED, RTOL)
 
 
-def _scale(column: Column, measured: tuple[Measured, ...]) -> Array:
+def _scale(column: Column, measured: tuple[MeasuredRecord, ...]) -> Array:
     """What the differences of a column are divided by before a fit."""
     if column.noise is not None:
         return column.noise

@@ -250,6 +250,7 @@ def at_events(
     names: Sequence[str],
     of: Sequence[str],
     start: Array | None = None,
+    touching: bool = True,
 ) -> Sensitivity:
     """Quantities right before events, and their derivatives, the change of the time of the event
     included.
@@ -263,7 +264,7 @@ def at_events(
         Parameters, and components of the state for their initial values.
     of : sequence of str
         Quantities, or formulas of them; ``t`` is the time of the event.
-    start : array, optional
+    start, touching
         As of :func:`sensitivities`.
 
     Returns
@@ -285,7 +286,7 @@ def at_events(
             f"the state jumps in the impact at t = {when:.9g}",
             "Observe only the times of impacts",
         )
-    found, missing = follow(trajectory, trajectory, names, start, touching=False)
+    found, missing = follow(trajectory, trajectory, names, start, touching)
     equations = trajectory._problem.compiled.equations
     p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
     k = trajectory.knots
