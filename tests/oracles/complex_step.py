@@ -94,7 +94,7 @@ class ClosedForms:
                 a, b = start + i * self.fine, start + (i + 1) * self.fine
                 assert i > 1 or height(a).real > 0.0, "a mode ends before it is looked at"
                 if height(b).real < 0.0:
-                    root = brentq(lambda s, f=height: f(s).real, a, b, xtol=1e-14)
+                    root: Any = brentq(lambda s, f=height: f(s).real, a, b, xtol=1e-14)
                     if root <= end and (first is None or root < first[1].real):
                         first = leave, _complex_root(height, root)
                     break
@@ -127,9 +127,9 @@ def by_complex_step(
     for name in names:
         moved = {**values, name: values[name] + 1j * STEP}
         states, when = system.motion(moved, times)
-        slopes.append(states.imag / STEP)
-        late.append(when.imag / STEP)
-        switches = when.real
+        slopes.append(np.imag(states) / STEP)
+        late.append(np.imag(when) / STEP)
+        switches = np.real(when)
     return np.stack(slopes, -1), switches, np.stack(late, -1)
 
 

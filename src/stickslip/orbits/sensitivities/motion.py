@@ -457,12 +457,12 @@ def _gathered(
     k = fine.knots
     values = np.empty((len(observed), len(when)))
     slopes = np.empty((len(observed), len(when), len(names)))
-    numbers = np.array([id(piece) for piece in found.pieces])[place]
+    numbers = found.piece[place]
     for number in np.unique(numbers):
         here = np.flatnonzero(numbers == number)
         knots = place[here]
         at = k.time[knots], np.ascontiguousarray(k.state[knots].T)
-        made = gradient(equations, found.pieces[knots[0]], observed, at, p)
+        made = gradient(equations, found.made[number], observed, at, p)
         values[:, here] = made.values
         slopes[:, here] = np.moveaxis(made.slopes @ found.after[knots], 0, 1)
     switched = np.flatnonzero((k.cause >= 0) & ~np.all(np.isnan(found.late), axis=1))
