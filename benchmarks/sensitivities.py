@@ -1,7 +1,7 @@
 """Cost of sensitivities: ``python benchmarks/sensitivities.py``.
 
 Derivatives with respect to k parameters, at 201 times, beside the motion itself, interleaved; the
-goal is (1 + k/2) motions. A motion here is one ``simulate`` with its states at these times, as
+goal is (1 + k/2) motions beside the one that is differentiated. A motion here is one ``simulate`` with its states at these times, as
 somebody has who compares with data; differences would take 2k of them, and are wrong where a switch
 passes a time. The table goes to ``benchmarks/results/sensitivities.md``.
 """
@@ -68,7 +68,8 @@ def main() -> None:
         "",
         "Time of derivatives with respect to k parameters at 201 times, in units of one motion "
         "with its values at these times (`python benchmarks/sensitivities.py`); last, with the "
-        "search for boundaries that are touched without being crossed.",
+        "search for boundaries that are touched without being crossed. The motion itself comes on "
+        "top. The goal is 1 + k/2: 1.5, 2 and 3.",
         "",
         "| system | switches | motion, ms | k = 1 | k = 2 | k = 4 | k = 4, touching |",
         "|---|---|---|---|---|---|---|",

@@ -269,13 +269,22 @@ class FitProblem:
         every[:, own] = slopes
         return every
 
-    def _checked(self, p: Any) -> Array:
-        values = np.array(p, float)
-        if values.shape != (len(self.unknowns),):
+    def check_shape(self, shape: tuple[int, ...]) -> None:
+        """Refuse values of the unknowns of another shape than (unknowns,).
+
+        Raises
+        ------
+        DeclarationError
+        """
+        if shape != (len(self.unknowns),):
             names = ", ".join(self.names)
             raise DeclarationError(
-                "p", f"its shape is {values.shape}", f"Give {len(self.unknowns)} values: {names}"
+                "p", f"its shape is {shape}", f"Give {len(self.unknowns)} values: {names}"
             )
+
+    def _checked(self, p: Any) -> Array:
+        values = np.array(p, float)
+        self.check_shape(values.shape)
         if np.any(np.isnan(values)):
             name = self.names[int(np.argmax(np.isnan(values)))]
             raise DeclarationError(f"p: {name}", "it is no number", "Give one")

@@ -190,15 +190,10 @@ class Pieces:
     def numbers(self, modes: Array, regions: Array) -> Array:
         """Those of many modes and regions, shape (knots,)."""
         both = np.hstack([modes, regions])
-        keys, width = both.tobytes(), both.shape[1]
-        return np.array(
-            [
-                self.number(modes[i], regions[i]) if known is None else known
-                for i in range(len(both))
-                for known in [self._numbers.get(keys[i * width : (i + 1) * width])]
-            ],
-            np.int64,
-        )
+        begins = np.ones(len(both), bool)
+        begins[1:] = np.any(both[1:] != both[:-1], axis=1)
+        stretches = [self.number(modes[i], regions[i]) for i in np.flatnonzero(begins)]
+        return np.array(stretches, np.int64)[np.cumsum(begins) - 1]
 
     @property
     def listed(self) -> Listed:

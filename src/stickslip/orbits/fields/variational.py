@@ -62,8 +62,9 @@ class Variation:
         asked for; m is the number of states and of free parameters.
     late : array, shape (knots, directions)
         How the time of the event at each knot changes; not a number where there is none.
-    pieces : list of Piece
-        Of the step that begins at each knot.
+    made : list of Piece
+    piece : array of int, shape (knots,)
+        Which of them the step is in that begins at each knot.
     corners, grazings : tuple of float
         Times of events at which the motion has no derivative: events that coincide here and not
         nearby, and guards that are touched without being crossed.
@@ -71,9 +72,15 @@ class Variation:
 
     after: Array
     late: Array
-    pieces: list[Piece]
+    made: list[Piece]
+    piece: Array
     corners: tuple[float, ...]
     grazings: tuple[float, ...]
+
+    @cached_property
+    def pieces(self) -> list[Piece]:
+        """Of the step that begins at each knot."""
+        return [self.made[w] for w in self.piece]
 
     @property
     def differentiable(self) -> bool:
@@ -120,9 +127,9 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
         else:
             raise AssertionError("a mode has changed, and no guard of it has fired")
     grazed = run.knots.time[run.outcome == GRAZED] + run.origin
-    made = [pieces.made[w] for w in run.piece]
-    grazings = sorted([*map(float, grazed), *meeting.grazings])
-    return Variation(run.after, run.late, made, tuple(meeting.corners), tuple(grazings))
+    grazings = tuple(sorted([*map(float, grazed), *meeting.grazings]))
+    corners = tuple(meeting.corners)
+    return Variation(run.after, run.late, pieces.made, run.piece, corners, grazings)
 
 
 def resolution(trajectory: Trajectory, pieces: Pieces) -> Array:
