@@ -70,7 +70,9 @@ def test_stored_and_opened(tmp_path: Path) -> None:
     again = ss.open(tmp_path / "comparison.nc")
     assert again.message == found.message
     assert again.fits[1].estimate == found.fits[1].estimate
-    assert again.fits[1].problem.log_likelihood(again.fits[1]._p) == found.fits[1].log_likelihood
+    assert (
+        again.fits[1].problem.log_likelihood(again.fits[1].values) == found.fits[1].log_likelihood
+    )
     assert again.summary().to_json() == found.summary().to_json()
     figure = again.plot()
     legend = figure.axes[0].get_legend()

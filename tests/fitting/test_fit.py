@@ -36,7 +36,7 @@ def test_linear_regression_in_closed_form() -> None:
     found = ss.fit(system, data, {"rate": None, "y": None})
     A = np.column_stack([data["t"], np.ones(60)])
     p, rss, *_ = np.linalg.lstsq(A, data["y"], rcond=None)
-    assert_allclose(found._p, p, rtol=1e-9)
+    assert_allclose(found.values, p, rtol=1e-9)
     covariance = rss[0] / 58 * np.linalg.inv(A.T @ A)
     assert_allclose(found.covariance, covariance, rtol=1e-8)
     from scipy.stats import t
@@ -99,7 +99,7 @@ def test_stored_and_opened(tmp_path: Path) -> None:
     assert again.estimate == found.estimate
     assert again.certificate == found.certificate
     assert again.message == found.message
-    assert again.problem.log_likelihood(again._p) == found.log_likelihood
+    assert again.problem.log_likelihood(again.values) == found.log_likelihood
     assert_allclose(again.profile("v_s")["rise"], found.profile("v_s")["rise"], atol=1e-9)
     assert again.summary().to_json() == found.summary().to_json()
 
@@ -144,7 +144,7 @@ def test_interrupted_fits_keep_the_best() -> None:
     thread.join()
     assert found.outcome is Completion.INTERRUPTED
     assert not found.certificate.ok
-    assert np.all(np.isfinite(found._p))
+    assert np.all(np.isfinite(found.values))
     assert np.isfinite(found.log_likelihood)
 
 

@@ -67,7 +67,7 @@ def test_noise_of_unknown_size_is_estimated() -> None:
     assert len(sigma) == 2
     assert_allclose(sigma, 0.02, rtol=0.15)
     known = record.fit()
-    assert_allclose(found._p, known._p, rtol=2e-3)
+    assert_allclose(found.values, known.values, rtol=2e-3)
     assert_allclose(found.statistics.error, known.statistics.error, rtol=0.15)
 
 

@@ -71,7 +71,7 @@ def test_several_recordings() -> None:
     assert np.max(np.abs(problem.residuals(p))) < 1e-8
     agrees(problem, p + 0.01)
     found = ss.fit(system, recordings, {"F_s": (0.5, 2), "x": (-1, 1)}, starts=2)
-    assert_allclose(found._p, p, atol=1e-6)
+    assert_allclose(found.values, p, atol=1e-6)
     assert {"x", "x_2", "fitted_x_2", "time_2"} <= set(found.dataset)
     assert len(found.trajectories) == 2
 

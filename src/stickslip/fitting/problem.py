@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from stickslip.motion.knots import Knots
 from stickslip.motion.problem import pose
 from stickslip.motion.trajectory import Trajectory
 from stickslip.orbits.sensitivities.quantities import read_observations
+
+if TYPE_CHECKING:
+    import xarray
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
 RTOL = 1e-9
@@ -482,3 +485,75 @@ def _scale(column: Column, measured: tuple[MeasuredRecord, ...]) -> Array:
             "Leave it out, or give its noise",
         )
     return np.full(len(column.rows), spread)
+
+
+# -- files -----------------------------------------------------------------------------------------
+
+
+def suffix_of(r: int) -> str:
+    """What names of the data of a recording end with."""
+    return "" if r == 0 else f"_{r + 1}"
+
+
+def table_columns(recording: Recording, r: int) -> dict[str, Any]:
+    """The columns of a recording as they came, so that a stored fit has its data."""
+    names = [str(c) for c in recording.table.columns]
+    found = {}
+    for name in names:
+        try:
+            values = recording.column(name)
+        except ValueError:
+            continue  # words are nothing that was compared
+        found[f"table{suffix_of(r)}: {name}"] = (f"table_row{suffix_of(r)}", values)
+    return found
+
+
+def arguments_of(problem: FitProblem) -> dict[str, Any]:
+    """What the problem was made of, as plain data."""
+    free = {u.name: [u.low, u.high] for u in problem.unknowns}
+    return {
+        "free": free,
+        "observe": [{c.name: c.formula for c in m.columns} for m in problem.measured],
+        "known": [[c.name for c in m.columns if c.noise is not None] for m in problem.measured],
+        "loss": problem.loss,
+        "parameters": problem.given,
+        "rtol": problem.rtol,
+        "recordings": [
+            {
+                "parameters": dict(m.recording.parameters),
+                "initial": dict(m.recording.initial),
+                "drives": dict(m.recording.drives),
+                "time": m.recording.time,
+                "begin": m.recording.begin,
+                "end": m.recording.end,
+                "events": m.recording.events,
+            }
+            for m in problem.measured
+        ],
+    }
+
+
+def problem_again(system: System, given: Mapping[str, Any], data: xarray.Dataset) -> FitProblem:
+    """The problem of stored arguments and data."""
+    recordings = []
+    for r, entry in enumerate(given["recordings"]):
+        prefix = f"table{suffix_of(r)}: "
+        names = [str(n) for n in data.data_vars if str(n).startswith(prefix)]
+        table = {name.removeprefix(prefix): data[name].values for name in names}
+        recordings.append(Recording(table, **entry))
+    observe: dict[str, str] = {}
+    for entry in given["observe"]:
+        observe |= entry
+    known = {name for names in given["known"] for name in names}
+    sigma = data["sigma"].values
+    problem = fit_problem(
+        system,
+        recordings,
+        {name: tuple(bounds) for name, bounds in given["free"].items()},
+        observe,
+        noise=dict.fromkeys(known, 1.0),
+        loss=given["loss"],
+        parameters=given["parameters"],
+        rtol=given["rtol"],
+    )
+    return problem.with_sigma(sigma)

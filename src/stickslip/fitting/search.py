@@ -340,7 +340,7 @@ def _refuse_idle(problem: FitProblem, starts: list[Array]) -> None:
         )
 
 
-def without_start(problem: FitProblem, p: Array) -> FitProblem:
+def begun_at(problem: FitProblem, p: Array) -> FitProblem:
     """The problem that begins where another has ended."""
     unknowns = tuple(replace(u, start=float(x)) for u, x in zip(problem.unknowns, p, strict=True))
     return replace(problem, unknowns=unknowns)
