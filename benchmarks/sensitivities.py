@@ -1,9 +1,10 @@
 """Cost of sensitivities: ``python benchmarks/sensitivities.py``.
 
 Derivatives with respect to k parameters, at 201 times, beside the motion itself, interleaved; the
-goal is (1 + k/2) motions beside the one that is differentiated. A motion here is one ``simulate`` with its states at these times, as
-somebody has who compares with data; differences would take 2k of them, and are wrong where a switch
-passes a time. The table goes to ``benchmarks/results/sensitivities.md``.
+goal is (1 + k/2) motions beside the one that is differentiated. A motion here is one ``simulate``
+with its states at these times, as somebody has who compares with data; differences would take 2k of
+them, and are wrong where a switch passes a time. The table goes to
+``benchmarks/results/sensitivities.md``.
 """
 
 from __future__ import annotations
