@@ -11,7 +11,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, suggestion
-from stickslip.fitting.search import polished, begun_at
+from stickslip.fitting.search import begun_at, polished
 
 if TYPE_CHECKING:
     import xarray
