@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from stickslip import __version__
-from stickslip.cli import evolving, orbits, sweeping
+from stickslip.cli import evolving, exploring, orbits, sweeping
 from stickslip.cli.added import add_commands
 from stickslip.cli.ending import NOT_CERTIFIED, guarded
 from stickslip.cli.present import Model, Out, ParameterOptions
@@ -166,6 +166,7 @@ for _name, _command in {
     "basin": orbits.basin_command,
     "sweep": sweeping.sweep_command,
     "plot": sweeping.plot_command,
+    "explore": exploring.explore_command,
 }.items():
     app.command(_name)(guarded(_command))
 add_commands(app, guarded)
