@@ -7,13 +7,12 @@ from typing import Annotated
 import typer
 
 
-
 def explore_command(
     model: Annotated[
         str | None,
         typer.Argument(
             metavar="[MODEL]",
-            help="A name of the catalogue, a .toml file, or what stands behind the # of an address.",
+            help="A name of the catalogue, a .toml file, or what an address has behind its #.",
         ),
     ] = None,
     port: Annotated[
@@ -39,9 +38,9 @@ def explore_command(
     Without MODEL it begins with the gallery. The page talks to this machine only; its address holds
     a random token. Ctrl-C ends it.
     """
-    from stickslip.explorer.explore import begin
+    from stickslip.explorer.explore import listening_explorer
 
-    explorer = begin(model, port=port, host=host, names=tuple(allow or ()))
+    explorer = listening_explorer(model, port=port, host=host, names=tuple(allow or ()))
     typer.echo(f"The explorer is at {explorer.address}")
     typer.echo("Ctrl-C ends it.")
     if browser:
@@ -49,5 +48,3 @@ def explore_command(
 
         webbrowser.open(explorer.address)
     explorer.serve()
-
-

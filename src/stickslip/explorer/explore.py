@@ -10,8 +10,9 @@ from urllib.parse import quote, unquote
 
 from stickslip import catalogue
 from stickslip.errors import StickslipError
+from stickslip.explorer.asking.limits import MOST_PAGES
 from stickslip.explorer.asking.request import GIVEN
-from stickslip.explorer.serving.server import HERE, Explorer, Place
+from stickslip.explorer.serving.server import HERE, Explorer, Listening
 from stickslip.progress import in_notebook
 
 if TYPE_CHECKING:
@@ -46,18 +47,19 @@ def explore(
     StickslipError
         If bokeh is not installed.
     """
-    explorer = begin(system, port=port).start()
+    explorer = listening_explorer(system, port=port).start()
     if not in_notebook() if browser is None else browser:
         webbrowser.open(explorer.address)
     return explorer
 
 
-def begin(
+def listening_explorer(
     system: System | str | None,
     *,
     port: int | None = None,
     host: str = HERE,
     names: tuple[str, ...] = (),
+    most_pages: int = MOST_PAGES,
 ) -> Explorer:
     """An explorer that listens, and does not serve yet.
 
@@ -69,6 +71,8 @@ def begin(
         The address to listen at.
     names : tuple of str
         More names under which it may be asked.
+    most_pages : int
+        How many pages may be open.
 
     Raises
     ------
@@ -86,7 +90,7 @@ def begin(
             "the explorer needs bokeh. Install it with: pip install 'stickslip[explorer]'"
         ) from None
     given, start = _start(system)
-    place = Place(host, port, names, given, start)
+    place = Listening(host, port, names, given, start, most_pages)
     place.bind()
     return Explorer(place)
 

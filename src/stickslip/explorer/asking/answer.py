@@ -6,7 +6,7 @@ import pickle
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, BinaryIO
+from typing import Any, IO
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
@@ -52,14 +52,14 @@ def refusal(error: Exception, where: str = "") -> Answer:
     return Answer({"refused": said})
 
 
-def send_frame(stream: BinaryIO, thing: object) -> None:
+def send_frame(stream: IO[bytes], thing: object) -> None:
     """Write a thing and its length."""
     data = pickle.dumps(thing, protocol=pickle.HIGHEST_PROTOCOL)
     stream.write(_LENGTH.pack(len(data)) + data)
     stream.flush()
 
 
-def receive_frame(stream: BinaryIO) -> Any:
+def receive_frame(stream: IO[bytes]) -> Any:
     """The next thing of a stream between this program and its own workers.
 
     Raises

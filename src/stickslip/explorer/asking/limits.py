@@ -5,9 +5,9 @@ from __future__ import annotations
 MOST_MESSAGE = 4_000_000  # bytes from a page in one go: a long CSV file
 MOST_TEXT = 200_000  # characters of a model file
 MOST_NAMES = 2_000  # values that a page may give
-MOST_EVENTS = 200_000  # of a motion
+EVENTS_OF_A_PAGE = 200_000  # of a motion
 MOST_MEMORY = 3 * 2**30  # bytes of a worker's data
 MOST_PAGES = 60  # at a time
 MOST_EXPORT = 60_000_000  # bytes of a file
 SECONDS = {"motion": 20.0}  # that a worker may take for something
-PATIENCE = 300.0  # for anything else
+LONGEST = 300.0  # for anything else

@@ -18,7 +18,7 @@ GIVEN = "given"  # the model that was named when the explorer was opened
 
 
 @dataclass(frozen=True)
-class Setting:
+class Shown:
     """A system as a page has set it.
 
     Attributes
@@ -54,7 +54,7 @@ class Request:
         A newer question of the same lane takes the place of an older one.
     what : str
         What is asked for.
-    setting : Setting
+    setting : Shown
     options : mapping of str to anything
         What else belongs to the question; who answers it checks it.
     """
@@ -62,7 +62,7 @@ class Request:
     serial: int
     lane: str
     what: str
-    setting: Setting
+    setting: Shown
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def about(self, toml: str) -> Request:
@@ -71,7 +71,7 @@ class Request:
 
     def number(self, name: str, default: float) -> float:
         """An option that is a number."""
-        return finite(self.options.get(name, default), name)
+        return real_number(self.options.get(name, default), name)
 
     def text(self, name: str, default: str = "") -> str:
         """An option that is a text."""
@@ -108,7 +108,7 @@ def read_request(text: str) -> Request:
     )
 
 
-def finite(value: object, where: str) -> float:
+def real_number(value: object, where: str) -> float:
     """A number that is one.
 
     Raises
@@ -126,17 +126,17 @@ def finite(value: object, where: str) -> float:
     return number
 
 
-def _setting(table: Mapping[str, Any]) -> Setting:
+def _setting(table: Mapping[str, Any]) -> Shown:
     values: dict[str, float | str] = {}
     for name, value in _entries(table, "values").items():
         text = isinstance(value, str)
-        values[name] = _text(value, name, 4000) if text else finite(value, name)
-    initial = {name: finite(v, name) for name, v in _entries(table, "initial").items()}
+        values[name] = _text(value, name, 4000) if text else real_number(value, name)
+    initial = {name: real_number(v, name) for name, v in _entries(table, "initial").items()}
     until = table.get("until")
     if until is not None:
-        until = finite(until, "until")
+        until = real_number(until, "until")
     model = _text(table.get("model", ""), "model", 80)
-    return Setting(model, _text(table.get("toml", ""), "model file"), values, initial, until)
+    return Shown(model, _text(table.get("toml", ""), "model file"), values, initial, until)
 
 
 def _entries(table: Mapping[str, Any], name: str) -> Mapping[str, Any]:

@@ -17,7 +17,9 @@ Draw = Callable[["Trajectory", Array, Mapping[str, Array]], Scene]
 _ROOM = "stickslip.explorer.drawings"
 # Systems that are drawn by hand, and where.
 DRAWN = {
-    **dict.fromkeys(["rocking_toy", "rocking_toy_inertial", "rocking_oscillator"], "toys:walking_toy"),
+    **dict.fromkeys(
+        ["rocking_toy", "rocking_toy_inertial", "rocking_oscillator"], "toys:walking_toy"
+    ),
 }
 
 

@@ -4,6 +4,7 @@ disc; contacts are the soles of what they move, springs join what the energy cou
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,9 +13,10 @@ from stickslip.arrays import Array
 from stickslip.display.symbols import unicode_symbol
 from stickslip.errors import DeclarationError
 from stickslip.explorer.drawings.parts import (
-    Place,
+    Spot,
+    Piece,
     Scene,
-    Value,
+    Course,
     box,
     disc,
     ground,
@@ -54,7 +56,9 @@ def generic_scene(motion: Trajectory, times: Array, values: Mapping[str, Array])
     turning = [x for x in names if declared[x].unit == "rad"]
     blocks = [x for x in names if x not in turning]
     soles = soles_of(system)
-    scene = Scene(max(len(names), 2) * _APART + 1.6, 3.4, -0.9, about=f"The motion of {system.name}")
+    scene = Scene(
+        max(len(names), 2) * _APART + 1.6, 3.4, -0.9, about=f"The motion of {system.name}"
+    )
     places = {x: (i - (len(names) - 1) / 2) * _APART for i, x in enumerate([*blocks, *turning])}
     way, scale = _ways(blocks, values)
     carried = next((soles[x] for x in blocks if x in soles), "")
@@ -68,7 +72,7 @@ def generic_scene(motion: Trajectory, times: Array, values: Mapping[str, Array])
         scene.add(box(1.2, 0.12, (middle[x], 0.0), look="sole", contact=contact))
         scene.add(label(unicode_symbol(x), (middle[x], 0.46)))
     for x in turning:
-        at: Place = (places[x], 0.75)
+        at: Spot = (places[x], 0.75)
         contact = soles.get(x, "")
         scene.add(disc(0.82, at, 0.0, "sole" if contact else "light", contact))
         scene.add(disc(0.7, at, values[x], "body", spokes=1))
@@ -86,7 +90,7 @@ def soles_of(system: System) -> dict[str, str]:
     return found
 
 
-def belt_shift(motion: Trajectory, key: str, times: Array) -> Value:
+def belt_shift(motion: Trajectory, key: str, times: Array) -> Course:
     """How far the surface under a contact has moved."""
     system = motion.system
     for name, contact in system.dry_contacts.items():
@@ -96,7 +100,7 @@ def belt_shift(motion: Trajectory, key: str, times: Array) -> Value:
     return 0.0
 
 
-def followed(motion: Trajectory, speed: object, times: Array) -> Value:
+def followed(motion: Trajectory, speed: object, times: Array) -> Course:
     """The way of what has a given speed, a formula of time."""
     at = np.linspace(times[0], times[-1], _FEW)
     try:
@@ -128,11 +132,11 @@ def _ways(blocks: list[str], values: Mapping[str, Array]) -> tuple[dict[str, Arr
     return {x: scale * way for x, way in ways.items()}, scale
 
 
-def _springs(system: System, blocks: list[str], middle: Mapping[str, Array]) -> list:
+def _springs(system: System, blocks: list[str], middle: Mapping[str, Array]) -> list[Piece]:
     """Springs between neighbours that the energy couples, and to the wall."""
     energy = system.declaration.potential
     found = []
-    for one, other in zip(blocks, blocks[1:], strict=False):
+    for one, other in pairwise(blocks):
         if not ex.is_number(ex.derivative(ex.derivative(energy, one), other), 0.0):
             found.append(spring((middle[one] + 0.6, 0.55), (middle[other] - 0.6, 0.55)))
     if blocks and not found:

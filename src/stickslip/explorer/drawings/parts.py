@@ -16,20 +16,20 @@ import numpy as np
 
 from stickslip.arrays import Array
 
-Value = float | Array
+Course = float | Array
 """A number, or one for each time of the motion."""
-Place = tuple[Value, Value]
+Spot = tuple[Course, Course]
 
 
 @dataclass(frozen=True)
-class Part:
+class Piece:
     """Something that moves.
 
     Attributes
     ----------
     shape : dict
         What it looks like; its ``kind`` is known to the page.
-    values : dict of str to Value
+    values : dict of str to Course
         Where it is.
     look : str
         A class of the style sheet: ``body``, ``light``, ``dark``, ``line``, ``spring``, ``ground``.
@@ -38,7 +38,7 @@ class Part:
     """
 
     shape: dict[str, Any]
-    values: dict[str, Value]
+    values: dict[str, Course]
     look: str = "body"
     contact: str = ""
 
@@ -53,7 +53,7 @@ class Scene:
         What of the plane is seen.
     bottom : float
         Where it ends below.
-    follow : Value
+    follow : Course
         What is in the middle, from left to right.
     about : str
         What the picture shows, for who does not see it.
@@ -62,11 +62,11 @@ class Scene:
     width: float
     height: float
     bottom: float = 0.0
-    follow: Value = 0.0
+    follow: Course = 0.0
     about: str = ""
-    parts: list[Part] = field(default_factory=list)
+    parts: list[Piece] = field(default_factory=list)
 
-    def add(self, *parts: Part) -> None:
+    def add(self, *parts: Piece) -> None:
         """Put parts in front of those that are there."""
         self.parts.extend(parts)
 
@@ -75,7 +75,7 @@ class Scene:
         arrays: dict[str, Array] = {}
         names: dict[bytes, str] = {}
 
-        def pack(value: Value) -> float | str:
+        def pack(value: Course) -> float | str:
             if np.ndim(value) == 0:
                 return float(value)  # type: ignore[arg-type]
             seen = np.ascontiguousarray(value, dtype=np.float32)  # as exact as pixels
@@ -105,44 +105,44 @@ class Scene:
 
 def polygon(
     points: Sequence[tuple[float, float]],
-    at: Place = (0.0, 0.0),
-    turn: Value = 0.0,
+    at: Spot = (0.0, 0.0),
+    turn: Course = 0.0,
     look: str = "body",
     contact: str = "",
     smooth: bool = False,
-) -> Part:
+) -> Piece:
     """A closed shape that moves and turns about its origin (anticlockwise, in radians).
 
     Parameters
     ----------
     points : sequence of (float, float)
-    at : Place
-    turn : Value
+    at : Spot
+    turn : Course
     look, contact : str
     smooth : bool
         Whether a curve runs through the points.
     """
     corners = [[float(x), float(y)] for x, y in points]
     shape = {"kind": "polygon", "points": corners, "smooth": smooth}
-    return Part(shape, {"x": at[0], "y": at[1], "turn": turn}, look, contact)
+    return Piece(shape, {"x": at[0], "y": at[1], "turn": turn}, look, contact)
 
 
 def box(
     width: float,
     height: float,
-    at: Place,
-    turn: Value = 0.0,
+    at: Spot,
+    turn: Course = 0.0,
     look: str = "body",
     contact: str = "",
-) -> Part:
+) -> Piece:
     """A block that stands on its place.
 
     Parameters
     ----------
     width, height : float
-    at : Place
+    at : Spot
         The middle of its lower side.
-    turn : Value
+    turn : Course
     look, contact : str
     """
     w = width / 2
@@ -151,64 +151,72 @@ def box(
 
 
 def path(
-    points: Sequence[tuple[float, float]], at: Place = (0.0, 0.0), turn: Value = 0.0, look: str = "line"
-) -> Part:
+    points: Sequence[tuple[float, float]],
+    at: Spot = (0.0, 0.0),
+    turn: Course = 0.0,
+    look: str = "line",
+) -> Piece:
     """An open line that moves and turns."""
     shape = {"kind": "path", "points": [[float(x), float(y)] for x, y in points]}
-    return Part(shape, {"x": at[0], "y": at[1], "turn": turn}, look)
+    return Piece(shape, {"x": at[0], "y": at[1], "turn": turn}, look)
 
 
 def disc(
-    radius: float, at: Place, turn: Value = 0.0, look: str = "body", contact: str = "", spokes: int = 0
-) -> Part:
+    radius: float,
+    at: Spot,
+    turn: Course = 0.0,
+    look: str = "body",
+    contact: str = "",
+    spokes: int = 0,
+) -> Piece:
     """A disc, with spokes if its turning is to be seen.
 
     Parameters
     ----------
     radius : float
-    at : Place
-    turn : Value
+    at : Spot
+    turn : Course
     look, contact : str
     spokes : int
     """
     shape = {"kind": "disc", "radius": float(radius), "spokes": spokes}
-    return Part(shape, {"x": at[0], "y": at[1], "turn": turn}, look, contact)
+    return Piece(shape, {"x": at[0], "y": at[1], "turn": turn}, look, contact)
 
 
-def rod(start: Place, end: Place, look: str = "line", contact: str = "") -> Part:
+def rod(start: Spot, end: Spot, look: str = "line", contact: str = "") -> Piece:
     """A straight line between two places."""
-    return Part({"kind": "rod"}, _between(start, end), look, contact)
+    return Piece({"kind": "rod"}, _between(start, end), look, contact)
 
 
-def spring(start: Place, end: Place, coils: int = 7, width: float = 0.16) -> Part:
+def spring(start: Spot, end: Spot, coils: int = 7, width: float = 0.16) -> Piece:
     """A spring between two places."""
-    return Part({"kind": "spring", "coils": coils, "width": width}, _between(start, end), "spring")
+    return Piece({"kind": "spring", "coils": coils, "width": width}, _between(start, end), "spring")
 
 
-def arrow(start: Place, end: Place, look: str = "force") -> Part:
+def arrow(start: Spot, end: Spot, look: str = "force") -> Piece:
     """An arrow from one place to another."""
-    return Part({"kind": "arrow"}, _between(start, end), look)
+    return Piece({"kind": "arrow"}, _between(start, end), look)
 
 
-def ground(y: float = 0.0, shift: Value = 0.0, tilt: float = 0.0, contact: str = "") -> Part:
+def ground(y: float = 0.0, shift: Course = 0.0, tilt: float = 0.0, contact: str = "") -> Piece:
     """The ground, with marks that show how it moves.
 
     Parameters
     ----------
     y : float
-    shift : Value
+    shift : Course
         How far it has moved to the right: a belt.
     tilt : float
         Its slope, anticlockwise.
     contact : str
     """
-    return Part({"kind": "ground", "tilt": float(tilt)}, {"x": shift, "y": y}, "ground", contact)
+    return Piece({"kind": "ground", "tilt": float(tilt)}, {"x": shift, "y": y}, "ground", contact)
 
 
-def label(text: str, at: Place, look: str = "label") -> Part:
+def label(text: str, at: Spot, look: str = "label") -> Piece:
     """A few letters that move along."""
-    return Part({"kind": "label", "text": text}, {"x": at[0], "y": at[1]}, look)
+    return Piece({"kind": "label", "text": text}, {"x": at[0], "y": at[1]}, look)
 
 
-def _between(start: Place, end: Place) -> dict[str, Value]:
+def _between(start: Spot, end: Spot) -> dict[str, Course]:
     return {"x": start[0], "y": start[1], "x2": end[0], "y2": end[1]}

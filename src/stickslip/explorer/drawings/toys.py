@@ -9,9 +9,10 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.explorer.drawings.parts import (
-    Place,
+    Spot,
+    Piece,
     Scene,
-    Value,
+    Course,
     arrow,
     disc,
     ground,
@@ -67,7 +68,7 @@ def _lift(psi: Array, side: str) -> Array:
     return 0.14 * np.clip(-psi if side == "R" else psi, 0.0, 1.5)
 
 
-def _leg(hip: Value, foot: Value, lift: Value, look: str, contact: str) -> list:
+def _leg(hip: Course, foot: Course, lift: Course, look: str, contact: str) -> list[Piece]:
     return [
         rod((hip, 1.12), (foot, lift + 0.12), f"leg {look}"),
         polygon(_SOLE, (foot, lift), look="sole", contact=contact),
@@ -85,7 +86,7 @@ def _from_behind(scene: Scene, x: Array, psi: Array, contacts: Mapping[str, str]
     carries = np.where(psi > 0.0, 0.4, -0.4)
     tilt = -0.1 * psi
 
-    def turned(dx: float, dy: float = 0.0) -> Place:
+    def turned(dx: float, dy: float = 0.0) -> Spot:
         return (
             x + carries + np.cos(tilt) * (dx - carries) - np.sin(tilt) * dy,
             np.sin(tilt) * (dx - carries) + np.cos(tilt) * dy,

@@ -45,30 +45,22 @@ explorer.cancel = (lane) => {
   explorer.wire.asked = JSON.stringify({serial: ++explorer.serial, lane, what: "cancel", setting: {}})
 }
 
-// An answer may have several parts; `numbers` are its arrays by name.
+// An answer may have several parts; `numbers` are its arrays by name, views of the bytes that came.
 explorer.heard = () => {
-  const arrays = explorer.wire.arrays
-  const entries = arrays instanceof Map ? [...arrays.entries()] : Object.entries(arrays ?? {})
-  const heads = JSON.parse(explorer.wire.said)
-  heads.forEach((head, i) => explorer.guard(() => {
-    const numbers = {}
-    const prefix = `${i}/`
-    for (const [name, values] of entries) if (name.startsWith(prefix)) numbers[name.slice(prefix.length)] = plain(values)
+  if (explorer.wire.said === null) return
+  const [text, bytes] = explorer.wire.said
+  for (const head of JSON.parse(text)) explorer.guard(() => {
     const own = explorer.lanes.get(head.lane)
     if (head.lost) explorer.toast("A computation ended, and a new worker has taken over.")
     if (own === undefined || head.serial !== own.serial) return  // stale
-    own.answered = performance.now()
+    const numbers = {}
+    for (const [name, [kind, at, length]] of Object.entries(head.arrays)) {
+      numbers[name] = new KINDS[kind](bytes.buffer, bytes.byteOffset + at, length)
+    }
     own.hear(head, numbers, own.stamp)
     if (head.final) own.serial = -1
     // The rest of an answer (the certificate) is given up for a newer question.
     if (own.waiting !== null) { own.serial = -1; explorer.send(own) }
-  }))
+  })
 }
-
-// Bokeh's arrays know their shape; here plain ones do, of the same memory.
-const plain = (values) => {
-  for (const kind of [Float64Array, Float32Array, Int32Array, Uint8Array]) {
-    if (values instanceof kind) return new kind(values.buffer, values.byteOffset, values.length)
-  }
-  return values
-}
+const KINDS = {f8: Float64Array, f4: Float32Array, i4: Int32Array, u1: Uint8Array}

@@ -12,7 +12,7 @@ ROWS = 4
 def motion_rows() -> Panel:
     """Rows for coordinates, rates and friction forces: lines, with stick phases shaded."""
     panel = Panel()
-    time = Range1d(0.0, 1.0)
+    time = Range1d(start=0.0, end=1.0)
     for row in range(ROWS):
         name = f"motion{row}"
         last = row == ROWS - 1

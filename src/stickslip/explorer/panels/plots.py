@@ -4,13 +4,14 @@ whether it is dark; nothing is heavier than what is drawn."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
 
+from bokeh.core.enums import RenderLevelType
 from bokeh.models import (
     BasicTicker,
     BasicTickFormatter,
     BoxZoomTool,
     ColumnDataSource,
-    Glyph,
     GlyphRenderer,
     Grid,
     LinearAxis,
@@ -20,6 +21,9 @@ from bokeh.models import (
     Range1d,
     WheelZoomTool,
 )
+
+if TYPE_CHECKING:
+    from bokeh.models.glyphs import Glyph
 
 _LEFT = 58  # pixels beside every figure, so that those below each other agree
 
@@ -39,7 +43,7 @@ class Panel:
         self,
         name: str,
         x_range: Range1d | None = None,
-        zooms: str = "both",
+        zooms: Literal["both", "width"] = "both",
         x_axis: bool = True,
         wheel: bool = True,
     ) -> Plot:
@@ -59,8 +63,8 @@ class Panel:
         """
         plot = Plot(
             name=name,
-            x_range=x_range or Range1d(0.0, 1.0),
-            y_range=Range1d(0.0, 1.0),
+            x_range=x_range or Range1d(start=0.0, end=1.0),
+            y_range=Range1d(start=0.0, end=1.0),
             toolbar_location=None,
             sizing_mode="stretch_both",
             min_border_left=_LEFT,
@@ -77,11 +81,16 @@ class Panel:
         across, up = BasicTicker(desired_num_ticks=7), BasicTicker(desired_num_ticks=4)
         plot.add_layout(Grid(dimension=0, ticker=across, grid_line_width=1))
         plot.add_layout(Grid(dimension=1, ticker=up, grid_line_width=1))
-        plain = {"major_tick_in": 0, "major_tick_out": 3, "minor_tick_out": 0, "axis_line_width": 1}
-        numbers = {"major_label_text_font": "system-ui, sans-serif", "major_label_text_font_size": "11px"}
+        plain: dict[str, Any] = {"major_tick_in": 0, "major_tick_out": 3, "minor_tick_out": 0, "axis_line_width": 1}
+        numbers: dict[str, Any] = {
+            "major_label_text_font": "system-ui, sans-serif",
+            "major_label_text_font_size": "11px",
+        }
         if x_axis:
             plot.add_layout(
-                LinearAxis(ticker=across, formatter=BasicTickFormatter(precision=6), **plain, **numbers),
+                LinearAxis(
+                    ticker=across, formatter=BasicTickFormatter(precision=6), **plain, **numbers
+                ),
                 "below",
             )
         plot.add_layout(
@@ -99,7 +108,7 @@ class Panel:
         return plot
 
     def glyph(
-        self, plot: Plot, name: str, columns: Sequence[str], glyph: Glyph, level: str = "glyph"
+        self, plot: Plot, name: str, columns: Sequence[str], glyph: Glyph, level: RenderLevelType = "glyph"
     ) -> ColumnDataSource:
         """Let a figure draw a glyph from columns that are empty yet.
 
@@ -127,6 +136,6 @@ class Panel:
         return source
 
 
-def joined(panels: Sequence[Panel]) -> Mapping[str, Model]:
+def models_of(panels: Sequence[Panel]) -> Mapping[str, Model]:
     """The models of all panels."""
     return {name: model for panel in panels for name, model in panel.models.items()}

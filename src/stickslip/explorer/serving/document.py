@@ -14,35 +14,47 @@ from markupsafe import Markup
 from stickslip import catalogue, palette
 from stickslip.explorer.panels.motion_rows import ROWS, motion_rows
 from stickslip.explorer.panels.phase_plane import phase_plane
-from stickslip.explorer.panels.plots import joined
-from stickslip.explorer.serving.pool import Pool
+from stickslip.explorer.panels.plots import models_of
+from stickslip.explorer.serving.pool import WorkerPool
 from stickslip.explorer.serving.session import Session
 from stickslip.explorer.serving.wire import Wire
 
 _FILES = Path(__file__).parents[1] / "page"
 # In the order in which they need each other.
-SCRIPTS = ("core", "address", "wire", "controls", "motion", "phase", "mechanism", "clock", "takeaway", "start")
+SCRIPTS = (
+    "core",
+    "address",
+    "wire",
+    "controls",
+    "motion",
+    "phase",
+    "mechanism",
+    "clock",
+    "takeaway",
+    "start",
+)
 PANELS = (motion_rows, phase_plane)
 
 
-def page_maker(pool: Pool, given: str) -> Callable[[Document], None]:
+def page_maker(pool: WorkerPool, given: str) -> Callable[[Document], None]:
     """What makes the document of each page.
 
     Parameters
     ----------
-    pool : Pool
+    pool : WorkerPool
     given : str
         The text of a model file, if the explorer was opened with one.
     """
     template = _template()
 
     def make(document: Document) -> None:
-        models = joined([make_panel() for make_panel in PANELS])
+        models = models_of([make_panel() for make_panel in PANELS])
         wire = Wire(name="wire")
         plots = [model for model in models.values() if isinstance(model, Plot)]
         plots[0].tags = [wire]  # which makes it part of the document
-        for plot in plots:
-            document.add_root(plot)
+        with document.models.freeze():  # to look at all of them once
+            for plot in plots:
+                document.add_root(plot)
         document.title = "stickslip explorer"
         document.template = template
         document.template_variables.update(

@@ -114,9 +114,7 @@ class Guarded(BokehTornado):
         refused = self.doors.refusal(request, room)
         if refused is not None:
             status, reason = refused
-            return self.get_handler_delegate(
-                request, Refused, {"status": status, "reason": reason}
-            )
+            return self.get_handler_delegate(request, Refused, {"status": status, "reason": reason})
         return super().find_handler(request, **kwargs)
 
     def log_request(self, handler: RequestHandler) -> None:

@@ -13,6 +13,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Hashable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,14 +26,14 @@ from stickslip.explorer.asking.answer import (
     refusal,
     send_frame,
 )
-from stickslip.explorer.asking.limits import PATIENCE, SECONDS
+from stickslip.explorer.asking.limits import LONGEST, SECONDS
 from stickslip.explorer.asking.request import Request
 
 _GRACE = 2.0  # seconds that a worker may take to give something up
 _TICK = 0.25  # seconds between looks at the clock
 _QUICK = "motion"  # a worker is kept free for this
 Reply = Callable[[Answer | None, bool], None]
-Call = Callable[[Callable[[], None]], Any]
+InLoop = Callable[[Callable[[], None]], Any]
 
 
 @dataclass
@@ -60,7 +61,7 @@ class Worker:
         Is called there with the worker and what it said; None: it has ended.
     """
 
-    def __init__(self, call: Call, heard: Callable[[Worker, Any], None]) -> None:
+    def __init__(self, call: InLoop, heard: Callable[[Worker, Any], None]) -> None:
         self.job: Job | None = None
         self.ready = False
         self.given_up = False
@@ -98,7 +99,7 @@ class Worker:
         """Whether it takes too long."""
         if self.job is None:
             return False
-        limit = _GRACE if self.given_up else SECONDS.get(self.job.request.what, PATIENCE)
+        limit = _GRACE if self.given_up else SECONDS.get(self.job.request.what, LONGEST)
         return now - self.since > limit
 
     def end(self) -> None:
@@ -107,10 +108,8 @@ class Worker:
 
     def _send(self, thing: object) -> None:
         assert self.process.stdin is not None
-        try:
+        with suppress(OSError, ValueError):  # it has ended, which its listener says
             send_frame(self.process.stdin, thing)
-        except (OSError, ValueError):
-            pass  # it has ended, which its listener says
 
     def _listen(self) -> None:
         source = self.process.stdout
@@ -124,13 +123,12 @@ class Worker:
             self._call(lambda said=said: self._heard(self, said))
         self.process.wait()
         for pipe in (self.process.stdin, source):
-            try:
-                pipe.close()  # type: ignore[union-attr]
-            except OSError:
-                pass
+            with suppress(OSError):
+                if pipe is not None:
+                    pipe.close()
 
 
-class Pool:
+class WorkerPool:
     """Workers for all pages.
 
     Parameters
@@ -141,7 +139,7 @@ class Pool:
         Number of workers; by default as many as processors, two to four.
     """
 
-    def __init__(self, call: Call, size: int | None = None) -> None:
+    def __init__(self, call: InLoop, size: int | None = None) -> None:
         self._call = call
         self._size = size or min(max(os.cpu_count() or 2, 2), 4)
         self._waiting: dict[tuple[Hashable, str], Job] = {}

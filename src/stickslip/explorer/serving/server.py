@@ -8,6 +8,7 @@ import secrets
 import signal
 import threading
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -17,12 +18,11 @@ from tornado.netutil import bind_sockets
 
 from stickslip.errors import DeclarationError
 from stickslip.explorer.asking.limits import MOST_MESSAGE, MOST_PAGES
-from stickslip.explorer.serving.pool import Pool
+from stickslip.explorer.serving.pool import WorkerPool
 
 if TYPE_CHECKING:
     from socket import socket
 
-    from stickslip.explorer.serving.doors import Doors
 
 HERE = "127.0.0.1"
 _PORT = 5106  # tried first, so that links in a notebook or a lecture stay the same
@@ -31,7 +31,7 @@ _CHECK = 1_500  # ms
 
 
 @dataclass
-class Place:
+class Listening:
     """Where the explorer listens, and what it shows.
 
     Attributes
@@ -45,6 +45,8 @@ class Place:
         The text of a model file to begin with.
     start : str
         The state to begin with, as it stands behind the # of an address.
+    most_pages : int
+        How many pages may be open.
     """
 
     host: str = HERE
@@ -52,6 +54,7 @@ class Place:
     names: tuple[str, ...] = ()
     given: str = ""
     start: str = ""
+    most_pages: int = MOST_PAGES
     sockets: list[socket] = field(default_factory=list)
     token: str = ""
 
@@ -64,6 +67,7 @@ class Place:
             If that is not possible.
         """
         wanted = [_PORT, 0] if self.port is None else [self.port]
+        reason = ""
         for port in wanted:
             try:
                 self.sockets = bind_sockets(port, self.host)
@@ -97,13 +101,13 @@ class Explorer:
     address : str
     """
 
-    def __init__(self, place: Place) -> None:
+    def __init__(self, place: Listening) -> None:
         self.address = place.address
         self._place = place
         self._loop: IOLoop | None = None
         self._ended = threading.Event()
         self._ready = threading.Event()
-        self.pool: Pool | None = None
+        self.pool: WorkerPool | None = None
 
     def __repr__(self) -> str:
         return f"<Explorer at {self.address}>"
@@ -145,7 +149,7 @@ class Explorer:
         if threading.current_thread() is threading.main_thread():
             for name in ("SIGINT", "SIGTERM"):
                 _on_signal(name, self._over.set)
-        self.pool = pool = Pool(self._loop.add_callback)
+        self.pool = pool = WorkerPool(self._loop.add_callback)
         ticks = PeriodicCallback(pool.tick, 1000.0 * pool.tick_every)
         ticks.start()
         try:
@@ -158,6 +162,7 @@ class Explorer:
             await self._over.wait()
             server.stop()
             application.stop(wait=False)
+            await server.close_all_connections()
         finally:
             ticks.stop()
             pool.close()
@@ -167,19 +172,17 @@ class Explorer:
 
 def _on_signal(name: str, act: Callable[[], None]) -> None:
     """Do something when a signal comes, where the system has it."""
-    try:
+    with suppress(NotImplementedError, AttributeError):
         asyncio.get_running_loop().add_signal_handler(getattr(signal, name), act)
-    except (NotImplementedError, AttributeError):
-        pass
 
 
-def _application(place: Place, pool: Pool):
+def _application(place: Listening, pool: WorkerPool):
     """Bokeh's application, and what listens for it."""
     from bokeh.application import Application
     from bokeh.application.handlers.function import FunctionHandler
 
-    from stickslip.explorer.serving.doors import Doors, Guarded
     from stickslip.explorer.serving.document import page_maker
+    from stickslip.explorer.serving.doors import Doors, Guarded
 
     logging.getLogger("bokeh").setLevel(logging.CRITICAL)
     for name in ("tornado.access", "tornado.application", "tornado.general"):
@@ -191,7 +194,7 @@ def _application(place: Place, pool: Pool):
     application = Guarded(
         {"/": Application(FunctionHandler(make))},
         doors=doors,
-        most_pages=MOST_PAGES,
+        most_pages=place.most_pages,
         extra_websocket_origins=[f"{name}:{port}" for name in doors.names],
         secret_key=secrets.token_bytes(32),
         sign_sessions=True,
@@ -204,6 +207,6 @@ def _application(place: Place, pool: Pool):
     return HTTPServer(application, max_body_size=100_000), application
 
 
-def _names(place: Place) -> Iterable[str]:
+def _names(place: Listening) -> Iterable[str]:
     local = place.host in (HERE, "0.0.0.0", "::", "")
     return [*place.names, *([] if local else [place.host])]

@@ -7,12 +7,14 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from bokeh.document import Document
 
+from stickslip.arrays import Array
 from stickslip.errors import StickslipError
 from stickslip.explorer.asking.answer import Answer, refusal
 from stickslip.explorer.asking.request import GIVEN, Request, read_request
-from stickslip.explorer.serving.pool import Job, Pool
+from stickslip.explorer.serving.pool import Job, WorkerPool
 from stickslip.explorer.serving.wire import Wire
 
 _CANCEL = "cancel"
@@ -27,12 +29,12 @@ class Session:
     document : Document
         Bokeh's, which is the same in the page.
     wire : Wire
-    pool : Pool
+    pool : WorkerPool
     given : str
         The text of the model that the explorer was opened with.
     """
 
-    def __init__(self, document: Document, wire: Wire, pool: Pool, given: str) -> None:
+    def __init__(self, document: Document, wire: Wire, pool: WorkerPool, given: str) -> None:
         self._document = document
         self._wire = wire
         self._pool = pool
@@ -81,14 +83,32 @@ class Session:
         arrays, self._arrays = self._arrays, []
         if self._closed:
             return
-        # Names of arrays begin with the number of their answer in this delivery.
-        named = {f"{i}/{k}": v for i, part in enumerate(arrays) for k, v in part.items()}
-        self._wire.update(arrays=named, said=json.dumps(_plain(heads), ensure_ascii=False))
+        places, data = _packed(arrays)
+        for head, own in zip(heads, places, strict=True):
+            head["arrays"] = own
+        self._wire.update(said=[json.dumps(_plain(heads), ensure_ascii=False), data])
 
     def _close(self, context: Any) -> None:
         """The page is closed, and what it has asked for stops."""
         self._closed = True
         self._pool.drop(self)
+
+
+def _packed(parts: list[dict[str, Array]]) -> tuple[list[dict[str, Any]], Array]:
+    """Kind, place and length of every array, and the bytes of all of them; each begins where a
+    number of eight bytes may."""
+    pieces: list[bytes] = []
+    places: list[dict[str, Any]] = []
+    at = 0
+    for part in parts:
+        places.append({})
+        for name, values in part.items():
+            own = values.tobytes()
+            padded = own + bytes(-len(own) % 8)
+            places[-1][name] = [values.dtype.str[1:], at, values.size]
+            pieces.append(padded)
+            at += len(padded)
+    return places, np.frombuffer(b"".join(pieces) or bytes(8), np.uint8)
 
 
 def _plain(value: Any) -> Any:

@@ -7,8 +7,8 @@ from bokeh.model import DataModel
 
 
 class Wire(DataModel):
-    """Texts are JSON; arrays go in binary, and stand where they are when the text arrives."""
+    """What is asked is JSON. What is said is a pair: JSON, and the bytes of all its arrays in one
+    piece, since each piece takes messages of its own."""
 
     asked = String(default="")
-    arrays = Any(default=None)
-    said = String(default="")
+    said = Any(default=None)

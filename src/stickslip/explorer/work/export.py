@@ -15,8 +15,8 @@ import numpy as np
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.limits import MOST_EXPORT
-from stickslip.explorer.asking.request import Request, Setting
-from stickslip.explorer.work.systems import motion_of, span_of, system_of
+from stickslip.explorer.asking.request import Request, Shown
+from stickslip.explorer.work.systems import shown_motion, span_of, system_of
 
 if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Patience
@@ -36,8 +36,10 @@ def export(request: Request, patience: Patience) -> Iterator[Answer]:
         yield Answer({"text": TEXTS[form](request.setting)})
         return
     if form not in FILES:
-        raise DeclarationError("form", f"there is no '{form}'", f"Use {', '.join([*TEXTS, *FILES])}")
-    motion = motion_of(request.setting, patience)
+        raise DeclarationError(
+            "form", f"there is no '{form}'", f"Use {', '.join([*TEXTS, *FILES])}"
+        )
+    motion = shown_motion(request.setting, patience)
     data = FILES[form](motion)
     if len(data) > MOST_EXPORT:
         raise StickslipError(
@@ -47,7 +49,7 @@ def export(request: Request, patience: Patience) -> Iterator[Answer]:
     yield Answer({"file": name, "type": _TYPES[form]}, {"bytes": np.frombuffer(data, np.uint8)})
 
 
-def as_python(setting: Setting) -> str:
+def python_of(setting: Shown) -> str:
     """A script that computes the same motion."""
     system, numbers = system_of(setting)
     lines = ["import stickslip as ss", ""]
@@ -70,7 +72,7 @@ def as_python(setting: Setting) -> str:
     return "\n".join(lines) + "\n"
 
 
-def as_command(setting: Setting) -> str:
+def command_of(setting: Shown) -> str:
     """A command that computes the same motion."""
     system, _ = system_of(setting)
     words = ["stickslip", "run", _file(system.name) if setting.toml else setting.model]
@@ -83,7 +85,7 @@ def as_command(setting: Setting) -> str:
     return shlex.join(words)
 
 
-def as_toml(setting: Setting) -> str:
+def toml_of(setting: Shown) -> str:
     """A model file with these values."""
     from dataclasses import replace
 
@@ -125,7 +127,7 @@ def _picture(form: str) -> Callable[[Trajectory], bytes]:
     return draw
 
 
-TEXTS = {"python": as_python, "command": as_command, "toml": as_toml}
+TEXTS = {"python": python_of, "command": command_of, "toml": toml_of}
 FILES = {"csv": _csv, "nc": _netcdf, "png": _picture("png"), "svg": _picture("svg")}
 _TYPES = {
     "csv": "text/csv",

@@ -40,5 +40,8 @@ def draw_gallery(request: Request, patience: Patience) -> Iterator[Answer]:
         scene, arrays = scene_of(motion, at, values).packed()
         here = int(_PLACE * len(at))
         small = {key: values[here : here + 1] for key, values in arrays.items()}
-        modes = {f"mode:{key}": m[index][here : here + 1].astype(np.int32) for key, m in motion.modes.items()}
+        modes = {
+            f"mode:{key}": m[index][here : here + 1].astype(np.int32)
+            for key, m in motion.modes.items()
+        }
         yield Answer({**said, "scene": scene}, small | modes)

@@ -10,7 +10,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator
 from importlib import import_module
-from typing import Any, BinaryIO
+from typing import Any, IO
 
 from stickslip.errors import StickslipError
 from stickslip.explorer.asking.answer import (
@@ -78,7 +78,7 @@ class Patience:
             raise GivenUp
 
 
-Work = Callable[[Request, Patience], Iterator[Answer]]
+Task = Callable[[Request, Patience], Iterator[Answer]]
 
 
 def serve_pipe() -> None:
@@ -110,7 +110,7 @@ def answers(request: Request, patience: Patience) -> Iterator[Answer]:
             yield Answer({"refused": {"where": "", "reason": "nobody answers that", "remedy": ""}})
             return
         module, _, name = TASKS[request.what].partition(":")
-        work: Work = getattr(import_module(f"{_ROOM}.{module}"), name)
+        work: Task = getattr(import_module(f"{_ROOM}.{module}"), name)
         for answer in work(request, patience):
             yield answer
             patience.check()
@@ -138,7 +138,7 @@ def limit_memory() -> None:
     resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, MOST_MEMORY))
 
 
-def _listen(source: BinaryIO, questions: queue.SimpleQueue[Any], patience: Patience) -> None:
+def _listen(source: IO[bytes], questions: queue.SimpleQueue[Any], patience: Patience) -> None:
     """Take questions from the pipe; None means that the last one is no longer of interest."""
     try:
         while True:

@@ -15,7 +15,7 @@ from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import Request
 from stickslip.explorer.drawings.draw import scene_of
 from stickslip.explorer.work.pixels import seen_times
-from stickslip.explorer.work.systems import motion_of
+from stickslip.explorer.work.systems import shown_motion
 from stickslip.model.quantities import contact_key, quantity
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ _STICKS = 0
 def move(request: Request, patience: Patience) -> Iterator[Answer]:
     """The motion that a page shows; a moment later, if nothing newer is asked for, its
     certificate."""
-    motion = motion_of(request.setting, patience)
+    motion = shown_motion(request.setting, patience)
     yield _seen(motion, _window(request, motion))
     if request.options.get("window") is None:
         patience.pause(_SOON)

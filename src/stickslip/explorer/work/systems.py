@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from stickslip import catalogue
 from stickslip.errors import DeclarationError, short
-from stickslip.explorer.asking.limits import MOST_EVENTS
-from stickslip.explorer.asking.request import Setting
+from stickslip.explorer.asking.limits import EVENTS_OF_A_PAGE
+from stickslip.explorer.asking.request import Shown
 from stickslip.model.system import System
 from stickslip.model.system_file import loads
 from stickslip.model.toml import parse
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
-def system_of(setting: Setting) -> tuple[System, dict[str, float]]:
+def system_of(setting: Shown) -> tuple[System, dict[str, float]]:
     """The system that a page looks at, and the parameters that differ from its own.
 
     Raises
@@ -38,7 +38,7 @@ def system_of(setting: Setting) -> tuple[System, dict[str, float]]:
     return system, {name: float(value) for name, value in numbers.items()}
 
 
-def motion_of(setting: Setting, patience: Patience) -> Trajectory:
+def shown_motion(setting: Shown, patience: Patience) -> Trajectory:
     """The motion that a page shows.
 
     Raises
@@ -62,7 +62,7 @@ def motion_of(setting: Setting, patience: Patience) -> Trajectory:
             span_of(system, setting),
             initial=setting.initial,
             parameters=numbers,
-            max_events=MOST_EVENTS,
+            max_events=EVENTS_OF_A_PAGE,
             progress=patience.check,
         )
         while len(_MOTIONS) >= _KEPT:
@@ -71,7 +71,7 @@ def motion_of(setting: Setting, patience: Patience) -> Trajectory:
     return found
 
 
-def span_of(system: System, setting: Setting) -> tuple[float, float]:
+def span_of(system: System, setting: Shown) -> tuple[float, float]:
     """The time span that a page looks at."""
     return system.span if setting.until is None else (float(system.span[0]), setting.until)
 
@@ -101,7 +101,7 @@ def _configured(model: str, toml: str, formulas: tuple[tuple[str, float | str], 
 def _check_no_files(toml: str) -> None:
     """Refuse a model that would read a file of this machine: it came from a page."""
     drives = parse(toml).get("drives", {})
-    for name, drive in drives.items() if isinstance(drive, dict) else ():
+    for name, drive in drives.items() if isinstance(drives, dict) else ():
         if isinstance(drive, dict) and "file" in drive:
             raise DeclarationError(
                 f"drives.{name}",
