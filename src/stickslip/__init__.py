@@ -19,6 +19,12 @@ if TYPE_CHECKING:
     from stickslip.equations.vector_field import VectorField, vector_field
     from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
     from stickslip.figures.drawing import style
+    from stickslip.fitting.band import Band
+    from stickslip.fitting.comparing import Comparison
+    from stickslip.fitting.comparing import compare_systems as compare
+    from stickslip.fitting.fit import Fit, fit
+    from stickslip.fitting.problem import FitProblem, fit_problem
+    from stickslip.fitting.recording import Recording
     from stickslip.model import laws
     from stickslip.model.samples import Samples
     from stickslip.model.system import (
@@ -87,9 +93,11 @@ __version__ = "0.1.0"
 __all__ = [
     "Adaptive",
     "AveragingStudy",
+    "Band",
     "Basin",
     "Bilateral",
     "Branch",
+    "Comparison",
     "Condition",
     "Contact",
     "ConvergenceError",
@@ -104,6 +112,8 @@ __all__ = [
     "EventCatalogue",
     "Evolution",
     "EvolutionModel",
+    "Fit",
+    "FitProblem",
     "FrequencyResponse",
     "GaitStudy",
     "GroupNorm",
@@ -120,6 +130,7 @@ __all__ = [
     "Polytope",
     "Product",
     "RateIndependent",
+    "Recording",
     "Samples",
     "Settings",
     "SpecialPoint",
@@ -136,12 +147,15 @@ __all__ = [
     "averaging_study",
     "basin",
     "catalogue",
+    "compare",
     "continue_cycle",
     "continue_equilibrium",
     "equilibria",
     "evolve",
     "figures",
     "find_cycle",
+    "fit",
+    "fit_problem",
     "fold_curve",
     "frequency_response",
     "gait_study",
@@ -213,6 +227,12 @@ _HOMES = {
     "play": "rate_independent.play.operator",
     "prandtl_ishlinskii": "rate_independent.play.clamp",
     "Samples": "model.samples",
+    "Band": "fitting.band",
+    "Comparison": "fitting.comparing",
+    "compare": "fitting.comparing:compare_systems",
+    **dict.fromkeys(["Fit", "fit"], "fitting.fit"),
+    **dict.fromkeys(["FitProblem", "fit_problem"], "fitting.problem"),
+    "Recording": "fitting.recording",
     **dict.fromkeys(
         ["AveragingStudy", "averaging_study"], "rate_independent.evolution.averaging_study"
     ),
@@ -250,13 +270,16 @@ _HOMES = {
 # The class of each kind of stored result.
 _KINDS = {
     "averaging study": "AveragingStudy",
+    "band": "Band",
     "basin": "Basin",
     "branch": "Branch",
+    "comparison": "Comparison",
     "cycle": "Cycle",
     "ensemble": "Ensemble",
     "equilibria": "Equilibria",
     "event catalogue": "EventCatalogue",
     "evolution": "History",
+    "fit": "Fit",
     "frequency response": "FrequencyResponse",
     "gait study": "GaitStudy",
     "play": "Play",
@@ -275,7 +298,7 @@ def open(path: str | Path) -> Any:
     Returns
     -------
     Trajectory, EventCatalogue, Ensemble, History, Play, AveragingStudy, Equilibria, Cycle, Branch,
-    GaitStudy, FrequencyResponse, Map or Basin
+    GaitStudy, FrequencyResponse, Fit, Comparison, Band, Map or Basin
         As it was stored; nothing is computed again until it is asked for.
 
     Raises

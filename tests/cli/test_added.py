@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 import stickslip as ss
 from stickslip.cli import added
-from stickslip.cli.ending import guarded
+from stickslip.cli.common.ending import guarded
 from stickslip_paper import command
 
 PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8"))

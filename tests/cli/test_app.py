@@ -16,9 +16,9 @@ from typer.testing import CliRunner, Result
 
 import stickslip as ss
 from stickslip.cli.app import app
-from stickslip.cli.folder import result_folder
-from stickslip.cli.models import assignments, load_model
-from stickslip.cli.orbits import MOTION_FILES
+from stickslip.cli.commands.orbits import MOTION_FILES
+from stickslip.cli.common.folder import result_folder
+from stickslip.cli.common.models import assignments, load_model
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.motion.trajectory import Trajectory
 
@@ -282,7 +282,7 @@ def test_ctrl_c_keeps_what_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
 
         yield stop
 
-    monkeypatch.setattr("stickslip.cli.present.watched", impatient)
+    monkeypatch.setattr("stickslip.cli.common.present.watched", impatient)
     result = stickslip("run", "belt_block", "--until", "1000")
     assert result.exit_code == 130
     assert "interrupted; what was computed is in " in result.stderr

@@ -12,8 +12,8 @@ from typer.testing import CliRunner, Result
 
 import stickslip as ss
 from stickslip.cli.app import app
-from stickslip.cli.orbits import BASIN, BRANCH, CYCLE, EQUILIBRIA, RESPONSE
-from stickslip.cli.present import Files
+from stickslip.cli.commands.orbits import BASIN, BRANCH, CYCLE, EQUILIBRIA, RESPONSE
+from stickslip.cli.common.present import Files
 
 SLIDER = ("--set", "mu=2/sqrt(alpha)", "--set", "nu=1/20")
 

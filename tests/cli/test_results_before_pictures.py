@@ -11,9 +11,9 @@ from typer.testing import CliRunner, Result
 
 import stickslip as ss
 from stickslip.cli.app import app
-from stickslip.cli.evolving import AVERAGE, EVOLUTION
-from stickslip.cli.folder import PICTURE
-from stickslip.cli.orbits import BASIN, BRANCH, CYCLE, EQUILIBRIA, MOTION_FILES
+from stickslip.cli.commands.evolving import AVERAGE, EVOLUTION
+from stickslip.cli.commands.orbits import BASIN, BRANCH, CYCLE, EQUILIBRIA, MOTION_FILES
+from stickslip.cli.common.folder import PICTURE
 
 TWO_PHASES = str(Path(__file__).parents[2] / "examples" / "evolution" / "two-phases.toml")
 COMMANDS = {

@@ -15,7 +15,7 @@ def main() -> None:
             stream.reconfigure(errors="replace")  # a terminal without Greek letters shows ? instead
     try:
         from stickslip.cli.app import app
-        from stickslip.cli.report import warn
+        from stickslip.cli.common.report import warn
 
         once = functools.cache(warn)
         warnings.showwarning = lambda message, *_, **__: once(str(message))

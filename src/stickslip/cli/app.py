@@ -9,10 +9,10 @@ from typing import Annotated
 import typer
 
 from stickslip import __version__
-from stickslip.cli import evolving, exploring, orbits, sweeping
 from stickslip.cli.added import add_commands
-from stickslip.cli.ending import NOT_CERTIFIED, guarded
-from stickslip.cli.present import Model, Out, ParameterOptions
+from stickslip.cli.commands import evolving, exploring, fitting, orbits, sweeping
+from stickslip.cli.common.ending import NOT_CERTIFIED, guarded
+from stickslip.cli.common.present import Model, Out, ParameterOptions
 from stickslip.results import Summary, certificate_rows
 
 app: typer.Typer = typer.Typer(
@@ -74,7 +74,7 @@ def show(
     ] = False,
 ) -> None:
     """Show the equations, parameters and source of a system."""
-    from stickslip.cli.models import load_model
+    from stickslip.cli.common.models import load_model
 
     system = load_model(model, settings or [])
     if toml:
@@ -96,7 +96,7 @@ def law(
 
     Writes overview.png into the folder DIR.
     """
-    from stickslip.cli.laws import list_laws, show_law
+    from stickslip.cli.commands.laws import list_laws, show_law
 
     if name is None:
         list_laws()
@@ -112,7 +112,7 @@ def cite(
     ] = None,
 ) -> None:
     """Say what to cite: this program, the paper it began with, and where a system comes from."""
-    from stickslip.cli.models import references
+    from stickslip.cli.common.models import references
 
     typer.echo(
         f"The stickslip developers, stickslip {__version__}: systems with dry friction, moved "
@@ -137,7 +137,7 @@ def check(
     say what was measured when they were computed. Exit code: 0 certified, 1 not, 2 no result.
     """
     from stickslip import open as open_result
-    from stickslip.cli.report import print_summary
+    from stickslip.cli.common.report import print_summary
     from stickslip.storage import plain
 
     result = open_result(file)
@@ -164,6 +164,7 @@ for _name, _command in {
     "branch": orbits.branch_command,
     "response": orbits.response_command,
     "basin": orbits.basin_command,
+    "fit": fitting.fit_command,
     "sweep": sweeping.sweep_command,
     "plot": sweeping.plot_command,
     "explore": exploring.explore_command,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -58,7 +58,9 @@ class Moved:
     multipliers: Array
 
 
-def cycle_sensitivity(cycle: Cycle, names: Sequence[str]) -> xarray.Dataset:
+def cycle_sensitivity(
+    cycle: Cycle, names: Sequence[str], multipliers: bool = True
+) -> xarray.Dataset:
     """Derivatives of period, drift, speed, extremes, amplitudes and multipliers of a cycle.
 
     Parameters
@@ -66,6 +68,8 @@ def cycle_sensitivity(cycle: Cycle, names: Sequence[str]) -> xarray.Dataset:
     cycle : Cycle
     names : sequence of str
         Parameters.
+    multipliers : bool
+        Whether multipliers are differentiated, too, for which cycles nearby are closed.
 
     Raises
     ------
@@ -88,14 +92,14 @@ def cycle_sensitivity(cycle: Cycle, names: Sequence[str]) -> xarray.Dataset:
             "Change a parameter a little, or follow its branch: such points have a name there",
         )
     system = cycle.system
-    found = [_moved(cycle.closed, name) for name in names]
+    found = [_moved(cycle.closed, name, multipliers) for name in names]
     direction = np.array([cycle.direction.get(x, 0.0) for x in system.declaration.state])
     drift = np.array([direction @ m.shift for m in found]) / max(direction @ direction, 1.0)
     period = np.array([m.period for m in found])
     ends = np.array([m.ends for m in found]).reshape(len(names), -1, 2)
     units = cycle.units
     when = units["time"]
-    variables = {
+    variables: dict[str, Any] = {
         "period": ("parameter", period, {"units": when}),
         "drift": ("parameter", drift, {"units": units["drift"]}),
         "speed": (
@@ -107,12 +111,14 @@ def cycle_sensitivity(cycle: Cycle, names: Sequence[str]) -> xarray.Dataset:
         "low": (("parameter", "component"), ends[:, :, 0]),
         "high": (("parameter", "component"), ends[:, :, 1]),
         "amplitude": (("parameter", "component"), 0.5 * (ends[:, :, 1] - ends[:, :, 0])),
-        "multiplier": (
+    }
+    if multipliers:
+        said = {"long_name": "derivative of a multiplier (differences, extrapolated)"}
+        variables["multiplier"] = (
             ("parameter", "index"),
             np.array([m.multipliers for m in found]),
-            {"long_name": "derivative of a multiplier (differences, extrapolated)"},
-        ),
-    }
+            said,
+        )
     state = system.declaration.state
     return xr.Dataset(
         variables,
@@ -132,7 +138,7 @@ def cycle_sensitivity(cycle: Cycle, names: Sequence[str]) -> xarray.Dataset:
     )
 
 
-def _moved(closed: Closed, name: str) -> Moved:
+def _moved(closed: Closed, name: str, multipliers: bool) -> Moved:
     """The change of a cycle with one parameter."""
     problem = closed.orbit.problem
     pieces = Pieces(problem.compiled.equations, name)
@@ -150,9 +156,9 @@ def _moved(closed: Closed, name: str) -> Moved:
         + known.by_parameter
         + shooting.symmetry.shifts @ change[shooting.drifts]
     )
-    return Moved(
-        period, shift, state, _ends(orbit.motion, pieces, state, period), _multipliers(closed, name)
-    )
+    ends = _ends(orbit.motion, pieces, state, period)
+    spectrum = _multipliers(closed, name) if multipliers else np.zeros(0)
+    return Moved(period, shift, state, ends, spectrum)
 
 
 class _Extreme(NamedTuple):

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -32,6 +32,7 @@ from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.variational import Variation, variation
 from stickslip.orbits.sensitivities.quantities import gradient, read_observations
 from stickslip.orbits.sensitivities.touching import touched
+from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
     import xarray
@@ -145,6 +146,7 @@ def sensitivities(
     of: Sequence[str] | None = None,
     *,
     touching: bool = True,
+    start: Array | None = None,
 ) -> Sensitivity:
     """Derivatives of a motion with respect to parameters and initial values.
 
@@ -160,6 +162,8 @@ def sensitivities(
     touching : bool
         Whether guards are looked for that are touched without being crossed, which takes about as
         long as the motion.
+    start : array, shape (states, names), optional
+        How the initial state changes with each name besides: where it is a function of parameters.
 
     Returns
     -------
@@ -170,6 +174,46 @@ def sensitivities(
     DeclarationError
         If a name, a quantity or a time is not known, or the system has a drag without mass: its
         rates have no formula.
+    """
+    state = tuple(trajectory._problem.compiled.layout.state)
+    observed = read_observations(trajectory, state if of is None else of)
+    when = _times(trajectory, times)
+    fine, place = with_knots(trajectory, when)
+    found = follow(trajectory, fine, names, start, touching)
+    return _gathered(
+        trajectory, fine, (tuple(names), observed), (when, place), found.variation, found.missing
+    )
+
+
+class Followed(NamedTuple):
+    """The first variation along a motion, and the times at which there is none, with reasons."""
+
+    variation: Variation
+    missing: list[tuple[float, str]]
+
+
+def follow(
+    trajectory: Trajectory,
+    fine: Trajectory,
+    names: Sequence[str],
+    start: Array | None = None,
+    touching: bool = True,
+) -> Followed:
+    """The first variation of a motion with respect to parameters and initial values.
+
+    Parameters
+    ----------
+    trajectory, fine : Trajectory
+        The motion, and the same with more knots, at which the variation is told.
+    names : sequence of str
+        Parameters; and components of the state, for their initial values.
+    start, touching
+        As of :func:`sensitivities`.
+
+    Raises
+    ------
+    DeclarationError
+        If a name is not known.
     """
     problem = trajectory._problem
     equations = problem.compiled.equations
@@ -182,15 +226,14 @@ def sensitivities(
                 "no parameter, and no part of the state, has this name",
                 suggestion(name, known),
             )
-    observed = read_observations(trajectory, state if of is None else of)
-    when = _times(trajectory, times)
     free = tuple(dict.fromkeys(name for name in names if name not in state))
     pieces = _pieces.setdefault(equations, {}).setdefault(free, Pieces(equations, *free))
-    fine, place = with_knots(trajectory, when)
     columns = [*state, *free]
     directions = np.zeros((len(columns), len(names)))
     for j, name in enumerate(names):
         directions[columns.index(name), j] = 1.0
+    if start is not None:
+        directions[: len(state)] += start
     refused = _begin(trajectory, pieces, directions)
     found = variation(fine, pieces, directions)
     missing = [(float(trajectory.knots.time[0]), refused)] if refused else []
@@ -198,8 +241,73 @@ def sensitivities(
     missing += [(t, "a guard is touched without speed") for t in found.grazings]
     if touching:
         missing += touched(trajectory, pieces)
-    return _gathered(
-        trajectory, fine, (tuple(names), observed), (when, place), found, sorted(missing)
+    return Followed(found, sorted(missing))
+
+
+def at_events(
+    trajectory: Trajectory,
+    events: Array,
+    names: Sequence[str],
+    of: Sequence[str],
+    start: Array | None = None,
+) -> Sensitivity:
+    """Quantities right before events, and their derivatives, the change of the time of the event
+    included.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+    events : array of int, shape (events,)
+        Their knots, at which the state does not jump.
+    names : sequence of str
+        Parameters, and components of the state for their initial values.
+    of : sequence of str
+        Quantities, or formulas of them; ``t`` is the time of the event.
+    start : array, optional
+        As of :func:`sensitivities`.
+
+    Returns
+    -------
+    Sensitivity
+        Over the times of the events.
+
+    Raises
+    ------
+    DeclarationError
+        If the state jumps at an event, and more is asked for than its time.
+    """
+    observed = read_observations(trajectory, of)
+    jumping = np.intersect1d(events, trajectory._leaps)
+    if len(jumping) and any(o.formula is not ex.sym("t") for o in observed):
+        when = trajectory.knots.time[jumping[0]]
+        raise DeclarationError(
+            "events",
+            f"the state jumps in the impact at t = {when:.9g}",
+            "Observe only the times of impacts",
+        )
+    found, missing = follow(trajectory, trajectory, names, start, touching=False)
+    equations = trajectory._problem.compiled.equations
+    p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
+    k = trajectory.knots
+    n = k.state.shape[1]
+    values = np.empty((len(observed), len(events)))
+    slopes = np.empty((len(observed), len(events), len(names)))
+    for i, e in enumerate(events):
+        at = k.time[[e]], np.ascontiguousarray(k.state[[e]].T)
+        made = gradient(equations, found.pieces[e - 1], observed, at, p)
+        values[:, i] = made.values[:, 0]
+        # The state at the event changes with the state at a time, and with the time of the event.
+        change = found.after[e].copy()
+        late = np.nan_to_num(found.late[e])
+        change[:n] += np.outer(found.pieces[e].rates(k.time[e], k.state[e], p), late)
+        slopes[:, i] = made.slopes[0] @ change + np.outer(made.time[:, 0], late)
+    when = k.time[events]
+    if missing:
+        slopes[:, when >= missing[0][0]] = np.nan
+    texts = tuple(o.name for o in observed)
+    late = found.late[events]
+    return Sensitivity(
+        trajectory, tuple(names), texts, when, values, slopes, events, late, tuple(missing)
     )
 
 

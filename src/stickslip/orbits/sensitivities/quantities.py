@@ -11,7 +11,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
-from stickslip.equations.field import Field
+from stickslip.equations.field import Field, in_region
 from stickslip.errors import DeclarationError, suggestion
 from stickslip.model.names import NORMAL
 from stickslip.model.quantities import contact_key
@@ -60,40 +60,45 @@ def read_observations(trajectory: Trajectory, asked: Sequence[str]) -> tuple[Obs
     Raises
     ------
     DeclarationError
-        If there is no such quantity, it has no derivative, or a formula has a kink.
+        If there is no such quantity, it has no derivative, or a formula has kinks of its own.
     """
     known = {*trajectory._rows, *trajectory.system.parameters, "t", "energy"}
+    declared = trajectory.system.declaration.scope
     refused = {
         name: f"{name} is summed up along the way and has no formula; take powers or forces"
         for name in _SUMMED_UP
     }
     refused |= {f"mode_{key}": "modes are whole numbers" for key in trajectory.modes}
-    scope = Scope({name: ex.sym(name) for name in known}, forbidden=refused)
+    names = {**declared.names, **{name: ex.sym(name) for name in known}}
+    scope = Scope(names, declared.definitions, refused)
+    kinks = set(trajectory._problem.compiled.equations.kinks)
     found: list[Observation] = []
     for text in asked:
-        if NAME.fullmatch(text) and text not in known and text not in refused:
+        callable_names = {n for n, d in declared.definitions.items() if not d.arguments}
+        if NAME.fullmatch(text) and text not in {*names, *refused, *callable_names}:
             raise DeclarationError(
                 f"of: {text}",
                 "no quantity of this motion has this name",
                 suggestion(text, sorted(known)),
             )
         formula = scope.parse(text, f"of: {text}")
-        if any(e.op == "select" for e in ex.walk([formula])):
+        if any(e.op == "select" and e.args[0] not in kinks for e in ex.walk([formula])):
             raise DeclarationError(
                 f"of: {text}",
-                "a formula with a kink has no derivative everywhere",
-                "Observe a smooth formula",
+                "it has a kink that the motion does not have: no derivative everywhere",
+                "Observe a smooth formula, or one whose kinks are those of the system",
             )
         found.append(Observation(text, formula))
     return tuple(found)
 
 
 class Gradient(NamedTuple):
-    """Quantities at some points, shape (quantities, points), and their derivatives by state and
-    free parameters, shape (points, quantities, columns)."""
+    """Quantities at some points, shape (quantities, points), their derivatives by state and free
+    parameters, shape (points, quantities, columns), and by time, shape (quantities, points)."""
 
     values: Array
     slopes: Array
+    time: Array
 
 
 _made: WeakKeyDictionary[Piece, dict[tuple[Observation, ...], PointFunction]] = WeakKeyDictionary()
@@ -120,7 +125,8 @@ def gradient(
     made = _made.setdefault(piece, {})
     if observed not in made:
         names = published(equations, piece.field)
-        formulas = [ex.substitute(o.formula, names) for o in observed]
+        regions = dict(zip(equations.kinks, piece.field.region, strict=True))
+        formulas = [ex.substitute(in_region(o.formula, regions), names) for o in observed]
         unknown = {name for f in formulas for name in f.symbols} - {*piece.field.names}
         if unknown:
             raise DeclarationError(
@@ -128,8 +134,9 @@ def gradient(
                 "it has no formula in this mode",
                 "Observe parts of the state",
             )
-        wanted = [e for f in formulas for e in (f, *(ex.derivative(f, c) for c in piece.columns))]
+        columns = (*piece.columns, "t")
+        wanted = [e for f in formulas for e in (f, *(ex.derivative(f, c) for c in columns))]
         made[observed] = PointFunction(piece.field, wanted)
     t, y = at
-    table = made[observed](t, y, p).reshape(len(observed), 1 + len(piece.columns), len(t))
-    return Gradient(table[:, 0], np.moveaxis(table[:, 1:], -1, 0))
+    table = made[observed](t, y, p).reshape(len(observed), 2 + len(piece.columns), len(t))
+    return Gradient(table[:, 0], np.moveaxis(table[:, 1:-1], -1, 0), table[:, -1])

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stickslip.cli.ending import EXIT_INTERRUPTED, finish
+from stickslip.cli.common.ending import EXIT_INTERRUPTED, finish
 from stickslip.errors import StickslipError
 from stickslip.progress import watched
 
@@ -66,7 +66,7 @@ def result_folder(path: Path, files: Sequence[str]) -> Iterator[Path]:
 def add_picture(folder: Path, draw: Callable[[], Figure]) -> None:
     """Draw the picture of a result that is written; if that fails the result stays, with a
     warning."""
-    from stickslip.cli.report import warn
+    from stickslip.cli.common.report import warn
 
     partial = folder / f".{PICTURE}.{os.getpid()}.tmp"
     try:

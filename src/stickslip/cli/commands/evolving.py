@@ -13,8 +13,8 @@ import typer
 
 from stickslip import __version__
 from stickslip.certificates import Certificate, Residual
-from stickslip.cli.models import settings_of
-from stickslip.cli.present import Files, Json, Out, ShowProgress, folder_of, present
+from stickslip.cli.common.models import settings_of
+from stickslip.cli.common.present import Files, Json, Out, ShowProgress, folder_of, present
 from stickslip.errors import DeclarationError
 from stickslip.model.names import measured_drives
 from stickslip.results import Completion, Summary, certificate_rows, listed

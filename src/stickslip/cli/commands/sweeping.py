@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from stickslip.cli.ending import EXIT_INTERRUPTED, finish
-from stickslip.cli.models import assignments, load_model, numbers, spans
-from stickslip.cli.present import Initial, Model, ParameterOptions, folder_of
-from stickslip.cli.report import print_summary
+from stickslip.cli.common.ending import EXIT_INTERRUPTED, finish
+from stickslip.cli.common.models import assignments, load_model, numbers, spans
+from stickslip.cli.common.present import Initial, Model, ParameterOptions, folder_of
+from stickslip.cli.common.report import print_summary
 from stickslip.errors import DeclarationError
 from stickslip.storage import named
 

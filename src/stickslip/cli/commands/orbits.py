@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from stickslip.cli.models import assignments, load_model, numbers, spans
-from stickslip.cli.present import (
+from stickslip.cli.common.models import assignments, load_model, numbers, spans
+from stickslip.cli.common.present import (
     Files,
     Initial,
     Json,

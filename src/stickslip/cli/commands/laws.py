@@ -8,10 +8,10 @@ from pathlib import Path
 
 import typer
 
-from stickslip.cli.folder import PICTURE, add_picture, result_folder
-from stickslip.cli.models import assignments, numbers
-from stickslip.cli.present import SUMMARY, folder_of
-from stickslip.cli.report import written
+from stickslip.cli.common.folder import PICTURE, add_picture, result_folder
+from stickslip.cli.common.models import assignments, numbers
+from stickslip.cli.common.present import SUMMARY, folder_of
+from stickslip.cli.common.report import written
 from stickslip.display.terminal import wrap_words
 from stickslip.model import laws
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Protocol
 
 import typer
 
-from stickslip.cli.ending import EXIT_INTERRUPTED, NOT_CERTIFIED, finish
-from stickslip.cli.folder import PICTURE, add_picture, result_folder
-from stickslip.cli.report import print_summary, warn, written
+from stickslip.cli.common.ending import EXIT_INTERRUPTED, NOT_CERTIFIED, finish
+from stickslip.cli.common.folder import PICTURE, add_picture, result_folder
+from stickslip.cli.common.report import print_summary, warn, written
 from stickslip.errors import ConvergenceError
 from stickslip.progress import watched
 from stickslip.results import Ended, Summary

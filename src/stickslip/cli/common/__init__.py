@@ -1,0 +1,1 @@
+"""What all commands share: how models are read, folders written, ends said."""

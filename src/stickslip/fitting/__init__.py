@@ -1,0 +1,1 @@
+"""From measured data to a law: fits, profiles, comparisons, and what their uncertainty does."""

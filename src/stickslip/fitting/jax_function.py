@@ -1,0 +1,50 @@
+"""Residuals of a fit as a function of JAX, with derivatives of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stickslip.errors import StickslipError
+
+if TYPE_CHECKING:
+    from stickslip.fitting.problem import FitProblem
+
+
+def as_jax(problem: FitProblem) -> Callable[[Any], Any]:
+    """The residuals of a problem as a function of JAX, differentiable forward and backward.
+
+    Motions are computed on the host, one after the other under ``vmap``. Numbers are of double
+    precision if JAX is told so (``jax.config.update("jax_enable_x64", True)``).
+    """
+    try:
+        jax: Any = import_module("jax")
+    except ImportError:
+        raise StickslipError("JAX is not installed: pip install 'stickslip[jax]'") from None
+    jnp = jax.numpy
+
+    count, unknowns = len(problem.data), len(problem.unknowns)
+
+    def called(function: Callable[[Any], Any], shape: tuple[int, ...], p: Any) -> Any:
+        kind = jnp.result_type(float)
+        like = jax.ShapeDtypeStruct(shape, kind)
+        return jax.pure_callback(
+            lambda q: np.asarray(function(np.asarray(q, float)), dtype=kind),
+            like,
+            p,
+            vmap_method="sequential",
+        )
+
+    @jax.custom_jvp
+    def residuals(p: Any) -> Any:
+        return called(problem.residuals, (count,), p)
+
+    @residuals.defjvp
+    def _(primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, Any]:
+        J = called(problem.jacobian, (count, unknowns), primals[0])
+        return residuals(primals[0]), J @ tangents[0]
+
+    return residuals

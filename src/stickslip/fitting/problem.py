@@ -1,0 +1,468 @@
+"""A fit as a problem of least squares: residuals and their exact Jacobian, for any optimiser or
+sampler."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.errors import DeclarationError, StickslipError, suggestion
+from stickslip.fitting.measured import Column, GivenUp, Measured, Noise, read_recording
+from stickslip.fitting.recording import CLOCKS, Recording, as_recordings
+from stickslip.fitting.unknowns import Bounds, Unknown, read_unknowns
+from stickslip.model.system import Formula, System
+from stickslip.motion.knots import Knots
+from stickslip.motion.problem import pose
+from stickslip.motion.trajectory import Trajectory
+from stickslip.orbits.sensitivities.quantities import read_observations
+
+Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
+RTOL = 1e-9
+_LEAST = 4  # rows of a part of a recording
+
+
+class NoDerivative(StickslipError, RuntimeError):
+    """The motion has no derivative here: the message says when and why."""
+
+
+def _huber(z: Array) -> tuple[Array, Array]:
+    root = np.sqrt(np.maximum(z, 1.0))
+    return np.where(z <= 1.0, z, 2.0 * root - 1.0), 1.0 / root
+
+
+# ρ(z) and ρ′(z) of z = r², as SciPy has them.
+LOSSES: dict[str, Callable[[Array], tuple[Array, Array]]] = {
+    "linear": lambda z: (z, np.ones_like(z)),
+    "soft_l1": lambda z: (2.0 * (np.sqrt(1.0 + z) - 1.0), 1.0 / np.sqrt(1.0 + z)),
+    "huber": _huber,
+    "cauchy": lambda z: (np.log1p(z), 1.0 / (1.0 + z)),
+}
+
+
+class Evaluated(NamedTuple):
+    """The motions for some values, and what was measured of them; or why there are none."""
+
+    motions: tuple[Trajectory, ...]
+    values: Array
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class FitProblem:
+    """Residuals of a system beside data, as functions of the unknowns.
+
+    Attributes
+    ----------
+    system : System
+    measured : tuple of Measured
+        The recordings, read.
+    unknowns : tuple of Unknown
+    given : dict of str to float
+        Values of the parameters that are not free, where they are not the defaults.
+    loss : {"linear", "soft_l1", "huber", "cauchy"}
+        What is summed up of the squares of the residuals.
+    sigma : array, shape (data,)
+        What the differences are divided by: the standard deviation of the noise where it is known;
+        else the spread of the column, or, after a fit, the estimate.
+    rtol : float
+        Accuracy of the motions.
+    """
+
+    system: System
+    measured: tuple[Measured, ...]
+    unknowns: tuple[Unknown, ...]
+    given: dict[str, float]
+    loss: Loss
+    sigma: Array
+    rtol: float = RTOL
+    _kept: list[tuple[bytes, Evaluated]] = field(default_factory=list[Any], repr=False)
+
+    @property
+    def names(self) -> list[str]:
+        """Labels of the unknowns; an initial value of one of several recordings has its number,
+        ``x[2]``."""
+        return [u.label for u in self.unknowns]
+
+    @property
+    def start(self) -> Array:
+        """Where to begin, shape (unknowns,)."""
+        return np.array([u.start for u in self.unknowns])
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Least and largest values, as ``scipy.optimize.least_squares`` takes them."""
+        return np.array([u.low for u in self.unknowns]), np.array([u.high for u in self.unknowns])
+
+    @cached_property
+    def data(self) -> Array:
+        """All measured values, recording after recording, column after column."""
+        return np.concatenate([m.data for m in self.measured])
+
+    @cached_property
+    def groups(self) -> Array:
+        """Number of the column of each datum (columns of one name are one), −1 where its noise is
+        known."""
+        names = list(dict.fromkeys(c.name for m in self.measured for c in m.columns))
+        parts = [
+            np.full(len(c.rows), -1 if c.noise is not None else names.index(c.name))
+            for m in self.measured
+            for c in m.columns
+        ]
+        return np.concatenate(parts)
+
+    @property
+    def estimated(self) -> list[int]:
+        """Columns whose noise is not known."""
+        return sorted(set(self.groups.tolist()) - {-1})
+
+    # -- what optimisers and samplers ask for ------------------------------------------------------
+
+    def residuals(self, p: Any) -> Array:
+        """(motion − data)/sigma; infinite where there is no such motion (:meth:`reason`).
+
+        Parameters
+        ----------
+        p : array, shape (unknowns,)
+
+        Returns
+        -------
+        array, shape (data,)
+
+        Raises
+        ------
+        DeclarationError
+            If `p` has another shape, or is no numbers.
+        """
+        found = self.evaluate(p)
+        if found.reason:
+            return np.full(len(self.data), np.inf)
+        return (found.values - self.data) / self.sigma
+
+    def reason(self, p: Any) -> str:
+        """Why there is no motion for some values; empty if there is one."""
+        return self.evaluate(p).reason
+
+    def jacobian(self, p: Any) -> Array:
+        """Derivatives of the residuals, exact across switches, corners and impacts; shape (data,
+        unknowns).
+
+        Raises
+        ------
+        NoDerivative
+            If the motion has none, or there is no motion.
+        """
+        p = self._checked(p)
+        found = self.evaluate(p)
+        if found.reason:
+            raise NoDerivative(f"there is no motion: {found.reason}")
+        parts = [self._slopes(m, found.motions[r], r) for r, m in enumerate(self.measured)]
+        return np.vstack(parts) / self.sigma[:, None]
+
+    def log_likelihood(self, p: Any) -> float:
+        """Logarithm of the likelihood of the data under independent Gaussian noise.
+
+        Of columns whose noise is not known it is the largest one over all standard deviations
+        (concentrated). With a robust loss ρ(r²) stands for r². −inf where there is no motion.
+        """
+        r = self.residuals(p)
+        if not np.all(np.isfinite(r)):
+            return -math.inf
+        known, total = self._known, 0.0
+        rho = LOSSES[self.loss](r[known] ** 2)[0]
+        log_sigma = float(np.sum(np.log(self.sigma[known])))
+        total -= 0.5 * float(np.sum(rho)) + log_sigma + 0.5 * len(rho) * math.log(2.0 * math.pi)
+        for group in self._concentrated:
+            own = self.groups == group
+            n, raw = int(own.sum()), r[own] * self.sigma[own]
+            mean = max(float(raw @ raw) / n, np.finfo(float).tiny)
+            total -= 0.5 * n * (math.log(2.0 * math.pi * mean) + 1.0)
+        return total
+
+    def log_likelihood_gradient(self, p: Any) -> Array:
+        """Its derivatives, shape (unknowns,).
+
+        Raises
+        ------
+        NoDerivative
+            If the motion has none, or there is no motion.
+        """
+        J, r = self.jacobian(p), self.residuals(p)
+        weight = LOSSES[self.loss](r**2)[1]
+        for group in self._concentrated:
+            own = self.groups == group
+            weight[own] = own.sum() / max(float(r[own] @ r[own]), np.finfo(float).tiny)
+        return -J.T @ (weight * r)
+
+    def jax(self) -> Callable[[Any], Any]:
+        """The residuals as a function of JAX with derivatives in both directions, which may be
+        part of larger ones (needs the extra ``jax``; see docs/fits-elsewhere.md).
+
+        Raises
+        ------
+        StickslipError
+            If JAX is not there.
+        """
+        from stickslip.fitting.jax_function import as_jax
+
+        return as_jax(self)
+
+    # -- motions -----------------------------------------------------------------------------------
+
+    def values_at(self, p: Array) -> tuple[dict[str, float], list[dict[str, float]]]:
+        """Parameters, and the free initial values of every recording."""
+        parameters = {**self.system.values, **self.given}
+        initial: list[dict[str, float]] = [{} for _ in self.measured]
+        for u, value in zip(self.unknowns, map(float, p), strict=True):
+            (parameters if u.record < 0 else initial[u.record])[u.name] = value
+        return parameters, initial
+
+    def evaluate(self, p: Any) -> Evaluated:
+        """The motions for some values of the unknowns, and what was measured of them."""
+        p = self._checked(p)
+        key = p.tobytes()
+        for known, found in self._kept:
+            if known == key:
+                return found
+        found = self._moved(p)
+        self._kept[:] = [(key, found), *self._kept[:1]]
+        return found
+
+    def _moved(self, p: Array) -> Evaluated:
+        parameters, initial = self.values_at(p)
+        motions = []
+        parts = []
+        try:
+            for m, free in zip(self.measured, initial, strict=True):
+                motion = m.move(parameters, free, self.rtol)
+                values = m.flat(m.of_motion(motion).values)
+                if not np.all(np.isfinite(values)):
+                    raise GivenUp("a quantity that was measured is no finite number")
+                motions.append(motion)
+                parts.append(values)
+        except GivenUp as reason:
+            return Evaluated(tuple(motions), np.zeros(0), str(reason))
+        return Evaluated(tuple(motions), np.concatenate(parts), "")
+
+    def _slopes(self, m: Measured, motion: Trajectory, r: int) -> Array:
+        """Derivatives of what was measured in a recording by the unknowns."""
+        own = [j for j, u in enumerate(self.unknowns) if u.record in (-1, r)]
+        names = [self.unknowns[j].name for j in own]
+        found = m.of_motion(motion, names)
+        slopes = m.flat(found.slopes)
+        if not np.all(np.isfinite(slopes)):
+            when, why = found.missing[0] if found.missing else (m.span[0], "it is not finite")
+            raise NoDerivative(f"no derivative from t = {when:.9g} on: {why}")
+        every = np.zeros((len(slopes), len(self.unknowns)))
+        every[:, own] = slopes
+        return every
+
+    def _checked(self, p: Any) -> Array:
+        values = np.array(p, float)
+        if values.shape != (len(self.unknowns),):
+            names = ", ".join(self.names)
+            raise DeclarationError(
+                "p", f"its shape is {values.shape}", f"Give {len(self.unknowns)} values: {names}"
+            )
+        if np.any(np.isnan(values)):
+            name = self.names[int(np.argmax(np.isnan(values)))]
+            raise DeclarationError(f"p: {name}", "it is no number", "Give one")
+        return values
+
+    @property
+    def _concentrated(self) -> list[int]:
+        """Columns of whose noise the likeliest size is taken."""
+        return self.estimated if self.loss == "linear" else []
+
+    @property
+    def _known(self) -> Array:
+        """Data whose noise counts as known."""
+        return ~np.isin(self.groups, self._concentrated)
+
+    # -- other problems ----------------------------------------------------------------------------
+
+    def with_sigma(self, sigma: Array) -> FitProblem:
+        """The same with other standard deviations."""
+        return replace(self, sigma=sigma, _kept=list(self._kept))
+
+    def first(self, share: float) -> FitProblem:
+        """The same with the first part of every recording."""
+        kept: list[Array] = []
+        parts = []
+        offset = 0
+        for m in self.measured:
+            most = max(math.ceil(share * len(m.times)), min(_LEAST, len(m.times)))
+            parts.append(m.first(most))
+            for c in m.columns:
+                kept.append(offset + np.flatnonzero(c.rows < most))
+                offset += len(c.rows)
+        sigma = self.sigma[np.concatenate(kept)]
+        return replace(self, measured=tuple(parts), sigma=sigma, _kept=[])
+
+    def held(self, j: int, value: float) -> FitProblem:
+        """The same with an unknown that is fixed."""
+        u = self.unknowns[j]
+        others = tuple(other for i, other in enumerate(self.unknowns) if i != j)
+        if u.record < 0:
+            given = {**self.given, u.name: value}
+            return replace(self, unknowns=others, given=given, _kept=[])
+        from stickslip.symbolic import expressions as ex
+
+        measured = list(self.measured)
+        m = measured[u.record]
+        measured[u.record] = replace(m, initial={**m.initial, u.name: ex.num(value)})
+        return replace(self, unknowns=others, measured=tuple(measured), _kept=[])
+
+
+def fit_problem(
+    system: System,
+    data: Any,
+    free: Mapping[str, Bounds] | Iterable[str],
+    observe: Mapping[str, str] | None = None,
+    *,
+    noise: Mapping[str, Noise] | None = None,
+    loss: Loss = "linear",
+    parameters: Mapping[str, float] | None = None,
+    initial: Mapping[str, Formula] | None = None,
+    drives: Mapping[str, str] | None = None,
+    time: str = "",
+    rtol: float = RTOL,
+) -> FitProblem:
+    """A system beside data, as a problem for any optimiser or sampler: ``residuals(p)``,
+    ``jacobian(p)``, ``log_likelihood(p)``, ``bounds``, ``start``, ``names``.
+
+    Parameters
+    ----------
+    system : System
+    data : table, Recording, or sequence of these
+        A file, a DataFrame, a Dataset, or a mapping of names to arrays; see :class:`Recording`.
+    free : mapping of str to (float, float) or None, or names
+        What is looked for: parameters, and parts of the state for their initial values (one for
+        each recording), with bounds; by default the declared ranges.
+    observe : mapping of str to str, optional
+        The quantity of the motion (or a formula of quantities) that each column is of; by default
+        columns are called as quantities are. ``t`` is the time of an event.
+    noise : mapping of str to float or str, optional
+        Standard deviation of columns, or columns in which it is. By default it is estimated.
+    loss : {"linear", "soft_l1", "huber", "cauchy"}
+        Robust ones feel less of outliers.
+    parameters : mapping of str to float, optional
+        Values that replace the defaults: where to begin, or what is known.
+    initial : mapping of str to float or str, optional
+        Initial values of all recordings; formulas of the parameters are allowed.
+    drives : mapping of str to str, optional
+        Drives that were recorded, and their columns.
+    time : str
+        Column of the time; by default ``time`` or ``t``.
+    rtol : float
+        Accuracy of the motions.
+
+    Returns
+    -------
+    FitProblem
+
+    Raises
+    ------
+    DeclarationError
+        If a column, a quantity, a name or a bound is wrong, data are constant, or there are fewer
+        data than unknowns.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import stickslip as ss
+    >>> system = ss.catalogue.forced_oscillator()
+    >>> t = np.linspace(0.0, 10.0, 50)
+    >>> data = {"t": t, "x": ss.simulate(system, (0, 10)).at(t)["x"]}
+    >>> problem = ss.fit_problem(system, data, {"F_c": (0.1, 0.9)})
+    >>> problem.jacobian(problem.start).shape
+    (50, 1)
+    """
+    if loss not in LOSSES:
+        raise DeclarationError("loss", f"there is no loss '{loss}'", suggestion(loss, LOSSES, '"'))
+    given = dict(parameters or {})
+    system.plain.declaration.check_parameters({**system.values, **given})
+    shared = {
+        "parameters": {},
+        "initial": initial or {},
+        "drives": drives or {},
+        "time": time,
+    }
+    recordings = as_recordings(data, shared)
+    for r in recordings:
+        for name in r.parameters:
+            system.plain.declaration.check_range(name, r.parameters[name])
+    measured = tuple(_read(system, r, observe, noise or {}) for r in recordings)
+    unknowns = read_unknowns(system, free, recordings, given)
+    count = sum(m.count for m in measured)
+    if count < len(unknowns):
+        raise DeclarationError(
+            "free", f"{len(unknowns)} unknowns and {count} data", "Free fewer, or measure more"
+        )
+    sigma = np.concatenate([_scale(c, measured) for m in measured for c in m.columns])
+    fixed = {name: value for name, value in given.items()}
+    return FitProblem(system, measured, unknowns, fixed, loss, sigma, rtol)
+
+
+def _read(
+    system: System,
+    recording: Recording,
+    observe: Mapping[str, str] | None,
+    noise: Mapping[str, Noise],
+) -> Measured:
+    empty = _without_motion(system)
+    columns = [str(c) for c in recording.table.columns]
+    if observe is None:
+        known = {*empty._rows, *(["t"] if recording.events else [])}
+        clock = "" if recording.events else recording.clock
+        observe = {name: name for name in columns if name in known and name != clock}
+        if not observe:
+            raise DeclarationError(
+                f"{recording.source}, observe",
+                f"no column is called like a quantity of {system.name}",
+                f'Say what they are, like {{"{_other(columns)}": "{next(iter(empty._rows))}"}}',
+            )
+    for name in noise:
+        if name not in observe:
+            raise DeclarationError(
+                f"noise.{name}", "no such column is observed", suggestion(name, observe)
+            )
+    read_observations(empty, [str(formula) for formula in observe.values()])
+    return read_recording(system, recording, observe, noise)
+
+
+def _other(columns: list[str]) -> str:
+    """A column that is not the time."""
+    return next((name for name in columns if name not in CLOCKS), "column")
+
+
+def _without_motion(system: System) -> Trajectory:
+    """A motion of no length: what its quantities are called."""
+    from stickslip.motion.outcome import Outcome
+
+    problem = pose(system)
+    layout = problem.compiled.layout
+    contacts, kinks = len(layout.u), len(layout.kinks)
+    nothing = Knots.empty(0, len(layout.state), contacts, kinks)
+    return Trajectory(problem, system.span, nothing, Outcome.FINISHED, RTOL)
+
+
+def _scale(column: Column, measured: tuple[Measured, ...]) -> Array:
+    """What the differences of a column are divided by before a fit."""
+    if column.noise is not None:
+        return column.noise
+    same = [c.values for m in measured for c in m.columns if c.name == column.name]
+    every = np.concatenate(same)
+    spread = float(np.std(every))
+    if spread <= 1e-14 * float(np.max(np.abs(every))):
+        raise DeclarationError(
+            f"column '{column.name}'",
+            f"all {len(every)} values are {every[0]:g}: nothing changes that could be explained",
+            "Leave it out, or give its noise",
+        )
+    return np.full(len(column.rows), spread)

@@ -1,0 +1,222 @@
+"""Records of measurements: columns over time, or rows of events, with what is known of each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.errors import DeclarationError, short, suggestion
+
+if TYPE_CHECKING:
+    import pandas
+
+    from stickslip.model.system import Formula
+
+CLOCKS = ("time", "t")
+HAPPENINGS = ("slips", "sticks", "closes", "opens")
+"""What may happen to a contact, as a record of events names it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Measurements of one motion, and what is known of it.
+
+    Attributes
+    ----------
+    data : table
+        A file of columns (comma, semicolon, tab or blanks between them, a line of names), a pandas
+        DataFrame, an xarray Dataset, or a mapping of names to arrays. Cells without a number are
+        gaps: a quantity is compared where it was measured.
+    parameters : mapping of str to float
+        Values that differ from those of other records, such as a speed that was set.
+    initial : mapping of str to float or str
+        Initial values; formulas of the parameters are allowed, such as ``"D_c/V"``.
+    drives : mapping of str to str
+        Drives of the system, and the columns they are in.
+    time : str
+        Column of the time; by default ``time`` or ``t``.
+    begin : float, optional
+        When the motion begins; by default at the first row.
+    end : float, optional
+        When a motion of which events were recorded ends at the latest.
+    events : str
+        If every row is an event: what it is, such as ``"ground slips"`` (or sticks, opens, closes);
+        row after row as they follow each other.
+
+    Raises
+    ------
+    DeclarationError
+        If the data are no table.
+    """
+
+    data: Any
+    parameters: Mapping[str, float] = field(default_factory=dict[str, float])
+    initial: Mapping[str, Formula] = field(default_factory=dict[str, "Formula"])
+    drives: Mapping[str, str] = field(default_factory=dict[str, str])
+    time: str = ""
+    begin: float | None = None
+    end: float | None = None
+    events: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "data", table_of(self.data))
+
+    @property
+    def table(self) -> pandas.DataFrame:
+        """The columns."""
+        return self.data
+
+    @property
+    def source(self) -> str:
+        """How messages call it."""
+        return str(self.table.attrs.get("source", "data"))
+
+    @property
+    def clock(self) -> str:
+        """The column of the time."""
+        if self.time:
+            self.column(self.time)
+            return self.time
+        names = [name for name in CLOCKS if name in self.table.columns]
+        if not names:
+            raise DeclarationError(
+                self.source,
+                "no column is called time or t",
+                "Say which one is: time='...'",
+            )
+        return names[0]
+
+    def column(self, name: str) -> Array:
+        """Numbers of a column; NaN in its gaps.
+
+        Raises
+        ------
+        DeclarationError
+            If there is no such column, or something in it is neither a number nor a gap.
+        """
+        import pandas as pd
+
+        if name not in self.table.columns:
+            known = suggestion(name, [str(c) for c in self.table.columns])
+            raise DeclarationError(self.source, f"it has no column '{short(name)}'", known)
+        given = self.table[name]
+        values = cast(Any, pd.to_numeric(given, errors="coerce")).to_numpy(float)
+        strange = np.isnan(values) & given.notna().to_numpy()
+        strange &= np.array([str(cell).strip().lower() not in ("", "nan") for cell in given])
+        if strange.any():
+            row = int(np.argmax(strange))
+            raise DeclarationError(
+                f"{self.source}, row {row + 1}, column '{short(name)}'",
+                f"'{short(str(given.iloc[row]))}' is no number",
+                "Leave the cell empty, or fill it",
+            )
+        if np.isinf(values).any():
+            row = int(np.argmax(np.isinf(values)))
+            raise DeclarationError(
+                f"{self.source}, row {row + 1}, column '{short(name)}'",
+                "it is infinite",
+                "Leave the cell empty, or fill it",
+            )
+        return values
+
+    @property
+    def happening(self) -> tuple[str, str]:
+        """Contact and what happens to it, of a record of events."""
+        contact, _, verb = self.events.rpartition(" ")
+        if not contact or verb not in HAPPENINGS:
+            raise DeclarationError(
+                f"{self.source}, events",
+                f"'{short(self.events)}' is no event",
+                "Write a contact and what it does, like 'ground slips'; it slips, sticks, closes "
+                "or opens",
+            )
+        return contact, verb
+
+
+def as_recordings(data: Any, shared: Mapping[str, Any]) -> tuple[Recording, ...]:
+    """One record or several, each with what is said of all of them where it says nothing itself.
+
+    Parameters
+    ----------
+    data : Recording, table, or sequence of these
+    shared : mapping
+        Attributes of records.
+    """
+    several = isinstance(data, Sequence) and not isinstance(data, str | PathLike)
+    items = list(cast(Sequence[Any], data)) if several else [data]
+    if not items:
+        raise DeclarationError("data", "there is no record", "Give at least one")
+    return tuple(_with(item, shared) for item in items)
+
+
+def _with(item: Any, shared: Mapping[str, Any]) -> Recording:
+    if not isinstance(item, Recording):
+        return Recording(item, **shared)
+    merged: dict[str, Any] = {}
+    for name, value in shared.items():
+        own = getattr(item, name)
+        merged[name] = {**value, **own} if isinstance(value, Mapping) else own or value
+    return Recording(
+        item.data,
+        begin=item.begin,
+        end=item.end,
+        events=item.events,
+        **merged,
+    )
+
+
+def table_of(data: Any) -> pandas.DataFrame:
+    """Data as a table.
+
+    Raises
+    ------
+    DeclarationError
+        If they are none.
+    """
+    import pandas as pd
+
+    if isinstance(data, pd.DataFrame):
+        return data
+    if isinstance(data, str | PathLike):
+        return _read(Path(data))
+    if isinstance(data, Mapping):
+        columns = {str(name): np.ravel(np.asarray(v, float)) for name, v in data.items()}
+        if len({len(v) for v in columns.values()}) > 1:
+            sizes = ", ".join(f"{name}: {len(v)}" for name, v in columns.items())
+            raise DeclarationError(
+                "data", f"its columns differ in length ({sizes})", "Give columns of one length"
+            )
+        return pd.DataFrame(columns)
+    if hasattr(data, "to_dataframe"):
+        return data.to_dataframe().reset_index()
+    raise DeclarationError(
+        "data",
+        f"{type(data).__name__} is no table",
+        "Give a file, a DataFrame, a Dataset, or a mapping of names to arrays",
+    )
+
+
+def _read(path: Path) -> pandas.DataFrame:
+    import pandas as pd
+
+    if not path.is_file():
+        raise DeclarationError(str(path), "there is no such file", "Check the path")
+    try:
+        table = pd.read_csv(path, sep=None, engine="python", comment="#", skipinitialspace=True)
+    except (ValueError, UnicodeDecodeError, pd.errors.ParserError, OSError) as error:
+        raise DeclarationError(
+            str(path),
+            f"it is no table of columns ({short(str(error))})",
+            "Save it as text: columns with a line of names",
+        ) from None
+    if table.shape[1] == 1 and " " in str(table.columns[0]).strip():
+        table = pd.read_csv(path, sep=r"\s+", comment="#")
+    table.columns = [str(name).strip() for name in table.columns]
+    table.attrs["source"] = str(path)
+    return table

@@ -1,0 +1,215 @@
+"""What is looked for: parameters and initial values, where they may be, and where to begin."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.errors import DeclarationError, suggestion
+from stickslip.model.quantities import quantity
+from stickslip.model.system import System
+
+if TYPE_CHECKING:
+    from stickslip.fitting.recording import Recording
+
+Bounds = tuple[float, float] | None
+_WIDE = 10.0  # ratio of positive bounds from which on a logarithm is searched
+_AROUND = 10.0  # factor in which starts are spread where there are no bounds
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A parameter, or an initial value of one record.
+
+    Attributes
+    ----------
+    name : str
+    low, high : float
+        Between which it is looked for.
+    start : float
+    record : int
+        Whose initial value it is; −1: a parameter, of all records.
+    label : str
+        Its name, with the number of the record if there are several.
+    unit : str
+    box : (float, float)
+        In which starts are spread.
+    logarithmic : bool
+        Whether its logarithm is searched.
+    """
+
+    name: str
+    low: float
+    high: float
+    start: float
+    record: int
+    label: str
+    unit: str
+    box: tuple[float, float]
+    logarithmic: bool
+
+    def to_search(self, value: Any) -> Any:
+        """The coordinate in which it is searched."""
+        return np.log(value) if self.logarithmic else value
+
+    def from_search(self, coordinate: Any) -> Any:
+        """Its value."""
+        return np.exp(coordinate) if self.logarithmic else coordinate
+
+    @property
+    def searched(self) -> tuple[float, float]:
+        """Bounds of that coordinate."""
+        if not self.logarithmic:
+            return self.low, self.high
+        return (math.log(self.low) if self.low > 0.0 else -math.inf, math.log(self.high))
+
+
+def read_unknowns(
+    system: System,
+    free: Mapping[str, Bounds] | Iterable[str],
+    records: tuple[Recording, ...],
+    given: Mapping[str, float],
+) -> tuple[Unknown, ...]:
+    """The unknowns of a fit.
+
+    Parameters
+    ----------
+    system : System
+    free : mapping of str to (float, float) or None, or names
+        Parameters, and components of the state for their initial values, with bounds; by default
+        the declared ranges.
+    records : tuple of Recording
+    given : mapping of str to float
+        Values of parameters that replace the defaults: where to begin.
+
+    Raises
+    ------
+    DeclarationError
+        If nothing is free, a name is unknown or also fixed in a record, or bounds are none.
+    """
+    table = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
+    if not table:
+        raise DeclarationError("free", "nothing is free", 'Name what to fit, like {"k": (1, 10)}')
+    state = list(system.declaration.state)
+    found: list[Unknown] = []
+    for name, bounds in table.items():
+        if name in system.parameters:
+            fixed = [r.source for r in records if name in r.parameters]
+            if fixed:
+                raise DeclarationError(
+                    f"free.{name}", f"{fixed[0]} gives its value", "Fix it, or leave it free"
+                )
+            found.append(_parameter(system, name, bounds, given))
+        elif name in state:
+            found += [_initial(system, name, bounds, r, records) for r in range(len(records))]
+        else:
+            known = suggestion(name, [*system.parameters, *state])
+            raise DeclarationError(
+                f"free.{name}", "no parameter, and no part of the state, has this name", known
+            )
+    return tuple(found)
+
+
+def _parameter(system: System, name: str, bounds: Bounds, given: Mapping[str, float]) -> Unknown:
+    declared = system.plain.declaration.ranges[name]
+    low, high = checked_bounds(name, bounds, (declared.low, declared.high))
+    value = float(given.get(name, system.values[name]))
+    if not low <= value <= high:
+        if name in given:
+            raise DeclarationError(
+                f"parameters.{name}",
+                f"the start {value:g} is outside of {low:g} to {high:g}",
+                "Start inside",
+            )
+        value = middle(low, high)
+    positive = low >= 0.0 and value > 0.0 and not (low == 0.0 and declared.closed[0])
+    logarithmic = positive and (low == 0.0 or high / low >= _WIDE)
+    unit = quantity(system, name).get("units", "1")
+    box = _box(low, high, value, abs(value) or 1.0)
+    return Unknown(name, low, high, value, -1, name, unit, box, logarithmic)
+
+
+def _initial(
+    system: System, name: str, bounds: Bounds, r: int, records: tuple[Recording, ...]
+) -> Unknown:
+    given = records[r].initial.get(name, system.plain.initial.get(name, 0.0))
+    if isinstance(given, str):
+        raise DeclarationError(
+            f"free.{name}",
+            f"{records[r].source} says that it begins with {given}",
+            "Leave it free, or give its initial value",
+        )
+    low, high = checked_bounds(name, bounds, (-math.inf, math.inf))
+    value = float(given)
+    if not low <= value <= high:
+        if name in records[r].initial:
+            raise DeclarationError(
+                f"initial.{name}",
+                f"the start {value:g} is outside of {low:g} to {high:g}",
+                "Start inside",
+            )
+        value = middle(low, high)
+    label = name if len(records) == 1 else f"{name}[{r + 1}]"
+    unit = quantity(system, name).get("units", "1")
+    return Unknown(name, low, high, value, r, label, unit, _box(low, high, value, 1.0), False)
+
+
+def checked_bounds(name: str, bounds: Any, declared: tuple[float, float]) -> tuple[float, float]:
+    """Bounds within the declared range."""
+    if bounds is None:
+        return declared
+    try:
+        low, high = (float(b) for b in cast(Any, bounds))
+    except (TypeError, ValueError):
+        low, high = math.nan, math.nan
+    if not low < high:
+        raise DeclarationError(
+            f"free.{name}", f"{bounds!r} are no bounds", "Give (low, high), or None"
+        )
+    if low < declared[0] or high > declared[1]:
+        raise DeclarationError(
+            f"free.{name}",
+            f"{low:g} to {high:g} leaves the declared range {declared[0]:g} to {declared[1]:g}",
+            "Give bounds inside",
+        )
+    return low, high
+
+
+def middle(low: float, high: float) -> float:
+    """A value between bounds."""
+    if math.isinf(low) or math.isinf(high):
+        return 1.0 + low if math.isfinite(low) else high - 1.0 if math.isfinite(high) else 0.0
+    return math.sqrt(low * high) if low > 0.0 and high / low >= _WIDE else 0.5 * (low + high)
+
+
+def _box(low: float, high: float, value: float, size: float) -> tuple[float, float]:
+    """Where starts are spread: the bounds, or around the start if there are none."""
+    if low >= 0.0 and value > 0.0:
+        below, above = value / _AROUND, value * _AROUND
+    else:
+        below, above = value - 2.0 * size, value + 2.0 * size
+    # A bound at zero of what is positive says nothing of its size.
+    least = low if math.isfinite(low) and not (low == 0.0 and value > 0.0) else below
+    return least, high if math.isfinite(high) else above
+
+
+def spread_starts(unknowns: tuple[Unknown, ...], count: int, seed: int) -> Array:
+    """Starts: the given one, then points of a Sobol sequence in the boxes; shape (count,
+    unknowns)."""
+    from scipy.stats import qmc
+
+    first = np.array([u.start for u in unknowns])
+    if count <= 1:
+        return first[None]
+    power = max(math.ceil(math.log2(count - 1)), 0)
+    points = qmc.Sobol(len(unknowns), rng=seed).random_base2(power)[: count - 1]
+    columns = []
+    for u, share in zip(unknowns, points.T, strict=True):
+        ends = np.asarray(u.to_search(np.array(u.box)), float)
+        columns.append(u.from_search(ends[0] + (ends[1] - ends[0]) * share))
+    return np.vstack([first, np.column_stack(columns)])
