@@ -50,7 +50,8 @@ class Screen:
         """Wait until a motion is there with its verdict, and nothing is under way."""
         self.until(
             "explorer.motion !== null && explorer.described !== null"
-            " && [...explorer.lanes.values()].every((own) => own.serial < 0 && own.waiting === null)"
+            " && [...explorer.lanes.values()]"
+            ".every((own) => own.serial < 0 && own.waiting === null)"
         )
         return self
 

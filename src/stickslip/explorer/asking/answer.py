@@ -6,7 +6,7 @@ import pickle
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, IO
+from typing import IO, Any
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError

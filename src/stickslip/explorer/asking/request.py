@@ -18,7 +18,7 @@ GIVEN = "given"  # the model that was named when the explorer was opened
 
 
 @dataclass(frozen=True)
-class Shown:
+class PageSetting:
     """A system as a page has set it.
 
     Attributes
@@ -54,7 +54,7 @@ class Request:
         A newer question of the same lane takes the place of an older one.
     what : str
         What is asked for.
-    setting : Shown
+    setting : PageSetting
     options : mapping of str to anything
         What else belongs to the question; who answers it checks it.
     """
@@ -62,7 +62,7 @@ class Request:
     serial: int
     lane: str
     what: str
-    setting: Shown
+    setting: PageSetting
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def about(self, toml: str) -> Request:
@@ -126,7 +126,7 @@ def real_number(value: object, where: str) -> float:
     return number
 
 
-def _setting(table: Mapping[str, Any]) -> Shown:
+def _setting(table: Mapping[str, Any]) -> PageSetting:
     values: dict[str, float | str] = {}
     for name, value in _entries(table, "values").items():
         text = isinstance(value, str)
@@ -136,7 +136,7 @@ def _setting(table: Mapping[str, Any]) -> Shown:
     if until is not None:
         until = real_number(until, "until")
     model = _text(table.get("model", ""), "model", 80)
-    return Shown(model, _text(table.get("toml", ""), "model file"), values, initial, until)
+    return PageSetting(model, _text(table.get("toml", ""), "model file"), values, initial, until)
 
 
 def _entries(table: Mapping[str, Any], name: str) -> Mapping[str, Any]:

@@ -13,10 +13,10 @@ from stickslip.arrays import Array
 from stickslip.display.symbols import unicode_symbol
 from stickslip.errors import DeclarationError
 from stickslip.explorer.drawings.parts import (
-    Spot,
-    Piece,
-    Scene,
     Course,
+    MovingPart,
+    Scene,
+    Spot,
     box,
     disc,
     ground,
@@ -132,7 +132,7 @@ def _ways(blocks: list[str], values: Mapping[str, Array]) -> tuple[dict[str, Arr
     return {x: scale * way for x, way in ways.items()}, scale
 
 
-def _springs(system: System, blocks: list[str], middle: Mapping[str, Array]) -> list[Piece]:
+def _springs(system: System, blocks: list[str], middle: Mapping[str, Array]) -> list[MovingPart]:
     """Springs between neighbours that the energy couples, and to the wall."""
     energy = system.declaration.potential
     found = []

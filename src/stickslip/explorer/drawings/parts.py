@@ -22,7 +22,7 @@ Spot = tuple[Course, Course]
 
 
 @dataclass(frozen=True)
-class Piece:
+class MovingPart:
     """Something that moves.
 
     Attributes
@@ -64,9 +64,9 @@ class Scene:
     bottom: float = 0.0
     follow: Course = 0.0
     about: str = ""
-    parts: list[Piece] = field(default_factory=list)
+    parts: list[MovingPart] = field(default_factory=list)
 
-    def add(self, *parts: Piece) -> None:
+    def add(self, *parts: MovingPart) -> None:
         """Put parts in front of those that are there."""
         self.parts.extend(parts)
 
@@ -77,7 +77,7 @@ class Scene:
 
         def pack(value: Course) -> float | str:
             if np.ndim(value) == 0:
-                return float(value)  # type: ignore[arg-type]
+                return float(value)
             seen = np.ascontiguousarray(value, dtype=np.float32)  # as exact as pixels
             name = names.setdefault(seen.tobytes(), f"s:{len(names)}")
             arrays[name] = seen
@@ -110,7 +110,7 @@ def polygon(
     look: str = "body",
     contact: str = "",
     smooth: bool = False,
-) -> Piece:
+) -> MovingPart:
     """A closed shape that moves and turns about its origin (anticlockwise, in radians).
 
     Parameters
@@ -124,7 +124,7 @@ def polygon(
     """
     corners = [[float(x), float(y)] for x, y in points]
     shape = {"kind": "polygon", "points": corners, "smooth": smooth}
-    return Piece(shape, {"x": at[0], "y": at[1], "turn": turn}, look, contact)
+    return MovingPart(shape, {"x": at[0], "y": at[1], "turn": turn}, look, contact)
 
 
 def box(
@@ -134,7 +134,7 @@ def box(
     turn: Course = 0.0,
     look: str = "body",
     contact: str = "",
-) -> Piece:
+) -> MovingPart:
     """A block that stands on its place.
 
     Parameters
@@ -155,10 +155,10 @@ def path(
     at: Spot = (0.0, 0.0),
     turn: Course = 0.0,
     look: str = "line",
-) -> Piece:
+) -> MovingPart:
     """An open line that moves and turns."""
     shape = {"kind": "path", "points": [[float(x), float(y)] for x, y in points]}
-    return Piece(shape, {"x": at[0], "y": at[1], "turn": turn}, look)
+    return MovingPart(shape, {"x": at[0], "y": at[1], "turn": turn}, look)
 
 
 def disc(
@@ -168,7 +168,7 @@ def disc(
     look: str = "body",
     contact: str = "",
     spokes: int = 0,
-) -> Piece:
+) -> MovingPart:
     """A disc, with spokes if its turning is to be seen.
 
     Parameters
@@ -180,25 +180,27 @@ def disc(
     spokes : int
     """
     shape = {"kind": "disc", "radius": float(radius), "spokes": spokes}
-    return Piece(shape, {"x": at[0], "y": at[1], "turn": turn}, look, contact)
+    return MovingPart(shape, {"x": at[0], "y": at[1], "turn": turn}, look, contact)
 
 
-def rod(start: Spot, end: Spot, look: str = "line", contact: str = "") -> Piece:
+def rod(start: Spot, end: Spot, look: str = "line", contact: str = "") -> MovingPart:
     """A straight line between two places."""
-    return Piece({"kind": "rod"}, _between(start, end), look, contact)
+    return MovingPart({"kind": "rod"}, _between(start, end), look, contact)
 
 
-def spring(start: Spot, end: Spot, coils: int = 7, width: float = 0.16) -> Piece:
+def spring(start: Spot, end: Spot, coils: int = 7, width: float = 0.16) -> MovingPart:
     """A spring between two places."""
-    return Piece({"kind": "spring", "coils": coils, "width": width}, _between(start, end), "spring")
+    return MovingPart(
+        {"kind": "spring", "coils": coils, "width": width}, _between(start, end), "spring"
+    )
 
 
-def arrow(start: Spot, end: Spot, look: str = "force") -> Piece:
+def arrow(start: Spot, end: Spot, look: str = "force") -> MovingPart:
     """An arrow from one place to another."""
-    return Piece({"kind": "arrow"}, _between(start, end), look)
+    return MovingPart({"kind": "arrow"}, _between(start, end), look)
 
 
-def ground(y: float = 0.0, shift: Course = 0.0, tilt: float = 0.0, contact: str = "") -> Piece:
+def ground(y: float = 0.0, shift: Course = 0.0, tilt: float = 0.0, contact: str = "") -> MovingPart:
     """The ground, with marks that show how it moves.
 
     Parameters
@@ -210,12 +212,14 @@ def ground(y: float = 0.0, shift: Course = 0.0, tilt: float = 0.0, contact: str 
         Its slope, anticlockwise.
     contact : str
     """
-    return Piece({"kind": "ground", "tilt": float(tilt)}, {"x": shift, "y": y}, "ground", contact)
+    return MovingPart(
+        {"kind": "ground", "tilt": float(tilt)}, {"x": shift, "y": y}, "ground", contact
+    )
 
 
-def label(text: str, at: Spot, look: str = "label") -> Piece:
+def label(text: str, at: Spot, look: str = "label") -> MovingPart:
     """A few letters that move along."""
-    return Piece({"kind": "label", "text": text}, {"x": at[0], "y": at[1]}, look)
+    return MovingPart({"kind": "label", "text": text}, {"x": at[0], "y": at[1]}, look)
 
 
 def _between(start: Spot, end: Spot) -> dict[str, Course]:

@@ -9,10 +9,10 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.explorer.drawings.parts import (
-    Spot,
-    Piece,
-    Scene,
     Course,
+    MovingPart,
+    Scene,
+    Spot,
     arrow,
     disc,
     ground,
@@ -68,7 +68,7 @@ def _lift(psi: Array, side: str) -> Array:
     return 0.14 * np.clip(-psi if side == "R" else psi, 0.0, 1.5)
 
 
-def _leg(hip: Course, foot: Course, lift: Course, look: str, contact: str) -> list[Piece]:
+def _leg(hip: Course, foot: Course, lift: Course, look: str, contact: str) -> list[MovingPart]:
     return [
         rod((hip, 1.12), (foot, lift + 0.12), f"leg {look}"),
         polygon(_SOLE, (foot, lift), look="sole", contact=contact),

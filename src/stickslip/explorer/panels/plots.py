@@ -23,7 +23,7 @@ from bokeh.models import (
 )
 
 if TYPE_CHECKING:
-    from bokeh.models.glyphs import Glyph
+    from bokeh.models.glyph import Glyph
 
 _LEFT = 58  # pixels beside every figure, so that those below each other agree
 
@@ -81,7 +81,12 @@ class Panel:
         across, up = BasicTicker(desired_num_ticks=7), BasicTicker(desired_num_ticks=4)
         plot.add_layout(Grid(dimension=0, ticker=across, grid_line_width=1))
         plot.add_layout(Grid(dimension=1, ticker=up, grid_line_width=1))
-        plain: dict[str, Any] = {"major_tick_in": 0, "major_tick_out": 3, "minor_tick_out": 0, "axis_line_width": 1}
+        plain: dict[str, Any] = {
+            "major_tick_in": 0,
+            "major_tick_out": 3,
+            "minor_tick_out": 0,
+            "axis_line_width": 1,
+        }
         numbers: dict[str, Any] = {
             "major_label_text_font": "system-ui, sans-serif",
             "major_label_text_font_size": "11px",
@@ -108,7 +113,12 @@ class Panel:
         return plot
 
     def glyph(
-        self, plot: Plot, name: str, columns: Sequence[str], glyph: Glyph, level: RenderLevelType = "glyph"
+        self,
+        plot: Plot,
+        name: str,
+        columns: Sequence[str],
+        glyph: Glyph,
+        level: RenderLevelType = "glyph",
     ) -> ColumnDataSource:
         """Let a figure draw a glyph from columns that are empty yet.
 

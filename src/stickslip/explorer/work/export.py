@@ -15,7 +15,7 @@ import numpy as np
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.limits import MOST_EXPORT
-from stickslip.explorer.asking.request import Request, Shown
+from stickslip.explorer.asking.request import PageSetting, Request
 from stickslip.explorer.work.systems import shown_motion, span_of, system_of
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def export(request: Request, patience: Patience) -> Iterator[Answer]:
     yield Answer({"file": name, "type": _TYPES[form]}, {"bytes": np.frombuffer(data, np.uint8)})
 
 
-def python_of(setting: Shown) -> str:
+def python_of(setting: PageSetting) -> str:
     """A script that computes the same motion."""
     system, numbers = system_of(setting)
     lines = ["import stickslip as ss", ""]
@@ -72,7 +72,7 @@ def python_of(setting: Shown) -> str:
     return "\n".join(lines) + "\n"
 
 
-def command_of(setting: Shown) -> str:
+def command_of(setting: PageSetting) -> str:
     """A command that computes the same motion."""
     system, _ = system_of(setting)
     words = ["stickslip", "run", _file(system.name) if setting.toml else setting.model]
@@ -85,7 +85,7 @@ def command_of(setting: Shown) -> str:
     return shlex.join(words)
 
 
-def toml_of(setting: Shown) -> str:
+def toml_of(setting: PageSetting) -> str:
     """A model file with these values."""
     from dataclasses import replace
 

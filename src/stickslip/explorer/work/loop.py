@@ -10,7 +10,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterator
 from importlib import import_module
-from typing import Any, IO
+from typing import IO, Any
 
 from stickslip.errors import StickslipError
 from stickslip.explorer.asking.answer import (
@@ -39,7 +39,7 @@ TASKS = {
 }
 
 
-class GivenUp(Exception):
+class NoLongerWanted(Exception):
     """Nobody waits for the answer any more."""
 
 
@@ -62,23 +62,23 @@ class Patience:
 
         Raises
         ------
-        GivenUp
+        NoLongerWanted
         """
         if self._over.is_set():
-            raise GivenUp
+            raise NoLongerWanted
 
     def pause(self, seconds: float) -> None:
         """Wait whether a newer question comes, which then comes first.
 
         Raises
         ------
-        GivenUp
+        NoLongerWanted
         """
         if self._over.wait(seconds):
-            raise GivenUp
+            raise NoLongerWanted
 
 
-Task = Callable[[Request, Patience], Iterator[Answer]]
+Answerer = Callable[[Request, Patience], Iterator[Answer]]
 
 
 def serve_pipe() -> None:
@@ -110,11 +110,11 @@ def answers(request: Request, patience: Patience) -> Iterator[Answer]:
             yield Answer({"refused": {"where": "", "reason": "nobody answers that", "remedy": ""}})
             return
         module, _, name = TASKS[request.what].partition(":")
-        work: Task = getattr(import_module(f"{_ROOM}.{module}"), name)
+        work: Answerer = getattr(import_module(f"{_ROOM}.{module}"), name)
         for answer in work(request, patience):
             yield answer
             patience.check()
-    except GivenUp:
+    except NoLongerWanted:
         return
     except StickslipError as error:
         yield refusal(error)

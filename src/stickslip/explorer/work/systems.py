@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from stickslip import catalogue
 from stickslip.errors import DeclarationError, short
 from stickslip.explorer.asking.limits import EVENTS_OF_A_PAGE
-from stickslip.explorer.asking.request import Shown
+from stickslip.explorer.asking.request import PageSetting
 from stickslip.model.system import System
 from stickslip.model.system_file import loads
 from stickslip.model.toml import parse
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
-def system_of(setting: Shown) -> tuple[System, dict[str, float]]:
+def system_of(setting: PageSetting) -> tuple[System, dict[str, float]]:
     """The system that a page looks at, and the parameters that differ from its own.
 
     Raises
@@ -38,7 +38,7 @@ def system_of(setting: Shown) -> tuple[System, dict[str, float]]:
     return system, {name: float(value) for name, value in numbers.items()}
 
 
-def shown_motion(setting: Shown, patience: Patience) -> Trajectory:
+def shown_motion(setting: PageSetting, patience: Patience) -> Trajectory:
     """The motion that a page shows.
 
     Raises
@@ -71,7 +71,7 @@ def shown_motion(setting: Shown, patience: Patience) -> Trajectory:
     return found
 
 
-def span_of(system: System, setting: Shown) -> tuple[float, float]:
+def span_of(system: System, setting: PageSetting) -> tuple[float, float]:
     """The time span that a page looks at."""
     return system.span if setting.until is None else (float(system.span[0]), setting.until)
 
