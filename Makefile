@@ -23,6 +23,8 @@ demo: .venv/ready machine-code
 	@echo "               out/spring-slider/overview.png"
 	@echo "               out/play-moving-threshold/figure-2-1.png"
 	@echo "The paper:     out/paper/index.html"
+	@echo
+	@echo "Play with it:  $(BIN)/stickslip explore"
 
 test: .venv/ready-for-tests machine-code
 	$(BIN)/ruff check .
@@ -43,7 +45,7 @@ wheel: .venv/ready
 
 .venv/ready: .venv/bin/python pyproject.toml constraints.txt
 	$(INSTALL) hatchling editables
-	$(INSTALL) --no-build-isolation --editable '.[paper]'
+	$(INSTALL) --no-build-isolation --editable '.[paper,explorer]'
 	@touch $@
 
 .venv/ready-for-tests: .venv/bin/python pyproject.toml constraints.txt

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from stickslip import catalogue, figures
     from stickslip.equations.vector_field import VectorField, vector_field
     from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
+    from stickslip.explorer.explore import explore
     from stickslip.figures.drawing import style
     from stickslip.fitting.band import Band
     from stickslip.fitting.comparing import Comparison
@@ -153,6 +154,7 @@ __all__ = [
     "continue_equilibrium",
     "equilibria",
     "evolve",
+    "explore",
     "figures",
     "find_cycle",
     "fit",
@@ -199,6 +201,7 @@ _HOMES = {
     "EvolutionModel": "rate_independent.evolution.model",
     "load_evolution": "rate_independent.evolution.evolution_file",
     "evolve": "rate_independent.evolution.evolve",
+    "explore": "explorer.explore",
     "History": "rate_independent.evolution.history",
     **dict.fromkeys(["Branch", "SpecialPoint"], "orbits.continuation.branch"),
     **dict.fromkeys(["fold_curve", "hopf_curve"], "orbits.branches.equilibrium_curves"),

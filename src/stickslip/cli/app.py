@@ -10,7 +10,7 @@ import typer
 
 from stickslip import __version__
 from stickslip.cli.added import add_commands
-from stickslip.cli.commands import evolving, fitting, orbits, sweeping
+from stickslip.cli.commands import evolving, exploring, fitting, orbits, sweeping
 from stickslip.cli.common.ending import NOT_CERTIFIED, guarded
 from stickslip.cli.common.present import Model, Out, ParameterOptions
 from stickslip.results import Summary, certificate_rows
@@ -167,6 +167,7 @@ for _name, _command in {
     "fit": fitting.fit_command,
     "sweep": sweeping.sweep_command,
     "plot": sweeping.plot_command,
+    "explore": exploring.explore_command,
 }.items():
     app.command(_name)(guarded(_command))
 add_commands(app, guarded)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from stickslip import page
 from stickslip.display.equations import Equations
 from stickslip.display.mathml import MathmlWriter, math
-from stickslip.display.symbols import unicode_symbol, unicode_unit
+from stickslip.display.symbols import is_word, symbol_parts, unicode_symbol, unicode_unit
 from stickslip.display.tree import NOUGHT, Name
 from stickslip.model.samples import Samples
 from stickslip.page import Html
@@ -24,6 +25,25 @@ def system_page(system: System) -> str:
     """What a system declares and the equations that follow from it."""
     shown = _Page(Equations(system))
     return page.whole(page.headline(system.title or system.name, system.source), *shown.sections())
+
+
+def equations_page(system: System) -> str:
+    """The equations of a system, without the tables of what it declares."""
+    return page.whole(*_Page(Equations(system)).formulas())
+
+
+def name_in_html(name: str) -> Html:
+    """The symbol of a published quantity, with what stands below and above it; ``d_x`` is a
+    rate."""
+    rate = name.startswith("d_") and len(name) > 2
+    if is_word(name[2:] if rate else name):
+        return page.text(unicode_symbol(name))
+    letter, accents, below, above = symbol_parts(name[2:] if rate else name)
+    marks = "".join({"^": "\u0302", "~": "\u0303", "¯": "\u0304"}[a] for a in accents)
+    main = page.text(unicodedata.normalize("NFC", letter + marks + ("\u0307" if rate else "")))
+    sub = f"<sub>{page.text(','.join(below))}</sub>" if below else ""
+    sup = f"<sup>{page.text(''.join(above))}</sup>" if above else ""
+    return Html(f"<i>{main}</i>{sub}{sup}")
 
 
 def law_page(law: FrictionLaw, picture: Html) -> str:
@@ -60,6 +80,14 @@ class _Page:
     def sections(self) -> Iterator[str]:
         """All there is, in the order of the page of a terminal."""
         yield self.state()
+        yield from self.formulas()
+        yield self.parameters()
+        yield self.start()
+        yield self.conditions()
+        yield self.facts()
+
+    def formulas(self) -> Iterator[str]:
+        """What it is, and what follows."""
         for title, node in (
             ("Energy", self.equations.energy),
             ("Dissipation potential", self.equations.dissipation),
@@ -70,10 +98,6 @@ class _Page:
         yield self.friction()
         yield self.jumps()
         yield self.definitions()
-        yield self.parameters()
-        yield self.start()
-        yield self.conditions()
-        yield self.facts()
 
     def symbol(self, name: str) -> Html:
         return Html(math(self.write(Name(name))))

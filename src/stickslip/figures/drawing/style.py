@@ -31,6 +31,21 @@ from matplotlib.ticker import ScalarFormatter
 
 from stickslip.display.symbols import latex_name
 from stickslip.model.units import unit_label
+from stickslip.palette import (
+    BAND,
+    BLUE,
+    GREEN,
+    LINES,
+    ORANGE,
+    PURPLE,
+    SKY,
+    SLIP,
+    STICK_LINE,
+    STICK_SHADE,
+    THRESHOLD,
+    UNSTABLE,
+    VERMILION,
+)
 
 __all__ = [
     "BAND",
@@ -56,20 +71,6 @@ __all__ = [
     "symbol",
 ]
 
-# Okabe & Ito's palette: distinct under all common forms of colour blindness, and in print.
-BLUE = "#0072B2"
-VERMILION = "#D55E00"
-GREEN = "#009E73"
-PURPLE = "#CC79A7"
-SKY = "#56B4E9"
-ORANGE = "#E69F00"
-LINES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY)
-STICK_SHADE = "#E4E4E4"
-STICK_LINE = "#222222"
-THRESHOLD = "#B8860B"
-BAND = "#F3DFA8"
-UNSTABLE = (0, (4, 2))
-SLIP = {-1: ORANGE, 1: BLUE}
 _SMALL, _LARGE = 1e-2, 1e5  # numbers on an axis, from which on powers of ten are said apart
 _LAID_OUT = 0.95  # part of the width of axes that the layout leaves them at least
 

@@ -1,0 +1,13 @@
+"""How much one page may ask for: a mistake, or malice, costs a message and not the machine."""
+
+from __future__ import annotations
+
+MOST_MESSAGE = 4_000_000  # bytes from a page in one go: a long CSV file
+MOST_TEXT = 200_000  # characters of a model file
+MOST_NAMES = 2_000  # values that a page may give
+EVENTS_OF_A_PAGE = 200_000  # of a motion
+MOST_MEMORY = 3 * 2**30  # bytes of a worker's data
+MOST_PAGES = 60  # at a time
+MOST_EXPORT = 60_000_000  # bytes of a file
+SECONDS = {"motion": 20.0}  # that a worker may take for something
+LONGEST = 300.0  # for anything else

@@ -1,0 +1,160 @@
+"""What a page asks for: something to compute, of a system as it is set there.
+
+All of it comes from outside, so it is checked here, once, before anything is done with it.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from stickslip.errors import DeclarationError, short
+from stickslip.explorer.asking.limits import MOST_MESSAGE, MOST_NAMES, MOST_TEXT
+
+GIVEN = "given"  # the model that was named when the explorer was opened
+
+
+@dataclass(frozen=True)
+class PageSetting:
+    """A system as a page has set it.
+
+    Attributes
+    ----------
+    model : str
+        A name of the catalogue, or empty if there is a text.
+    toml : str
+        The text of a model file.
+    values : mapping of str to float or str
+        Parameters, and free functions as formulas, that differ from those of the model.
+    initial : mapping of str to float
+        Initial values that differ.
+    until : float, optional
+        End of the time span.
+    """
+
+    model: str = ""
+    toml: str = ""
+    values: Mapping[str, float | str] = field(default_factory=dict)
+    initial: Mapping[str, float] = field(default_factory=dict)
+    until: float | None = None
+
+
+@dataclass(frozen=True)
+class Request:
+    """One question of a page.
+
+    Attributes
+    ----------
+    serial : int
+        Its number; an answer has the same.
+    lane : str
+        A newer question of the same lane takes the place of an older one.
+    what : str
+        What is asked for.
+    setting : PageSetting
+    options : mapping of str to anything
+        What else belongs to the question; who answers it checks it.
+    """
+
+    serial: int
+    lane: str
+    what: str
+    setting: PageSetting
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def about(self, toml: str) -> Request:
+        """The same question about the text of a model file."""
+        return replace(self, setting=replace(self.setting, model="", toml=toml))
+
+    def number(self, name: str, default: float) -> float:
+        """An option that is a number."""
+        return real_number(self.options.get(name, default), name)
+
+    def text(self, name: str, default: str = "") -> str:
+        """An option that is a text."""
+        return _text(self.options.get(name, default), name)
+
+
+def read_request(text: str) -> Request:
+    """A question as it came from a page.
+
+    Raises
+    ------
+    DeclarationError
+        If it is none.
+    """
+    if len(text) > MOST_MESSAGE:
+        raise DeclarationError("message", f"it has {len(text):,} characters", "Send less at a time")
+    try:
+        table = json.loads(text)
+        said = _table(table, "message")
+        about = _table(said.get("setting", {}), "setting")
+        serial, lane, what = said["serial"], said["lane"], said["what"]
+    except (ValueError, KeyError, RecursionError):
+        raise DeclarationError(
+            "message", "it cannot be read", "Reload the page of this program"
+        ) from None
+    if isinstance(serial, bool) or not isinstance(serial, int) or not 0 <= serial < 2**53:
+        raise DeclarationError("message", "its number is none", "Reload the page")
+    return Request(
+        serial,
+        _text(lane, "lane", 40),
+        _text(what, "what", 40),
+        _setting(about),
+        _table(said.get("options", {}), "options"),
+    )
+
+
+def real_number(value: object, where: str) -> float:
+    """A number that is one.
+
+    Raises
+    ------
+    DeclarationError
+        If it is none.
+    """
+    good = isinstance(value, int | float) and not isinstance(value, bool)
+    try:
+        number = float(value) if good else math.nan  # type: ignore[arg-type]
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise DeclarationError(where, f"'{short(str(value))}' is not a number", "Type one like 0.5")
+    return number
+
+
+def _setting(table: Mapping[str, Any]) -> PageSetting:
+    values: dict[str, float | str] = {}
+    for name, value in _entries(table, "values").items():
+        text = isinstance(value, str)
+        values[name] = _text(value, name, 4000) if text else real_number(value, name)
+    initial = {name: real_number(v, name) for name, v in _entries(table, "initial").items()}
+    until = table.get("until")
+    if until is not None:
+        until = real_number(until, "until")
+    model = _text(table.get("model", ""), "model", 80)
+    return PageSetting(model, _text(table.get("toml", ""), "model file"), values, initial, until)
+
+
+def _entries(table: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    found = _table(table.get(name, {}), name)
+    if len(found) > MOST_NAMES:
+        raise DeclarationError(name, f"there are {len(found)}", f"Give at most {MOST_NAMES}")
+    return found
+
+
+def _table(value: object, where: str) -> Mapping[str, Any]:
+    if not isinstance(value, dict):
+        raise DeclarationError(where, "it is no table", "Reload the page")
+    return value
+
+
+def _text(value: object, where: str, most: int = MOST_TEXT) -> str:
+    if not isinstance(value, str):
+        raise DeclarationError(where, f"'{short(str(value))}' is no text", "Give a text")
+    if len(value) > most:
+        raise DeclarationError(where, f"it has {len(value):,} characters", f"At most {most:,}")
+    return value

@@ -1,0 +1,45 @@
+"""Which moving picture a system has: one drawn for it, or one that every system has."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from stickslip.arrays import Array
+from stickslip.explorer.drawings.generic import generic_scene
+from stickslip.explorer.drawings.parts import Scene
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
+
+Draw = Callable[["Trajectory", Array, Mapping[str, Array]], Scene]
+_ROOM = "stickslip.explorer.drawings"
+# Systems that are drawn by hand, and where.
+DRAWN = {
+    **dict.fromkeys(
+        ["rocking_toy", "rocking_toy_inertial", "rocking_oscillator"], "toys:walking_toy"
+    ),
+}
+
+
+def scene_of(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
+    """The moving picture of a motion.
+
+    Parameters
+    ----------
+    motion : Trajectory
+    times : array, shape (n,)
+    values : mapping of str to array, shape (n,)
+        States, forces, and modes (``mode_KEY``) at these times.
+    """
+    system = motion.system
+    where = DRAWN.get(system.name)
+    if where is not None:
+        module, _, name = where.partition(":")
+        draw: Draw = getattr(import_module(f"{_ROOM}.{module}"), name)
+        try:
+            return draw(motion, times, values)
+        except KeyError:
+            pass  # a system of that name with other coordinates: somebody's own
+    return generic_scene(motion, times, values)

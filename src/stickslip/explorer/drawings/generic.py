@@ -1,0 +1,148 @@
+"""The moving picture of any system: what has a length is a block on the ground, what turns is a
+disc; contacts are the soles of what they move, springs join what the energy couples."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.display.symbols import unicode_symbol
+from stickslip.errors import DeclarationError
+from stickslip.explorer.drawings.parts import (
+    Course,
+    MovingPart,
+    Scene,
+    Spot,
+    box,
+    disc,
+    ground,
+    label,
+    rod,
+    spring,
+)
+from stickslip.model.quantities import contact_key
+from stickslip.model.system import System
+from stickslip.symbolic import expressions as ex
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
+
+_MOST = 9  # coordinates that are drawn
+_APART = 2.4  # blocks
+_REACH = 0.75  # how far a block goes from its place
+_TALL = 0.9
+_FEW = 64  # times at which a belt's speed is looked at
+
+
+def generic_scene(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
+    """A picture that every system has.
+
+    Parameters
+    ----------
+    motion : Trajectory
+    times : array, shape (n,)
+    values : mapping of str to array, shape (n,)
+    """
+    system = motion.system
+    names = [x for x in system.coordinates if x in values] or [
+        x for x in system.internal if x in values
+    ]
+    names = names[:_MOST]
+    declared = {**system.coordinates, **system.internal}
+    turning = [x for x in names if declared[x].unit == "rad"]
+    blocks = [x for x in names if x not in turning]
+    soles = soles_of(system)
+    scene = Scene(
+        max(len(names), 2) * _APART + 1.6, 3.4, -0.9, about=f"The motion of {system.name}"
+    )
+    places = {x: (i - (len(names) - 1) / 2) * _APART for i, x in enumerate([*blocks, *turning])}
+    way, scale = _ways(blocks, values)
+    carried = next((soles[x] for x in blocks if x in soles), "")
+    if blocks:
+        scene.add(ground(0.0, belt_shift(motion, carried, times) * scale, contact=""))
+    middle = {x: places[x] + way[x] for x in blocks}
+    scene.add(*_springs(system, blocks, middle))
+    for x in blocks:
+        contact = soles.get(x, "")
+        scene.add(box(1.2, _TALL, (middle[x], 0.1), look="body"))
+        scene.add(box(1.2, 0.12, (middle[x], 0.0), look="sole", contact=contact))
+        scene.add(label(unicode_symbol(x), (middle[x], 0.46)))
+    for x in turning:
+        at: Spot = (places[x], 0.75)
+        contact = soles.get(x, "")
+        scene.add(disc(0.82, at, 0.0, "sole" if contact else "light", contact))
+        scene.add(disc(0.7, at, values[x], "body", spokes=1))
+        scene.add(label(unicode_symbol(x), (places[x], 1.85)))
+    return scene
+
+
+def soles_of(system: System) -> dict[str, str]:
+    """The contact under each coordinate that one moves alone, by its name in variables."""
+    found: dict[str, str] = {}
+    for contact in system.declaration.contacts:
+        (first, *others) = contact.direction or {"": 0.0}
+        if first and not others and contact.name in system.dry_contacts:
+            found.setdefault(first, contact_key(contact.name))
+    return found
+
+
+def belt_shift(motion: Trajectory, key: str, times: Array) -> Course:
+    """How far the surface under a contact has moved."""
+    system = motion.system
+    for name, contact in system.dry_contacts.items():
+        if contact_key(name) != key or contact.surface_speed == 0.0:
+            continue
+        return followed(motion, contact.surface_speed, times)
+    return 0.0
+
+
+def followed(motion: Trajectory, speed: object, times: Array) -> Course:
+    """The way of what has a given speed, a formula of time."""
+    at = np.linspace(times[0], times[-1], _FEW)
+    try:
+        rates = np.array(
+            [motion.system.evaluate(str(speed), {**motion.parameters, "t": float(t)}) for t in at]
+        )
+    except DeclarationError:
+        return 0.0
+    if not np.all(np.isfinite(rates)):
+        return 0.0
+    steps = np.diff(at) * (rates[1:] + rates[:-1]) / 2.0
+    return np.interp(times, at, np.concatenate([[0.0], np.cumsum(steps)]))
+
+
+def valued(motion: Trajectory, formula: str, times: Array, few: int = 400) -> Array:
+    """A formula of time along a motion."""
+    at = np.linspace(times[0], times[-1], few)
+    found = [motion.system.evaluate(formula, {**motion.parameters, "t": float(t)}) for t in at]
+    return np.interp(times, at, np.array(found))
+
+
+def _ways(blocks: list[str], values: Mapping[str, Array]) -> tuple[dict[str, Array], float]:
+    """How far each block is from its place in the picture, and by what a length is multiplied."""
+    if not blocks:
+        return {}, 1.0
+    ways = {x: values[x] - np.mean(values[x][:1]) for x in blocks}
+    most = max(float(np.max(np.abs(way))) for way in ways.values())
+    scale = _REACH / most if most > 0.0 else 1.0
+    return {x: scale * way for x, way in ways.items()}, scale
+
+
+def _springs(system: System, blocks: list[str], middle: Mapping[str, Array]) -> list[MovingPart]:
+    """Springs between neighbours that the energy couples, and to the wall."""
+    energy = system.declaration.potential
+    found = []
+    for one, other in pairwise(blocks):
+        if not ex.is_number(ex.derivative(ex.derivative(energy, one), other), 0.0):
+            found.append(spring((middle[one] + 0.6, 0.55), (middle[other] - 0.6, 0.55)))
+    if blocks and not found:
+        first = blocks[0]
+        if not ex.is_number(ex.derivative(ex.derivative(energy, first), first), 0.0):
+            wall = float(np.mean(middle[first])) - 2.1
+            found.append(spring((wall, 0.55), (middle[first] - 0.6, 0.55)))
+            found.append(rod((wall, 0.0), (wall, 1.2), "wall"))
+    return found

@@ -1,0 +1,226 @@
+"""What a moving picture is made of: shapes, and the places that they take in the course of a
+motion.
+
+A place is a number, or one for each time. The page knows how to put each kind of part where it
+belongs and nothing else; what a part means stands here. Lengths are those of the picture, y runs
+upwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from stickslip.arrays import Array
+
+Course = float | Array
+"""A number, or one for each time of the motion."""
+Spot = tuple[Course, Course]
+
+
+@dataclass(frozen=True)
+class MovingPart:
+    """Something that moves.
+
+    Attributes
+    ----------
+    shape : dict
+        What it looks like; its ``kind`` is known to the page.
+    values : dict of str to Course
+        Where it is.
+    look : str
+        A class of the style sheet: ``body``, ``light``, ``dark``, ``line``, ``spring``, ``ground``.
+    contact : str
+        The contact whose stick and slip it shows by its colour.
+    """
+
+    shape: dict[str, Any]
+    values: dict[str, Course]
+    look: str = "body"
+    contact: str = ""
+
+
+@dataclass
+class Scene:
+    """A moving picture.
+
+    Attributes
+    ----------
+    width, height : float
+        What of the plane is seen.
+    bottom : float
+        Where it ends below.
+    follow : Course
+        What is in the middle, from left to right.
+    about : str
+        What the picture shows, for who does not see it.
+    """
+
+    width: float
+    height: float
+    bottom: float = 0.0
+    follow: Course = 0.0
+    about: str = ""
+    parts: list[MovingPart] = field(default_factory=list)
+
+    def add(self, *parts: MovingPart) -> None:
+        """Put parts in front of those that are there."""
+        self.parts.extend(parts)
+
+    def packed(self) -> tuple[dict[str, Any], dict[str, Array]]:
+        """The same as plain data, and its arrays by name."""
+        arrays: dict[str, Array] = {}
+        names: dict[bytes, str] = {}
+
+        def pack(value: Course) -> float | str:
+            if np.ndim(value) == 0:
+                return float(value)
+            seen = np.ascontiguousarray(value, dtype=np.float32)  # as exact as pixels
+            name = names.setdefault(seen.tobytes(), f"s:{len(names)}")
+            arrays[name] = seen
+            return name
+
+        parts = [
+            {
+                **part.shape,
+                "look": part.look,
+                "contact": part.contact,
+                "values": {name: pack(value) for name, value in part.values.items()},
+            }
+            for part in self.parts
+        ]
+        head = {
+            "width": self.width,
+            "height": self.height,
+            "bottom": self.bottom,
+            "follow": pack(self.follow),
+            "about": self.about,
+            "parts": parts,
+        }
+        return head, arrays
+
+
+def polygon(
+    points: Sequence[tuple[float, float]],
+    at: Spot = (0.0, 0.0),
+    turn: Course = 0.0,
+    look: str = "body",
+    contact: str = "",
+    smooth: bool = False,
+) -> MovingPart:
+    """A closed shape that moves and turns about its origin (anticlockwise, in radians).
+
+    Parameters
+    ----------
+    points : sequence of (float, float)
+    at : Spot
+    turn : Course
+    look, contact : str
+    smooth : bool
+        Whether a curve runs through the points.
+    """
+    corners = [[float(x), float(y)] for x, y in points]
+    shape = {"kind": "polygon", "points": corners, "smooth": smooth}
+    return MovingPart(shape, {"x": at[0], "y": at[1], "turn": turn}, look, contact)
+
+
+def box(
+    width: float,
+    height: float,
+    at: Spot,
+    turn: Course = 0.0,
+    look: str = "body",
+    contact: str = "",
+) -> MovingPart:
+    """A block that stands on its place.
+
+    Parameters
+    ----------
+    width, height : float
+    at : Spot
+        The middle of its lower side.
+    turn : Course
+    look, contact : str
+    """
+    w = width / 2
+    corners = ((-w, 0.0), (w, 0.0), (w, height), (-w, height))
+    return polygon(corners, at, turn, look, contact)
+
+
+def path(
+    points: Sequence[tuple[float, float]],
+    at: Spot = (0.0, 0.0),
+    turn: Course = 0.0,
+    look: str = "line",
+) -> MovingPart:
+    """An open line that moves and turns."""
+    shape = {"kind": "path", "points": [[float(x), float(y)] for x, y in points]}
+    return MovingPart(shape, {"x": at[0], "y": at[1], "turn": turn}, look)
+
+
+def disc(
+    radius: float,
+    at: Spot,
+    turn: Course = 0.0,
+    look: str = "body",
+    contact: str = "",
+    spokes: int = 0,
+) -> MovingPart:
+    """A disc, with spokes if its turning is to be seen.
+
+    Parameters
+    ----------
+    radius : float
+    at : Spot
+    turn : Course
+    look, contact : str
+    spokes : int
+    """
+    shape = {"kind": "disc", "radius": float(radius), "spokes": spokes}
+    return MovingPart(shape, {"x": at[0], "y": at[1], "turn": turn}, look, contact)
+
+
+def rod(start: Spot, end: Spot, look: str = "line", contact: str = "") -> MovingPart:
+    """A straight line between two places."""
+    return MovingPart({"kind": "rod"}, _between(start, end), look, contact)
+
+
+def spring(start: Spot, end: Spot, coils: int = 7, width: float = 0.16) -> MovingPart:
+    """A spring between two places."""
+    return MovingPart(
+        {"kind": "spring", "coils": coils, "width": width}, _between(start, end), "spring"
+    )
+
+
+def arrow(start: Spot, end: Spot, look: str = "force") -> MovingPart:
+    """An arrow from one place to another."""
+    return MovingPart({"kind": "arrow"}, _between(start, end), look)
+
+
+def ground(y: float = 0.0, shift: Course = 0.0, tilt: float = 0.0, contact: str = "") -> MovingPart:
+    """The ground, with marks that show how it moves.
+
+    Parameters
+    ----------
+    y : float
+    shift : Course
+        How far it has moved to the right: a belt.
+    tilt : float
+        Its slope, anticlockwise.
+    contact : str
+    """
+    return MovingPart(
+        {"kind": "ground", "tilt": float(tilt)}, {"x": shift, "y": y}, "ground", contact
+    )
+
+
+def label(text: str, at: Spot, look: str = "label") -> MovingPart:
+    """A few letters that move along."""
+    return MovingPart({"kind": "label", "text": text}, {"x": at[0], "y": at[1]}, look)
+
+
+def _between(start: Spot, end: Spot) -> dict[str, Course]:
+    return {"x": start[0], "y": start[1], "x2": end[0], "y2": end[1]}

@@ -1,0 +1,115 @@
+"""Opening the explorer: from the command line, from Python, in a notebook."""
+
+from __future__ import annotations
+
+import os
+import webbrowser
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import quote, unquote
+
+from stickslip import catalogue
+from stickslip.errors import StickslipError
+from stickslip.explorer.asking.limits import MOST_PAGES
+from stickslip.explorer.asking.request import GIVEN
+from stickslip.explorer.serving.server import HERE, Explorer, Listening
+from stickslip.progress import in_notebook
+
+if TYPE_CHECKING:
+    from stickslip.model.system import System
+
+
+def explore(
+    system: System | str | None = None, *, port: int | None = None, browser: bool | None = None
+) -> Explorer:
+    """Open the explorer on a system: a page in the browser, or in the output of a notebook's cell.
+
+    Parameters
+    ----------
+    system : System or str, optional
+        A system, a name of the catalogue, a model file, or what stands behind the # of an address
+        of the explorer. By default the page begins with its gallery.
+    port : int, optional
+        Where it listens on this machine; by default 5106, or a port that is free.
+    browser : bool, optional
+        Whether the page is opened in a browser; by default unless a notebook shows it.
+
+    Returns
+    -------
+    Explorer
+        It serves the page beside whatever else this program does, until ``close()`` is called or
+        the program ends; ``wait()`` waits until then. ``address`` is where it is.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such system.
+    StickslipError
+        If bokeh is not installed.
+    """
+    explorer = listening_explorer(system, port=port).start()
+    if not in_notebook() if browser is None else browser:
+        webbrowser.open(explorer.address)
+    return explorer
+
+
+def listening_explorer(
+    system: System | str | None,
+    *,
+    port: int | None = None,
+    host: str = HERE,
+    names: tuple[str, ...] = (),
+    most_pages: int = MOST_PAGES,
+) -> Explorer:
+    """An explorer that listens, and does not serve yet.
+
+    Parameters
+    ----------
+    system : System or str or None
+    port : int, optional
+    host : str
+        The address to listen at.
+    names : tuple of str
+        More names under which it may be asked.
+    most_pages : int
+        How many pages may be open.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such system, or the port is taken.
+    StickslipError
+        If bokeh is not installed.
+    """
+    try:
+        from importlib.metadata import version
+
+        version("bokeh")
+    except ImportError:
+        raise StickslipError(
+            "the explorer needs bokeh. Install it with: pip install 'stickslip[explorer]'"
+        ) from None
+    given, start = _start(system)
+    place = Listening(host, port, names, given, start, most_pages)
+    place.bind()
+    return Explorer(place)
+
+
+def _start(system: System | str | None) -> tuple[str, str]:
+    """The text of a model, and the state that the page begins with."""
+    if system is None:
+        return "", ""
+    if not isinstance(system, str):
+        return system.to_toml(), GIVEN
+    text = system.rpartition("#")[2]
+    model, _, rest = text.partition("?")
+    if model in ("own", GIVEN) and rest:
+        return "", text
+    name = unquote(model)
+    if name in catalogue.names():
+        return "", quote(name) + (f"?{rest}" if rest else "")
+    if name.endswith(".toml") or os.sep in name or Path(name).is_file():
+        from stickslip.model.system_file import load
+
+        return load(name).to_toml(), GIVEN + (f"?{rest}" if rest else "")
+    return "", catalogue.get(name).name  # says what is wrong

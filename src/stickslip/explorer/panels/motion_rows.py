@@ -1,0 +1,43 @@
+"""The motion over the time: a few rows below each other, with one axis of time."""
+
+from __future__ import annotations
+
+from bokeh.models import MultiLine, Range1d, Scatter, VStrip
+
+from stickslip.explorer.panels.plots import Panel
+
+ROWS = 4
+
+
+def motion_rows() -> Panel:
+    """Rows for coordinates, rates and friction forces: lines, with stick phases shaded."""
+    panel = Panel()
+    time = Range1d(start=0.0, end=1.0)
+    for row in range(ROWS):
+        name = f"motion{row}"
+        last = row == ROWS - 1
+        plot = panel.plot(name, time, "width", x_axis=last)
+        panel.glyph(
+            plot,
+            f"{name}_stick",
+            ["x0", "x1"],
+            VStrip(x0="x0", x1="x1", fill_color="#888888", fill_alpha=0.16, line_color=None),
+            "underlay",
+        )
+        panel.glyph(
+            plot,
+            f"{name}_lines",
+            ["xs", "ys", "color", "dash", "width"],
+            MultiLine(
+                xs="xs", ys="ys", line_color="color", line_width="width", line_dash="dash",
+                line_join="round",
+            ),
+        )  # fmt: skip
+        panel.glyph(
+            plot,
+            f"{name}_data",
+            ["x", "y", "color"],
+            Scatter(x="x", y="y", size=4, fill_color="color", fill_alpha=0.6, line_color=None),
+        )
+    panel.models["time"] = time
+    return panel

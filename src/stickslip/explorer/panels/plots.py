@@ -1,0 +1,151 @@
+"""What the figures of all panels share. Colours of text and grid are set by the page, which knows
+whether it is dark; nothing is heavier than what is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+from bokeh.core.enums import RenderLevelType
+from bokeh.models import (
+    BasicTicker,
+    BasicTickFormatter,
+    BoxZoomTool,
+    ColumnDataSource,
+    GlyphRenderer,
+    Grid,
+    LinearAxis,
+    Model,
+    PanTool,
+    Plot,
+    Range1d,
+    WheelZoomTool,
+)
+
+if TYPE_CHECKING:
+    from bokeh.models.glyph import Glyph
+
+_LEFT = 58  # pixels beside every figure, so that those below each other agree
+
+
+class Panel:
+    """The models of a panel, by the names under which the page finds them.
+
+    Attributes
+    ----------
+    models : dict of str to Model
+    """
+
+    def __init__(self) -> None:
+        self.models: dict[str, Model] = {}
+
+    def plot(
+        self,
+        name: str,
+        x_range: Range1d | None = None,
+        zooms: Literal["both", "width"] = "both",
+        x_axis: bool = True,
+        wheel: bool = True,
+    ) -> Plot:
+        """An empty figure that fills its place.
+
+        Parameters
+        ----------
+        name : str
+        x_range : Range1d, optional
+            One that it shares with others.
+        zooms : str
+            Which of its axes are zoomed: ``"both"`` or ``"width"``.
+        x_axis : bool
+            Whether its horizontal axis has numbers.
+        wheel : bool
+            Whether the wheel zooms.
+        """
+        plot = Plot(
+            name=name,
+            x_range=x_range or Range1d(start=0.0, end=1.0),
+            y_range=Range1d(start=0.0, end=1.0),
+            toolbar_location=None,
+            sizing_mode="stretch_both",
+            min_border_left=_LEFT,
+            min_border_right=14,
+            min_border_top=6,
+            min_border_bottom=24 if x_axis else 6,
+            background_fill_alpha=0.0,
+            border_fill_alpha=0.0,
+            outline_line_alpha=0.0,
+            lod_threshold=None,
+            match_aspect=False,
+            tags=["explorer"],
+        )
+        across, up = BasicTicker(desired_num_ticks=7), BasicTicker(desired_num_ticks=4)
+        plot.add_layout(Grid(dimension=0, ticker=across, grid_line_width=1))
+        plot.add_layout(Grid(dimension=1, ticker=up, grid_line_width=1))
+        plain: dict[str, Any] = {
+            "major_tick_in": 0,
+            "major_tick_out": 3,
+            "minor_tick_out": 0,
+            "axis_line_width": 1,
+        }
+        numbers: dict[str, Any] = {
+            "major_label_text_font": "system-ui, sans-serif",
+            "major_label_text_font_size": "11px",
+        }
+        if x_axis:
+            plot.add_layout(
+                LinearAxis(
+                    ticker=across, formatter=BasicTickFormatter(precision=6), **plain, **numbers
+                ),
+                "below",
+            )
+        plot.add_layout(
+            LinearAxis(ticker=up, formatter=BasicTickFormatter(), **plain, **numbers), "left"
+        )
+        pan = PanTool(dimensions=zooms)
+        box = BoxZoomTool(dimensions=zooms)
+        plot.add_tools(pan, box)
+        plot.toolbar.active_drag = box if zooms == "width" else pan
+        if wheel:
+            turned = WheelZoomTool(dimensions=zooms, modifiers={"ctrl": True})
+            plot.add_tools(turned)
+            plot.toolbar.active_scroll = turned
+        self.models[name] = plot
+        return plot
+
+    def glyph(
+        self,
+        plot: Plot,
+        name: str,
+        columns: Sequence[str],
+        glyph: Glyph,
+        level: RenderLevelType = "glyph",
+    ) -> ColumnDataSource:
+        """Let a figure draw a glyph from columns that are empty yet.
+
+        Parameters
+        ----------
+        plot : Plot
+        name : str
+            Of the columns, for the page.
+        columns : sequence of str
+        glyph : Glyph
+        level : str
+        """
+        source = ColumnDataSource({column: [] for column in columns})
+        plot.renderers.append(
+            GlyphRenderer(
+                data_source=source,
+                glyph=glyph,
+                level=level,
+                selection_glyph=None,
+                nonselection_glyph=None,
+                muted_glyph=None,
+            )
+        )
+        self.models[name] = source
+        return source
+
+
+def models_of(panels: Sequence[Panel]) -> Mapping[str, Model]:
+    """The models of all panels."""
+    return {name: model for panel in panels for name, model in panel.models.items()}

@@ -1,0 +1,95 @@
+"""The page as a document: figures, the wire, and the template that puts them in their places."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+from bokeh.document import Document
+from bokeh.models import CustomJS, Plot
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
+from markupsafe import Markup
+
+from stickslip import catalogue, palette
+from stickslip.explorer.panels.motion_rows import ROWS, motion_rows
+from stickslip.explorer.panels.phase_plane import phase_plane
+from stickslip.explorer.panels.plots import models_of
+from stickslip.explorer.serving.pool import WorkerPool
+from stickslip.explorer.serving.session import Session
+from stickslip.explorer.serving.wire import Wire
+
+_FILES = Path(__file__).parents[1] / "page"
+# In the order in which they need each other.
+SCRIPTS = (
+    "core",
+    "address",
+    "wire",
+    "controls",
+    "motion",
+    "phase",
+    "mechanism",
+    "clock",
+    "takeaway",
+    "start",
+)
+PANELS = (motion_rows, phase_plane)
+
+
+def page_maker(pool: WorkerPool, given: str) -> Callable[[Document], None]:
+    """What makes the document of each page.
+
+    Parameters
+    ----------
+    pool : WorkerPool
+    given : str
+        The text of a model file, if the explorer was opened with one.
+    """
+    template = _template()
+
+    def make(document: Document) -> None:
+        models = models_of([make_panel() for make_panel in PANELS])
+        wire = Wire(name="wire")
+        plots = [model for model in models.values() if isinstance(model, Plot)]
+        plots[0].tags = [wire]  # which makes it part of the document
+        with document.models.freeze():  # to look at all of them once
+            for plot in plots:
+                document.add_root(plot)
+        document.title = "stickslip explorer"
+        document.template = template
+        document.template_variables.update(
+            scripts=_scripts(),
+            styles=Markup(_read("page.css")),
+            rows=range(ROWS),
+            facts={
+                "catalogue": catalogue.names(),
+                "given": bool(given),
+                "colours": {
+                    "lines": palette.LINES,
+                    "threshold": palette.THRESHOLD,
+                    "slip+": palette.SLIP[1],
+                    "slip-": palette.SLIP[-1],
+                },
+            },
+        )
+        Session(document, wire, pool, given)
+        begin = CustomJS(args={"wire": wire, "models": models}, code="explorer.begin(wire, models)")
+        document.js_on_event("document_ready", begin)
+
+    return make
+
+
+@cache
+def _template() -> Template:
+    files = Environment(loader=FileSystemLoader(_FILES), undefined=StrictUndefined, autoescape=True)
+    return files.get_template("page.html")
+
+
+@cache
+def _scripts() -> Markup:
+    return Markup("\n".join(_read(f"{name}.js") for name in SCRIPTS))
+
+
+@cache
+def _read(name: str) -> str:
+    return (_FILES / name).read_text(encoding="utf-8")

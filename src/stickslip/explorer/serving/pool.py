@@ -1,0 +1,233 @@
+"""Worker processes, and which question goes to which.
+
+A question waits in its lane; a newer one of the same lane takes its place, and one that is being
+worked on is given up. What takes too long, or too much memory, ends with its worker, and another
+worker takes its place.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Hashable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from stickslip.errors import StickslipError
+from stickslip.explorer.asking.answer import (
+    Answer,
+    Ready,
+    Told,
+    receive_frame,
+    refusal,
+    send_frame,
+)
+from stickslip.explorer.asking.limits import LONGEST, SECONDS
+from stickslip.explorer.asking.request import Request
+
+_GRACE = 2.0  # seconds that a worker may take to give something up
+_TICK = 0.25  # seconds between looks at the clock
+_QUICK = "motion"  # a worker is kept free for this
+Reply = Callable[[Answer | None, bool], None]
+InLoop = Callable[[Callable[[], None]], Any]
+
+
+@dataclass
+class Job:
+    """A question, whose it is, and who is told the answer: its parts, then None and True."""
+
+    page: Hashable
+    request: Request
+    reply: Reply
+
+    @property
+    def lane(self) -> tuple[Hashable, str]:
+        """What a newer question takes the place of."""
+        return self.page, self.request.lane
+
+
+class Worker:
+    """A process that answers one question at a time.
+
+    Parameters
+    ----------
+    call : callable
+        Runs a function in the thread of the server.
+    heard : callable
+        Is called there with the worker and what it said; None: it has ended.
+    """
+
+    def __init__(self, call: InLoop, heard: Callable[[Worker, Any], None]) -> None:
+        self.job: Job | None = None
+        self.ready = False
+        self.given_up = False
+        self.since = time.monotonic()
+        self.last_page: Hashable = None
+        self._call = call
+        self._heard = heard
+        environment = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "stickslip.explorer.work"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            env=environment,
+            start_new_session=True,  # Ctrl-C is for the server
+        )
+        threading.Thread(target=self._listen, daemon=True).start()
+
+    def begin(self, job: Job) -> None:
+        """Work on this."""
+        self.job = job
+        self.given_up = False
+        self.since = time.monotonic()
+        self.last_page = job.page
+        self._send(job.request)
+
+    def give_up(self) -> None:
+        """Nobody waits for it any more."""
+        if not self.given_up:
+            self.given_up = True
+            self.since = time.monotonic()
+            self._send(None)
+
+    def overdue(self, now: float) -> bool:
+        """Whether it takes too long."""
+        if self.job is None:
+            return False
+        limit = _GRACE if self.given_up else SECONDS.get(self.job.request.what, LONGEST)
+        return now - self.since > limit
+
+    def end(self) -> None:
+        """Kill it."""
+        self.process.kill()
+
+    def _send(self, thing: object) -> None:
+        assert self.process.stdin is not None
+        with suppress(OSError, ValueError):  # it has ended, which its listener says
+            send_frame(self.process.stdin, thing)
+
+    def _listen(self) -> None:
+        source = self.process.stdout
+        assert source is not None
+        said: Any = True
+        while said is not None:
+            try:
+                said = receive_frame(source)
+            except (EOFError, OSError, ValueError):
+                said = None
+            self._call(lambda said=said: self._heard(self, said))
+        self.process.wait()
+        for pipe in (self.process.stdin, source):
+            with suppress(OSError):
+                if pipe is not None:
+                    pipe.close()
+
+
+class WorkerPool:
+    """Workers for all pages.
+
+    Parameters
+    ----------
+    call : callable
+        Runs a function in the thread of the server, from any thread.
+    size : int, optional
+        Number of workers; by default as many as processors, two to four.
+    """
+
+    def __init__(self, call: InLoop, size: int | None = None) -> None:
+        self._call = call
+        self._size = size or min(max(os.cpu_count() or 2, 2), 4)
+        self._waiting: dict[tuple[Hashable, str], Job] = {}
+        self._closed = False
+        self.replaced = 0
+        self.workers: list[Worker] = [self._worker()]
+
+    def ask(self, job: Job) -> None:
+        """Have a question answered as soon as a worker is free."""
+        if len(self.workers) < self._size:
+            self.workers.append(self._worker())
+        self._waiting.pop(job.lane, None)
+        self._waiting[job.lane] = job
+        for worker in self.workers:
+            if worker.job is not None and worker.job.lane == job.lane:
+                worker.give_up()
+        self._distribute()
+
+    def drop(self, page: Hashable, lane: str | None = None) -> None:
+        """Forget the questions of a page that is closed, or those of a lane."""
+        for key in [k for k in self._waiting if k[0] == page and lane in (None, k[1])]:
+            del self._waiting[key]
+        for worker in self.workers:
+            if worker.job and worker.job.page == page and lane in (None, worker.job.request.lane):
+                worker.give_up()
+
+    def tick(self) -> None:
+        """End what takes too long; to be called now and then."""
+        now = time.monotonic()
+        for worker in self.workers:
+            if worker.overdue(now):
+                worker.end()
+
+    def close(self) -> None:
+        """End all workers."""
+        self._closed = True
+        for worker in self.workers:
+            worker.end()
+
+    @property
+    def tick_every(self) -> float:
+        """Seconds between two ticks."""
+        return _TICK
+
+    def _worker(self) -> Worker:
+        return Worker(self._call, self._heard)
+
+    def _distribute(self) -> None:
+        """Give waiting questions to workers that are free: first to those that know the page."""
+        for lane, job in list(self._waiting.items()):
+            free = [w for w in self.workers if w.job is None and w.ready]
+            slow = job.request.what != _QUICK
+            if not free or (slow and len(free) == 1 and self._size > 1 and self._one_is_slow()):
+                continue
+            worker = next((w for w in free if w.last_page == job.page), free[0])
+            del self._waiting[lane]
+            worker.begin(job)
+
+    def _one_is_slow(self) -> bool:
+        """Whether a worker is busy with what may take long."""
+        return any(w.job is not None and w.job.request.what != _QUICK for w in self.workers)
+
+    def _heard(self, worker: Worker, said: Any) -> None:
+        if self._closed or worker not in self.workers:
+            return
+        match said:
+            case Ready():
+                worker.ready = True
+            case Told(answer=answer, final=final) if worker.job is not None:
+                if not worker.given_up:
+                    worker.job.reply(answer, final)
+                if final:
+                    worker.job = None
+            case None:
+                self._replace(worker)
+        self._distribute()
+
+    def _replace(self, worker: Worker) -> None:
+        """A worker has ended: say so, and start another one."""
+        job = worker.job
+        self.workers.remove(worker)
+        self.replaced += 1
+        self.workers.append(self._worker())
+        if job is None or worker.given_up:
+            return
+        took_long = worker.overdue(time.monotonic())
+        reason = "it took too long" if took_long else "its worker ended"
+        error = StickslipError(f"{reason}; another worker has taken its place")
+        answer = refusal(error)
+        job.reply(Answer({**answer.head, "lost": True}), False)
+        job.reply(None, True)

@@ -1,0 +1,212 @@
+"""The server: listens, says where, and opens the page."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import secrets
+import signal
+import threading
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from tornado.httpserver import HTTPServer
+from tornado.ioloop import IOLoop, PeriodicCallback
+from tornado.netutil import bind_sockets
+
+from stickslip.errors import DeclarationError
+from stickslip.explorer.asking.limits import MOST_MESSAGE, MOST_PAGES
+from stickslip.explorer.serving.pool import WorkerPool
+
+if TYPE_CHECKING:
+    from socket import socket
+
+
+HERE = "127.0.0.1"
+_PORT = 5106  # tried first, so that links in a notebook or a lecture stay the same
+_KEEP = 4_000  # ms that the work of a page whose connection broke is kept
+_CHECK = 1_500  # ms
+
+
+@dataclass
+class Listening:
+    """Where the explorer listens, and what it shows.
+
+    Attributes
+    ----------
+    host : str
+    port : int
+        0: one that is free.
+    names : tuple of str
+        More names under which it may be asked.
+    given : str
+        The text of a model file to begin with.
+    start : str
+        The state to begin with, as it stands behind the # of an address.
+    most_pages : int
+        How many pages may be open.
+    """
+
+    host: str = HERE
+    port: int | None = None
+    names: tuple[str, ...] = ()
+    given: str = ""
+    start: str = ""
+    most_pages: int = MOST_PAGES
+    sockets: list[socket] = field(default_factory=list)
+    token: str = ""
+
+    def bind(self) -> None:
+        """Take the port.
+
+        Raises
+        ------
+        DeclarationError
+            If that is not possible.
+        """
+        wanted = [_PORT, 0] if self.port is None else [self.port]
+        reason = ""
+        for port in wanted:
+            try:
+                self.sockets = bind_sockets(port, self.host)
+                break
+            except OSError as error:
+                reason = error.strerror or str(error)
+                continue
+        else:
+            raise DeclarationError(
+                "--port" if self.port else "--host",
+                f"{self.host}:{wanted[-1]} cannot be listened at ({reason})",
+                "Choose another one, or leave it out",
+            )
+        self.token = secrets.token_urlsafe(16)
+
+    @property
+    def address(self) -> str:
+        """What to open."""
+        port = self.sockets[0].getsockname()[1]
+        anywhere = self.host in ("0.0.0.0", "::", "")
+        name = (self.names[0] if self.names else HERE) if anywhere else self.host
+        shown = f"[{name}]" if ":" in name else name
+        return f"http://{shown}:{port}/{self.token}/" + (f"#{self.start}" if self.start else "")
+
+
+class Explorer:
+    """A running explorer; in a notebook it shows the page.
+
+    Attributes
+    ----------
+    address : str
+    """
+
+    def __init__(self, place: Listening) -> None:
+        self.address = place.address
+        self._place = place
+        self._loop: IOLoop | None = None
+        self._ended = threading.Event()
+        self._ready = threading.Event()
+        self.pool: WorkerPool | None = None
+
+    def __repr__(self) -> str:
+        return f"<Explorer at {self.address}>"
+
+    def _repr_html_(self) -> str:
+        return (
+            f'<iframe src="{self.address}" title="stickslip explorer" width="100%" height="820" '
+            'style="border:1px solid #8884;border-radius:8px"></iframe>'
+            f'<p><a href="{self.address}" target="_blank">in a tab of its own</a></p>'
+        )
+
+    def serve(self) -> None:
+        """Serve pages until :meth:`close` is called, or the program is interrupted."""
+        asyncio.run(self._serve())
+
+    def start(self) -> Explorer:
+        """Serve pages beside whatever else this program does."""
+        threading.Thread(target=self.serve, daemon=True).start()
+        self._ready.wait(30.0)
+        return self
+
+    def close(self) -> None:
+        """End it."""
+        loop = self._loop
+        if loop is not None and not self._ended.is_set():
+            loop.add_callback(self._end)
+            self._ended.wait(10.0)
+
+    def wait(self) -> None:
+        """Wait until it has ended."""
+        self._ended.wait()
+
+    def _end(self) -> None:
+        self._over.set()
+
+    async def _serve(self) -> None:
+        self._loop = IOLoop.current()
+        self._over = asyncio.Event()
+        if threading.current_thread() is threading.main_thread():
+            for name in ("SIGINT", "SIGTERM"):
+                _on_signal(name, self._over.set)
+        self.pool = pool = WorkerPool(self._loop.add_callback)
+        ticks = PeriodicCallback(pool.tick, 1000.0 * pool.tick_every)
+        ticks.start()
+        try:
+            # Bokeh takes most of a second to load; the workers load beside it.
+            server, application = await asyncio.to_thread(_application, self._place, pool)
+            server.add_sockets(self._place.sockets)
+            application.initialize(self._loop)
+            application.start()
+            self._ready.set()
+            await self._over.wait()
+            server.stop()
+            application.stop(wait=False)
+            await server.close_all_connections()
+        finally:
+            ticks.stop()
+            pool.close()
+            self._ready.set()
+            self._ended.set()
+
+
+def _on_signal(name: str, act: Callable[[], None]) -> None:
+    """Do something when a signal comes, where the system has it."""
+    with suppress(NotImplementedError, AttributeError):
+        asyncio.get_running_loop().add_signal_handler(getattr(signal, name), act)
+
+
+def _application(place: Listening, pool: WorkerPool):
+    """Bokeh's application, and what listens for it."""
+    from bokeh.application import Application
+    from bokeh.application.handlers.function import FunctionHandler
+
+    from stickslip.explorer.serving.document import page_maker
+    from stickslip.explorer.serving.doors import Doors, Guarded
+
+    logging.getLogger("bokeh").setLevel(logging.CRITICAL)
+    for name in ("tornado.access", "tornado.application", "tornado.general"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    doors = Doors(_names(place))
+    doors.token = place.token
+    make = page_maker(pool, place.given)
+    port = place.sockets[0].getsockname()[1]
+    application = Guarded(
+        {"/": Application(FunctionHandler(make))},
+        doors=doors,
+        most_pages=place.most_pages,
+        extra_websocket_origins=[f"{name}:{port}" for name in doors.names],
+        secret_key=secrets.token_bytes(32),
+        sign_sessions=True,
+        generate_session_ids=True,
+        unused_session_lifetime_milliseconds=_KEEP,
+        check_unused_sessions_milliseconds=_CHECK,
+        websocket_max_message_size_bytes=2 * MOST_MESSAGE,
+        use_index=False,
+    )
+    return HTTPServer(application, max_body_size=100_000), application
+
+
+def _names(place: Listening) -> Iterable[str]:
+    local = place.host in (HERE, "0.0.0.0", "::", "")
+    return [*place.names, *([] if local else [place.host])]

@@ -1,0 +1,14 @@
+"""The one model that page and server share beside the figures: what is asked, what is said."""
+
+from __future__ import annotations
+
+from bokeh.core.properties import Any, String
+from bokeh.model import DataModel
+
+
+class Wire(DataModel):
+    """What is asked is JSON. What is said is a pair: JSON, and the bytes of all its arrays in one
+    piece, since each piece takes messages of its own."""
+
+    asked = String(default="")
+    said = Any(default=None)

@@ -1,0 +1,152 @@
+"""The loop of a worker: one question at a time, which can be given up while it is worked on."""
+
+from __future__ import annotations
+
+import os
+import queue
+import signal
+import sys
+import threading
+import warnings
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from typing import IO, Any
+
+from stickslip.errors import StickslipError
+from stickslip.explorer.asking.answer import (
+    Answer,
+    Ready,
+    Told,
+    receive_frame,
+    refusal,
+    send_frame,
+)
+from stickslip.explorer.asking.limits import MOST_MEMORY
+from stickslip.explorer.asking.request import Request
+
+_ROOM = "stickslip.explorer.work"
+# Who answers what; a file is imported when it is first asked.
+TASKS = {
+    "model": "model:describe_model",
+    "motion": "motion:move",
+    "plane": "plane:long_run_in_plane",
+    "branch": "branches:follow_branches",
+    "map": "maps:fill_map",
+    "friction": "friction:effective_friction",
+    "data": "data:compare_data",
+    "export": "export:export",
+    "gallery": "gallery:draw_gallery",
+}
+
+
+class NoLongerWanted(Exception):
+    """Nobody waits for the answer any more."""
+
+
+class Patience:
+    """Whether somebody still waits; what computes for long asks now and then."""
+
+    def __init__(self) -> None:
+        self._over = threading.Event()
+
+    def renew(self) -> None:
+        """Somebody waits."""
+        self._over.clear()
+
+    def end(self) -> None:
+        """Nobody does."""
+        self._over.set()
+
+    def check(self, *_: object) -> None:
+        """Give up what nobody waits for; the listener of a computation's progress.
+
+        Raises
+        ------
+        NoLongerWanted
+        """
+        if self._over.is_set():
+            raise NoLongerWanted
+
+    def pause(self, seconds: float) -> None:
+        """Wait whether a newer question comes, which then comes first.
+
+        Raises
+        ------
+        NoLongerWanted
+        """
+        if self._over.wait(seconds):
+            raise NoLongerWanted
+
+
+Answerer = Callable[[Request, Patience], Iterator[Answer]]
+
+
+def serve_pipe() -> None:
+    """Answer until the pipe is closed."""
+    source, sink = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    # Whatever else is printed goes nowhere near the answers.
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+    os.dup2(2, 1)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which closes the pipe
+    warnings.simplefilter("ignore")
+    limit_memory()
+    patience = Patience()
+    questions: queue.SimpleQueue[Request | None] = queue.SimpleQueue()
+    threading.Thread(target=_listen, args=(source, questions, patience), daemon=True).start()
+    import_module(f"{_ROOM}.motion")
+    send_frame(sink, Ready())
+    while (request := questions.get()) is not None:
+        patience.renew()
+        for answer in answers(request, patience):
+            send_frame(sink, Told(request.serial, answer))
+        send_frame(sink, Told(request.serial, None, final=True))
+    os._exit(0)  # not waiting for anything
+
+
+def answers(request: Request, patience: Patience) -> Iterator[Answer]:
+    """The parts of an answer, or what is wrong with the question; never an exception."""
+    try:
+        if request.what not in TASKS:
+            yield Answer({"refused": {"where": "", "reason": "nobody answers that", "remedy": ""}})
+            return
+        module, _, name = TASKS[request.what].partition(":")
+        work: Answerer = getattr(import_module(f"{_ROOM}.{module}"), name)
+        for answer in work(request, patience):
+            yield answer
+            patience.check()
+    except NoLongerWanted:
+        return
+    except StickslipError as error:
+        yield refusal(error)
+    except MemoryError:
+        yield refusal(StickslipError("this takes more memory than a page may have"))
+    except RecursionError:
+        yield refusal(StickslipError("a formula is nested too deeply"))
+    except Exception as error:
+        print(repr(error), file=sys.stderr)
+        yield refusal(
+            StickslipError(f"a mistake of ours, please report it ({type(error).__name__}: {error})")
+        )
+
+
+def limit_memory() -> None:
+    """Let this process have so much memory and no more, where the system knows how."""
+    try:
+        import resource
+    except ImportError:
+        return
+    resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, MOST_MEMORY))
+
+
+def _listen(source: IO[bytes], questions: queue.SimpleQueue[Any], patience: Patience) -> None:
+    """Take questions from the pipe; None means that the last one is no longer of interest."""
+    try:
+        while True:
+            said = receive_frame(source)
+            if said is None:
+                patience.end()
+            else:
+                questions.put(said)
+    except (EOFError, OSError):
+        patience.end()
+        questions.put(None)

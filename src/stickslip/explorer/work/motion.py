@@ -1,0 +1,169 @@
+"""The motion of a system: its lines, its stick phases, a moving picture, then its certificate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.display.symbols import unicode_symbol, unicode_unit
+from stickslip.display.system_page import name_in_html
+from stickslip.errors import DeclarationError
+from stickslip.explorer.asking.answer import Answer
+from stickslip.explorer.asking.request import Request
+from stickslip.explorer.drawings.draw import scene_of
+from stickslip.explorer.work.pixels import seen_times
+from stickslip.explorer.work.systems import shown_motion
+from stickslip.model.quantities import contact_key, quantity
+
+if TYPE_CHECKING:
+    from stickslip.explorer.work.loop import Patience
+    from stickslip.motion.trajectory import Trajectory
+    from stickslip.results import Result
+
+_MOST_LINES = 40  # that go to a page
+_SOON = 0.04  # seconds in which a newer motion may be asked for before this one is certified
+_STICKS = 0
+
+
+def move(request: Request, patience: Patience) -> Iterator[Answer]:
+    """The motion that a page shows; a moment later, if nothing newer is asked for, its
+    certificate."""
+    motion = shown_motion(request.setting, patience)
+    yield _seen(motion, _window(request, motion))
+    if request.options.get("window") is None:
+        patience.pause(_SOON)
+        yield Answer(verdict(motion))
+
+
+def verdict(result: Result) -> dict[str, Any]:
+    """What a result of any kind says of itself, for the line that is always visible."""
+    said = result.summary()
+    c = result._said.certificate
+    return {
+        "part": "verdict",
+        "title": said.title,
+        "rows": [list(row) for row in said.rows],
+        "good": said.good,
+        "certified": bool(c.ok),
+        "verdict": c.verdict,
+        "outcome": result._said.outcome.label,
+        "message": result._said.message,
+        "residuals": [
+            {
+                "name": r.name,
+                "value": r.value,
+                "limit": r.limit if r.judged else None,
+                "ok": r.ok,
+                "note": r.note,
+            }
+            for r in c.residuals
+        ],
+    }
+
+
+def _window(request: Request, motion: Trajectory) -> tuple[float, float] | None:
+    """The part of the time that a page asks for, if it asks for one."""
+    given = request.options.get("window")
+    if given is None:
+        return None
+    first, last = float(motion.knots.time[0]), float(motion.knots.time[-1])
+    if not (isinstance(given, list) and len(given) == 2):
+        raise DeclarationError("window", "it is none", "Zoom into the motion")
+    low, high = (min(max(float(end), first), last) for end in given)
+    if not low < high:
+        raise DeclarationError("window", "nothing of the motion is in it", "Zoom into the motion")
+    return low, high
+
+
+def _seen(motion: Trajectory, window: tuple[float, float] | None) -> Answer:
+    """What is drawn of a motion."""
+    groups = _groups(motion)
+    names = list(dict.fromkeys(name for group in groups for name in group["names"]))
+    times, index, values = seen_times(motion, names, window)
+    arrays: dict[str, Array] = {"t": times, **{f"q:{name}": v for name, v in values.items()}}
+    arrays |= {f"mode:{key}": mode[index].astype(np.int32) for key, mode in motion.modes.items()}
+    arrays |= _stick_phases(motion)
+    head: dict[str, Any] = {
+        "part": "motion",
+        "span": list(motion.t_span),
+        "end": float(motion.knots.time[-1]),
+        "window": list(window) if window else None,
+        "outcome": motion.outcome.label,
+        "complete": motion.outcome.ok,
+        "message": motion.message,
+        "warnings": motion.warnings,
+        "switches": motion.n_switches,
+        "seconds": motion.wall_time,
+        "groups": groups,
+        "states": list(motion.final),
+        "symbols": {name: str(name_in_html(name)) for name in names},
+        "units": {name: unit_of(motion, name) for name in names},
+        "plain": {name: unicode_symbol(name) for name in names},
+        "time_unit": unicode_unit(motion.system.time_unit),
+    }
+    if window is None:
+        scene = scene_of(motion, times, {**values, **_modes(arrays)})
+        head["scene"], more = scene.packed()
+        arrays |= more
+    return Answer(head, arrays)
+
+
+def _modes(arrays: dict[str, Array]) -> dict[str, Array]:
+    return {f"mode_{k[5:]}": v for k, v in arrays.items() if k.startswith("mode:")}
+
+
+def unit_of(motion: Trajectory, name: str) -> str:
+    """The unit of a quantity, as it is printed."""
+    return unicode_unit(quantity(motion.system, name).get("units", ""))
+
+
+def _groups(motion: Trajectory) -> list[dict[str, Any]]:
+    """Which lines belong together: quantities of a kind and a unit, and each friction force with
+    its thresholds."""
+    system = motion.system
+    coordinates = list(system.coordinates)
+    known = motion.final
+    rates = [f"d_{x}" for x in coordinates if f"d_{x}" in known]
+    others = [name for name in known if name not in coordinates and name not in rates]
+    groups: list[dict[str, Any]] = []
+    for kind, names in (("coordinate", coordinates), ("rate", rates), ("internal", others)):
+        by_unit: dict[str, list[str]] = {}
+        for name in names[:_MOST_LINES]:
+            by_unit.setdefault(unit_of(motion, name), []).append(name)
+        groups += [{"kind": kind, "names": own, "unit": unit} for unit, own in by_unit.items()]
+    for contact in system.dry_contacts:
+        key = contact_key(contact)
+        if key not in motion.modes or len(groups) > _MOST_LINES:
+            continue
+        names = [f"friction_{key}", f"threshold_plus_{key}", f"threshold_minus_{key}"]
+        group = {"kind": "friction", "names": names, "unit": unit_of(motion, names[0])}
+        groups.append(group | {"contact": key, "title": contact})
+    return groups
+
+
+def _stick_phases(motion: Trajectory) -> dict[str, Array]:
+    """Begins and ends of the stick phases of each contact, and of those in which all stick, exactly
+    as they were found; and all switches."""
+    knots = motion.knots.time
+    found: dict[str, Array] = {}
+    every = np.ones(len(knots), bool)
+    changes = np.zeros(len(knots), bool)
+    for key, mode in motion.modes.items():
+        sticks = mode == _STICKS
+        every &= sticks
+        changes[1:] |= mode[1:] != mode[:-1]
+        found[f"stick:{key}"] = _runs(knots, sticks)
+    if motion.modes:
+        found["stick"] = _runs(knots, every)
+    found["switches"] = knots[changes]
+    return found
+
+
+def _runs(knots: Array, holds: Array) -> Array:
+    """Begins and ends of the times in which something holds from knots on, flattened."""
+    padded = np.concatenate([[False], holds[:-1], [False]]).astype(np.int8)
+    edges = np.flatnonzero(np.diff(padded))
+    return knots[edges]

@@ -1,0 +1,110 @@
+"""The systems that pages look at, kept for a while: a drag asks for the same one many times."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+from stickslip import catalogue
+from stickslip.errors import DeclarationError, short
+from stickslip.explorer.asking.limits import EVENTS_OF_A_PAGE
+from stickslip.explorer.asking.request import PageSetting
+from stickslip.model.system import System
+from stickslip.model.system_file import loads
+from stickslip.model.toml import parse
+
+if TYPE_CHECKING:
+    from stickslip.explorer.work.loop import Patience
+    from stickslip.motion.trajectory import Trajectory
+
+
+def system_of(setting: PageSetting) -> tuple[System, dict[str, float]]:
+    """The system that a page looks at, and the parameters that differ from its own.
+
+    Raises
+    ------
+    DeclarationError
+        If there is none, or something in it is wrong.
+    """
+    system = _declared(setting.model, setting.toml)
+    numbers = {n: v for n, v in setting.values.items() if n in system.parameters}
+    formulas = {n: v for n, v in setting.values.items() if n not in system.parameters}
+    for name, value in numbers.items():
+        if isinstance(value, str):
+            raise DeclarationError(name, f"'{short(value)}' is not a number", "Type one like 0.5")
+    if formulas:
+        system = _configured(setting.model, setting.toml, tuple(sorted(formulas.items())))
+    return system, {name: float(value) for name, value in numbers.items()}
+
+
+def shown_motion(setting: PageSetting, patience: Patience) -> Trajectory:
+    """The motion that a page shows.
+
+    Raises
+    ------
+    DeclarationError
+        If the setting is wrong.
+    """
+    key = (
+        setting.model,
+        setting.toml,
+        tuple(sorted(setting.values.items())),
+        tuple(sorted(setting.initial.items())),
+        setting.until,
+    )
+    if (found := _MOTIONS.get(key)) is None:
+        from stickslip.motion.simulate import simulate
+
+        system, numbers = system_of(setting)
+        found = simulate(
+            system,
+            span_of(system, setting),
+            initial=setting.initial,
+            parameters=numbers,
+            max_events=EVENTS_OF_A_PAGE,
+            progress=patience.check,
+        )
+        while len(_MOTIONS) >= _KEPT:
+            del _MOTIONS[next(iter(_MOTIONS))]
+        _MOTIONS[key] = found
+    return found
+
+
+def span_of(system: System, setting: PageSetting) -> tuple[float, float]:
+    """The time span that a page looks at."""
+    return system.span if setting.until is None else (float(system.span[0]), setting.until)
+
+
+_KEPT = 8
+_MOTIONS: dict[tuple[object, ...], Trajectory] = {}
+
+
+def values_of(system: System, given: Mapping[str, float]) -> dict[str, float]:
+    """All parameters of a system."""
+    return {**system.values, **given}
+
+
+@lru_cache(maxsize=64)
+def _declared(model: str, toml: str) -> System:
+    if toml:
+        _check_no_files(toml)
+        return loads(toml, "model file")
+    return catalogue.get(model)
+
+
+@lru_cache(maxsize=64)
+def _configured(model: str, toml: str, formulas: tuple[tuple[str, float | str], ...]) -> System:
+    return _declared(model, toml).configure(dict(formulas))
+
+
+def _check_no_files(toml: str) -> None:
+    """Refuse a model that would read a file of this machine: it came from a page."""
+    drives = parse(toml).get("drives", {})
+    for name, drive in drives.items() if isinstance(drives, dict) else ():
+        if isinstance(drive, dict) and "file" in drive:
+            raise DeclarationError(
+                f"drives.{name}",
+                "a model from the page reads no files",
+                "Name it when you open the explorer: stickslip explore mine.toml",
+            )

@@ -1,0 +1,322 @@
+"""The page in a real browser: what is dragged, clicked, typed and shared, and what is drawn."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from urllib.parse import unquote
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.testing import assert_allclose
+
+import stickslip as ss
+from explorer.browsing import ActionChains, By, Keys, Screen
+from stickslip.explorer.serving.server import Explorer
+
+
+@pytest.fixture
+def screen(chromium, explorer: Explorer) -> Iterator[Screen]:
+    """The page; afterwards its console has no errors, and nothing was asked of anybody else."""
+    page = Screen(chromium, explorer.address)
+    page.drain()
+    yield page
+    said, asked = page.drain()
+    assert said == []
+    assert asked
+    assert page.strangers(asked) == []
+
+
+def assert_drawn(screen: Screen, motion: ss.Trajectory) -> None:
+    """What the page has drawn is this motion: all its switches, and the numbers at all times."""
+    t = screen.numbers("explorer.motion.t")
+    assert np.isin(motion.knots.time, t).all()
+    values = motion.at(t)
+    index = np.searchsorted(motion.knots.time, t, side="right") - 1
+    smooth = np.append(np.diff(index) == 0, False)  # not at jumps, of which one side is drawn
+    for name in motion.final:
+        drawn = screen.numbers(f"explorer.motion.q['{name}']")
+        size = np.abs(values[name]).max() or 1.0
+        assert_allclose(drawn[smooth], values[name][smooth], rtol=0, atol=1e-6 * size)
+    lines = screen.js("explorer.model('motion3_lines').data.xs.length ?? 1")
+    assert lines
+
+
+def test_a_motion_is_drawn_as_it_is_computed(screen: Screen) -> None:
+    screen.open("rocking_toy?P=1.2&psi@=0.7&until=80").motion()
+    toy = ss.catalogue.rocking_toy()
+    expected = ss.simulate(toy, (0.0, 80.0), initial={"psi": 0.7}, parameters={"P": 1.2})
+    assert_drawn(screen, expected)
+    assert screen.js("explorer.motion.head.switches") == expected.n_switches
+    assert "certified" in screen.element("#verdict-text").text
+    assert "not" not in screen.element("#verdict-text").text
+    figure = screen.js("explorer.view(explorer.model('phase')).frame.bbox.width")
+    assert figure > 200
+
+
+def test_dragging_a_slider(screen: Screen) -> None:
+    """Pointer events move the slider; what is drawn then is the motion of that value."""
+    screen.open("belt_block").motion()
+    screen.js("explorer.redraws.length = 0, 0")
+    screen.drag("#values-V-slider", 30)
+    screen.motion()
+    speed = screen.js("explorer.state.values.V")
+    assert speed != ss.catalogue.belt_block().values["V"]
+    assert screen.js("explorer.redraws.length") >= 3  # while it was dragged
+    assert_drawn(screen, ss.simulate(ss.catalogue.belt_block(V=speed)))
+    assert screen.js("Number(document.getElementById('values-V').value)") == pytest.approx(speed)
+
+
+def test_a_value_is_typed(screen: Screen) -> None:
+    screen.open("belt_block").motion()
+    box = screen.element("#values-V")
+    box.send_keys(Keys.CONTROL, "a")
+    box.send_keys("1/8", Keys.ENTER)
+    screen.until("explorer.state.values.V === 0.125")
+    screen.motion()
+    assert_drawn(screen, ss.simulate(ss.catalogue.belt_block(V=0.125)))
+    box.send_keys(Keys.CONTROL, "a")
+    box.send_keys("fast", Keys.ENTER)
+    assert screen.js("document.querySelector('.row[data-name=V]').classList.contains('wrong')")
+    assert screen.js("explorer.state.values.V") == 0.125
+
+
+def test_a_click_into_the_phase_plane_starts_there(screen: Screen) -> None:
+    screen.open("belt_block").motion()
+    place = screen.element("section.phase .hold")
+    ActionChains(screen.driver).move_to_element_with_offset(place, 40, -50).click().perform()
+    screen.until("'x' in explorer.state.initial && 'd_x' in explorer.state.initial")
+    screen.motion()
+    initial = screen.js("explorer.state.initial")
+    box = screen.js(
+        "((f) => [f.box.left, f.box.top, f.box.width, f.box.height, f.plot.x_range.start,"
+        " f.plot.x_range.end, f.plot.y_range.start, f.plot.y_range.end])(explorer.frame('phase'))"
+    )
+    assert len(box) == 8
+    expected = ss.simulate(ss.catalogue.belt_block(), initial=initial)
+    assert_drawn(screen, expected)
+    assert screen.numbers("explorer.motion.q.x")[0] == pytest.approx(initial["x"])
+
+
+def test_a_stale_answer_is_never_drawn(screen: Screen) -> None:
+    """While values change faster than they can be answered, the last one stays."""
+    screen.open("rocking_toy").motion()
+    for value in np.linspace(0.9, 1.3, 41):
+        screen.js(f"explorer.change('drag', (s) => {{ s.values.P = {value:.3f} }})")
+    screen.js("explorer.change('set', (s) => { s.values.P = 1.1 })")
+    screen.motion()
+    assert_drawn(screen, ss.simulate(ss.catalogue.rocking_toy(P=1.1)))
+    # And an answer of an older question that comes late is dropped.
+    before = screen.js("explorer.motion.head.serial")
+    screen.js(
+        "(explorer.wire.setv({said: [JSON.stringify([{lane: 'motion', serial: 1, part: 'motion',"
+        " final: true, arrays: {}}]), new Uint8Array(8)]}, {sync: false}), 1)"
+    )
+    assert screen.js("explorer.motion.head.serial") == before
+
+
+def test_the_address_holds_the_state(screen: Screen) -> None:
+    state = "rocking_toy?P=1.2&H_R=H_star*(1%20%2B%20psi)%2F2&psi%40=0.6&until=44&.x=x_R&.y=psi"
+    screen.open(state).motion()
+    before = screen.js("JSON.stringify(explorer.state)")
+    motion = screen.numbers("explorer.motion.q.x_R")
+    screen.js("explorer.address.show()")
+    address = screen.driver.current_url
+    assert unquote(address.partition("#")[2]).startswith("rocking_toy?P=1.2&H_R=H_star*(1 + psi)/2")
+    screen.open("belt_block").motion()
+    screen.open(address.partition("#")[2]).motion()
+    assert screen.js("JSON.stringify(explorer.state)") == before
+    assert_allclose(screen.numbers("explorer.motion.q.x_R"), motion, rtol=0, atol=0)
+
+
+def test_undo_and_redo(screen: Screen) -> None:
+    screen.open("belt_block").motion()
+    screen.js("explorer.change('set', (s) => { s.values.V = 0.3 })")
+    screen.js("explorer.change('set', (s) => { s.values.V = 0.4 })")
+    screen.element("#undo").click()
+    assert screen.js("explorer.state.values.V") == 0.3
+    ActionChains(screen.driver).key_down(Keys.CONTROL).send_keys("z").key_up(Keys.CONTROL).perform()
+    assert screen.js("explorer.state.values.V ?? null") is None
+    screen.element("#redo").click()
+    screen.motion()
+    assert_drawn(screen, ss.simulate(ss.catalogue.belt_block(V=0.3)))
+
+
+def test_what_is_wrong_is_said_in_its_place(screen: Screen) -> None:
+    """The state of a motion that is refused is on the page, and the next value is drawn again."""
+    screen.open("rocking_toy?P=5")
+    screen.until("!document.getElementById('refusal').hidden")
+    assert "x_R" in screen.element("#refusal").text
+    assert screen.element("#verdict").get_attribute("data-state") == "refused"
+    screen.js("explorer.change('set', (s) => { s.values.P = 1 })")
+    screen.motion()
+    screen.until("document.getElementById('refusal').hidden")
+
+
+def test_a_free_function_is_checked_while_it_is_typed(screen: Screen) -> None:
+    screen.open("rocking_toy").motion()
+    box = screen.element("#function-H_R")
+    box.send_keys(Keys.CONTROL, "a")
+    box.send_keys("H_star/2*(1 + cli(psi)")
+    screen.until("!document.getElementById('refusal').hidden")
+    box.send_keys(Keys.CONTROL, "a")
+    box.send_keys("H_star/2*(1 + tanh(psi))")
+    screen.until("document.getElementById('refusal').hidden")
+    screen.motion()
+    assert_drawn(screen, ss.simulate(ss.catalogue.rocking_toy(H_R="H_star/2*(1 + tanh(psi))")))
+
+
+def test_by_keyboard_alone(screen: Screen) -> None:
+    """A parameter is reached with the tabulator and changed with arrows; the clock steps."""
+    screen.open("belt_block").motion()
+    reached = []
+    body = ActionChains(screen.driver)
+    for _ in range(60):
+        body.send_keys(Keys.TAB).perform()
+        reached.append(screen.js("document.activeElement.id"))
+        if reached[-1] == "values-V-slider":
+            break
+    assert reached[-1] == "values-V-slider"
+    assert {"models", "link", "export", "theme"} <= set(reached)
+    before = screen.js("Number(document.activeElement.value)")
+    ActionChains(screen.driver).send_keys(Keys.ARROW_UP).perform()
+    screen.until("'V' in explorer.state.values")
+    assert screen.js("explorer.state.values.V") > before
+    screen.motion()
+    screen.js("document.activeElement.blur()")
+    ActionChains(screen.driver).send_keys(Keys.ARROW_RIGHT).perform()
+    first = screen.js("explorer.motion.numbers.switches[0]")
+    assert screen.js("explorer.clock.time") == first
+    ActionChains(screen.driver).send_keys(" ").perform()
+    screen.until(f"explorer.clock.time > {first} + 0.2")
+    ActionChains(screen.driver).send_keys(" ").perform()
+    assert not screen.js("explorer.clock.playing")
+
+
+def taken(screen: Screen, form: str) -> dict:
+    """What a page gives away."""
+    screen.js("(explorer.taken = null, 1)")
+    screen.element("#export").click()
+    screen.element(f"#exports [data-save={form}], #exports [data-copy={form}]").click()
+    screen.until("explorer.taken !== null")
+    return screen.js(
+        "({text: explorer.taken.text, file: explorer.taken.file,"
+        " bytes: explorer.taken.bytes ? Array.from(explorer.taken.bytes) : null})"
+    )
+
+
+def test_what_is_taken_away_is_what_the_library_writes(screen: Screen, tmp_path) -> None:
+    screen.open("belt_block?V=0.25&x%40=0.1&until=30").motion()
+    block = ss.catalogue.belt_block()
+    motion = ss.simulate(block, (0.0, 30.0), initial={"x": 0.1}, parameters={"V": 0.25})
+    table = pd.read_csv(io.BytesIO(bytes(taken(screen, "csv")["bytes"])))
+    pd.testing.assert_frame_equal(table, motion.table, check_exact=True, check_dtype=False)
+
+    (tmp_path / "got.nc").write_bytes(bytes(taken(screen, "nc")["bytes"]))
+    got = ss.open(tmp_path / "got.nc")
+    assert got.certificate.ok
+    assert np.array_equal(got.knots.state, motion.knots.state)
+
+    assert bytes(taken(screen, "png")["bytes"]).startswith(b"\x89PNG")
+    assert b"<svg" in bytes(taken(screen, "svg")["bytes"])
+
+    namespace: dict = {}
+    code = taken(screen, "python")["text"]
+    exec(code.replace('trajectory.plot().savefig("motion.png")', ""), namespace)
+    assert np.array_equal(namespace["trajectory"].knots.state, motion.knots.state)
+    assert taken(screen, "command")["text"] == (
+        "stickslip run belt_block --set V=0.25 --initial x=0.1 --until 30.0"
+    )
+    (tmp_path / "got.toml").write_text(taken(screen, "toml")["text"], encoding="utf-8")
+    again = ss.simulate(ss.load(tmp_path / "got.toml"))
+    assert np.array_equal(again.knots.state, motion.knots.state)
+
+
+def test_a_model_of_ones_own(screen: Screen) -> None:
+    """A model file is typed, drawn, and stands in the address."""
+    toml = ss.catalogue.belt_block(V=0.3).to_toml().replace('"belt_block"', '"mine"')
+    screen.open("rocking_toy").motion()
+    screen.driver.execute_script("explorer.useToml(arguments[0])", toml)
+    screen.motion()
+    assert_drawn(screen, ss.simulate(ss.catalogue.belt_block(V=0.3)))
+    screen.js("explorer.address.show()")
+    screen.until("location.hash.includes('toml=')")
+    state = screen.driver.current_url.partition("#")[2]
+    screen.open(state).motion()
+    assert screen.js("explorer.described.name") == "mine"
+    screen.driver.execute_script("explorer.useToml('name = ')")
+    screen.until("!document.getElementById('refusal').hidden")
+
+
+def test_the_gallery(screen: Screen) -> None:
+    """Every system of the catalogue has a picture, and is one click away."""
+    screen.open("")
+    screen.until("document.getElementById('gallery').open")
+    names = ss.catalogue.names()
+    screen.until(f"document.querySelectorAll('.card svg').length === {len(names)}", 60)
+    screen.element("#search").send_keys("crawler")
+    shown = [c for c in screen.driver.find_elements(By.CSS_SELECTOR, ".card") if c.is_displayed()]
+    assert [card.get_attribute("data-model") for card in shown] == ["two_leg_crawler"]
+    shown[0].click()
+    screen.until("explorer.described?.name === 'two_leg_crawler'")
+    screen.motion()
+
+
+def test_zoom_shows_more(screen: Screen) -> None:
+    """A part of the time is looked at anew, as fine as the whole."""
+    screen.open("plate_compactor").motion()
+    screen.js("(explorer.model('time').setv({start: 1, end: 1.2}), 1)")
+    screen.until("explorer.closer !== null && explorer.closer.t.length > 500")
+    t = screen.numbers("explorer.closer.t")
+    assert (t.min(), t.max()) == (1.0, 1.2)
+    expected = ss.simulate(ss.catalogue.plate_compactor()).at(t)["x"]
+    assert_allclose(screen.numbers("explorer.closer.q.x"), expected, atol=1e-12)
+    screen.element("#unzoom").click()
+    assert screen.js("explorer.model('time').end") == 4.0
+
+
+@pytest.mark.parametrize("model", ss.catalogue.names())
+def test_every_system_is_drawn(screen: Screen, model: str) -> None:
+    screen.open(model).motion()
+    assert screen.js("document.querySelectorAll('#mechanism .part').length") > 0
+    state = screen.element("#verdict").get_attribute("data-state")
+    assert state == ("good" if ss.simulate(ss.catalogue.get(model)).certificate.ok else "bad")
+
+
+def test_a_killed_worker_is_told(screen: Screen, explorer: Explorer) -> None:
+    screen.open("two_block_rate_and_state")
+    pool = explorer.pool
+    assert pool is not None
+    screen.js("explorer.change('set', (s) => { s.until = 3e12 })")
+
+    def busy() -> list:
+        return [w for w in pool.workers if w.job is not None and w.job.request.what == "motion"]
+
+    screen.wait_for(busy, "a worker at work")
+    busy()[0].process.kill()
+    screen.until("document.getElementById('toast').textContent.includes('new worker')")
+    screen.js("explorer.change('model', () => { explorer.state = explorer.fresh('belt_block') })")
+    screen.motion()
+
+
+SIZES = [(1440, 900), (1024, 768), (390, 844)]
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_nothing_sticks_out(screen: Screen, size: tuple[int, int]) -> None:
+    """At every size each panel fits, and every button can be reached."""
+    screen.open("rocking_toy", *size).motion()
+    for tab in screen.js(
+        "[...document.querySelectorAll('.tabs [role=tab]')].map((t) => t.dataset.tab)"
+    ):
+        if not screen.js(f"document.querySelector('[data-tab={tab}]').offsetParent !== null"):
+            continue
+        screen.element(f"[data-tab={tab}]").click()
+        assert screen.js("document.documentElement.scrollWidth") <= size[0]
+        wide = screen.js(
+            "[...document.querySelectorAll('main section, header.top > *, footer')].filter((e) =>"
+            " e.offsetParent !== null && e.getBoundingClientRect().right > innerWidth + 1)"
+            ".map((e) => e.id || e.className)"
+        )
+        assert wide == []
