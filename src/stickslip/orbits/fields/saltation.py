@@ -26,6 +26,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Mode, impact_map, in_region
+from stickslip.orbits.fields.engine.variations import Leave
 from stickslip.orbits.fields.instructions import PointFunction
 from stickslip.orbits.fields.mode_field import Piece
 from stickslip.symbolic import expressions as ex
@@ -162,6 +163,7 @@ def saltation(
     equations: MotionEquations,
     motion: Trajectory,
     strike: Strike,
+    here: Leave,
     pieces: tuple[Piece, Piece],
     p: Array,
 ) -> Saltation:
@@ -172,6 +174,8 @@ def saltation(
     equations : MotionEquations
     motion : Trajectory
     strike : Strike
+    here : Leave
+        The guards right before it.
     pieces : (Piece, Piece)
         Before and after it.
     p : array, shape (parameters,)
@@ -181,7 +185,6 @@ def saltation(
     k = motion.knots
     switch = int(k.cause[strike.knot])
     contact = switch - len(equations.kinks)
-    here = left.leave(t, y, p)
     g = int(np.flatnonzero(left.switches == switch)[0])
     if contact < 0:
         jump = int(np.flatnonzero(motion._jumped[strike.knot - 1])[0])

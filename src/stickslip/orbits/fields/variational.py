@@ -38,6 +38,7 @@ from stickslip.orbits.fields.engine.variations import (
     STAGES,
     STRUCK,
     TOGETHER,
+    Leave,
     Pass,
     PassSpace,
     jump,
@@ -199,10 +200,10 @@ class _Meeting:
     def strike(self) -> int:
         """Enter what comes after the jump of the state at which the pass has stopped; returns the
         knot from which it goes on."""
-        strike = self._strikes[int(self.run.event[BEGINS])]
+        strike, here = self._strikes[int(self.run.event[BEGINS])]
         i, last = strike.knot, strike.last
         sides = self.pieces.made[self.run.piece[i - 1]], self.pieces.made[self.run.piece[last]]
-        found = saltation(self.pieces.equations, self.trajectory, strike, sides, self.p)
+        found = saltation(self.pieces.equations, self.trajectory, strike, here, sides, self.p)
         S = found.matrix
         if not found.exists:
             self.grazings.append(strike.time)
@@ -211,8 +212,17 @@ class _Meeting:
         return last
 
     @cached_property
-    def _strikes(self) -> dict[int, Strike]:
-        return strikes_of(self.trajectory)
+    def _strikes(self) -> dict[int, tuple[Strike, Leave]]:
+        """The jumps of the state by their knots, and the guards right before each."""
+        strikes = list(strikes_of(self.trajectory).values())
+        before = self.run.piece[[s.knot - 1 for s in strikes]]
+        found: dict[int, tuple[Strike, Leave]] = {}
+        for w in np.unique(before):
+            own = [s for s, piece in zip(strikes, before, strict=True) if piece == w]
+            t, y = np.array([s.time for s in own]), np.array([s.before for s in own])
+            leaves = self.pieces.made[w].leaves(t, np.ascontiguousarray(y.T), self.p)
+            found |= {s.knot: (s, here) for s, here in zip(own, leaves, strict=True)}
+        return found
 
     def _corner(self, i: int, last: int, switches: list[int]) -> Array:
         """S where several guards vanish at once."""
