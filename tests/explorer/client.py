@@ -7,6 +7,7 @@ import http.client
 import json
 import re
 from collections.abc import Callable, Coroutine
+from contextlib import suppress
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -64,6 +65,14 @@ class Page:
         """The open connection."""
         assert self._connection is not None
         return self._connection
+
+    async def close(self) -> None:
+        """Leave, and wait until the connection is closed."""
+        self.connection.close()
+        with suppress(TimeoutError):
+            async with asyncio.timeout(5.0):
+                while await self.connection.read_message() is not None:
+                    pass
 
     async def send(self, kind: str, content: Any) -> None:
         """One message of the protocol."""
@@ -141,6 +150,6 @@ def talk(address: str, conversation: Callable[[Page], Coroutine[Any, Any, Any]])
         try:
             return await conversation(page)
         finally:
-            page.connection.close()
+            await page.close()
 
     return asyncio.run(whole())

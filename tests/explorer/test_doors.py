@@ -87,6 +87,7 @@ def test_a_session_is_signed(explorer: Explorer) -> None:
             return error.code
         said = await asyncio.wait_for(connection.read_message(), 20)
         connection.close()
+        await asyncio.sleep(0.1)
         return said
 
     assert asyncio.run(knock()) in (None, 403)

@@ -320,3 +320,99 @@ def test_nothing_sticks_out(screen: Screen, size: tuple[int, int]) -> None:
             ".map((e) => e.id || e.className)"
         )
         assert wide == []
+
+
+def test_what_the_motion_settles_on(screen: Screen) -> None:
+    """Equilibria with their kind and the cycle stand in the phase plane."""
+    slider = "spring_slider?mu=2%2Fsqrt(alpha)&nu=0.05&V=0.15&.x=U&.y=alpha"
+    screen.open(slider).motion()
+    screen.element("#settle").click()
+    screen.until("explorer.phase.settled?.head.cycle")
+    system = ss.catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05, V=0.15)
+    cycle = ss.find_cycle(system)
+    u = screen.numbers("explorer.phase.settled.numbers['c:U']")
+    low, high = cycle.extrema["U"]
+    assert_allclose([u.min(), u.max()], [low, high], atol=1e-6)
+    (found,) = screen.js("explorer.phase.settled.head.equilibria")
+    assert found["stable"] is False
+    assert found["state"]["U"] == pytest.approx(ss.equilibria(system)[0].state["U"], rel=1e-12)
+    assert "unstable" in screen.element("#phase-said").text
+
+
+def test_branches_over_a_parameter(screen: Screen) -> None:
+    """They are those of the library; the line is dragged, and a point leads to its orbit."""
+    state = "spring_slider?mu=2%2Fsqrt(alpha)&nu=0.05&V=0.15&.panel=branch"
+    screen.open(f"{state}&.over=V&.over.low=0.05&.over.high=0.4").motion()
+    screen.element("#branch-go").click()
+    screen.until("explorer.branches.found.length === 2")
+    screen.motion()
+    slider = ss.catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05, V=0.15)
+    steady = ss.continue_equilibrium(slider, "V", (0.05, 0.4), parameters={"V": 0.15})
+    assert_allclose(
+        screen.numbers("explorer.branches.found[0].numbers['b:U']"), steady["U"], rtol=1e-12
+    )
+    (hopf,) = steady.of_kind("Hopf")
+    special = screen.js("explorer.branches.found[0].head.special")
+    assert [s["value"] for s in special if s["kind"] == "Hopf"] == [
+        pytest.approx(hopf.value, rel=1e-9)
+    ]
+    assert "Hopf" in screen.element("#branch-said").text
+    handle = screen.element("#branch-now")
+    ActionChains(screen.driver, duration=40).click_and_hold(handle).move_by_offset(
+        40, 0
+    ).release().perform()
+    screen.until("explorer.state.values.V > 0.16")
+    screen.motion()
+    screen.js("(explorer.branches.goTo(1, 3), 1)")
+    screen.motion()
+    value = screen.numbers("explorer.branches.found[1].numbers['b:V']")[3]
+    assert screen.js("explorer.state.values.V") == value
+    start = screen.js("explorer.state.initial")
+    period = screen.numbers("explorer.branches.found[1].numbers['b:period']")[3]
+    orbit = ss.simulate(slider, (0.0, period), initial=start, parameters={"V": value})
+    assert orbit.final["alpha"] == pytest.approx(start["alpha"], rel=1e-6)
+
+
+def test_a_map_becomes_finer_and_can_be_stopped(screen: Screen) -> None:
+    state = "rocking_toy?.panel=map&.map.x=P&.map.x.low=0.8&.map.x.high=1.2&.map.y=delta"
+    screen.open(f"{state}&.map.y.low=0.02&.map.y.high=0.1&.map.of=speed").motion()
+    screen.element("#map-go").click()
+    screen.until("explorer.map.found?.head.count === 17")
+    found = ss.sweep(
+        ss.catalogue.rocking_toy(), {"P": "0.8:1.2:9", "delta": "0.02:0.1:9"}, ["speed"], workers=1
+    )
+    got = screen.numbers("explorer.map.found.numbers.values").reshape(17, 17)
+    assert_allclose(got[::2, ::2], found["speed"].transpose("delta", "P"), rtol=1e-12)
+    assert "stickslip sweep rocking_toy" in screen.js("explorer.map.found.head.command")
+    screen.element("#map-go").click()
+    screen.until("!explorer.map.busy")
+    place = screen.element("section.map .hold")
+    ActionChains(screen.driver).move_to_element_with_offset(place, 30, 20).click().perform()
+    screen.until("'P' in explorer.state.values && 'delta' in explorer.state.values")
+    screen.motion()
+
+
+def test_effective_friction(screen: Screen) -> None:
+    """Of the toy: a leg without weight is held by the joints alone."""
+    screen.open("rocking_toy?.panel=friction").motion()
+    screen.until("explorer.friction.found !== null")
+    first = screen.js("explorer.friction.found.head.contacts[0]")
+    assert first["plus"] == pytest.approx(ss.catalogue.rocking_toy().values["rho"], abs=1e-9)
+    assert "0.2" in screen.element("#friction-said").text
+
+
+def test_data_beside_the_motion(screen: Screen) -> None:
+    """A file is dropped: its residuals are those of the library, and a fit finds what made it."""
+    block = ss.catalogue.forced_oscillator()
+    t = np.linspace(0.0, 30.0, 120)
+    x = ss.simulate(block, (0.0, 30.0), parameters={"F_c": 0.4}).at(t)["x"]
+    csv = pd.DataFrame({"t": t, "x": x}).to_csv(index=False)
+    screen.open("forced_oscillator?until=30").motion()
+    screen.driver.execute_script("explorer.dropped('x.csv', arguments[0])", csv)
+    screen.until("explorer.data.residual !== null")
+    expected = x - ss.simulate(block, (0.0, 30.0)).at(t)["x"]
+    assert_allclose(screen.numbers("explorer.data.residual.numbers.residual"), expected, atol=1e-12)
+    screen.element("#data-free [data-name=F_c]").click()
+    screen.element("#data-go").click()
+    screen.until("explorer.data.fitted !== undefined", 60)
+    assert screen.js("explorer.state.values.F_c") == pytest.approx(0.4, rel=1e-6)

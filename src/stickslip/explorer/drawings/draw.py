@@ -17,9 +17,20 @@ Draw = Callable[["Trajectory", Array, Mapping[str, Array]], Scene]
 _ROOM = "stickslip.explorer.drawings"
 # Systems that are drawn by hand, and where.
 DRAWN = {
-    **dict.fromkeys(
-        ["rocking_toy", "rocking_toy_inertial", "rocking_oscillator"], "toys:walking_toy"
-    ),
+    "rocking_toy": "toys:walking_toy",
+    "rocking_toy_inertial": "toys:walking_toy",
+    "rocking_oscillator": "toys:walking_toy",
+    "ramp_walker": "toys:ramp_toy",
+    "woodpecker": "toys:woodpecker_toy",
+    "rimless_wheel": "walkers:wheel",
+    "simplest_walker": "walkers:two_legs",
+    "bouncing_ball": "walkers:ball",
+    "painleve_rod": "walkers:falling_rod",
+    "cart_pendulum": "walkers:pendulum_on_cart",
+    "plate_compactor": "tracks:compactor",
+    "two_leg_crawler": "tracks:crawler",
+    "spring_slider": "tracks:pulled_slider",
+    "prandtl_tomlinson": "tracks:tip_on_lattice",
 }
 
 

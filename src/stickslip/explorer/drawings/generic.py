@@ -11,7 +11,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.display.symbols import unicode_symbol
-from stickslip.errors import DeclarationError
+from stickslip.explorer.drawings.driven import way_of
 from stickslip.explorer.drawings.parts import (
     Course,
     MovingPart,
@@ -35,7 +35,6 @@ _MOST = 9  # coordinates that are drawn
 _APART = 2.4  # blocks
 _REACH = 0.75  # how far a block goes from its place
 _TALL = 0.9
-_FEW = 64  # times at which a belt's speed is looked at
 
 
 def generic_scene(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
@@ -92,34 +91,11 @@ def soles_of(system: System) -> dict[str, str]:
 
 def belt_shift(motion: Trajectory, key: str, times: Array) -> Course:
     """How far the surface under a contact has moved."""
-    system = motion.system
-    for name, contact in system.dry_contacts.items():
-        if contact_key(name) != key or contact.surface_speed == 0.0:
-            continue
-        return followed(motion, contact.surface_speed, times)
+    for name, contact in motion.system.dry_contacts.items():
+        if contact_key(name) == key and contact.surface_speed != 0.0:
+            way = way_of(motion, contact.surface_speed, times)
+            return 0.0 if way is None else way
     return 0.0
-
-
-def followed(motion: Trajectory, speed: object, times: Array) -> Course:
-    """The way of what has a given speed, a formula of time."""
-    at = np.linspace(times[0], times[-1], _FEW)
-    try:
-        rates = np.array(
-            [motion.system.evaluate(str(speed), {**motion.parameters, "t": float(t)}) for t in at]
-        )
-    except DeclarationError:
-        return 0.0
-    if not np.all(np.isfinite(rates)):
-        return 0.0
-    steps = np.diff(at) * (rates[1:] + rates[:-1]) / 2.0
-    return np.interp(times, at, np.concatenate([[0.0], np.cumsum(steps)]))
-
-
-def valued(motion: Trajectory, formula: str, times: Array, few: int = 400) -> Array:
-    """A formula of time along a motion."""
-    at = np.linspace(times[0], times[-1], few)
-    found = [motion.system.evaluate(formula, {**motion.parameters, "t": float(t)}) for t in at]
-    return np.interp(times, at, np.array(found))
 
 
 def _ways(blocks: list[str], values: Mapping[str, Array]) -> tuple[dict[str, Array], float]:

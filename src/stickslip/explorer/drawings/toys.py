@@ -14,6 +14,7 @@ from stickslip.explorer.drawings.parts import (
     Scene,
     Spot,
     arrow,
+    box,
     disc,
     ground,
     path,
@@ -99,3 +100,60 @@ def _from_behind(scene: Scene, x: Array, psi: Array, contacts: Mapping[str, str]
         scene.add(polygon(sole, turned(at), tilt, "sole", contacts[side]))
     scene.add(polygon(_BEHIND, turned(0.0), tilt, "body", smooth=True))
     scene.add(path(((0.0, 1.0), (0.0, 2.1)), turned(0.0), tilt, "axis"))
+
+
+def ramp_toy(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
+    """The walker on a ramp from the side, in the frame of the ramp, and from behind.
+
+    Parameters
+    ----------
+    motion : Trajectory
+    times : array, shape (n,)
+    values : mapping of str to array, shape (n,)
+    """
+    stride = max(float(np.ptp(values["x_R"] - values["x_L"])), 1e-12)
+    scale = 0.9 / stride
+    lift = 0.22 / max(float(np.ptp(values["z_R"])), 1e-12)
+    feet = {side: scale * values[f"x_{side}"] for side in "LR"}
+    middle = (feet["R"] + feet["L"]) / 2.0
+    keys = {"R": "right_foot", "L": "left_foot"}
+    scene = Scene(8.6, 3.7, -0.62, middle + 1.35, "A toy that rocks and walks down a ramp")
+    scene.add(ground(0.0))
+    for side, look in (("L", "shade"), ("R", "light")):
+        if side == "R":
+            scene.add(polygon(_TRUNK, (middle, 0.0), look="body", smooth=True))
+            scene.add(disc(0.06, (middle + 1.66, 2.28), look="dark"))
+        up = lift * values[f"z_{side}"]
+        for hip in _HIPS:
+            scene.add(*_leg(middle + hip, feet[side] + hip, up, look, keys[side]))
+    _from_behind(scene, middle + 4.25, 4.0 * values["psi"], keys)
+    return scene
+
+
+def woodpecker_toy(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
+    """A pole, a sleeve on it, a spring, and the bird.
+
+    Parameters
+    ----------
+    motion : Trajectory
+    times : array, shape (n,)
+    values : mapping of str to array, shape (n,)
+    """
+    drop = 14.0 * (values["y"] - values["y"][0])
+    sleeve, bird = -2.0 * values["phi_M"], values["phi_S"]
+    scene = Scene(6.0, 4.4, -2.2, 0.6, "A woodpecker that pecks its way down a pole")
+    # The picture goes down with the bird; the pole's marks go up.
+    turn = drop % 0.8
+    scene.add(box(0.22, 9.0, (0.0, -4.5), look="light"))
+    for i in range(-6, 7):
+        scene.add(rod((-0.11, 0.8 * i - turn), (0.11, 0.8 * i - turn - 0.1), "axis"))
+    ring = ((-0.24, -0.34), (0.24, -0.34), (0.24, 0.34), (-0.24, 0.34))
+    scene.add(polygon(ring, (0.0, 0.0), -sleeve / 2.0, "sole", "lower_edge"))
+    root = (0.24, 0.0)
+    at = (root[0] + 1.05 * np.cos(bird), root[1] + 1.05 * np.sin(bird))
+    scene.add(rod(root, at, "spring"))
+    body = ((-0.28, -0.75), (0.1, -1.05), (0.38, -0.3), (0.36, 0.35), (0.0, 0.72), (-0.3, 0.45))
+    scene.add(polygon(body, at, bird, "body", smooth=True))
+    head = ((-0.85, 0.78), (-0.2, 0.6), (0.14, 0.72), (0.1, 1.04), (-0.22, 1.1), (-0.36, 0.92))
+    scene.add(polygon(head, at, bird, "body"))
+    return scene

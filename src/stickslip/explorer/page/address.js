@@ -65,7 +65,7 @@ explorer.address.show = async () => {
 }
 explorer.address.soon = explorer.debounced(() => explorer.address.show(), 250)
 
-explorer.listen((kind) => { if (kind !== "drag" && kind !== "theme") explorer.address.soon() })
+explorer.listen((kind) => { if (!["drag", "theme", "resize", "described"].includes(kind)) explorer.address.soon() })
 
 // Somebody pastes another state into the address.
 window.addEventListener("hashchange", async () => {

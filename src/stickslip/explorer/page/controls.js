@@ -16,6 +16,7 @@ explorer.describe = () => {
     if (head.refused) return explorer.refuse(head.refused)
     explorer.described = head
     explorer.showModel(head, numbers)
+    for (const part of explorer.parts) explorer.guard(() => part("described", explorer.state))
   })
 }
 // Equations and graphs follow the functions, not the numbers.

@@ -8,6 +8,7 @@ explorer.redraws = []        // for measurements: [event, asked, answered, distr
 explorer.listen((kind) => {
   if (kind === "theme" || kind === "resize") return explorer.drawMotion()
   if (kind === "view") return explorer.drawMotion()
+  if (kind === "described") return
   explorer.dragging = kind === "drag"
   if (kind === "model") { explorer.fitted = null; explorer.window = null }
   explorer.askMotion()
@@ -42,9 +43,9 @@ explorer.takeMotion = (head, numbers) => {
   explorer.showWarnings(head.warnings)
   if (explorer.window) explorer.askWindow()
   explorer.showPending(head)
+  explorer.mechanism.take()  // first: whatever is drawn places it at the times of this motion
   explorer.drawMotion()
-  explorer.phase?.take(before)
-  explorer.mechanism.take()
+  explorer.phase.take(before)
   explorer.clock.take(before)
 }
 

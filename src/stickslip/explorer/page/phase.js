@@ -136,7 +136,7 @@ explorer.phase.drawSettled = (across, up) => {
         spots.x.push(e.state[across]); spots.y.push(e.state[up]); spots.marker.push(e.stable ? "circle" : "x")
         spots.color.push(explorer.colour(1)); spots.size.push(11); spots.fill.push(e.stable ? explorer.colour(1) : "transparent")
       }
-      said.push(explorer.element("p", {}, explorer.element("i", {class: e.stable ? "mark full" : "mark"}, e.stable ? "●" : "×"), ` ${e.text}`))
+      said.push(explorer.element("p", {}, explorer.element("i", {class: "sign"}, e.stable ? "●" : "×"), ` ${e.text}`))
     }
     if (head.cycle) {
       const x = numbers[`c:${across}`], y = numbers[`c:${up}`]
@@ -144,7 +144,7 @@ explorer.phase.drawSettled = (across, up) => {
         lines.xs.push(x); lines.ys.push(y); lines.color.push(explorer.colour(2)); lines.width.push(3.5); lines.alpha.push(0.85)
         section.x.push(x[0]); section.y.push(y[0]); section.marker.push("diamond"); section.color.push(explorer.colour(2)); section.size.push(10); section.fill.push(explorer.colour(2))
       }
-      said.push(explorer.element("p", {}, explorer.element("i", {class: "mark cycle"}, "◆"), ` ${head.cycle}`))
+      said.push(explorer.element("p", {}, explorer.element("i", {class: "sign cycle"}, "◆"), ` ${head.cycle}`))
     }
     for (const text of head.notes) said.push(explorer.element("p", {class: "hint"}, text))
     const sx = numbers[`p:${across}`], sy = numbers[`p:${up}`]
@@ -180,34 +180,39 @@ explorer.listen((kind, state) => {
 
 // -- pointing --------------------------------------------------------------------------------------------------
 
-// A click (not a drag, which moves the view) sets the initial values of the quantities on the axes.
-explorer.phase.watch = () => {
-  const place = document.querySelector("section.phase .hold")
+// A click (not a drag, which moves the view) into the axes of a figure, once it has been drawn.
+explorer.clicked = (name, act) => {
+  const place = document.querySelector(`section.${name} .hold`)
   let down = null
   place.addEventListener("pointerdown", (event) => { down = [event.clientX, event.clientY] }, true)
   place.addEventListener("pointerup", (event) => explorer.guard(() => {
     if (down === null || Math.hypot(event.clientX - down[0], event.clientY - down[1]) > 4) return
-    const frame = explorer.frame("phase")
-    if (frame === null || explorer.motion === null) return
+    const frame = explorer.frame(name)
+    if (frame === null) return
     const edge = place.getBoundingClientRect()
     const [sx, sy] = [event.clientX - edge.left, event.clientY - edge.top]
     const {box} = frame
     if (sx < box.left || sx > box.right || sy < box.top || sy > box.bottom) return
-    const {x_range, y_range} = frame.plot
-    const at = [x_range.start + (sx - box.left) / box.width * (x_range.end - x_range.start),
-                y_range.end - (sy - box.top) / box.height * (y_range.end - y_range.start)]
-    const pixels = [(x_range.end - x_range.start) / box.width, (y_range.end - y_range.start) / box.height]
-    const [across, up] = explorer.phase.axes()
-    const {states} = explorer.motion.head
-    if (!states.includes(across) && !states.includes(up)) return explorer.toast("A motion starts in the state: choose coordinates or rates as axes.")
     explorer.event = event.timeStamp
-    explorer.change("set", (state) => {
-      [across, up].forEach((name, i) => {
-        if (!states.includes(name)) return
-        // As many digits as a pixel is worth.
-        const digits = Math.max(0, 1 - Math.floor(Math.log10(pixels[i])))
-        state.initial[name] = Number(at[i].toFixed(Math.min(digits, 15)))
-      })
-    })
+    act(sx, sy, frame)
   }), true)
 }
+
+// Here it sets the initial values of the quantities on the axes.
+explorer.phase.watch = () => explorer.clicked("phase", (sx, sy, {box, plot: {x_range, y_range}}) => {
+  if (explorer.motion === null) return
+  const at = [x_range.start + (sx - box.left) / box.width * (x_range.end - x_range.start),
+              y_range.end - (sy - box.top) / box.height * (y_range.end - y_range.start)]
+  const pixels = [(x_range.end - x_range.start) / box.width, (y_range.end - y_range.start) / box.height]
+  const [across, up] = explorer.phase.axes()
+  const {states} = explorer.motion.head
+  if (!states.includes(across) && !states.includes(up)) return explorer.toast("A motion starts in the state: choose coordinates or rates as axes.")
+  explorer.change("set", (state) => {
+    [across, up].forEach((name, i) => {
+      if (!states.includes(name)) return
+      // As many digits as a pixel is worth.
+      const digits = Math.max(0, 1 - Math.floor(Math.log10(pixels[i])))
+      state.initial[name] = Number(at[i].toFixed(Math.min(digits, 15)))
+    })
+  })
+})

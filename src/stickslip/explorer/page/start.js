@@ -11,6 +11,8 @@ explorer.begin = async (wire, models) => {
   })
   explorer.watchTime()
   explorer.phase.watch()
+  explorer.branches.watch()
+  explorer.map.watch()
   explorer.clock.watch()
   explorer.state = await explorer.address.read(location.hash)
   explorer.change("model")
@@ -27,6 +29,13 @@ window.addEventListener("load", () => {
     document_.on_event?.("connection_lost", () => { explorer.$("lost").hidden = false })
   }, 100)
 })
+// What is laid over a figure follows its size.
+const placeAgain = explorer.debounced(() => {
+  if (explorer.wire === null) return
+  for (const place of [explorer.clock.place, explorer.branches.place, explorer.map.place]) explorer.guard(place)
+}, 80)
+for (const figure of document.querySelectorAll(".figure")) new ResizeObserver(placeAgain).observe(figure)
+
 explorer.$("reload").addEventListener("click", () => location.reload())
 
 explorer.$("theme").addEventListener("click", () => {

@@ -12,7 +12,11 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from stickslip import catalogue, palette
+from stickslip.explorer.panels.branch_diagram import branch_diagram
+from stickslip.explorer.panels.data_residuals import data_residuals
+from stickslip.explorer.panels.effective_friction import friction_figures
 from stickslip.explorer.panels.motion_rows import ROWS, motion_rows
+from stickslip.explorer.panels.parameter_map import parameter_map
 from stickslip.explorer.panels.phase_plane import phase_plane
 from stickslip.explorer.panels.plots import models_of
 from stickslip.explorer.serving.pool import WorkerPool
@@ -22,18 +26,17 @@ from stickslip.explorer.serving.wire import Wire
 _FILES = Path(__file__).parents[1] / "page"
 # In the order in which they need each other.
 SCRIPTS = (
-    "core",
-    "address",
-    "wire",
-    "controls",
-    "motion",
-    "phase",
-    "mechanism",
-    "clock",
-    "takeaway",
-    "start",
+    *("core", "address", "wire", "controls", "motion", "phase", "mechanism", "clock", "takeaway"),
+    *("branches", "map", "friction", "data", "start"),
 )
-PANELS = (motion_rows, phase_plane)
+PANELS = (
+    motion_rows,
+    phase_plane,
+    branch_diagram,
+    parameter_map,
+    friction_figures,
+    data_residuals,
+)
 
 
 def page_maker(pool: WorkerPool, given: str) -> Callable[[Document], None]:

@@ -74,8 +74,7 @@ def python_of(setting: PageSetting) -> str:
 
 def command_of(setting: PageSetting) -> str:
     """A command that computes the same motion."""
-    system, _ = system_of(setting)
-    words = ["stickslip", "run", _file(system.name) if setting.toml else setting.model]
+    words = ["stickslip", "run", model_of(setting)]
     for name, value in setting.values.items():
         words += ["--set", f"{name}={value!r}" if isinstance(value, float) else f"{name}={value}"]
     for name, value in setting.initial.items():
@@ -94,6 +93,12 @@ def toml_of(setting: PageSetting) -> str:
     return replace(
         own, initial={**own.initial, **setting.initial}, span=span_of(own, setting)
     ).to_toml()
+
+
+def model_of(setting: PageSetting) -> str:
+    """What a command is told of the model: its name, or the file that it is saved as."""
+    system, _ = system_of(setting)
+    return _file(system.name) if setting.toml else setting.model
 
 
 def _file(name: str) -> str:

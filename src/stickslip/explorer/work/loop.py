@@ -8,7 +8,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
 from typing import IO, Any
 
@@ -48,6 +48,7 @@ class Patience:
 
     def __init__(self) -> None:
         self._over = threading.Event()
+        self.tell: Callable[[Answer], None] = lambda answer: None
 
     def renew(self) -> None:
         """Somebody waits."""
@@ -66,6 +67,16 @@ class Patience:
         """
         if self._over.is_set():
             raise NoLongerWanted
+
+    def progress(self, head: Mapping[str, object]) -> None:
+        """Say how far a long answer is.
+
+        Raises
+        ------
+        NoLongerWanted
+        """
+        self.check()
+        self.tell(Answer(head))
 
     def pause(self, seconds: float) -> None:
         """Wait whether a newer question comes, which then comes first.
@@ -97,6 +108,8 @@ def serve_pipe() -> None:
     send_frame(sink, Ready())
     while (request := questions.get()) is not None:
         patience.renew()
+        serial = request.serial
+        patience.tell = lambda answer, serial=serial: send_frame(sink, Told(serial, answer))
         for answer in answers(request, patience):
             send_frame(sink, Told(request.serial, answer))
         send_frame(sink, Told(request.serial, None, final=True))

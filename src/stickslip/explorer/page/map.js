@@ -1,0 +1,130 @@
+// The map: coarse at once, then finer; a click on a point shows its motion.
+explorer.map = {found: null}
+const MEASURES = ["amplitude", "speed", "stick_fraction", "period", "energy_per_cycle", "peak_force", "mean_force", "switches", "lyapunov"]
+
+explorer.listen((kind) => {
+  if (kind === "model") { explorer.map.found = null; explorer.$("map-said").replaceChildren(); explorer.map.draw() }
+  if (kind === "view" || kind === "resize" || kind === "theme") explorer.map.draw()
+  if (kind === "set" || kind === "drag") explorer.map.place()
+  if (explorer.seen("map")) explorer.map.offer()
+})
+
+explorer.map.offer = () => {
+  if (explorer.described === null) return
+  const first = explorer.likely()
+  explorer.offerParameters(explorer.$("map-x"), first, "map.x")
+  explorer.offerParameters(explorer.$("map-y"), explorer.described.parameters.map((p) => p.name).find((n) => n !== explorer.$("map-x").value), "map.y")
+  for (const axis of ["x", "y"]) {
+    const [low, high] = explorer.reach(explorer.$(`map-${axis}`).value)
+    for (const [end, usual] of [["low", low], ["high", high]]) {
+      const box = explorer.$(`map-${axis}_${end}`)
+      if (document.activeElement !== box) box.value = explorer.state.view[`map.${axis}.${end}`] ?? explorer.number(usual, 3).replace("−", "-")
+    }
+  }
+  const select = explorer.$("map-measure")
+  const names = explorer.facts.measures ?? MEASURES
+  if (select.children.length === 0) select.replaceChildren(...names.map((n) => explorer.element("option", {value: n}, n.replaceAll("_", " "))))
+  const usual = Object.keys(explorer.described.translation).length ? "speed" : "amplitude"
+  select.value = names.includes(explorer.state.view["map.of"]) ? explorer.state.view["map.of"] : usual
+}
+for (const axis of ["x", "y"]) {
+  explorer.$(`map-${axis}`).addEventListener("change", () => explorer.change("view", (s) => {
+    s.view[`map.${axis}`] = explorer.$(`map-${axis}`).value
+    delete s.view[`map.${axis}.low`]; delete s.view[`map.${axis}.high`]
+  }))
+  for (const end of ["low", "high"]) explorer.$(`map-${axis}_${end}`).addEventListener("change", () => explorer.change("view", (s) => {
+    s.view[`map.${axis}.${end}`] = explorer.$(`map-${axis}_${end}`).value
+  }))
+}
+explorer.$("map-measure").addEventListener("change", () => explorer.change("view", (s) => { s.view["map.of"] = explorer.$("map-measure").value }))
+
+explorer.map.fill = () => {
+  const options = {measure: explorer.$("map-measure").value}
+  for (const axis of ["x", "y"]) {
+    options[axis] = explorer.$(`map-${axis}`).value
+    for (const end of ["low", "high"]) options[`${axis}_${end}`] = explorer.typed(explorer.$(`map-${axis}_${end}`).value)
+    if (!(options[`${axis}_low`] < options[`${axis}_high`])) return explorer.toast("Give ranges: from a number to a larger one.")
+  }
+  explorer.map.found = null
+  explorer.map.draw()
+  explorer.$("map-empty").hidden = true
+  explorer.$("map-progress").hidden = false
+  explorer.$("map-go").textContent = "Stop"
+  explorer.map.busy = true
+  explorer.ask("map", "map", options, (head, numbers) => {
+    if (head.refused) { stop(); explorer.$("map-said").replaceChildren(explorer.element("p", {class: "bad"}, head.refused.reason)); return }
+    if (head.part === "progress") explorer.$("map-progress").value = head.share
+    if (head.part === "map") { explorer.map.found = {head, numbers}; explorer.map.draw() }
+    if (head.final) stop()
+  })
+}
+const stop = () => { explorer.map.busy = false; explorer.$("map-progress").hidden = true; explorer.$("map-go").textContent = "Fill" }
+explorer.$("map-go").addEventListener("click", () => {
+  if (explorer.map.busy) { explorer.cancel("map"); stop() } else explorer.map.fill()
+})
+
+// A perceptually even range, between the anchors that the scale below the map shows, too.
+const ANCHORS = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]]
+const viridis = (share) => {
+  const place = Math.min(Math.max(share, 0), 1) * (ANCHORS.length - 1)
+  const i = Math.min(Math.floor(place), ANCHORS.length - 2)
+  return `rgb(${ANCHORS[i].map((c, k) => Math.round(c + (place - i) * (ANCHORS[i + 1][k] - c))).join(",")})`
+}
+
+explorer.map.draw = () => {
+  if (!explorer.seen("map") || explorer.models === null) return
+  explorer.map.offer()
+  const {found} = explorer.map
+  explorer.$("map-empty").hidden = found !== null || explorer.map.busy === true
+  explorer.$("map-scale").hidden = found === null
+  const source = explorer.model("map_fields")
+  const data = {left: [], right: [], bottom: [], top: [], color: []}
+  if (found === null) { explorer.setQuietly(source, {data}); explorer.map.place(); return }
+  const {head, numbers: {x, y, values}} = found
+  const n = head.count
+  let low = Infinity, high = -Infinity
+  for (const v of values) if (isFinite(v)) { if (v < low) low = v; if (v > high) high = v }
+  if (!isFinite(low)) { low = 0; high = 1 }
+  // Every point is the middle of its field; what has no number has none.
+  const dx = (x[n - 1] - x[0]) / (n - 1), dy = (y[n - 1] - y[0]) / (n - 1)
+  values.forEach((v, k) => {
+    if (!isFinite(v)) return
+    const [i, j] = [k % n, Math.floor(k / n)]
+    data.left.push(x[i] - dx / 2); data.right.push(x[i] + dx / 2); data.bottom.push(y[j] - dy / 2); data.top.push(y[j] + dy / 2)
+    data.color.push(viridis(high > low ? (v - low) / (high - low) : 0.5))
+  })
+  explorer.setQuietly(source, {data})
+  const plot = explorer.model("map")
+  explorer.range(plot.x_range, x[0] - dx / 2, x[n - 1] + dx / 2)
+  explorer.range(plot.y_range, y[0] - dy / 2, y[n - 1] + dy / 2)
+  explorer.$("map-low").textContent = explorer.number(low, 3)
+  explorer.$("map-high").textContent = `${explorer.number(high, 3)} ${head.unit}`
+  const outcomes = Object.values(head.outcomes).join(", ")
+  explorer.$("map-said").replaceChildren(
+    explorer.element("p", {}, `${head.meaning} over ${head.x} (across) and ${head.y} (up), ${n} × ${n} points: ${outcomes}`),
+    explorer.element("p", {class: "hint"}, head.verdict),
+    explorer.element("p", {}, explorer.element("button", {class: "quiet link", onclick: () => explorer.copy(head.command, "the command")}, "go on with a command"), explorer.element("code", {}, head.command)))
+  requestAnimationFrame(() => explorer.guard(explorer.map.place))
+}
+
+explorer.map.place = () => {
+  const spot = explorer.$("map-spot")
+  const frame = explorer.frame("map")
+  if (frame === null || explorer.map.found === null || !explorer.seen("map")) { spot.hidden = true; return }
+  const {head} = explorer.map.found
+  const {x_range, y_range} = frame.plot
+  const across = (explorer.present(head.x) - x_range.start) / (x_range.end - x_range.start)
+  const up = (explorer.present(head.y) - y_range.start) / (y_range.end - y_range.start)
+  spot.hidden = !(across >= 0 && across <= 1 && up >= 0 && up <= 1)
+  spot.style.transform = `translate(${frame.box.left + across * frame.box.width}px, ${frame.box.bottom - up * frame.box.height}px)`
+}
+
+explorer.map.watch = () => explorer.clicked("map", (sx, sy, {box, plot}) => {
+  if (explorer.map.found === null) return
+  const {head} = explorer.map.found
+  const value = (range, share) => Number((range.start + share * (range.end - range.start)).toPrecision(4))
+  explorer.change("set", (state) => {
+    state.values[head.x] = value(plot.x_range, (sx - box.left) / box.width)
+    state.values[head.y] = value(plot.y_range, (box.bottom - sy) / box.height)
+  })
+})

@@ -1,0 +1,35 @@
+"""Thresholds over a period with what they leave on the average; and, of two contacts, the forces in
+the moving stable set."""
+
+from __future__ import annotations
+
+from bokeh.models import HStrip, MultiLine, Patches, VStrip
+
+from stickslip.explorer.panels.plots import Panel
+
+
+def friction_figures() -> Panel:
+    """The figure over the time, and the one in the plane of two forces."""
+    panel = Panel()
+    over_time = panel.plot("friction", zooms="width")
+    slip = VStrip(x0="x0", x1="x1", fill_color="color", fill_alpha=0.14, line_color=None)
+    panel.glyph(over_time, "friction_slip", ["x0", "x1", "color"], slip, "underlay")
+    average = HStrip(y0="y0", y1="y1", fill_color="color", fill_alpha=0.16, line_color="color")
+    panel.glyph(over_time, "friction_average", ["y0", "y1", "color"], average, "underlay")
+    columns = ["xs", "ys", "color", "dash", "width"]
+    lines = MultiLine(
+        xs="xs",
+        ys="ys",
+        line_color="color",
+        line_dash="dash",
+        line_width="width",
+        line_join="round",
+    )
+    panel.glyph(over_time, "friction_lines", columns, lines)
+    plane = panel.plot("forces")
+    sets = Patches(
+        xs="xs", ys="ys", fill_color="color", fill_alpha="alpha", line_color="color", line_alpha=0.5
+    )
+    panel.glyph(plane, "forces_sets", ["xs", "ys", "color", "alpha"], sets)
+    panel.glyph(plane, "forces_lines", columns, lines.clone())
+    return panel

@@ -1,0 +1,90 @@
+"""Effective friction: the stable set K(t) of forces that move nothing, as it goes with the motion,
+and what is left of it on the average.
+
+Friction that oscillates fast is, in the limit, that of the set of all forces that hold at every
+phase (Mielke 2017, section 2): the intersection of all K(s), whose support function is Ψ_av. The
+phases at whose edges it touches do the moving.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stickslip.display.symbols import unicode_unit
+from stickslip.errors import DeclarationError, StickslipError
+from stickslip.explorer.asking.answer import Answer
+from stickslip.explorer.asking.request import Request
+from stickslip.explorer.work.systems import shown_motion, system_of
+from stickslip.model.quantities import contact_key, quantity
+
+if TYPE_CHECKING:
+    from stickslip.explorer.work.loop import Patience
+    from stickslip.motion.trajectory import Trajectory
+
+_SAMPLES = 1600
+_MOST = 6  # contacts that are shown
+
+
+def effective_friction(request: Request, patience: Patience) -> Iterator[Answer]:
+    """Thresholds and forces over one period of what the motion settles on, or over its second half
+    if that does not repeat.
+
+    Raises
+    ------
+    DeclarationError
+        If no contact is dry.
+    """
+    motion, about = _settled(request, patience)
+    system = motion.system
+    keys = {contact_key(name): name for name in system.dry_contacts}
+    keys = {key: name for key, name in keys.items() if key in motion.modes}
+    if not keys:
+        raise DeclarationError("", "no contact of this system is dry", "Choose another system")
+    knots = motion.knots.time
+    start = knots[0] if about["period"] else (knots[0] + knots[-1]) / 2.0
+    times = np.union1d(np.linspace(start, knots[-1], _SAMPLES), knots[knots >= start])
+    index = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 1)
+    contacts: list[dict[str, Any]] = []
+    arrays = {"t": times - times[0]}
+    for key, name in list(keys.items())[:_MOST]:
+        names = [f"{kind}_{key}" for kind in ("friction", "threshold_plus", "threshold_minus")]
+        force, plus, minus = motion.trace(names, times, index).values()
+        arrays |= {
+            f"force:{key}": -force,
+            f"plus:{key}": plus,
+            f"minus:{key}": minus,
+            f"mode:{key}": motion.modes[key][index].astype(np.int32),
+        }
+        unit = unicode_unit(quantity(system, names[0]).get("units", ""))
+        slips = motion.modes[key][index] != 0
+        contacts.append(
+            {
+                "key": key,
+                "name": name,
+                "unit": unit,
+                "plus": float(plus.min()),
+                "minus": float(minus.min()),
+                "plus_at": float(times[plus.argmin()] - times[0]),
+                "minus_at": float(times[minus.argmin()] - times[0]),
+                "mean": float((plus.mean() + minus.mean()) / 2.0),
+                "slips": float(np.mean(slips)),
+            }
+        )
+    yield Answer({"part": "friction", **about, "contacts": contacts, "samples": len(times)}, arrays)
+
+
+def _settled(request: Request, patience: Patience) -> tuple[Trajectory, dict[str, Any]]:
+    """What is looked at, and what that is."""
+    from stickslip.orbits.cycles.cycle import find_cycle
+
+    system, numbers = system_of(request.setting)
+    motion = shown_motion(request.setting, patience)
+    unit = unicode_unit(system.time_unit)
+    try:
+        cycle = find_cycle(system, motion if motion.outcome.ok else None, parameters=numbers)
+    except StickslipError:
+        return motion, {"period": None, "time_unit": unit}
+    return cycle.trajectory, {"period": cycle.period, "time_unit": unit}
