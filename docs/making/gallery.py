@@ -18,7 +18,7 @@ from stickslip.display.system_page import system_page
 
 ROOT = Path(__file__).parents[2]
 _SECONDS = 40  # for a picture
-_THUMBNAIL = 60  # dots per inch
+_THUMBNAIL = 90  # dots per inch
 
 
 def systems() -> list[str]:
@@ -113,9 +113,11 @@ def pictures(folder: Path) -> None:
         if mark.exists() and mark.read_text(encoding="utf-8") == now:
             continue
         with _in_time(name):
-            figure = ss.simulate(system).plot()
-        figure.savefig(folder / f"{name}.png", dpi=110)
-        figure.savefig(folder / f"{name}-small.png", dpi=_THUMBNAIL)
+            motion = ss.simulate(system)
+            motion.plot().savefig(folder / f"{name}.png", dpi=110)
+        small = ss.style.new_figure(4.0, 2.6)
+        motion.plot(next(iter([*system.coordinates, *system.internal])), ax=small.add_subplot())
+        small.savefig(folder / f"{name}-small.png", dpi=_THUMBNAIL)
         mark.write_text(now, encoding="utf-8")
 
 

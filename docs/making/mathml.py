@@ -18,7 +18,7 @@ def _displayed(self: Any, node: nodes.math_block) -> None:
     latex = node.astext()
     if r"\\" in latex and r"\begin" not in latex:
         latex = rf"\begin{{aligned}}{latex}\end{{aligned}}"
-    self.body.append(f'<div class="math">{convert(latex, display="block")}</div>\n')
+    self.body.append(f'<div class="displayed">{convert(latex, display="block")}</div>\n')
     raise nodes.SkipNode
 
 

@@ -8,6 +8,33 @@ from typing import Any
 
 from making import command_line, gallery, model_files, python_reference, records, tables
 
+_REFERENCE = """# Reference
+
+Read off the library at each build: it cannot be out of date.
+
+| page | what it lists |
+|---|---|
+| [Python](python.md) | every public name |
+| [Command line](command-line.md) | every command, option and exit code |
+| [Model files](model-files.md) | every key |
+| [Formulas](formulas.md) | what formulas may hold |
+| [Measures](measures.md) | what maps may show |
+| [Friction laws](laws.md) | those with names, with their loops |
+| [Words](../glossary.md) | what things are called here, and elsewhere |
+
+```{toctree}
+:hidden:
+:maxdepth: 1
+
+python
+command-line
+model-files
+formulas
+measures
+laws
+../glossary
+```
+"""
 MAKERS = (python_reference, command_line, model_files, tables, gallery, records)
 _OUTSIDE = {
     "../CONTRIBUTING.md": "/generated/contributing.md",
@@ -18,7 +45,8 @@ _OUTSIDE = {
 
 def texts() -> dict[str, str]:
     """Every generated page, by its place in the folder of the documentation."""
-    return {place: text for maker in MAKERS for place, text in maker.pages().items()}
+    made = {place: text for maker in MAKERS for place, text in maker.pages().items()}
+    return made | {"reference/index.md": _REFERENCE}
 
 
 def write(folder: Path) -> None:
