@@ -59,7 +59,11 @@ def requests(page: Page) -> list[str]:
 
 def faults(site: Path) -> Iterator[str]:
     """Everything that is wrong."""
-    pages = {p.resolve(): Page(p.read_text(encoding="utf-8")) for p in sorted(site.rglob("*.html")) if "_static" not in p.parts}
+    pages = {
+        p.resolve(): Page(p.read_text(encoding="utf-8"))
+        for p in sorted(site.rglob("*.html"))
+        if "_static" not in p.parts
+    }
     for path, page in pages.items():
         name = path.relative_to(site.resolve())
         yield from (f"{name} fetches {place}" for place in requests(page))

@@ -28,7 +28,7 @@ extensions = [
     "making.mathml",
 ]
 root_doc = "index"
-exclude_patterns = ["_build", "**/.ipynb_checkpoints"]
+exclude_patterns = ["_build", "making", "**/.ipynb_checkpoints"]
 language = "en"
 
 # -- pages ---------------------------------------------------------------------------------------
@@ -55,7 +55,7 @@ numpydoc_class_members_toctree = False
 numpydoc_xref_param_type = False
 nitpicky = False
 
-# -- looks: nothing is fetched from anywhere ---------------------------------------------------------
+# -- looks: nothing is fetched from anywhere -------------------------------------------------------
 
 html_theme = "pydata_sphinx_theme"
 html_math_renderer = "mathml"

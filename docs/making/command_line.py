@@ -13,7 +13,10 @@ from stickslip.cli.app import app
 
 _CODES = [
     ("0", "what was asked for was computed, and it is certified"),
-    (str(ending.NOT_CERTIFIED), "computed, but not certified, or not to its end; files are written"),
+    (
+        str(ending.NOT_CERTIFIED),
+        "computed, but not certified, or not to its end; files are written",
+    ),
     ("2", "wrong input: one line says what, why, and what would be right; nothing is written"),
     ("70", "a mistake of the program itself; please report it"),
     (str(ending.EXIT_INTERRUPTED), "interrupted (Ctrl-C); what was computed is kept"),
@@ -23,18 +26,17 @@ _CODES = [
 def pages() -> dict[str, str]:
     """One page: every command, option and exit code."""
     program: Any = typer.main.get_command(app)
-    parts = [
-        "# Command line\n",
-        f"{program.help} `stickslip --help` lists the commands, `stickslip run --help` the options "
-        "of one. No command ever shows a traceback.\n",
-        "## Exit codes\n",
-        markdown.table(["code", "meaning"], _CODES),
-        "A command that differs says so below.\n",
-    ]
+    parts: list[str] = []
     for name, command in program.commands.items():
         if not command.hidden:
             parts += _command(name, command)
-    return {"reference/command-line.md": "\n".join(parts)}
+    page = markdown.filled(
+        "command-line",
+        help=program.help,
+        codes=markdown.table(["code", "meaning"], _CODES),
+        commands="\n".join(parts),
+    )
+    return {"reference/command-line.md": page}
 
 
 def _command(name: str, command: Any) -> list[str]:

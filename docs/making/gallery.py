@@ -42,17 +42,11 @@ def pages() -> dict[str, str]:
             ":::",
             "",
         ]
-    overview = [
-        "# Gallery\n",
-        "The systems of the catalogue, each of which is one short file of declarations. `stickslip run NAME` moves one, "
-        "`ss.catalogue.NAME(parameter=...)` is one with other numbers, other laws, other drives.\n",
-        "::::{grid} 1 2 2 3\n:gutter: 3\n",
-        *cards,
-        "::::\n",
-        markdown.toctree(systems()),
-    ]
+    overview = markdown.filled(
+        "gallery", cards="\n".join(cards), toctree=markdown.toctree(systems())
+    )
     made = {f"gallery/{name}.md": _page(name) for name in systems()}
-    return made | {"gallery/index.md": "\n".join(overview)}
+    return made | {"gallery/index.md": overview}
 
 
 def _page(name: str) -> str:
@@ -130,7 +124,8 @@ def _code() -> str:
     """The parts of the library that a picture depends on."""
     rooms = ("motion", "figures", "equations", "symbolic", "model")
     paths = (p for room in rooms for p in sorted((ROOT / "src/stickslip" / room).rglob("*.py")))
-    return hashlib.sha256(b"".join(path.read_bytes() for path in paths)).hexdigest()
+    whole = b"".join(path.read_bytes() for path in [Path(__file__), *paths])
+    return hashlib.sha256(whole).hexdigest()
 
 
 @contextmanager

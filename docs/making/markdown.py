@@ -2,12 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+_PROSE = Path(__file__).parent / "prose"
 
 
 def cell(text: str) -> str:
     """A text that may stand in a table."""
     return " ".join(text.split()).replace("|", r"\|") or " "
+
+
+def filled(name: str, **parts: str) -> str:
+    """A page whose prose stands in a file, with the parts that are made.
+
+    Raises
+    ------
+    KeyError
+        If the prose asks for a part that is not given.
+    """
+    text = (_PROSE / f"{name}.md").read_text(encoding="utf-8")
+    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], text)
 
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

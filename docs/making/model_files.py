@@ -35,33 +35,13 @@ _SAMPLES = {
     "kind": '`"linear"`, `"cubic"` or `"hold"`: what is between the samples',
     "periodic": "`true` if they repeat",
 }
-_INTRODUCTION = """# Model files
-
-A model file is [TOML](https://toml.io): one line declares one thing. `stickslip show rocking_toy --toml` prints one to
-start from, `ss.load(path)` reads one, `system.to_toml()` writes one, and nothing is lost on the way. A mistake is
-answered with its key, the reason, and what would be right.
-
-```toml
-name = "block"
-parameters.V = {default = 0.1, unit = "m/s", meaning = "speed of the pull", range = "(0, inf)"}
-coordinates.x = {kind = "inertial", unit = "m"}
-kinetic = "d_x**2/2"
-potential = "(x - V*t)**2/2"
-contacts.ground = {direction = "d_x", threshold = 1.0, kinetic = "0.5 + 0.5/(1 + 20*speed)", unit = "N"}
-span = [0, 100]
-```
-
-`stickslip run block.toml` moves it. Formulas are texts in quotes ([what they may hold](formulas.md)); a number stands
-without. The rate of a coordinate `x` is `d_x`, time is `t`, the speed of a sliding contact is `speed`, the normal force
-of a contact `foot` that can open is `normal_foot`.
-"""
 
 
-def keys(cls: type) -> list[list[str]]:
+def keys(cls: Any) -> list[list[str]]:
     """Rows: key, what it holds, what it is."""
     told = docstrings.described(cls)
     rows = []
-    for item in fields(cls):  # type: ignore[arg-type]
+    for item in fields(cls):
         kind, text = told.get(item.name, ("", ""))
         rows.append([markdown.code(item.name), _held(str(item.type), kind), _needed(item, text)])
     return rows
@@ -86,7 +66,7 @@ def _needed(item: Any, text: str) -> str:
 def pages() -> dict[str, str]:
     """One page."""
     head = ["key", "holds", "meaning"]
-    parts = [_INTRODUCTION, "## Keys of a system\n", markdown.table(head, keys(system.System))]
+    parts = []
     for key, (about, classes) in ENTRIES.items():
         parts += [f"## {key}\n", about + "\n"]
         for cls in classes:
@@ -94,15 +74,12 @@ def pages() -> dict[str, str]:
                 parts.append(f"### {cls.__name__}\n\n{docstrings.first_sentence(cls)}\n")
             parts.append(markdown.table(head, keys(cls)))
     samples = [[markdown.code(key), text] for key, text in _SAMPLES.items()]
-    parts += [
-        "## drives.NAME\n",
-        docstrings.first_sentence(Samples)
-        + ' A formula of `t`, or a table of samples: `drives.a = {file = "base.csv", time = "t", '
-        'value = "a", kind = "cubic"}`.\n',
-        markdown.table(["key", "meaning"], samples),
-        "## Keys of an evolution\n",
-        "A file with `dissipation` declares a [rate-independent evolution]"
-        "(python/EvolutionModel.rst); `stickslip evolve FILE` computes it.\n",
-        markdown.table(head, keys(EvolutionModel)),
-    ]
-    return {"reference/model-files.md": "\n".join(parts)}
+    page = markdown.filled(
+        "model-files",
+        system=markdown.table(head, keys(system.System)),
+        entries="\n".join(parts),
+        samples_are=docstrings.first_sentence(Samples),
+        samples=markdown.table(["key", "meaning"], samples),
+        evolution=markdown.table(head, keys(EvolutionModel)),
+    )
+    return {"reference/model-files.md": page}

@@ -6,35 +6,8 @@ import re
 from pathlib import Path
 from typing import Any
 
-from making import command_line, gallery, model_files, python_reference, records, tables
+from making import command_line, gallery, markdown, model_files, python_reference, records, tables
 
-_REFERENCE = """# Reference
-
-Read off the library at each build: it cannot be out of date.
-
-| page | what it lists |
-|---|---|
-| [Python](python.md) | every public name |
-| [Command line](command-line.md) | every command, option and exit code |
-| [Model files](model-files.md) | every key |
-| [Formulas](formulas.md) | what formulas may hold |
-| [Measures](measures.md) | what maps may show |
-| [Friction laws](laws.md) | those with names, with their loops |
-| [Words](../glossary.md) | what things are called here, and elsewhere |
-
-```{toctree}
-:hidden:
-:maxdepth: 1
-
-python
-command-line
-model-files
-formulas
-measures
-laws
-../glossary
-```
-"""
 MAKERS = (python_reference, command_line, model_files, tables, gallery, records)
 _OUTSIDE = {
     "../CONTRIBUTING.md": "/generated/contributing.md",
@@ -46,7 +19,7 @@ _OUTSIDE = {
 def texts() -> dict[str, str]:
     """Every generated page, by its place in the folder of the documentation."""
     made = {place: text for maker in MAKERS for place, text in maker.pages().items()}
-    return made | {"reference/index.md": _REFERENCE}
+    return made | {"reference/index.md": markdown.filled("reference")}
 
 
 def write(folder: Path) -> None:
@@ -73,9 +46,7 @@ def to_the_site(app: Any, place: str, source: list[str]) -> None:
 _VERBATIM = re.compile(r"(``.*?``|`[^`]*`)")
 
 
-def plain_bars(
-    app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]
-) -> None:
+def plain_bars(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
     """Bars in docstrings are moduli, no substitutions; a name that ends in _ is no reference."""
     for i, line in enumerate(lines):
         parts = _VERBATIM.split(line)

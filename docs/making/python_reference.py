@@ -68,18 +68,13 @@ def thing(name: str) -> Any:
 def pages() -> dict[str, str]:
     """The page of each name, and the list of all."""
     made = {f"{FOLDER}/{name}.rst": _page(name) for names in groups().values() for name in names}
-    parts = [
-        "# Python\n",
-        "`import stickslip as ss`; public is what stands here, and what these things offer. "
-        "Arguments after the first have names and may stand in any order: what a function is about "
-        "comes first.\n",
-    ]
+    parts = []
     for title, names in groups().items():
         rows = [[f"[`{n}`](python/{n}.rst)", docstrings.first_sentence(thing(n))] for n in names]
         parts += [f"## {title}\n", markdown.table(["name", "what it is"], rows)]
     names = [f"{n} <python/{n}>" for group in groups().values() for n in group]
     parts.append(markdown.toctree(names))
-    return made | {f"{FOLDER}.md": "\n".join(parts)}
+    return made | {f"{FOLDER}.md": markdown.filled("python", names="\n".join(parts))}
 
 
 def _page(name: str) -> str:
@@ -92,7 +87,11 @@ def _page(name: str) -> str:
     if inspect.ismodule(value):
         lines += _of_module(name, value)
     elif inspect.isclass(value):
-        lines += [f".. autoclass:: {full}", "   :members:", "   :inherited-members: Exception, Enum"]
+        lines += [
+            f".. autoclass:: {full}",
+            "   :members:",
+            "   :inherited-members: Exception, Enum",
+        ]
     else:
         lines += [f".. autofunction:: {full}"]
     lines += ["", *_example(name)]

@@ -68,29 +68,18 @@ def _formulas() -> str:
         arguments = ", ".join([*row.arguments, *["..."] * row.several])
         corner = "smooth where it is defined" if name in ("sqrt", "smoothstep") else "kinks"
         pieces.append(
-            [markdown.code(f"{name}({arguments})"), MEANINGS.get(name, ""), "jumps" if row.jumps else corner]
+            [
+                markdown.code(f"{name}({arguments})"),
+                MEANINGS.get(name, ""),
+                "jumps" if row.jumps else corner,
+            ]
         )
     elsewhere = [[markdown.code(a), markdown.code(b)] for a, b in formulas._ELSEWHERE.items()]
-    return "\n".join(
-        [
-            "# Formulas\n",
-            "A formula is a number, or a text of numbers, names, `pi`, `+ - * / **`, brackets and the functions "
-            "below. It is read by a whitelist; nothing that is typed is ever run. Comparisons `<`, `<=`, `>`, `>=` "
-            "stand in `piecewise(condition, value, ..., otherwise)` alone.\n",
-            "## Smooth functions\n",
-            markdown.table(["function", "derivative", "defined"], smooth),
-            "## Functions with kinks and jumps\n",
-            "Where one of them has a kink or jumps is an event of the motion, found to machine precision; at a jump a "
-            "function has the value from above. A force that jumps against a rate is refused: that is dry friction, "
-            "and a contact says it.\n",
-            markdown.table(["function", "value", "corners"], pieces),
-            "Further: `piecewise(x < 0, a, x < 1, b, c)`, one value after the other.\n",
-            "## Functions of your own\n",
-            'A system may declare functions of any number of arguments, `functions = {"mu(v)": "1/(1 + v)"}`; of '
-            "those of one argument, and of drives, the derivative has a name, `d_mu(v)`.\n",
-            "## What is written otherwise elsewhere\n",
-            markdown.table(["elsewhere", "here"], elsewhere),
-        ]
+    return markdown.filled(
+        "formulas",
+        smooth=markdown.table(["function", "derivative", "defined"], smooth),
+        pieces=markdown.table(["function", "value", "corners"], pieces),
+        elsewhere=markdown.table(["elsewhere", "here"], elsewhere),
     )
 
 
@@ -100,18 +89,12 @@ def _interval(ends: tuple[float, float]) -> str:
 
 
 def _laws() -> str:
-    parts = [
-        "# Friction laws\n",
-        'Where a contact stands, a law may stand by its name: `ss.laws.stribeck("d_x", F_s=2.0, F_c=1.0, v_s=0.1)`, '
-        'in a model file `contacts.foot = {law = "stribeck", direction = "d_x", F_s = 2.0, F_c = 1.0, v_s = 0.1}`. '
-        "Parameters are numbers or formulas of the system's parameters. `stickslip law stribeck` shows the same as "
-        "below. A law that is not here is [a formula of yours](../how-to/own-friction-law.md).\n",
-    ]
+    parts = []
     for name in laws.all_names():
         law = laws.by_name(name)
         picture = embedded(lambda law=law: plot_law(law))
         parts += [f"## {name}\n", markdown.html(law_page(law, picture))]
-    return "\n".join(parts)
+    return markdown.filled("laws", laws="\n".join(parts))
 
 
 def _measures() -> str:
@@ -125,17 +108,11 @@ def _measures() -> str:
         ]
         for name, row in measures.MEASURES.items()
     ]
-    return "\n".join(
-        [
-            "# Measures\n",
-            "What a [map](python/sweep.rst) may show of what a motion settles on, by name; formulas of names are "
-            'measures, too, `"cost = energy_per_cycle/(F*speed)"`, and [functions of yours](../how-to/own-measure.md).\n',
-            "\n\n".join(docstrings.markup(part) for part in told.split("\n\n")[1:]) + "\n",
-            markdown.table(
-                ["measure", "may be taken of", "also where nothing settles", "follows the period once more"],
-                rows,
-            ),
-        ]
+    head = ["measure", "may be taken of", "also where nothing settles", "follows the period again"]
+    return markdown.filled(
+        "measures",
+        told="\n\n".join(docstrings.markup(part) for part in told.split("\n\n")[1:]),
+        measures=markdown.table(head, rows),
     )
 
 
@@ -145,29 +122,15 @@ def _outcomes() -> str:
         ("Evolutions", EvolutionOutcome, "`history.outcome`"),
         ("Branches, maps, studies", Completion, "`branch.outcome`, `map.outcome`"),
     ]
-    parts = [
-        "# My motion stopped: every outcome, why, and what to do\n",
-        "A computation ends in one of these ways, and says so: `trajectory.outcome.label` and `trajectory.message` in "
-        "Python, `outcome` in `summary.json`, the line *outcome* on the command line. Whatever was computed before is "
-        "kept, and obeys the law; but what has stopped early is not [certified](not-certified.md).\n",
-    ]
+    parts = []
     for title, kind, where in kinds:
         rows = [
-            [f"**{o.label}**", "yes" if o.ok else "", o.message] for o in sorted(kind, key=lambda o: o.code)
+            [f"**{o.label}**", "yes" if o.ok else "", o.message]
+            for o in sorted(kind, key=lambda o: o.code)
         ]
-        parts += [f"## {title}\n", where + "\n", markdown.table(["outcome", "good", "meaning and remedy"], rows)]
-    parts.append(_MORE)
-    return "\n".join(parts)
-
-
-_MORE = """## Reading the numbers
-
-* *no bounded rate* at the start: the load does not fit the state. `ss.equilibria(system)` says where the system can
-  rest, `initial=` puts it there.
-* *event accumulation* is not the bouncing ball: the end of its impacts is known in closed form and the contact closes.
-  It is what remains, such as a threshold that falls to zero in a contact that chatters.
-* *limit on events reached*: `ss.simulate(..., max_events=10**7)`. A motion of millions of switches is no harder than
-  one of ten, but takes as much longer.
-* *not settled* in a map is a verdict about waiting, not about the motion. `ss.Settings(max_time=..., max_cycles=...)`
-  waits longer; a chaotic motion never settles, and its exponent stands in `lyapunov`.
-"""
+        parts += [
+            f"## {title}\n",
+            where + "\n",
+            markdown.table(["outcome", "good", "meaning and remedy"], rows),
+        ]
+    return markdown.filled("outcomes", outcomes="\n".join(parts))
