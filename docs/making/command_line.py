@@ -8,7 +8,7 @@ from typing import Any
 import typer
 
 from making import markdown
-from stickslip.cli import ending
+from stickslip.cli.common import ending
 from stickslip.cli.app import app
 
 _CODES = [
