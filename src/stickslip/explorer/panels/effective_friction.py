@@ -27,9 +27,17 @@ def friction_figures() -> Panel:
     )
     panel.glyph(over_time, "friction_lines", columns, lines)
     plane = panel.plot("forces")
-    sets = Patches(
-        xs="xs", ys="ys", fill_color="color", fill_alpha="alpha", line_color="color", line_alpha=0.5
+    sets = Quad(
+        left="left",
+        right="right",
+        bottom="bottom",
+        top="top",
+        fill_color="color",
+        fill_alpha="alpha",
+        line_color="color",
+        line_alpha=0.5,
     )
-    panel.glyph(plane, "forces_sets", ["xs", "ys", "color", "alpha"], sets)
+    sides = ["left", "right", "bottom", "top"]
+    panel.glyph(plane, "forces_sets", [*sides, "color", "alpha"], sets)
     panel.glyph(plane, "forces_lines", columns, lines.clone())
     return panel
