@@ -5,11 +5,12 @@ BIN    := .venv/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --prefer-binary --constraint constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test wheel machine-code clean
+.PHONY: help demo test docs wheel machine-code clean
 
 help:
 	@echo "make demo   make the environment, run three examples and the paper, say where the pictures are"
 	@echo "make test   make the environment, check style and types, run the tests"
+	@echo "make docs   build the documentation: docs/_build/html/index.html"
 	@echo "make wheel  build the package with the engine's machine code: dist/"
 	@echo "make clean  remove what these have made"
 
@@ -30,6 +31,10 @@ test: .venv/ready-for-tests machine-code
 	$(BIN)/ruff check .
 	$(BIN)/pyright
 	$(BIN)/pytest -n 2
+
+docs: .venv/ready-for-docs machine-code
+	$(BIN)/sphinx-build -W --keep-going -E -q -b html docs docs/_build/html
+	$(BIN)/python docs/check_site.py docs/_build/html
 
 .venv/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
@@ -53,5 +58,10 @@ wheel: .venv/ready
 	$(INSTALL) --no-build-isolation --editable '.[test]'
 	@touch $@ .venv/ready
 
+.venv/ready-for-docs: .venv/bin/python pyproject.toml constraints.txt
+	$(INSTALL) hatchling editables
+	$(INSTALL) --no-build-isolation --editable '.[docs]'
+	@touch $@ .venv/ready
+
 clean:
-	rm -rf .venv out dist src/stickslip/machine_code/shipped
+	rm -rf .venv out dist src/stickslip/machine_code/shipped docs/_build docs/gallery docs/reference docs/generated

@@ -19,8 +19,8 @@ os.environ.setdefault(
 )
 
 import diffrax  # type: ignore[import]
-import jax  # type: ignore[import]
-import jax.numpy as jnp  # type: ignore[import]
+import jax
+import jax.numpy as jnp
 import optimistix  # type: ignore[import]
 
 from stickslip.arrays import Array

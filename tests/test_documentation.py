@@ -1,37 +1,236 @@
-"""The pages that are sessions run, and give what is printed there."""
+"""The pages of the documentation: every block of code on them runs and gives what is printed there,
+what is generated is complete, and links lead somewhere."""
 
 from __future__ import annotations
 
+import ast
 import doctest
 import re
+import sys
+from collections.abc import Iterator
+from dataclasses import fields
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urldefrag
 
 import pytest
+import typer
+
+import check_site
+import stickslip as ss
+from making import (
+    command_line,
+    docstrings,
+    gallery,
+    markdown,
+    model_files,
+    pages,
+    python_reference,
+    tables,
+)
+from stickslip.cli.app import app
+from stickslip.model import laws, system
+from stickslip.motion.outcome import Outcome
+from stickslip.sweeps.request.measures import MEASURES
+from stickslip.symbolic.formulas import builtins
+from test_public_face import private
 
 ROOT = Path(__file__).parents[1]
-PAGES = {"tutorial": 30, "by-example": 60, "extending": 12}  # by the least number of statements
-BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+DOCS = ROOT / "docs"
+GENERATED = ("_build", "gallery", "reference", "generated", "making")
+WRITTEN = {
+    path.relative_to(DOCS).as_posix(): path.read_text(encoding="utf-8")
+    for path in sorted(DOCS.rglob("*.md"))
+    if path.relative_to(DOCS).parts[0] not in GENERATED and path.stem not in ("outcomes", "wrong")
+}
+BLOCK = re.compile(r"^```(\{?[\w-]*\}?)[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+# By the least number of statements.
+LEAST = {"tutorial.md": 30, "by-example.md": 60, "extending.md": 12, "fits-elsewhere.md": 40}
+IMPORTED = re.compile(r"^>>> import (\w+)", re.MULTILINE)
+HEAVY = {"pymc"}  # its installation takes a minute: what needs it runs where it is there
+ELSEWHERE = ("cluster.md",)  # its Python needs a cluster
+
+
+def blocks(page: str, *languages: str) -> list[str]:
+    """The blocks of a page that are in one of the languages."""
+    return [block for language, block in BLOCK.findall(WRITTEN[page]) if language in languages]
+
+
+SESSIONS = [page for page in WRITTEN if blocks(page, "pycon")]
+PROGRAMS = [page for page in WRITTEN if blocks(page, "python") and page not in ELSEWHERE]
 
 
 def statements(page: str) -> list[doctest.Example]:
     """What a page of a session types in, one after the other."""
-    found = BLOCK.findall((ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8"))
-    text = "".join(block for _, block in found)
+    sections = re.split("^## ", WRITTEN[page], flags=re.MULTILINE)
+    absent = {name for name in HEAVY if find_spec(name) is None}
+    kept = [section for section in sections if not absent & {*IMPORTED.findall(section)}]
+    found = (pair for section in kept for pair in BLOCK.findall(section))
+    text = "".join(block for language, block in found if language == "pycon")
     return doctest.DocTestParser().get_doctest(text, {}, page, None, None).examples
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_pages(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.filterwarnings("ignore::FutureWarning:arviz")  # on its import, by PyMC
+@pytest.mark.parametrize("page", SESSIONS)
+def test_sessions(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every block of a page, one after the other, gives what is printed there."""
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
     session = doctest.DocTest(statements(page), {}, page, None, None, None)
     said: list[str] = []
     result = doctest.DocTestRunner(verbose=False).run(session, out=said.append)
-    assert result.attempted > PAGES[page]
+    assert result.attempted > LEAST.get(page, 0)
     assert result.failed == 0, "".join(said)
 
 
-def test_pages_hold_nothing_else() -> None:
-    for page in PAGES:
-        found = BLOCK.findall((ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8"))
-        assert {language for language, _ in found} == {"pycon"}
+@pytest.mark.parametrize("page", PROGRAMS)
+def test_programs(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, object] = {}
+    for block in blocks(page, "python"):
+        exec(compile(block, page, "exec"), names)
+
+
+def test_long_pages_are_sessions() -> None:
+    for page in LEAST:
+        assert {language for language, _ in BLOCK.findall(WRITTEN[page])} == {"pycon"}
+
+
+def test_model_files_on_pages_are_read(tmp_path: Path) -> None:
+    prose = (DOCS / "making" / "prose" / "model-files.md").read_text(encoding="utf-8")
+    texts = [block for page in WRITTEN for block in blocks(page, "toml")]
+    texts += [block for language, block in BLOCK.findall(prose) if language == "toml"]
+    assert len(texts) >= 2
+    for text in texts:
+        (tmp_path / "model.toml").write_text(text, encoding="utf-8")
+        assert ss.load(tmp_path / "model.toml").contacts
+
+
+@pytest.mark.parametrize("page", [page for page in WRITTEN if blocks(page, "{code-cell}")])
+def test_cells_know_public_names_alone(page: str) -> None:
+    """They are executed when the site is built."""
+    for block in blocks(page, "{code-cell}"):
+        code = "\n".join(line for line in block.splitlines() if not line.startswith(":"))
+        ast.parse(code)
+        assert private(code) == []
+
+
+# -- what is generated -----------------------------------------------------------------------------
+
+REFERENCE = python_reference.pages()
+
+
+def test_every_public_name_has_its_page() -> None:
+    names = [name for name in ss.__all__ if not name.startswith("__")]
+    assert {f"reference/python/{name}.rst" for name in names} <= set(REFERENCE)
+    placed = [name for group in python_reference.groups().values() for name in group]
+    assert len(placed) == len(set(placed))
+
+
+def test_a_new_name_has_its_page_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Though nobody has said where it belongs."""
+    monkeypatch.setattr(ss, "__all__", [*ss.__all__, "get_me"])
+    assert python_reference.groups()["More"][-1] == "get_me"
+
+
+def test_every_group_names_public_names() -> None:
+    grouped = {name for names in python_reference.GROUPS.values() for name in names.split()}
+    assert grouped <= set(ss.__all__)
+
+
+def commands() -> Iterator[tuple[str, Any]]:
+    yield from typer.main.get_command(app).commands.items()  # type: ignore[attr-defined]
+
+
+def test_every_command_and_option_is_told() -> None:
+    page = command_line.pages()["reference/command-line.md"]
+    for name, command in commands():
+        section = page.partition(f"\n## {name}\n")[2].partition("\n## ")[0]
+        for parameter in command.params:
+            options = (
+                parameter.opts if parameter.param_type_name == "option" else [parameter.metavar]
+            )
+            assert parameter.hidden or all(str(option) in section for option in options), name
+
+
+def test_every_key_is_told() -> None:
+    page = model_files.pages()["reference/model-files.md"]
+    classes = [c for _, found in model_files.ENTRIES.values() for c in found]
+    assert {system.Contact, system.Unilateral, system.Bilateral, system.Jump} < set(classes)
+    for cls in (system.System, *classes):
+        for row in model_files.keys(cls):
+            assert " ".join(row[0].split()) in page
+        assert len(model_files.keys(cls)) == len(fields(cls))
+
+
+def test_every_function_measure_and_outcome_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tables, "embedded", lambda draw: "")  # pictures take their time
+    made = tables.pages()
+    assert all(f"`{name}(" in made["reference/formulas.md"] for name in builtins())
+    assert all(f"`{name}`" in made["reference/measures.md"] for name in MEASURES)
+    assert all(f"## {name}\n" in made["reference/laws.md"] for name in laws.all_names())
+    assert all(markdown.cell(outcome.message) in made["how-to/outcomes.md"] for outcome in Outcome)
+
+
+def test_every_system_has_its_page() -> None:
+    made = gallery.pages()
+    for name in ss.catalogue.names():
+        page = made[f"gallery/{name}.md"]
+        assert "<math" in page and "```toml" in page and "## What checks it" in page, name
+
+
+def test_attributes_are_read_off_docstrings() -> None:
+    told = docstrings.described(system.Contact)
+    assert told["unit"] == ("str", "Unit of the friction force.")
+    assert set(told) == {item.name for item in fields(system.Contact)}
+
+
+# -- links -----------------------------------------------------------------------------------------
+
+
+def test_links_lead_somewhere() -> None:
+    """From page to page; ``make docs`` looks at the built site, and at places on pages, too."""
+    generated = {place for maker in pages.MAKERS if maker is not tables for place in maker.pages()}
+    generated |= {f"reference/{name}.md" for name in ("formulas", "laws", "measures", "index")}
+    generated |= {"how-to/outcomes.md", "wrong.md"}
+    for page, text in WRITTEN.items():
+        for link in LINK.findall(re.sub(r"```.*?```", "", text, flags=re.DOTALL)):
+            place = unquote(urldefrag(link)[0])
+            if re.match(r"[a-z]+:", place) or not place:
+                continue
+            target = (DOCS / page).parent / place
+            inside = target.resolve()
+            known = inside.is_relative_to(DOCS) and inside.relative_to(DOCS).as_posix() in generated
+            assert known or target.exists(), f"{page}: {link}"
+
+
+GOOD = '<link rel="stylesheet" href="a.css"><a href="https://example.org">x</a><p id="here"></p>'
+BAD = '<script src="https://example.org/a.js"></script><img src="//example.org/a.png">'
+
+
+def test_what_asks_the_network_is_found() -> None:
+    assert check_site.requests(check_site.Page(GOOD)) == []
+    assert len(check_site.requests(check_site.Page(BAD))) == 2
+    styled = check_site.Page('<p style="background: url(https://example.org/a.png)"></p>')
+    assert check_site.requests(styled) == ["https://example.org/a.png"]
+
+
+def test_a_broken_link_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(check_site, "without_page", lambda site: iter(()))
+    (tmp_path / "a.css").write_text("@import '//example.org/b.css';", encoding="utf-8")
+    (tmp_path / "a.html").write_text(GOOD + '<a href="#here">y</a>', encoding="utf-8")
+    (tmp_path / "b.html").write_text(
+        '<a href="a.html#gone">y</a><a href="c.html">z</a>', encoding="utf-8"
+    )
+    assert list(check_site.faults(tmp_path)) == [
+        "b.html: a.html#gone has no such place",
+        "b.html: there is no c.html",
+        "a.css fetches //example.org/b.css",
+    ]
+
+
+def test_the_site_imports_nothing_that_tests_lack() -> None:
+    """Sphinx is needed by two files alone, which the pages do not need."""
+    assert not any(name.startswith("making.mathml") for name in sys.modules)

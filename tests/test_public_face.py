@@ -34,8 +34,10 @@ def code_of(page: Path) -> str:
 
 def shown() -> Iterator[tuple[str, str]]:
     """Every piece of code that a reader is shown and that tests execute, with its place."""
-    for page in (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))):
-        yield page.name, code_of(page)
+    rooms = [ROOT / "docs" / room for room in ("", "tutorials", "how-to", "theory")]
+    written = [page for room in rooms for page in sorted(room.glob("*.md"))]
+    for page in (ROOT / "README.md", *written):
+        yield page.relative_to(ROOT).as_posix(), code_of(page)
     for path in sorted((ROOT / "examples").glob("*.py")):
         yield path.name, path.read_text(encoding="utf-8")
 

@@ -33,6 +33,19 @@ def study() -> ss.AveragingStudy:
     return ss.averaging_study(problem, [0.5, 0.25])
 
 
+OSCILLATOR = ss.catalogue.forced_oscillator()
+
+
+def record(friction: float) -> dict[str, np.ndarray]:
+    t = np.linspace(0.0, 20.0, 80)
+    x = ss.simulate(OSCILLATOR, (0.0, 20.0), parameters={"F_c": friction}).at(t)["x"]
+    return {"t": t, "x": x + 0.01 * np.random.default_rng(0).standard_normal(80)}
+
+
+def fitted(friction: float) -> ss.Fit:
+    return ss.fit(OSCILLATOR, record(friction), {"F_c": (0.1, 0.9)}, starts=2)
+
+
 MAKERS: dict[str, Callable[[], Result]] = {
     "trajectory": lambda: ss.simulate(BLOCK, (0.0, 8.0)),
     "ensemble": lambda: ss.simulate_many(BLOCK, (0.0, 2.0), parameters={"V": [0.1, 0.2]}),
@@ -51,6 +64,11 @@ MAKERS: dict[str, Callable[[], Result]] = {
     ),
     "map": lambda: ss.sweep(TOY, {"P": [1.1, 1.2], "delta": [0.05, 0.1]}, ["speed", "period"]),
     "line": lambda: ss.sweep(TOY, {"P": [1.1, 1.2]}, ["speed"], initial={"psi": 0.8}),
+    "fit": lambda: fitted(0.3),
+    "comparison": lambda: ss.compare(
+        [OSCILLATOR, OSCILLATOR.with_parameters(k=0.9)], record(0.3), {"F_c": (0.1, 0.9)}, starts=1
+    ),
+    "band": lambda: fitted(0.3).continue_cycle("omega", (0.38, 0.42)),
     "basin": lambda: ss.basin(TOY, {"psi": "0.0:1.0:2", "d_psi": "0.0:1.0:2"}),
 }
 QUANTITY = {
@@ -69,6 +87,9 @@ QUANTITY = {
     "frequency response": "amplitude",
     "map": "speed",
     "line": "speed",
+    "fit": "estimate",
+    "comparison": "aicc",
+    "band": "period",
     "basin": "period",
 }
 

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     from stickslip.fitting.band import Band
     from stickslip.fitting.comparing import Comparison
     from stickslip.fitting.comparing import compare_systems as compare
-    from stickslip.fitting.fit import Fit, fit
+    from stickslip.fitting.fit import Fit
+    from stickslip.fitting.making import fit
     from stickslip.fitting.problem import FitProblem, fit_problem
     from stickslip.fitting.recording import Recording
     from stickslip.model import laws
@@ -233,7 +234,8 @@ _HOMES = {
     "Band": "fitting.band",
     "Comparison": "fitting.comparing",
     "compare": "fitting.comparing:compare_systems",
-    **dict.fromkeys(["Fit", "fit"], "fitting.fit"),
+    "Fit": "fitting.fit",
+    "fit": "fitting.making",
     **dict.fromkeys(["FitProblem", "fit_problem"], "fitting.problem"),
     "Recording": "fitting.recording",
     **dict.fromkeys(

@@ -53,6 +53,7 @@ ISSUED = [
     "stick_slip_actuator",
     "two_block_rate_and_state",
     "two_leg_crawler",
+    "velocity_step",
     "wiggly_energy",
     "woodpecker",
 ]

@@ -88,6 +88,7 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
         after,
         np.full(after[:, 0].shape, np.nan),
         made,
+        np.arange(len(made)),
         tuple(events.corners),
         tuple(events.grazings),
     )

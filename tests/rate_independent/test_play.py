@@ -130,7 +130,7 @@ SHAPES: dict[str, tuple[Callable[[Array], Array], float, int]] = {
 @pytest.mark.parametrize("name", SHAPES)
 def test_fit(name: str) -> None:
     function, tolerance, most = SHAPES[name]
-    breaks, c, _ = panels.fit(function, np.array([0.0, 10.0]))
+    breaks, c, _ = panels.fit_pieces(function, np.array([0.0, 10.0]))
     t = np.sort(np.random.default_rng(0).uniform(0, 10, 20_000))
     panel = np.searchsorted(breaks, t, side="right") - 1
     x = 2 * (t - breaks[panel]) / np.diff(breaks)[panel] - 1

@@ -20,7 +20,8 @@ import numpy as np
 
 from stickslip.certificates import Certificate, worst
 from stickslip.errors import DeclarationError
-from stickslip.fitting.fit import Fit, criteria, fit
+from stickslip.fitting.fit import Fit, criteria
+from stickslip.fitting.making import fit
 from stickslip.model.system import System
 from stickslip.progress import told
 from stickslip.results import Completion, Result
@@ -30,11 +31,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from stickslip.fitting.unknowns import Bounds
+    from stickslip.fitting.unknowns import FreeRange
 
 _DECIDED = 0.95
 _LOOSE = 0.5  # part of its value by which a standard error makes a profile worth looking at
-Free = Mapping[str, "Bounds"] | Iterable[str]
+Free = Mapping[str, "FreeRange"] | Iterable[str]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -150,7 +151,7 @@ class Comparison(Result):
             rows.append(
                 (name, f"{text}, BIC {float(row['bic']):.6g}, {int(row['unknowns'])} unknowns")
             )
-            rows += [("  unknown", said) for said in self.fits[i]._said_of_unknowns()]
+            rows += [("  unknown", said) for said in self.fits[i].unknowns_in_words()]
         return rows
 
     def overview(self, ax: Axes | None = None) -> Figure:
@@ -290,7 +291,7 @@ def _compared(names: list[str], fits: list[Fit]) -> Comparison:
     # One account of how much the data say, that of the best: else it would decide instead.
     best = max(fits, key=lambda f: f.log_likelihood)
     share = best.statistics.weight
-    pairs = [criteria(f.log_likelihood, f._free, f._count, share) for f in fits]
+    pairs = [criteria(f.log_likelihood, f.free, f.count, share) for f in fits]
     aicc = np.array([pair[0] for pair in pairs])
     difference = aicc - np.min(aicc)
     weight = np.exp(-0.5 * difference)
@@ -316,7 +317,7 @@ def _flat(found: Fit) -> tuple[str, ...]:
     not looked at."""
     loose = []
     for j, name in enumerate(found.names):
-        error, value = float(found.statistics.error[j]), abs(float(found._p[j]))
+        error, value = float(found.statistics.error[j]), abs(float(found.values[j]))
         if error > _LOOSE * value and found.profile(name).attrs["flat"]:
             loose.append(name)
     return tuple(loose)

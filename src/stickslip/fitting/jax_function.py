@@ -15,36 +15,50 @@ if TYPE_CHECKING:
 
 
 def as_jax(problem: FitProblem) -> Callable[[Any], Any]:
-    """The residuals of a problem as a function of JAX, differentiable forward and backward.
+    """The residuals of a problem as a function of JAX, differentiable once, forward and backward.
 
     Motions are computed on the host, one after the other under ``vmap``. Numbers are of double
     precision if JAX is told so (``jax.config.update("jax_enable_x64", True)``).
+
+    Raises
+    ------
+    StickslipError
+        If JAX is not there.
     """
     try:
         jax: Any = import_module("jax")
     except ImportError:
         raise StickslipError("JAX is not installed: pip install 'stickslip[jax]'") from None
     jnp = jax.numpy
-
     count, unknowns = len(problem.data), len(problem.unknowns)
 
     def called(function: Callable[[Any], Any], shape: tuple[int, ...], p: Any) -> Any:
         kind = jnp.result_type(float)
-        like = jax.ShapeDtypeStruct(shape, kind)
         return jax.pure_callback(
             lambda q: np.asarray(function(np.asarray(q, float)), dtype=kind),
-            like,
+            jax.ShapeDtypeStruct(shape, kind),
             p,
             vmap_method="sequential",
         )
 
     @jax.custom_jvp
     def residuals(p: Any) -> Any:
+        problem.check_shape(jnp.shape(p))
         return called(problem.residuals, (count,), p)
+
+    @jax.custom_jvp
+    def jacobian(p: Any) -> Any:
+        return called(problem.jacobian, (count, unknowns), p)
 
     @residuals.defjvp
     def _(primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, Any]:
-        J = called(problem.jacobian, (count, unknowns), primals[0])
-        return residuals(primals[0]), J @ tangents[0]
+        return residuals(*primals), jacobian(*primals) @ tangents[0]
+
+    @jacobian.defjvp
+    def _(primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, Any]:
+        raise StickslipError(
+            "residuals of motions have first derivatives only: of least squares take JᵀJ in place "
+            "of the second"
+        )
 
     return residuals

@@ -55,7 +55,7 @@ class Column(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
+class MeasuredRecord:
     """A recording, read for a system.
 
     Attributes
@@ -141,7 +141,9 @@ class Measured:
             raise GivenUp(f"{motion.outcome.label} at t = {motion.knots.time[-1]:.6g}")
         return motion
 
-    def of_motion(self, motion: Trajectory, names: Sequence[str] = ()) -> Sensitivity:
+    def of_motion(
+        self, motion: Trajectory, names: Sequence[str] = (), touching: bool = False
+    ) -> Sensitivity:
         """The quantities that were measured, of a motion at the times (or events) of the rows, and
         their derivatives.
 
@@ -150,6 +152,8 @@ class Measured:
         motion : Trajectory
         names : sequence of str
             Parameters, and initial values.
+        touching : bool
+            Whether guards are looked for that are touched without being crossed.
 
         Raises
         ------
@@ -159,16 +163,19 @@ class Measured:
         formulas = [c.formula for c in self.columns]
         start = self.start_slopes(motion.parameters, names)
         if not self.recording.events:
-            return sensitivities(motion, names, self.times, formulas, touching=False, start=start)
+            return sensitivities(
+                motion, names, self.times, formulas, touching=touching, start=start
+            )
         found = events_of(motion, *self.recording.happening)
         if len(found) < len(self.times):
             raise GivenUp(
                 f"the motion has {len(found)} events '{self.recording.events}', the recording "
                 f"{len(self.times)}"
             )
-        return at_events(motion, found[: len(self.times)], names, formulas, start)
+        first = found[: len(self.times)]
+        return at_events(motion, first, names, formulas, start, touching)
 
-    def first(self, most: int) -> Measured:
+    def first(self, most: int) -> MeasuredRecord:
         """The same with the first rows, or events."""
         if most >= len(self.times):
             return self
@@ -222,7 +229,7 @@ def read_recording(
     recording: Recording,
     observe: Mapping[str, str],
     noise: Mapping[str, Noise],
-) -> Measured:
+) -> MeasuredRecord:
     """A recording, read for a system.
 
     Parameters
@@ -267,7 +274,7 @@ def read_recording(
     moved.declaration.check_span(*span)
     initial = _initial(moved, recording)
     dropped = int(len(clock) - len(kept))
-    return Measured(recording, moved, tuple(made), times, span, initial, dropped)
+    return MeasuredRecord(recording, moved, tuple(made), times, span, initial, dropped)
 
 
 def _noise(
@@ -314,6 +321,12 @@ def _span(recording: Recording, times: Array, columns: list[Column]) -> tuple[fl
                 f"{recording.source}, begin",
                 f"the motion begins at {begin:g}, after the first row ({times[0]:g})",
                 "Let it begin before, or leave out the rows",
+            )
+        if begin == times[-1]:
+            raise DeclarationError(
+                recording.source,
+                f"all rows are at t = {begin:g}, where the motion begins",
+                "Give rows at later times, or say when it begins: begin=...",
             )
         return check_span((begin, float(times[-1])))
     begin = 0.0 if recording.begin is None else float(recording.begin)

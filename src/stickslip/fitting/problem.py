@@ -7,20 +7,23 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError, suggestion
-from stickslip.fitting.measured import Column, GivenUp, Measured, Noise, read_recording
+from stickslip.fitting.measured import Column, GivenUp, MeasuredRecord, Noise, read_recording
 from stickslip.fitting.recording import CLOCKS, Recording, as_recordings
-from stickslip.fitting.unknowns import Bounds, Unknown, read_unknowns
+from stickslip.fitting.unknowns import FreeRange, Unknown, read_unknowns
 from stickslip.model.system import Formula, System
 from stickslip.motion.knots import Knots
 from stickslip.motion.problem import pose
 from stickslip.motion.trajectory import Trajectory
 from stickslip.orbits.sensitivities.quantities import read_observations
+
+if TYPE_CHECKING:
+    import xarray
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
 RTOL = 1e-9
@@ -60,7 +63,7 @@ class FitProblem:
     Attributes
     ----------
     system : System
-    measured : tuple of Measured
+    measured : tuple of MeasuredRecord
         The recordings, read.
     unknowns : tuple of Unknown
     given : dict of str to float
@@ -75,7 +78,7 @@ class FitProblem:
     """
 
     system: System
-    measured: tuple[Measured, ...]
+    measured: tuple[MeasuredRecord, ...]
     unknowns: tuple[Unknown, ...]
     given: dict[str, float]
     loss: Loss
@@ -157,11 +160,18 @@ class FitProblem:
         NoDerivative
             If the motion has none, or there is no motion.
         """
+        return self.slopes(p, touching=True)
+
+    def slopes(self, p: Any, touching: bool) -> Array:
+        """The same; boundaries that are touched without being crossed, where one half of the
+        neighbours has other events, may be left unnoticed: a search does not come upon them."""
         p = self._checked(p)
         found = self.evaluate(p)
         if found.reason:
             raise NoDerivative(f"there is no motion: {found.reason}")
-        parts = [self._slopes(m, found.motions[r], r) for r, m in enumerate(self.measured)]
+        parts = [
+            self._slopes(m, found.motions[r], r, touching) for r, m in enumerate(self.measured)
+        ]
         return np.vstack(parts) / self.sigma[:, None]
 
     def log_likelihood(self, p: Any) -> float:
@@ -249,11 +259,11 @@ class FitProblem:
             return Evaluated(tuple(motions), np.zeros(0), str(reason))
         return Evaluated(tuple(motions), np.concatenate(parts), "")
 
-    def _slopes(self, m: Measured, motion: Trajectory, r: int) -> Array:
+    def _slopes(self, m: MeasuredRecord, motion: Trajectory, r: int, touching: bool) -> Array:
         """Derivatives of what was measured in a recording by the unknowns."""
         own = [j for j, u in enumerate(self.unknowns) if u.record in (-1, r)]
         names = [self.unknowns[j].name for j in own]
-        found = m.of_motion(motion, names)
+        found = m.of_motion(motion, names, touching)
         slopes = m.flat(found.slopes)
         if not np.all(np.isfinite(slopes)):
             when, why = found.missing[0] if found.missing else (m.span[0], "it is not finite")
@@ -262,13 +272,22 @@ class FitProblem:
         every[:, own] = slopes
         return every
 
-    def _checked(self, p: Any) -> Array:
-        values = np.array(p, float)
-        if values.shape != (len(self.unknowns),):
+    def check_shape(self, shape: tuple[int, ...]) -> None:
+        """Refuse values of the unknowns of another shape than (unknowns,).
+
+        Raises
+        ------
+        DeclarationError
+        """
+        if shape != (len(self.unknowns),):
             names = ", ".join(self.names)
             raise DeclarationError(
-                "p", f"its shape is {values.shape}", f"Give {len(self.unknowns)} values: {names}"
+                "p", f"its shape is {shape}", f"Give {len(self.unknowns)} values: {names}"
             )
+
+    def _checked(self, p: Any) -> Array:
+        values = np.array(p, float)
+        self.check_shape(values.shape)
         if np.any(np.isnan(values)):
             name = self.names[int(np.argmax(np.isnan(values)))]
             raise DeclarationError(f"p: {name}", "it is no number", "Give one")
@@ -322,7 +341,7 @@ class FitProblem:
 def fit_problem(
     system: System,
     data: Any,
-    free: Mapping[str, Bounds] | Iterable[str],
+    free: Mapping[str, FreeRange] | Iterable[str],
     observe: Mapping[str, str] | None = None,
     *,
     noise: Mapping[str, Noise] | None = None,
@@ -414,7 +433,7 @@ def _read(
     recording: Recording,
     observe: Mapping[str, str] | None,
     noise: Mapping[str, Noise],
-) -> Measured:
+) -> MeasuredRecord:
     empty = _without_motion(system)
     columns = [str(c) for c in recording.table.columns]
     if observe is None:
@@ -452,7 +471,7 @@ def _without_motion(system: System) -> Trajectory:
     return Trajectory(problem, system.span, nothing, Outcome.FINISHED, RTOL)
 
 
-def _scale(column: Column, measured: tuple[Measured, ...]) -> Array:
+def _scale(column: Column, measured: tuple[MeasuredRecord, ...]) -> Array:
     """What the differences of a column are divided by before a fit."""
     if column.noise is not None:
         return column.noise
@@ -466,3 +485,75 @@ def _scale(column: Column, measured: tuple[Measured, ...]) -> Array:
             "Leave it out, or give its noise",
         )
     return np.full(len(column.rows), spread)
+
+
+# -- files -----------------------------------------------------------------------------------------
+
+
+def suffix_of(r: int) -> str:
+    """What names of the data of a recording end with."""
+    return "" if r == 0 else f"_{r + 1}"
+
+
+def table_columns(recording: Recording, r: int) -> dict[str, Any]:
+    """The columns of a recording as they came, so that a stored fit has its data."""
+    names = [str(c) for c in recording.table.columns]
+    found = {}
+    for name in names:
+        try:
+            values = recording.column(name)
+        except ValueError:
+            continue  # words are nothing that was compared
+        found[f"table{suffix_of(r)}: {name}"] = (f"table_row{suffix_of(r)}", values)
+    return found
+
+
+def arguments_of(problem: FitProblem) -> dict[str, Any]:
+    """What the problem was made of, as plain data."""
+    free = {u.name: [u.low, u.high] for u in problem.unknowns}
+    return {
+        "free": free,
+        "observe": [{c.name: c.formula for c in m.columns} for m in problem.measured],
+        "known": [[c.name for c in m.columns if c.noise is not None] for m in problem.measured],
+        "loss": problem.loss,
+        "parameters": problem.given,
+        "rtol": problem.rtol,
+        "recordings": [
+            {
+                "parameters": dict(m.recording.parameters),
+                "initial": dict(m.recording.initial),
+                "drives": dict(m.recording.drives),
+                "time": m.recording.time,
+                "begin": m.recording.begin,
+                "end": m.recording.end,
+                "events": m.recording.events,
+            }
+            for m in problem.measured
+        ],
+    }
+
+
+def problem_again(system: System, given: Mapping[str, Any], data: xarray.Dataset) -> FitProblem:
+    """The problem of stored arguments and data."""
+    recordings = []
+    for r, entry in enumerate(given["recordings"]):
+        prefix = f"table{suffix_of(r)}: "
+        names = [str(n) for n in data.data_vars if str(n).startswith(prefix)]
+        table = {name.removeprefix(prefix): data[name].values for name in names}
+        recordings.append(Recording(table, **entry))
+    observe: dict[str, str] = {}
+    for entry in given["observe"]:
+        observe |= entry
+    known = {name for names in given["known"] for name in names}
+    sigma = data["sigma"].values
+    problem = fit_problem(
+        system,
+        recordings,
+        {name: tuple(bounds) for name, bounds in given["free"].items()},
+        observe,
+        noise=dict.fromkeys(known, 1.0),
+        loss=given["loss"],
+        parameters=given["parameters"],
+        rtol=given["rtol"],
+    )
+    return problem.with_sigma(sigma)

@@ -11,7 +11,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, suggestion
-from stickslip.fitting.search import polished, without_start
+from stickslip.fitting.search import begun_at, polished
 
 if TYPE_CHECKING:
     import xarray
@@ -45,7 +45,7 @@ def profile_of(
         )
     j = fit.names.index(name)
     limit = _limit(fit)
-    middle = Profiled(float(fit._p[j]), 0.0, fit._p)
+    middle = Profiled(float(fit.values[j]), 0.0, fit.values)
     sides: list[list[Profiled]] = []
     for sign in (-1.0, 1.0):
         sides.append(_side(fit, j, sign, limit))
@@ -85,12 +85,12 @@ def _side(fit: Fit, j: int, sign: float, limit: float) -> list[Profiled]:
     problem = fit.problem
     u = problem.unknowns[j]
     error = float(fit.statistics.error[j])
-    value = float(fit._p[j])
+    value = float(fit.values[j])
     step = _STEP * error if math.isfinite(error) and error > 0.0 else _WHOLE * (abs(value) or 1.0)
     bound = u.high if sign > 0 else u.low
     best = fit.log_likelihood
     found: list[Profiled] = []
-    p = fit._p
+    p = fit.values
     for _ in range(_STEPS):
         room = abs(bound - value)
         if room == 0.0:
@@ -117,7 +117,7 @@ def _side(fit: Fit, j: int, sign: float, limit: float) -> list[Profiled]:
 def _moved_to(fit: Fit, j: int, value: float, p: Array) -> Array:
     """All unknowns, the others as likely as they can be."""
     others = np.delete(p, j)
-    held = without_start(fit.problem.held(j, value), others)
+    held = begun_at(fit.problem.held(j, value), others)
     end = polished(held, others)
     return np.insert(others if end.reason else end.p, j, value)
 

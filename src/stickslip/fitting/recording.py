@@ -108,9 +108,9 @@ class Recording:
         given = self.table[name]
         values = cast(Any, pd.to_numeric(given, errors="coerce")).to_numpy(float)
         strange = np.isnan(values) & given.notna().to_numpy()
-        strange &= np.array([str(cell).strip().lower() not in ("", "nan") for cell in given])
-        if strange.any():
-            row = int(np.argmax(strange))
+        for row in map(int, np.flatnonzero(strange)):
+            if str(given.iloc[row]).strip().lower() in ("", "nan"):
+                continue
             raise DeclarationError(
                 f"{self.source}, row {row + 1}, column '{short(name)}'",
                 f"'{short(str(given.iloc[row]))}' is no number",

@@ -281,7 +281,7 @@ def jacobian_near(problem: FitProblem, p: Array) -> Array:
         If there are no motions to compare.
     """
     try:
-        return problem.jacobian(p)
+        return problem.slopes(p, touching=False)
     except NoDerivative as error:
         if problem.reason(p):
             raise
@@ -292,7 +292,7 @@ def jacobian_near(problem: FitProblem, p: Array) -> Array:
         share = np.modf(_IRRATIONAL * (i + np.arange(len(p))))[0] - 0.5
         beside = p + _BESIDE * i * share * np.maximum(np.abs(p), 1e-3)
         try:
-            return problem.jacobian(np.clip(beside, low, high))
+            return problem.slopes(np.clip(beside, low, high), touching=False)
         except NoDerivative:
             continue
     return _by_differences(problem, p, first)
@@ -340,7 +340,7 @@ def _refuse_idle(problem: FitProblem, starts: list[Array]) -> None:
         )
 
 
-def without_start(problem: FitProblem, p: Array) -> FitProblem:
+def begun_at(problem: FitProblem, p: Array) -> FitProblem:
     """The problem that begins where another has ended."""
     unknowns = tuple(replace(u, start=float(x)) for u, x in zip(problem.unknowns, p, strict=True))
     return replace(problem, unknowns=unknowns)

@@ -17,7 +17,7 @@ from stickslip.model.system import System
 if TYPE_CHECKING:
     from stickslip.fitting.recording import Recording
 
-Bounds = tuple[float, float] | None
+FreeRange = tuple[float, float] | None
 _WIDE = 10.0  # ratio of positive bounds from which on a logarithm is searched
 _AROUND = 10.0  # factor in which starts are spread where there are no bounds
 
@@ -63,7 +63,7 @@ class Unknown:
 
     @property
     def searched(self) -> tuple[float, float]:
-        """Bounds of that coordinate."""
+        """FreeRange of that coordinate."""
         if not self.logarithmic:
             return self.low, self.high
         return (math.log(self.low) if self.low > 0.0 else -math.inf, math.log(self.high))
@@ -71,7 +71,7 @@ class Unknown:
 
 def read_unknowns(
     system: System,
-    free: Mapping[str, Bounds] | Iterable[str],
+    free: Mapping[str, FreeRange] | Iterable[str],
     records: tuple[Recording, ...],
     given: Mapping[str, float],
 ) -> tuple[Unknown, ...]:
@@ -115,7 +115,7 @@ def read_unknowns(
     return tuple(found)
 
 
-def _parameter(system: System, name: str, bounds: Bounds, given: Mapping[str, float]) -> Unknown:
+def _parameter(system: System, name: str, bounds: FreeRange, given: Mapping[str, float]) -> Unknown:
     declared = system.plain.declaration.ranges[name]
     low, high = checked_bounds(name, bounds, (declared.low, declared.high))
     value = float(given.get(name, system.values[name]))
@@ -135,7 +135,7 @@ def _parameter(system: System, name: str, bounds: Bounds, given: Mapping[str, fl
 
 
 def _initial(
-    system: System, name: str, bounds: Bounds, r: int, records: tuple[Recording, ...]
+    system: System, name: str, bounds: FreeRange, r: int, records: tuple[Recording, ...]
 ) -> Unknown:
     given = records[r].initial.get(name, system.plain.initial.get(name, 0.0))
     if isinstance(given, str):
@@ -160,7 +160,7 @@ def _initial(
 
 
 def checked_bounds(name: str, bounds: Any, declared: tuple[float, float]) -> tuple[float, float]:
-    """Bounds within the declared range."""
+    """FreeRange within the declared range."""
     if bounds is None:
         return declared
     try:

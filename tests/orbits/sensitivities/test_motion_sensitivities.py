@@ -234,3 +234,24 @@ def test_bad_input(names: list[str], times: Any, of: Any, said: str) -> None:
     motion = ss.simulate(oscillator(), (0.0, 5.0))
     with pytest.raises(ss.DeclarationError, match=said):
         motion.sensitivity(names, times, of=of)
+
+
+def test_parameters_of_laws_and_samples() -> None:
+    """A measured drive that a parameter multiplies, and a law whose numbers depend on one."""
+    t = np.linspace(0.0, 6.0, 61)
+    a = 3.0 * np.sin(2.0 * t) + np.random.default_rng(0).standard_normal(61)
+    system = ss.System(
+        name="measured",
+        parameters={"gain": ss.Parameter(1.0), "mu": ss.Parameter(1.0, range="(0, inf)")},
+        coordinates={"x": ss.Inertial()},
+        kinetic="d_x**2/2",
+        potential="-gain*a*x",
+        drives={"a": ss.Samples(t, a, kind="cubic")},
+        contacts={"ground": ss.laws.stribeck("d_x", F_s="1.2*mu", F_c="mu", v_s=0.1)},
+        span=(0.0, 6.0),
+    )
+    found = ss.simulate(system).sensitivity(["gain", "mu"], [2.0, 4.0, 5.9], second_opinion=True)
+    assert found.attrs["missing"] == []
+    for name in ("x", "d_x"):
+        other = found[f"{name}_by_differences"].values
+        np.testing.assert_allclose(found[name].values, other, rtol=1e-7)

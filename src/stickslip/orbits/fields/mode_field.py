@@ -63,21 +63,19 @@ class Piece:
 
     def leave(self, t: float, y: Array, p: Array) -> Leave:
         """The guards at a point."""
-        n = len(y)
-        values = self.guards(t, y, p)
-        f = values[:n]
-        table = values[n:].reshape(-1, 2 + len(self.columns))
-        value = table[:, 0].copy()
-        time = table[:, 1]
-        slopes = table[:, 2:].copy()
-        terms = slopes[:, :n] * f
-        return Leave(
-            f,
-            value,
-            slopes,
-            time + np.sum(terms, axis=1),
-            np.abs(time) + np.sum(np.abs(terms), axis=1),
-        )
+        return self.leaves(np.array([t]), y[:, None], p)[0]
+
+    def leaves(self, t: Array, y: Array, p: Array) -> list[Leave]:
+        """The guards at many points, y of the shape (states, points)."""
+        n, points = y.shape
+        values = np.ascontiguousarray(self.guards(t, y, p).T)
+        rates = np.ascontiguousarray(values[:, :n])
+        table = values[:, n:].reshape(points, -1, 2 + len(self.columns))
+        value, time, slopes = table[..., 0].copy(), table[..., 1], table[..., 2:].copy()
+        terms = slopes[..., :n] * rates[:, None]
+        fall = time + np.sum(terms, axis=2)
+        size = np.abs(time) + np.sum(np.abs(terms), axis=2)
+        return [Leave(*each) for each in zip(rates, value, slopes, fall, size, strict=True)]
 
     def bounds(self, t: float, y: Array, p: Array) -> Bounds:
         """The constraints at a point."""
@@ -190,15 +188,10 @@ class Pieces:
     def numbers(self, modes: Array, regions: Array) -> Array:
         """Those of many modes and regions, shape (knots,)."""
         both = np.hstack([modes, regions])
-        keys, width = both.tobytes(), both.shape[1]
-        return np.array(
-            [
-                self.number(modes[i], regions[i]) if known is None else known
-                for i in range(len(both))
-                for known in [self._numbers.get(keys[i * width : (i + 1) * width])]
-            ],
-            np.int64,
-        )
+        begins = np.ones(len(both), bool)
+        begins[1:] = np.any(both[1:] != both[:-1], axis=1)
+        stretches = [self.number(modes[i], regions[i]) for i in np.flatnonzero(begins)]
+        return np.array(stretches, np.int64)[np.cumsum(begins) - 1]
 
     @property
     def listed(self) -> Listed:

@@ -26,6 +26,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Mode, impact_map, in_region
+from stickslip.orbits.fields.engine.variations import Leave
 from stickslip.orbits.fields.instructions import PointFunction
 from stickslip.orbits.fields.mode_field import Piece
 from stickslip.symbolic import expressions as ex
@@ -126,7 +127,6 @@ def strikes_of(motion: Trajectory) -> dict[int, Strike]:
     k = motion.knots
     index = motion._strikes
     before = motion._states_at(k.time[index], index - 1)
-    speed = motion.impacts["approach"].to_numpy()
     first = k.region.shape[1]
     last = index.copy()
     for j in range(len(index) - 1, -1, -1):
@@ -139,6 +139,8 @@ def strikes_of(motion: Trajectory) -> dict[int, Strike]:
         )
         if bounces and not ends and k.mode[last[j + 1], contact] == 0:
             last[j] = last[j + 1]
+    ending = bool(np.any(last > index))
+    speed = motion.impacts["approach"].to_numpy() if ending else np.zeros(len(index))
     begun = 0.0
     found = leaps(motion)
     for j, i in enumerate(map(int, index)):
@@ -161,6 +163,7 @@ def saltation(
     equations: MotionEquations,
     motion: Trajectory,
     strike: Strike,
+    here: Leave,
     pieces: tuple[Piece, Piece],
     p: Array,
 ) -> Saltation:
@@ -171,6 +174,8 @@ def saltation(
     equations : MotionEquations
     motion : Trajectory
     strike : Strike
+    here : Leave
+        The guards right before it.
     pieces : (Piece, Piece)
         Before and after it.
     p : array, shape (parameters,)
@@ -180,7 +185,6 @@ def saltation(
     k = motion.knots
     switch = int(k.cause[strike.knot])
     contact = switch - len(equations.kinks)
-    here = left.leave(t, y, p)
     g = int(np.flatnonzero(left.switches == switch)[0])
     if contact < 0:
         jump = int(np.flatnonzero(motion._jumped[strike.knot - 1])[0])
@@ -237,8 +241,10 @@ def _impact(
     t, y = strike.time, strike.before
     settled = frozenset([contact]) if right.field.mode[contact] == 0 else frozenset[int]()
     recorded = settled if strike.last == strike.knot else frozenset[int]()
-    mode = _mode_of(equations, left, (t, y, after), (contact, recorded), p)
-    return None if mode is None else _impact_map(equations, left, mode, settled)(t, y, p)
+    mode, landing = _mode_of(equations, left, (t, y, after), (contact, recorded), p)
+    if mode is None or recorded == settled:
+        return landing
+    return _impact_map(equations, left, mode, settled)(t, y, p)
 
 
 def _mode_of(
@@ -247,8 +253,8 @@ def _mode_of(
     jump: tuple[float, Array, Array],
     closing: tuple[int, frozenset[int]],
     p: Array,
-) -> Mode | None:
-    """The mode of an impact that explains a jump; None if there is none.
+) -> tuple[Mode | None, Landing | None]:
+    """The mode of an impact that explains a jump, and where it leads; None if there is none.
 
     Parameters
     ----------
@@ -271,6 +277,7 @@ def _mode_of(
     if closing in latest:
         candidates = chain([latest[closing]], candidates)
     best: Mode | None = None
+    landing: Landing | None = None
     least = _SAME * size
     for mode in candidates:
         try:
@@ -279,12 +286,12 @@ def _mode_of(
             continue
         off = float(np.max(np.abs(found.after - after)))
         if off < least:
-            best, least = mode, off
+            best, landing, least = mode, found, off
         if least <= _EXACT * size:
             break
     if best is not None:
         latest[closing] = best
-    return best
+    return best, landing
 
 
 def _modes(equations: MotionEquations, near: set[int]) -> Iterator[Mode]:

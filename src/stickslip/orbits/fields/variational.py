@@ -38,6 +38,7 @@ from stickslip.orbits.fields.engine.variations import (
     STAGES,
     STRUCK,
     TOGETHER,
+    Leave,
     Pass,
     PassSpace,
     jump,
@@ -62,8 +63,9 @@ class Variation:
         asked for; m is the number of states and of free parameters.
     late : array, shape (knots, directions)
         How the time of the event at each knot changes; not a number where there is none.
-    pieces : list of Piece
-        Of the step that begins at each knot.
+    made : list of Piece
+    piece : array of int, shape (knots,)
+        Which of them the step is in that begins at each knot.
     corners, grazings : tuple of float
         Times of events at which the motion has no derivative: events that coincide here and not
         nearby, and guards that are touched without being crossed.
@@ -71,9 +73,15 @@ class Variation:
 
     after: Array
     late: Array
-    pieces: list[Piece]
+    made: list[Piece]
+    piece: Array
     corners: tuple[float, ...]
     grazings: tuple[float, ...]
+
+    @cached_property
+    def pieces(self) -> list[Piece]:
+        """Of the step that begins at each knot."""
+        return [self.made[w] for w in self.piece]
 
     @property
     def differentiable(self) -> bool:
@@ -120,9 +128,9 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
         else:
             raise AssertionError("a mode has changed, and no guard of it has fired")
     grazed = run.knots.time[run.outcome == GRAZED] + run.origin
-    made = [pieces.made[w] for w in run.piece]
-    grazings = sorted([*map(float, grazed), *meeting.grazings])
-    return Variation(run.after, run.late, made, tuple(meeting.corners), tuple(grazings))
+    grazings = tuple(sorted([*map(float, grazed), *meeting.grazings]))
+    corners = tuple(meeting.corners)
+    return Variation(run.after, run.late, pieces.made, run.piece, corners, grazings)
 
 
 def resolution(trajectory: Trajectory, pieces: Pieces) -> Array:
@@ -192,10 +200,10 @@ class _Meeting:
     def strike(self) -> int:
         """Enter what comes after the jump of the state at which the pass has stopped; returns the
         knot from which it goes on."""
-        strike = self._strikes[int(self.run.event[BEGINS])]
+        strike, here = self._strikes[int(self.run.event[BEGINS])]
         i, last = strike.knot, strike.last
         sides = self.pieces.made[self.run.piece[i - 1]], self.pieces.made[self.run.piece[last]]
-        found = saltation(self.pieces.equations, self.trajectory, strike, sides, self.p)
+        found = saltation(self.pieces.equations, self.trajectory, strike, here, sides, self.p)
         S = found.matrix
         if not found.exists:
             self.grazings.append(strike.time)
@@ -204,8 +212,17 @@ class _Meeting:
         return last
 
     @cached_property
-    def _strikes(self) -> dict[int, Strike]:
-        return strikes_of(self.trajectory)
+    def _strikes(self) -> dict[int, tuple[Strike, Leave]]:
+        """The jumps of the state by their knots, and the guards right before each."""
+        strikes = list(strikes_of(self.trajectory).values())
+        before = self.run.piece[[s.knot - 1 for s in strikes]]
+        found: dict[int, tuple[Strike, Leave]] = {}
+        for w in np.unique(before):
+            own = [s for s, piece in zip(strikes, before, strict=True) if piece == w]
+            t, y = np.array([s.time for s in own]), np.array([s.before for s in own])
+            leaves = self.pieces.made[w].leaves(t, np.ascontiguousarray(y.T), self.p)
+            found |= {s.knot: (s, here) for s, here in zip(own, leaves, strict=True)}
+        return found
 
     def _corner(self, i: int, last: int, switches: list[int]) -> Array:
         """S where several guards vanish at once."""

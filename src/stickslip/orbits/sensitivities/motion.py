@@ -30,7 +30,7 @@ from stickslip.motion.simulate import simulate
 from stickslip.motion.trajectory import Trajectory
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.variational import Variation, variation
-from stickslip.orbits.sensitivities.quantities import gradient, read_observations
+from stickslip.orbits.sensitivities.quantities import Observation, gradient, read_observations
 from stickslip.orbits.sensitivities.touching import touched
 from stickslip.symbolic import expressions as ex
 
@@ -139,6 +139,15 @@ def _said(trajectory: Trajectory, name: str) -> dict[str, Any]:
 _pieces: WeakKeyDictionary[MotionEquations, dict[tuple[str, ...], Pieces]] = WeakKeyDictionary()
 
 
+def _pieces_of(trajectory: Trajectory, free: tuple[str, ...]) -> Pieces:
+    """The smooth pieces of its system, made once, with derivatives by some parameters."""
+    equations = trajectory._problem.compiled.equations
+    made = _pieces.setdefault(equations, {})
+    if free not in made:
+        made[free] = Pieces(equations, *free)
+    return made[free]
+
+
 def sensitivities(
     trajectory: Trajectory,
     names: Sequence[str],
@@ -154,7 +163,8 @@ def sensitivities(
     ----------
     trajectory : Trajectory
     names : sequence of str
-        Parameters; and components of the state, for their initial values.
+        Parameters; and components of the state, for their initial values. Without any, only the
+        quantities are told.
     times : array, optional
         By default 201 of them, evenly.
     of : sequence of str, optional
@@ -178,6 +188,8 @@ def sensitivities(
     state = tuple(trajectory._problem.compiled.layout.state)
     observed = read_observations(trajectory, state if of is None else of)
     when = _times(trajectory, times)
+    if not names:
+        return _values_alone(trajectory, observed, when)
     fine, place = with_knots(trajectory, when)
     found = follow(trajectory, fine, names, start, touching)
     return _gathered(
@@ -216,7 +228,6 @@ def follow(
         If a name is not known.
     """
     problem = trajectory._problem
-    equations = problem.compiled.equations
     state = tuple(problem.compiled.layout.state)
     for name in names:
         if name not in (*trajectory.parameters, *state):
@@ -227,7 +238,7 @@ def follow(
                 suggestion(name, known),
             )
     free = tuple(dict.fromkeys(name for name in names if name not in state))
-    pieces = _pieces.setdefault(equations, {}).setdefault(free, Pieces(equations, *free))
+    pieces = _pieces_of(trajectory, free)
     columns = [*state, *free]
     directions = np.zeros((len(columns), len(names)))
     for j, name in enumerate(names):
@@ -250,6 +261,7 @@ def at_events(
     names: Sequence[str],
     of: Sequence[str],
     start: Array | None = None,
+    touching: bool = True,
 ) -> Sensitivity:
     """Quantities right before events, and their derivatives, the change of the time of the event
     included.
@@ -263,7 +275,7 @@ def at_events(
         Parameters, and components of the state for their initial values.
     of : sequence of str
         Quantities, or formulas of them; ``t`` is the time of the event.
-    start : array, optional
+    start, touching
         As of :func:`sensitivities`.
 
     Returns
@@ -285,7 +297,7 @@ def at_events(
             f"the state jumps in the impact at t = {when:.9g}",
             "Observe only the times of impacts",
         )
-    found, missing = follow(trajectory, trajectory, names, start, touching=False)
+    found, missing = follow(trajectory, trajectory, names, start, touching)
     equations = trajectory._problem.compiled.equations
     p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
     k = trajectory.knots
@@ -429,6 +441,30 @@ def _constrained(piece: Piece) -> list[int]:
     return found
 
 
+def _values_alone(
+    trajectory: Trajectory, observed: tuple[Observation, ...], when: Array
+) -> Sensitivity:
+    """What is asked for where no derivative is: nothing has to be followed along the motion."""
+    k = trajectory.knots
+    clock = when - k.origin
+    place = np.searchsorted(k.clock, clock, side="right") - 1
+    states = k.state[place]
+    between = np.flatnonzero(k.clock[place] < clock)
+    states[between] = trajectory._states_at(when[between], place[between])
+    pieces = _pieces_of(trajectory, ())
+    numbers = pieces.numbers(k.mode, k.region)[place]
+    values = np.empty((len(observed), len(when)))
+    p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
+    for number in np.unique(numbers):
+        here = np.flatnonzero(numbers == number)
+        at = when[here], np.ascontiguousarray(states[here].T)
+        values[:, here] = gradient(pieces.equations, pieces.made[number], observed, at, p).values
+    nothing = np.zeros(0, np.int64)
+    slopes, switches = np.zeros((*values.shape, 0)), np.zeros((0, 0))
+    texts = tuple(o.name for o in observed)
+    return Sensitivity(trajectory, (), texts, when, values, slopes, nothing, switches, ())
+
+
 def _gathered(
     trajectory: Trajectory,
     fine: Trajectory,
@@ -457,12 +493,12 @@ def _gathered(
     k = fine.knots
     values = np.empty((len(observed), len(when)))
     slopes = np.empty((len(observed), len(when), len(names)))
-    numbers = np.array([id(piece) for piece in found.pieces])[place]
+    numbers = found.piece[place]
     for number in np.unique(numbers):
         here = np.flatnonzero(numbers == number)
         knots = place[here]
         at = k.time[knots], np.ascontiguousarray(k.state[knots].T)
-        made = gradient(equations, found.pieces[knots[0]], observed, at, p)
+        made = gradient(equations, found.made[number], observed, at, p)
         values[:, here] = made.values
         slopes[:, here] = np.moveaxis(made.slopes @ found.after[knots], 0, 1)
     switched = np.flatnonzero((k.cause >= 0) & ~np.all(np.isnan(found.late), axis=1))

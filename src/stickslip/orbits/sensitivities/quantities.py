@@ -62,6 +62,8 @@ def read_observations(trajectory: Trajectory, asked: Sequence[str]) -> tuple[Obs
     DeclarationError
         If there is no such quantity, it has no derivative, or a formula has kinks of its own.
     """
+    if set(asked) <= set(trajectory._problem.compiled.layout.state):
+        return tuple(Observation(name, ex.sym(name)) for name in asked)
     known = {*trajectory._rows, *trajectory.system.parameters, "t", "energy"}
     declared = trajectory.system.declaration.scope
     refused = {

@@ -102,7 +102,7 @@ def evolve(
     wanted = output_times(output, nodes)
     nodes = merged(nodes, wanted)
     state, record = _begin(
-        problem, start, Recording(output if wanted is None else wanted, dict(observables or {}))
+        problem, start, OutputPlan(output if wanted is None else wanted, dict(observables or {}))
     )
     nodes = nodes[nodes > state.t]
     march = March(
@@ -222,8 +222,8 @@ def merged(nodes: Array, wanted: Array | None) -> Array:
 
 
 def _begin(
-    problem: Evolution, start: History | None, record: Recording
-) -> tuple[EvolutionState, Recording]:
+    problem: Evolution, start: History | None, record: OutputPlan
+) -> tuple[EvolutionState, OutputPlan]:
     """The state to go on from, and the record of what came before."""
     if start is None:
         state = start_state(problem, problem.span[0], problem.initial)
@@ -259,7 +259,7 @@ def _begin(
     return start_state(problem, t, z, flow), record
 
 
-class Recording:
+class OutputPlan:
     """What is kept of an evolution while it runs.
 
     Parameters

@@ -139,7 +139,7 @@ class Unresolved(Exception):
     """A function needs too many panels; the argument is a place that does."""
 
 
-def fit(
+def fit_pieces(
     function: Callable[[Array], Array],
     edges: Array,
     most: int = MOST_PANELS,

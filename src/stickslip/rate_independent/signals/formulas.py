@@ -177,7 +177,7 @@ def _zeros(expression: Expr, name: str, edges: Array) -> Array:
     """Changes of sign between the first and the last edge, to the last digit."""
     guard = _of_array(expression)
     try:
-        breaks, c, _ = ch.fit(
+        breaks, c, _ = ch.fit_pieces(
             lambda u: np.nan_to_num(guard(u)), edges, growth=_growth(expression, name)
         )
     except ch.Unresolved:

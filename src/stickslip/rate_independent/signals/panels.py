@@ -163,7 +163,7 @@ def fitted(
         If more than `most` panels would be needed.
     """
     try:
-        breaks, c, noise = ch.fit(source, edges, most, growth)
+        breaks, c, noise = ch.fit_pieces(source, edges, most, growth)
     except ch.Unresolved as unresolved:
         remedy = "Give samples (times, values)"
         if most < ch.MOST_PANELS:

@@ -1,0 +1,132 @@
+"""How much of a region of initial states slides steadily in the end.
+
+The friction oscillator of M. Stender and N. Hoffmann (bSTAB, Nonlinear Dynamics 2021), also in
+pyBasin: ẍ + 2ξẋ + x = friction of a belt. They publish 0.312 ± 0.007 (and 0.3165 ± 0.007), from
+thousands of runs with smoothed friction. But there are two attractors, and one unstable cycle
+between them: the share is the area inside it. ``python benchmarks/wrong/basin_share.py``
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from time import perf_counter
+
+import numpy as np
+from table import table, versions
+
+import stickslip as ss
+
+BELT = ss.System(
+    name="friction oscillator of bSTAB",
+    parameters={
+        "V": ss.Parameter(1.5, "", "speed of the belt"),
+        "xi": ss.Parameter(0.05, "", "damping"),
+        "mu_d": ss.Parameter(0.5, "", "friction at high speed"),
+        "ratio": ss.Parameter(2.0, "", "friction at rest over that"),
+        "v_0": ss.Parameter(0.5, "", "speed at which it falls"),
+    },
+    coordinates={"x": ss.Inertial()},
+    kinetic="d_x**2/2",
+    potential="x**2/2",
+    viscous="xi*d_x**2",
+    contacts={
+        "belt": ss.Contact(
+            "d_x", "mu_d*ratio", "V", kinetic="mu_d + mu_d*(ratio - 1)*exp(-speed/v_0)"
+        )
+    },
+)
+REGION = 4.0 * 2.0  # [-2, 2] × [0, 2]
+
+
+def branches() -> tuple[ss.Branch, ss.Branch]:
+    """Steady sliding over the speed of the belt, and the cycles from its Hopf point on."""
+    steady = ss.continue_equilibrium(BELT, "V", (1.0, 3.0))
+    return steady, ss.continue_cycle(
+        ss.find_cycle(BELT, steady.of_kind("Hopf")[0]), "V", (0.8, 3.0)
+    )
+
+
+def unstable_cycle(branch: ss.Branch, V: float) -> ss.Cycle:
+    """The cycle that repels, from the point of the branch before the fold that is nearest."""
+    points = branch.points
+    before = int(np.argmax(points["V"].values))
+    nearest = int(np.argmin(np.abs(points["V"].values[:before] - V)))
+    state = {name: float(points[name][nearest]) for name in ("x",)}
+    near = ss.find_cycle(
+        BELT,
+        {**state, "d_x": float(points["d_x"][nearest])},
+        parameters={"V": float(points["V"][nearest])},
+    )
+    return ss.find_cycle(BELT, near, parameters={"V": V})
+
+
+def area_above(cycle: ss.Cycle) -> float:
+    """Area inside a cycle in the half plane ẋ > 0: ∫ ẋ dx = ∫ ẋ² dt over the times at which ẋ > 0,
+    by Gauss's quadrature between the zeros of ẋ."""
+    motion = cycle.trajectory
+    t0, t1 = (float(motion.knots.time[i]) for i in (0, -1))
+    grid = np.linspace(t0, t1, 4001)
+    rate = np.asarray(motion.at(grid)["d_x"])
+    cuts = [t0]
+    for i in np.flatnonzero(rate[:-1] * rate[1:] < 0):
+        low, high = grid[i], grid[i + 1]
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            if rate[i] * float(motion.at(middle)["d_x"]) > 0:
+                low = middle
+            else:
+                high = middle
+        cuts.append(0.5 * (low + high))
+    cuts.append(t1)
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    area = 0.0
+    for a, b in pairwise(cuts):
+        t = 0.5 * (a + b) + 0.5 * (b - a) * nodes
+        v = np.asarray(motion.at(t)["d_x"])
+        if v[len(v) // 2] > 0:
+            area += 0.5 * (b - a) * float(weights @ v**2)
+    return area
+
+
+def report() -> str:
+    """The table."""
+    began = perf_counter()
+    _, branch = branches()
+    fold = branch.of_kind("fold")[0].value
+    cycle = unstable_cycle(branch, 1.5)
+    share = area_above(cycle) / REGION
+    seconds = perf_counter() - began
+    low, high = cycle.extrema["x"]
+    assert low > -2.0 and high < 2.0 and cycle.extrema["d_x"][1] < 1.5, "inside, and never at rest"
+    rows = [
+        ["bSTAB, thousands of runs, smoothed friction (published)", "0.312 ± 0.007", ""],
+        ["bSTAB, another run (published)", "0.3165 ± 0.007", ""],
+    ]
+    for n in (40,):
+        began = perf_counter()
+        basin = ss.basin(
+            BELT,
+            {"x": f"{2 / n - 2}:{2 - 2 / n}:{n}", "d_x": f"{1 / n}:{2 - 1 / n}:{n}"},
+            settings=ss.Settings(rtol=1e-8),
+        )
+        kinds = dict(
+            zip(
+                basin.dataset["kind"].values.tolist(),
+                basin.dataset["share"].values.tolist(),
+                strict=True,
+            )
+        )
+        steady = kinds.get("sliding", 0.0)
+        spent = perf_counter() - began
+        rows.append([f"stickslip, a map of {n} × {n} states", f"{steady:.4f}", f"{spent:.2g}"])
+    rows.append(
+        ["**stickslip, area inside the unstable cycle**", f"{share:.10f}", f"{seconds:.2g}"]
+    )
+    head = ["method", "share of steady sliding", "seconds"]
+    period = f"The cycle: period {cycle.period:.10f}, multiplier {cycle.nontrivial[0].real:.6f}."
+    jump = f"Above V = {fold:.9f}, where the cycles end in a fold, everything slides steadily."
+    return table(head, rows) + f"\n\n{period} {jump} {versions()}\n"
+
+
+if __name__ == "__main__":
+    print(report())

@@ -1,0 +1,148 @@
+"""The systems of the catalogue: a page and a picture each."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import re
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import stickslip as ss
+from making import docstrings, markdown
+from stickslip.display.system_page import system_page
+
+ROOT = Path(__file__).parents[2]
+_SECONDS = 40  # for a picture
+_THUMBNAIL = 90  # dots per inch
+
+
+def systems() -> list[str]:
+    """All names."""
+    return ss.catalogue.names()
+
+
+def pages() -> dict[str, str]:
+    """The page of each system, and the overview."""
+    cards = []
+    for name in systems():
+        system = ss.catalogue.get(name)
+        cards += [
+            f":::{{grid-item-card}} {system.title}",
+            f":link: {name}",
+            ":link-type: doc",
+            f":img-top: pictures/{name}-small.png",
+            f":img-alt: {system.title}",
+            "",
+            f"`{name}`",
+            ":::",
+            "",
+        ]
+    overview = markdown.filled(
+        "gallery", cards="\n".join(cards), toctree=markdown.toctree(systems())
+    )
+    made = {f"gallery/{name}.md": _page(name) for name in systems()}
+    return made | {"gallery/index.md": overview}
+
+
+def _page(name: str) -> str:
+    system = ss.catalogue.get(name)
+    about = inspect.getdoc(getattr(ss.catalogue, name)) or ""
+    parts = docstrings.sections(getattr(ss.catalogue, name))
+    lines = [
+        f"# {system.title}\n",
+        docstrings.markup(parts[""].strip()) + "\n",
+        f"![The motion of {system.title}](pictures/{name}.png)\n",
+        markdown.block("text", f"stickslip run {name}"),
+        markdown.block("python", f"ss.simulate(ss.catalogue.{name}()).plot()"),
+    ]
+    if "References" in parts:
+        lines += ["## Where it comes from\n", docstrings.markup(parts["References"].strip()) + "\n"]
+    lines += ["## Equations\n", markdown.html(system_page(system))]
+    tests = list(_tests(name))
+    if tests:
+        lines += ["## What checks it\n", *(f"* `{place}`: {said}" for place, said in tests), ""]
+    lines += [
+        "## The model file\n",
+        f"`stickslip show {name} --toml` prints it, to start your own from.\n",
+        markdown.block("toml", system.to_toml()),
+    ]
+    assert about, name
+    return "\n".join(lines)
+
+
+@cache
+def _sources() -> dict[str, str]:
+    return {
+        path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
+        for folder in ("tests", "src/stickslip_paper")
+        for path in sorted((ROOT / folder).rglob("*.py"))
+    }
+
+
+def _tests(name: str) -> Iterator[tuple[str, str]]:
+    """The tests in which a system occurs, references first, with what they say of themselves."""
+    used = re.compile(rf"catalogue\.{name}\b|get\(\"{name}\"\)|\"{name}\"")
+    places = [place for place, text in _sources().items() if used.search(text)]
+    for place in sorted(places, key=lambda place: "references" not in place)[:6]:
+        said = re.match(r'\s*"""(.*?)"""', _sources()[place], re.DOTALL)
+        first = " ".join((said[1] if said else "").split("\n\n")[0].split())
+        yield place, docstrings.markup(first).replace("|", r"\|").replace("$", r"\$")
+
+
+# -- pictures --------------------------------------------------------------------------------------
+
+
+def pictures(folder: Path) -> None:
+    """The motion of each system over its declared span, drawn again where something changed."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in systems():
+        system = ss.catalogue.get(name)
+        mark = folder / f"{name}.made-of"
+        now = _digest(system)
+        if mark.exists() and mark.read_text(encoding="utf-8") == now:
+            continue
+        with _in_time(name):
+            motion = ss.simulate(system)
+            motion.plot().savefig(folder / f"{name}.png", dpi=110)
+        small = ss.style.new_figure(4.0, 2.6)
+        motion.plot(next(iter([*system.coordinates, *system.internal])), ax=small.add_subplot())
+        small.savefig(folder / f"{name}-small.png", dpi=_THUMBNAIL)
+        mark.write_text(now, encoding="utf-8")
+
+
+def _digest(system: Any) -> str:
+    return hashlib.sha256((system.to_toml() + _code()).encode()).hexdigest()
+
+
+@cache
+def _code() -> str:
+    """The parts of the library that a picture depends on."""
+    rooms = ("motion", "figures", "equations", "symbolic", "model")
+    paths = (p for room in rooms for p in sorted((ROOT / "src/stickslip" / room).rglob("*.py")))
+    whole = b"".join(path.read_bytes() for path in [Path(__file__), *paths])
+    return hashlib.sha256(whole).hexdigest()
+
+
+@contextmanager
+def _in_time(name: str, seconds: int = _SECONDS) -> Iterator[None]:
+    """An error if it takes longer than a picture may, where there are alarms."""
+
+    def late(*_: Any) -> None:
+        raise TimeoutError(f"the picture of {name} takes more than {seconds} s")
+
+    alarm: Callable[[int], Any] | None = getattr(signal, "alarm", None)
+    if alarm is None:
+        yield
+        return
+    before = signal.signal(signal.SIGALRM, late)
+    alarm(seconds)
+    try:
+        yield
+    finally:
+        alarm(0)
+        signal.signal(signal.SIGALRM, before)

@@ -1,0 +1,85 @@
+"""Every key of model files, from the classes that are read from them."""
+
+from __future__ import annotations
+
+from dataclasses import MISSING, fields
+from typing import Any
+
+from making import docstrings, markdown
+from stickslip.model import schema, system
+from stickslip.model.samples import Samples
+from stickslip.rate_independent.evolution.model import EvolutionModel
+
+ENTRIES: dict[str, tuple[str, tuple[type, ...]]] = {
+    "parameters.NAME": ("A number of the model.", (system.Parameter,)),
+    "coordinates.NAME": (
+        'A coordinate. Its `kind` is `"inertial"`, `"viscous"` or `"rate-independent"`.',
+        (system.Inertial, system.Viscous, system.RateIndependent),
+    ),
+    "internal.NAME": ("A variable with a law of its own.", (system.Internal,)),
+    "contacts.NAME": (
+        "A contact. One with `gap` can open, one with `constraint` holds from both sides, one with "
+        "`law` has a [friction law](laws.md) by its name and the parameters of that beside it; any "
+        "other has a `threshold`.",
+        (system.Contact, system.Unilateral, system.Bilateral, system.LawContact),
+    ),
+    "jumps.NAME": ("Where the state jumps, and to what.", (system.Jump,)),
+    "conditions.NAME": ("What the literature asks of the parameters.", (system.Condition,)),
+}
+_SAMPLES = {
+    "file": "text file with columns; relative to the model file",
+    "time": "name of the column of times (else `t` or `time`)",
+    "value": "name of the column of values (else `value`, or the name of the drive)",
+    "times": "the times themselves, in place of a file",
+    "values": "the values themselves",
+    "kind": '`"linear"`, `"cubic"` or `"hold"`: what is between the samples',
+    "periodic": "`true` if they repeat",
+}
+
+
+def keys(cls: Any) -> list[list[str]]:
+    """Rows: key, what it holds, what it is."""
+    told = docstrings.described(cls)
+    rows = []
+    for item in fields(cls):
+        kind, text = told.get(item.name, ("", ""))
+        rows.append([markdown.code(item.name), _held(str(item.type), kind), _needed(item, text)])
+    return rows
+
+
+def _held(annotation: str, kind: str) -> str:
+    name = annotation.removesuffix(" | None")
+    known = schema._EXPECTED.get(name)  # the words of the messages
+    if known and not name.startswith("table"):
+        return known[0]
+    if annotation.startswith("Mapping["):
+        return "a table, an entry each"
+    return docstrings.markup(kind)
+
+
+def _needed(item: Any, text: str) -> str:
+    required = item.default is MISSING and item.default_factory is MISSING
+    said = docstrings.markup(text)
+    return f"{said} **Has to be there.**" if required else said
+
+
+def pages() -> dict[str, str]:
+    """One page."""
+    head = ["key", "holds", "meaning"]
+    parts = []
+    for key, (about, classes) in ENTRIES.items():
+        parts += [f"## {key}\n", about + "\n"]
+        for cls in classes:
+            if len(classes) > 1:
+                parts.append(f"### {cls.__name__}\n\n{docstrings.first_sentence(cls)}\n")
+            parts.append(markdown.table(head, keys(cls)))
+    samples = [[markdown.code(key), text] for key, text in _SAMPLES.items()]
+    page = markdown.filled(
+        "model-files",
+        system=markdown.table(head, keys(system.System)),
+        entries="\n".join(parts),
+        samples_are=docstrings.first_sentence(Samples),
+        samples=markdown.table(["key", "meaning"], samples),
+        evolution=markdown.table(head, keys(EvolutionModel)),
+    )
+    return {"reference/model-files.md": page}

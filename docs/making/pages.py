@@ -1,0 +1,55 @@
+"""All that is generated, written where Sphinx reads it, and what is changed on the way."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from making import command_line, gallery, markdown, model_files, python_reference, records, tables
+
+MAKERS = (python_reference, command_line, model_files, tables, gallery, records)
+_OUTSIDE = {
+    "../CONTRIBUTING.md": "/generated/contributing.md",
+    "../CHANGELOG.md": "/generated/changelog.md",
+    "../benchmarks/results/truth.md": "/generated/truth.md",
+}
+
+
+def texts() -> dict[str, str]:
+    """Every generated page, by its place in the folder of the documentation."""
+    made = {place: text for maker in MAKERS for place, text in maker.pages().items()}
+    return made | {"reference/index.md": markdown.filled("reference")}
+
+
+def write(folder: Path) -> None:
+    """Write what is new or has changed; remove what is not generated any more."""
+    made = texts()
+    for place, text in made.items():
+        path = folder / place
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+    for room in ("reference", "gallery", "generated"):
+        for path in (folder / room).rglob("*.*"):
+            if path.suffix in (".md", ".rst") and path.relative_to(folder).as_posix() not in made:
+                path.unlink()
+    gallery.pictures(folder / "gallery" / "pictures")
+
+
+def to_the_site(app: Any, place: str, source: list[str]) -> None:
+    """Links from pages to files of the repository go to their pages."""
+    for outside, inside in _OUTSIDE.items():
+        source[0] = source[0].replace(f"]({outside})", f"]({inside})")
+
+
+_VERBATIM = re.compile(r"(``.*?``|`[^`]*`)")
+
+
+def plain_bars(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    """Bars in docstrings are moduli, no substitutions; a name that ends in _ is no reference."""
+    for i, line in enumerate(lines):
+        parts = _VERBATIM.split(line)
+        parts[::2] = [re.sub(r"\|", r"\\|", part) for part in parts[::2]]
+        if not line.lstrip().startswith((">>>", "...")):
+            lines[i] = "".join(parts)

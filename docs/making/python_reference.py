@@ -1,0 +1,137 @@
+"""The public names of the library: a page each."""
+
+from __future__ import annotations
+
+import doctest
+import inspect
+import re
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import stickslip as ss
+from making import docstrings, markdown
+
+ROOT = Path(__file__).parents[2]
+FOLDER = "reference/python"
+GROUPS: Mapping[str, str] = {
+    "Declare a system": "System Parameter Inertial Viscous RateIndependent Internal Contact "
+    "Unilateral Bilateral Jump Condition Samples load laws catalogue",
+    "Motions": "simulate simulate_many Trajectory Ensemble EventCatalogue Outcome vector_field "
+    "VectorField",
+    "Rest, cycles, branches": "equilibria Equilibria Equilibrium EquilibriumSet find_cycle Cycle "
+    "continue_equilibrium continue_cycle Branch SpecialPoint StepControl hopf_curve fold_curve "
+    "stick_onset_curve frequency_response FrequencyResponse",
+    "Gaits": "gait_study GaitStudy walking_threshold sliding_threshold HysteresisOperator",
+    "Maps": "sweep Map basin Basin Settings Adaptive",
+    "Data": "fit Fit fit_problem FitProblem Recording compare Comparison Band",
+    "Friction that oscillates": "Evolution EvolutionModel load_evolution evolve History "
+    "averaging_study AveragingStudy play Play prandtl_ishlinskii Dissipation WeightedL1 GroupNorm "
+    "Ellipsoid Polytope SupportFunction Product Intersection",
+    "Files, errors, pictures": "open StickslipError DeclarationError ConvergenceError figures "
+    "style",
+}
+"""What belongs together; a name that stands nowhere here has a page all the same."""
+# What results hold.
+OTHERS = {
+    "Certificate": "stickslip.certificates",
+    "Residual": "stickslip.certificates",
+    "Summary": "stickslip.results",
+    "FrictionLaw": "stickslip.model.laws",
+    "LawContact": "stickslip.model.system",
+}
+_PAGES = {
+    "by-example": "Every public name, by example",
+    "tutorial": "Three examples",
+    "extending": "Something of your own",
+}
+_BLOCK = re.compile(r"^```pycon\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def groups() -> dict[str, list[str]]:
+    """The public names in their groups, each in one."""
+    public = {name for name in ss.__all__ if not name.startswith("__")}
+    found = {title: names.split() for title, names in GROUPS.items()}
+    placed = {name for names in found.values() for name in names}
+    rest = sorted(public - placed)
+    found = {title: [n for n in names if n in public] for title, names in found.items()}
+    return found | ({"More": rest} if rest else {}) | {"What results hold": list(OTHERS)}
+
+
+def thing(name: str) -> Any:
+    """What a name of the reference stands for."""
+    if name in OTHERS:
+        return getattr(__import__(OTHERS[name], fromlist=[name]), name)
+    return getattr(ss, name)
+
+
+def pages() -> dict[str, str]:
+    """The page of each name, and the list of all."""
+    made = {f"{FOLDER}/{name}.rst": _page(name) for names in groups().values() for name in names}
+    parts = []
+    for title, names in groups().items():
+        rows = [[f"[`{n}`](python/{n}.rst)", docstrings.first_sentence(thing(n))] for n in names]
+        parts += [f"## {title}\n", markdown.table(["name", "what it is"], rows)]
+    names = [f"{n} <python/{n}>" for group in groups().values() for n in group]
+    parts.append(markdown.toctree(names))
+    return made | {f"{FOLDER}.md": markdown.filled("python", names="\n".join(parts))}
+
+
+def _page(name: str) -> str:
+    """reStructuredText, which docstrings are written in."""
+    value = thing(name)
+    home = OTHERS.get(name, "stickslip")
+    full = f"{home}.{name}"
+    title = full if home == "stickslip" else name
+    lines = [title, "=" * len(title), ""]
+    if inspect.ismodule(value):
+        lines += _of_module(name, value)
+    elif inspect.isclass(value):
+        lines += [
+            f".. autoclass:: {full}",
+            "   :members:",
+            "   :inherited-members: Exception, Enum",
+        ]
+    else:
+        lines += [f".. autofunction:: {full}"]
+    lines += ["", *_example(name)]
+    return "\n".join(lines)
+
+
+def _of_module(name: str, module: Any) -> list[str]:
+    lines = [f".. automodule:: {module.__name__}", ""]
+    if name == "catalogue":
+        lines += ["Each system has a page in the :doc:`gallery </gallery/index>`.", ""]
+    if name == "laws":
+        lines += ["Each law stands on the page :doc:`Friction laws </reference/laws>`.", ""]
+    for inner in getattr(module, "__all__", sorted(vars(module))):
+        part = getattr(module, inner)
+        ours = inspect.isfunction(part) and part.__module__.startswith("stickslip")
+        if ours and not inner.startswith("_") and part.__doc__:
+            if name in ("catalogue", "laws") and part.__module__ != module.__name__:
+                continue
+            lines += [f".. autofunction:: {part.__module__}.{inner}", ""]
+    return lines
+
+
+@cache
+def _shown() -> dict[str, tuple[str, str]]:
+    """The first block of a page that tests run in which a name occurs."""
+    found: dict[str, tuple[str, str]] = {}
+    for page in _PAGES:
+        text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
+        for block in _BLOCK.findall(text):
+            source = "".join(e.source for e in doctest.DocTestParser().get_examples(block))
+            for name in re.findall(r"\bss\.(\w+)", source):
+                found.setdefault(name, (page, block))
+    return found
+
+
+def _example(name: str) -> list[str]:
+    if name not in _shown() or name in OTHERS:
+        return []
+    page, block = _shown()[name]
+    code = [f"   {line}".rstrip() for line in block.rstrip().splitlines()]
+    where = f"From the page :doc:`/{page}`, which says what stands before it:"
+    return [".. rubric:: As it is used", "", where, "", ".. code-block:: pycon", "", *code, ""]

@@ -1,0 +1,46 @@
+"""Pages that are kept elsewhere in the repository: benchmarks, changelog, contributing."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from making import markdown
+
+ROOT = Path(__file__).parents[2]
+_RESULTS = ROOT / "benchmarks" / "results"
+_ORDER = (
+    "start motion orbits time_stepping sweep maps samples chains evolution averages dense_steps "
+    "versions"
+).split()
+_APART = ("truth", "wrong")
+
+
+def pages() -> dict[str, str]:
+    """Benchmarks, truth, what goes wrong elsewhere, changelog, contributing."""
+    others = sorted(p.stem for p in _RESULTS.glob("*.md") if p.stem not in (*_ORDER, *_APART))
+    places = [_RESULTS / f"{name}.md" for name in (*_ORDER, *others)]
+    tables = "\n".join(_deeper(p.read_text(encoding="utf-8")) for p in places if p.exists())
+    tables = re.sub(r"\]\((\w+\.png)\)", r"](../../benchmarks/results/\1)", tables)
+    return {
+        "wrong.md": markdown.filled("wrong", **_sections("benchmarks/results/wrong.md")),
+        "generated/benchmarks.md": markdown.filled("benchmarks", tables=tables),
+        "generated/truth.md": _read("benchmarks/results/truth.md"),
+        "generated/changelog.md": _read("CHANGELOG.md"),
+        "generated/contributing.md": _read("CONTRIBUTING.md").replace("](docs/", "](../"),
+    }
+
+
+def _read(place: str) -> str:
+    return (ROOT / place).read_text(encoding="utf-8")
+
+
+def _sections(place: str) -> dict[str, str]:
+    """The parts of a page by their headings."""
+    parts = re.split(r"^## (\w+)\n", _read(place), flags=re.MULTILINE)
+    return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+def _deeper(text: str) -> str:
+    """The same with headings one level lower."""
+    return re.sub(r"^(#+ )", r"#\1", text, flags=re.MULTILINE)

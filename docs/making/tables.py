@@ -1,0 +1,136 @@
+"""What formulas may hold, which friction laws have names, which measures, and how computations
+end."""
+
+from __future__ import annotations
+
+import inspect
+import math
+
+from making import docstrings, markdown
+from stickslip.display.system_page import law_page
+from stickslip.figures.drawing.notebook import embedded
+from stickslip.figures.law import plot_law
+from stickslip.model import laws
+from stickslip.motion.outcome import Outcome
+from stickslip.rate_independent.evolution.outcome import EvolutionOutcome
+from stickslip.results import Completion, Ended
+from stickslip.sweeps.request import measures
+from stickslip.symbolic import formulas
+from stickslip.symbolic.functions import FUNCTIONS
+from stickslip.symbolic.pieces import STRUCTURES
+
+MEANINGS = {
+    "sqrt": "square root",
+    "abs": "modulus",
+    "clip": "x, but at least low and at most high",
+    "min": "the least of its arguments",
+    "max": "the largest of its arguments",
+    "sign": "1 where x ≥ 0, −1 below; `sign(0)` typed as a number is 0",
+    "heaviside": "1 where x ≥ 0, 0 below",
+    "floor": "the largest whole number that is not above x",
+    "mod": "what is left of x modulo m, with the sign of m",
+    "square": "the sign of sin x",
+    "triangle": "goes through 0, 1, 0, −1 where the sine does, on straight lines",
+    "sawtooth": "rises from −1 to 1 over each period 2π, from 0 on",
+    "smoothstep": "0 below low, 1 above high, smoothly in between",
+}
+_OF = {
+    "": "",
+    "component": "a part of the state, `amplitude:x`",
+    "contact": "a contact, `stick_fraction:foot`",
+    "quantity": "a variable, also a force, `harmonic:friction_foot`",
+    "weight": "a formula of the parameters, `cost_of_transport:m*g`",
+}
+
+
+def pages() -> dict[str, str]:
+    """Four pages."""
+    return {
+        "reference/formulas.md": _formulas(),
+        "reference/laws.md": _laws(),
+        "reference/measures.md": _measures(),
+        "how-to/outcomes.md": _outcomes(),
+    }
+
+
+def _formulas() -> str:
+    smooth = [
+        [
+            markdown.code(f"{row.name}(x)"),
+            markdown.code(row.shown or row.derivative) if row.derivative else "",
+            "everywhere" if row.domain == (-math.inf, math.inf) else _interval(row.domain),
+        ]
+        for row in FUNCTIONS.values()
+        if not row.typed
+    ]
+    pieces = []
+    for name, row in STRUCTURES.items():
+        arguments = ", ".join([*row.arguments, *["..."] * row.several])
+        corner = "smooth where it is defined" if name in ("sqrt", "smoothstep") else "kinks"
+        pieces.append(
+            [
+                markdown.code(f"{name}({arguments})"),
+                MEANINGS.get(name, ""),
+                "jumps" if row.jumps else corner,
+            ]
+        )
+    elsewhere = [[markdown.code(a), markdown.code(b)] for a, b in formulas._ELSEWHERE.items()]
+    return markdown.filled(
+        "formulas",
+        smooth=markdown.table(["function", "derivative", "defined"], smooth),
+        pieces=markdown.table(["function", "value", "corners"], pieces),
+        elsewhere=markdown.table(["elsewhere", "here"], elsewhere),
+    )
+
+
+def _interval(ends: tuple[float, float]) -> str:
+    low, high = ("∞" if math.isinf(x) else f"{x:g}" for x in ends)
+    return f"from {'−' if math.isinf(ends[0]) else ''}{low} to {high}"
+
+
+def _laws() -> str:
+    parts = []
+    for name in laws.all_names():
+        law = laws.by_name(name)
+        picture = embedded(lambda law=law: plot_law(law))
+        parts += [f"## {name}\n", markdown.html(law_page(law, picture))]
+    return markdown.filled("laws", laws="\n".join(parts))
+
+
+def _measures() -> str:
+    told = inspect.getdoc(measures) or ""
+    rows = [
+        [
+            markdown.code(name),
+            _OF.get(row.of, row.of),
+            "yes" if name in measures._OF_A_SPAN else "",
+            "yes" if row.again else "",
+        ]
+        for name, row in measures.MEASURES.items()
+    ]
+    head = ["measure", "may be taken of", "also where nothing settles", "follows the period again"]
+    return markdown.filled(
+        "measures",
+        told="\n\n".join(docstrings.markup(part) for part in told.split("\n\n")[1:]),
+        measures=markdown.table(head, rows),
+    )
+
+
+def _outcomes() -> str:
+    kinds: list[tuple[str, type[Ended], str]] = [
+        ("Motions, and the points of maps", Outcome, "`trajectory.outcome`, `outcome` of a map"),
+        ("Evolutions", EvolutionOutcome, "`history.outcome`"),
+        ("Branches, maps, studies", Completion, "`branch.outcome`, `map.outcome`"),
+    ]
+    parts = []
+    for title, kind, where in kinds:
+        rows = [
+            [f"**{o.label}**", "yes" if o.ok else "", o.message]
+            for o in sorted(kind, key=lambda o: o.code)
+        ]
+        parts += [
+            f"## {title}\n",
+            where + "\n",
+            markdown.table(["outcome", "good", "meaning and remedy"], rows),
+        ]
+    return markdown.filled("outcomes", outcomes="\n".join(parts))

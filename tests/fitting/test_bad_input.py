@@ -1,0 +1,150 @@
+"""What is wrong is named, with what would be right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+
+T = np.linspace(0.0, 10.0, 40)
+X = np.sin(T)
+SYSTEM = ss.catalogue.forced_oscillator()
+FREE = {"F_c": (0.1, 0.9)}
+
+
+def refused(message: str, data: Any = None, free: Any = None, **options: Any) -> None:
+    with pytest.raises(ss.DeclarationError, match=message):
+        table = {"t": T, "x": X} if data is None else data
+        ss.fit(SYSTEM, table, FREE if free is None else free, **options)
+
+
+def test_columns() -> None:
+    refused("no column 'position'.*Known here: t, x", observe={"position": "x"})
+    refused("no quantity of this motion", observe={"x": "position"})
+    refused("no column is called time or t", {"clock": T, "x": X}, observe={"x": "x"})
+    refused("no column is called like a quantity", {"t": T, "q": X})
+    refused("row 3, column 'x'.*'high' is no number", _table("t,x\n0,1\n1,2\n2,high\n"))
+    refused("row 2, column 'x': it is infinite", _table("t,x\n0,1\n1,inf\n2,3\n"))
+    refused("differ in length", {"t": T, "x": X[:-1]})
+    refused("no such file", "nothing.csv")
+    refused("is no table", 7)
+    refused("there is no record", [])
+
+
+def _table(text: str) -> Any:
+    import io
+
+    import pandas as pd
+
+    return pd.read_csv(io.StringIO(text))
+
+
+def test_data_that_say_nothing() -> None:
+    refused("all 40 values are 2", {"t": T, "x": np.full(40, 2.0)})
+    refused("no row has a time and a value", {"t": T, "x": np.full(40, np.nan)})
+    refused("all rows are at t = 0", {"t": [0.0, 1.0], "x": [1.0, np.nan]})
+    one = ss.Recording({"t": [1.0], "x": [1.0]}, begin=0.0)
+    refused("2 unknowns and 1 data", one, {"F_c": None, "k": None}, noise={"x": 0.1})
+
+
+def test_an_idle_unknown_is_named() -> None:
+    system = ss.System(
+        name="idle",
+        parameters={"k": ss.Parameter(1.0, range="(0, inf)"), "unused": ss.Parameter(1.0)},
+        coordinates={"x": ss.Inertial()},
+        kinetic="d_x**2/2",
+        potential="k*x**2/2",
+        contacts={"ground": ss.Contact("d_x", 0.05)},
+        initial={"x": 1.0},
+    )
+    with pytest.raises(ss.DeclarationError, match=r"free\.unused: nothing that was measured"):
+        ss.fit(system, {"t": T, "x": np.cos(T)}, {"k": (0.5, 2.0), "unused": (0.0, 2.0)})
+
+
+def test_unknowns_that_only_act_together_are_named() -> None:
+    system = ss.System(
+        name="together",
+        parameters={"a": ss.Parameter(1.0, range="(0, inf)"), "b": ss.Parameter(1.0)},
+        coordinates={"x": ss.Inertial()},
+        kinetic="d_x**2/2",
+        potential="a*b*x**2/2",
+        contacts={"ground": ss.Contact("d_x", 0.05)},
+        initial={"x": 1.0},
+    )
+    x = np.asarray(ss.simulate(system, (0.0, 10.0), parameters={"a": 1.2}).at(T)["x"])
+    noisy = x + 0.01 * np.random.default_rng(0).standard_normal(len(T))
+    found = ss.fit(system, {"t": T, "x": noisy}, {"a": (0.5, 2.0), "b": (0.5, 2.0)})
+    assert found.statistics.undetermined == ("a", "b")
+    assert not found.certificate.ok
+    assert np.all(np.isinf(found.statistics.error))
+    assert np.all(np.isfinite(found.covariance))
+    assert "a is not determined" in found.message
+    assert found.profile("a").attrs["flat"]
+
+
+def test_names_and_bounds() -> None:
+    refused("nothing is free", free={})
+    refused("free.mu: no parameter, and no part of the state", free={"mu": None})
+    refused("are no bounds", free={"F_c": (0.9, 0.1)})
+    refused("are no bounds", free={"F_c": 0.5})
+    refused("leaves the declared range", free={"k": (-1.0, 2.0)})
+    refused("start 2 is outside of 0.1 to 0.9", parameters={"F_c": 2.0})
+    refused("start 3 is outside", free={"x": (-1.0, 1.0)}, initial={"x": 3.0})
+    refused("says that it begins with k", free={"x": (-1.0, 1.0)}, initial={"x": "k"})
+    refused("gives its value", ss.Recording({"t": T, "x": X}, parameters={"F_c": 0.3}))
+    refused("there is no loss 'l2'", loss="l2")
+    refused("noise.y: no such column", noise={"y": 0.1})
+    refused("standard deviation is not positive", noise={"x": -1.0})
+    refused("is not a positive whole number", starts=0)
+    refused("drives.q: no drive has this name", drives={"q": "x"})
+    refused("depends on x.*Only parameters", initial={"d_x": "x"})
+    refused("begins at 1, after the first row", ss.Recording({"t": T, "x": X}, begin=1.0))
+
+
+def test_events() -> None:
+    record = ss.Recording({"onset": T}, events="ground glides")
+    refused("'ground glides' is no event", record, observe={"onset": "t"})
+    with pytest.raises(ss.ConvergenceError, match=r"has 1 events .* the recording"):
+        record = ss.Recording({"onset": T}, events=f"{next(iter(SYSTEM.contacts))} slips")
+        ss.fit(SYSTEM, record, FREE, observe={"onset": "t"}, starts=1)
+    record = ss.Recording({"force": X}, events="contact slips")
+    refused("nobody knows how long", record, observe={"force": "x"})
+    record = ss.Recording({"onset": T}, events="shoe slips")
+    refused("no contact has this name", record, observe={"onset": "t"})
+
+
+def test_times_outside_the_drive() -> None:
+    system = ss.catalogue.sliding_base()
+    drive = next(iter(system.drives))
+    from dataclasses import replace
+
+    driven = replace(system, span=(0.0, 5.0), drives={drive: ss.Samples([0.0, 5.0], [0.0, 1.0])})
+    name = next(iter(system.coordinates))
+    free = dict.fromkeys([next(iter(system.parameters))])
+    with pytest.raises(ss.DeclarationError, match="5"):
+        ss.fit(driven, {"t": T, name: X}, free)
+
+
+def test_shape_of_p() -> None:
+    problem = ss.fit_problem(SYSTEM, {"t": T, "x": X}, FREE)
+    with pytest.raises(ss.DeclarationError, match="Give 1 values: F_c"):
+        problem.residuals([0.1, 0.2])
+    with pytest.raises(ss.DeclarationError, match="p: F_c: it is no number"):
+        problem.residuals([np.nan])
+
+
+def test_a_file_with_gaps_and_blanks(tmp_path: Path) -> None:
+    path = tmp_path / "record.txt"
+    rows = [
+        f"{t:.6f};{x:.6f};{'' if i % 7 else 'nan'}"
+        for i, (t, x) in enumerate(zip(T, X, strict=True))
+    ]
+    path.write_text("# a comment\ntime; x ;d_x\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    problem = ss.fit_problem(SYSTEM, path, FREE, {"x": "x"})
+    assert len(problem.data) == 40
+    with pytest.raises(ss.DeclarationError, match="no row has a time and a value"):
+        ss.fit_problem(SYSTEM, path, FREE, {"d_x": "d_x"})
