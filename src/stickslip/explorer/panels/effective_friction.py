@@ -3,7 +3,7 @@ the moving stable set."""
 
 from __future__ import annotations
 
-from bokeh.models import HStrip, MultiLine, Patches, VStrip
+from bokeh.models import HStrip, MultiLine, Quad, VStrip
 
 from stickslip.explorer.panels.plots import Panel
 

@@ -57,7 +57,7 @@ def compare_data(request: Request, patience: Patience) -> Iterator[Answer]:
 def _fitted(
     request: Request, patience: Patience, times: Array, values: Array, name: str
 ) -> Iterator[Answer]:
-    from stickslip.fitting.fit import fit
+    from stickslip.fitting.making import fit
 
     system, numbers = system_of(request.setting)
     free = request.options.get("free")
