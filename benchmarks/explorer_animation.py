@@ -23,8 +23,8 @@ _COLOURS = 64
 
 
 def scenes(driver: webdriver.Chrome) -> Iterator[None]:
-    """What is done, frame by frame: the toy walks, its pull is dragged, motions begin elsewhere, and
-    the long run of the slider is followed."""
+    """What is done, frame by frame: the toy walks, its pull is dragged, motions begin elsewhere,
+    and the long run of the slider is followed."""
     for k in range(30):
         driver.execute_script(f"explorer.clock.set({20 + 0.42 * k})")
         yield
