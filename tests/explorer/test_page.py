@@ -276,12 +276,22 @@ def test_zoom_shows_more(screen: Screen) -> None:
     assert screen.js("explorer.model('time').end") == 4.0
 
 
-@pytest.mark.parametrize("model", ss.catalogue.names())
-def test_every_system_is_drawn(screen: Screen, model: str) -> None:
-    screen.open(model).motion()
-    assert screen.js("document.querySelectorAll('#mechanism .part').length") > 0
-    state = screen.element("#verdict").get_attribute("data-state")
-    assert state == ("good" if ss.simulate(ss.catalogue.get(model)).certificate.ok else "bad")
+def test_every_system_is_drawn(screen: Screen) -> None:
+    """One after the other: its mechanism, its lines, and the verdict of the library."""
+    screen.open("belt_block").motion()
+    for model in ss.catalogue.names():
+        screen.driver.execute_script(
+            "const model = arguments[0]; explorer.motion = null;"
+            "explorer.change('model', () => { explorer.state = explorer.fresh(model) })",
+            model,
+        )
+        screen.until(f"explorer.described?.name === '{model}'")
+        screen.motion()
+        assert screen.js("document.querySelectorAll('#mechanism .part').length") > 0
+        assert screen.js("explorer.model('motion3_lines').data.xs.length") > 0
+        state = screen.element("#verdict").get_attribute("data-state")
+        expected = ss.simulate(ss.catalogue.get(model)).certificate.ok
+        assert state == ("good" if expected else "bad"), model
 
 
 def test_a_killed_worker_is_told(screen: Screen, explorer: Explorer) -> None:
@@ -332,7 +342,7 @@ def test_what_the_motion_settles_on(screen: Screen) -> None:
     cycle = ss.find_cycle(system)
     u = screen.numbers("explorer.phase.settled.numbers['c:U']")
     low, high = cycle.extrema["U"]
-    assert_allclose([u.min(), u.max()], [low, high], atol=1e-6)
+    assert_allclose([u.min(), u.max()], [low, high], atol=1e-4)
     (found,) = screen.js("explorer.phase.settled.head.equilibria")
     assert found["stable"] is False
     assert found["state"]["U"] == pytest.approx(ss.equilibria(system)[0].state["U"], rel=1e-12)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
-from stickslip.symbolic.evaluator import evaluator
+from stickslip.symbolic.evaluator import NumericFunction, evaluator
 
 if TYPE_CHECKING:
     from stickslip.model.system import System
@@ -39,7 +38,7 @@ def way_of(motion: Trajectory, speed: object, times: Array) -> Array | None:
 
 
 @lru_cache(maxsize=128)
-def _compiled(system: System, formula: str) -> Callable[[Array], list[Array]] | None:
+def _compiled(system: System, formula: str) -> NumericFunction | None:
     try:
         expression = system.declaration.scope.parse(formula, "formula")
         if expression.symbols - {"t", *system.parameters}:

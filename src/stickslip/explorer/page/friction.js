@@ -73,18 +73,19 @@ explorer.friction.draw = () => {
 // of the forces, which move with it.
 const drawForces = (head, numbers, shown) => {
   const other = head.contacts.find((c) => c.key !== shown.key)
-  const box = (a, b, c, d) => [[a, b, b, a], [c, c, d, d]]
-  const sets = {xs: [], ys: [], color: [], alpha: []}
+  const sets = {left: [], right: [], bottom: [], top: [], color: [], alpha: []}
+  const add = (left, right, bottom, top, color, alpha) => {
+    for (const [name, value] of Object.entries({left, right, bottom, top, color, alpha})) sets[name].push(value)
+  }
   const t = numbers.t
   let reach = 0
   for (let k = 0; k < 12; k++) {
     const i = Math.round(k * (t.length - 1) / 12)
-    const [xs, ys] = box(-numbers[`minus:${shown.key}`][i], numbers[`plus:${shown.key}`][i], -numbers[`minus:${other.key}`][i], numbers[`plus:${other.key}`][i])
-    sets.xs.push(xs); sets.ys.push(ys); sets.color.push(explorer.tone(explorer.facts.colours.threshold)); sets.alpha.push(0.04)
-    reach = Math.max(reach, ...xs.map(Math.abs), ...ys.map(Math.abs))
+    const sides = [-numbers[`minus:${shown.key}`][i], numbers[`plus:${shown.key}`][i], -numbers[`minus:${other.key}`][i], numbers[`plus:${other.key}`][i]]
+    add(...sides, explorer.tone(explorer.facts.colours.threshold), 0.04)
+    reach = Math.max(reach, ...sides.map(Math.abs))
   }
-  const [xs, ys] = box(-shown.minus, shown.plus, -other.minus, other.plus)
-  sets.xs.push(xs); sets.ys.push(ys); sets.color.push(explorer.colour(2)); sets.alpha.push(0.35)
+  add(-shown.minus, shown.plus, -other.minus, other.plus, explorer.colour(2), 0.35)
   explorer.setQuietly(explorer.model("forces_sets"), {data: sets})
   explorer.setQuietly(explorer.model("forces_lines"), {data: {xs: [numbers[`force:${shown.key}`]], ys: [numbers[`force:${other.key}`]], color: [explorer.colour(0)], dash: ["solid"], width: [2]}})
   const plot = explorer.model("forces")

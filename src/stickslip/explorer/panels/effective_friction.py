@@ -3,7 +3,7 @@ the moving stable set."""
 
 from __future__ import annotations
 
-from bokeh.models import HStrip, MultiLine, Patches, VStrip
+from bokeh.models import HStrip, MultiLine, Quad, VStrip
 
 from stickslip.explorer.panels.plots import Panel
 
@@ -27,9 +27,17 @@ def friction_figures() -> Panel:
     )
     panel.glyph(over_time, "friction_lines", columns, lines)
     plane = panel.plot("forces")
-    sets = Patches(
-        xs="xs", ys="ys", fill_color="color", fill_alpha="alpha", line_color="color", line_alpha=0.5
+    sets = Quad(
+        left="left",
+        right="right",
+        bottom="bottom",
+        top="top",
+        fill_color="color",
+        fill_alpha="alpha",
+        line_color="color",
+        line_alpha=0.5,
     )
-    panel.glyph(plane, "forces_sets", ["xs", "ys", "color", "alpha"], sets)
+    sides = ["left", "right", "bottom", "top"]
+    panel.glyph(plane, "forces_sets", [*sides, "color", "alpha"], sets)
     panel.glyph(plane, "forces_lines", columns, lines.clone())
     return panel

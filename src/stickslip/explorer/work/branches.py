@@ -11,7 +11,7 @@ from stickslip.display.symbols import unicode_unit
 from stickslip.errors import StickslipError
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import PageSetting, Request
-from stickslip.explorer.work.systems import shown_motion, system_of, values_of
+from stickslip.explorer.subject.systems import shown_motion, system_of, values_of
 
 if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Patience

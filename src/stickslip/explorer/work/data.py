@@ -11,8 +11,8 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import Request
+from stickslip.explorer.subject.systems import shown_motion, system_of
 from stickslip.explorer.work.motion import verdict
-from stickslip.explorer.work.systems import shown_motion, system_of
 
 if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Patience
@@ -57,7 +57,7 @@ def compare_data(request: Request, patience: Patience) -> Iterator[Answer]:
 def _fitted(
     request: Request, patience: Patience, times: Array, values: Array, name: str
 ) -> Iterator[Answer]:
-    from stickslip.fitting.fit import fit
+    from stickslip.fitting.making import fit
 
     system, numbers = system_of(request.setting)
     free = request.options.get("free")

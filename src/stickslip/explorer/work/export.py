@@ -16,7 +16,7 @@ from stickslip.errors import DeclarationError, StickslipError
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.limits import MOST_EXPORT
 from stickslip.explorer.asking.request import PageSetting, Request
-from stickslip.explorer.work.systems import shown_motion, span_of, system_of
+from stickslip.explorer.subject.systems import shown_motion, span_of, system_of
 
 if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Patience

@@ -17,7 +17,7 @@ from stickslip.display.symbols import unicode_unit
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import Request
-from stickslip.explorer.work.systems import shown_motion, system_of
+from stickslip.explorer.subject.systems import shown_motion, system_of
 from stickslip.model.quantities import contact_key, quantity
 
 if TYPE_CHECKING:

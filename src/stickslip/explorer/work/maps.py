@@ -12,8 +12,8 @@ from stickslip.display.symbols import unicode_unit
 from stickslip.errors import DeclarationError
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import Request
+from stickslip.explorer.subject.systems import system_of
 from stickslip.explorer.work.export import model_of
-from stickslip.explorer.work.systems import system_of
 
 if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Patience

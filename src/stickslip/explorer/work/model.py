@@ -14,7 +14,7 @@ from stickslip.display.system_page import equations_page, name_in_html
 from stickslip.errors import DeclarationError
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import Request
-from stickslip.explorer.work.systems import system_of, values_of
+from stickslip.explorer.subject.systems import system_of, values_of
 from stickslip.model.quantities import quantity
 from stickslip.model.system import System
 from stickslip.symbolic.formulas import parse_signature

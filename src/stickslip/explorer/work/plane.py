@@ -12,7 +12,7 @@ from stickslip.arrays import Array
 from stickslip.errors import StickslipError
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import Request
-from stickslip.explorer.work.systems import shown_motion, system_of
+from stickslip.explorer.subject.systems import shown_motion, system_of
 
 if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Patience

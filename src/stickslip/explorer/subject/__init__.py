@@ -1,0 +1,1 @@
+"""The systems and motions that pages look at, and how finely."""
