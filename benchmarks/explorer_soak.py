@@ -15,9 +15,11 @@ import re
 import subprocess
 import sys
 import time
+from contextlib import ExitStack
 from pathlib import Path
 
 from selenium import webdriver
+from selenium.common.exceptions import JavascriptException
 
 import stickslip as ss
 from explorer import browser, ready
@@ -119,10 +121,12 @@ def main() -> int:
             [*command, "--port", "0"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         ) as server,
         browser() as driver,
+        ExitStack() as stack,
     ):
         assert server.stdout is not None and server.stderr is not None
         found = _ADDRESS.search(server.stdout.readline())
         assert found is not None
+        stack.callback(server.terminate)
         driver.get(found[0])
         ready(driver)
         began = time.monotonic()
@@ -133,7 +137,10 @@ def main() -> int:
             if now > 60.0 * (killed + 0.5) and (workers := workers_of(server.pid)):
                 subprocess.run(["kill", "-9", str(chance.choice(workers))], check=False)
                 killed += 1
-            act(driver, chance)
+            try:
+                act(driver, chance)
+            except JavascriptException as error:
+                errors.append(str(error.msg))
             acts += 1
             time.sleep(chance.uniform(0.02, 0.5))
             if acts % 50 == 0:

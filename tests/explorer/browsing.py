@@ -121,5 +121,5 @@ class Screen:
             url
             for url in asked
             if urlsplit(url).netloc != own
-            and urlsplit(url).scheme not in ("data", "blob", "about", "chrome")
+            and urlsplit(url).scheme not in ("data", "blob", "about", "chrome", "file")
         ]

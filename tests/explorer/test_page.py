@@ -426,3 +426,18 @@ def test_data_beside_the_motion(screen: Screen) -> None:
     screen.element("#data-go").click()
     screen.until("explorer.data.fitted !== undefined", 60)
     assert screen.js("explorer.state.values.F_c") == pytest.approx(0.4, rel=1e-6)
+
+
+def test_in_a_frame_as_notebooks_show_it(screen: Screen, explorer: Explorer, tmp_path) -> None:
+    """What a notebook is given is a frame in which the page works."""
+    html = explorer._repr_html_().replace('/"', '/#belt_block"', 1)
+    page = tmp_path / "notebook.html"
+    page.write_text(f"<!doctype html><body>{html}", encoding="utf-8")
+    screen.driver.get("about:blank")
+    screen.drain()
+    screen.driver.get(page.as_uri())
+    screen.driver.switch_to.frame(screen.element("iframe"))
+    screen.until("document.documentElement.dataset.ready === 'yes'")
+    screen.motion()
+    assert screen.js("explorer.described.name") == "belt_block"
+    screen.driver.switch_to.default_content()
