@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 
+import stickslip as ss
 from stickslip.machine_code import shelf
 from stickslip.shipping import is_complete
 
@@ -74,8 +75,11 @@ def test_a_wheel_moves_a_system_where_nothing_is_compiled(python: Path, tmp_path
     assert "certified" in said.stdout
     found = {path.name for path in (tmp_path / "toy").iterdir()}
     assert found == {"trajectory.nc", "events.csv", "summary.json", "overview.png"}
-    own = {p.name.partition("_")[0] for p in (tmp_path / "cache").rglob("*.o")}
-    assert not own & {"advance", "settle", "follow"}, "the engine was compiled again"
+    engine, kept = (
+        {path.name.rpartition("_")[0] for path in place.rglob("*.o")}
+        for place in (shelf.SHIPPED, tmp_path / "cache")
+    )
+    assert engine and not engine & kept, "the engine was compiled again"
 
 
 def test_the_wheel_is_what_runs(python: Path, tmp_path: Path) -> None:
@@ -114,3 +118,11 @@ def test_what_is_needed_by_all_is_little() -> None:
         re.findall(r"\w+", everything)
     )
     assert not missing
+
+
+def test_the_recipe_asks_for_the_same() -> None:
+    recipe = (ROOT / "packaging" / "conda" / "meta.yaml").read_text(encoding="utf-8").lower()
+    run = recipe.partition("\n  run:\n")[2].partition("\n  run_constrained:")[0]
+    wanted = {name.lower().replace(">=", " >=") for name in PROJECT["dependencies"]}
+    assert {line.strip("- ") for line in run.splitlines()} == wanted | {"python >=3.11"}
+    assert f'version = "{ss.__version__}"' in recipe
