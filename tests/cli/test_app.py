@@ -407,3 +407,15 @@ def test_laws_that_are_wrong() -> None:
         stickslip("law", "dahl", "--set", "q=1")
     )
     assert not Path("out").exists()
+
+
+def test_warmup_says_where_machine_code_is_kept(tmp_path: Path) -> None:
+    said = stickslip("warmup")
+    assert said.exit_code == 0 and "machine code of systems is kept in" in said.stdout
+
+
+def test_shells_can_be_told_the_systems() -> None:
+    from stickslip.cli.present import _systems
+
+    assert _systems("rocking") == ["rocking_oscillator", "rocking_toy", "rocking_toy_inertial"]
+    assert "--install-completion" in stickslip("--help").stdout

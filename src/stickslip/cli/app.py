@@ -160,10 +160,17 @@ def warmup() -> None:
 
     Useful once after an installation, or on each node of a cluster.
     """
-    from stickslip import catalogue, find_cycle, simulate
+    from stickslip import Contact, Inertial, System, find_cycle, simulate
     from stickslip.machine_code.objects import cache_folder
 
-    block = catalogue.belt_block()
+    block = System(
+        "block",
+        coordinates={"x": Inertial()},
+        kinetic="d_x**2/2",
+        potential="x**2/2",
+        contacts={"belt": Contact("d_x", 1.0, 0.3, kinetic=0.6)},
+        span=(0.0, 20.0),
+    )
     for flow in ("auto", "taylor"):
         simulate(block, flow=flow).audit  # noqa: B018
     find_cycle(block).extrema  # noqa: B018
