@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose
 
 import stickslip as ss
 from explorer.browsing import ActionChains, By, Keys, Screen
+from stickslip.explorer.explore import listening_explorer
 from stickslip.explorer.serving.server import Explorer
 
 
@@ -128,6 +129,25 @@ def test_the_address_holds_the_state(screen: Screen) -> None:
     screen.open(address.partition("#")[2]).motion()
     assert screen.js("JSON.stringify(explorer.state)") == before
     assert_allclose(screen.numbers("explorer.motion.q.x_R"), motion, rtol=0, atol=0)
+
+
+def test_a_link_takes_the_model_along(chromium) -> None:
+    """Of a model that only this server knows: another server shows the same."""
+    one = listening_explorer(ss.catalogue.belt_block(V=0.37), port=0).start()
+    other = listening_explorer(None, port=0).start()
+    try:
+        page = Screen(chromium, one.address).open("given?x%40=0.2").motion()
+        page.element("#link").click()
+        page.until("explorer.shared !== undefined")
+        link = page.js("explorer.shared")
+        assert "own?" in link and "toml=" in link
+        same = Screen(chromium, other.address).open(link.partition("#")[2]).motion()
+        expected = ss.simulate(ss.catalogue.belt_block(V=0.37), initial={"x": 0.2})
+        assert_drawn(same, expected)
+    finally:
+        chromium.get("about:blank")
+        one.close()
+        other.close()
 
 
 def test_undo_and_redo(screen: Screen) -> None:

@@ -14,9 +14,17 @@ explorer.copy = async (text, what) => {
   }
 }
 
+// A model that only this program was opened with goes along in the link, if it is not too long.
 explorer.$("link").addEventListener("click", async () => {
   await explorer.address.show()
-  explorer.copy(location.href, "the address")
+  const {state, described} = explorer
+  let hash = explorer.address.write(state)
+  if (state.model === "given" && described?.toml && described.toml.length < 20000) {
+    await explorer.address.pack(described.toml)
+    hash = explorer.address.write({...state, model: "own", toml: described.toml})
+  }
+  explorer.shared = `${location.href.split("#")[0]}#${hash}`
+  explorer.copy(explorer.shared, "the address; anybody opens it with: stickslip explore 'ADDRESS'")
 })
 
 const exports = explorer.$("exports")
