@@ -50,7 +50,7 @@ _ACTS = {
       slider.dispatchEvent(new Event("change", {bubbles: true}))""",
     "tab": """
       const tabs = [...document.querySelectorAll(".tabs [role=tab]")].filter((t) => t.offsetParent)
-      tabs[Math.floor(Math.random() * tabs.length)].click()""",
+      tabs[Math.floor(Math.random() * tabs.length)]?.click()""",
     "go": """
       const buttons = [...document.querySelectorAll(".shown .go, .chip, .toggle")]
         .filter((b) => b.offsetParent)

@@ -461,3 +461,18 @@ def test_in_a_frame_as_notebooks_show_it(screen: Screen, explorer: Explorer, tmp
     screen.motion()
     assert screen.js("explorer.described.name") == "belt_block"
     screen.driver.switch_to.default_content()
+
+
+def test_a_motion_that_is_refused_stops_nothing(screen: Screen) -> None:
+    """Whatever is clicked while there is no motion, the page goes on."""
+    screen.open("rocking_toy").motion()
+    screen.js("explorer.change('set', (s) => { s.values.P = 5 })")
+    screen.until("!document.getElementById('refusal').hidden")
+    for selector in (".chip", "#play", "#next", "#previous", "#ghost", "#settle", "#unzoom"):
+        screen.js(f"document.querySelector('{selector}').click()")
+    for tab in ("branch", "map", "friction", "data", "phase"):
+        screen.element(f"[data-tab={tab}]").click()
+    screen.element("#undo").click()
+    screen.js("explorer.change('set', (s) => { delete s.values.P })")
+    screen.motion()
+    assert_drawn(screen, ss.simulate(ss.catalogue.rocking_toy()))

@@ -76,9 +76,10 @@ class Scene:
         names: dict[bytes, str] = {}
 
         def pack(value: Course) -> float | str:
+            # What has no place stands in the middle; single precision is as exact as pixels.
+            seen = np.nan_to_num(np.ascontiguousarray(value, np.float32), posinf=0.0, neginf=0.0)
             if np.ndim(value) == 0:
-                return float(value)
-            seen = np.ascontiguousarray(value, dtype=np.float32)  # as exact as pixels
+                return float(seen.item())
             name = names.setdefault(seen.tobytes(), f"s:{len(names)}")
             arrays[name] = seen
             return name

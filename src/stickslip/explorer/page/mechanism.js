@@ -110,7 +110,7 @@ const LOOKS = {"-1": "minus", 0: "stick", 1: "plus", 2: "open", 3: "plus"}
 const put = (built, i, w, modes) => {
   const {numbers, scene} = built
   const value = (entry) => {
-    if (typeof entry === "number") return entry
+    if (typeof entry !== "string") return entry ?? 0
     const values = numbers[entry]
     return values[i] + (w ? w * (values[i + 1] - values[i]) : 0)
   }

@@ -170,7 +170,7 @@ explorer.showGroups = (shown) => {
   const {symbols} = explorer.motion.head
   place.replaceChildren(...all.slice(0, 24).map((group) => explorer.element("button", {
     class: "chip", "aria-pressed": String(shown.includes(group)), html: group.kind === "friction" ? `friction, ${escaped(group.title)}` : group.names.slice(0, 3).map((n) => symbols[n]).join(", ") + (group.names.length > 3 ? " …" : ""),
-    onclick: () => explorer.change("view", (state) => {
+    onclick: () => explorer.motion !== null && explorer.change("view", (state) => {
       const keys = explorer.shownGroups().map(groupKey)
       const own = groupKey(group)
       const next = keys.includes(own) ? keys.filter((k) => k !== own) : [...keys.slice(keys.length >= 4 ? 1 : 0), own]

@@ -43,6 +43,7 @@ explorer.$("theme").addEventListener("click", () => {
   localStorage.setItem("stickslip-theme", theme)
   explorer.setTheme(theme)
 })
+document.querySelector(".skip").addEventListener("click", (event) => { event.preventDefault(); explorer.$("controls").focus() })
 explorer.$("undo").addEventListener("click", () => explorer.travel(explorer.past, explorer.future))
 explorer.$("redo").addEventListener("click", () => explorer.travel(explorer.future, explorer.past))
 
