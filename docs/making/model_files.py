@@ -59,7 +59,7 @@ def _held(annotation: str, kind: str) -> str:
 
 def _needed(item: Any, text: str) -> str:
     required = item.default is MISSING and item.default_factory is MISSING
-    said = docstrings.markup(text)
+    said = docstrings.markup(text) or ENTRIES.get(f"{item.name}.NAME", ("", ()))[0]
     return f"{said} **Has to be there.**" if required else said
 
 

@@ -271,3 +271,21 @@ def test_units_of_a_law_are_checked() -> None:
             contacts={"foot": ss.laws.coulomb("d_x", F_c="mu*m", unit="N")},
             time_unit="s",
         )
+
+
+def test_a_page_says_which_parameters_may_be_left_out() -> None:
+    from stickslip.display.system_page import law_page
+    from stickslip.page import Html
+
+    for name in laws.all_names():
+        law = laws.by_name(name)
+        rows = [row.split("<td") for row in law_page(law, Html("")).split("<tr>")]
+        told = {
+            cells[1].split(">")[1].split("<")[0]: "yes" in cells[-1]
+            for cells in rows
+            if len(cells) > 4
+        }
+        if law.options:
+            assert {own: told[own] for own in law.known()} == {
+                own: own in law.options for own in law.known()
+            }

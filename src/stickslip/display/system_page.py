@@ -56,7 +56,7 @@ def law_page(law: FrictionLaw, picture: Html) -> str:
             f"{p.default:g}",
             unicode_unit(p.unit),
             p.meaning,
-            "" if own in law.options else "yes",
+            "yes" if own in law.options else "",
         )
         for own, p in law.known().items()
     ]

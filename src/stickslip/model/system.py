@@ -373,8 +373,8 @@ class System:
         The rate of coordinate ``x`` is called ``d_x``.
     internal : mapping of str to Internal
     kinetic, potential, viscous : formula
-        Kinetic energy (quadratic in the rates of inertial coordinates, constant coefficients),
-        potential Φ(t, x, α), and the quadratic viscous part of the dissipation potential.
+        Kinetic energy T(q, q̇, t), at most quadratic in the rates of inertial coordinates; potential
+        Φ(t, x, α); the quadratic viscous part of the dissipation potential.
     contacts : mapping of str to Contact
         Or to a friction law with a name, such as ``ss.laws.stribeck("d_x", ...)``.
     jumps : mapping of str to Jump
