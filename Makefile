@@ -50,7 +50,7 @@ wheel: .venv/ready
 
 .venv/ready: .venv/bin/python pyproject.toml constraints.txt
 	$(INSTALL) hatchling editables
-	$(INSTALL) --no-build-isolation --editable '.[paper,explorer]'
+	$(INSTALL) --no-build-isolation --editable '.[all]'
 	@touch $@
 
 .venv/ready-for-tests: .venv/bin/python pyproject.toml constraints.txt

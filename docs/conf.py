@@ -76,7 +76,8 @@ html_theme_options: dict[str, Any] = {
     "show_toc_level": 2,
     "back_to_top_button": False,
 }
-html_sidebars = {"index": [], "changelog": []}
+html_context = {"default_mode": "auto"}
+html_sidebars = {"index": []}
 
 
 def setup(app: Any) -> None:

@@ -8,8 +8,8 @@ from typing import Any
 import typer
 
 from making import markdown
-from stickslip.cli import ending
 from stickslip.cli.app import app
+from stickslip.cli.common import ending
 
 _CODES = [
     ("0", "what was asked for was computed, and it is certified"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from importlib.util import find_spec
 
 
 class StickslipError(Exception):
@@ -50,6 +51,31 @@ class ConvergenceError(StickslipError, RuntimeError):
         self.reached = reached
         self.remedy = remedy
         super().__init__(f"{where}: {reached}. {remedy}" if remedy else f"{where}: {reached}")
+
+
+class MissingPackageError(StickslipError, ImportError):
+    """A package that an extra of the installation brings is not there."""
+
+
+def need(package: str, extra: str) -> None:
+    """Refuse to go on without a package that is not part of the core.
+
+    Parameters
+    ----------
+    package : str
+        What is imported.
+    extra : str
+        The extra of the installation that brings it.
+
+    Raises
+    ------
+    MissingPackageError
+        If it is not installed.
+    """
+    if find_spec(package) is None:
+        raise MissingPackageError(
+            f'this needs {package}, which is not installed: pip install "stickslip[{extra}]"'
+        )
 
 
 def printable(text: str) -> str:

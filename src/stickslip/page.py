@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
+from stickslip.errors import MissingPackageError
+
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from stickslip.model.system import Parameter
 
 # Notebooks align cells of tables at the right.
@@ -69,6 +73,15 @@ def image(png: bytes) -> Html:
     """A picture that needs no file."""
     data = base64.b64encode(png).decode()
     return Html(f'<img alt="picture of the result" src="data:image/png;base64,{data}">')
+
+
+def drawn(draw: Callable[[], Figure]) -> Html:
+    """A picture that needs no file, or why there is none."""
+    try:
+        from stickslip.figures.drawing.notebook import embedded
+    except MissingPackageError as missing:
+        return paragraph(str(missing))
+    return embedded(draw)
 
 
 def whole(*parts: str) -> str:

@@ -279,13 +279,11 @@ class Result:
             return cls.restored(data, parts, str(path))
 
     def _repr_html_(self) -> str:
-        from stickslip.figures.drawing.notebook import embedded
-
         system: System | None = getattr(self, "system", None)
         declared = {} if system is None else system.parameters
         values = page.parameters(self._said.parameters, declared)
         summary = page.Html(self.summary()._repr_html_())
-        return page.whole(embedded(self.plot), summary, page.folded("parameters", values))
+        return page.whole(page.drawn(self.plot), summary, page.folded("parameters", values))
 
     def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
         """Data and other parts of a file: by default the data is all there is."""

@@ -371,28 +371,13 @@ def test_cite() -> None:
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
 
 
-def test_the_readme_lists_the_catalogue() -> None:
-    rows = [line.split("|")[1:4] for line in README.splitlines() if line.startswith("| `")]
-    listed = {
-        name.strip(" `"): (title.strip(), source.strip())
-        for name, title, source in rows
-        if "_" in name or name.strip(" `") in ss.catalogue.names()
-    }
-    for name in ss.catalogue.names():
-        title, source = listed.pop(name)
-        system = ss.catalogue.get(name)
-        assert source == system.source
-        assert title in (system.title, system.title.replace("of 3 blocks", "of blocks"))
-    assert not listed
-
-
 def test_the_readme_runs() -> None:
     code = "".join(part.split("```")[0] for part in README.split("```python\n")[1:])
     names: dict[str, object] = {}
     Path("examples").symlink_to(Path(__file__).parents[2] / "examples")
     exec(compile(code, "README.md", "exec"), names)
     assert Path("block.png").is_file()
-    assert isinstance(names["slider"], ss.System)
+    assert isinstance(names["block"], ss.System)
 
 
 # Laws.
@@ -422,3 +407,15 @@ def test_laws_that_are_wrong() -> None:
         stickslip("law", "dahl", "--set", "q=1")
     )
     assert not Path("out").exists()
+
+
+def test_warmup_says_where_machine_code_is_kept(tmp_path: Path) -> None:
+    said = stickslip("warmup")
+    assert said.exit_code == 0 and "machine code of systems is kept in" in said.stdout
+
+
+def test_shells_can_be_told_the_systems() -> None:
+    from stickslip.cli.present import _systems
+
+    assert _systems("rocking") == ["rocking_oscillator", "rocking_toy", "rocking_toy_inertial"]
+    assert "--install-completion" in stickslip("--help").stdout

@@ -20,7 +20,6 @@ app: typer.Typer = typer.Typer(
     help="Exact stick-slip motion of systems with dry friction.",
     epilog="Begin with: stickslip run rocking_toy",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
@@ -152,6 +151,30 @@ def check(
         )
         print_summary(Summary(result.title, rows, {}, certificate.ok))
     raise typer.Exit(0 if certificate.ok else NOT_CERTIFIED)
+
+
+@app.command()
+@guarded
+def warmup() -> None:
+    """Load the engine, compile what is missing, and say where machine code is kept.
+
+    Useful once after an installation, or on each node of a cluster.
+    """
+    from stickslip import Contact, Inertial, System, find_cycle, simulate
+    from stickslip.machine_code.objects import cache_folder
+
+    block = System(
+        "block",
+        coordinates={"x": Inertial()},
+        kinetic="d_x**2/2",
+        potential="x**2/2",
+        contacts={"belt": Contact("d_x", 1.0, 0.3, kinetic=0.6)},
+        span=(0.0, 20.0),
+    )
+    for flow in ("auto", "taylor"):
+        simulate(block, flow=flow).audit  # noqa: B018
+    find_cycle(block).extrema  # noqa: B018
+    typer.echo(f"ready; machine code of systems is kept in {cache_folder()}")
 
 
 for _name, _command in {

@@ -13,6 +13,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from stickslip.errors import need
+
 if TYPE_CHECKING:
     from stickslip.figures.dissipation import (
         costs_over_phase,
@@ -32,6 +34,8 @@ __all__ = [
     "register",
     "stable_sets",
 ]
+
+need("matplotlib", "plots")
 
 _HOMES = {
     **dict.fromkeys(

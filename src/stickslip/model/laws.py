@@ -147,11 +147,15 @@ class FrictionLaw:
         return self._example(values, parameters=parameters, contacts={"law": contact}, **parts)
 
     def _repr_html_(self) -> str:
+        from stickslip import page
         from stickslip.display.system_page import law_page
-        from stickslip.figures.drawing.notebook import embedded
+
+        return law_page(self, page.drawn(self._loops))
+
+    def _loops(self) -> Any:
         from stickslip.figures.law import plot_law
 
-        return law_page(self, embedded(lambda: plot_law(self)))
+        return plot_law(self)
 
     def _by_name(self) -> dict[str, Formula | tuple[Formula, ...]]:
         """Its parameters, called by their names; some elements share what is a list."""

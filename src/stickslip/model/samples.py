@@ -179,10 +179,10 @@ class Samples(TimeFunction):
         return plot_samples(self, ax)
 
     def _repr_html_(self) -> str:
+        from stickslip import page
         from stickslip.display.system_page import samples_page
-        from stickslip.figures.drawing.notebook import embedded
 
-        return samples_page(self, embedded(self.plot))
+        return samples_page(self, page.drawn(self.plot))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Samples) and other.digest == self.digest

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.errors import StickslipError
+from stickslip.errors import StickslipError, need
 from stickslip.storage import PREFIX, readable
 from stickslip.sweeps.request.axes import Axis, Grid, make_grid
 from stickslip.sweeps.request.carry import Carry
@@ -30,6 +30,8 @@ from stickslip.sweeps.request.plan import FORMAT, KIND, NOT_COMPUTED, Part, Plan
 if TYPE_CHECKING:
     import xarray
     import zarr
+
+need("zarr", "maps")
 
 Slices = tuple[slice, ...]
 Chunk = tuple[int, ...]

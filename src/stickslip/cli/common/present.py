@@ -24,10 +24,20 @@ if TYPE_CHECKING:
 
 SUMMARY = "summary.json"
 
+
+def _systems(begun: str) -> list[str]:
+    """Names that a shell may complete."""
+    from stickslip import catalogue
+
+    return [name for name in catalogue.names() if name.startswith(begun)]
+
+
 Model = Annotated[
     str,
     typer.Argument(
-        metavar="MODEL", help="A name of the catalogue (see: stickslip list) or a .toml file."
+        metavar="MODEL",
+        help="A name of the catalogue (see: stickslip list) or a .toml file.",
+        autocompletion=_systems,
     ),
 ]
 ParameterOptions = Annotated[

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.errors import ConvergenceError
+from stickslip.errors import ConvergenceError, need
 
 _NONNEGATIVE = "nonnegative"
 _SECOND_ORDER = "second order"
@@ -188,6 +188,7 @@ def _interior_point(
 ) -> tuple[Array, Array, Array]:
     from scipy.sparse import csc_matrix, triu
 
+    need("clarabel", "evolutions")
     clarabel: Any = import_module("clarabel")  # compiled, without types
     kinds = {_NONNEGATIVE: clarabel.NonnegativeConeT, _SECOND_ORDER: clarabel.SecondOrderConeT}
     zero = [clarabel.ZeroConeT(len(ties))] if len(ties) else []

@@ -275,9 +275,7 @@ class Dissipation(ABC):
     # -- a page of a notebook ----------------------------------------------------------------------
 
     def _repr_html_(self) -> str:
-        from stickslip.figures.drawing.notebook import embedded
-
-        picture = embedded(self._picture) if self._drawn else page.Html("")
+        picture = page.drawn(self._picture) if self._drawn else page.Html("")
         return page.whole(page.headline(type(self).__name__), picture, page.tabled(self._said()))
 
     @property

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.errors import need
 from stickslip.rate_independent.solvers.smoothing import BlockRows, defect, gauss_seidel_sweep
 from stickslip.rate_independent.solvers.truncation import galerkin, gather, truncate
 
@@ -124,6 +125,7 @@ class Hierarchy:
     """
 
     def __init__(self, A: BlockRows, nodal: Any) -> None:
+        need("pyamg", "evolutions")
         from pyamg import ruge_stuben_solver
 
         made: list[Any] = ruge_stuben_solver(nodal, max_coarse=_DENSE // A.value.shape[1]).levels

@@ -1,0 +1,96 @@
+"""Without what only extras bring, the core works, and whoever asks for more is told which extra has
+it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from stickslip.errors import MissingPackageError, StickslipError, need
+from stickslip.machine_code import objects
+
+WITHOUT = """
+import sys
+
+class Absent:
+    names = {"matplotlib", "zarr", "pyamg", "clarabel", "distributed", "sympy", "PIL"}
+
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in self.names:
+            raise ModuleNotFoundError(name)
+
+sys.meta_path.insert(0, Absent())
+import importlib.util
+found = importlib.util.find_spec
+def find_spec(name, package=None):
+    return None if name in Absent.names else found(name, package)
+importlib.util.find_spec = find_spec
+"""
+CORE = """
+import stickslip as ss
+block = ss.catalogue.belt_block()
+motion = ss.simulate(block)
+assert motion.certificate.ok
+motion.save("block.nc")
+assert ss.open("block.nc").certificate.ok
+assert ss.find_cycle(block).stable
+assert "stickslip[plots]" in motion._repr_html_()
+assert ss.play("5*t - t**2", 1.0, (0, 5), initial=0.0).certificate.ok
+problem = ss.Evolution([[1.0]], ["t"], ss.WeightedL1(["1"]), [0.0], span=(0, 2))
+assert ss.evolve(problem, steps=10).certificate.ok
+for ask, extra in (
+    (lambda: motion.plot(), "plots"),
+    (lambda: ss.figures, "plots"),
+    (lambda: ss.sweep(block, {"V": [0.1, 0.2]}, ["period"]), "maps"),
+):
+    try:
+        ask()
+    except ss.StickslipError as error:
+        assert f"stickslip[{extra}]" in str(error), error
+    else:
+        raise AssertionError(extra)
+print("all is as it should be")
+"""
+COMMAND = """
+from stickslip.cli import main
+sys.argv = ["stickslip", *sys.argv[1:]]
+main()
+"""
+
+
+def run(code: str, place: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """A process in which these packages cannot be imported."""
+    command = [sys.executable, "-c", WITHOUT + code, *arguments]
+    return subprocess.run(command, cwd=place, capture_output=True, text=True, encoding="utf-8")
+
+
+def test_the_core_is_enough_for_motions_and_cycles(tmp_path: Path) -> None:
+    said = run(CORE, tmp_path)
+    assert said.stdout == "all is as it should be\n", said.stderr
+
+
+def test_a_command_says_which_extra_it_needs(tmp_path: Path) -> None:
+    ran = run(COMMAND, tmp_path, "run", "belt_block")
+    assert ran.returncode == 0, ran.stderr
+    assert "stickslip[plots]" in " ".join(ran.stderr.split())
+    swept = run(
+        COMMAND, tmp_path, "sweep", "belt_block", "--over", "V=0.1,0.2", "--measure", "period"
+    )
+    assert swept.returncode == 2
+    assert "stickslip[maps]" in swept.stderr and "Traceback" not in swept.stderr
+
+
+def test_what_is_missing_is_named() -> None:
+    need("numpy", "never")
+    with pytest.raises(MissingPackageError, match=r'"stickslip\[maps\]"') as caught:
+        need("a_package_that_nobody_has", "maps")
+    assert isinstance(caught.value, StickslipError) and isinstance(caught.value, ImportError)
+
+
+def test_machine_code_is_kept_elsewhere_where_its_place_cannot_be_written(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way", encoding="utf-8")
+    elsewhere = objects._folder(str(tmp_path / "file"))
+    assert elsewhere.is_dir() and not elsewhere.is_relative_to(tmp_path)
