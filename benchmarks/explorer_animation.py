@@ -47,9 +47,10 @@ def scenes(driver: webdriver.Chrome) -> Iterator[None]:
         " values: {mu: '2/sqrt(alpha)', nu: 0.05, V: 0.1}, panel: 'branch',"
         " view: {over: 'V', 'over.low': '0.02', 'over.high': '0.4', x: 'U', y: 'alpha'}} })"
     )
-    time.sleep(1.2)
+    until(driver, "document.getElementById('branch-high').value === '0.4'")
     driver.execute_script("document.getElementById('branch-go').click()")
-    for _ in range(10):
+    until(driver, "explorer.branches.found.length === 2")
+    for _ in range(5):
         time.sleep(0.3)
         yield
     for k in range(26):
@@ -59,6 +60,14 @@ def scenes(driver: webdriver.Chrome) -> Iterator[None]:
         )
         time.sleep(0.2)
         yield
+
+
+def until(driver: webdriver.Chrome, condition: str, seconds: float = 20.0) -> None:
+    """Wait for something on the page."""
+    ends = time.monotonic() + seconds
+    while not driver.execute_script(f"return {condition}"):
+        assert time.monotonic() < ends, condition
+        time.sleep(0.1)
 
 
 def main() -> None:

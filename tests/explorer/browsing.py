@@ -80,6 +80,14 @@ class Screen:
         """An element by a CSS selector."""
         return self.driver.find_element(By.CSS_SELECTOR, selector)
 
+    def press(self, selector: str) -> None:
+        """Click on an element, as soon as it can be seen."""
+        element = self.element(selector)
+        self.wait_for(
+            lambda: element.is_displayed() and element.is_enabled(), f"{selector} in view"
+        )
+        element.click()
+
     def numbers(self, code: str) -> np.ndarray:
         """An array of the page."""
         return np.array(self.js(f"Array.from({code})"), float)

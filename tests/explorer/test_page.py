@@ -154,11 +154,11 @@ def test_undo_and_redo(screen: Screen) -> None:
     screen.open("belt_block").motion()
     screen.js("explorer.change('set', (s) => { s.values.V = 0.3 })")
     screen.js("explorer.change('set', (s) => { s.values.V = 0.4 })")
-    screen.element("#undo").click()
+    screen.press("#undo")
     assert screen.js("explorer.state.values.V") == 0.3
     ActionChains(screen.driver).key_down(Keys.CONTROL).send_keys("z").key_up(Keys.CONTROL).perform()
     assert screen.js("explorer.state.values.V ?? null") is None
-    screen.element("#redo").click()
+    screen.press("#redo")
     screen.motion()
     assert_drawn(screen, ss.simulate(ss.catalogue.belt_block(V=0.3)))
 
@@ -217,7 +217,7 @@ def test_by_keyboard_alone(screen: Screen) -> None:
 def taken(screen: Screen, form: str) -> dict:
     """What a page gives away."""
     screen.js("(explorer.taken = null, 1)")
-    screen.element("#export").click()
+    screen.press("#export")
     screen.element(f"#exports [data-save={form}], #exports [data-copy={form}]").click()
     screen.until("explorer.taken !== null")
     return screen.js(
@@ -292,7 +292,7 @@ def test_zoom_shows_more(screen: Screen) -> None:
     assert (t.min(), t.max()) == (1.0, 1.2)
     expected = ss.simulate(ss.catalogue.plate_compactor()).at(t)["x"]
     assert_allclose(screen.numbers("explorer.closer.q.x"), expected, atol=1e-12)
-    screen.element("#unzoom").click()
+    screen.press("#unzoom")
     assert screen.js("explorer.model('time').end") == 4.0
 
 
@@ -356,7 +356,7 @@ def test_what_the_motion_settles_on(screen: Screen) -> None:
     """Equilibria with their kind and the cycle stand in the phase plane."""
     slider = "spring_slider?mu=2%2Fsqrt(alpha)&nu=0.05&V=0.15&.x=U&.y=alpha"
     screen.open(slider).motion()
-    screen.element("#settle").click()
+    screen.press("#settle")
     screen.until("explorer.phase.settled?.head.cycle")
     system = ss.catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05, V=0.15)
     cycle = ss.find_cycle(system)
@@ -373,7 +373,7 @@ def test_branches_over_a_parameter(screen: Screen) -> None:
     """They are those of the library; the line is dragged, and a point leads to its orbit."""
     state = "spring_slider?mu=2%2Fsqrt(alpha)&nu=0.05&V=0.15&.panel=branch"
     screen.open(f"{state}&.over=V&.over.low=0.05&.over.high=0.4").motion()
-    screen.element("#branch-go").click()
+    screen.press("#branch-go")
     screen.until("explorer.branches.found.length === 2")
     screen.motion()
     slider = ss.catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05, V=0.15)
@@ -406,7 +406,7 @@ def test_branches_over_a_parameter(screen: Screen) -> None:
 def test_a_map_becomes_finer_and_can_be_stopped(screen: Screen) -> None:
     state = "rocking_toy?.panel=map&.map.x=P&.map.x.low=0.8&.map.x.high=1.2&.map.y=delta"
     screen.open(f"{state}&.map.y.low=0.02&.map.y.high=0.1&.map.of=speed").motion()
-    screen.element("#map-go").click()
+    screen.press("#map-go")
     screen.until("explorer.map.found?.head.count === 17")
     found = ss.sweep(
         ss.catalogue.rocking_toy(), {"P": "0.8:1.2:9", "delta": "0.02:0.1:9"}, ["speed"], workers=1
@@ -414,7 +414,7 @@ def test_a_map_becomes_finer_and_can_be_stopped(screen: Screen) -> None:
     got = screen.numbers("explorer.map.found.numbers.values").reshape(17, 17)
     assert_allclose(got[::2, ::2], found["speed"].transpose("delta", "P"), rtol=1e-12)
     assert "stickslip sweep rocking_toy" in screen.js("explorer.map.found.head.command")
-    screen.element("#map-go").click()
+    screen.press("#map-go")
     screen.until("!explorer.map.busy")
     place = screen.element("section.map .hold")
     ActionChains(screen.driver).move_to_element_with_offset(place, 30, 20).click().perform()
@@ -442,8 +442,8 @@ def test_data_beside_the_motion(screen: Screen) -> None:
     screen.until("explorer.data.residual !== null")
     expected = x - ss.simulate(block, (0.0, 30.0)).at(t)["x"]
     assert_allclose(screen.numbers("explorer.data.residual.numbers.residual"), expected, atol=1e-12)
-    screen.element("#data-free [data-name=F_c]").click()
-    screen.element("#data-go").click()
+    screen.press("#data-free [data-name=F_c]")
+    screen.press("#data-go")
     screen.until("explorer.data.fitted !== undefined", 60)
     assert screen.js("explorer.state.values.F_c") == pytest.approx(0.4, rel=1e-6)
 
@@ -472,7 +472,7 @@ def test_a_motion_that_is_refused_stops_nothing(screen: Screen) -> None:
         screen.js(f"document.querySelector('{selector}').click()")
     for tab in ("branch", "map", "friction", "data", "phase"):
         screen.element(f"[data-tab={tab}]").click()
-    screen.element("#undo").click()
+    screen.press("#undo")
     screen.js("explorer.change('set', (s) => { delete s.values.P })")
     screen.motion()
     assert_drawn(screen, ss.simulate(ss.catalogue.rocking_toy()))

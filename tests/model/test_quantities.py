@@ -36,6 +36,7 @@ ENERGIES = {
     "prandtl_tomlinson": "aJ",
     "lugre_positioner": "m^2*kg/s^2",
     "rimless_wheel": "m^2*kg/s^2",
+    "velocity_step": "1",  # it has none
 }  # no work at a contact
 ANGLES = ("psi", "theta", "phi", "phi_M", "phi_S")
 

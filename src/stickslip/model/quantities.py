@@ -147,6 +147,8 @@ def energy_unit(system: System) -> str | None:
     found += [
         unit_product((_unit_of(system, term), 1), (time, 1)) for term in _terms(d.dissipation)
     ]
+    if not found:
+        return "1"  # of internal variables alone: it is zero
     return _common([unit for unit in found if lowest_terms(unit)[1] == _JOULE] or found)
 
 
