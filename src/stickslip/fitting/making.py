@@ -137,7 +137,7 @@ def _made(found: Search) -> Fit:
 
 def _notes(found: Search, s: Statistics) -> tuple[str, ...]:
     problem, p = found.problem, found.best.p
-    notes = list(found.notes)
+    notes: list[str] = []
     if len(found.starts) > 1 and found.minima:
         least = min(m.cost for m in found.minima)
         same = [m for m in found.minima if m.cost <= least * (1.0 + _SAME) + 1e-12]

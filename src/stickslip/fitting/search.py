@@ -28,7 +28,6 @@ _DRAWN = 1.0  # how much a part of a recording is drawn to its start, across its
 _ROUGH = 0.1  # of the spread of a column, from which on differences count as outliers in a part
 _TOLERANCE = 1e-13
 _ROUNDS = 12  # of estimates of the noise
-_SAME = 1e-6  # relative difference of costs of one minimum
 _BESIDE = 1e-7  # relative change to where a motion has a derivative
 _IRRATIONAL = (math.sqrt(5.0) - 1.0) / 2.0
 _TRIES = 3
@@ -58,7 +57,6 @@ class Search:
     reasons : list of str
         Why starts were given up.
     interrupted : bool
-    notes : list of str
     """
 
     problem: FitProblem
@@ -67,7 +65,6 @@ class Search:
     minima: list[Minimum] = field(default_factory=list[Minimum])
     reasons: list[str] = field(default_factory=list[str])
     interrupted: bool = False
-    notes: list[str] = field(default_factory=list[str])
 
 
 def minimise(
