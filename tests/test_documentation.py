@@ -27,6 +27,7 @@ from making import (
     model_files,
     pages,
     python_reference,
+    sessions,
     tables,
 )
 from stickslip.cli.app import app
@@ -47,7 +48,17 @@ WRITTEN = {
 BLOCK = re.compile(r"^```(\{?[\w-]*\}?)[^\n]*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 # By the least number of statements.
-LEAST = {"tutorial.md": 30, "by-example.md": 60, "extending.md": 12, "fits-elsewhere.md": 40}
+LEAST = {
+    "by-example.md": 60,
+    "extending.md": 12,
+    "fits-elsewhere.md": 40,
+    "tutorials/shaken.md": 15,
+    "tutorials/memory.md": 10,
+    "tutorials/machines.md": 15,
+    "tutorials/impacts.md": 15,
+    "tutorials/gaits.md": 30,
+    "tutorials/record-to-map.md": 15,
+}
 IMPORTED = re.compile(r"^>>> import (\w+)", re.MULTILINE)
 HEAVY = {"pymc"}  # its installation takes a minute: what needs it runs where it is there
 ELSEWHERE = ("cluster.md",)  # its Python needs a cluster
@@ -95,7 +106,25 @@ def test_programs(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 def test_long_pages_are_sessions() -> None:
     for page in LEAST:
-        assert {language for language, _ in BLOCK.findall(WRITTEN[page])} == {"pycon"}
+        languages = {language for language, _ in BLOCK.findall(WRITTEN[page])}
+        assert languages - {"{code-cell}"} == {"pycon"}
+
+
+@pytest.mark.parametrize("page", [page for page in SESSIONS if page.startswith("tutorials/")])
+def test_tutorials_are_executed_when_the_site_is_built(page: str) -> None:
+    """Every block of a session has a cell that runs it; the cells that draw know its names."""
+    source = [WRITTEN[page]]
+    pages.to_the_site(None, page, source)
+    cells = [code for language, code in BLOCK.findall(source[0]) if language == "{code-cell}"]
+    typed = [code for code in cells if "remove-cell" in code]
+    assert len(typed) == len(blocks(page, "pycon")) + 1, "one leads to the data"
+    known: set[str] = set()
+    for cell in cells:
+        code = "\n".join(line for line in cell.splitlines() if not line.startswith(":"))
+        statement = sessions.statement(code)
+        assert not statement.needs - known, page
+        known |= statement.makes
+    assert len(cells) > len(typed), "a tutorial has pictures"
 
 
 def test_model_files_on_pages_are_read(tmp_path: Path) -> None:
@@ -127,6 +156,28 @@ def test_every_public_name_has_its_page() -> None:
     assert {f"reference/python/{name}.rst" for name in names} <= set(REFERENCE)
     placed = [name for group in python_reference.groups().values() for name in group]
     assert len(placed) == len(set(placed))
+
+
+def test_every_public_name_has_an_example_that_can_be_typed_in_as_it_stands() -> None:
+    for place, text in REFERENCE.items():
+        if place.endswith(".rst"):
+            code = text.partition(".. code-block:: pycon\n")[2].partition("\n.. ")[0]
+            known: set[str] = set()
+            for example in doctest.DocTestParser().get_examples(code):
+                statement = sessions.statement(example.source)
+                assert not statement.needs - known, f"{place}: {example.source}"
+                known |= statement.makes
+            assert known, place
+
+
+@pytest.mark.parametrize(
+    "name", ["load", "Certificate", "HysteresisOperator", "prandtl_ishlinskii"]
+)
+def test_such_an_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    code = REFERENCE[f"reference/python/{name}.rst"].partition(".. code-block:: pycon\n")[2]
+    session = doctest.DocTestParser().get_doctest(code, {}, name, None, None)
+    assert doctest.DocTestRunner(verbose=False).run(session).failed == 0
 
 
 def test_a_new_name_has_its_page_as_well(monkeypatch: pytest.MonkeyPatch) -> None:

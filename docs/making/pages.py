@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import doctest
 import re
 from pathlib import Path
 from typing import Any
 
-from making import command_line, gallery, markdown, model_files, python_reference, records, tables
+from making import (
+    command_line,
+    gallery,
+    markdown,
+    model_files,
+    python_reference,
+    records,
+    sessions,
+    tables,
+)
 
 MAKERS = (python_reference, command_line, model_files, tables, gallery, records)
+ROOT = Path(__file__).parents[2]
 _OUTSIDE = {
     "../CONTRIBUTING.md": "/generated/contributing.md",
     "../CHANGELOG.md": "/generated/changelog.md",
@@ -38,9 +49,29 @@ def write(folder: Path) -> None:
 
 
 def to_the_site(app: Any, place: str, source: list[str]) -> None:
-    """Links from pages to files of the repository go to their pages."""
+    """Links from pages to files of the repository go to their pages; sessions are typed in."""
     for outside, inside in _OUTSIDE.items():
         source[0] = source[0].replace(f"]({outside})", f"]({inside})")
+    if source[0].startswith(_EXECUTED):
+        source[0] = typed_in(source[0])
+
+
+_EXECUTED = "---\nfile_format: mystnb\n"
+_DATA = f"import os\nos.symlink({str(ROOT / 'examples')!r}, 'examples', True)\n"
+
+
+def typed_in(text: str) -> str:
+    """A page that is executed: behind each block of a session a cell that is not shown runs it, so
+    that the cells which draw know its names, and find the data of the examples."""
+
+    def hidden(code: str) -> str:
+        return f"```{{code-cell}} python\n:tags: [remove-cell]\n{code}```\n\n"
+
+    def run(found: re.Match[str]) -> str:
+        examples = doctest.DocTestParser().get_examples(found[1])
+        return f"{found[0]}\n\n{hidden(''.join(example.source for example in examples))}"
+
+    return sessions.BLOCK.sub(run, text).replace("```pycon\n", hidden(_DATA) + "```pycon\n", 1)
 
 
 _VERBATIM = re.compile(r"(``.*?``|`[^`]*`)")

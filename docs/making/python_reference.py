@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import doctest
 import inspect
 import re
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 import stickslip as ss
-from making import docstrings, markdown
+from making import docstrings, markdown, sessions
 
 ROOT = Path(__file__).parents[2]
 FOLDER = "reference/python"
@@ -41,12 +39,15 @@ OTHERS = {
     "FrictionLaw": "stickslip.model.laws",
     "LawContact": "stickslip.model.system",
 }
-_PAGES = {
-    "by-example": "Every public name, by example",
-    "tutorial": "Three examples",
-    "extending": "Something of your own",
+# Where they are seen in a session.
+_MEMBERS = {
+    "Certificate": r"\.certificate\b",
+    "Residual": r"\.certificate\[",
+    "Summary": r"\.summary\(",
+    "FrictionLaw": r"ss\.laws\.by_name",
+    "LawContact": r"ss\.laws\.\w+\(\"",
 }
-_BLOCK = re.compile(r"^```pycon\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+_PAGES = ("by-example", "tutorials/gaits", "extending")
 
 
 def groups() -> dict[str, list[str]]:
@@ -115,23 +116,15 @@ def _of_module(name: str, module: Any) -> list[str]:
     return lines
 
 
-@cache
-def _shown() -> dict[str, tuple[str, str]]:
-    """The first block of a page that tests run in which a name occurs."""
-    found: dict[str, tuple[str, str]] = {}
-    for page in _PAGES:
-        text = (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
-        for block in _BLOCK.findall(text):
-            source = "".join(e.source for e in doctest.DocTestParser().get_examples(block))
-            for name in re.findall(r"\bss\.(\w+)", source):
-                found.setdefault(name, (page, block))
-    return found
-
-
 def _example(name: str) -> list[str]:
-    if name not in _shown() or name in OTHERS:
-        return []
-    page, block = _shown()[name]
-    code = [f"   {line}".rstrip() for line in block.rstrip().splitlines()]
-    where = f"From the page :doc:`/{page}`, which says what stands before it:"
-    return [".. rubric:: As it is used", "", where, "", ".. code-block:: pycon", "", *code, ""]
+    """The first block of a page in which a name occurs, with all that it needs."""
+    for page in _PAGES:
+        session = sessions.of_page(ROOT / "docs" / f"{page}.md")
+        wanted = _MEMBERS.get(name, rf"\bss\.{name}\b")
+        block = next((b for b in session.blocks if re.search(wanted, b.source)), None)
+        if block is not None:
+            code = [f"   {line}".rstrip() for line in session.alone(block).splitlines()]
+            where = f"From the page :doc:`/{page}`, with what it needs:"
+            head = [".. rubric:: As it is used", "", where, ""]
+            return [*head, ".. code-block:: pycon", "", *code, ""]
+    return []

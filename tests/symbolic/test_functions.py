@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ast
 import math
-import re
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -34,7 +33,7 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import enclosures, slopes
 from stickslip.symbolic.enclosures import bounds
 from stickslip.symbolic.evaluator import evaluator
-from stickslip.symbolic.formulas import Scope, builtins
+from stickslip.symbolic.formulas import Scope
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS, Function
 from stickslip.symbolic.majorants import growth
 
@@ -154,14 +153,6 @@ def test_a_row_does_not_contradict_itself(name: str) -> None:
             later = ex.evaluate(ex.turned(ex.call(name, X), quarters), {"x": 0.3})
             exact = ORACLES[name](mp.mpf("0.3") + quarters * mp.pi / 2)
             assert later == pytest.approx(float(exact))
-
-
-def test_the_tutorial_lists_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ADDED:
-        monkeypatch.delitem(FUNCTIONS, name)
-    text = (Path(__file__).parents[2] / "docs" / "tutorial.md").read_text(encoding="utf-8")
-    listed = text.partition("and the functions")[2].partition(";")[0]
-    assert set(re.findall(r"`(\w+)`", listed)) == builtins().keys()
 
 
 # -- derivatives -----------------------------------------------------------------------------------
