@@ -12,8 +12,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from matplotlib import image
+
 import stickslip as ss
-from making import docstrings, markdown
+from making import docstrings, examples, markdown
 from stickslip.display.system_page import system_page
 
 ROOT = Path(__file__).parents[2]
@@ -28,25 +30,31 @@ def systems() -> list[str]:
 
 def pages() -> dict[str, str]:
     """The page of each system, and the overview."""
-    cards = []
-    for name in systems():
-        system = ss.catalogue.get(name)
-        cards += [
-            f":::{{grid-item-card}} {system.title}",
-            f":link: {name}",
-            ":link-type: doc",
-            f":img-top: pictures/{name}-small.png",
-            f":img-alt: {system.title}",
-            "",
-            f"`{name}`",
-            ":::",
-            "",
-        ]
+    cards = "\n".join(card(name, ss.catalogue.get(name).title, name) for name in systems())
     overview = markdown.filled(
-        "gallery", cards="\n".join(cards), toctree=markdown.toctree(systems())
+        "gallery",
+        cards=cards,
+        examples=examples.cards(),
+        toctree=markdown.toctree([*systems(), *(f"examples/{name}" for name in examples.found())]),
     )
     made = {f"gallery/{name}.md": _page(name) for name in systems()}
-    return made | {"gallery/index.md": overview}
+    return made | examples.pages() | {"gallery/index.md": overview}
+
+
+def card(page: str, title: str, under: str) -> str:
+    """What the overview shows of a page."""
+    picture = page.replace("examples/", "example-")
+    lines = [
+        f":::{{grid-item-card}} {title}",
+        f":link: {page}",
+        ":link-type: doc",
+        f":img-top: pictures/{picture}-small.png",
+        f":img-alt: {title}",
+        "",
+        f"`{under}`",
+        ":::",
+    ]
+    return "\n".join(lines) + "\n"
 
 
 def _page(name: str) -> str:
@@ -57,15 +65,14 @@ def _page(name: str) -> str:
         f"# {system.title}\n",
         docstrings.markup(parts[""].strip()) + "\n",
         f"![The motion of {system.title}](pictures/{name}.png)\n",
-        markdown.block("text", f"stickslip run {name}"),
+        markdown.block("text", f"stickslip run {name}\nstickslip explore {name}"),
         markdown.block("python", f"ss.simulate(ss.catalogue.{name}()).plot()"),
     ]
     if "References" in parts:
-        lines += ["## Where it comes from\n", docstrings.markup(parts["References"].strip()) + "\n"]
+        known = docstrings.markup(parts["References"].strip())
+        lines += ["## Where it comes from, and what is known\n", known + "\n"]
     lines += ["## Equations\n", markdown.html(system_page(system))]
-    tests = list(_tests(name))
-    if tests:
-        lines += ["## What checks it\n", *(f"* `{place}`: {said}" for place, said in tests), ""]
+    lines += [checked(re.compile(rf"catalogue\.{name}\b|get\(\"{name}\"\)|\"{name}\""))]
     lines += [
         "## The model file\n",
         f"`stickslip show {name} --toml` prints it, to start your own from.\n",
@@ -84,9 +91,14 @@ def _sources() -> dict[str, str]:
     }
 
 
-def _tests(name: str) -> Iterator[tuple[str, str]]:
-    """The tests in which a system occurs, references first, with what they say of themselves."""
-    used = re.compile(rf"catalogue\.{name}\b|get\(\"{name}\"\)|\"{name}\"")
+def checked(used: re.Pattern[str]) -> str:
+    """A section on the tests in which something occurs, if there are any."""
+    lines = [f"* `{place}`: {said}" for place, said in _tests(used)]
+    return "\n".join(["## What checks it\n", *lines, ""]) if lines else ""
+
+
+def _tests(used: re.Pattern[str]) -> Iterator[tuple[str, str]]:
+    """These tests, references first, with what they say of themselves."""
     places = [place for place, text in _sources().items() if used.search(text)]
     for place in sorted(places, key=lambda place: "references" not in place)[:6]:
         said = re.match(r'\s*"""(.*?)"""', _sources()[place], re.DOTALL)
@@ -115,12 +127,18 @@ def pictures(folder: Path) -> None:
         mark.write_text(now, encoding="utf-8")
 
 
+def shrink(picture: Path, place: Path) -> None:
+    """A thumbnail as broad as those of the systems."""
+    broad = image.imread(picture).shape[1]
+    image.thumbnail(str(picture), str(place), scale=4.0 * _THUMBNAIL / broad)
+
+
 def _digest(system: Any) -> str:
-    return hashlib.sha256((system.to_toml() + _code()).encode()).hexdigest()
+    return hashlib.sha256((system.to_toml() + code()).encode()).hexdigest()
 
 
 @cache
-def _code() -> str:
+def code() -> str:
     """The parts of the library that a picture depends on."""
     rooms = ("motion", "figures", "equations", "symbolic", "model")
     paths = (p for room in rooms for p in sorted((ROOT / "src/stickslip" / room).rglob("*.py")))

@@ -9,6 +9,7 @@ from typing import Any
 
 from making import (
     command_line,
+    examples,
     gallery,
     markdown,
     model_files,
@@ -46,6 +47,7 @@ def write(folder: Path) -> None:
             if path.suffix in (".md", ".rst") and path.relative_to(folder).as_posix() not in made:
                 path.unlink()
     gallery.pictures(folder / "gallery" / "pictures")
+    examples.pictures(folder / "gallery" / "pictures")
 
 
 def to_the_site(app: Any, place: str, source: list[str]) -> None:
