@@ -35,6 +35,7 @@ test: .venv/ready-for-tests machine-code
 docs: .venv/ready-for-docs machine-code
 	$(BIN)/sphinx-build -W --keep-going -E -q -b html docs docs/_build/html
 	$(BIN)/python docs/check_site.py docs/_build/html
+	$(BIN)/python docs/check_search.py docs/_build/html
 
 .venv/bin/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \

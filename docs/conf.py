@@ -64,6 +64,7 @@ html_static_path = ["_static"]
 html_css_files = ["style.css"]
 html_show_sourcelink = False
 html_copy_source = False
+html_search_scorer = str(HERE / "making" / "scorer.js")
 html_theme_options: dict[str, Any] = {
     "logo": {"text": "stickslip"},
     "navbar_align": "left",

@@ -29,6 +29,7 @@ from making import (
     python_reference,
     sessions,
     tables,
+    words,
 )
 from stickslip.cli.app import app
 from stickslip.model import laws, system
@@ -230,6 +231,22 @@ def test_every_system_has_its_page() -> None:
     for name in ss.catalogue.names():
         page = made[f"gallery/{name}.md"]
         assert "<math" in page and "```toml" in page and "## What checks it" in page, name
+
+
+def test_the_search_is_asked_for_every_page_that_questions_lead_to() -> None:
+    """``make docs`` asks it, in a browser, for the words of ``making.words``."""
+    for link in LINK.findall(WRITTEN["questions.md"]):
+        assert words.of(urldefrag(link)[0].removesuffix(".md")), link
+    every = [word.lower() for page in words.WORDS for word in words.of(page)]
+    assert len(every) == len(set(every)), "a word means one page"
+
+
+def test_words_stand_before_the_title() -> None:
+    for text in ("# A\n\nb\n", "---\nc: d\n---\n\n# A\n\nb\n"):
+        marked = words.marked("start", text)
+        assert "```{index} ! install, ! pip install" in marked
+        assert marked.replace(marked[marked.index("```{") : marked.index("# A")], "") == text
+    assert words.marked("no page", "# A\n") == "# A\n"
 
 
 def test_attributes_are_read_off_docstrings() -> None:

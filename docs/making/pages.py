@@ -17,6 +17,7 @@ from making import (
     records,
     sessions,
     tables,
+    words,
 )
 
 MAKERS = (python_reference, command_line, model_files, tables, gallery, records)
@@ -51,9 +52,11 @@ def write(folder: Path) -> None:
 
 
 def to_the_site(app: Any, place: str, source: list[str]) -> None:
-    """Links from pages to files of the repository go to their pages; sessions are typed in."""
+    """Links to files of the repository go to their pages, words for the search into the index;
+    sessions are typed in."""
     for outside, inside in _OUTSIDE.items():
         source[0] = source[0].replace(f"]({outside})", f"]({inside})")
+    source[0] = words.marked(place, source[0])
     if source[0].startswith(_EXECUTED):
         source[0] = typed_in(source[0])
 

@@ -75,10 +75,10 @@ def plot_limit(resolved: Play, averaged: Play) -> Figure:
         _draw(left, resolved, r"z_\varepsilon", "stable region")
         _draw(right, averaged, "z_0", "stable at every phase")
         period = resolved.bounds.plus.period or resolved.bounds.minus.period
-        left.set_title(
-            r"$\varepsilon > 0$" if period is None else rf"$\varepsilon = {period:g}$", pad=20
-        )
-        right.set_title(r"$\varepsilon \to 0$", pad=20)
+        said = r"$\varepsilon > 0$" if period is None else rf"$\varepsilon = {period:g}$"
+        for axes, text in ((left, said), (right, r"$\varepsilon \to 0$")):
+            # Inside: above there are legends of as many rows as they need.
+            axes.text(0.03, 0.96, text, transform=axes.transAxes, va="top")
         return figure
 
 

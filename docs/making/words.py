@@ -1,0 +1,75 @@
+"""What newcomers type into the search field, and which page is meant: these words stand in the
+index of the site, and ``docs/check_search.py`` types them in."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+WORDS: Mapping[str, str] = {
+    "start": "install, pip install, first picture, conda, getting started, extras",
+    "is-this-for-me": "scope, limitations, alternatives, comparison, friction in a plane, 3-D, "
+    "speed, delay, noise, collision",
+    "questions": "faq, questions",
+    "glossary": "glossary, terms",
+    "wrong": "regularisation, smooth friction, tanh, sign function, creep",
+    "cluster": "dask, cluster, many machines",
+    "fits-elsewhere": "own optimiser, sampler, Bayesian, emcee, JAX, lmfit, gradient",
+    "tutorials/declare": "declare my own system, own model, units, tutorial",
+    "tutorials/shaken": "vibration, shaken friction, effective friction, plate compactor",
+    "tutorials/memory": "earthquake, rate and state, fault",
+    "tutorials/machines": "brake squeal, squeal, drill string, violin, damper, joint, hunting",
+    "tutorials/impacts": "impact, bouncing, lift off, restitution, collision with a stop, Zeno",
+    "tutorials/gaits": "walking, gait, locomotion, crawling",
+    "tutorials/record-to-map": "record to a map",
+    "how-to/own-friction-law": "own friction law, custom friction law, custom law, "
+    "asymmetric friction",
+    "how-to/measured-drive": "measured load, measured drive, recorded signal, "
+    "time series, csv input, base excitation",
+    "how-to/mechanisms": "double pendulum, pendulum, multibody, constraint, chain of blocks",
+    "how-to/frequency-response": "frequency response, harmonic force, resonance, forced response",
+    "how-to/branches": "periodic orbit, periodic motion, limit cycle, bifurcation diagram, "
+    "continuation, bifurcation, Hopf",
+    "how-to/maps": "parameter map, two parameters, parameter study, parameter sweep, "
+    "basin of attraction, basin",
+    "how-to/gpu": "GPU, CUDA",
+    "how-to/own-measure": "own measure, custom measure",
+    "how-to/sensitivities": "derivatives, sensitivity, gradients",
+    "how-to/fit": "fit, fit data, parameter estimation, identification, which law, calibrate",
+    "how-to/finite-elements": "finite elements, FEM, membrane",
+    "how-to/data": "export csv, export data, save, pandas, xarray, netCDF, plot",
+    "how-to/explore": "explorer, play in the browser, interactive, slider, GUI",
+    "how-to/notebooks": "notebook, jupyter",
+    "how-to/outcomes": "motion stopped, outcome, error message, no bounded rate, did not finish",
+    "how-to/not-certified": "not certified, certified",
+    "theory/certificates": "accuracy, tolerance, error bound, certificate, proof",
+    "theory/germs": "event detection, mode change, switching",
+    "theory/cycles": "multipliers, saltation, Floquet, stability of a cycle",
+    "theory/averaging": "averaging, homogenisation",
+    "theory/evolutions": "rate-independent, quasistatic, hysteresis",
+    "theory/stick-onset": "stick onset, grazing, sliding bifurcation",
+    "reference/laws": "friction laws, Stribeck, LuGre, Coulomb, Dahl, Bouc-Wen, Iwan",
+    "reference/model-files": "model file, TOML",
+    "reference/formulas": "formula, functions, piecewise",
+    "reference/measures": "measures, stick fraction",
+    "reference/command-line": "command line, command line options, exit code",
+    "reference/python": "API, Python",
+    "project/citing": "cite, citation",
+    "project/roadmap": "roadmap",
+    "generated/changelog": "changelog, what is new",
+    "generated/benchmarks": "benchmarks, speed of others",
+    "generated/contributing": "contributing",
+}
+"""Pages, and the words for each, with commas between them."""
+
+
+def of(page: str) -> list[str]:
+    """The words for a page."""
+    return [word.strip() for word in WORDS.get(page, "").split(",") if word.strip()]
+
+
+def marked(page: str, text: str) -> str:
+    """The text of a page with its words in the index, before its title."""
+    entries = ", ".join(f"! {word}" for word in of(page))
+    index = f"```{{index}} {entries}\n```\n\n" if entries else ""
+    return re.sub("^# ", f"{index}# ", text, count=1, flags=re.MULTILINE)
