@@ -37,7 +37,7 @@ def pages() -> dict[str, str]:
 def cards() -> str:
     """The cards of all, for the overview."""
     return "\n".join(
-        gallery.card(f"examples/{name}", _title(name, path), path.relative_to(ROOT).as_posix())
+        gallery.card(f"examples/{name}", _title(name, path), path.relative_to(FOLDER).as_posix())
         for name, path in found().items()
     )
 
@@ -75,7 +75,7 @@ def _page(name: str, path: Path) -> str:
             "## The model file\n",
             markdown.block("toml", text),
         ]
-    return "\n".join([*lines, *gallery.checked(re.compile(rf"[\"'/]{_stem(path)}\b"))])
+    return "\n".join([*lines, gallery.checked(re.compile(rf"[\"'/]{_stem(path)}\b"))])
 
 
 def _stem(path: Path) -> str:
