@@ -154,7 +154,7 @@ class _Names(ast.NodeVisitor):
 
     def _inside(self, arguments: ast.arguments, body: list[ast.stmt] | list[ast.expr]) -> None:
         inner = _Names()
-        inner.stored |= {a.arg for a in (*arguments.args, *arguments.kwonlyargs)}
+        inner.stored |= {part.arg for part in ast.walk(arguments) if isinstance(part, ast.arg)}
         for part in body:
             inner.visit(part)
         self.loaded |= inner.loaded - self.stored
