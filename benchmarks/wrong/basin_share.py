@@ -130,7 +130,7 @@ def by_pybasin(n: int = 1000) -> float:
     """
     torch: Any = import_module("torch")
     basin: Any = import_module("pybasin")
-    parts: Any = import_module("pybasin.ode_system")
+    parts: Any = import_module("pybasin.solvers.torch_ode_system")
     samplers: Any = import_module("pybasin.sampler")
     solvers: Any = import_module("pybasin.solvers")
     features: Any = import_module("pybasin.feature_extractors.feature_extractor")

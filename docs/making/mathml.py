@@ -9,16 +9,29 @@ from docutils import nodes
 from latex2mathml.converter import convert
 
 
+def mathml(latex: str, display: str = "inline") -> str:
+    """A formula as MathML.
+
+    Raises
+    ------
+    ValueError
+        If an environment is one that the converter does not know: it would show it as letters.
+    """
+    if r"\\" in latex and r"\begin" not in latex:
+        latex = rf"\begin{{aligned}}{latex}\end{{aligned}}"
+    made = convert(latex.replace("{aligned}", "{align*}"), display=display)
+    if "<mi>&</mi>" in made or "<mi>\\" in made:
+        raise ValueError(f"this formula was not understood: {latex}")
+    return made
+
+
 def _inline(self: Any, node: nodes.math) -> None:
-    self.body.append(convert(node.astext()))
+    self.body.append(mathml(node.astext()))
     raise nodes.SkipNode
 
 
 def _displayed(self: Any, node: nodes.math_block) -> None:
-    latex = node.astext()
-    if r"\\" in latex and r"\begin" not in latex:
-        latex = rf"\begin{{aligned}}{latex}\end{{aligned}}"
-    self.body.append(f'<div class="displayed">{convert(latex, display="block")}</div>\n')
+    self.body.append(f'<div class="displayed">{mathml(node.astext(), "block")}</div>\n')
     raise nodes.SkipNode
 
 
