@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
 
 WORDS: Mapping[str, str] = {
     "start": "install, pip install, first picture, conda, getting started, extras",
@@ -68,8 +70,22 @@ def of(page: str) -> list[str]:
     return [word.strip() for word in WORDS.get(page, "").split(",") if word.strip()]
 
 
+@cache
+def questions() -> dict[str, list[str]]:
+    """The questions on the page of questions, without their marks, and the pages that answer."""
+    asked = {}
+    text = (Path(__file__).parents[1] / "questions.md").read_text(encoding="utf-8")
+    for row in re.findall(r"^\| (.*\?.*) \|$", text, flags=re.MULTILINE):
+        question, _, pages = row.split(" | ")
+        links = re.findall(r"\]\(([\w/-]+)\.md", pages)
+        asked[re.sub(r"[^\w\s-]", "", question)] = links
+    return asked
+
+
 def marked(page: str, text: str) -> str:
-    """The text of a page with its words in the index, before its title."""
-    entries = ", ".join(f"! {word}" for word in of(page))
+    """The text of a page with its words, and the questions that it answers, in the index; they
+    stand before its title."""
+    answered = [question for question, pages in questions().items() if page in pages]
+    entries = ", ".join(f"! {word}" for word in [*of(page), *answered])
     index = f"```{{index}} {entries}\n```\n\n" if entries else ""
     return re.sub("^# ", f"{index}# ", text, count=1, flags=re.MULTILINE)
