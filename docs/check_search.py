@@ -1,5 +1,5 @@
 """Ask the search field of the built site what newcomers ask: the words of ``making.words``, and the
-questions of docs/questions.md. The page that is meant has to be among the first three that it finds.
+questions of docs/questions.md. The page that is meant has to be among the first three it finds.
 ``python docs/check_search.py docs/_build/html``, with a browser."""
 
 from __future__ import annotations
