@@ -134,31 +134,3 @@ explorer.setTheme = (theme) => {
   }
   for (const part of explorer.parts) explorer.guard(() => part("theme", explorer.state))
 }
-
-// -- figures ---------------------------------------------------------------------------------------
-
-// Models of the server's document are changed here without telling the server, which knows already.
-explorer.setQuietly = (model, values) => { model.setv(values, {sync: false}) }
-explorer.model = (name) => explorer.models?.get(name)
-explorer.plots = () => explorer.models === null ? [] : [...explorer.models.values()].filter((m) => m.type === "Plot")
-explorer.view = (plot) => window.Bokeh?.index?.find_one_by_id?.(plot.id) ?? null
-
-// Where a figure has drawn its axes, in pixels of its element; null before it was drawn at all.
-explorer.frame = (name) => {
-  const plot = explorer.model(name)
-  const view = plot && explorer.view(plot)
-  const box = view?.frame?.bbox
-  return box && box.width > 1 && box.height > 1 ? {box, view, plot} : null
-}
-
-explorer.range = (range, low, high) => {
-  if (!(isFinite(low) && isFinite(high))) return
-  if (low === high) { const air = Math.abs(low) * 0.1 || 1; low -= air; high += air }
-  if (range.start !== low || range.end !== high) explorer.setQuietly(range, {start: low, end: high})
-}
-
-// Whether a panel is on the screen; what is not is not drawn.
-explorer.seen = (panel) => {
-  const section = document.querySelector(`section[data-panel="${panel}"]`)
-  return section !== null && section.offsetParent !== null
-}

@@ -15,7 +15,6 @@ explorer.listen((kind) => {
 })
 
 explorer.askMotion = () => {
-  document.body.classList.add("busy")
   explorer.ask("motion", "motion", {}, (head, numbers, event) => {
     if (head.refused) { explorer.motion = null; explorer.refuse(head.refused); explorer.showRefusal(head.refused); explorer.drawMotion(); return }
     if (head.part === "motion") {
@@ -25,7 +24,6 @@ explorer.askMotion = () => {
       if (explorer.redraws.length > 2000) explorer.redraws.shift()
     }
     if (head.part === "verdict") explorer.showVerdict(head)
-    if (head.final) document.body.classList.remove("busy")
   }, explorer.event || performance.now())
   explorer.event = 0
 }
@@ -109,7 +107,7 @@ const drawRow = (row, group) => {
   const t = data.t
   const lines = {xs: [], ys: [], color: [], dash: [], width: []}
   const add = (values, color, dash, width) => {
-    lines.xs.push(t); lines.ys.push(values); lines.color.push(color); lines.dash.push(dash); lines.width.push(width)
+    lines.ys.push(values); lines.color.push(color); lines.dash.push(dash); lines.width.push(width)
   }
   let low = Infinity, high = -Infinity
   const see = (values) => {
@@ -124,12 +122,17 @@ const drawRow = (row, group) => {
   } else {
     group.names.forEach((n, i) => { add(data.q[n], explorer.colour(i), "solid", 1.8); see(data.q[n]) })
   }
+  fit(name, groupKey(group), low, high)
+  lines.ys = lines.ys.map((values) => {
+    const [x, y] = explorer.thinned(name, t, values)
+    lines.xs.push(x)
+    return y
+  })
   explorer.setQuietly(explorer.model(`${name}_lines`), {data: lines})
   const stick = explorer.motion.numbers[group.contact ? `stick:${group.contact}` : "stick"] ?? []
   const x0 = [], x1 = []
   for (let i = 0; i + 1 < stick.length; i += 2) { x0.push(stick[i]); x1.push(stick[i + 1]) }
   explorer.setQuietly(explorer.model(`${name}_stick`), {data: {x0, x1}})
-  fit(name, groupKey(group), low, high)
   explorer.drawData?.(name, group)
   header(row, group)
 }
@@ -237,7 +240,6 @@ explorer.showVerdict = (head) => {
 }
 
 explorer.showRefusal = (refused) => {
-  document.body.classList.remove("busy")
   explorer.$("verdict").dataset.state = "refused"
   explorer.$("verdict-text").textContent = `refused · ${refused.reason}`
   explorer.$("verdict-numbers").replaceChildren()

@@ -1,6 +1,7 @@
 // The beginning: called once by the server's document as soon as the figures stand.
 explorer.begin = async (wire, models) => {
   explorer.wire = wire
+  explorer.guard(explorer.quickenFigures)
   explorer.models = models instanceof Map ? models : new Map(Object.entries(models))
   wire.properties.said.change.connect(() => explorer.guard(explorer.heard))
   const wished = localStorage.getItem("stickslip-theme")
@@ -11,6 +12,7 @@ explorer.begin = async (wire, models) => {
   })
   explorer.watchTime()
   explorer.phase.watch()
+  explorer.phase.watchView()
   explorer.branches.watch()
   explorer.map.watch()
   explorer.clock.watch()
@@ -61,6 +63,7 @@ explorer.showPanel = (panel) => {
     tab.setAttribute("aria-selected", tab === shown)
     tab.tabIndex = tab === shown ? 0 : -1
   }
+  explorer.look()
 }
 for (const tab of document.querySelectorAll(".tabs [role=tab]")) {
   tab.addEventListener("click", () => explorer.change("view", (s) => { s.panel = tab.dataset.tab }))

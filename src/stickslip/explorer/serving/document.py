@@ -26,7 +26,7 @@ from stickslip.explorer.serving.wire import Wire
 _FILES = Path(__file__).parents[1] / "page"
 # In the order in which they need each other.
 SCRIPTS = (
-    *("core", "address", "wire", "controls", "motion", "phase", "mechanism", "clock", "takeaway"),
+    *("core", "figures", "address", "wire", "controls", "motion", "phase", "mechanism", "clock", "takeaway"),
     *("branches", "map", "friction", "data", "start"),
 )
 PANELS = (

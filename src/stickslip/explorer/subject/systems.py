@@ -17,6 +17,7 @@ from stickslip.model.toml import parse
 if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Patience
     from stickslip.motion.trajectory import Trajectory
+    from stickslip.orbits.cycles.cycle import Cycle
 
 
 def system_of(setting: PageSetting) -> tuple[System, dict[str, float]]:
@@ -69,6 +70,21 @@ def shown_motion(setting: PageSetting, patience: Patience) -> Trajectory:
             del _MOTIONS[next(iter(_MOTIONS))]
         _MOTIONS[key] = found
     return found
+
+
+def settled_cycle(setting: PageSetting, patience: Patience) -> Cycle:
+    """The cycle that the motion of a page settles on.
+
+    Raises
+    ------
+    StickslipError
+        If there is none.
+    """
+    from stickslip.orbits.cycles.cycle import find_cycle
+
+    system, numbers = system_of(setting)
+    motion = shown_motion(setting, patience)
+    return find_cycle(system, motion if motion.outcome.ok else None, parameters=numbers)
 
 
 def span_of(system: System, setting: PageSetting) -> tuple[float, float]:

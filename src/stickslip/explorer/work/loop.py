@@ -32,6 +32,7 @@ TASKS = {
     "plane": "plane:long_run_in_plane",
     "branch": "branches:follow_branches",
     "map": "maps:fill_map",
+    "measures": "maps:offer_measures",
     "friction": "friction:effective_friction",
     "data": "data:compare_data",
     "export": "export:export",

@@ -16,12 +16,12 @@ from stickslip.explorer.asking.request import Request
 from stickslip.explorer.drawings.draw import scene_of
 from stickslip.explorer.subject.pixels import seen_times
 from stickslip.explorer.subject.systems import shown_motion
+from stickslip.explorer.work.results import verdict
 from stickslip.model.quantities import contact_key, quantity
 
 if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Patience
     from stickslip.motion.trajectory import Trajectory
-    from stickslip.results import Result
 
 _MOST_LINES = 40  # that go to a page
 _SOON = 0.04  # seconds in which a newer motion may be asked for before this one is certified
@@ -36,32 +36,6 @@ def move(request: Request, patience: Patience) -> Iterator[Answer]:
     if request.options.get("window") is None:
         patience.pause(_SOON)
         yield Answer(verdict(motion))
-
-
-def verdict(result: Result) -> dict[str, Any]:
-    """What a result of any kind says of itself, for the line that is always visible."""
-    said = result.summary()
-    c = result._said.certificate
-    return {
-        "part": "verdict",
-        "title": said.title,
-        "rows": [list(row) for row in said.rows],
-        "good": said.good,
-        "certified": bool(c.ok),
-        "verdict": c.verdict,
-        "outcome": result._said.outcome.label,
-        "message": result._said.message,
-        "residuals": [
-            {
-                "name": r.name,
-                "value": r.value,
-                "limit": r.limit if r.judged else None,
-                "ok": r.ok,
-                "note": r.note,
-            }
-            for r in c.residuals
-        ],
-    }
 
 
 def _window(request: Request, motion: Trajectory) -> tuple[float, float] | None:
