@@ -10,11 +10,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
+from urllib.parse import parse_qsl, unquote
 
 from stickslip.errors import DeclarationError, short
 from stickslip.explorer.asking.limits import MOST_MESSAGE, MOST_NAMES, MOST_TEXT
 
 GIVEN = "given"  # the model that was named when the explorer was opened
+FIRST = "rocking_toy"  # the one that is shown if none is named
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,34 @@ def read_request(text: str) -> Request:
         _setting(about),
         _table(said.get("options", {}), "options"),
     )
+
+
+def read_state(text: str) -> PageSetting:
+    """The system as an address has it set, ``belt_block?V=0.45&x@=0.1&until=60``; what a page knows
+    alone (panels, packed models) is left out."""
+    model, _, query = text.partition("?")
+    values: dict[str, float | str] = {}
+    initial: dict[str, float] = {}
+    until = None
+    for name, value in parse_qsl(query):
+        number = _typed(value)
+        if name == "until":
+            until = number
+        elif name.endswith("@") and number is not None:
+            initial[name[:-1]] = number
+        elif not name.startswith(".") and name != "toml":
+            values[name] = value if number is None else number
+    return PageSetting(unquote(model) or FIRST, "", values, initial, until)
+
+
+def _typed(text: str) -> float | None:
+    """A number as people type it, such as 0.5 or 1/3."""
+    above, _, below = text.partition("/")
+    try:
+        number = float(above) / (float(below) if below else 1.0)
+    except (ValueError, ZeroDivisionError):
+        return None
+    return number if math.isfinite(number) else None
 
 
 def real_number(value: object, where: str) -> float:

@@ -19,7 +19,7 @@ explorer.address.write = (state) => {
 
 explorer.address.read = async (text) => {
   const [model, , query] = text.replace(/^#/, "").match(/^([^?]*)(\?(.*))?$/s)?.slice(1) ?? ["", "", ""]
-  const state = explorer.fresh(decodeURIComponent(model) || (explorer.facts.given ? "given" : "rocking_toy"))
+  const state = explorer.fresh(decodeURIComponent(model) || explorer.facts.first)
   for (const pair of (query ?? "").split("&").filter(Boolean)) {
     const at = pair.indexOf("=")
     if (at < 1) continue

@@ -9,7 +9,7 @@ const explorer = window.explorer = {parts: [], models: null}
 explorer.facts = JSON.parse(document.getElementById("facts").textContent)
 explorer.$ = (id) => document.getElementById(id)
 
-explorer.fresh = (model = "rocking_toy", toml = "") => ({
+explorer.fresh = (model = explorer.facts.first, toml = "") => ({
   model, toml,          // a name of the catalogue or "given"; or the text of a model file
   values: {},           // parameters and functions that differ from those of the model
   initial: {},          // initial values that differ

@@ -1,7 +1,6 @@
 // The beginning: called once by the server's document as soon as the figures stand.
 explorer.begin = async (wire, models) => {
   explorer.wire = wire
-  explorer.guard(explorer.quickenFigures)
   explorer.models = models instanceof Map ? models : new Map(Object.entries(models))
   wire.properties.said.change.connect(() => explorer.guard(explorer.heard))
   const wished = localStorage.getItem("stickslip-theme")
@@ -18,7 +17,7 @@ explorer.begin = async (wire, models) => {
   explorer.clock.watch()
   explorer.state = await explorer.address.read(location.hash)
   explorer.change("model")
-  if (location.hash.length < 2 && !explorer.facts.given) explorer.gallery.open()
+  if (location.hash.length < 2 && explorer.facts.first !== "given") explorer.gallery.open()
   document.documentElement.dataset.ready = "yes"
 }
 

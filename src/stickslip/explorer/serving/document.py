@@ -12,6 +12,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from stickslip import catalogue, palette
+from stickslip.explorer.asking.request import FIRST, GIVEN
 from stickslip.explorer.panels.branch_diagram import branch_diagram
 from stickslip.explorer.panels.data_residuals import data_residuals
 from stickslip.explorer.panels.effective_friction import friction_figures
@@ -26,7 +27,18 @@ from stickslip.explorer.serving.wire import Wire
 _FILES = Path(__file__).parents[1] / "page"
 # In the order in which they need each other.
 SCRIPTS = (
-    *("core", "figures", "address", "wire", "controls", "motion", "phase", "mechanism", "clock", "takeaway"),
+    *(
+        "core",
+        "figures",
+        "address",
+        "wire",
+        "controls",
+        "motion",
+        "phase",
+        "mechanism",
+        "clock",
+        "takeaway",
+    ),
     *("branches", "map", "friction", "data", "start"),
 )
 PANELS = (
@@ -66,7 +78,7 @@ def page_maker(pool: WorkerPool, given: str) -> Callable[[Document], None]:
             rows=range(ROWS),
             facts={
                 "catalogue": catalogue.names(),
-                "given": bool(given),
+                "first": GIVEN if given else FIRST,
                 "colours": {
                     "lines": palette.LINES,
                     "threshold": palette.THRESHOLD,

@@ -137,11 +137,14 @@ class WorkerPool:
         Runs a function in the thread of the server, from any thread.
     size : int, optional
         Number of workers; by default as many as processors, two to four.
+    first : Request, optional
+        What will be asked first.
     """
 
-    def __init__(self, call: InLoop, size: int | None = None) -> None:
+    def __init__(self, call: InLoop, size: int | None = None, first: Request | None = None) -> None:
         self._call = call
         self._size = size or min(max(os.cpu_count() or 2, 2), 4)
+        self._expected = first
         self._waiting: dict[tuple[Hashable, str], Job] = {}
         self._closed = False
         self.replaced = 0
@@ -149,8 +152,8 @@ class WorkerPool:
 
     def ask(self, job: Job) -> None:
         """Have a question answered as soon as a worker is free."""
-        if len(self.workers) < self._size:
-            self.workers.append(self._worker())
+        if job.request.what == _QUICK:
+            self._expected = job.request
         self._waiting.pop(job.lane, None)
         self._waiting[job.lane] = job
         for worker in self.workers:
@@ -207,15 +210,29 @@ class WorkerPool:
             return
         match said:
             case Ready():
-                worker.ready = True
+                self._prepare(worker)
             case Told(answer=answer, final=final) if worker.job is not None:
                 if not worker.given_up:
                     worker.job.reply(answer, final)
                 if final:
-                    worker.job = None
+                    self._done(worker)
             case None:
                 self._replace(worker)
         self._distribute()
+
+    def _prepare(self, worker: Worker) -> None:
+        """A worker has loaded: let it do what was asked last, for nobody, so that it has the model
+        and the machine code when it is asked."""
+        worker.ready = True
+        if self._expected is not None:
+            worker.begin(Job(None, self._expected, lambda answer, final: None))
+
+    def _done(self, worker: Worker) -> None:
+        """A worker is free. The others are started when the first has something to show, and not
+        while it needs the processors for that."""
+        worker.job = None
+        if worker.last_page is not None and len(self.workers) < self._size:
+            self.workers.append(self._worker())
 
     def _replace(self, worker: Worker) -> None:
         """A worker has ended: say so, and start another one."""
