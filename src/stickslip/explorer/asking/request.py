@@ -5,8 +5,10 @@ All of it comes from outside, so it is checked here, once, before anything is do
 
 from __future__ import annotations
 
+import base64
 import json
 import math
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -123,9 +125,16 @@ def read_state(text: str) -> PageSetting:
             until = number
         elif name.endswith("@") and number is not None:
             initial[name[:-1]] = number
-        elif not name.startswith(".") and name != "toml":
+        elif name[:1] not in (".", "~") and name not in ("toml", "evolution"):
             values[name] = value if number is None else number
     return PageSetting(unquote(model) or FIRST, "", values, initial, until)
+
+
+def packed(text: str) -> str:
+    """A text as it stands in an address: deflated, in letters that need no quoting."""
+    deflate = zlib.compressobj(wbits=-zlib.MAX_WBITS)
+    data = deflate.compress(text.encode()) + deflate.flush()
+    return base64.urlsafe_b64encode(data).rstrip(b"=").decode()
 
 
 def _typed(text: str) -> float | None:

@@ -3,7 +3,6 @@
 // All that a person sets stands in one plain object, `explorer.state`; who shows something reads it
 // there, who changes something calls `explorer.change`. The address, undo and redo, and what is asked
 // of the server are made from it alone.
-"use strict"
 const explorer = window.explorer = {parts: [], models: null}
 
 explorer.facts = JSON.parse(document.getElementById("facts").textContent)
@@ -14,6 +13,8 @@ explorer.fresh = (model = explorer.facts.first, toml = "") => ({
   values: {},           // parameters and functions that differ from those of the model
   initial: {},          // initial values that differ
   until: null,          // end of the time
+  evolution: "",        // the text of the model file of an evolution, for the panel of effective friction
+  given: {},            // its parameters that differ
   panel: "phase",
   view: {},             // what panels remember: axes, ranges, switches; texts by name
 })

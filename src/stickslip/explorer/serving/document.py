@@ -27,19 +27,8 @@ from stickslip.explorer.serving.wire import Wire
 _FILES = Path(__file__).parents[1] / "page"
 # In the order in which they need each other.
 SCRIPTS = (
-    *(
-        "core",
-        "figures",
-        "address",
-        "wire",
-        "controls",
-        "motion",
-        "phase",
-        "mechanism",
-        "clock",
-        "takeaway",
-    ),
-    *("branches", "map", "friction", "data", "start"),
+    *("core", "figures", "address", "wire", "controls", "motion", "phase", "mechanism", "clock"),
+    *("takeaway", "branches", "map", "friction", "evolution", "data", "start"),
 )
 PANELS = (
     motion_rows,
@@ -102,7 +91,8 @@ def _template() -> Template:
 
 @cache
 def _scripts() -> Markup:
-    return Markup("\n".join(_read(f"{name}.js") for name in SCRIPTS))
+    # Each in a block of its own, so that what a file does not hang on `explorer` is its own.
+    return Markup("\n".join(f"{{\n{_read(f'{name}.js')}}}" for name in SCRIPTS))
 
 
 @cache

@@ -104,7 +104,7 @@ def values_of(system: System, given: Mapping[str, float]) -> dict[str, float]:
 @lru_cache(maxsize=64)
 def _declared(model: str, toml: str) -> System:
     if toml:
-        _check_no_files(toml)
+        check_no_files(toml)
         return loads(toml, "model file")
     return catalogue.get(model)
 
@@ -114,7 +114,7 @@ def _configured(model: str, toml: str, formulas: tuple[tuple[str, float | str], 
     return _declared(model, toml).configure(dict(formulas))
 
 
-def _check_no_files(toml: str) -> None:
+def check_no_files(toml: str) -> None:
     """Refuse a model that would read a file of this machine: it came from a page."""
     drives = parse(toml).get("drives", {})
     for name, drive in drives.items() if isinstance(drives, dict) else ():

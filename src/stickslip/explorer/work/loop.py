@@ -34,6 +34,7 @@ TASKS = {
     "map": "maps:fill_map",
     "measures": "maps:offer_measures",
     "friction": "friction:effective_friction",
+    "evolution": "evolution:follow_evolution",
     "data": "data:compare_data",
     "export": "export:export",
     "gallery": "gallery:draw_gallery",
