@@ -6,11 +6,10 @@ explorer.event = 0           // when the pointer moved that the next question be
 explorer.redraws = []        // for measurements: [event, asked, answered, distributed] in ms
 
 explorer.listen((kind) => {
-  if (kind === "theme" || kind === "resize") return explorer.drawMotion()
-  if (kind === "view") return explorer.drawMotion()
-  if (kind === "described") return
+  if (["theme", "resize", "view"].includes(kind)) return explorer.drawMotion()
+  if (!["drag", "set", "model"].includes(kind)) return
   explorer.dragging = kind === "drag"
-  if (kind === "model") { explorer.fitted = null; explorer.window = null }
+  if (kind === "model") { explorer.fitted = null; wholeTime() }
   explorer.askMotion()
 })
 
@@ -212,11 +211,12 @@ explorer.askWindow = () => {
   })
 }
 const lookCloser = explorer.debounced(() => { if (explorer.window) explorer.askWindow() }, 120)
-explorer.$("unzoom").addEventListener("click", () => {
+const wholeTime = () => {
+  explorer.cancel("window")
   explorer.window = explorer.closer = null
   explorer.$("unzoom").hidden = true
-  explorer.drawMotion()
-})
+}
+explorer.$("unzoom").addEventListener("click", () => { wholeTime(); explorer.drawMotion() })
 
 // -- what is always visible ------------------------------------------------------------------------------------
 

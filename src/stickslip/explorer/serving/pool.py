@@ -157,7 +157,9 @@ class WorkerPool:
         self._waiting.pop(job.lane, None)
         self._waiting[job.lane] = job
         for worker in self.workers:
-            if worker.job is not None and worker.job.lane == job.lane:
+            if worker.job is not None and (
+                worker.job.lane == job.lane or _is_idle(worker.job, job)
+            ):
                 worker.give_up()
         self._distribute()
 
@@ -237,6 +239,8 @@ class WorkerPool:
     def _replace(self, worker: Worker) -> None:
         """A worker has ended: say so, and start another one."""
         job = worker.job
+        if job is not None and job.request is self._expected:
+            self._expected = None  # it may end the next one, too
         self.workers.remove(worker)
         self.replaced += 1
         self.workers.append(self._worker())
@@ -248,3 +252,8 @@ class WorkerPool:
         answer = refusal(error)
         job.reply(Answer({**answer.head, "lost": True}), False)
         job.reply(None, True)
+
+
+def _is_idle(job: Job, asked: Job) -> bool:
+    """Whether a worker prepares for something else than what is asked."""
+    return job.page is None and job.request.setting != asked.request.setting
