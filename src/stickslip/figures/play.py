@@ -20,6 +20,7 @@ from stickslip.figures.drawing.style import (
     new_figure,
     paper_style,
     root_of,
+    titles_above,
 )
 from stickslip.figures.drawing.thinning import chosen, thin
 
@@ -75,10 +76,8 @@ def plot_limit(resolved: Play, averaged: Play) -> Figure:
         _draw(left, resolved, r"z_\varepsilon", "stable region")
         _draw(right, averaged, "z_0", "stable at every phase")
         period = resolved.bounds.plus.period or resolved.bounds.minus.period
-        left.set_title(
-            r"$\varepsilon > 0$" if period is None else rf"$\varepsilon = {period:g}$", pad=20
-        )
-        right.set_title(r"$\varepsilon \to 0$", pad=20)
+        known = r"\varepsilon > 0" if period is None else rf"\varepsilon = {period:g}"
+        titles_above({left: f"${known}$", right: r"$\varepsilon \to 0$"})
         return figure
 
 

@@ -36,7 +36,7 @@ explorer.refuse = (refused) => {
   if (!refused) { box.hidden = true; return }
   const where = (refused.where ?? "").split(".").pop()
   box.replaceChildren(
-    explorer.element("strong", {}, refused.where ? `${refused.where}: ` : ""), refused.reason,
+    explorer.element("strong", {}, refused.where ? `${refused.where}: ` : ""), `${refused.reason}.`,
     refused.remedy ? explorer.element("span", {class: "remedy"}, ` ${refused.remedy}.`) : "")
   box.hidden = false
   document.querySelector(`#controls .row[data-name="${CSS.escape(where)}"]`)?.classList.add("wrong")

@@ -65,6 +65,7 @@ explorer.evolution.draw = () => {
   const plane = {xs: [], ys: [], color: [], dash: [], width: []}
   const second = sets !== null && "common" in sets.numbers
   explorer.$("friction-second").hidden = !second
+  document.querySelector(".friction .figure").classList.toggle("void", sets === null)
   if (refused) say([explorer.element("p", {class: "bad"}, `${refused.where ? `${refused.where}: ` : ""}${refused.reason}. ${refused.remedy}`)])
   else if (sets === null) say([explorer.element("p", {class: "busy"}, "Reading the evolution")])
   if (sets !== null) {

@@ -37,6 +37,15 @@ explorer.look = () => {
   explorer.onScreen = new Set(sections.map((s) => s.dataset.panel))
 }
 
+// A number at an axis: all of one axis with the same power of ten, if they need one.
+explorer.tick = (value, all) => {
+  const largest = all.reduce((most, v) => Math.max(most, Math.abs(v)), 0)
+  const power = largest === 0 ? 0 : Math.floor(Math.log10(largest))
+  const plain = power > -4 && power < 5
+  const text = String(Number((plain ? value : value / 10 ** power).toPrecision(6))).replace("-", "−")
+  return plain || value === 0 ? text : `${text}e${power < 0 ? "−" : ""}${Math.abs(power)}`
+}
+
 // -- what makes them quick ---------------------------------------------------------------------------
 
 // Whenever they paint, Bokeh's figures write the place of each of their parts into a style sheet of its own,

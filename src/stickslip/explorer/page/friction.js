@@ -30,6 +30,7 @@ explorer.friction.draw = () => {
   const average = {y0: [], y1: [], color: []}
   const slip = {x0: [], x1: [], color: []}
   const second = found !== null && found.head.contacts.length > 1
+  document.querySelector(".friction .figure").classList.toggle("void", found === null)
   explorer.$("friction-second").hidden = !second
   if (found !== null) {
     const {head, numbers} = found

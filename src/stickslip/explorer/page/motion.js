@@ -28,7 +28,8 @@ explorer.askMotion = () => {
 }
 
 explorer.takeMotion = (head, numbers) => {
-  document.body.classList.remove("loading")
+  document.body.classList.remove("loading", "still")
+  explorer.$("nothing").hidden = true
   const before = explorer.motion
   const q = {}, modes = {}
   for (const [name, values] of Object.entries(numbers)) {
@@ -240,6 +241,9 @@ explorer.showVerdict = (head) => {
 }
 
 explorer.showRefusal = (refused) => {
+  document.body.classList.add("still")
+  explorer.$("nothing").hidden = false
+  explorer.$("nothing").querySelector("span").textContent = `${refused.reason}.`
   explorer.$("verdict").dataset.state = "refused"
   explorer.$("verdict-text").textContent = `refused · ${refused.reason}`
   explorer.$("verdict-numbers").replaceChildren()

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal
 from bokeh.core.enums import RenderLevelType
 from bokeh.models import (
     BasicTicker,
-    BasicTickFormatter,
     BoxZoomTool,
     ColumnDataSource,
+    CustomJSTickFormatter,
     GlyphRenderer,
     Grid,
     LinearAxis,
@@ -25,6 +25,8 @@ from bokeh.models import (
 if TYPE_CHECKING:
     from bokeh.models.glyph import Glyph
 
+# The page writes numbers.
+_TICK = "return explorer.tick(tick, ticks)"
 _LEFT = 58  # pixels beside every figure, so that those below each other agree
 
 
@@ -94,12 +96,13 @@ class Panel:
         if x_axis:
             plot.add_layout(
                 LinearAxis(
-                    ticker=across, formatter=BasicTickFormatter(precision=6), **plain, **numbers
+                    ticker=across, formatter=CustomJSTickFormatter(code=_TICK), **plain, **numbers
                 ),
                 "below",
             )
         plot.add_layout(
-            LinearAxis(ticker=up, formatter=BasicTickFormatter(), **plain, **numbers), "left"
+            LinearAxis(ticker=up, formatter=CustomJSTickFormatter(code=_TICK), **plain, **numbers),
+            "left",
         )
         pan = PanTool(dimensions=zooms)
         box = BoxZoomTool(dimensions=zooms)
