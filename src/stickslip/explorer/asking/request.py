@@ -125,7 +125,7 @@ def read_state(text: str) -> PageSetting:
             until = number
         elif name.endswith("@") and number is not None:
             initial[name[:-1]] = number
-        elif name[:1] not in (".", "~") and name not in ("toml", "evolution"):
+        elif name[:1] not in ("", ".", "~") and name not in ("toml", "evolution"):
             values[name] = value if number is None else number
     return PageSetting(unquote(model) or FIRST, "", values, initial, until)
 

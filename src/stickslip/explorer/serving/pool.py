@@ -152,8 +152,6 @@ class WorkerPool:
 
     def ask(self, job: Job) -> None:
         """Have a question answered as soon as a worker is free."""
-        if job.request.what == _QUICK:
-            self._expected = job.request
         self._waiting.pop(job.lane, None)
         self._waiting[job.lane] = job
         for worker in self.workers:
@@ -217,23 +215,25 @@ class WorkerPool:
                 if not worker.given_up:
                     worker.job.reply(answer, final)
                 if final:
-                    self._done(worker)
+                    self._done(worker, worker.job)
             case None:
                 self._replace(worker)
         self._distribute()
 
     def _prepare(self, worker: Worker) -> None:
-        """A worker has loaded: let it do what was asked last, for nobody, so that it has the model
-        and the machine code when it is asked."""
+        """A worker has loaded: let it do what was answered last, for nobody, so that it has the
+        model and the machine code when it is asked."""
         worker.ready = True
         if self._expected is not None:
             worker.begin(Job(None, self._expected, lambda answer, final: None))
 
-    def _done(self, worker: Worker) -> None:
+    def _done(self, worker: Worker, job: Job) -> None:
         """A worker is free. The others are started when the first has something to show, and not
         while it needs the processors for that."""
         worker.job = None
-        if worker.last_page is not None and len(self.workers) < self._size:
+        if job.request.what == _QUICK and not worker.given_up:
+            self._expected = job.request
+        if job.page is not None and len(self.workers) < self._size:
             self.workers.append(self._worker())
 
     def _replace(self, worker: Worker) -> None:
@@ -241,9 +241,8 @@ class WorkerPool:
         job = worker.job
         if job is not None and job.request is self._expected:
             self._expected = None  # it may end the next one, too
-        self.workers.remove(worker)
+        self.workers[self.workers.index(worker)] = self._worker()
         self.replaced += 1
-        self.workers.append(self._worker())
         if job is None or worker.given_up:
             return
         took_long = worker.overdue(time.monotonic())

@@ -72,7 +72,7 @@ __all__ = [
 ]
 
 _SMALL, _LARGE = 1e-2, 1e5  # numbers on an axis, from which on powers of ten are said apart
-_TITLE = 6.0  # points between a legend and the title above it
+_TITLE = 2.0  # points between a legend and the title above it
 _LAID_OUT = 0.95  # part of the width of axes that the layout leaves them at least
 
 # Sizes are for a picture of full text width; at half that size the smallest letters are still 5
