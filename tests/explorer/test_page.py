@@ -354,6 +354,8 @@ def test_the_page_stays_while_a_model_loads(screen: Screen) -> None:
 def test_a_thinned_line_passes_through_what_it_leaves_out(screen: Screen) -> None:
     """No point of the motion is further from the lines that are drawn than half a pixel."""
     screen.show("rocking_toy").motion()
+    screen.until("['motion0', 'motion1', 'motion3'].every((n) => explorer.frame(n) !== null)")
+    screen.js("(explorer.drawMotion(), 1)")  # lines are thinned for the figure as it stands
     far, drawn, whole = screen.js("""(() => {
       const {t, q: {psi}} = explorer.motion
       const groups = explorer.shownGroups()

@@ -141,11 +141,10 @@ explorer.branches.draw = () => {
   explorer.branches.offer()
   const lines = {xs: [], ys: [], color: [], dash: [], width: []}
   const points = {x: [], y: [], color: []}
-  const special = {x: [], y: [], color: [], marker: [], fill: []}
+  const special = {x: [], y: [], color: [], marker: [], size: [], fill: []}
   const {found, over} = explorer.branches
   explorer.$("branch-empty").hidden = found.length > 0 || document.body.classList.contains("following")
   const of = found.length ? explorer.branches.offerQuantities() : ""
-  let low = Infinity, high = -Infinity
   explorer.branches.shown = []
   found.forEach(({head, numbers}, b) => {
     const x = numbers[`b:${over}`]
@@ -155,7 +154,6 @@ explorer.branches.draw = () => {
     const stable = numbers["b:stable"]
     const color = explorer.colour(b)
     for (const y of curves) {
-      for (let i = 0; i < y.length; i++) { if (y[i] < low) low = y[i]; if (y[i] > high) high = y[i] }
       // Runs of one stability, each up to the first point of the next.
       for (let from = 0; from < x.length - 1;) {
         let to = from
@@ -170,7 +168,7 @@ explorer.branches.draw = () => {
       for (const s of head.special) {
         if (s.index < 0 || s.index >= x.length) continue
         special.x.push(x[s.index]); special.y.push(y[s.index]); special.color.push(explorer.ink())
-        special.marker.push(/Hopf/.test(s.kind) ? "diamond" : /fold/.test(s.kind) ? "square" : "triangle"); special.fill.push(color)
+        special.marker.push(/Hopf/.test(s.kind) ? "diamond" : /fold/.test(s.kind) ? "square" : "triangle"); special.fill.push(color); special.size.push(11)
       }
     }
   })
@@ -182,7 +180,9 @@ explorer.branches.draw = () => {
     const [a, b] = explorer.branches.range
     const air = 0.03 * (b - a)
     explorer.range(plot.x_range, a - air, b + air)
-    if (isFinite(low)) { const up = 0.07 * (high - low) || 1; explorer.range(plot.y_range, low - up, high + up) }
+    const [low, high] = explorer.ends(...lines.ys) ?? [0, 1]
+    const up = 0.07 * (high - low) || 1
+    explorer.range(plot.y_range, low - up, high + up)
   }
   requestAnimationFrame(() => explorer.guard(explorer.branches.place))
 }

@@ -161,8 +161,7 @@ const sketch = (values) => {
   svg.setAttribute("viewBox", "0 0 60 28")
   svg.setAttribute("aria-hidden", "true")
   if (!values || values.length < 2) { svg.classList.add("empty"); return svg }
-  let low = Infinity, high = -Infinity
-  for (const v of values) { low = Math.min(low, v); high = Math.max(high, v) }
+  const [low, high] = explorer.ends(values) ?? [0, 1]
   const size = high - low || 1
   const points = Array.from(values, (v, i) => `${(58 * i / (values.length - 1) + 1).toFixed(1)},${(high === low ? 14 : 26 - 24 * (v - low) / size).toFixed(1)}`)
   svg.innerHTML = `<polyline points="${points.join(" ")}"/>`

@@ -103,11 +103,7 @@ const put = (lines, name, x, y, color, dash, width) => {
   const [xs, ys] = explorer.thinned(name, x, y)
   lines.xs.push(xs); lines.ys.push(ys); lines.color.push(color); lines.dash.push(dash); lines.width.push(width)
 }
-const ends = (...many) => {
-  let low = Infinity, high = -Infinity
-  for (const values of many) for (const v of values) { if (v < low) low = v; if (v > high) high = v }
-  return isFinite(low) ? [low, high] : [0, 1]
-}
+const ends = (...many) => explorer.ends(...many) ?? [0, 1]
 const fit = (plot, x, y) => {
   const [[a, b], [c, d]] = [x, y]
   const air = 0.07 * (d - c) || 1

@@ -37,6 +37,13 @@ explorer.look = () => {
   explorer.onScreen = new Set(sections.map((s) => s.dataset.panel))
 }
 
+// The least and the largest of many numbers; nothing if there are none.
+explorer.ends = (...many) => {
+  let low = Infinity, high = -Infinity
+  for (const values of many) for (let i = 0; i < values.length; i++) { const v = values[i]; if (v < low) low = v; if (v > high) high = v }
+  return isFinite(low) ? [low, high] : null
+}
+
 // A number at an axis: all of one axis with the same power of ten, if they need one.
 explorer.tick = (value, all) => {
   const largest = all.reduce((most, v) => Math.max(most, Math.abs(v)), 0)

@@ -76,9 +76,10 @@ explorer.friction.draw = () => {
 const drawForces = (head, numbers, shown) => {
   const other = head.contacts.find((c) => c.key !== shown.key)
   explorer.$("forces-caption").textContent = `force on ${shown.name} across, on ${other.name} up`
-  const sets = {left: [], right: [], bottom: [], top: [], color: [], alpha: []}
-  const add = (left, right, bottom, top, color, alpha) => {
-    for (const [name, value] of Object.entries({left, right, bottom, top, color, alpha})) sets[name].push(value)
+  const sets = {left: [], right: [], bottom: [], top: [], color: []}
+  const add = (left, right, bottom, top, color, share) => {
+    color += Math.round(255 * share).toString(16).padStart(2, "0")
+    for (const [name, value] of Object.entries({left, right, bottom, top, color})) sets[name].push(value)
   }
   const t = numbers.t
   let reach = 0

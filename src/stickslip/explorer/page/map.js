@@ -97,9 +97,7 @@ explorer.map.draw = () => {
   if (found === null) { explorer.setQuietly(source, {data}); explorer.map.place(); return }
   const {head, numbers: {x, y, values}} = found
   const n = head.count
-  let low = Infinity, high = -Infinity
-  for (const v of values) if (isFinite(v)) { if (v < low) low = v; if (v > high) high = v }
-  if (!isFinite(low)) { low = 0; high = 1 }
+  const [low, high] = explorer.ends(values) ?? [0, 1]
   // Every point is the middle of its field; what has no number has none.
   const dx = (x[n - 1] - x[0]) / (n - 1), dy = (y[n - 1] - y[0]) / (n - 1)
   values.forEach((v, k) => {

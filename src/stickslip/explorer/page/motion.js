@@ -109,20 +109,16 @@ const drawRow = (row, group) => {
   const add = (values, color, dash, width) => {
     lines.ys.push(values); lines.color.push(color); lines.dash.push(dash); lines.width.push(width)
   }
-  let low = Infinity, high = -Infinity
-  const see = (values) => {
-    for (let i = 0; i < values.length; i++) { const v = values[i]; if (v < low) low = v; if (v > high) high = v }
-  }
   if (group.kind === "friction") {
     const [force, plus, minus] = group.names.map((n) => data.q[n])
     const threshold = explorer.tone(explorer.facts.colours.threshold)
     const negative = plus.map((v) => -v)
-    for (const edge of [minus, negative]) { add(edge, threshold, "dashed", 1.2); see(edge) }
-    add(force, explorer.colour(0), "solid", 1.8); see(force)
+    for (const edge of [minus, negative]) add(edge, threshold, "dashed", 1.2)
+    add(force, explorer.colour(0), "solid", 1.8)
   } else {
-    group.names.forEach((n, i) => { add(data.q[n], explorer.colour(i), "solid", 1.8); see(data.q[n]) })
+    group.names.forEach((n, i) => add(data.q[n], explorer.colour(i), "solid", 1.8))
   }
-  fit(name, groupKey(group), low, high)
+  fit(name, groupKey(group), ...explorer.ends(...lines.ys) ?? [0, 1])
   lines.ys = lines.ys.map((values) => {
     const [x, y] = explorer.thinned(name, t, values)
     lines.xs.push(x)
@@ -139,7 +135,6 @@ const drawRow = (row, group) => {
 
 // Ranges of values grow while a slider is dragged and shrink when it is let go, so that nothing jitters.
 const fit = (name, key, low, high) => {
-  if (!isFinite(low + high)) { low = 0; high = 1 }
   const air = (high - low) * 0.07 || Math.abs(high) * 0.1 || 1
   let [first, last] = [low - air, high + air]
   explorer.fitted ??= {}

@@ -125,8 +125,7 @@ const addCurve = (lines, t, x, y, stick) => {
 
 const fitPlane = (across, up, x, y) => {
   const ends = (values) => {
-    let low = Infinity, high = -Infinity
-    for (let i = 0; i < values.length; i++) { const v = values[i]; if (v < low) low = v; if (v > high) high = v }
+    const [low, high] = explorer.ends(values) ?? [0, 1]
     const air = (high - low) * 0.06 || Math.abs(high) * 0.1 || 1
     return [low - air, high + air]
   }
