@@ -11,7 +11,7 @@ from urllib.parse import quote, unquote
 from stickslip import catalogue
 from stickslip.errors import StickslipError
 from stickslip.explorer.asking.limits import MOST_PAGES
-from stickslip.explorer.asking.request import FIRST, GIVEN, packed
+from stickslip.explorer.asking.request import FIRST_MODEL, GIVEN, packed_text
 from stickslip.explorer.serving.server import HERE, Explorer, Listening
 from stickslip.progress import in_notebook
 
@@ -112,7 +112,7 @@ def _start(system: System | str | None) -> tuple[str, str]:
         from stickslip.model.system_file import load
 
         if (evolution := _evolution(name)) is not None:
-            return "", f"{FIRST}?.panel=friction&evolution={packed(evolution)}"
+            return "", f"{FIRST_MODEL}?.panel=friction&evolution={packed_text(evolution)}"
         return load(name).to_toml(), GIVEN + (f"?{rest}" if rest else "")
     return "", catalogue.get(name).name  # says what is wrong
 

@@ -18,7 +18,7 @@ from stickslip.errors import DeclarationError, short
 from stickslip.explorer.asking.limits import MOST_MESSAGE, MOST_NAMES, MOST_TEXT
 
 GIVEN = "given"  # the model that was named when the explorer was opened
-FIRST = "rocking_toy"  # the one that is shown if none is named
+FIRST_MODEL = "rocking_toy"  # the one that is shown if none is named
 
 
 @dataclass(frozen=True)
@@ -127,10 +127,10 @@ def read_state(text: str) -> PageSetting:
             initial[name[:-1]] = number
         elif name[:1] not in ("", ".", "~") and name not in ("toml", "evolution"):
             values[name] = value if number is None else number
-    return PageSetting(unquote(model) or FIRST, "", values, initial, until)
+    return PageSetting(unquote(model) or FIRST_MODEL, "", values, initial, until)
 
 
-def packed(text: str) -> str:
+def packed_text(text: str) -> str:
     """A text as it stands in an address: deflated, in letters that need no quoting."""
     deflate = zlib.compressobj(wbits=-zlib.MAX_WBITS)
     data = deflate.compress(text.encode()) + deflate.flush()

@@ -12,7 +12,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from stickslip import catalogue, palette
-from stickslip.explorer.asking.request import FIRST, GIVEN
+from stickslip.explorer.asking.request import FIRST_MODEL, GIVEN
 from stickslip.explorer.panels.branch_diagram import branch_diagram
 from stickslip.explorer.panels.data_residuals import data_residuals
 from stickslip.explorer.panels.effective_friction import friction_figures
@@ -67,7 +67,7 @@ def page_maker(pool: WorkerPool, given: str) -> Callable[[Document], None]:
             rows=range(ROWS),
             facts={
                 "catalogue": catalogue.names(),
-                "first": GIVEN if given else FIRST,
+                "first": GIVEN if given else FIRST_MODEL,
                 "colours": {
                     "lines": palette.LINES,
                     "threshold": palette.THRESHOLD,

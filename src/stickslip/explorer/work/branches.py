@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from stickslip.errors import StickslipError
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import PageSetting, Request
+from stickslip.explorer.subject.results import curves_of
 from stickslip.explorer.subject.systems import settled_cycle, system_of, values_of
-from stickslip.explorer.work.results import curves_of
 
 if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Patience

@@ -18,9 +18,9 @@ from stickslip.display.symbols import unicode_symbol
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import Request, real_number
+from stickslip.explorer.subject.results import verdict
 from stickslip.explorer.subject.systems import check_no_files
 from stickslip.explorer.work.model import parameter_rows
-from stickslip.explorer.work.results import verdict
 
 if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Patience

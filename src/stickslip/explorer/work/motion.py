@@ -15,8 +15,8 @@ from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import Request
 from stickslip.explorer.drawings.draw import scene_of
 from stickslip.explorer.subject.pixels import seen_times
+from stickslip.explorer.subject.results import verdict
 from stickslip.explorer.subject.systems import shown_motion
-from stickslip.explorer.work.results import verdict
 from stickslip.model.quantities import contact_key, quantity
 
 if TYPE_CHECKING:
