@@ -78,7 +78,9 @@ class Scene:
 
         def pack(value: Course) -> float | str:
             # What has no place stands in the middle; single precision is as exact as pixels.
-            seen = np.nan_to_num(np.ascontiguousarray(value, np.float32), posinf=0.0, neginf=0.0)
+            seen = np.ascontiguousarray(value, np.float32)
+            if not np.all(np.isfinite(seen)):
+                seen = np.nan_to_num(seen, posinf=0.0, neginf=0.0)
             if np.ndim(value) == 0:
                 return float(seen.item())
             name = names.setdefault(seen.tobytes(), f"s:{len(names)}")

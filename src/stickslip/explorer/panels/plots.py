@@ -95,18 +95,11 @@ class Panel:
         numbers: dict[str, Any] = {
             "major_label_text_font": "system-ui, sans-serif",
             "major_label_text_font_size": "11px",
+            "formatter": CustomJSTickFormatter(code=_TICK),
         }
         if x_axis:
-            plot.add_layout(
-                LinearAxis(
-                    ticker=across, formatter=CustomJSTickFormatter(code=_TICK), **plain, **numbers
-                ),
-                "below",
-            )
-        plot.add_layout(
-            LinearAxis(ticker=up, formatter=CustomJSTickFormatter(code=_TICK), **plain, **numbers),
-            "left",
-        )
+            plot.add_layout(LinearAxis(ticker=across, **plain, **numbers), "below")
+        plot.add_layout(LinearAxis(ticker=up, **plain, **numbers), "left")
         pan = PanTool(dimensions=zooms)
         box = BoxZoomTool(dimensions=zooms)
         plot.add_tools(pan, box)

@@ -128,7 +128,9 @@ def _costs(model: EvolutionModel, shown: int) -> tuple[list[dict[str, Any]], dic
 def _drawn(found: History | Play) -> tuple[Array, Array]:
     """Times and states (m, n) of a motion, as many as are seen; switches of a play are among
     them."""
-    if found.KIND == "play":
+    from stickslip.rate_independent.play.operator import Play
+
+    if isinstance(found, Play):
         nodes = found.time[:: max(len(found.time) // _TIMES, 1)]
         times = np.union1d(np.linspace(found.time[0], found.time[-1], _TIMES), nodes)
         return times, found.position(times)[:, None]
