@@ -62,6 +62,7 @@ explorer.showPanel = (panel) => {
     tab.setAttribute("aria-selected", tab === shown)
     tab.tabIndex = tab === shown ? 0 : -1
   }
+  shown.scrollIntoView({block: "nearest", inline: "center"})  // on a narrow screen tabs go on beyond its edge
   explorer.look()
 }
 for (const tab of document.querySelectorAll(".tabs [role=tab]")) {
