@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 Draw = Callable[["Trajectory", Array, Mapping[str, Array]], Scene]
+"""Makes the scene of a motion from times, shape (n,), and states, forces and modes (``mode_KEY``)
+at these, shape (n,) each. It raises KeyError if it knows other coordinates."""
 _ROOM = "stickslip.explorer.drawings"
 # Systems that are drawn by hand, and where.
 DRAWN = {

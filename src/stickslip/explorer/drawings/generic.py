@@ -17,7 +17,7 @@ from stickslip.explorer.drawings.parts import (
     MovingPart,
     Scene,
     Spot,
-    box,
+    block,
     disc,
     ground,
     label,
@@ -38,14 +38,7 @@ _TALL = 0.9
 
 
 def generic_scene(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
-    """A picture that every system has.
-
-    Parameters
-    ----------
-    motion : Trajectory
-    times : array, shape (n,)
-    values : mapping of str to array, shape (n,)
-    """
+    """A picture that every system has."""
     system = motion.system
     names = [x for x in system.coordinates if x in values] or [
         x for x in system.internal if x in values
@@ -67,8 +60,7 @@ def generic_scene(motion: Trajectory, times: Array, values: Mapping[str, Array])
     scene.add(*_springs(system, blocks, middle))
     for x in blocks:
         contact = soles.get(x, "")
-        scene.add(box(1.2, _TALL, (middle[x], 0.1), look="body"))
-        scene.add(box(1.2, 0.12, (middle[x], 0.0), look="sole", contact=contact))
+        scene.add(*block(1.2, _TALL, middle[x], contact))
         scene.add(label(unicode_symbol(x), (middle[x], 0.46)))
     for x in turning:
         at: Spot = (places[x], 0.75)

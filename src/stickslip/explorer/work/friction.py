@@ -17,7 +17,7 @@ from stickslip.display.symbols import unicode_unit
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import Request
-from stickslip.explorer.subject.systems import shown_motion, system_of
+from stickslip.explorer.subject.systems import settled_cycle, shown_motion
 from stickslip.model.quantities import contact_key, quantity
 
 if TYPE_CHECKING:
@@ -78,13 +78,10 @@ def effective_friction(request: Request, patience: Patience) -> Iterator[Answer]
 
 def _settled(request: Request, patience: Patience) -> tuple[Trajectory, dict[str, Any]]:
     """What is looked at, and what that is."""
-    from stickslip.orbits.cycles.cycle import find_cycle
-
-    system, numbers = system_of(request.setting)
     motion = shown_motion(request.setting, patience)
-    unit = unicode_unit(system.time_unit)
+    unit = unicode_unit(motion.system.time_unit)
     try:
-        cycle = find_cycle(system, motion if motion.outcome.ok else None, parameters=numbers)
+        cycle = settled_cycle(request.setting, patience)
     except StickslipError:
         return motion, {"period": None, "time_unit": unit}
     return cycle.trajectory, {"period": cycle.period, "time_unit": unit}
