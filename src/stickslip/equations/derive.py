@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 from stickslip.errors import DeclarationError
@@ -55,6 +56,33 @@ class RateProblem:
     threshold_partial: tuple[list[list[Expr]], list[list[Expr]]]
 
 
+class Plane(NamedTuple):
+    """A contact in a plane.
+
+    Attributes
+    ----------
+    parts : (int, int)
+        Its components among the contacts.
+    axes : (Expr, Expr)
+        The diagonal of A.
+    static, kinetic : Expr
+        Threshold of abs(A⁻¹λ), and its value in slip.
+    """
+
+    parts: tuple[int, int]
+    axes: tuple[Expr, Expr]
+    static: Expr
+    kinetic: Expr
+
+    def scaled(self, forces: tuple[Expr, Expr]) -> Expr:
+        """abs(A⁻¹λ)² of forces λ."""
+        return ex.add(*(((f / a) ** 2, 1.0) for f, a in zip(forces, self.axes, strict=True)))
+
+    def admissible(self, forces: tuple[Expr, Expr]) -> Expr:
+        """s² − abs(A⁻¹λ)², not negative where forces λ can be held."""
+        return self.static**2 - self.scaled(forces)
+
+
 @dataclass(frozen=True, eq=False)
 class MotionEquations:
     """Everything the engine needs to know of a system, symbolically.
@@ -63,6 +91,10 @@ class MotionEquations:
     ----------
     contacts : list of DryContact
         Ordered by kind: inertial, viscous, then rate-independent in the order of their coordinates.
+        Components of a contact in a plane slip with the mode 1; their forces then are those of the
+        direction n, whose components are the symbols ``n:i``.
+    planes : list of Plane
+        Contacts in a plane.
     inertial_force, viscous_force : list of Expr
         Right-hand sides f.
     mass, damping : dict of (int, int) to Expr
@@ -87,6 +119,7 @@ class MotionEquations:
 
     declaration: Declaration
     contacts: list[DryContact]
+    planes: list[Plane]
     inertial_force: list[Expr]
     viscous_force: list[Expr]
     mass: dict[tuple[int, int], Expr]
@@ -142,7 +175,7 @@ class MotionEquations:
         rates = {"t": ex.ONE, **{q: ex.sym(f"d_{q}") for q in self.declaration.inertial}}
         turning = [(ex.along(j, rates), ex.sym(f"d_{x}")) for x, j in c.direction.items()]
         carried = [(slope * rate, -1.0) for slope, rate in turning if slope is not ex.ZERO]
-        return ex.add((ex.derivative(c.speed, "t"), 1.0), *carried)
+        return ex.add((ex.along(c.speed, rates), 1.0), *carried)
 
     def acting(self, zero: frozenset[str]) -> list[bool]:
         """Which frequencies are felt where some parameters are zero: the amplitude of a drive may
@@ -185,6 +218,10 @@ def _equations_of(d: Declaration) -> MotionEquations:
     )
     normals = {c.name: ex.sym(f"lambda:{i}") for i, c in enumerate(contacts) if c.opens}
     contacts = [_name_speed(c, i, normals) for i, c in enumerate(contacts)]
+    planes = _planes(contacts)
+    for plane in planes:
+        for i in plane.parts:
+            contacts[i] = _component(contacts[i], i, plane)
     slope = {x: ex.derivative(d.potential, x) - d.forces[x] for x in d.coordinates}
     by_inertial, by_all = _damping(d, d.inertial), _damping(d, [*d.inertial, *d.viscous])
     viscous_force = [-slope[z] - by_inertial.get(z, ex.ZERO) for z in d.viscous]
@@ -221,6 +258,7 @@ def _equations_of(d: Declaration) -> MotionEquations:
     return MotionEquations(
         declaration=d,
         contacts=contacts,
+        planes=planes,
         inertial_force=inertial_force,
         viscous_force=viscous_force,
         mass=_matrix(d.mass, d.inertial),
@@ -253,6 +291,25 @@ def _name_speed(c: DryContact, i: int, normals: dict[str, Expr]) -> DryContact:
         kinetic_plus=ex.substitute(c.kinetic_plus, own),
         kinetic_minus=ex.substitute(c.kinetic_minus, own),
     )
+
+
+def _planes(contacts: list[DryContact]) -> list[Plane]:
+    """Contacts in a plane, from their components."""
+    found = list[Plane]()
+    for i, c in enumerate(contacts):
+        if c.plane != 1:
+            continue
+        name = c.name.removesuffix("1") + "2"
+        j = next(k for k, other in enumerate(contacts) if (other.name, other.plane) == (name, 2))
+        found.append(Plane((i, j), (c.axis, contacts[j].axis), c.plus, c.kinetic_plus))
+    return found
+
+
+def _component(c: DryContact, i: int, plane: Plane) -> DryContact:
+    """A component of a contact in a plane, with its part of the forces."""
+    kinetic = plane.kinetic * c.axis * ex.sym(f"n:{i}")
+    static = plane.static * c.axis
+    return replace(c, plus=static, minus=static, kinetic_plus=kinetic, kinetic_minus=kinetic)
 
 
 def _damping(d: Declaration, others: list[str]) -> dict[str, Expr]:

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from stickslip.equations.coupling import Component, components
-from stickslip.equations.derive import MotionEquations
+from stickslip.equations.derive import MotionEquations, Plane
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -82,6 +82,9 @@ class Layout:
     gaps, restitution : dict of int to int
         Rows of the gaps of contacts that can open, and of the restitution of these and of their
         friction.
+    planes : list of tuple of int
+        Of each contact in a plane its components, the first row of its direction, that of
+        s² − |A⁻¹λ|², the place of the size of that, and the rows of Au.
     parents, friction : dict of int to int
         For what rubs under a normal force, the contact that has it, and the row of the coefficient.
     jumps : list of (int, int, list of int)
@@ -111,6 +114,7 @@ class Layout:
     turning: dict[tuple[int, int], int] = field(default_factory=dict)
     gaps: dict[int, int] = field(default_factory=dict)
     restitution: dict[int, int] = field(default_factory=dict)
+    planes: list[tuple[int, ...]] = field(default_factory=list)
     parents: dict[int, int] = field(default_factory=dict)
     friction: dict[int, int] = field(default_factory=dict)
     jumps: list[tuple[int, int, list[int]]] = field(default_factory=list)
@@ -189,14 +193,17 @@ class _Generator:
         self.magnitudes: list[Store] = []
         self.gap_sizes = 3 * (self.mq + self.mz + self.mr) + len(equations.kinks)
         opens = any(c.opens for c in equations.contacts)
-        self.rate_sizes = self.gap_sizes + (self.mq if opens else 0)
+        self.plane_sizes = self.gap_sizes + (self.mq if opens else 0)
+        self.rate_sizes = self.plane_sizes + len(equations.planes)
+        self.directions: list[tuple[int, int, int]] = []
         self.scratch = self.rate_sizes + self.nq + self.nz + self.nr + self.na
         self.nc = self.mq + self.mz + self.mr
 
     # -- the blocks --------------------------------------------------------------------------------
 
-    def velocity(self, i: int) -> None:
-        """Row of the relative velocity of contact i, and its size for rounding."""
+    def velocity(self, i: int) -> list[Scaled]:
+        """Row of the relative velocity of contact i, and its size for rounding; returns its
+        terms."""
         c = self.eq.contacts[i]
         tape = self.tape
         parts = [
@@ -210,6 +217,7 @@ class _Generator:
         self.layout.u.append(tape.assign(parts, None))
         tape.name(f"u:{i}", self.layout.u[i], tape.stage[self.layout.u[i]])
         self.note(i, self.size_of(parts))
+        return parts
 
     def note(self, place: int, size: Scalar, adding: bool = False) -> None:
         """A statement that stores a size."""
@@ -467,14 +475,43 @@ class _Generator:
         belt = c.speed if c.kind == Kind.VISCOUS else self.eq.surface_acceleration(i)
         pressed = {f"lambda:{n}": ex.ZERO for n in self.eq.pressing(i)}
         forces = (c.kinetic_plus, c.kinetic_minus, c.plus, c.minus)
+        if c.plane:
+            forces = (c.kinetic_plus,) * 4
         alone = [ex.substitute(force, pressed) for force in forces]
         sides = tuple(tape.row(e) for e in (belt, *alone))
         tape.emit(stage, Instruction(Op.SIDE, row, sides, place=i))
         tape.stage[row] = stage
 
+    def direction(self, plane: Plane, parts: list[list[Scaled]]) -> None:
+        """Rows of the direction n = Au/|Au| and of |Au| of a contact in a plane.
+
+        Parameters
+        ----------
+        plane : Plane
+        parts : list of list of Scaled
+            Terms of the velocities of all inertial contacts.
+        """
+        tape = self.tape
+        sides = list[int]()
+        terms = list[Scaled]()
+        for i, axis in zip(plane.parts, plane.axes, strict=True):
+            terms += [Scaled(axis * p.factor, p.row) for p in parts[i]]
+            own = self.layout.u[i]
+            sides.append(own if axis is ex.ONE else tape.assign([Scaled(axis, own)], None))
+        place = plane.parts[0]
+        first, _, speed = (tape.new_row(0) for _ in range(3))
+        inputs = (*sides, tape.size(terms))
+        tape.emit(0, Instruction(Op.DIRECTION, first, inputs, place=place, size=3))
+        for row, i in enumerate(plane.parts, first):
+            tape.name(f"n:{i}", row, 0)
+            tape.name(f"speed:{i}", speed, 0)
+        self.directions.append((first, *sides))
+
     def speeds(self) -> None:
         """Rows of |u| in the kinetic laws of inertial contacts."""
         for i in range(self.mq):
+            if self.eq.contacts[i].plane:
+                continue
             row = self.tape.new_row(0)
             self.tape.emit(0, Instruction(Op.SPEED, row, (self.layout.u[i],), place=i))
             self.tape.name(f"speed:{i}", row, 0)
@@ -538,7 +575,15 @@ class _Generator:
 
     def kinetic_laws(self) -> None:
         """Rows that say whether sliding forces are admissible, 0 ≤ k and k ≤ s at speed 0."""
+        for plane in self.eq.planes:
+            i = plane.parts[0]
+            if plane.kinetic is not plane.static:
+                at_rest = ex.substitute(plane.kinetic, {f"speed:{i}": ex.ZERO})
+                rows = self.tape.row(plane.kinetic), self.tape.row(plane.static - at_rest)
+                self.layout.kinetic.append((i, 1, *rows))
         for i, c in enumerate(self.eq.contacts):
+            if c.plane:
+                continue
             for side, force, static in (
                 (1, c.kinetic_plus, c.plus),
                 (-1, c.kinetic_minus, c.minus),
@@ -561,6 +606,8 @@ class _Generator:
         guards = [*layout.u, *layout.force, *layout.plus, *layout.minus, *layout.kinks]
         guards += [row for *_, force, margin in layout.kinetic for row in (force, margin)]
         guards += layout.gaps.values()
+        for _, _, first, admissible, _, *sides in layout.planes:
+            guards += [first, first + 1, first + 2, admissible, *sides]
         layout.kept = sorted({*range(self.n), *guards})
         sizes = self.magnitudes
         return Generated(layout, self.constants, setup, sizes, residual, powers, landings)
@@ -571,9 +618,10 @@ class _Generator:
         tape = self.tape
         d = self.d
         eq = self.eq
-        for i in range(self.mq):
-            self.velocity(i)
+        parts = [self.velocity(i) for i in range(self.mq)]
         self.speeds()
+        for plane in eq.planes:
+            self.direction(plane, parts)
         viscous = self.block(eq.viscous_force[: len(d.damped)], self.mq, self.mz, 0, "Rz")
         for z, row in zip(d.damped, viscous, strict=True):
             tape.name(f"d_{z}", row, 1)
@@ -636,6 +684,19 @@ class _Generator:
         for j, guard in enumerate(self.eq.kinks):
             layout.kinks.append(tape.row(guard))
             self.note(3 * self.nc + j, self.size(guard))
+        for p, (plane, (first, *sides)) in enumerate(
+            zip(self.eq.planes, self.directions, strict=True)
+        ):
+            forces = ex.sym(f"lambda:{plane.parts[0]}"), ex.sym(f"lambda:{plane.parts[1]}")
+            row = tape.row(plane.admissible(forces))
+            place = self.plane_sizes + p
+            layout.planes.append((*plane.parts, first, row, place, *sides))
+            # rounding errors of the forces, as they enter their squares
+            parts = [self.size(plane.static**2)]
+            for i, axis in zip(plane.parts, plane.axes, strict=True):
+                over = _times(self.constants.scalar(2.0 / axis**2), abs(_start(layout.force[i])))
+                parts.append(_times(over, element("mag", 2 * self.nc + i)))
+            self.note(place, added(parts), adding=True)
         for i, c in enumerate(self.eq.contacts):
             if c.gap is not None:
                 layout.gaps[i] = tape.row(c.gap)

@@ -24,8 +24,8 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Record,
     Rows,
-    coefficients,
 )
+from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.stiff import follow_mode
 
 

@@ -65,12 +65,12 @@ from stickslip.motion.steps.arrays import (
     Record,
     Rows,
     Space,
-    coefficients,
     gap_size,
     own_inverse,
 )
 from stickslip.motion.steps.discs import BALL, OFF, SLOPE, spread, spread_state, tape_of
 from stickslip.motion.steps.jumps import fired_jump, make_jump
+from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import LEAST_SIZE, fill_powers, impulse
 from stickslip.motion.steps.stiff import follow_mode
 

@@ -8,15 +8,20 @@ from stickslip.arrays import Array
 from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.roots import first_crossing
 from stickslip.motion.steps.arrays import (
+    ADMISSIBLE,
+    ADMISSIBLE_SIZE,
+    AIM,
     DIMENSION,
     DOUBTED,
     DOUBTFUL,
     FIRED,
     INLINED,
+    INSTANT,
     INT_ZERO,
     NOWHERE,
     ON_INERTIAL,
     OPTIONS,
+    OTHER,
     ROUNDING,
     SLIPPING,
     TOWARDS,
@@ -24,6 +29,7 @@ from stickslip.motion.steps.arrays import (
     Rows,
     Space,
     gap_size,
+    is_component,
 )
 from stickslip.motion.steps.step_size import impulse
 
@@ -278,8 +284,10 @@ def is_asked(rows: Rows, mode: Array, nk: int, g: int) -> bool:
         c = rows.doubtful[d, SLIPPING]
         return c < 0 or mode[c] * rows.doubtful[d, TOWARDS] > 0
     c = contact_of(g, nk)
+    if is_component(rows, c):
+        return False
     if is_second(g, nk):
-        return mode[c] == 0 and not opens(rows, c)
+        return mode[c] == 0 and not opens(rows, c) and rows.plane[c] < 0
     return not is_loose(rows, mode, c)
 
 
@@ -328,6 +336,18 @@ def guard_of(
         size = abs(W[row, 0]) + abs(W[row, 1]) * powers[1]
         if i >= 0:
             size += max(W[rows.plus[i], 0], W[rows.minus[i], 0])
+    elif rows.plane[i] >= 0:
+        plane = rows.planes[rows.plane[i]]
+        other = plane[OTHER]
+        if mode[i] == 0:
+            row = plane[ADMISSIBLE]
+            size = mag[plane[ADMISSIBLE_SIZE]] + near * abs(W[row, 1])
+        else:
+            # What is left of a slip is over when its time cannot be told from its end.
+            row = plane[AIM] + 2
+            rate = (mag[nc + i] + mag[nc + other]) * unit + abs(W[row, 1])
+            size = mag[i] + mag[other]
+            size += INSTANT / ROUNDING * abs(W[rows.sizes[DIMENSION], 0]) / unit * rate
     elif opens(rows, i) and mode[i] == 0:
         row = rows.force[i]
         size = mag[2 * nc + i] + near * abs(W[row, 1])
@@ -347,6 +367,8 @@ def guard_of(
         size = mag[i]
         rate = mag[nc + i] * unit + abs(W[row, 1])
     is_gap = row == rows.gaps[i] if nk <= g < nk + 2 * nc and opens(rows, i) else False
+    if nk <= g < nk + 2 * nc and rows.plane[i] >= 0:
+        is_gap = mode[i] != 0  # how fast a speed changes is known however small it is
     return GuardRow(row, shift, sign, size, rate, around, exact, is_gap)  # pyright: ignore[reportArgumentType]
 
 

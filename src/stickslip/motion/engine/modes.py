@@ -39,6 +39,7 @@ from stickslip.motion.steps.arrays import (
     IMPLICIT,
     INERTIAL,
     INLINED,
+    INSTANT,
     INT_ZERO,
     KINKS,
     LAST,
@@ -71,11 +72,13 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
-    coefficients,
     direction_entry,
     gap_size,
+    is_component,
     own_inverse,
+    set_mode,
 )
+from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import (
     COARSER,
     LEAST_SIZE,
@@ -269,10 +272,12 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
         slow = (_ON_SURFACE * last + _WIDE * ROUNDING * near) * rate + ROUNDING * mag[c]
         if opens(rows, c):
             slow += _WIDE * ROUNDING * mag[c]
+        if rows.plane[c] >= 0:
+            slow += _WIDE * (ROUNDING * mag[c] + INSTANT * abs(at.t) * rate)
         if abs(gap) > slow or is_apart(flow, c, last):
             # Contacts of other components hold the same whether this one does or not.
             if asked[rows.homes[c, PART]] == 0:
-                mode[c] = 1 if gap > 0.0 or opens(rows, c) else -1
+                set_mode(rows, mode, c, 1 if gap > 0.0 or opens(rows, c) else -1)
             asked[rows.homes[c, PART]] = 1
             released = True
     if released:
@@ -409,7 +414,7 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
 
 
 @njit(**OPTIONS)
-def flip(guard: int, mode: Array, reg: Array, nk: int, drops: Array) -> int:
+def flip(rows: Rows, guard: int, mode: Array, reg: Array) -> int:
     """Give the switch of a violated guard its other state; returns the switch.
 
     What leaves stick has its threshold to break, as long as it is not known which of several
@@ -417,24 +422,22 @@ def flip(guard: int, mode: Array, reg: Array, nk: int, drops: Array) -> int:
 
     Parameters
     ----------
+    rows : Rows
     guard : int
         Its number.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
         One of them is changed.
-    nk : int
-        Number of kinks.
-    drops : array of int, shape (contacts,)
-        1 for each contact whose sliding force is not its threshold.
     """
+    nk = len(reg)
     if guard < nk:
         reg[guard] = 1 - reg[guard]
         return guard
     c = contact_of(guard, nk)
     if mode[c] == 0:
         side = -1 if is_second(guard, nk) else 1
-        mode[c] = 2 * side if drops[c] == 1 else side
+        set_mode(rows, mode, c, 2 * side if rows.drops[c] == 1 else side)
     else:
-        mode[c] = 0
+        set_mode(rows, mode, c, 0)
     return nk + c
 
 
@@ -516,7 +519,7 @@ def flip_apart(rows: Rows, space: Space, mode: Array, reg: Array, count: int) ->
             if asked[home] == 1:
                 continue
             asked[home] = 1
-        flipped = flip(guard, mode, reg, nk, rows.drops)
+        flipped = flip(rows, guard, mode, reg)
         space.touched[flipped] = 1
         if first < 0:
             first = flipped
@@ -577,7 +580,7 @@ def loosen(rows: Rows, p: int, J: Array, mode: Array, keep: int, space: Space) -
         if is_new(n, space.scratch, rank):
             rank += 1
         else:
-            mode[c] = 1 + rows.drops[c]
+            set_mode(rows, mode, c, 1 + rows.drops[c])
             space.touched[len(rows.kinks) + c] = 1
             changed = True
     return changed
@@ -649,7 +652,7 @@ def settle_mode(
         pivots += 1
         if total > 0 and kept == 0:
             candidate, total, slack = choose_next(
-                touched, lane.mode, lane.reg, rows.drops, rows.gaps, candidate, total, slack
+                rows, touched, lane.mode, lane.reg, candidate, total, slack
             )
             if total == 0:
                 return SINGULAR, 0.0, 0.0, 0
@@ -871,11 +874,10 @@ def concerned(sizes: Array, touched: Array, mode: Array, fired: int) -> int:
 
 @njit(**OPTIONS)
 def choose_next(
+    rows: Rows,
     touched: Array,
     mode: Array,
     reg: Array,
-    drops: Array,
-    gaps: Array,
     candidate: int,
     total: int,
     slack: float,
@@ -884,13 +886,11 @@ def choose_next(
 
     Parameters
     ----------
+    rows : Rows
     touched : array of int, shape (kinks + contacts,)
         1 for each switch concerned; all contacts are once no state is left.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
         Are changed.
-    drops, gaps : arrays of int, shape (contacts,)
-        1 for each contact whose sliding force is not its threshold; nonnegative for those that can
-        open.
     candidate, total : int
         The number of the next state, and of all states.
     slack : float
@@ -917,7 +917,7 @@ def choose_next(
         candidate = 0
     if total > _MOST_CANDIDATES or slack > _SLACKEST:
         return candidate, INT_ZERO, slack
-    choose(candidate, touched, mode, reg, drops, gaps)
+    choose(rows, candidate, touched, mode, reg)
     return candidate + 1, total, slack
 
 
@@ -946,24 +946,19 @@ def candidates(touched: Array, nk: int) -> int:
 
 
 @njit(**OPTIONS)
-def choose(
-    candidate: int, touched: Array, mode: Array, reg: Array, drops: Array, gaps: Array
-) -> None:
+def choose(rows: Rows, candidate: int, touched: Array, mode: Array, reg: Array) -> None:
     """Put the switches concerned into the states that a number stands for; what does not stick is
     at its threshold, or open.
 
     Parameters
     ----------
+    rows : Rows
     candidate : int
         The number.
     touched : array of int, shape (kinks + contacts,)
         1 for each switch concerned.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
         Are changed.
-    drops : array of int, shape (contacts,)
-        1 for each contact whose sliding force is not its threshold.
-    gaps : array of int, shape (contacts,)
-        Nonnegative for contacts that can open.
     """
     nk = len(reg)
     for i in range(len(touched)):
@@ -971,11 +966,10 @@ def choose(
             if i < nk:
                 reg[i] = candidate % 2
                 candidate //= 2
-            else:
-                mode[i - nk] = (candidate % 3 - 1) * (1 + drops[i - nk])
+            elif not is_component(rows, i - nk):
+                state = (candidate % 3 - 1) * (1 + rows.drops[i - nk])
                 candidate //= 3
-                if gaps[i - nk] >= 0:
-                    mode[i - nk] = abs(mode[i - nk])
+                set_mode(rows, mode, i - nk, abs(state) if opens(rows, i - nk) else state)
 
 
 @njit(**OPTIONS)
