@@ -148,7 +148,7 @@ class Contact:
 
     In a plane, u and the friction force λ have two components. With the diagonal matrix A of the
     `axes`, abs(A⁻¹λ) ≤ s in stick, and in slip λ = −k A n with n = Au/abs(Au): the dissipation
-    potential is s·abs(Au), and the set of forces that it holds is an ellipse, a disc for equal axes.
+    potential is s·abs(Au), and the forces that it holds are an ellipse, a disc for equal axes.
 
     Attributes
     ----------

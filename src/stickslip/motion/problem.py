@@ -240,7 +240,7 @@ class Problem:
     def _planes(self) -> tuple[Array, Array]:
         """Contacts in a plane, and the one that each contact is a component of."""
         layout = self.compiled.layout
-        table = np.array(layout.planes, dtype=np.int64).reshape(-1, 7)
+        table = np.array(layout.planes, dtype=np.int64).reshape(-1, 8)
         plane = np.full(len(layout.u), -1, np.int64)
         for p, (first, second, *_) in enumerate(layout.planes):
             plane[[first, second]] = p

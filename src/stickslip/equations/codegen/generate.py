@@ -84,7 +84,7 @@ class Layout:
         friction.
     planes : list of tuple of int
         Of each contact in a plane its components, the first row of its direction, that of
-        s² − |A⁻¹λ|², the place of the size of that, and the rows of Au.
+        s² − |A⁻¹λ|², the place of the size of that, the rows of Au, and that of s.
     parents, friction : dict of int to int
         For what rubs under a normal force, the contact that has it, and the row of the coefficient.
     jumps : list of (int, int, list of int)
@@ -690,7 +690,8 @@ class _Generator:
             forces = ex.sym(f"lambda:{plane.parts[0]}"), ex.sym(f"lambda:{plane.parts[1]}")
             row = tape.row(plane.admissible(forces))
             place = self.plane_sizes + p
-            layout.planes.append((*plane.parts, first, row, place, *sides))
+            static = tape.row(plane.static)
+            layout.planes.append((*plane.parts, first, row, place, *sides, static))
             # rounding errors of the forces, as they enter their squares
             parts = [self.size(plane.static**2)]
             for i, axis in zip(plane.parts, plane.axes, strict=True):

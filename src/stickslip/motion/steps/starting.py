@@ -1,14 +1,14 @@
 """Taylor coefficients of a motion; in a plane, also where a slip begins.
 
-In slip the friction force is −k A n, n the direction of Au. Where |u| = 0 that is no function of the
-state: n follows from what u does next, Au = tᵖ w(t) with w = ρ n. Order by order, the rate of u
+In slip the friction force is −k A n, n the direction of Au. Where |u| = 0 that is no function of
+the state: n follows from what u does next, Au = tᵖ w(t) with w = ρ n. Order by order, the rate of u
 depends linearly on the coefficients of n, through Delassus' matrix, which probes find: so
 
     (Au)ₘ₊₁ = bₘ + Â nₘ/(m + 1) = (ρ n)ₘ₊₁₋ₚ,    n·n = 1,
 
 where bₘ is what the orders of n below m make of it, are two equations for the part of nₘ across n₀
-and for one order of ρ. The first of all, (Au)₁ = b₀ + Â n₀ = ρ n₀, has one solution: ρ is the root of
-a secular equation. Where it vanishes, since the force has just reached the threshold, p > 1.
+and for one order of ρ. The first of all, (Au)₁ = b₀ + Â n₀ = ρ n₀, has one solution: ρ is the root
+of a secular equation. Where it vanishes, since the force has just reached the threshold, p > 1.
 
 For p = 1 the series converges. For p = 2 it is asymptotic only: across n₀, u′ = F − k u/(ρ₀ t²) + …
 is singular as Euler's equation is, and coefficients grow like m! (ρ₀/k)ᵐ. Its least term is
@@ -41,8 +41,8 @@ from stickslip.motion.steps.arrays import (
 _MOST_TURNS = 60  # of iterations between slips that begin together, and of a secular equation
 _NEGLIGIBLE = 1e-12  # part of its terms below which an order of |Au| is none
 _MOST_LEADING = 4  # orders of |Au| that may vanish
-# Rows of Space.aims for each plane: the direction (two rows), ρ, the right-hand side (two rows), what
-# is solved for (two rows), and the order p with what else is kept of it.
+# Rows of Space.aims for each plane: the direction (two rows), ρ, the right-hand side (two rows),
+# what is solved for (two rows), the order p, and what else is kept for a while.
 _AIMS = 9
 _N, _M, _RHO, _BX, _BY, _X, _Y, _P, _SPARE = range(_AIMS)
 
@@ -84,7 +84,6 @@ def begin(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -
         Receives the coefficients.
     """
     rows = flow.rows
-    aims = flow.space.aims
     begun = flow.space.begun
     begun[rows.sizes[DIMENSION], 1] = table[rows.sizes[DIMENSION], 1]
     status = respond(machine, flow, at, begun)
