@@ -863,9 +863,8 @@ class _Generator:
                 (ex.sym(f"n:{i}") / axis * rate.partial[i - first][j], 1.0)
                 for i, axis in zip(plane.parts, plane.axes, strict=True)
             ]
-            terms.append(
-                (rate.threshold_partial[0][plane.parts[0] - first][j] / plane.axes[0], 1.0)
-            )
+            slope = rate.threshold_partial[0][plane.parts[0] - first][j]
+            terms.append((slope / plane.axes[0], 1.0))
             along.append(ex.substitute(ex.add(*terms), aim))
         across = [
             ex.substitute(rate.sliding(plane, plane.parts[1] - first, j, first), aim)

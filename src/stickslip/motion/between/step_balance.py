@@ -902,7 +902,7 @@ def sample_law(
     """
     n = rows.sizes[DIMENSION]
     nc = len(rows.u)
-    mq, mz = rows.sizes[ON_INERTIAL], rows.sizes[ON_VISCOUS]
+    mq = rows.sizes[ON_INERTIAL]
     V = space.V
     mag = space.mag
     samples = space.samples

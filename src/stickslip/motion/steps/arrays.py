@@ -80,8 +80,8 @@ PART, SEAT = range(2)
 KINK, WAY, FIRST_LANDING, LANDINGS = range(4)
 FEWEST_ORDERS = 8  # of a Taylor series
 # Columns of Rows.planes: the components, the first row of the direction (the second and that of
-# |Au| follow), the row of s² − |A⁻¹λ|² and the place of its size, the rows of Au, of s, and of what is
-# not negative in slip (|Au| with mass, else n·Au), and 1 for one with mass.
+# |Au| follow), the row of s² − |A⁻¹λ|² and the place of its size, the rows of Au, of s, and of what
+# is not negative in slip (|Au| with mass, else n·Au), and 1 for one with mass.
 COMPONENT, OTHER, AIM, ADMISSIBLE, ADMISSIBLE_SIZE, AHEAD, ASIDE, STATIC, SLIPS, MASSIVE = range(10)
 # Columns of Rows.doubtful.
 DOUBTED, SLIPPING, TOWARDS = range(3)

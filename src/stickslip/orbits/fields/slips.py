@@ -1,7 +1,7 @@
 """First variation where a contact in a plane begins to slip, or comes to rest.
 
-Both are events like others, S = I + (f⁺ − f⁻)∇hᵀ/(∂ₜh + ∇h·f⁻), but the field of a slip has no value
-where u = 0: there n is a limit, which the motion's own coefficients know
+Both are events like others, S = I + (f⁺ − f⁻)∇hᵀ/(∂ₜh + ∇h·f⁻), but the field of a slip has no
+value where u = 0: there n is a limit, which the motion's own coefficients know
 (:mod:`stickslip.motion.steps.starting`). At the end of a slip h = n·Au: neighbours come to rest
 earlier or later, and what was left of both components of u is forgotten.
 """
