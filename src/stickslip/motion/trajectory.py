@@ -778,7 +778,8 @@ class Trajectory(Result):
         if t is None and coordinates is None:
             return super().plot(*quantities, ax=ax)
         from stickslip.figures.drawing.quantities import plot_quantities
-        from stickslip.figures.motion import checked_window, plot_trajectory
+        from stickslip.figures.drawing.sampling import checked_window
+        from stickslip.figures.motion import plot_trajectory
 
         if not quantities and ax is None:
             return plot_trajectory(self, t, coordinates)

@@ -89,7 +89,9 @@ def _energy(problem: Problem, o: Observed, of: str) -> Array:
 
 
 def _peak(problem: Problem, o: Observed, of: str) -> Array:
-    return o.sums.peak[:, _contact(problem, of)[0]] if of else np.max(o.sums.peak, axis=1, initial=0.0)
+    return (
+        o.sums.peak[:, _contact(problem, of)[0]] if of else np.max(o.sums.peak, axis=1, initial=0.0)
+    )
 
 
 def _mean(problem: Problem, o: Observed, of: str) -> Array:
