@@ -210,6 +210,11 @@ class MotionEquations:
         return [e for e in dict.fromkeys(entries) if not e.symbols <= held]
 
     @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """What contacts were declared as: both components of one in a plane have one name."""
+        return tuple(c.name.removesuffix(f" {c.plane}") for c in self.contacts)
+
+    @cached_property
     def guards_alone(self) -> frozenset[Expr]:
         """Guards of jumps that are no kinks of functions."""
         used = [*self.formulas, self.energy, self.dissipation, self.supply]

@@ -175,6 +175,11 @@ def switched(field: Field, switch: int, setting: int) -> tuple[Mode, Region]:
     return tuple(mode), tuple(region)
 
 
+def mode_name(mode: int, in_plane: bool = False) -> str:
+    """What a contact does: in a plane slip has no sign."""
+    return "slip" if in_plane and mode != 0 else MODE_NAMES[mode]
+
+
 def named_modes(contacts: Sequence[str], mode: Sequence[int]) -> dict[str, str]:
     """What each contact does, by name; one that can open once: whether it is open, or closed, and
     then what its friction does.
@@ -182,10 +187,12 @@ def named_modes(contacts: Sequence[str], mode: Sequence[int]) -> dict[str, str]:
     Parameters
     ----------
     contacts : sequence of str
-        Names in the engine's order.
+        Names in the engine's order; both components of a contact in a plane have its name.
     mode : sequence of int
     """
-    found = {name: MODE_NAMES[m] for name, m in zip(contacts, mode, strict=True)}
+    found = {
+        name: mode_name(m, contacts.count(name) > 1) for name, m in zip(contacts, mode, strict=True)
+    }
     friction = {normal_force(name): name for name in contacts}
     for name, m in zip(contacts, mode, strict=True):
         if name in friction or name.startswith(NORMAL):

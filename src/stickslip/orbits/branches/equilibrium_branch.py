@@ -223,7 +223,7 @@ class _Follower:
         self.span = span
         self.invariant, self.steps = invariant, steps
         self.width = span[1] - span[0]
-        self.contacts = tuple(c.name for c in equations.contacts)
+        self.contacts = equations.labels
         self.tangent: Array | None = None  # at the start, in the direction that came first
 
     # -- following ---------------------------------------------------------------------------------

@@ -78,7 +78,7 @@ def locate_changes(chart: Chart, a: Point, b: Point) -> list[Change]:
     here = sequence(chart.orbit(a.x).motion)
     high = b.length - a.length
     there = sequence(chart.orbit(b.x).motion)
-    contacts = [c.name for c in chart.shooting.pieces.equations.contacts]
+    contacts = list(chart.shooting.pieces.equations.labels)
     passed: list[tuple[Array, Sequence, Sequence]] = []
     while here != there and len(passed) < _MOST_CHANGES:
         x, low, beyond = _Finder(chart, a, b, here).first_change(low, high)

@@ -166,7 +166,7 @@ class _Search:
         self.eq = equations
         self.values = values
         self.state = system.declaration.state
-        self.contacts = tuple(c.name for c in equations.contacts)
+        self.contacts = equations.labels
         self.origin = np.array([float(system.plain.initial.get(name, 0.0)) for name in self.state])
         self.box = self._checked_box(box)
         self.invariant = invariant_directions(equations, values, self.origin)
