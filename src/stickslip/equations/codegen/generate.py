@@ -409,6 +409,10 @@ class _Generator:
             for x, weight in direction.items():
                 force = _start(self.tape.names[f"lambda:{c}"])
                 terms[x].append(abs(_times(scalar(weight), force)))
+                if self.eq.contacts[c].plane:
+                    # its direction may turn
+                    most = _start(self.tape.row(self.eq.contacts[c].plus))
+                    terms[x].append(abs(_times(scalar(weight), most)))
         for i, x in enumerate(names):
             self.note(offset + i, added(terms[x]) / abs(scalar(matrix[i, i])))
         for c, direction in enumerate(directions, first):

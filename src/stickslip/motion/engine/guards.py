@@ -344,11 +344,13 @@ def guard_of(
             row = plane[ADMISSIBLE]
             size = mag[plane[ADMISSIBLE_SIZE]] + near * abs(W[row, 1])
         else:
-            # What is left of a slip is over when its time cannot be told from its end.
+            # A slip is over when what is left of it cannot be told from nothing, or its time from
+            # its end.
             row = plane[SLIPS]
             rate = (mag[nc + i] + mag[nc + other]) * unit + abs(W[row, 1])
             size = mag[i] + mag[other]
-            size += INSTANT / ROUNDING * abs(W[rows.sizes[DIMENSION], 0]) / unit * rate
+            late = abs(W[rows.sizes[DIMENSION], 0]) / unit
+            size += INSTANT / ROUNDING * late * abs(W[row, 1])
     elif opens(rows, i) and mode[i] == 0:
         row = rows.force[i]
         size = mag[2 * nc + i] + near * abs(W[row, 1])

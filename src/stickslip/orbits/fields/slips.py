@@ -16,7 +16,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.motion.knots import Knots
-from stickslip.motion.steps.arrays import AIM
+from stickslip.motion.steps.arrays import AIM, COMPONENT, MASSIVE
 from stickslip.orbits.fields.instructions import PointFunction
 from stickslip.orbits.fields.mode_field import Piece
 from stickslip.orbits.fields.saltation import Saltation
@@ -134,8 +134,15 @@ def _speed(
     return slopes[1:], float(slopes[0])
 
 
-def changes(motion: Trajectory) -> list[int]:
-    """Knots at which a slip in a plane begins or ends."""
-    first = motion._problem.rows.planes[:, 0]
-    mode = motion.knots.mode[:, first]
-    return [int(i) + 1 for i in np.flatnonzero(np.any(mode[1:] != mode[:-1], axis=1))]
+def reversals(motion: Trajectory) -> list[float]:
+    """Times at which a slip in a plane goes on through u = 0: neighbours pass by on one side or
+    the other, so that there is no derivative."""
+    rows = motion._problem.rows
+    if len(rows.planes) == 0:
+        return []
+    k = motion.knots
+    slips = k.mode[:, rows.planes[:, COMPONENT]] != 0
+    speed = motion._sample_clock(k.clock, np.arange(len(k.clock)))[:, rows.planes[:, AIM] + 2]
+    massive = rows.planes[:, MASSIVE] == 1
+    through = slips[1:] & slips[:-1] & (speed[1:] == 0.0) & massive
+    return [float(t) for t in k.time[1:][np.any(through, axis=1)]]
