@@ -49,6 +49,7 @@ from stickslip.motion.steps.arrays import (
     AIM,
     ASIDE,
     COMPONENT,
+    COORDINATES,
     DIMENSION,
     DISSIPATED,
     EPSILON,
@@ -57,11 +58,13 @@ from stickslip.motion.steps.arrays import (
     INT_ZERO,
     KINK,
     MASSIVE,
+    MEMBERS,
     NOWHERE,
     ON_INERTIAL,
     ON_VISCOUS,
     OPTIONS,
     OTHER,
+    PART,
     RATE_INDEPENDENT,
     ROUNDING,
     STATIC,
@@ -1419,6 +1422,7 @@ def judge(
         violation = most(violation, relative(law[c, _OVERLAP], law[c, _OPENING]))
     for j in range(len(tally.kinks)):
         violation = most(violation, relative(tally.kinks[j, _BEYOND], tally.kinks[j, _REACHED]))
+    share_sizes(rows, state)
     for r in range(n):
         size = max(state[LARGEST, r], _REST * state[_SWAY, r])
         defect = most(defect, relative(state[_DEFECT, r], size))
@@ -1430,6 +1434,32 @@ def judge(
     residuals[FRICTION_LAW] = violation
     residuals[EQUATIONS] = defect
     residuals[OWN_ROUNDING] = own
+
+
+@njit(**OPTIONS)
+def share_sizes(rows: Rows, state: Array) -> None:
+    """Give the coordinates that a contact in a plane moves, and their velocities, one size: they
+    are components of vectors, and a turn of the plane is no matter.
+
+    Parameters
+    ----------
+    state : array, shape (4, n)
+        As of :class:`Tally`; what forces make is as large as the largest then.
+    """
+    for p in range(len(rows.planes)):
+        if rows.planes[p, MASSIVE] == 0:
+            continue
+        for first in (0, rows.sizes[INERTIAL]):
+            largest = 0.0
+            for turn in range(2):
+                for i in (COMPONENT, OTHER):
+                    part = rows.parts[rows.homes[rows.planes[p, i], PART]]
+                    for j in range(part[COORDINATES]):
+                        r = first + rows.members[part[MEMBERS] + j]
+                        if turn == 0:
+                            largest = max(largest, state[LARGEST, r], _REST * state[_SWAY, r])
+                        else:
+                            state[_SWAY, r] = max(state[_SWAY, r], largest / _REST)
 
 
 @njit(**OPTIONS)

@@ -34,6 +34,7 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.step_size import impulse
 
+_LONGEST_END = 1024.0  # of a slip in a plane, in steps that are as short as times can be told apart
 _PRIME = 576460752303423433  # 2⁵⁹ − 55: five times as much still fits into an integer
 # Columns of Space.labels: the number of a guard that may fire, and the degree of its polynomial;
 # negative if it is violated at once.
@@ -349,8 +350,11 @@ def guard_of(
             row = plane[SLIPS]
             rate = (mag[nc + i] + mag[nc + other]) * unit + abs(W[row, 1])
             size = mag[i] + mag[other]
-            late = abs(W[rows.sizes[DIMENSION], 0]) / unit
-            size += INSTANT / ROUNDING * late * abs(W[row, 1])
+            now = abs(W[rows.sizes[DIMENSION], 0]) / unit
+            late = INSTANT * now
+            if powers[1] <= 0.5 * late:
+                late = _LONGEST_END * powers[1]
+            size += late / ROUNDING * abs(W[row, 1])
     elif opens(rows, i) and mode[i] == 0:
         row = rows.force[i]
         size = mag[2 * nc + i] + near * abs(W[row, 1])
