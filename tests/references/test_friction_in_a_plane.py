@@ -214,9 +214,7 @@ def test_records_of_both_components() -> None:
     floor = ss.catalogue.isolated_floor(a_x=ss.Samples(times, x), a_y=ss.Samples(times, y))
     motion = certified(ss.simulate(floor, (0, 12)))
     times = np.linspace(0, 12, 300)
-    smooth = ss.catalogue.isolated_floor(
-        a_x="2*sin(3*t)*exp(-t/6)", a_y="1.5*cos(2*t)*exp(-t/6)"
-    )
+    smooth = ss.catalogue.isolated_floor(a_x="2*sin(3*t)*exp(-t/6)", a_y="1.5*cos(2*t)*exp(-t/6)")
     seen, expected = motion.at(times), ss.simulate(smooth, (0, 12)).at(times)
     assert np.max(np.abs(seen["x"] - expected["x"])) < 1e-3 * np.ptp(expected["x"])
     assert np.max(np.abs(seen["y"] - expected["y"])) < 1e-3 * np.ptp(expected["y"])

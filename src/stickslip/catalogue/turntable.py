@@ -11,8 +11,8 @@ def turntable(**given: float | str) -> System:
     Parameters
     ----------
     **given : float or str
-        Parameters ``m``, ``mu``, ``mu_k``, ``g``, ``k``, ``R``, ``Omega_0``; free function ``Omega`` (angular
-        velocity of the disc, of t).
+        Parameters ``m``, ``mu``, ``mu_k``, ``g``, ``k``, ``R``, ``Omega_0``; drive ``Omega``
+        (angular velocity of the disc, of t).
 
     References
     ----------
