@@ -9,7 +9,9 @@ import stickslip as ss
 from stickslip.explorer.work.motion import _seen, verdict
 
 
-@pytest.mark.parametrize("name", ["puck", "turntable", "conveyor", "isolated_floor"])
+@pytest.mark.parametrize(
+    "name", ["puck", "turntable", "conveyor", "isolated_floor", "planar_jenkins", "tractrix"]
+)
 def test_what_a_page_gets(name: str) -> None:
     motion = ss.simulate(ss.catalogue.get(name))
     answer = _seen(motion, None)

@@ -44,7 +44,7 @@ def test_the_path_is_that_of_the_motion_and_black_where_it_sticks() -> None:
 def test_the_force_stays_in_its_ellipse_and_slips_on_the_edge() -> None:
     system = ss.System(
         name="rolled",
-        coordinates={"x": ss.Inertial(force="2*sin(t)"), "y": ss.Inertial(force="cos(1.3*t)")},
+        coordinates={"x": ss.Inertial(force="2*sin(t)"), "y": ss.Inertial(force="0.5*cos(1.3*t)")},
         kinetic="(d_x**2 + d_y**2)/2",
         contacts={"table": ss.Contact(("d_x", "d_y"), 1.5, axes=(1.0, 0.4))},
         span=(0, 6),

@@ -11,7 +11,7 @@ import stickslip as ss
 from stickslip.model.quantities import quantity
 from stickslip.model.system_file import loads
 
-NAMES = ["puck", "turntable", "conveyor", "isolated_floor"]
+NAMES = ["puck", "turntable", "conveyor", "isolated_floor", "planar_jenkins", "tractrix"]
 
 
 def test_events_and_switches_have_one_row_a_contact() -> None:

@@ -158,6 +158,32 @@ def test_the_corner_is_that_of_a_solver_for_smooth_equations() -> None:
     assert np.max(np.abs(found.y - states)) < 1e-10
 
 
+# -- without mass ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("V", "F_c", "k"), [(0.1, 1.0, 10.0), (0.3, 0.7, 2.0)])
+def test_a_body_dragged_by_a_spring_follows_the_tractrix(V: float, F_c: float, k: float) -> None:
+    a = F_c / k
+    system = ss.catalogue.tractrix(V=V, F_c=F_c, k=k)
+    motion = certified(ss.simulate(system, (0, 5 * a / V), initial={"y": a}))
+    tau = np.linspace(0, 5, 40)
+    seen = motion.at(tau * a / V)
+    assert seen["x"] == pytest.approx(a * (tau - np.tanh(tau)), rel=1e-9, abs=1e-11)
+    assert seen["y"] == pytest.approx(a / np.cosh(tau), rel=1e-9)
+
+
+@pytest.mark.parametrize(("P", "omega"), [(0.8, 1.2), (1.5, 0.7), (0.9, 1.35)])
+def test_under_a_force_that_goes_around_a_circle_mass_and_slider_do_so_too(
+    P: float, omega: float
+) -> None:
+    system = ss.catalogue.planar_jenkins(P=P, Q=P, omega=omega, c=0.3)
+    motion = certified(ss.simulate(system, (0, 200)))
+    last = motion.at(np.linspace(190, 200, 50))
+    circle, slider = system.evaluate("circle"), system.evaluate("circle_of_slider")
+    assert np.hypot(last["x"], last["y"]) == pytest.approx(circle, rel=1e-9)
+    assert np.hypot(last["z_x"], last["z_y"]) == pytest.approx(slider, rel=1e-9)
+
+
 # -- the floor -------------------------------------------------------------------------------------
 
 EAST = ss.catalogue.isolated_floor().drives["a_x"]
