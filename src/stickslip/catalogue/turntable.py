@@ -5,14 +5,14 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Syst
 
 def turntable(**given: float | str) -> System:
     """Block on a rotating disc, held by a weak spring whose end is fixed beside the axis: the disc
-    carries it along until the spring is stretched, it slips back, and is carried along again, around
-    a loop. Without the spring (``k=0``) it is carried around, or thrown off.
+    carries it along until the spring is stretched, it slips back, and is carried along again, in a
+    loop. Without the spring (``k=0``) it is carried around, or thrown off.
 
     Parameters
     ----------
     **given : float or str
-        Parameters ``m``, ``mu``, ``mu_k``, ``g``, ``k``, ``R``; free function ``Omega`` (angular
-        velocity of the disc, of t).
+        Parameters ``m``, ``mu``, ``mu_k``, ``g``, ``k``, ``R``, ``Omega_0``; drive ``Omega``
+        (angular velocity of the disc, of t).
 
     References
     ----------

@@ -41,7 +41,7 @@ from stickslip.model.names import normal_force
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
-    from stickslip.model.system import Contact, System
+    from stickslip.model.system import Contact, Formula, System
 
 _W = TypeVar("_W", bound=UnicodeWriter)
 _PASSES = {
@@ -322,7 +322,7 @@ class Equations:
             return negate(times(weight, self._plane_friction(declared).component(declared.plane)))
         contact = self.system.dry_contacts[declared.name]
         u = self._velocity(contact)
-        weight = differentiated(self._reader.read(contact.direction), f"d_{x}")
+        weight = differentiated(self._reader.read(cast("str", contact.direction)), f"d_{x}")
         plus, minus = self._pair(contact.threshold)
         if plus == minus and contact.kinetic is None:
             return times(weight, plus, Call("Sign", (u,)))
@@ -379,8 +379,10 @@ class Equations:
         return self._velocity(first), self._velocity(second)
 
     def _velocity(self, contact: Contact) -> Node:
+        """Relative velocity along a line."""
         return sum_of(
-            self._reader.read(contact.direction), negate(self._reader.read(contact.surface_speed))
+            self._reader.read(cast("str", contact.direction)),
+            negate(self._reader.read(cast("Formula", contact.surface_speed))),
         )
 
     def friction_groups(self) -> list[list[AnyFriction]]:

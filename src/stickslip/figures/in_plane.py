@@ -338,7 +338,7 @@ class PlaneCurves:
         axes.plot(x, np.where(sticking, np.nan, y), color=BLUE, lw=1.5, zorder=2)
         axes.plot(x, np.where(sticking, y, np.nan), color=STICK_LINE, lw=1.8, zorder=3)
         axes.plot(*curve.spots(), ".", color=STICK_LINE, ms=5, zorder=3)
-        said = "thresholds, least to largest" if changes else "threshold"
+        said = "thresholds" if changes else "threshold"
         marks = [
             Line2D([], [], color=BLUE, label="in slip"),
             Line2D([], [], color=STICK_LINE, lw=1.8, label="in stick"),
@@ -355,6 +355,8 @@ class PlaneCurves:
 def _broken(x: Array, y: Array, rests: Array, joined: Array) -> tuple[Array, Array, Array, Array]:
     """A curve that has a gap where rest and motion change: forces jump there."""
     at = np.flatnonzero(rests[1:] != rests[:-1]) + 1
+    joined = joined.copy()
+    joined[at - 1] = False
     return (
         np.insert(x, at, np.nan),
         np.insert(y, at, np.nan),

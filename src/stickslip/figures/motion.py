@@ -378,7 +378,7 @@ class _Overview:
             axes.set_ylabel(said + (f"  [{unit}]" if unit else ""))
             axes.set_title(plane.name)
             if plane is next(iter(self.in_plane.values())):
-                self.explain(axes, "friction force, its size", "threshold")
+                self.explain(axes, "size of the friction force", "threshold")
 
         return panel
 

@@ -4,8 +4,8 @@
 ``amplitude`` (half the range, of the first component of the state or of ``amplitude:x``), ``speed``
 (along the translation, or of ``speed:x``), ``stick_fraction`` (share of the time in which all
 contacts stick, or ``stick_fraction:contact``), ``peak_force`` and ``mean_force`` (largest |λ| and
-mean λ; of all contacts the largest |λ|, or ``peak_force:contact``; of a contact in a plane they
-are of one component, ``peak_force:table 1``) and ``lyapunov`` are also those
+mean λ; of all contacts the largest |λ|, or ``peak_force:contact``; in a plane the mean is of one
+component, ``mean_force:table 1``) and ``lyapunov`` are also those
 of a motion at rest, of steady sliding, and of the last part of a motion that has not settled. So
 are ``low`` and ``high`` (least and largest value of a component), ``shift`` (its change), ``state``
 (its value where what is measured begins), ``time`` (when that is) and ``duration`` (how long it
@@ -148,7 +148,7 @@ MEASURES = {
     "speed": Named(_speed, False, "component"),
     "stick_fraction": Named(_stick_fraction, False, "contact"),
     "energy_per_cycle": Named(_energy, True, "contact"),
-    "peak_force": Named(_peak, True, "force"),
+    "peak_force": Named(_peak, True, "contact"),
     "mean_force": Named(_mean, True, "force"),
     "switches": Named(_switches, False),
     "lyapunov": Named(_lyapunov, False),
@@ -210,8 +210,7 @@ def _named(system: System, measure: str) -> Named:
         "force": list(system.dry_contacts),
         "quantity": one_period.quantities(system),
     }.get(MEASURES[name].of, [])
-    of_component = MEASURES[name].of == "contact" and of in system.dry_contacts
-    if of and of not in known and not of_component and MEASURES[name].of != "weight":
+    if of and of not in known and MEASURES[name].of != "weight":
         remedy = f"Known: {', '.join(known)}" if known else f"Ask for '{name}'"
         raise DeclarationError(f"measure.{name}", f"there is no '{of}'", remedy)
     if name == "speed" and not of and not system.translation:
