@@ -216,9 +216,7 @@ def compare_modes(case: Slide, reference: Motion, k: int, times: Array, own: Arr
                 bodies = case.bodies()
                 there = follow(case, np.array([middle])).states
                 half = bodies.size
-                slide = bodies.pads[k].slide(
-                    np.array([middle]), there[:, :half], there[:, half:]
-                )
+                slide = bodies.pads[k].slide(np.array([middle]), there[:, :half], there[:, half:])
                 if np.max(np.abs(slide)) * (last - first) > CLOSE * np.max(
                     sizes(case, reference.states)
                 ):

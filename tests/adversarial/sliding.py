@@ -656,8 +656,9 @@ def motion(
         Where it does not decide.
     """
     y = np.concatenate([[origin], np.asarray(start)])
-    dtype = np.result_type(y, bodies.mass, bodies.force(y[:1], y[None, 1 : bodies.size + 1],
-                                                        y[None, bodies.size + 1 :]))  # fmt: skip
+    half = bodies.size + 1
+    push = bodies.force(y[:1], y[None, 1:half], y[None, half:])
+    dtype = np.result_type(y, bodies.mass, push)
+    wanted = np.asarray(times, dtype=float)
     mode = (STICK,) * len(bodies.pads)
-    run = Run(bodies, end, np.asarray(times, dtype=float), y.astype(dtype), mode, tolerance=tolerance)
-    return run.run()
+    return Run(bodies, end, wanted, y.astype(dtype), mode, tolerance=tolerance).run()

@@ -181,9 +181,7 @@ def declared(shape: Shape) -> System:
     ones = ("s", "e", "J", "vs")
     return System(
         name="slide",
-        parameters={
-            n: Parameter(1.0 if n.startswith(ones) or _diagonal(n) else 0.0) for n in used
-        },
+        parameters={n: Parameter(1.0 if n.startswith(ones) or _diagonal(n) else 0.0) for n in used},
         coordinates={x: Inertial(force=f) for x, f in forces.items()},
         kinetic=" + ".join(_quadratic("M", names, "d_", shape.heavy)),
         potential=" + ".join(potential),
@@ -237,10 +235,7 @@ def contact(touch: Touch, k: int) -> Contact:
 
 def _symmetric(letter: str, n: Numbers, size: int) -> Array:
     return np.array(
-        [
-            [n.get(f"{letter}{min(i, j)}_{max(i, j)}", 0.0) for j in range(size)]
-            for i in range(size)
-        ]
+        [[n.get(f"{letter}{min(i, j)}_{max(i, j)}", 0.0) for j in range(size)] for i in range(size)]
     )
 
 
@@ -479,7 +474,8 @@ def one_on_the_other(rng: Rng) -> Slide:
 def plane_and_line(rng: Rng) -> Slide:
     """A block on a table, and one in a guide."""
     law = pick(rng, ("same", "same", "drop"))
-    other = Touch(((("1", "z"),),), pick(rng, ("same", "drop")), surface=pick(rng, ("none", "swing")))
+    surface = pick(rng, ("none", "swing"))
+    other = Touch(((("1", "z"),),), pick(rng, ("same", "drop")), surface=surface)
     shape = Shape((*bodies(1), "z"), (Touch(on(1), law), other), heavy=bool(rng.integers(2)))
     return made(rng, shape, 1.0)
 
@@ -507,6 +503,7 @@ def turned_directions(rng: Rng) -> Slide:
 @family
 def three_bodies(rng: Rng) -> Slide:
     """Everything at once."""
+
     def law() -> str:
         return str(pick(rng, ("same", "same", "drop", "stribeck")))
 
