@@ -55,6 +55,56 @@ class RateProblem:
     partial: list[list[Expr]]
     threshold_partial: tuple[list[list[Expr]], list[list[Expr]]]
 
+    def sliding(self, plane: Plane, i: int, j: int, first: int) -> Expr:
+        """What ṙⱼ has in the equation of coordinate i while a contact in a plane slips: of its
+        first component d/dt(n·A⁻¹λ + s) = 0, of its second n × Au = 0.
+
+        Parameters
+        ----------
+        plane : Plane
+        i, j : int
+            Coordinates.
+        first : int
+            Number of the first contact that moves a rate-independent coordinate.
+        """
+        n = [ex.sym(f"n:{part}") for part in plane.parts]
+        own = [part - first for part in plane.parts]
+        if i == own[0]:
+            terms = [
+                (x / axis * self.stiffness[k][j], 1.0)
+                for x, axis, k in zip(n, plane.axes, own, strict=True)
+            ]
+            return ex.add(*terms, (self.threshold_slope[0][i][j] / plane.axes[0], 1.0))
+        if j not in own:
+            return ex.ZERO
+        side = own.index(j)
+        turned = plane.axes[side] * self.weight[j] * n[1 - side]
+        return turned if side else -turned
+
+    def sliding_rest(self, plane: Plane, i: int, speeds: list[Expr], first: int) -> Expr:
+        """The rest of that equation.
+
+        Parameters
+        ----------
+        plane : Plane
+        i : int
+            Coordinate.
+        speeds : list of Expr
+            Of the surface.
+        first : int
+            As of :meth:`sliding`.
+        """
+        n = [ex.sym(f"n:{part}") for part in plane.parts]
+        own = [part - first for part in plane.parts]
+        if i == own[0]:
+            terms = [
+                (x / axis * self.rest[k], 1.0)
+                for x, axis, k in zip(n, plane.axes, own, strict=True)
+            ]
+            return ex.add(*terms, (self.threshold_rest[0][i] / plane.axes[0], 1.0))
+        a, b = (axis * w for axis, w in zip(plane.axes, speeds, strict=True))
+        return a * n[1] - b * n[0]
+
 
 class Plane(NamedTuple):
     """A contact in a plane.
@@ -67,12 +117,16 @@ class Plane(NamedTuple):
         The diagonal of A.
     static, kinetic : Expr
         Threshold of abs(A⁻¹λ), and its value in slip.
+    pull : tuple of Expr
+        Of coordinates without mass, the vector along which they slip, a function of the state:
+        what acts against the friction, A⁻¹F. Empty of those with mass, which slip along Au.
     """
 
     parts: tuple[int, int]
     axes: tuple[Expr, Expr]
     static: Expr
     kinetic: Expr
+    pull: tuple[Expr, ...] = ()
 
     def scaled(self, forces: tuple[Expr, Expr]) -> Expr:
         """abs(A⁻¹λ)² of forces λ."""
@@ -156,6 +210,11 @@ class MotionEquations:
         return [e for e in dict.fromkeys(entries) if not e.symbols <= held]
 
     @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """What contacts were declared as: both components of one in a plane have one name."""
+        return tuple(c.name.removesuffix(f" {c.plane}") for c in self.contacts)
+
+    @cached_property
     def guards_alone(self) -> frozenset[Expr]:
         """Guards of jumps that are no kinks of functions."""
         used = [*self.formulas, self.energy, self.dissipation, self.supply]
@@ -233,6 +292,7 @@ def _equations_of(d: Declaration) -> MotionEquations:
     laws = [d.laws[a] for a in d.internal]
     energy, dissipation, supply = _powers(d, contacts)
     rate = _rate_problem(d, contacts, slope)
+    planes = [plane._replace(pull=_pull(d, contacts, plane, rate, force_of)) for plane in planes]
     used = [
         *inertial_force,
         *viscous_force,
@@ -303,6 +363,62 @@ def _planes(contacts: list[DryContact]) -> list[Plane]:
         j = next(k for k, other in enumerate(contacts) if (other.name, other.plane) == (name, 2))
         found.append(Plane((i, j), (c.axis, contacts[j].axis), c.plus, c.kinetic_plus))
     return found
+
+
+def _pull(
+    d: Declaration,
+    contacts: list[DryContact],
+    plane: Plane,
+    rate: RateProblem,
+    force_of: dict[str, Expr],
+) -> tuple[Expr, ...]:
+    """What acts against the friction of a contact in a plane of coordinates without mass.
+
+    Of rate-independent ones it is −λ. Of viscous ones u = g (F + λ), with the force F that holds
+    them in stick, if the resistance 1/g is the same in all directions: then they slip along F.
+
+    Raises
+    ------
+    DeclarationError
+        If the viscosity is not that of single coordinates, the same in both directions.
+    """
+    own = [contacts[i] for i in plane.parts]
+    if own[0].kind == Kind.INERTIAL:
+        return ()
+    if own[0].kind == Kind.RATE_INDEPENDENT:
+        first = len(contacts) - len(rate.force)
+        forces = [rate.force[i - first] for i in plane.parts]
+        return tuple(-f / a for f, a in zip(forces, plane.axes, strict=True))
+    found = list[Expr]()
+    resistance = list[Expr]()
+    for c, axis in zip(own, plane.axes, strict=True):
+        (z, weight), *others = c.direction.items()
+        shared = [other for other in contacts if z in other.direction and other is not c]
+        coupled = [y for (x, y) in d.damping if x == z and y != z]
+        if others or shared or coupled:
+            raise DeclarationError(
+                f"contacts.'{c.name.removesuffix(str(c.plane)).rstrip()}'",
+                f"without mass, it slips along forces, and '{z}' has others that share its rate",
+                "Let each component move one viscous coordinate with a viscosity and no contact of "
+                "its own, or declare the coordinates inertial",
+            )
+        damping = d.damping[z, z]
+        found.append((force_of[z] / weight - damping * c.speed / weight**2) / axis)
+        resistance.append(damping / (weight * axis) ** 2)
+    if resistance[0] is not resistance[1] and not _equal(*resistance):
+        raise DeclarationError(
+            f"contacts.'{own[0].name.removesuffix('1').rstrip()}'",
+            "the viscosity of its components is not the same, so that it does not slip along the "
+            "force",
+            "Give both coordinates the same viscosity (in parts of the squares of axes), or "
+            "declare them inertial",
+        )
+    return tuple(found)
+
+
+def _equal(a: Expr, b: Expr) -> bool:
+    """Whether two expressions of parameters are the same."""
+    return ex.add((a, 1.0), (b, -1.0)) is ex.ZERO
 
 
 def _component(c: DryContact, i: int, plane: Plane) -> DryContact:

@@ -492,6 +492,23 @@ class System:
         return parts
 
     @cached_property
+    def planes(self) -> dict[str, tuple[str, str]]:
+        """Contacts in a plane, with the names of their two components among the dry contacts."""
+        found: dict[str, tuple[str, str]] = {}
+        for name, contact in self.plain.contacts.items():
+            if isinstance(contact, Contact) and isinstance(contact.direction, tuple):
+                first, second = contact.components(name)
+                found[name] = (first, second)
+        return found
+
+    @cached_property
+    def rubbing(self) -> dict[str, tuple[str, ...]]:
+        """What a person calls a dry contact, with the names of its components: one, or two in a
+        plane."""
+        of = {part: (name, parts) for name, parts in self.planes.items() for part in parts}
+        return dict(of.get(name, (name, (name,))) for name in self.dry_contacts)
+
+    @cached_property
     def unilateral(self) -> dict[str, Unilateral]:
         """Contacts that can open."""
         return {n: c for n, c in self.plain.contacts.items() if isinstance(c, Unilateral)}

@@ -240,7 +240,7 @@ class Problem:
     def _planes(self) -> tuple[Array, Array]:
         """Contacts in a plane, and the one that each contact is a component of."""
         layout = self.compiled.layout
-        table = np.array(layout.planes, dtype=np.int64).reshape(-1, 8)
+        table = np.array(layout.planes, dtype=np.int64).reshape(-1, 10)
         plane = np.full(len(layout.u), -1, np.int64)
         for p, (first, second, *_) in enumerate(layout.planes):
             plane[[first, second]] = p
@@ -302,8 +302,8 @@ class Problem:
         others |= {row: c for c, row in enumerate(layout.u)}
         others |= {row: 3 * contacts + j for j, row in enumerate(layout.kinks[:kinks])}
         others |= {row: 3 * contacts + kinks + c for c, row in layout.gaps.items()}
-        for c, _, first, admissible, place, *_ in layout.planes:
-            others |= {first + 2: c, admissible: place}
+        for c, _, _, admissible, place, *_, slips, _ in layout.planes:
+            others |= {slips: c, admissible: place}
         return noise | {row: others[row] for row in sorted(others) if row >= n}
 
     def _vanishing(self) -> Array:

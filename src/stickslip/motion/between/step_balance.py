@@ -56,6 +56,7 @@ from stickslip.motion.steps.arrays import (
     INLINED,
     INT_ZERO,
     KINK,
+    MASSIVE,
     NOWHERE,
     ON_INERTIAL,
     ON_VISCOUS,
@@ -901,7 +902,7 @@ def sample_law(
     """
     n = rows.sizes[DIMENSION]
     nc = len(rows.u)
-    mq, mz = rows.sizes[ON_INERTIAL], rows.sizes[ON_VISCOUS]
+    mq = rows.sizes[ON_INERTIAL]
     V = space.V
     mag = space.mag
     samples = space.samples
@@ -942,11 +943,7 @@ def sample_law(
         if abs(mode[c]) == 2:
             law[c, _HELD] = most(law[c, _HELD], mag[nc + c] * h if c < mq else mag[c])
         elif mode[c] == 0:
-            if c < mq + mz:
-                free = mag[2 * nc + c] / abs(own_inverse(rows, space, c))
-                law[c, _HELD] = most(law[c, _HELD], free * h if c < mq else free)
-            else:
-                law[c, _HELD] = most(law[c, _HELD], mag[c])
+            law[c, _HELD] = most(law[c, _HELD], held_back(rows, space, c, h))
         else:
             samples[row, g] = mode[c] * u
             samples[row + 2, g] = held + (up if mode[c] > 0 else -down)
@@ -1057,15 +1054,41 @@ def sample_plane(
         samples[row + 1, g] = u
         samples[row + 2, g] = v
         for i in (c, other):
-            free = mag[2 * len(rows.u) + i] / abs(own_inverse(rows, space, i))
-            law[c, _HELD] = most(law[c, _HELD], free * h)
+            law[c, _HELD] = most(law[c, _HELD], held_back(rows, space, i, h))
         return
     x, y = V[plane[AIM], 0], V[plane[AIM] + 1, 0]
     samples[row, g] = x * u + y * v
     samples[row + 1, g] = x * v - y * u
     samples[row + 2, g] = x * x + y * y - 1.0
-    made = (mag[len(rows.u) + c] + mag[len(rows.u) + other]) * h
-    law[c, _HELD] = most(law[c, _HELD], made)
+    if plane[MASSIVE] == 1:
+        made = (mag[len(rows.u) + c] + mag[len(rows.u) + other]) * h
+        law[c, _HELD] = most(law[c, _HELD], made)
+    elif c >= rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]:
+        # What slides without mass or viscosity has the force s, by nothing but its place.
+        row += 3 * (other - c)
+        held = V[plane[STATIC], 0] ** 2 - V[plane[ADMISSIBLE], 0]
+        samples[row, g] = math.sqrt(max(held, 0.0)) - V[plane[STATIC], 0]
+
+
+@njit(**OPTIONS)
+def held_back(rows: Rows, space: Space, c: int, h: float) -> float:
+    """The speed that forces would give to what sticks.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+    c : int
+        The contact.
+    h : float
+        How long a series would last.
+    """
+    mag = space.mag
+    mq, mz = rows.sizes[ON_INERTIAL], rows.sizes[ON_VISCOUS]
+    if c >= mq + mz:
+        return float(mag[c])
+    free = mag[2 * len(rows.u) + c] / abs(own_inverse(rows, space, c))
+    return float(free * h if c < mq else free)
 
 
 @njit(**OPTIONS)
@@ -1132,6 +1155,12 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
     law[c, _BACKWARDS] = most(law[c, _BACKWARDS], turned)
     longer = law[c, _FORCE] * (largest_of(samples[row + 2]) + unit - ROUNDING)
     law[c, _OFF_THRESHOLD] = most(law[c, _OFF_THRESHOLD], longer)
+    if c >= rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]:
+        off = largest_of(samples[row + 3 * (plane[OTHER] - c)])
+        off -= ROUNDING * (mag[2 * len(rows.u) + c] + mag[2 * len(rows.u) + plane[OTHER]])
+        if known and law[c, _FORCE] > 0.0:
+            off += strays(discs[plane[ADMISSIBLE]], factor) / law[c, _FORCE]
+        law[c, _OFF_THRESHOLD] = most(law[c, _OFF_THRESHOLD], off)
 
 
 @njit(**OPTIONS)

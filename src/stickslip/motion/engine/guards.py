@@ -10,7 +10,6 @@ from stickslip.motion.engine.roots import first_crossing
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     ADMISSIBLE_SIZE,
-    AIM,
     DIMENSION,
     DOUBTED,
     DOUBTFUL,
@@ -18,12 +17,14 @@ from stickslip.motion.steps.arrays import (
     INLINED,
     INSTANT,
     INT_ZERO,
+    MASSIVE,
     NOWHERE,
     ON_INERTIAL,
     OPTIONS,
     OTHER,
     ROUNDING,
     SLIPPING,
+    SLIPS,
     TOWARDS,
     Flow,
     Rows,
@@ -343,11 +344,13 @@ def guard_of(
             row = plane[ADMISSIBLE]
             size = mag[plane[ADMISSIBLE_SIZE]] + near * abs(W[row, 1])
         else:
-            # What is left of a slip is over when its time cannot be told from its end.
-            row = plane[AIM] + 2
+            # A slip is over when what is left of it cannot be told from nothing, or its time from
+            # its end.
+            row = plane[SLIPS]
             rate = (mag[nc + i] + mag[nc + other]) * unit + abs(W[row, 1])
             size = mag[i] + mag[other]
-            size += INSTANT / ROUNDING * abs(W[rows.sizes[DIMENSION], 0]) / unit * rate
+            late = abs(W[rows.sizes[DIMENSION], 0]) / unit
+            size += INSTANT / ROUNDING * late * abs(W[row, 1])
     elif opens(rows, i) and mode[i] == 0:
         row = rows.force[i]
         size = mag[2 * nc + i] + near * abs(W[row, 1])
@@ -368,7 +371,8 @@ def guard_of(
         rate = mag[nc + i] * unit + abs(W[row, 1])
     is_gap = row == rows.gaps[i] if nk <= g < nk + 2 * nc and opens(rows, i) else False
     if nk <= g < nk + 2 * nc and rows.plane[i] >= 0:
-        is_gap = mode[i] != 0  # how fast a speed changes is known however small it is
+        # how fast a speed changes is known however small it is
+        is_gap = mode[i] != 0 and rows.planes[rows.plane[i], MASSIVE] == 1
     return GuardRow(row, shift, sign, size, rate, around, exact, is_gap)  # pyright: ignore[reportArgumentType]
 
 

@@ -30,6 +30,7 @@ from stickslip.motion.engine.guards import (
 from stickslip.motion.steps.arrays import (
     ASTRAY,
     CAUSE,
+    COMPONENT,
     CONTACTS,
     COORDINATES,
     DIMENSION,
@@ -55,6 +56,7 @@ from stickslip.motion.steps.arrays import (
     ON_RATE_INDEPENDENT,
     ON_VISCOUS,
     OPTIONS,
+    OTHER,
     OVERFLOW,
     PART,
     PROMISED,
@@ -257,7 +259,6 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
     mag = space.mag
     mode = at.mode
     asked = space.asked
-    nc = len(rows.u)
     nq = rows.sizes[INERTIAL]
     mq = rows.sizes[ON_INERTIAL]
     released = False
@@ -265,15 +266,17 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
     for c in range(mq):
         if mode[c] != 0:
             continue
-        # The acceleration that this contact holds back, or could: its force over its effective
-        # mass.
         gap = W[rows.u[c], 0]
-        rate = mag[nc + c] + mag[2 * nc + c] / abs(own_inverse(rows, space, c))
+        rate = held_back(rows, space, c)
         slow = (_ON_SURFACE * last + _WIDE * ROUNDING * near) * rate + ROUNDING * mag[c]
         if opens(rows, c):
             slow += _WIDE * ROUNDING * mag[c]
         if rows.plane[c] >= 0:
-            slow += _WIDE * (ROUNDING * mag[c] + INSTANT * abs(at.t) * rate)
+            # Both components together have come to rest.
+            first, second = rows.planes[rows.plane[c], COMPONENT], rows.planes[rows.plane[c], OTHER]
+            rate = held_back(rows, space, first) + held_back(rows, space, second)
+            slow = (_ON_SURFACE * last + _WIDE * ROUNDING * near) * rate
+            slow += _WIDE * (ROUNDING * (mag[first] + mag[second]) + INSTANT * abs(at.t) * rate)
         if abs(gap) > slow or is_apart(flow, c, last):
             # Contacts of other components hold the same whether this one does or not.
             if asked[rows.homes[c, PART]] == 0:
@@ -289,7 +292,10 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
             first = rows.parts[part, FIRST_ROW]
             for i in range(rows.parts[part, COORDINATES]):
                 q = rows.members[rows.parts[part, MEMBERS] + i]
-                at.y[nq + q] -= space.Rq[first + i, rows.homes[c, SEAT] - first] * gap
+                change = space.Rq[first + i, rows.homes[c, SEAT] - first] * gap
+                at.y[nq + q] -= change
+                if rows.plane[c] >= 0 and abs(at.y[nq + q]) <= ROUNDING * abs(change):
+                    at.y[nq + q] = 0.0  # what is left of rounding errors is nothing
         if mode[c] == 0 and opens(rows, c):
             # What is closed stays on the surface itself, too.
             part = rows.homes[c, PART]
@@ -299,6 +305,14 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
                 q = rows.members[rows.parts[part, MEMBERS] + i]
                 at.y[q] -= space.Rq[first + i, rows.homes[c, SEAT] - first] * distance
     return True
+
+
+@njit(**OPTIONS)
+def held_back(rows: Rows, space: Space, c: int) -> float:
+    """The acceleration that a sticking contact holds back, or could."""
+    mag = space.mag
+    nc = len(rows.u)
+    return float(mag[nc + c] + mag[2 * nc + c] / abs(own_inverse(rows, space, c)))
 
 
 @njit(**OPTIONS)
@@ -657,6 +671,9 @@ def settle_mode(
             if total == 0:
                 return SINGULAR, 0.0, 0.0, 0
         status, h = make_series(machine, flow, lane, room, slack * denied, hold or pivots > 1)
+        if len(rows.planes) > 0 and status == OK:
+            # A slip in a plane begins from rest, exactly.
+            copy(lane.y, space.y0)
         known = pivots == 1 and status != SINGULAR
         if known and promised > 0.0 and not keeps(flow, space.W, lane.y, lane.seen, promised):
             return ASTRAY, 0.0, 0.0, 0

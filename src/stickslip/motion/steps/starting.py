@@ -30,6 +30,7 @@ from stickslip.motion.steps.arrays import (
     EPSILON,
     FEWEST_ORDERS,
     INLINED,
+    MASSIVE,
     OK,
     OPTIONS,
     Flow,
@@ -63,7 +64,8 @@ def begins(flow: Flow, mode: Array, table: Array) -> bool:
     rows = flow.rows
     found = False
     for p in range(len(rows.planes)):
-        starts = mode[rows.planes[p, COMPONENT]] == 1 and table[rows.planes[p, AIM] + 2, 0] == 0.0
+        slips = rows.planes[p, MASSIVE] == 1 and mode[rows.planes[p, COMPONENT]] == 1
+        starts = slips and table[rows.planes[p, AIM] + 2, 0] == 0.0
         flow.space.aims[_AIMS * p + _P, 0] = 0.0 if starts else -1.0
         found = found or starts
     return found
