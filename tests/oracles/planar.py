@@ -59,8 +59,9 @@ def pushed_puck_at(f: float, k: float, speed: float, angle: float, later: float)
             lambda phi, w=w: w(phi) * r(phi) / (f * np.sin(phi)),
             later,
             angle,
-            epsabs=1e-14,
-            epsrel=1e-13,
+            epsabs=0.0,
+            epsrel=1e-12,
+            limit=200,
         )[0]
         for w in weights
     ]
