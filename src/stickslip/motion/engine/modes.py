@@ -44,6 +44,7 @@ from stickslip.motion.steps.arrays import (
     INT_ZERO,
     KINKS,
     LAST,
+    MASSIVE,
     MATRIX,
     MEMBERS,
     MOVING,
@@ -647,6 +648,7 @@ def settle_mode(
     touched = space.touched
     nk = len(rows.kinks)
     n = len(lane.y)
+    begin_at_rest(machine, flow, lane)
     copy(lane.y, space.y0)
     clear(touched)
     space.W[n, 1] = lane.clock[UNIT]
@@ -707,6 +709,24 @@ def settle_mode(
         carried = status == SINGULAR and total == 0 and let_carry(flow, lane.mode, flipped - nk)
         if total == 0 and (many or (status != OK and not carried)):
             total = concerned(rows.sizes, touched, lane.mode, lane.counters[CAUSE])
+
+
+@njit(**OPTIONS)
+def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
+    """Put the velocity of a contact in a plane that has just left stick onto that of its surface:
+    its slip begins from nothing, and not from rounding errors."""
+    rows = flow.rows
+    c = lane.counters[CAUSE] - len(rows.kinks)
+    if len(rows.planes) == 0 or c < 0 or rows.plane[c] < 0:
+        return
+    if rows.planes[rows.plane[c], MASSIVE] == 0 or lane.mode[c] == 0:
+        return
+    here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
+    set_mode(rows, lane.mode, c, 0)
+    if resolve(rows, flow.k, flow.space, lane.mode):
+        if coefficients(machine, flow, here, 1, flow.space.W) == OK:
+            release_or_hold(flow, here, lane.clock[RECENT], 0.0)
+    set_mode(rows, lane.mode, c, 1)
 
 
 @njit(**INLINED)
