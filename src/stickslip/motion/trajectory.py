@@ -299,7 +299,6 @@ class Trajectory(Result):
         out = np.empty((len(clock), p.compiled.layout.rows + 3))
         flow = p.flow(retracing=True)
         work = dense.make_scratch(p.rows, (p.compiled.layout.rows, 2))
-        work.V[k.state.shape[1], 1] = 1.0  # the unit of time, for rates
         dense.sample(p.machine, flow, self._seen, k.record, index, clock, work, out)
         return out
 

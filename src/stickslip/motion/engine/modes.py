@@ -723,9 +723,9 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
         return
     here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
     set_mode(rows, lane.mode, c, 0)
-    if resolve(rows, flow.k, flow.space, lane.mode):
-        if coefficients(machine, flow, here, 1, flow.space.W) == OK:
-            release_or_hold(flow, here, lane.clock[RECENT], 0.0)
+    known = resolve(rows, flow.k, flow.space, lane.mode)
+    if known and coefficients(machine, flow, here, 1, flow.space.W) == OK:
+        release_or_hold(flow, here, lane.clock[RECENT], 0.0)
     set_mode(rows, lane.mode, c, 1)
 
 
