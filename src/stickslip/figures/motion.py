@@ -20,6 +20,7 @@ from matplotlib.ticker import MaxNLocator
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
+from stickslip.figures.drawing.planes import InPlane, PlaneCurves
 from stickslip.figures.drawing.sampling import Sampled
 from stickslip.figures.drawing.style import (
     BAND,
@@ -38,7 +39,6 @@ from stickslip.figures.drawing.style import (
     symbol,
 )
 from stickslip.figures.drawing.thinning import COLUMNS, FEW, Columns, Curve, strip
-from stickslip.figures.in_plane import InPlane, PlaneCurves
 from stickslip.model.names import normal_force
 from stickslip.model.quantities import FORCES, contact_key, quantity
 from stickslip.model.units import unit_label
