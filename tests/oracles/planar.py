@@ -26,7 +26,7 @@ def pushed_puck(f: float, k: float, speed: float, angle: float) -> Array:
     z = np.tan(angle / 2)
     p = k / f
     across = speed * np.sin(angle)
-    # dt = (1 + z²) z^(p−2)/2 dz, r = (1 + z²) z^(p−1)/2 and cos φ = (1 − z²)/(1 + z²), for c = f = 1
+    # for c = f = 1: dt = (1 + z²) z^(p−2)/2 dz, r = (1 + z²) z^(p−1)/2
     time = (1 / (z * (p - 1)) + z / (p + 1)) / 2
     x = (z**-2 / (2 * p - 2) - z**2 / (2 * p + 2)) / 4
     y = (1 / (z * (2 * p - 1)) + z / (2 * p + 1)) / 2
