@@ -12,6 +12,7 @@ from numpy.polynomial import legendre
 from .mechanics import Array
 
 NODES = 12
+MORE = 4  # iterations for imaginary parts, which are too small to be seen
 
 
 def _radau() -> tuple[Array, Array, Array, Array]:
@@ -48,6 +49,7 @@ def picard(f: Callable[[Array], Array], y: Array, h: Any, guess: Array) -> Array
     """Values at the nodes by Picard's iteration, or None where it does not end."""
     stages = guess
     last = np.inf
+    more = MORE if np.iscomplexobj(guess) else 0
     for _ in range(50):
         new = y + h * (INTEGRALS @ f(stages))
         change = np.max(np.abs(new - stages) / (1.0 + np.abs(y)))
@@ -55,36 +57,47 @@ def picard(f: Callable[[Array], Array], y: Array, h: Any, guess: Array) -> Array
         if not np.isfinite(change):
             return None
         if change < 1e-15 or (change < 1e-14 and change >= last):
-            return stages
+            if more == 0:
+                return stages
+            more -= 1
         last = change
     return None
 
 
 def newton(f: Callable[[Array], Array], y: Array, h: Any, guess: Array) -> Array | None:
     """Values at the nodes by Newton's method: for the beginning of a slip."""
-    size = len(y)
+    width = len(y)
     stages = guess
-    for _ in range(30):
+    last = np.inf
+    more = MORE if np.iscomplexobj(guess) else 0
+    for _ in range(12 + more):
         value = f(stages)
         gap = y + h * (INTEGRALS @ value) - stages
-        jacobian = np.zeros((NODES, size, size), dtype=value.dtype)
-        for j in range(size):
+        jacobian = np.zeros((NODES, width, width), dtype=value.dtype)
+        for j in range(width):
             by = 1e-7 * np.maximum(np.abs(stages[:, j] - y[j]), 1e-9)
             moved = np.array(stages)
             moved[:, j] += by
             jacobian[:, :, j] = (f(moved) - value) / by[:, None]
         # d(gap)ᵢ/d(stage)ⱼ = h Aᵢⱼ f′(stageⱼ) − 1
         matrix = -h * np.einsum("ij,jab->iajb", INTEGRALS, jacobian).reshape(
-            NODES * size, NODES * size
+            NODES * width, NODES * width
         )
-        matrix += np.eye(NODES * size)
+        matrix += np.eye(NODES * width)
         if not np.all(np.isfinite(matrix)):
             return None
-        change = np.linalg.solve(matrix, gap.ravel()).reshape(NODES, size)
+        change = np.linalg.solve(matrix, gap.ravel()).reshape(NODES, width)
         stages = stages + change
-        if np.max(np.abs(change) / (1.0 + np.abs(y))) < 1e-15:
-            return stages
-    return stages if np.max(np.abs(change)) < 1e-14 else None
+        size = float(np.max(np.abs(change) / (1.0 + np.abs(y))))
+        if not size < 1e3:
+            return None
+        # the end is linear, as exact as the differences, and then rounding
+        if size < 1e-15 or (size < 1e-13 and size > 0.1 * last):
+            if more == 0:
+                return stages
+            more -= 1
+        last = size
+    return None
 
 
 def tail_of(values: Array, y: Array, h: Any) -> float:

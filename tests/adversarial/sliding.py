@@ -585,14 +585,18 @@ class Run:
         ]
         y = np.concatenate([self.y, *slides])
         h = 0.1
+        guess = self._first_guess(new, y, h)
         while True:
-            stages = newton(f, y, h, self._first_guess(new, y, h))
+            stages = newton(f, y, h, guess)
             tail = np.inf if stages is None else tail_of(f(stages), y, h)
             if tail <= self.tolerance:
                 break
             h /= 2
             if h < LEAST_STEP:
                 raise NoAnswer("no beginning of a slip")
+            # the first half of what was too long is near
+            found = None if stages is None else polynomial(y, stages)
+            guess = self._first_guess(new, y, h) if found is None else found(PLACES / 2)
         assert stages is not None
         aims = self.aims(stages, aimed=False)
         if any(np.sum(aims[c][0][0] * n).real < 0.9 for c, (n, _, _) in new.items()):

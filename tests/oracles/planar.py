@@ -20,26 +20,17 @@ from scipy.integrate import quad, solve_ivp
 Array = NDArray[Any]
 
 
-def powers(z: float, p: float) -> tuple[float, float, float]:
-    """∫ dt, ∫ dx, ∫ dy from z to 0 for c = f = 1 and k = p > 1."""
-
-    def term(power: float) -> float:
-        return z**power / power
-
-    # dt = (1 + z²) z^(p−2)/2 dz, r = (1 + z²) z^(p−1)/2, cos φ = (1 − z²)/(1 + z²)
-    time = (term(p - 1) + term(p + 1)) / 2
-    x = (term(2 * p - 2) - term(2 * p + 2)) / 4
-    y = (term(2 * p - 1) + term(2 * p + 1)) / 2
-    return time, x, y
-
-
 def pushed_puck(f: float, k: float, speed: float, angle: float) -> Array:
     """Time, x and y of the stop of a puck of unit mass that is thrown at an angle 0 < φ < π from a
     constant force f < k."""
     z = np.tan(angle / 2)
-    c = speed * np.sin(angle) / z ** (k / f)
-    time, x, y = powers(z, k / f)
-    return np.array([c / f * time, c**2 / f * x, c**2 / f * y])
+    p = k / f
+    across = speed * np.sin(angle)
+    # for c = f = 1: dt = (1 + z²) z^(p−2)/2 dz, r = (1 + z²) z^(p−1)/2
+    time = (1 / (z * (p - 1)) + z / (p + 1)) / 2
+    x = (z**-2 / (2 * p - 2) - z**2 / (2 * p + 2)) / 4
+    y = (1 / (z * (2 * p - 1)) + z / (2 * p + 1)) / 2
+    return np.array([across * time, across**2 * x, across**2 * y]) / f
 
 
 def pushed_puck_at(f: float, k: float, speed: float, angle: float, later: float) -> Array:

@@ -159,8 +159,8 @@ def test_along_a_line_it_is_friction_along_a_line(kind: str, seed: int) -> None:
     one, other = scalar.at(times), planar.at(times)
     for name in ("x", "d_x"):
         near(one[name], other[name], 1e-10)
-    assert np.all(other["y"] == 0.0)
-    assert np.all(other["d_y"] == 0.0)
+    assert np.abs(other["y"]).max() < 1e-30
+    assert np.abs(other["d_y"]).max() < 1e-30
     near(one["friction_table"], other["friction_table_1"], 1e-8)
     assert len(switches(scalar)) == len(switches(planar))
     near(switches(scalar), switches(planar), 1e-11)
