@@ -22,10 +22,10 @@ from stickslip.model.system import (
 from stickslip.symbolic.formulas import NAME, TimeFunction
 
 PLANAR = (
-    "Write it like 'd_x' or 'd_x2 - d_x1'; friction that is the same in all directions of a plane "
-    "is quasistatic here: ss.GroupNorm, for ss.evolve"
+    "Write it like 'd_x' or 'd_x2 - d_x1'; friction in a plane is a contact with a threshold and "
+    "two directions, like direction = ['d_x', 'd_y']"
 )
-"""What to do instead of a contact with two directions."""
+"""What to do instead of one direction that is no linear combination of rates."""
 _EXPECTED = {
     "str": ("a text", 'Write it in quotes, like "N/m"'),
     "float": ("a number", "Write it without quotes, like 0.5"),
@@ -40,6 +40,11 @@ _EXPECTED = {
     ),
     "Passing": ("how a guard passes through zero", 'Write "falling", "rising" or "both"'),
     "Direction": ("one linear combination of rates", PLANAR),
+    "Direction | tuple[Direction, Direction]": (
+        "a linear combination of rates, or a pair of them",
+        "Write it like 'd_x' or 'd_x2 - d_x1'; friction in a plane has two components, "
+        "like ['d_x', 'd_y']",
+    ),
     "Formula | tuple[Formula, ...]": (
         "a formula or a list of them",
         'Write "mu*m*g", or [1.0, "2*F"] for several elements',
@@ -114,6 +119,8 @@ def _has_kind(value: Any, kind: str) -> bool:
     match kind:
         case "str" | "Direction":
             return isinstance(value, str)
+        case "Direction | tuple[Direction, Direction]":
+            return isinstance(value, str) or _is_pair(value, "str")
         case "Passing":
             return isinstance(value, str) and value in CROSSINGS
         case "float":

@@ -74,16 +74,18 @@ def generic_scene(motion: Trajectory, times: Array, values: Mapping[str, Array])
 def soles_of(system: System) -> dict[str, str]:
     """The contact under each coordinate that one moves alone, by its name in variables."""
     found: dict[str, str] = {}
+    named = {part: name for name, parts in system.rubbing.items() for part in parts}
     for contact in system.declaration.contacts:
         (first, *others) = contact.direction or {"": 0.0}
-        if first and not others and contact.name in system.dry_contacts:
-            found.setdefault(first, contact_key(contact.name))
+        if first and not others and contact.name in named:
+            found.setdefault(first, contact_key(named[contact.name]))
     return found
 
 
 def belt_shift(motion: Trajectory, key: str, times: Array) -> Course:
     """How far the surface under a contact has moved."""
-    for name, contact in motion.system.dry_contacts.items():
+    for name, parts in motion.system.rubbing.items():
+        contact = motion.system.dry_contacts[parts[0]]
         if contact_key(name) == key and contact.surface_speed != 0.0:
             way = way_of(motion, contact.surface_speed, times)
             return 0.0 if way is None else way

@@ -59,7 +59,8 @@ explorer.showWarnings = (warnings) => {
 
 // -- which lines are drawn in which row --------------------------------------------------------------------
 
-const groupKey = (group) => group.contact ? `F ${group.contact}` : group.names.join(" ")
+// A contact in a plane has a row for each component of its force.
+const groupKey = (group) => group.contact ? `F ${group.key}` : group.names.join(" ")
 
 explorer.shownGroups = () => {
   const groups = explorer.motion.head.groups

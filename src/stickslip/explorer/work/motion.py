@@ -121,14 +121,24 @@ def _groups(
         for name in names[:_MOST_LINES]:
             by_unit.setdefault(unit_of(system, name), []).append(name)
         groups += [{"kind": kind, "names": own, "unit": unit} for unit, own in by_unit.items()]
-    for contact in system.dry_contacts:
+    for contact, parts in system.rubbing.items():
         key = contact_key(contact)
         if key not in contacts or len(groups) > _MOST_LINES:
             continue
-        names = [f"friction_{key}", f"threshold_plus_{key}", f"threshold_minus_{key}"]
-        group = {"kind": "friction", "names": names, "unit": unit_of(system, names[0])}
-        groups.append(group | {"contact": key, "title": contact})
+        for part in parts:
+            names = force_lines(parts, part)
+            group = {"kind": "friction", "names": names, "unit": unit_of(system, names[0])}
+            groups.append(group | {"contact": key, "key": contact_key(part), "title": part})
     return groups
+
+
+def force_lines(parts: tuple[str, ...], part: str) -> list[str]:
+    """The force of a contact, or of a component of one in a plane, and its thresholds for both
+    directions."""
+    key = contact_key(part)
+    if len(parts) > 1:
+        return [f"friction_{key}", f"threshold_{key}", f"threshold_{key}"]
+    return [f"friction_{key}", f"threshold_plus_{key}", f"threshold_minus_{key}"]
 
 
 def _stick_phases(motion: Trajectory) -> dict[str, Array]:

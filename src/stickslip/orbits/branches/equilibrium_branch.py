@@ -14,7 +14,7 @@ import numpy as np
 
 from stickslip.certificates import Certificate, worst
 from stickslip.equations.derive import MotionEquations
-from stickslip.equations.field import Guard, mode_field
+from stickslip.equations.field import Guard, mode_field, switched
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
@@ -229,7 +229,7 @@ class _Follower:
         self.span = span
         self.invariant, self.steps = invariant, steps
         self.width = span[1] - span[0]
-        self.contacts = tuple(c.name for c in equations.contacts)
+        self.contacts = equations.labels
         self.tangent: Array | None = None  # at the start, in the direction that came first
 
     # -- following ---------------------------------------------------------------------------------
@@ -344,14 +344,9 @@ class _Follower:
     def _beyond(self, steady: Steady, guard: Guard, end: Point) -> tuple[Steady, Array] | None:
         """The field on the other side of a guard and the direction in which an equilibrium goes on
         there, if any."""
-        mode, region = list(steady.field.mode), list(steady.field.region)
-        kinks = len(region)
-        if guard.switch < kinks:
-            region[guard.switch] = guard.to
-        else:
-            mode[guard.switch - kinks] = guard.to
+        mode, region = switched(steady.field, guard.switch, guard.to)
         try:
-            other = self._steady(tuple(mode), tuple(region), end.x[:-1])
+            other = self._steady(mode, region, end.x[:-1])
         except ZeroDivisionError:
             return None
         F, J = other.residual(self.parameter)(end.x)
