@@ -38,6 +38,11 @@ _EXPECTED = {
         "a formula or a pair of them",
         'Write "mu*m*g" or ["f_plus", "f_minus"]',
     ),
+    "SurfaceSpeed": (
+        "a formula, or a pair of them",
+        'Write "V"; of a contact in a plane both components, like ["V", 0]',
+    ),
+    "Axes": ("a pair of half axes", "Write it like [1.0, 0.6]"),
     "Passing": ("how a guard passes through zero", 'Write "falling", "rising" or "both"'),
     "Direction": ("one linear combination of rates", PLANAR),
     "Direction | tuple[Direction, Direction]": (
@@ -139,7 +144,7 @@ def _has_kind(value: Any, kind: str) -> bool:
             return _has_kind(value, "Formula")
         case "tuple[float, float]":
             return _is_pair(value, "float")
-        case "tuple[Formula, Formula]":
+        case "tuple[Formula, Formula]" | "Axes":
             return _is_pair(value, "Formula")
         case _:
             return _is_pair(value, "Formula") or _has_kind(value, "Formula")
@@ -153,8 +158,8 @@ def wrong_kind(value: Any, expected: str, where: str) -> DeclarationError:
     """The error for a value that is not of the expected kind, a key of :data:`_EXPECTED`."""
     names = {
         "dict": "a table",
-        "list": "a list",
-        "tuple": "a list",
+        "list": f"a list of {len(value)}" if isinstance(value, list) else "",
+        "tuple": f"a list of {len(value)}" if isinstance(value, tuple) else "",
         "str": "a text",
         "bool": "true or false",
     }

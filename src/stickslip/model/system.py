@@ -23,6 +23,10 @@ Formula = str | float
 """A text or a number. An expression may be given, too: it is written down as a text."""
 Direction = str
 """A linear combination of rates."""
+SurfaceSpeed = Formula | tuple[Formula, Formula]
+"""A speed, or in a plane a velocity."""
+Axes = tuple[Formula, Formula]
+"""Half axes of an ellipse."""
 Drive = Formula | TimeFunction
 """A function of time: a formula, or samples."""
 Passing = str
@@ -172,10 +176,10 @@ class Contact:
 
     direction: Direction | tuple[Direction, Direction]
     threshold: Formula | tuple[Formula, Formula]
-    surface_speed: Formula | tuple[Formula, Formula] = 0.0
+    surface_speed: SurfaceSpeed = 0.0
     kinetic: Formula | tuple[Formula, Formula] | None = None
     unit: str = ""
-    axes: tuple[Formula, Formula] = (1.0, 1.0)
+    axes: Axes = (1.0, 1.0)
 
     def __post_init__(self) -> None:
         hold_plain(self)
