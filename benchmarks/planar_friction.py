@@ -95,7 +95,7 @@ def table(rows: dict[str, list[list[float]]], left_out: int) -> str:
         "collocation of `tests/adversarial/sliding.py`. "
         f"{left_out} systems were left out: not certified, or without a reference.",
         "",
-        "| family | systems | ε = 4e-3 | 2e-3 | 1e-3 | limit, median | limit, worst | exact, worst |",
+        "| family | systems | ε = 4e-3 | 2e-3 | 1e-3 | limit: median | worst | exact: worst |",
         "|---|---:|---:|---:|---:|---:|---:|---:|",
     ]
     for name, own in [*rows.items(), ("**all**", whole.tolist())]:

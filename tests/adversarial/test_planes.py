@@ -129,7 +129,7 @@ def test_the_reference_agrees_in_tau_with_derivatives() -> None:
 
 
 def test_the_reference_begins_a_slip_as_its_leading_term_does() -> None:
-    """From rest under a force beyond friction: (|f| − k) n t, and from there an integration in τ."""
+    """From rest under a force beyond friction: (|f| − k) n t, then an integration in τ."""
 
     def force(t: float, q: np.ndarray, u: np.ndarray) -> np.ndarray:
         return np.array([1.2, 0.5]) - 0.4 * q
