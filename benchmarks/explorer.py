@@ -4,8 +4,9 @@
     python benchmarks/explorer.py --pages 1000
 
 From the event of a slider to the figures drawn anew (a drag, and single moves), for every system of
-the catalogue; redraws a second while dragging; from the command to its address and to the page with
-its first motion; the memory of the server after many pages were opened and closed.
+the catalogue; redraws a second while dragging, and what a redraw takes of a processor in the page,
+which says most where others use the machine, too; from the command to its address and to the page
+with its first motion; the memory of the server after many pages were opened and closed.
 """
 
 from __future__ import annotations
@@ -112,6 +113,8 @@ def ready(driver: webdriver.Chrome) -> None:
 
 def latencies(found: dict[str, Any]) -> tuple[np.ndarray, float]:
     """ms from each event to the last figure that was drawn for it, and redraws a second."""
+    if not found["redraws"]:
+        return np.array([]), 0.0
     redraws, paints = found["redraws"], np.array([p[0] for p in found["paints"]])
     ends = [r[2] for r in redraws[1:]] + [np.inf]
     times = []
@@ -125,8 +128,10 @@ def latencies(found: dict[str, Any]) -> tuple[np.ndarray, float]:
 
 def drags(driver: webdriver.Chrome, address: str, names: list[str]) -> None:
     """The table of all systems."""
-    print("| system | single move: median, 95 % [ms] | dragging: median, 95 % [ms] | redraws/s |")
-    print("|---|---|---|---|")
+    head = ("single move: median, 95 % [ms]", "dragging: median, 95 % [ms]", "redraws/s")
+    print("| system |", " | ".join(head), "| of a processor [ms] |")
+    print("|---|---|---|---|---|")
+    driver.execute_cdp_cmd("Performance.enable", {"timeDomain": "threadTicks"})
     base = address.partition("#")[0]
     for name in names:
         parameters = list(ss.catalogue.get(name).parameters)
@@ -137,14 +142,22 @@ def drags(driver: webdriver.Chrome, address: str, names: list[str]) -> None:
         ready(driver)
         time.sleep(1.0)
         said = []
-        rate = np.nan
+        rate = took = np.nan
         for kind in ("single", "drag"):
             count = 40 if kind == "single" else 150
+            before = busy(driver)
             found = driver.execute_async_script(_DRAG, parameters[0], _GAPS[kind], count)
             times, rate = latencies(found)
+            took = 1000.0 * (busy(driver) - before) / max(len(times), 1)
             some = times if len(times) else np.array([np.nan])
             said.append(f"{np.median(some):.0f}, {np.percentile(some, 95):.0f}")
-        print(f"| `{name}` | {said[0]} | {said[1]} | {rate:.0f} |", flush=True)
+        print(f"| `{name}` | {said[0]} | {said[1]} | {rate:.0f} | {took:.0f} |", flush=True)
+
+
+def busy(driver: webdriver.Chrome) -> float:
+    """Seconds of a processor that the page has taken."""
+    metrics = driver.execute_cdp_cmd("Performance.getMetrics", {})["metrics"]
+    return next(m["value"] for m in metrics if m["name"] == "TaskDuration")
 
 
 def beginning(driver: webdriver.Chrome, times: int) -> None:

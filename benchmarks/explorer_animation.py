@@ -19,7 +19,7 @@ from explorer import browser, ready, serving
 _SIZE = (1280, 760)
 _WIDTH = 860  # pixels of the animation
 _FRAME = 0.2  # seconds
-_COLOURS = 64
+_COLOURS = 128
 
 
 def scenes(driver: webdriver.Chrome) -> Iterator[None]:
@@ -49,9 +49,11 @@ def scenes(driver: webdriver.Chrome) -> Iterator[None]:
     )
     until(driver, "document.getElementById('branch-high').value === '0.4'")
     driver.execute_script("document.getElementById('branch-go').click()")
-    until(driver, "explorer.branches.found.length === 2")
-    for _ in range(5):
-        time.sleep(0.3)
+    following = "document.body.classList.contains('following')"
+    until(driver, "explorer.branches.found.length > 0")
+    while driver.execute_script(f"return {following}"):  # points arrive
+        yield
+    for _ in range(4):
         yield
     for k in range(26):
         driver.execute_script(
@@ -90,7 +92,8 @@ def main() -> None:
     sheet = Image.new("RGB", (_WIDTH, 2 * frames[0].height))
     sheet.paste(frames[0], (0, 0))
     sheet.paste(frames[-1], (0, frames[0].height))
-    palette = sheet.quantize(_COLOURS)
+    # The colours of lines and lamps are few points among many grey ones, and are kept.
+    palette = sheet.quantize(_COLOURS, method=Image.Quantize.MAXCOVERAGE)
     images = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
     images[0].save(
         target, save_all=True, append_images=images[1:], duration=round(1000 * _FRAME), loop=0,

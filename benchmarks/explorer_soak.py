@@ -24,6 +24,7 @@ from selenium.common.exceptions import JavascriptException
 import stickslip as ss
 from explorer import browser, ready
 
+_EVOLUTIONS = Path(__file__).parents[1] / "examples" / "evolution"
 _ADDRESS = re.compile(r"http://\S+")
 _HOSTILE = (
     '""',
@@ -95,13 +96,16 @@ def workers_of(pid: int) -> list[int]:
 
 def act(driver: webdriver.Chrome, chance: random.Random) -> None:
     """Do something."""
-    kind = chance.choice([*_ACTS, "drag", "drag", "model", "hostile"])
+    kind = chance.choice([*_ACTS, "drag", "drag", "model", "hostile", "evolution"])
     if kind == "model":
         name = chance.choice(ss.catalogue.names())
         driver.execute_script(
             f"explorer.change('model', () => {{ explorer.state = {{...explorer.fresh('{name}'),"
             " panel: explorer.state.panel}})"
         )
+    elif kind == "evolution":
+        text = chance.choice(sorted(_EVOLUTIONS.glob("*.toml"))).read_text(encoding="utf-8")
+        driver.execute_script("explorer.useToml(arguments[0])", text)
     elif kind == "hostile":
         driver.execute_script(f"explorer.wire.asked = {chance.choice(_HOSTILE)}")
     else:

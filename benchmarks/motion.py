@@ -8,7 +8,8 @@ told beforehand which boundary ends which mode.
 
 The second table is the cold start: whole processes that import, integrate one motion and stop. The
 third one is about impacts (``benchmarks/impacts.py``); ``python benchmarks/motion.py impacts``
-measures it alone and leaves the others as they are.
+measures it alone and leaves the others as they are, as ``planes`` does with the fourth, about
+friction in a plane (``benchmarks/planes.py``).
 
 The tables go to ``benchmarks/results/motion.md`` with the machine named.
 """
@@ -28,6 +29,7 @@ from statistics import median
 import numpy as np
 
 import impacts
+import planes
 import stickslip as ss
 from reference_values import PROBLEMS
 from rivals import ABSENT, RIVALS, time_interleaved
@@ -35,6 +37,7 @@ from rivals import ABSENT, RIVALS, time_interleaved
 # motions in one call, so many that making the closed forms does not count
 BATCH = {"A": 2000, "B": 30000, "C": 10000}
 IMPACTS = "## Impacts"
+PLANES = "## Friction in a plane"
 RESULTS = Path(__file__).parent / "results" / "motion.md"
 SLIDER = {"mu": "0.5 + exp(-(alpha - 1)/0.4)", "V": 0.18, "nu": 0.02}
 SYSTEMS: dict[str, tuple[ss.System, dict[str, float]]] = {
@@ -166,17 +169,40 @@ def machine() -> str:
 
 
 def main() -> None:
-    """Run everything, or the impacts alone; print it and keep it."""
+    """Run everything, or one of the later parts alone; print it and keep it."""
     RESULTS.parent.mkdir(exist_ok=True)
-    if sys.argv[1:] == ["impacts"]:
-        before = RESULTS.read_text().split(IMPACTS)[0].rstrip().splitlines()
-    else:
-        absent = [f"{name} is absent: {reason}" for name, reason in ABSENT.items()]
-        before = ["# Motion: time and error", "", machine(), "", *motions(), "", *cold_start()]
-        before += ["", *absent]
-    text = "\n".join(
-        [*before, "", IMPACTS, "", machine(), "", *impacts.table(time_interleaved), ""]
-    )
+    alone = sys.argv[1] if len(sys.argv) > 1 else ""
+    kept = RESULTS.read_text() if alone else ""
+    first, _, rest = kept.partition(IMPACTS)
+    second, _, third = rest.partition(PLANES)
+    absent = [f"{name} is absent: {reason}" for name, reason in ABSENT.items()]
+    parts = [
+        first.strip()
+        if alone
+        else "\n".join(
+            [
+                "# Motion: time and error",
+                "",
+                machine(),
+                "",
+                *motions(),
+                "",
+                *cold_start(),
+                "",
+                *absent,
+            ]
+        )
+    ]
+    for name, heading, before, table in (
+        ("impacts", IMPACTS, second, impacts.table),
+        ("planes", PLANES, third, planes.table),
+    ):
+        if alone in ("", name):
+            body = "\n".join([machine(), "", *table(time_interleaved)])
+        else:
+            body = before.strip()
+        parts.append(f"{heading}\n\n{body}")
+    text = "\n\n".join(parts) + "\n"
     RESULTS.write_text(text)
     print(text)
 

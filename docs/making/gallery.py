@@ -122,7 +122,11 @@ def pictures(folder: Path) -> None:
             motion = ss.simulate(system)
             motion.plot().savefig(folder / f"{name}.png", dpi=110)
         small = ss.style.new_figure(4.0, 2.6)
-        motion.plot(next(iter([*system.coordinates, *system.internal])), ax=small.add_subplot())
+        if system.planes:
+            ss.figures.path_in_plane(small.add_subplot(), motion)
+        else:
+            first = next(iter([*system.coordinates, *system.internal]))
+            motion.plot(first, ax=small.add_subplot())
         small.savefig(folder / f"{name}-small.png", dpi=_THUMBNAIL)
         mark.write_text(now, encoding="utf-8")
 

@@ -38,6 +38,7 @@ _OF = {
     "": "",
     "component": "a part of the state, `amplitude:x`",
     "contact": "a contact, `stick_fraction:foot`",
+    "force": "a contact, `mean_force:foot`; in a plane one component, `mean_force:table 1`",
     "quantity": "a variable, also a force, `harmonic:friction_foot`",
     "weight": "a formula of the parameters, `cost_of_transport:m*g`",
 }

@@ -20,6 +20,7 @@ from .verdict import Verdict
 SHARES = {
     "motions": 1.0,
     "impacts": 0.25,
+    "planes": 0.25,
     "cycles": 0.1,
     "maps": 0.1,
     "averages": 0.1,

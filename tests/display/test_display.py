@@ -107,6 +107,50 @@ def test_laws_that_differ_by_direction_or_in_sliding_are_listed() -> None:
     )
 
 
+def test_friction_in_a_plane_is_a_law_of_vectors() -> None:
+    disc = ss.Contact(("d_x", "d_y"), "c", surface_speed=("-k*y", "k*x"))
+    shown(
+        particle("k/2*x**2", contacts={"table": disc}),
+        "  c √((ẋ + k y)² + (ẏ − k x)²)",
+        "  ẍ + k x − λ₁ = 0",
+        "  ÿ − λ₂ = 0",
+        "  table:   u = (ẋ + k y, ẏ − k x)",
+        "    u = 0:  |λ| ≤ c",
+        "    u ≠ 0:  λ = −c u/|u|",
+    )
+    ellipse = ss.Contact(("d_x", "d_y"), "c", axes=(1, "g"), kinetic="c*exp(-speed)")
+    shown(
+        particle("0", contacts={"table": ellipse}),
+        "  table:   u = (ẋ, ẏ),  A = diag(1, g)",
+        "    u = 0:  |A⁻¹ λ| ≤ c",
+        "    u ≠ 0:  A⁻¹ λ = −c exp(−|A u|) A u/|A u|",
+    )
+    several = particle(
+        "0", contacts={"one": disc, "two": ellipse, "line": ss.Contact("d_x", "c", kinetic="g")}
+    )
+    shown(
+        several,
+        "  ẍ − λ_1,1 − λ_2,1 − λ₃ = 0",
+        "  two:   u₂ = (ẋ, ẏ),  A₂ = diag(1, g)",
+        "    u₂ ≠ 0:  A₂⁻¹ λ₂ = −c exp(−|A₂ u₂|) A₂ u₂/|A₂ u₂|",
+    )
+    latex = several.equations(latex=True)
+    assert r"A_{2} &= \mathrm{diag}(1, g)" in latex
+    assert r"\left|A_{2}^{-1} \, \lambda_{2}\right| \leq c" in latex
+    assert "<msup><mrow><msub><mi>A</mi>" in several._repr_html_()
+
+
+def test_the_matrix_of_the_axes_takes_a_letter_that_is_free() -> None:
+    system = ss.System(
+        name="block",
+        parameters={"A": ss.Parameter(1.0)},
+        coordinates={"x": ss.Inertial(force="A"), "y": ss.Inertial()},
+        kinetic="(d_x**2 + d_y**2)/2",
+        contacts={"table": ss.Contact(("d_x", "d_y"), 2, axes=(1, 0.5))},
+    )
+    shown(system, "    u = 0:  |E⁻¹ λ| ≤ 2")
+
+
 def test_a_block_between_two_springs() -> None:
     shown(ss.catalogue.block_chain(N=3), "  m ẍ₂ + k x₂ + k_c (2 x₂ − x₁ − x₃) − λ₂ = 0")
 

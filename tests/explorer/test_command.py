@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import base64
 import re
 import signal
 import socket
 import subprocess
 import sys
 import time
+import zlib
 from pathlib import Path
+from urllib.parse import parse_qsl
 
 import pytest
 
@@ -63,6 +66,27 @@ def test_a_port_that_is_taken(tmp_path: Path) -> None:
         port = taken.getsockname()[1]
         with pytest.raises(DeclarationError, match="--port"):
             listening_explorer(None, port=port)
+
+
+def test_an_evolution_stands_in_the_address(tmp_path: Path) -> None:
+    """The text of its model file, as the page packs it; what is wrong with it is said."""
+    path = Path(__file__).parents[2] / "examples" / "evolution" / "two-phases.toml"
+    explorer = listening_explorer(str(path), port=0)
+    try:
+        model, _, query = explorer.address.partition("#")[2].partition("?")
+        assert model == "rocking_toy"
+        state = dict(parse_qsl(query))
+        assert state[".panel"] == "friction"
+        code = state["evolution"] + "=" * (-len(state["evolution"]) % 4)
+        text = zlib.decompress(base64.urlsafe_b64decode(code), wbits=-zlib.MAX_WBITS).decode()
+        assert text == ss.load_evolution(path).to_toml()
+    finally:
+        for one in explorer._place.sockets:
+            one.close()
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text(path.read_text(encoding="utf-8").replace('"weighted l1"', '"weigthed l1"'))
+    with pytest.raises(DeclarationError, match=r"wrong\.toml: dissipation\.kind"):
+        listening_explorer(str(wrong), port=0)
 
 
 def test_from_python_with_a_system_of_ones_own() -> None:

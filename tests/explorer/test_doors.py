@@ -7,6 +7,7 @@ import json
 import socket
 import time
 from contextlib import ExitStack
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
@@ -16,7 +17,7 @@ from tornado.websocket import websocket_connect
 from explorer.client import Page, get, talk
 from stickslip.errors import DeclarationError
 from stickslip.explorer.asking.limits import MOST_MESSAGE
-from stickslip.explorer.asking.request import read_request
+from stickslip.explorer.asking.request import PageSetting, read_request, read_state
 from stickslip.explorer.explore import listening_explorer
 from stickslip.explorer.serving.server import Explorer
 
@@ -184,6 +185,67 @@ def test_what_is_no_question_is_refused(text: str) -> None:
         read_request(text)
 
 
+def test_an_evolution_from_a_page_reads_no_files(explorer: Explorer) -> None:
+    toml = (
+        'name = "spy"\nA = 1\nload = "a"\ndissipation.kind = "weighted l1"\n'
+        'dissipation.weights = "1"\ndrives.a = {file = "/etc/passwd", time = "t", value = "a"}\n'
+    )
+
+    async def ask(page: Page) -> list[dict]:
+        await page.ask("evolution", toml=toml)
+        return await page.answer()
+
+    refused = talk(explorer.address, ask)[0]["refused"]
+    assert refused["where"] == "drives.a"
+    assert "reads no files" in refused["reason"]
+
+
+def test_a_measure_is_a_name_and_no_program(explorer: Explorer, tmp_path: Path) -> None:
+    """What is a measure for the library, ``file.py:function``, is none for a page."""
+    code = tmp_path / "evil.py"
+    code.write_text(f"open({str(tmp_path / 'owned')!r}, 'w')\ndef f(motion): return 1.0\n")
+
+    async def ask(page: Page) -> list[dict]:
+        await page.ask("map", x="V", y="m", measure=f"{code}:f")
+        return await page.answer()
+
+    refused = talk(explorer.address, ask)[0]["refused"]
+    assert refused["where"] == "measure" and "amplitude" in refused["remedy"]
+    assert not (tmp_path / "owned").exists()
+
+
+def test_what_ends_a_worker_that_prepares_is_not_prepared_again() -> None:
+    """The first motion is computed before a page asks for it; if that ends the worker, the next one
+    waits."""
+    running = listening_explorer("two_block_rate_and_state?until=3e12", port=0).start()
+    try:
+        pool = running.pool
+        assert pool is not None
+        ends = time.monotonic() + 30
+        while pool.workers[0].job is None and time.monotonic() < ends:
+            time.sleep(0.01)
+        job = pool.workers[0].job
+        assert job is not None and job.page is None
+        assert job.request.setting.until == 3e12
+        pool.workers[0].process.kill()
+        while not (pool.replaced == 1 and pool.workers[0].ready) and time.monotonic() < ends:
+            time.sleep(0.01)
+        time.sleep(0.2)
+        assert pool.workers[0].job is None
+    finally:
+        running.close()
+
+
+def test_an_address_is_read_as_the_page_reads_it() -> None:
+    found = read_state(
+        "rocking_toy?P=6/5&H_R=H_star*(1%20%2B%20psi)%2F2&psi%40=0.6&until=44&.x=x_R&~a=1&toml=x"
+    )
+    values = {"P": 1.2, "H_R": "H_star*(1 + psi)/2"}
+    assert found == PageSetting("rocking_toy", "", values, {"psi": 0.6}, 44.0)
+    assert read_state("") == PageSetting("rocking_toy")
+    assert read_state("x?a=1/0&b=nan&=3&c") == PageSetting("x", "", {"a": "1/0", "b": "nan"})
+
+
 def test_unknown_names_are_refused_by_name(explorer: Explorer) -> None:
     async def ask(page: Page) -> list[dict]:
         await page.ask("motion", {"model": "belt_blok"})
@@ -234,7 +296,7 @@ def test_a_killed_worker_is_replaced_and_the_page_told(explorer: Explorer) -> No
         assert pool is not None
         busy = []
         while not busy:
-            busy = [w for w in pool.workers if w.job is not None]
+            busy = [w for w in pool.workers if w.job is not None and w.job.page is not None]
             await asyncio.sleep(0.01)
         busy[0].process.kill()
         lost = await page.answer()
@@ -253,7 +315,7 @@ def test_a_page_that_is_closed_stops_its_work(explorer: Explorer) -> None:
 
     async def ask(page: Page) -> None:
         await page.ask("motion", {"model": "two_block_rate_and_state", "until": 3e12})
-        while not any(w.job is not None and not w.given_up for w in pool.workers):
+        while not any(w.job and w.job.page and not w.given_up for w in pool.workers):
             await asyncio.sleep(0.01)
 
     talk(explorer.address, ask)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterator
+from pathlib import Path
 from urllib.parse import unquote
 
 import numpy as np
@@ -15,6 +16,7 @@ import stickslip as ss
 from explorer.browsing import ActionChains, By, Keys, Screen
 from stickslip.explorer.explore import listening_explorer
 from stickslip.explorer.serving.server import Explorer
+from stickslip.sweeps.request.user_measures import offered_measures
 
 
 @pytest.fixture
@@ -25,7 +27,6 @@ def screen(chromium, explorer: Explorer) -> Iterator[Screen]:
     yield page
     said, asked = page.drain()
     assert said == []
-    assert asked
     assert page.strangers(asked) == []
 
 
@@ -58,7 +59,7 @@ def test_a_motion_is_drawn_as_it_is_computed(screen: Screen) -> None:
 
 def test_dragging_a_slider(screen: Screen) -> None:
     """Pointer events move the slider; what is drawn then is the motion of that value."""
-    screen.open("belt_block").motion()
+    screen.show("belt_block").motion()
     screen.js("explorer.redraws.length = 0, 0")
     screen.drag("#values-V-slider", 30)
     screen.motion()
@@ -70,7 +71,7 @@ def test_dragging_a_slider(screen: Screen) -> None:
 
 
 def test_a_value_is_typed(screen: Screen) -> None:
-    screen.open("belt_block").motion()
+    screen.show("belt_block").motion()
     box = screen.element("#values-V")
     box.send_keys(Keys.CONTROL, "a")
     box.send_keys("1/8", Keys.ENTER)
@@ -84,7 +85,7 @@ def test_a_value_is_typed(screen: Screen) -> None:
 
 
 def test_a_click_into_the_phase_plane_starts_there(screen: Screen) -> None:
-    screen.open("belt_block").motion()
+    screen.show("belt_block").motion()
     place = screen.element("section.phase .hold")
     ActionChains(screen.driver).move_to_element_with_offset(place, 40, -50).click().perform()
     screen.until("'x' in explorer.state.initial && 'd_x' in explorer.state.initial")
@@ -102,7 +103,7 @@ def test_a_click_into_the_phase_plane_starts_there(screen: Screen) -> None:
 
 def test_a_stale_answer_is_never_drawn(screen: Screen) -> None:
     """While values change faster than they can be answered, the last one stays."""
-    screen.open("rocking_toy").motion()
+    screen.show("rocking_toy").motion()
     for value in np.linspace(0.9, 1.3, 41):
         screen.js(f"explorer.change('drag', (s) => {{ s.values.P = {value:.3f} }})")
     screen.js("explorer.change('set', (s) => { s.values.P = 1.1 })")
@@ -151,7 +152,7 @@ def test_a_link_takes_the_model_along(chromium) -> None:
 
 
 def test_undo_and_redo(screen: Screen) -> None:
-    screen.open("belt_block").motion()
+    screen.show("belt_block").motion()
     screen.js("explorer.change('set', (s) => { s.values.V = 0.3 })")
     screen.js("explorer.change('set', (s) => { s.values.V = 0.4 })")
     screen.press("#undo")
@@ -165,7 +166,7 @@ def test_undo_and_redo(screen: Screen) -> None:
 
 def test_what_is_wrong_is_said_in_its_place(screen: Screen) -> None:
     """The state of a motion that is refused is on the page, and the next value is drawn again."""
-    screen.open("rocking_toy?P=5")
+    screen.show("rocking_toy?P=5")
     screen.until("!document.getElementById('refusal').hidden")
     assert "x_R" in screen.element("#refusal").text
     assert screen.element("#verdict").get_attribute("data-state") == "refused"
@@ -175,7 +176,7 @@ def test_what_is_wrong_is_said_in_its_place(screen: Screen) -> None:
 
 
 def test_a_free_function_is_checked_while_it_is_typed(screen: Screen) -> None:
-    screen.open("rocking_toy").motion()
+    screen.show("rocking_toy").motion()
     box = screen.element("#function-H_R")
     box.send_keys(Keys.CONTROL, "a")
     box.send_keys("H_star/2*(1 + cli(psi)")
@@ -227,7 +228,7 @@ def taken(screen: Screen, form: str) -> dict:
 
 
 def test_what_is_taken_away_is_what_the_library_writes(screen: Screen, tmp_path) -> None:
-    screen.open("belt_block?V=0.25&x%40=0.1&until=30").motion()
+    screen.show("belt_block?V=0.25&x%40=0.1&until=30").motion()
     block = ss.catalogue.belt_block()
     motion = ss.simulate(block, (0.0, 30.0), initial={"x": 0.1}, parameters={"V": 0.25})
     table = pd.read_csv(io.BytesIO(bytes(taken(screen, "csv")["bytes"])))
@@ -256,7 +257,7 @@ def test_what_is_taken_away_is_what_the_library_writes(screen: Screen, tmp_path)
 def test_a_model_of_ones_own(screen: Screen) -> None:
     """A model file is typed, drawn, and stands in the address."""
     toml = ss.catalogue.belt_block(V=0.3).to_toml().replace('"belt_block"', '"mine"')
-    screen.open("rocking_toy").motion()
+    screen.show("rocking_toy").motion()
     screen.driver.execute_script("explorer.useToml(arguments[0])", toml)
     screen.motion()
     assert_drawn(screen, ss.simulate(ss.catalogue.belt_block(V=0.3)))
@@ -285,7 +286,7 @@ def test_the_gallery(screen: Screen) -> None:
 
 def test_zoom_shows_more(screen: Screen) -> None:
     """A part of the time is looked at anew, as fine as the whole."""
-    screen.open("plate_compactor").motion()
+    screen.show("plate_compactor").motion()
     screen.js("(explorer.model('time').setv({start: 1, end: 1.2}), 1)")
     screen.until("explorer.closer !== null && explorer.closer.t.length > 500")
     t = screen.numbers("explorer.closer.t")
@@ -298,7 +299,7 @@ def test_zoom_shows_more(screen: Screen) -> None:
 
 def test_every_system_is_drawn(screen: Screen) -> None:
     """One after the other: its mechanism, its lines, and the verdict of the library."""
-    screen.open("belt_block").motion()
+    screen.show("belt_block").motion()
     for model in ss.catalogue.names():
         screen.driver.execute_script(
             "const model = arguments[0]; explorer.motion = null;"
@@ -309,9 +310,7 @@ def test_every_system_is_drawn(screen: Screen) -> None:
         screen.motion()
         assert screen.js("document.querySelectorAll('#mechanism .part').length") > 0
         assert screen.js("explorer.model('motion3_lines').data.xs.length") > 0
-        state = screen.element("#verdict").get_attribute("data-state")
-        expected = ss.simulate(ss.catalogue.get(model)).certificate.ok
-        assert state == ("good" if expected else "bad"), model
+        assert screen.element("#verdict").get_attribute("data-state") == "good", model
 
 
 def test_a_killed_worker_is_told(screen: Screen, explorer: Explorer) -> None:
@@ -321,13 +320,116 @@ def test_a_killed_worker_is_told(screen: Screen, explorer: Explorer) -> None:
     screen.js("explorer.change('set', (s) => { s.until = 3e12 })")
 
     def busy() -> list:
-        return [w for w in pool.workers if w.job is not None and w.job.request.what == "motion"]
+        at_work = [w.job for w in pool.workers]
+        return [
+            w
+            for w, job in zip(pool.workers, at_work, strict=True)
+            if job is not None and job.page is not None and job.request.setting.until == 3e12
+        ]
 
     screen.wait_for(busy, "a worker at work")
     busy()[0].process.kill()
     screen.until("document.getElementById('toast').textContent.includes('new worker')")
     screen.js("explorer.change('model', () => { explorer.state = explorer.fresh('belt_block') })")
     screen.motion()
+
+
+def test_the_page_stays_while_a_model_loads(screen: Screen) -> None:
+    """What is loading covers the mechanism and hides nothing else; nor does playing."""
+    screen.show("belt_block").motion()
+    loading = screen.js(
+        "(explorer.change('model', () => { explorer.state = explorer.fresh('rocking_toy') }),"
+        " [document.body.classList.contains('loading'), getComputedStyle(document.body).display,"
+        " getComputedStyle(document.getElementById('loading')).display])"
+    )
+    assert loading == [True, "grid", "grid"]
+    screen.motion()
+    assert not screen.element("#loading").is_displayed()
+    screen.press("[data-tab=branch]")
+    screen.press("#play")
+    assert screen.element("#branch-go").is_displayed()
+    screen.press("#play")
+
+
+def test_a_thinned_line_passes_through_what_it_leaves_out(screen: Screen) -> None:
+    """No point of the motion is further from the lines that are drawn than half a pixel."""
+    screen.show("rocking_toy").motion()
+    screen.until("['motion0', 'motion1', 'motion3'].every((n) => explorer.frame(n) !== null)")
+    screen.js("(explorer.drawMotion(), 1)")  # lines are thinned for the figure as it stands
+    far, drawn, whole = screen.js("""(() => {
+      const {t, q: {psi}} = explorer.motion
+      const groups = explorer.shownGroups()
+      const name = `motion${4 - groups.length + groups.findIndex((g) => g.names.includes("psi"))}`
+      const {box, plot: {x_range, y_range}} = explorer.frame(name)
+      const {xs: [x], ys: [y]} = explorer.model(`${name}_lines`).data
+      const a = box.width / (x_range.end - x_range.start)
+      const b = box.height / (y_range.end - y_range.start)
+      let worst = 0, k = 0
+      for (let i = 0; i < t.length; i++) {
+        while (k < x.length - 2 && x[k + 1] < t[i]) k++
+        const [dx, dy] = [a * (x[k + 1] - x[k]), b * (y[k + 1] - y[k])]
+        const [px, py] = [a * (t[i] - x[k]), b * (psi[i] - y[k])]
+        const w = Math.min(Math.max((px * dx + py * dy) / (dx * dx + dy * dy), 0), 1)
+        worst = Math.max(worst, Math.hypot(px - w * dx, py - w * dy))
+      }
+      return [worst, x.length, t.length]
+    })()""")
+    assert far < 0.5
+    assert drawn < whole / 2
+    gap, spike = screen.js("""(() => {
+      const {x_range, y_range} = explorer.model("phase")
+      const at = (range, share) => range.start + share * (range.end - range.start)
+      const thin = (points) => {
+        const xs = points.map((p) => at(x_range, p[0])), ys = points.map((p) => at(y_range, p[1]))
+        return Array.from(explorer.thinned("phase", xs, ys)[0], (x) => x === x)
+      }
+      const [gap, half] = [[NaN, NaN], [0.5, 0.5]]
+      return [thin([[0, 0], half, [1, 1], gap, [0, 1], half, [1, 0]]),
+              thin([[0, 0], [0.5, 0], [1, 0], [0.2, 0], [0.4, 0]]).length]
+    })()""")
+    assert gap == [True, True, False, True, True]  # a gap stays, what is straight goes
+    assert spike == 4  # out, back, and out again: each end is kept
+
+
+def test_an_evolution_of_ones_own(screen: Screen) -> None:
+    """A file that declares one goes into the panel of effective friction, and into the address;
+    its parameters are dragged there."""
+    path = Path(__file__).parents[2] / "examples" / "evolution" / "plate-compactor.toml"
+    screen.show("belt_block").motion()
+    screen.driver.execute_script("explorer.useToml(arguments[0])", path.read_text(encoding="utf-8"))
+    screen.until("explorer.evolution.resolved !== null")
+    model = ss.load_evolution(path)
+    assert screen.js("explorer.evolution.sets.head.costs[0].plus") == pytest.approx(
+        model.potential.average().support([1.0])
+    )
+    assert "certified" in screen.element("#friction-said").text
+    screen.drag("#given-F-slider", -20)
+    screen.until("explorer.state.given.F < 900")
+    F = screen.js("explorer.state.given.F")
+    screen.until(
+        "explorer.evolution.resolved !== null"
+        f" && Math.abs(explorer.evolution.sets.head.costs[0].plus - {0.6 * (981 - F)}) < 1e-6"
+    )
+    screen.js("explorer.address.show()")
+    screen.until("location.hash.includes('evolution=')")
+    state = screen.driver.current_url.partition("#")[2]
+    screen.open(state).motion()
+    screen.until("explorer.evolution.sets !== null")
+    assert screen.js("explorer.state.given.F") == F
+    screen.press("#evolution-end")
+    screen.motion()
+    screen.until("explorer.friction.found !== null")
+    assert "belt" in screen.js("explorer.friction.found.head.contacts[0].name")
+
+
+def test_measures_are_those_of_the_library(screen: Screen) -> None:
+    screen.show("belt_block?.panel=map").motion()
+    screen.until("document.getElementById('map-measure').options.length > 0")
+    offered = screen.js(
+        "[...document.getElementById('map-measure').options].map((o) => [o.value, o.text])"
+    )
+    known = offered_measures(ss.catalogue.belt_block())
+    assert dict(offered) == {name: said["long_name"] for name, said in known.items()}
 
 
 SIZES = [(1440, 900), (1024, 768), (390, 844)]
@@ -355,7 +457,7 @@ def test_nothing_sticks_out(screen: Screen, size: tuple[int, int]) -> None:
 def test_what_the_motion_settles_on(screen: Screen) -> None:
     """Equilibria with their kind and the cycle stand in the phase plane."""
     slider = "spring_slider?mu=2%2Fsqrt(alpha)&nu=0.05&V=0.15&.x=U&.y=alpha"
-    screen.open(slider).motion()
+    screen.show(slider).motion()
     screen.press("#settle")
     screen.until("explorer.phase.settled?.head.cycle")
     system = ss.catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05, V=0.15)
@@ -372,10 +474,21 @@ def test_what_the_motion_settles_on(screen: Screen) -> None:
 def test_branches_over_a_parameter(screen: Screen) -> None:
     """They are those of the library; the line is dragged, and a point leads to its orbit."""
     state = "spring_slider?mu=2%2Fsqrt(alpha)&nu=0.05&V=0.15&.panel=branch"
-    screen.open(f"{state}&.over=V&.over.low=0.05&.over.high=0.4").motion()
+    screen.show(f"{state}&.over=V&.over.low=0.05&.over.high=0.4").motion()
+    screen.js(
+        "(window.seen = [], explorer.branches.drawn = explorer.branches.draw,"
+        " explorer.branches.draw = () => { explorer.branches.drawn(); seen.push("
+        "explorer.branches.found.map((f) => [f.head.name, f.head.coming === true,"
+        " f.numbers['b:V'].length])) }, 1)"
+    )
     screen.press("#branch-go")
-    screen.until("explorer.branches.found.length === 2")
+    screen.until("!document.body.classList.contains('following')")
     screen.motion()
+    # Points were drawn before there was a branch, and the branches have taken their place.
+    seen = screen.js("window.seen")
+    coming = [count for found in seen for name, on, count in found if on and name == "cycles"]
+    assert coming and coming == sorted(coming)
+    assert [(name, on) for name, on, _ in seen[-1]] == [("equilibria", False), ("cycles", False)]
     slider = ss.catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05, V=0.15)
     steady = ss.continue_equilibrium(slider, "V", (0.05, 0.4), parameters={"V": 0.15})
     assert_allclose(
@@ -405,7 +518,7 @@ def test_branches_over_a_parameter(screen: Screen) -> None:
 
 def test_a_map_becomes_finer_and_can_be_stopped(screen: Screen) -> None:
     state = "rocking_toy?.panel=map&.map.x=P&.map.x.low=0.8&.map.x.high=1.2&.map.y=delta"
-    screen.open(f"{state}&.map.y.low=0.02&.map.y.high=0.1&.map.of=speed").motion()
+    screen.show(f"{state}&.map.y.low=0.02&.map.y.high=0.1&.map.of=speed").motion()
     screen.press("#map-go")
     screen.until("explorer.map.found?.head.count >= 17")
     # It becomes finer while one looks: count and values are taken at once.
@@ -429,7 +542,7 @@ def test_a_map_becomes_finer_and_can_be_stopped(screen: Screen) -> None:
 
 def test_effective_friction(screen: Screen) -> None:
     """Of the toy: a leg without weight is held by the joints alone."""
-    screen.open("rocking_toy?.panel=friction").motion()
+    screen.show("rocking_toy?.panel=friction").motion()
     screen.until("explorer.friction.found !== null")
     first = screen.js("explorer.friction.found.head.contacts[0]")
     assert first["plus"] == pytest.approx(ss.catalogue.rocking_toy().values["rho"], abs=1e-9)
@@ -442,7 +555,7 @@ def test_data_beside_the_motion(screen: Screen) -> None:
     t = np.linspace(0.0, 30.0, 120)
     x = ss.simulate(block, (0.0, 30.0), parameters={"F_c": 0.4}).at(t)["x"]
     csv = pd.DataFrame({"t": t, "x": x}).to_csv(index=False)
-    screen.open("forced_oscillator?until=30").motion()
+    screen.show("forced_oscillator?until=30").motion()
     screen.driver.execute_script("explorer.dropped('x.csv', arguments[0])", csv)
     screen.until("explorer.data.residual !== null")
     expected = x - ss.simulate(block, (0.0, 30.0)).at(t)["x"]
@@ -470,7 +583,7 @@ def test_in_a_frame_as_notebooks_show_it(screen: Screen, explorer: Explorer, tmp
 
 def test_a_motion_that_is_refused_stops_nothing(screen: Screen) -> None:
     """Whatever is clicked while there is no motion, the page goes on."""
-    screen.open("rocking_toy").motion()
+    screen.show("rocking_toy").motion()
     screen.js("explorer.change('set', (s) => { s.values.P = 5 })")
     screen.until("!document.getElementById('refusal').hidden")
     for selector in (".chip", "#play", "#next", "#previous", "#ghost", "#settle", "#unzoom"):

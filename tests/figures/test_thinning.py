@@ -235,7 +235,7 @@ def test_a_million_switches_are_drawn() -> None:
 
 
 def test_more_steps_than_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    from stickslip.figures import motion as module
+    from stickslip.figures.drawing import sampling as module
 
     motion = ss.simulate(ss.catalogue.rocking_toy(), (0.0, 4e4))
     monkeypatch.setattr(module, "MOST_DRAWN", 3 * COLUMNS)

@@ -543,13 +543,30 @@ def test_pairs_may_be_lists():
     assert hash(same) == hash(system())
 
 
-@pytest.mark.parametrize("direction", [["d_x", "d_y"], "sqrt(d_x**2 + d_y**2)"])
-def test_friction_in_a_plane_is_elsewhere(direction: Any) -> None:
-    """A contact has one direction; the refusal says what there is for two."""
-    with pytest.raises(DeclarationError, match="GroupNorm"):
+@pytest.mark.parametrize(
+    ("given", "where", "remedy"),
+    [
+        ({"direction": "sqrt(d_x**2 + d_y**2)"}, "direction", r"direction = \['d_x', 'd_y'\]"),
+        ({"direction": ["d_x"]}, "direction", r"\['d_x', 'd_y'\]"),
+        ({"direction": ["d_x", "d_y", "d_x"]}, "direction", r"\['d_x', 'd_y'\]"),
+        ({"direction": ["d_x*d_y", "d_y"]}, "direction", "not a linear combination"),
+        ({"direction": ["d_x", "2*d_x"]}, "direction", "along one line"),
+        ({"axes": [1, 0]}, "axes", "outside the admissible range"),
+        ({"axes": [1, -1.0]}, "axes", "outside the admissible range"),
+        ({"threshold": [1, 2]}, "threshold", "one, for all directions"),
+        ({"kinetic": [0.1, 0.2]}, "kinetic", "one, for all directions"),
+        ({"surface_speed": "0.1"}, "surface_speed", r"\['0.1', 0\]"),
+        ({"direction": "d_x", "surface_speed": [1, 0]}, "surface_speed", "along a line has one"),
+        ({"direction": "d_x", "axes": [1, 2]}, "axes", "along a line has none"),
+    ],
+)
+def test_what_a_contact_in_a_plane_is_refused_for(
+    given: dict[str, Any], where: str, remedy: str
+) -> None:
+    with pytest.raises(DeclarationError, match=rf"contacts.*table.*{where}.*{remedy}"):
         System(
             "puck",
             coordinates={"x": Inertial(), "y": Inertial()},
             kinetic="(d_x**2 + d_y**2)/2",
-            contacts={"ground": Contact(direction, 1.0)},
+            contacts={"table": Contact(**{"direction": ["d_x", "d_y"], "threshold": 1.0, **given})},
         )

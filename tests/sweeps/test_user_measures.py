@@ -11,7 +11,8 @@ import pytest
 import stickslip as ss
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.sweeps.request import user_measures
-from stickslip.sweeps.request.user_measures import FunctionMeasure, read_measures
+from stickslip.sweeps.request.measures import MEASURES
+from stickslip.sweeps.request.user_measures import FunctionMeasure, offered_measures, read_measures
 
 TOY = ss.catalogue.rocking_toy()
 
@@ -39,6 +40,18 @@ def test_they_are_asked_for_by_name() -> None:
     assert found.values.tolist() == [
         ss.simulate(TOY, parameters={"P": P}).n_switches for P in (0.8, 1.0)
     ]
+
+
+def test_what_is_offered_can_be_measured() -> None:
+    """All names by which something of a system is measured, with unit and meaning; no others."""
+    offered = offered_measures(TOY)
+    assert {"speed", "amplitude", "turns"} <= set(offered)
+    assert offered["speed"] == {"units": "m/s", "long_name": "mean speed"}
+    assert "relative_phase" not in offered and "cost_of_transport" not in offered
+    assert "speed" not in offered_measures(ss.catalogue.belt_block())
+    named = [name for name in offered if name in MEASURES]
+    found = ss.sweep(TOY, {"P": [1.0]}, named).dataset
+    assert all(found[name].attrs["long_name"] == offered[name]["long_name"] for name in named)
 
 
 def test_what_cannot_be_loaded_is_said_when_it_is_asked_for() -> None:

@@ -3,16 +3,18 @@ notebooks."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TypeVar, cast
 
+from stickslip.display.friction import AnyFriction, Friction, PlaneFriction
 from stickslip.display.printers import LatexWriter, UnicodeWriter
 from stickslip.display.symbols import is_word, unicode_unit, width
 from stickslip.display.terminal import text_table, wrap
 from stickslip.display.tree import (
+    HALF,
     NOUGHT,
     UNITY,
     Call,
@@ -29,6 +31,7 @@ from stickslip.display.tree import (
     inserted,
     names_in,
     negate,
+    raised,
     sum_of,
     times,
 )
@@ -37,7 +40,7 @@ from stickslip.model.names import normal_force
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
-    from stickslip.model.system import Contact, System
+    from stickslip.model.system import Contact, Formula, System
 
 _W = TypeVar("_W", bound=UnicodeWriter)
 _PASSES = {
@@ -56,52 +59,6 @@ class Balance:
     left: Node
     sign: str
     right: Node
-
-
-@dataclass(frozen=True)
-class Friction:
-    """A dry contact whose law is too long for the balance; its force is called λ there.
-
-    Attributes
-    ----------
-    contact : str
-        Name of the contact.
-    index : str
-        Index of its force: ``_1``, or nothing if it is the only one.
-    velocity : Node
-    thresholds, sliding : pair of Node
-        Largest forces and sliding forces for u > 0 and u < 0.
-    """
-
-    contact: str
-    index: str
-    velocity: Node
-    thresholds: tuple[Node, Node]
-    sliding: tuple[Node, Node]
-
-    @property
-    def force(self) -> Name:
-        """The symbol of its force."""
-        return Name(f"lam{self.index}")
-
-    def laws(self, write: UnicodeWriter, index: str) -> list[tuple[str, str]]:
-        """Pairs of a condition and the law that then holds, with symbols of the given index."""
-        force, u = Name(f"lam{index}"), Name(f"u{index}")
-        speed: dict[str, Node] = {"speed": Call("abs", (u,))}
-        right, left = (inserted(k, speed) for k in self.sliding)
-        plus, minus = self.thresholds
-        if plus == minus:
-            stick: Node = Relation("<=", Call("abs", (force,)), plus)
-        else:
-            stick = Relation("<=", negate(plus), Relation("<=", force, minus))
-        laws: list[tuple[Node, Node]] = [(Relation("=", u, NOUGHT), stick)]
-        if left == right:
-            slip = negate(times(right, Call("sign", (u,))))
-            laws.append((Relation("!=", u, NOUGHT), Relation("=", force, slip)))
-        else:
-            laws.append((Relation(">", u, NOUGHT), Relation("=", force, negate(right))))
-            laws.append((Relation("<", u, NOUGHT), Relation("=", force, left)))
-        return [(write(when), write(law)) for when, law in laws]
 
 
 @dataclass(frozen=True)
@@ -144,7 +101,7 @@ class Equations:
         self.system = system = system.plain
         self._reader = Reader(system)
         self._declared = system.declaration
-        self.frictions: list[Friction] = []
+        self.frictions: list[AnyFriction] = []
         self.balances: list[Balance] = [self._balance(x) for x in system.coordinates]
         self.laws: list[Balance] = [
             Balance(Name(_RATE.format(name)), "=", self._reader.read(internal.law))
@@ -164,8 +121,9 @@ class Equations:
     def dissipation(self) -> Node:
         """The dissipation potential: viscous part and dry friction."""
         dry = []
-        for contact in self.system.dry_contacts.values():
-            if contact.kinetic is not None:
+        in_planes = {part for parts in self.system.planes.values() for part in parts}
+        for name, contact in self.system.dry_contacts.items():
+            if contact.kinetic is not None or name in in_planes:
                 # its force does not come from a potential; it is listed with the friction laws
                 continue
             plus, minus = self._pair(contact.threshold)
@@ -177,7 +135,25 @@ class Equations:
                     times(plus, Call("max", (u, NOUGHT))),
                     times(minus, Call("max", (negate(u), NOUGHT))),
                 ]
+        dry += [
+            times(self._pair(contact.threshold)[0], self._length(contact))
+            for contact in map(self._in_plane, self.system.planes)
+            if contact.kinetic is None
+        ]
         return sum_of(self._reader.read(self.system.viscous), *dry)
+
+    def _in_plane(self, name: str) -> Contact:
+        """A contact in a plane as it was declared."""
+        return cast("Contact", self.system.contacts[name])
+
+    def _length(self, contact: Contact) -> Node:
+        """|Au| of a contact in a plane, by its components."""
+        read = self._reader.read
+        scaled = [
+            times(read(axis), u)
+            for axis, u in zip(contact.axes, self._velocities(contact), strict=True)
+        ]
+        return raised(sum_of(*(raised(u, Number(Fraction(2))) for u in scaled)), HALF)
 
     def _balance(self, x: str) -> Balance:
         system = self.system
@@ -220,39 +196,79 @@ class Equations:
         if declared.opens:
             weight = self._reader.read(ex.to_text(declared.direction[x]))
             return negate(times(weight, Name(declared.name)))
+        if declared.plane:
+            weight = self._reader.read(ex.to_text(declared.direction[x]))
+            return negate(times(weight, self._plane_friction(declared).component(declared.plane)))
         contact = self.system.dry_contacts[declared.name]
         u = self._velocity(contact)
-        weight = differentiated(self._reader.read(contact.direction), f"d_{x}")
+        weight = differentiated(self._reader.read(cast("str", contact.direction)), f"d_{x}")
         plus, minus = self._pair(contact.threshold)
         if plus == minus and contact.kinetic is None:
             return times(weight, plus, Call("Sign", (u,)))
-        known = [f for f in self.frictions if f.contact == declared.name]
-        if not known:
-            sliding = (plus, minus) if contact.kinetic is None else self._pair(contact.kinetic)
-            long = [
-                c
-                for c in self.system.dry_contacts.values()
-                if c.kinetic is not None or isinstance(c.threshold, tuple)
-            ]
-            index = "" if len(long) == 1 else f"_{len(self.frictions) + 1}"
-            known = [Friction(declared.name, index, u, (plus, minus), sliding)]
-            self.frictions += known
-        return negate(times(weight, known[0].force))
+        for known in self.frictions:
+            if isinstance(known, Friction) and known.contact == declared.name:
+                return negate(times(weight, known.force))
+        sliding = (plus, minus) if contact.kinetic is None else self._pair(contact.kinetic)
+        found = Friction(declared.name, self._next_index(), u, (plus, minus), sliding)
+        self.frictions.append(found)
+        return negate(times(weight, found.force))
+
+    def _next_index(self) -> str:
+        """The index of the next force that is called λ: nothing if there is only one."""
+        planes = self.system.planes
+        in_planes = {part for parts in planes.values() for part in parts}
+        long = [
+            name
+            for name, c in self.system.dry_contacts.items()
+            if name not in in_planes and (c.kinetic is not None or isinstance(c.threshold, tuple))
+        ]
+        return "" if len(long) + len(planes) == 1 else f"_{len(self.frictions) + 1}"
+
+    def _plane_friction(self, declared: DryContact) -> PlaneFriction:
+        """The law of the contact in a plane that a component belongs to."""
+        planes = self.system.planes
+        name = next(name for name, parts in planes.items() if declared.name in parts)
+        for known in self.frictions:
+            if isinstance(known, PlaneFriction) and known.contact == name:
+                return known
+        contact = self._in_plane(name)
+        threshold, _ = self._pair(contact.threshold)
+        sliding = threshold if contact.kinetic is None else self._pair(contact.kinetic)[0]
+        index = self._next_index()
+        first, second = map(self._reader.read, contact.axes)
+        matrix = "" if first == second == UNITY else f"{self._free_letter('AEGD')}{index}"
+        u = self._velocities(contact)
+        found = PlaneFriction(name, index, u, threshold, sliding, matrix, (first, second))
+        self.frictions.append(found)
+        return found
+
+    def _free_letter(self, letters: str) -> str:
+        """The first of some letters that means nothing in the declaration."""
+        system = self.system
+        taken = {*system.parameters, *system.functions, *system.drives, *system.declaration.state}
+        return next((letter for letter in letters if letter not in taken), letters[0])
 
     def _pair(self, given: str | float | tuple[str | float, str | float]) -> tuple[Node, Node]:
         both = given if isinstance(given, (tuple, list)) else (given, given)
         return self._reader.read(both[0]), self._reader.read(both[1])
 
+    def _velocities(self, contact: Contact) -> tuple[Node, Node]:
+        """Both components of the velocity of a contact in a plane."""
+        first, second = contact.components("").values()
+        return self._velocity(first), self._velocity(second)
+
     def _velocity(self, contact: Contact) -> Node:
+        """Relative velocity along a line."""
         return sum_of(
-            self._reader.read(contact.direction), negate(self._reader.read(contact.surface_speed))
+            self._reader.read(cast("str", contact.direction)),
+            negate(self._reader.read(cast("Formula", contact.surface_speed))),
         )
 
-    def friction_groups(self) -> list[list[Friction]]:
+    def friction_groups(self) -> list[list[AnyFriction]]:
         """Contacts in groups that obey the same law."""
-        groups: dict[tuple[tuple[Node, Node], tuple[Node, Node]], list[Friction]] = {}
+        groups: dict[Hashable, list[AnyFriction]] = {}
         for friction in self.frictions:
-            groups.setdefault((friction.thresholds, friction.sliding), []).append(friction)
+            groups.setdefault((type(friction), friction.law), []).append(friction)
         return list(groups.values())
 
     def definitions(self) -> Iterator[tuple[Node, Node]]:
@@ -321,7 +337,7 @@ class Equations:
             for b in [*self.balances, *self.laws]
         ]
         for group in self.friction_groups():
-            rows += [f"{write(Name(f'u{f.index}'))} &= {write(f.velocity)}" for f in group]
+            rows += [f"{write(r.left)} &= {write(r.right)}" for f in group for r in f.named]
             laws = group[0].laws(write, group[0].index if len(group) == 1 else "_i")
             rows += [rf"\text{{if }} {when}: \quad & {law}" for when, law in laws]
         rows += [rf"0 \leq {write(n)} &\perp {write(gap)} \geq 0" for n, gap in self.openings()]
@@ -411,9 +427,8 @@ class _Text:
     def friction(self) -> list[str]:
         lines = []
         for group in self.equations.friction_groups():
-            velocities = [Relation("=", Name(f"u{f.index}"), f.velocity) for f in group]
             lines += text_table(
-                [[f"{f.contact}:", self.write(u)] for f, u in zip(group, velocities, strict=True)]
+                [[f"{f.contact}:", ",  ".join(map(self.write, f.named))] for f in group]
             )
             for when, law in group[0].laws(self.write, group[0].index if len(group) == 1 else "_i"):
                 lines += ["  " + line for line in wrap(f"{when}:  {law}")]

@@ -27,6 +27,7 @@ class MathmlWriter(UnicodeWriter):
     plus: str = "<mo>+</mo>"
     minus: str = "<mo>−</mo>"
     gap: str = '<mspace width="0.2em"></mspace>'
+    comma: str = "<mo>,</mo>"
 
     def words(self, text: str) -> str:
         return f"<mtext>{escape(text)}</mtext>"
@@ -80,7 +81,7 @@ class MathmlWriter(UnicodeWriter):
         return row("<mo>{</mo>", f'<mtable columnalign="left">{cells}</mtable>')
 
     def function(self, node: Call, arguments: list[str]) -> str:
-        inside = self.brackets("<mo>,</mo>".join(arguments)) if arguments else ""
+        inside = self.brackets(self.comma.join(arguments)) if arguments else ""
         if self.is_rate(node):
             return row(symbol_of(node.name, 1), inside)
         if node.by and set(node.by) == {"0"} and len(node.arguments) == 1:

@@ -8,7 +8,9 @@ from fractions import Fraction
 from stickslip.display.symbols import SUPERSCRIPTS, latex_name, unicode_name
 from stickslip.display.tree import (
     HALF,
+    INVERSE,
     UNITY,
+    VECTOR,
     Call,
     Factors,
     InWords,
@@ -52,6 +54,7 @@ class UnicodeWriter:
     plus: str = "+"
     minus: str = "−"
     gap: str = " "
+    comma: str = ", "
 
     def __init__(
         self,
@@ -131,6 +134,10 @@ class UnicodeWriter:
         match node:
             case Call(name, (x,)) if name in STRUCTURES and STRUCTURES[name].fences[0]:
                 return self.fenced(STRUCTURES[name], self(x))
+            case Call(name, parts) if name == VECTOR:
+                return self.brackets(self.comma.join(map(self, parts)))
+            case Call(name, (x,)) if name == INVERSE:
+                return self.raised(self(x, _ATOM), Number(Fraction(-1)))
             case Call("piecewise", arguments):
                 pairs = list(zip(arguments[:-1:2], arguments[1:-1:2], strict=True))
                 return self.cases(
@@ -143,7 +150,7 @@ class UnicodeWriter:
         return self.function(node, arguments)
 
     def function(self, node: Call, arguments: list[str]) -> str:
-        inside = f"({', '.join(arguments)})" if arguments else ""
+        inside = f"({self.comma.join(arguments)})" if arguments else ""
         if self.is_rate(node):
             return unicode_name(node.name, 1) + inside
         if node.by and set(node.by) == {"0"} and len(node.arguments) == 1:
@@ -265,7 +272,7 @@ class LatexWriter(UnicodeWriter):
         )
 
     def function(self, node: Call, arguments: list[str]) -> str:
-        inside = self.brackets(", ".join(arguments)) if arguments else ""
+        inside = self.brackets(self.comma.join(arguments)) if arguments else ""
         if node.name in FUNCTIONS:
             return FUNCTIONS[node.name].in_latex + inside
         if node.name in ("min", "max"):

@@ -124,9 +124,9 @@ class _Page:
         lines = []
         for group in self.equations.friction_groups():
             for f in group:
-                u = self.write(Name(f"u{f.index}"))
                 named = f"<mtext>{page.text(f.contact)}:&#160;&#160;</mtext>"
-                lines.append(f"{named}{u}<mo>=</mo>{self.write(f.velocity)}")
+                said = "<mtext>,&#160;&#160;</mtext>".join(map(self.write, f.named))
+                lines.append(named + said)
             index = group[0].index if len(group) == 1 else "_i"
             for when, law in group[0].laws(self.write, index):
                 lines.append(f"{when}<mtext>:&#160;&#160;</mtext>{law}")

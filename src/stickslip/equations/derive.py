@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 from stickslip.errors import DeclarationError
@@ -54,6 +55,87 @@ class RateProblem:
     partial: list[list[Expr]]
     threshold_partial: tuple[list[list[Expr]], list[list[Expr]]]
 
+    def sliding(self, plane: Plane, i: int, j: int, first: int) -> Expr:
+        """What ṙⱼ has in the equation of coordinate i while a contact in a plane slips: of its
+        first component d/dt(n·A⁻¹λ + s) = 0, of its second n × Au = 0.
+
+        Parameters
+        ----------
+        plane : Plane
+        i, j : int
+            Coordinates.
+        first : int
+            Number of the first contact that moves a rate-independent coordinate.
+        """
+        n = [ex.sym(f"n:{part}") for part in plane.parts]
+        own = [part - first for part in plane.parts]
+        if i == own[0]:
+            terms = [
+                (x / axis * self.stiffness[k][j], 1.0)
+                for x, axis, k in zip(n, plane.axes, own, strict=True)
+            ]
+            return ex.add(*terms, (self.threshold_slope[0][i][j] / plane.axes[0], 1.0))
+        if j not in own:
+            return ex.ZERO
+        side = own.index(j)
+        turned = plane.axes[side] * self.weight[j] * n[1 - side]
+        return turned if side else -turned
+
+    def sliding_rest(self, plane: Plane, i: int, speeds: list[Expr], first: int) -> Expr:
+        """The rest of that equation.
+
+        Parameters
+        ----------
+        plane : Plane
+        i : int
+            Coordinate.
+        speeds : list of Expr
+            Of the surface.
+        first : int
+            As of :meth:`sliding`.
+        """
+        n = [ex.sym(f"n:{part}") for part in plane.parts]
+        own = [part - first for part in plane.parts]
+        if i == own[0]:
+            terms = [
+                (x / axis * self.rest[k], 1.0)
+                for x, axis, k in zip(n, plane.axes, own, strict=True)
+            ]
+            return ex.add(*terms, (self.threshold_rest[0][i] / plane.axes[0], 1.0))
+        a, b = (axis * w for axis, w in zip(plane.axes, speeds, strict=True))
+        return a * n[1] - b * n[0]
+
+
+class Plane(NamedTuple):
+    """A contact in a plane.
+
+    Attributes
+    ----------
+    parts : (int, int)
+        Its components among the contacts.
+    axes : (Expr, Expr)
+        The diagonal of A.
+    static, kinetic : Expr
+        Threshold of abs(A⁻¹λ), and its value in slip.
+    pull : tuple of Expr
+        Of coordinates without mass, the vector along which they slip, a function of the state:
+        what acts against the friction, A⁻¹F. Empty of those with mass, which slip along Au.
+    """
+
+    parts: tuple[int, int]
+    axes: tuple[Expr, Expr]
+    static: Expr
+    kinetic: Expr
+    pull: tuple[Expr, ...] = ()
+
+    def scaled(self, forces: tuple[Expr, Expr]) -> Expr:
+        """abs(A⁻¹λ)² of forces λ."""
+        return ex.add(*(((f / a) ** 2, 1.0) for f, a in zip(forces, self.axes, strict=True)))
+
+    def admissible(self, forces: tuple[Expr, Expr]) -> Expr:
+        """s² − abs(A⁻¹λ)², not negative where forces λ can be held."""
+        return self.static**2 - self.scaled(forces)
+
 
 @dataclass(frozen=True, eq=False)
 class MotionEquations:
@@ -63,6 +145,10 @@ class MotionEquations:
     ----------
     contacts : list of DryContact
         Ordered by kind: inertial, viscous, then rate-independent in the order of their coordinates.
+        Components of a contact in a plane slip with the mode 1; their forces then are those of the
+        direction n, whose components are the symbols ``n:i``.
+    planes : list of Plane
+        Contacts in a plane.
     inertial_force, viscous_force : list of Expr
         Right-hand sides f.
     mass, damping : dict of (int, int) to Expr
@@ -87,6 +173,7 @@ class MotionEquations:
 
     declaration: Declaration
     contacts: list[DryContact]
+    planes: list[Plane]
     inertial_force: list[Expr]
     viscous_force: list[Expr]
     mass: dict[tuple[int, int], Expr]
@@ -123,6 +210,11 @@ class MotionEquations:
         return [e for e in dict.fromkeys(entries) if not e.symbols <= held]
 
     @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """What contacts were declared as: both components of one in a plane have one name."""
+        return tuple(c.name.removesuffix(f" {c.plane}") for c in self.contacts)
+
+    @cached_property
     def guards_alone(self) -> frozenset[Expr]:
         """Guards of jumps that are no kinks of functions."""
         used = [*self.formulas, self.energy, self.dissipation, self.supply]
@@ -142,7 +234,7 @@ class MotionEquations:
         rates = {"t": ex.ONE, **{q: ex.sym(f"d_{q}") for q in self.declaration.inertial}}
         turning = [(ex.along(j, rates), ex.sym(f"d_{x}")) for x, j in c.direction.items()]
         carried = [(slope * rate, -1.0) for slope, rate in turning if slope is not ex.ZERO]
-        return ex.add((ex.derivative(c.speed, "t"), 1.0), *carried)
+        return ex.add((ex.along(c.speed, rates), 1.0), *carried)
 
     def acting(self, zero: frozenset[str]) -> list[bool]:
         """Which frequencies are felt where some parameters are zero: the amplitude of a drive may
@@ -185,6 +277,10 @@ def _equations_of(d: Declaration) -> MotionEquations:
     )
     normals = {c.name: ex.sym(f"lambda:{i}") for i, c in enumerate(contacts) if c.opens}
     contacts = [_name_speed(c, i, normals) for i, c in enumerate(contacts)]
+    planes = _planes(contacts)
+    for plane in planes:
+        for i in plane.parts:
+            contacts[i] = _component(contacts[i], i, plane)
     slope = {x: ex.derivative(d.potential, x) - d.forces[x] for x in d.coordinates}
     by_inertial, by_all = _damping(d, d.inertial), _damping(d, [*d.inertial, *d.viscous])
     viscous_force = [-slope[z] - by_inertial.get(z, ex.ZERO) for z in d.viscous]
@@ -196,6 +292,7 @@ def _equations_of(d: Declaration) -> MotionEquations:
     laws = [d.laws[a] for a in d.internal]
     energy, dissipation, supply = _powers(d, contacts)
     rate = _rate_problem(d, contacts, slope)
+    planes = [plane._replace(pull=_pull(d, contacts, plane, rate, force_of)) for plane in planes]
     used = [
         *inertial_force,
         *viscous_force,
@@ -221,6 +318,7 @@ def _equations_of(d: Declaration) -> MotionEquations:
     return MotionEquations(
         declaration=d,
         contacts=contacts,
+        planes=planes,
         inertial_force=inertial_force,
         viscous_force=viscous_force,
         mass=_matrix(d.mass, d.inertial),
@@ -253,6 +351,81 @@ def _name_speed(c: DryContact, i: int, normals: dict[str, Expr]) -> DryContact:
         kinetic_plus=ex.substitute(c.kinetic_plus, own),
         kinetic_minus=ex.substitute(c.kinetic_minus, own),
     )
+
+
+def _planes(contacts: list[DryContact]) -> list[Plane]:
+    """Contacts in a plane, from their components."""
+    found = list[Plane]()
+    for i, c in enumerate(contacts):
+        if c.plane != 1:
+            continue
+        name = c.name.removesuffix("1") + "2"
+        j = next(k for k, other in enumerate(contacts) if (other.name, other.plane) == (name, 2))
+        found.append(Plane((i, j), (c.axis, contacts[j].axis), c.plus, c.kinetic_plus))
+    return found
+
+
+def _pull(
+    d: Declaration,
+    contacts: list[DryContact],
+    plane: Plane,
+    rate: RateProblem,
+    force_of: dict[str, Expr],
+) -> tuple[Expr, ...]:
+    """What acts against the friction of a contact in a plane of coordinates without mass.
+
+    Of rate-independent ones it is −λ. Of viscous ones u = g (F + λ), with the force F that holds
+    them in stick, if the resistance 1/g is the same in all directions: then they slip along F.
+
+    Raises
+    ------
+    DeclarationError
+        If the viscosity is not that of single coordinates, the same in both directions.
+    """
+    own = [contacts[i] for i in plane.parts]
+    if own[0].kind == Kind.INERTIAL:
+        return ()
+    if own[0].kind == Kind.RATE_INDEPENDENT:
+        first = len(contacts) - len(rate.force)
+        forces = [rate.force[i - first] for i in plane.parts]
+        return tuple(-f / a for f, a in zip(forces, plane.axes, strict=True))
+    found = list[Expr]()
+    resistance = list[Expr]()
+    for c, axis in zip(own, plane.axes, strict=True):
+        (z, weight), *others = c.direction.items()
+        shared = [other for other in contacts if z in other.direction and other is not c]
+        coupled = [y for (x, y) in d.damping if x == z and y != z]
+        if others or shared or coupled:
+            raise DeclarationError(
+                f"contacts.'{c.name.removesuffix(str(c.plane)).rstrip()}'",
+                f"without mass, it slips along forces, and '{z}' has others that share its rate",
+                "Let each component move one viscous coordinate with a viscosity and no contact of "
+                "its own, or declare the coordinates inertial",
+            )
+        damping = d.damping[z, z]
+        found.append((force_of[z] / weight - damping * c.speed / weight**2) / axis)
+        resistance.append(damping / (weight * axis) ** 2)
+    if resistance[0] is not resistance[1] and not _equal(*resistance):
+        raise DeclarationError(
+            f"contacts.'{own[0].name.removesuffix('1').rstrip()}'",
+            "the viscosity of its components is not the same, so that it does not slip along the "
+            "force",
+            "Give both coordinates the same viscosity (in parts of the squares of axes), or "
+            "declare them inertial",
+        )
+    return tuple(found)
+
+
+def _equal(a: Expr, b: Expr) -> bool:
+    """Whether two expressions of parameters are the same."""
+    return ex.add((a, 1.0), (b, -1.0)) is ex.ZERO
+
+
+def _component(c: DryContact, i: int, plane: Plane) -> DryContact:
+    """A component of a contact in a plane, with its part of the forces."""
+    kinetic = plane.kinetic * c.axis * ex.sym(f"n:{i}")
+    static = plane.static * c.axis
+    return replace(c, plus=static, minus=static, kinetic_plus=kinetic, kinetic_minus=kinetic)
 
 
 def _damping(d: Declaration, others: list[str]) -> dict[str, Expr]:

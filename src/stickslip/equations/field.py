@@ -15,7 +15,7 @@ from functools import cached_property
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
-from stickslip.equations.derive import MotionEquations
+from stickslip.equations.derive import MotionEquations, Plane
 from stickslip.errors import DeclarationError
 from stickslip.model.names import NORMAL, normal_force
 from stickslip.model.system import Kind
@@ -39,6 +39,10 @@ class ContactField:
         Of the normal direction of a contact that can open: u is its rate, λ the normal force.
     loose : bool
         Whether it is the friction of a contact that is open.
+    plane : int
+        1 and 2 for the components of a contact in a plane.
+    room : Expr
+        Of the first of these: s² − |A⁻¹λ|² in stick, |Au| in slip.
     """
 
     name: str
@@ -49,6 +53,8 @@ class ContactField:
     minus: Expr
     gap: Expr | None = None
     loose: bool = False
+    plane: int = 0
+    room: Expr = ex.ZERO
 
 
 @dataclass(frozen=True)
@@ -92,6 +98,8 @@ class Field:
     leaps : list of Expr
         Changes of the state in declared jumps.
     energy : Expr
+    planes : list of (int, int)
+        Contacts that are the components of one in a plane.
     """
 
     state: tuple[str, ...]
@@ -104,6 +112,7 @@ class Field:
     constraints: list[Expr]
     leaps: list[Expr]
     energy: Expr
+    planes: list[tuple[int, int]]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -130,7 +139,8 @@ class Field:
     @cached_property
     def guards(self) -> list[Guard]:
         """What must be nonnegative here: signed kinks, λ + s⁺ and s⁻ − λ in stick, σu in slip, the
-        normal force of what is closed and the gap of what is open."""
+        normal force of what is closed and the gap of what is open; in a plane s² − |A⁻¹λ|² in
+        stick, |Au| in slip."""
         found = [
             Guard(g if r == 1 else -g, j, 1 - r)
             for j, (g, r) in enumerate(zip(self.kinks, self.region, strict=True))
@@ -138,13 +148,36 @@ class Field:
         for switch, (c, m) in enumerate(
             zip(self.contacts, self.mode, strict=True), start=len(self.kinks)
         ):
-            if c.gap is not None:
+            if c.plane == 1:
+                found.append(Guard(c.room, switch, 1 if m == 0 else 0))
+            elif c.plane == 2:
+                continue
+            elif c.gap is not None:
                 found.append(Guard(c.force, switch, 1) if m == 0 else Guard(c.gap, switch, 0))
             elif m == 0:
                 found += [Guard(c.force + c.plus, switch, 1), Guard(c.minus - c.force, switch, -1)]
             elif not c.loose:
                 found.append(Guard(c.u if m > 0 else -c.u, switch, 0))
         return found
+
+
+def switched(field: Field, switch: int, setting: int) -> tuple[Mode, Region]:
+    """Mode and region that differ by one switch; components of a contact in a plane switch
+    together."""
+    mode, region = list(field.mode), list(field.region)
+    if switch < len(region):
+        region[switch] = setting
+    else:
+        contact = switch - len(region)
+        pair = next((pair for pair in field.planes if contact in pair), (contact,))
+        for i in pair:
+            mode[i] = setting
+    return tuple(mode), tuple(region)
+
+
+def mode_name(mode: int, in_plane: bool = False) -> str:
+    """What a contact does: in a plane slip has no sign."""
+    return "slip" if in_plane and mode != 0 else MODE_NAMES[mode]
 
 
 def named_modes(contacts: Sequence[str], mode: Sequence[int]) -> dict[str, str]:
@@ -154,10 +187,12 @@ def named_modes(contacts: Sequence[str], mode: Sequence[int]) -> dict[str, str]:
     Parameters
     ----------
     contacts : sequence of str
-        Names in the engine's order.
+        Names in the engine's order; both components of a contact in a plane have its name.
     mode : sequence of int
     """
-    found = {name: MODE_NAMES[m] for name, m in zip(contacts, mode, strict=True)}
+    found = {
+        name: mode_name(m, contacts.count(name) > 1) for name, m in zip(contacts, mode, strict=True)
+    }
     friction = {normal_force(name): name for name in contacts}
     for name, m in zip(contacts, mode, strict=True):
         if name in friction or name.startswith(NORMAL):
@@ -247,8 +282,10 @@ class _Solver:
         self.regions = dict(zip(equations.kinks, self.region, strict=True))
         self.known: dict[str, Expr] = {}
         for i, c in enumerate(equations.contacts):
-            if c.kind == Kind.INERTIAL:
+            if c.kind == Kind.INERTIAL and not c.plane:
                 self.known[f"speed:{i}"] = self.velocity(i) * float(mode[i])
+        for plane in equations.planes:
+            self.aim(plane)
 
     def fix(self, e: Expr) -> Expr:
         """The expression in this region, with what is already known of the rates."""
@@ -259,6 +296,21 @@ class _Solver:
         c = self.eq.contacts[i]
         moved = ex.add(*((w * ex.sym(f"d_{x}"), 1.0) for x, w in c.direction.items()))
         return self.fix(moved - c.speed)
+
+    def aim(self, plane: Plane) -> None:
+        """Note the direction n of a slip in a plane, that of Au, or without mass that of forces;
+        and |Au| with mass."""
+        slips = self.mode[plane.parts[0]] != 0
+        vector = [self.fix(e) for e in plane.pull] or self.ahead(plane)
+        size = ex.power(ex.add(*((e**2, 1.0) for e in vector)), ex.num(0.5))
+        for i, e in zip(plane.parts, vector, strict=True):
+            self.known[f"n:{i}"] = e / size if slips else ex.ZERO
+            if not plane.pull:
+                self.known[f"speed:{i}"] = size if slips else ex.ZERO
+
+    def ahead(self, plane: Plane) -> list[Expr]:
+        """Au of a contact in a plane."""
+        return [a * self.velocity(i) for i, a in zip(plane.parts, plane.axes, strict=True)]
 
     def block(
         self,
@@ -351,6 +403,13 @@ class _Solver:
         rows, right = [], []
         for i in range(len(self.d.rate_independent)):
             sigma = self.mode[first + i]
+            plane = next((p for p in self.eq.planes if first + i in p.parts), None)
+            if sigma != 0 and plane is not None:
+                n = range(len(rate.weight))
+                speeds = [self.eq.contacts[part].speed for part in plane.parts]
+                rows.append([self.fix(rate.sliding(plane, i, j, first)) for j in n])
+                right.append(-self.fix(rate.sliding_rest(plane, i, speeds, first)))
+                continue
             if sigma == 0:
                 rows.append(
                     [rate.weight[i] if i == j else ex.ZERO for j in range(len(rate.weight))]
@@ -386,6 +445,7 @@ class _Solver:
             constraints=self.constraints(contacts),
             leaps=[self.fix(e) - ex.sym(x) for j in eq.jumps for x, e in j.values.items()],
             energy=self.fix(eq.energy),
+            planes=[plane.parts for plane in eq.planes],
         )
 
     def contact(self, i: int) -> ContactField:
@@ -400,15 +460,36 @@ class _Solver:
         gap = None if c.gap is None else self.fix(c.gap)
         loose = any(self.mode[n] != 0 for n in self.eq.pressing(i))
         plus, minus = self.fix(c.plus), self.fix(c.minus)
-        return ContactField(c.name, c.kind, u, force, plus, minus, gap, loose)
+        room = self.room(i) if c.plane == 1 else ex.ZERO
+        return ContactField(c.name, c.kind, u, force, plus, minus, gap, loose, c.plane, room)
+
+    def room(self, i: int) -> Expr:
+        """What must be nonnegative of a contact in a plane, by its first component."""
+        plane = next(p for p in self.eq.planes if p.parts[0] == i)
+        if self.mode[i] != 0 and not plane.pull:
+            return self.known[f"speed:{i}"]
+        if self.mode[i] != 0:
+            pairs = zip(plane.parts, self.ahead(plane), strict=True)
+            return ex.add(*((self.known[f"n:{part}"] * u, 1.0) for part, u in pairs))
+        if self.eq.contacts[i].kind == Kind.RATE_INDEPENDENT:
+            first = len(self.eq.contacts) - len(self.d.rate_independent)
+            x, y = (self.fix(self.eq.rate.force[part - first]) for part in plane.parts)
+        else:
+            x, y = (self.known[f"lambda:{part}"] for part in plane.parts)
+        return self.fix(plane.admissible((x, y)))
 
     def constraints(self, contacts: list[ContactField]) -> list[Expr]:
         found = []
         for c, m in zip(contacts, self.mode, strict=True):
             if c.kind == Kind.INERTIAL and m == 0:
                 found += [c.u] if c.gap is None else [c.gap, c.u]
-            elif c.kind == Kind.RATE_INDEPENDENT and m != 0:
+            elif c.kind == Kind.RATE_INDEPENDENT and m != 0 and not c.plane:
                 found.append(c.force + c.plus if m > 0 else c.force - c.minus)
+        for plane in self.eq.planes:
+            first = contacts[plane.parts[0]]
+            if first.kind == Kind.RATE_INDEPENDENT and self.mode[plane.parts[0]] != 0:
+                size = ex.add(*((self.fix(e) ** 2, 1.0) for e in plane.pull))
+                found.append(self.fix(plane.static) - ex.power(size, ex.num(0.5)))
         return found
 
 

@@ -11,7 +11,7 @@ from urllib.parse import quote, unquote
 from stickslip import catalogue
 from stickslip.errors import StickslipError
 from stickslip.explorer.asking.limits import MOST_PAGES
-from stickslip.explorer.asking.request import GIVEN
+from stickslip.explorer.asking.request import FIRST_MODEL, GIVEN, packed_text
 from stickslip.explorer.serving.server import HERE, Explorer, Listening
 from stickslip.progress import in_notebook
 
@@ -111,5 +111,20 @@ def _start(system: System | str | None) -> tuple[str, str]:
     if name.endswith(".toml") or os.sep in name or Path(name).is_file():
         from stickslip.model.system_file import load
 
+        if (evolution := _evolution(name)) is not None:
+            return "", f"{FIRST_MODEL}?.panel=friction&evolution={packed_text(evolution)}"
         return load(name).to_toml(), GIVEN + (f"?{rest}" if rest else "")
     return "", catalogue.get(name).name  # says what is wrong
+
+
+def _evolution(path: str) -> str | None:
+    """The text of a model file if it declares an evolution; what is wrong with it is said."""
+    from stickslip.model.toml import parse, read_text, said_of
+
+    with said_of(path):
+        text = read_text(path)
+        if "dissipation" not in parse(text):
+            return None
+    from stickslip.rate_independent.evolution.evolution_file import load_evolution
+
+    return load_evolution(path).to_toml()

@@ -23,10 +23,13 @@ if TYPE_CHECKING:
         stable_sets,
     )
     from stickslip.figures.drawing.registry import register
+    from stickslip.figures.in_plane import force_in_plane, path_in_plane
     from stickslip.figures.play import plot_limit, plot_loops
 
 __all__ = [
     "costs_over_phase",
+    "force_in_plane",
+    "path_in_plane",
     "plot_average",
     "plot_limit",
     "plot_loops",
@@ -41,6 +44,7 @@ _HOMES = {
     **dict.fromkeys(
         ["costs_over_phase", "plot_average", "plot_path", "stable_sets"], "dissipation"
     ),
+    **dict.fromkeys(["force_in_plane", "path_in_plane"], "in_plane"),
     **dict.fromkeys(["plot_limit", "plot_loops"], "play"),
     "register": "drawing.registry",
 }

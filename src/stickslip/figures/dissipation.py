@@ -26,12 +26,11 @@ from stickslip.figures.drawing.style import (
     new_figure,
     paper_style,
 )
+from stickslip.rate_independent.sets.plane import stable_boundary
 
 if TYPE_CHECKING:
     from stickslip.rate_independent.dissipation import Average, Dissipation
 
-_DIRECTIONS = 360
-_RAYS = 2880  # more than directions, so that corners stay sharp
 _PHASES = 128
 _FEW = 4  # components with a line of their own; of more a map is drawn
 _PLANE = 4.4  # inches
@@ -74,8 +73,9 @@ def stable_sets(axes: Axes, potential: Dissipation, sets: int = 8, unit: str = "
     phases = np.arange(sets if potential.depends_on_phase else 1) / sets
     colours = ListedColormap(mpl.colormaps["twilight"](np.linspace(0.12, 0.88, sets)))
     for k, s in enumerate(phases.tolist()):
-        axes.fill(*_boundary(potential, np.array([s])).T, fc="none", ec=colours(k), lw=1.2)
-    common = _boundary(potential, np.arange(_PHASES if potential.depends_on_phase else 1) / _PHASES)
+        axes.fill(*stable_boundary(potential, np.array([s])).T, fc="none", ec=colours(k), lw=1.2)
+    every = np.arange(_PHASES if potential.depends_on_phase else 1) / _PHASES
+    common = stable_boundary(potential, every)
     axes.fill(
         *common.T, fc=BAND, ec=THRESHOLD, lw=2.2, zorder=3, label=r"$K_\mathrm{av}$, common to all"
     )
@@ -101,32 +101,6 @@ def _phase_bar(axes: Axes, colours: ListedColormap, sets: int) -> None:
     bar.ax.minorticks_off()
     bar.set_label("$K(s)$ at the phase $s$  [periods]")
     bar.outline.set_visible(False)
-
-
-def _boundary(potential: Dissipation, phases: Array) -> Array:
-    """Boundary of what K(s) has in common at some phases, shape (RAYS, 2): where rays meet the
-    first line."""
-    rays = _circle(_RAYS)
-    normals, offsets = _half_planes(potential, phases)
-    slopes = rays @ normals.T
-    ahead = slopes > 1e-12
-    reach = np.where(ahead, offsets / np.where(ahead, slopes, 1.0), np.inf).min(axis=1)
-    return rays * reach[:, None]
-
-
-def _half_planes(potential: Dissipation, phases: Array) -> tuple[Array, Array]:
-    """Unit normals (m, 2) and offsets (m,) of half-planes that enclose K(s) at some phases."""
-    known = potential.halfspaces(phases)
-    if known is not None:
-        return known
-    sampled = potential.sampled(phases)
-    directions = _circle(_DIRECTIONS)
-    return directions, np.array([sampled.support(v).min() for v in directions])
-
-
-def _circle(count: int) -> Array:
-    angles = 2.0 * np.pi * np.arange(count) / count
-    return np.column_stack([np.cos(angles), np.sin(angles)])
 
 
 def _with_unit(label: str, unit: str) -> str:

@@ -8,6 +8,7 @@ However long the motion is, what is drawn of it is bounded: see
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +20,8 @@ from matplotlib.ticker import MaxNLocator
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
+from stickslip.figures.drawing.planes import InPlane, PlaneCurves
+from stickslip.figures.drawing.sampling import Sampled
 from stickslip.figures.drawing.style import (
     BAND,
     BLUE,
@@ -35,7 +38,7 @@ from stickslip.figures.drawing.style import (
     powers_in_labels,
     symbol,
 )
-from stickslip.figures.drawing.thinning import COLUMNS, FEW, Columns, Curve, chosen, strip
+from stickslip.figures.drawing.thinning import COLUMNS, FEW, Columns, Curve, strip
 from stickslip.model.names import normal_force
 from stickslip.model.quantities import FORCES, contact_key, quantity
 from stickslip.model.units import unit_label
@@ -44,11 +47,6 @@ from stickslip.motion.knots import IS_CLOSED, IS_OPEN
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-_SAMPLES = 6000  # over the whole time
-_POINTS = (16, 64)  # on each step, the more the fewer steps there are
-MOST_DRAWN = 1_000_000  # of a motion
-_MOST_SAMPLES = 16_000_000  # of a motion
-_AT_ONCE = 64_000  # samples taken in one go
 # lines in one panel, or contacts with a panel of their own, above which a map is drawn instead
 _MANY = 4
 _SWINGS = 0.2  # part of its range that a quantity takes within a column, of which a line is a block
@@ -57,6 +55,7 @@ _MARKED = 200  # impacts of a contact
 _CLOSED_FOR = 0.1  # of the time: from there on what can open shows its friction, not its gap
 _ROW = 1.5  # inches
 _EXTRA = 1.0  # inches
+_SQUARE = 3.5  # inches
 _TIME_WIDTH = 7.2  # inches
 _PLANE_WIDTH = 4.6  # inches
 
@@ -71,7 +70,8 @@ def plot_trajectory(
     Left, over a shared time axis: coordinates, velocities of inertial coordinates, internal
     variables, and per contact the friction force between its thresholds. Grey: the contact sticks
     (in the upper panels: every contact does). Right: phase planes of one or two degrees of freedom,
-    sticking parts in black.
+    sticking parts in black; of contacts in a plane their path, and the friction force in the set of
+    forces that it may be.
 
     Parameters
     ----------
@@ -95,28 +95,6 @@ def plot_trajectory(
         return _Overview(trajectory, t, coordinates).draw()
 
 
-def checked_window(trajectory: Trajectory, t: tuple[float, float]) -> tuple[float, float]:
-    """A window of the time within the computed span.
-
-    Raises
-    ------
-    DeclarationError
-        If it is none.
-    """
-    first, last = float(trajectory.knots.time[0]), float(trajectory.knots.time[-1])
-    try:
-        low, high = map(float, t)
-    except (TypeError, ValueError):
-        raise DeclarationError("t", f"{t!r} is no window of the time", "Give (low, high)") from None
-    if not first <= low < high <= last:
-        raise DeclarationError(
-            "t",
-            f"({low:g}, {high:g}) is no window of the computed span",
-            f"Give {first:g} <= low < high <= {last:g}",
-        )
-    return low, high
-
-
 class _Overview:
     """One overview: what is shown, and in which panel."""
 
@@ -130,16 +108,19 @@ class _Overview:
         self.system = trajectory.system
         self.declaration = trajectory.system.declaration
         self.shown = self.chosen(coordinates)
-        opening = {normal_force(name): name for name in self.system.unilateral}
+        named = {normal_force(name): name for name in self.system.unilateral}
+        named |= {part: name for name, parts in self.system.planes.items() for part in parts}
         shown = [
-            opening.get(c.name, c.name)
+            named.get(c.name, c.name)
             for c in self.declaration.contacts
             if coordinates is None or self.shown & c.direction.keys()
         ]
         self.names = list(dict.fromkeys(shown))
         self.contacts = [contact_key(name) for name in self.names]
+        planes = [InPlane(trajectory, name) for name in self.names if name in self.system.planes]
+        self.in_plane = {plane.key: plane for plane in planes}
         self.opening = [contact_key(name) for name in self.names if name in self.system.unilateral]
-        self.motion = _Samples(trajectory, t)
+        self.motion = Sampled(trajectory, t)
         part = slice(self.motion.first, self.motion.first + self.motion.steps)
         modes = {key: mode[part] for key, mode in trajectory.modes.items()}
         self.modes = {key: modes[key] for key in self.contacts}
@@ -165,7 +146,7 @@ class _Overview:
 
     def rubs(self, key: str) -> bool:
         """Whether a contact has friction."""
-        return any(contact_key(c.name) == key for c in self.declaration.contacts if not c.opens)
+        return any(contact_key(name) == key for name in self.system.rubbing)
 
     def is_held(self, key: str) -> bool:
         """Whether the friction force of a contact is worth a panel: it is closed for a while."""
@@ -190,8 +171,9 @@ class _Overview:
         """Lines over time, and the curves of the planes, bit by bit from all of the motion."""
         names = [*self.declaration.state]
         if len(self.contacts) <= _MANY:
-            rubbing = [key for key in self.contacts if self.rubs(key)]
+            rubbing = [key for key in self.contacts if self.rubs(key) and key not in self.in_plane]
             names += [f"{kind}_{key}" for key in rubbing for kind in FORCES]
+            names += [name for plane in self.in_plane.values() for name in plane.traced]
             names += [f"gap_{key}" for key in self.opening]
         motion = self.motion
         planes = self.planes()
@@ -202,7 +184,10 @@ class _Overview:
         ]
         columns = Columns(motion.time[0], motion.time[-1])
         pieces = []
+        self.plane_curves = PlaneCurves(self.shown_planes(), motion, whole)
         for t, steps, values in motion.sampled(names):
+            self.plane_curves.absorb(steps, values, self.modes)
+            values |= self.sizes(values)
             if whole:
                 pieces.append({"t": t, **values})
             else:
@@ -211,17 +196,38 @@ class _Overview:
                 x, y = (_difference(values, names) for names in plane)
                 curve.absorb(x, y, self.all_stick[steps], np.diff(steps) <= 1)
         if whole:
-            lines = {
-                name: np.concatenate([piece[name] for piece in pieces]) for name in ("t", *names)
-            }
+            lines = {name: np.concatenate([p[name] for p in pieces]) for name in pieces[0]}
             return lines.pop("t"), lines, curves
         columns.absorb(motion.time, motion.at_knots)
         return *columns.lines(), curves
 
+    def shown_planes(self) -> list[InPlane]:
+        """Contacts in a plane whose paths and forces are drawn."""
+        few = len(self.contacts) <= _MANY
+        return list(self.in_plane.values()) if few else []
+
+    def sizes(self, values: Mapping[str, Array]) -> dict[str, Array]:
+        """Sizes of the friction forces in planes, and their thresholds."""
+        found: dict[str, Array] = {}
+        for plane in self.shown_planes():
+            found[f"size_{plane.key}"], found[f"bound_{plane.key}"] = plane.size(values)
+        return found
+
+    def squares(self) -> list[Callable[[Axes], None]]:
+        """Panels at the right: paths and forces in planes, or phase planes."""
+        if not self.in_plane:
+            return [self.plane(*plane, curve) for plane, curve in self.telling()]
+        curves = self.plane_curves
+        paths = [partial(curves.draw_path, plane=plane) for plane in curves.paths()]
+        forces = [partial(curves.draw_force, plane=plane) for plane in curves.planes]
+        return [*paths, *forces]
+
     def draw(self) -> Figure:
         panels = self.panels()
-        planes = [self.plane(*plane, curve) for plane, curve in self.telling()]
+        planes = self.squares()
         height = max(_ROW * len(panels) + _EXTRA, 3.6 if planes else 0.0)
+        if self.in_plane:
+            height = max(height, _SQUARE * len(planes))
         figure = self.figure = new_figure(_TIME_WIDTH + (_PLANE_WIDTH if planes else 0.0), height)
         figure.suptitle(self.system.title or self.system.name, x=0.01, ha="left", fontsize=13)
         columns = [_TIME_WIDTH, _PLANE_WIDTH] if planes else [_TIME_WIDTH]
@@ -357,9 +363,39 @@ class _Overview:
 
         return panel
 
+    def friction_in_plane(self, plane: InPlane) -> Callable[[Axes], None]:
+        """Size of a friction force in a plane, and its threshold."""
+        size, bound = (self.values[f"{what}_{plane.key}"] for what in ("size", "bound"))
+
+        def panel(axes: Axes) -> None:
+            self.shade(axes, self.modes[plane.key] == 0)
+            axes.fill_between(self.t, 0.0, bound, color=BAND, lw=0, alpha=0.6, zorder=1)
+            axes.plot(self.t, bound, color=THRESHOLD, lw=0.8, zorder=2)
+            self._line(axes, f"size_{plane.key}", BLUE, zorder=3)
+            _roomy(axes, np.concatenate([size, bound, [0.0]]))
+            unit = unit_label(self.unit(f"friction_{plane.parts[0]}"))
+            said = r"$|\lambda|$" if plane.is_disc else r"$|A^{-1}\lambda|$"
+            axes.set_ylabel(said + (f"  [{unit}]" if unit else ""))
+            axes.set_title(plane.name)
+            if plane is next(iter(self.in_plane.values())):
+                self.explain(axes, "size of the friction force", "threshold")
+
+        return panel
+
+    def explain(self, axes: Axes, force: str, threshold: str) -> None:
+        """The legend of friction forces."""
+        marks = [
+            Line2D([], [], color=BLUE, label=force),
+            Patch(fc=BAND, ec=THRESHOLD, lw=0.8, label=threshold),
+            Patch(color=STICK_SHADE, label="stick"),
+        ]
+        legend_above(axes, marks, right=True)
+
     def friction(self, name: str) -> Callable[[Axes], None]:
         """Friction force of one contact between its thresholds."""
         key = contact_key(name)
+        if key in self.in_plane:
+            return self.friction_in_plane(self.in_plane[key])
         force, plus, minus = (self.values[f"{kind}_{key}"] for kind in FORCES)
 
         def panel(axes: Axes) -> None:
@@ -373,13 +409,9 @@ class _Overview:
             unit = unit_label(self.unit(f"friction_{key}"))
             axes.set_ylabel(r"$\lambda$" + (f"  [{unit}]" if unit else ""))
             axes.set_title(name)
-            if key == next(key for key in self.contacts if self.is_held(key)):
-                marks = [
-                    Line2D([], [], color=BLUE, label="friction force"),
-                    Patch(fc=BAND, ec=THRESHOLD, lw=0.8, label="thresholds"),
-                    Patch(color=STICK_SHADE, label="stick"),
-                ]
-                legend_above(axes, marks, right=True)
+            held = (key for key in self.contacts if self.is_held(key) and key not in self.in_plane)
+            if key == next(held):
+                self.explain(axes, "friction force", "thresholds")
 
         return panel
 
@@ -427,6 +459,8 @@ class _Overview:
         axes.set_ylim(len(self.contacts) + 0.5, 0.5)
         _rows(axes, self.names)
         shown = [(STICK_SHADE, "stick"), (SLIP[1], "slip +"), (SLIP[-1], "slip −")]
+        if len(self.in_plane) == len(self.contacts):
+            shown[1:] = [(SLIP[1], "slip")]
         if any(np.any(mode == IS_CLOSED) for mode in self.modes.values()):
             shown.append((BAND, "closed"))
         legend_above(axes, [Patch(color=colour, label=label) for colour, label in shown])
@@ -515,47 +549,6 @@ class _Overview:
     def quantity_label(self, names: list[str]) -> str:
         label = axis_label(names, self.unit(names[0]))
         return label.replace("$, $", " - ") if len(names) == 2 else label
-
-
-class _Samples:
-    """Times at which a motion is looked at: on each step, both ends included, and nowhere far
-    apart."""
-
-    def __init__(self, trajectory: Trajectory, window: tuple[float, float] | None = None) -> None:
-        self.trajectory = trajectory
-        k = trajectory.knots
-        time, state = (k.time, k.state) if len(k.time) > 1 else (k.time[[0, 0]], k.state[[0, 0]])
-        self.first = 0  # step
-        if window is not None:
-            ends = np.array(checked_window(trajectory, window))
-            self.first = int(np.searchsorted(time, ends[0], side="right")) - 1
-            last = int(np.searchsorted(time, ends[1], side="left"))
-            part = slice(self.first, last + 1)
-            time, state = time[part].copy(), state[part].copy()
-            time[[0, -1]] = ends
-            state[[0, -1]] = trajectory._states_at(ends, np.array([self.first, last - 1]))
-        self.time = time
-        self.at_knots = dict(zip(trajectory.system.declaration.state, state.T, strict=True))
-        self.steps = len(self.time) - 1
-        self._chosen = chosen(self.time, MOST_DRAWN)
-        lengths = np.diff(self.time)[self._chosen]
-        span = float(self.time[-1] - self.time[0]) or 1.0
-        points = int(np.clip(_MOST_SAMPLES // len(lengths), *_POINTS))
-        self._number = points + np.floor(_SAMPLES * lengths / span).astype(int)
-        self._at_once = _AT_ONCE // points
-        self.count = int(np.sum(self._number))
-
-    def sampled(self, names: list[str]) -> Iterator[tuple[Array, Array, dict[str, Array]]]:
-        """Times, the step that each belongs to, and values; piece by piece."""
-        for i in range(0, len(self._chosen), self._at_once):
-            some, number = (part[i : i + self._at_once] for part in (self._chosen, self._number))
-            steps = np.repeat(some, number)
-            last = np.cumsum(number)
-            place = np.arange(len(steps)) - np.repeat(last - number, number)
-            begin = self.time[steps]
-            end = self.time[steps + 1]
-            t = np.minimum(begin + (end - begin) * place / (np.repeat(number, number) - 1), end)
-            yield t, steps, self.trajectory.trace(names, t, steps + self.first)
 
 
 def _difference(values: Mapping[str, Array], names: list[str]) -> Array:

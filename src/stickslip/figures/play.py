@@ -20,6 +20,7 @@ from stickslip.figures.drawing.style import (
     new_figure,
     paper_style,
     root_of,
+    titles_above,
 )
 from stickslip.figures.drawing.thinning import chosen, thin
 
@@ -75,10 +76,8 @@ def plot_limit(resolved: Play, averaged: Play) -> Figure:
         _draw(left, resolved, r"z_\varepsilon", "stable region")
         _draw(right, averaged, "z_0", "stable at every phase")
         period = resolved.bounds.plus.period or resolved.bounds.minus.period
-        said = r"$\varepsilon > 0$" if period is None else rf"$\varepsilon = {period:g}$"
-        for axes, text in ((left, said), (right, r"$\varepsilon \to 0$")):
-            # Inside: above there are legends of as many rows as they need.
-            axes.text(0.03, 0.96, text, transform=axes.transAxes, va="top")
+        known = r"\varepsilon > 0" if period is None else rf"\varepsilon = {period:g}"
+        titles_above({left: f"${known}$", right: r"$\varepsilon \to 0$"})
         return figure
 
 

@@ -57,6 +57,11 @@ class DryContact:
         Of the friction of such a contact: its name.
     restitution : Expr
         Of either, in an impact.
+    plane : int
+        1 and 2 for the components of a contact in a plane, whose forces are of both: `plus`,
+        `minus` and the kinetic forces then are those of abs(A⁻¹λ).
+    axis : Expr
+        Of a component, the entry of A.
     """
 
     name: str
@@ -71,6 +76,8 @@ class DryContact:
     gap: Expr | None = None
     on: str = ""
     restitution: Expr = ex.ZERO
+    plane: int = 0
+    axis: Expr = ex.ONE
 
     @property
     def opens(self) -> bool:
@@ -586,12 +593,15 @@ class _Reader:
             {"speed": ex.sym("speed")},
             why="Use 'speed' for |u|",
         )
+        self.surface = self.scope(
+            self.inertia, why="A surface moves with t, inertial coordinates and parameters"
+        )
         self.order = {f"d_{x}": i for i, x in enumerate(result.coordinates)}
         for name, contact in system.plain.contacts.items():
             if isinstance(contact, Unilateral):
                 result.contacts += self._unilateral(name, contact)
             else:
-                result.contacts.append(self._contact(name, cast("Contact", contact)))
+                result.contacts += self._dry(name, cast("Contact", contact))
         moving = {r: list[str]() for r in result.rate_independent}
         for c in result.contacts:
             for x in c.direction.keys() & moving.keys():
@@ -693,8 +703,93 @@ class _Reader:
         )
         return [normal, friction]
 
-    def _contact(self, name: str, contact: Contact) -> DryContact:
+    def _dry(self, name: str, contact: Contact) -> list[DryContact]:
+        """A contact along a line, or the two components of one in a plane."""
         where = entry_key("contacts", name)
+        if isinstance(contact.direction, str):
+            if isinstance(contact.surface_speed, tuple):
+                raise DeclarationError(
+                    f"{where}.surface_speed",
+                    "two components, and a contact along a line has one",
+                    "Give one formula, or two directions, like direction = ['d_x', 'd_y']",
+                )
+            if contact.axes != (1.0, 1.0):
+                raise DeclarationError(
+                    f"{where}.axes",
+                    "a contact along a line has none",
+                    "Give two directions, like direction = ['d_x', 'd_y'], or leave the axes out",
+                )
+            return [self._contact(name, contact)]
+        for key, given in (("threshold", contact.threshold), ("kinetic", contact.kinetic)):
+            if isinstance(given, tuple):
+                raise DeclarationError(
+                    f"{where}.{key}",
+                    "a contact in a plane has one, for all directions",
+                    "Give one formula, and its axes where friction is not the same in both "
+                    "directions",
+                )
+        given = contact.surface_speed
+        if not isinstance(given, tuple) and given != 0.0:
+            raise DeclarationError(
+                f"{where}.surface_speed",
+                "a surface in a plane has a velocity of two components",
+                f"Write it like ['{given}', 0]",
+            )
+        axes = [self._axis(axis, f"{where}.axes") for axis in contact.axes]
+        parts = contact.components(name)
+        for label in parts:
+            if label in self.system.contacts:
+                raise DeclarationError(
+                    where,
+                    f"its components need the name '{label}', which is taken",
+                    "Rename one of the two",
+                )
+        found = [
+            replace(self._contact(label, part, name), plane=i, axis=axis)
+            for i, ((label, part), axis) in enumerate(zip(parts.items(), axes, strict=True), 1)
+        ]
+        self._check_plane(where, found)
+        return found
+
+    def _axis(self, given: object, where: str) -> Expr:
+        """A half axis, which is positive."""
+        axis = self.static.parse(given, where)
+        interval = parse_range("(0, inf)", where)
+        interval.check(ex.evaluate(axis, self.system.values), where)
+        self.result.limits.append((where, axis, interval))
+        return axis
+
+    def _check_plane(self, where: str, parts: list[DryContact]) -> None:
+        """Refuse components that are of different kinds, or along one line."""
+        first, second = parts
+        if first.kind != second.kind:
+            raise DeclarationError(
+                f"{where}.direction",
+                f"its components are {first.kind} and {second.kind}",
+                "Give all coordinates of one contact the same kind",
+            )
+        if first.plus.symbols & self.normals.keys():
+            raise DeclarationError(
+                f"{where}.threshold",
+                f"it uses {min(first.plus.symbols & self.normals.keys())}, and the contact is in a "
+                "plane",
+                "Give the normal force as a formula of time and state, or rub along a line",
+            )
+        alike = first.direction.keys() == second.direction.keys() and all(
+            first.direction[x] * second.direction[y] is second.direction[x] * first.direction[y]
+            for x in first.direction
+            for y in first.direction
+        )
+        if alike:
+            raise DeclarationError(
+                f"{where}.direction",
+                "both of its components are along one line",
+                "Give two independent combinations of rates, like ['d_x', 'd_y'], or one",
+            )
+
+    def _contact(self, name: str, contact: Contact, declared: str = "") -> DryContact:
+        """A contact along a line, or a component of the one that was declared."""
+        where = entry_key("contacts", declared or name)
         text = self.directions.parse(contact.direction, f"{where}.direction")
         rates = sorted(text.symbols & self.order.keys(), key=self.order.__getitem__)
         slopes = {rate[2:]: ex.derivative(text, rate) for rate in rates}
@@ -771,7 +866,8 @@ class _Reader:
                     "Declare the coordinate inertial, or put the slope into 'viscous'",
                 )
         self._check_pressed(where, (plus, minus, *kinetic))
-        speed = self.clock.parse(contact.surface_speed, f"{where}.surface_speed")
+        places = self.surface if declared and inertial else self.clock
+        speed = places.parse(contact.surface_speed, f"{where}.surface_speed")
         check_unit(contact.unit, f"{where}.unit")
         values = self.start
         for static, sliding_force in zip((plus, minus), kinetic, strict=True):
@@ -944,6 +1040,7 @@ class _Reader:
             where = entry_key("contacts", c.name)
             formulas += [(f"{where}.direction", weight) for weight in c.direction.values()]
             formulas += [(f"{where}.threshold", c.plus), (f"{where}.threshold", c.minus)]
+            formulas.append((f"{where}.surface_speed", c.speed))
             formulas += [
                 (f"{where}.kinetic", c.kinetic_plus),
                 (f"{where}.kinetic", c.kinetic_minus),

@@ -7,7 +7,7 @@ follow. What is declared without a unit is dimensionless.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 
 from stickslip.model.names import normal_force
@@ -21,6 +21,11 @@ FORCES = {
     "threshold_plus": "threshold for u > 0 of",
     "threshold_minus": "threshold for u < 0 of",
 }
+IN_PLANE = {
+    "friction": "friction force of",
+    "threshold": "half axis of the forces of",
+}
+"""The same of each component of a contact in a plane."""
 _ENERGIES = ("energy", "dissipated_energy", "supplied_energy")
 _JOULE = lowest_terms(factors("J"))[1]
 
@@ -40,7 +45,7 @@ def quantity(system: System, name: str) -> dict[str, str]:
     name : str
         ``t``, a parameter, a coordinate ``x``, an internal variable, a rate ``d_x``, an
         acceleration ``dd_x``, a force or the slip speed of a contact (``friction_KEY``,
-        ``slip_speed_KEY``, ...), or an energy.
+        ``slip_speed_KEY``, ...; in a plane ``friction_KEY_1``, ...), or an energy.
     """
     system = system.plain
     named = {**system.parameters, **system.coordinates, **system.internal}
@@ -67,13 +72,21 @@ def quantity(system: System, name: str) -> dict[str, str]:
             return described_as(
                 f"gap of {contact}", None if speed is None else per_time(system, speed, -1)
             )
-    for contact in system.dry_contacts:
-        key = contact_key(contact)
-        if name == f"slip_speed_{key}":
-            return described_as(f"relative velocity of {contact}", slip_unit(system, contact))
-        if (kind := name.removesuffix(f"_{key}")) in FORCES:
-            return described_as(f"{FORCES[kind]} {contact}", force_unit(system, contact))
+    for declared, parts in system.rubbing.items():
+        for i, contact in enumerate(parts, 1):
+            key = contact_key(contact)
+            said = declared if len(parts) == 1 else f"{declared}, component {i}"
+            forces = forces_of(parts)
+            if name == f"slip_speed_{key}":
+                return described_as(f"relative velocity of {said}", slip_unit(system, contact))
+            if (kind := name.removesuffix(f"_{key}")) in forces:
+                return described_as(f"{forces[kind]} {said}", force_unit(system, contact))
     raise KeyError(name)
+
+
+def forces_of(parts: Sequence[str]) -> dict[str, str]:
+    """Kinds of forces that are published of each component of a dry contact, and what they are."""
+    return FORCES if len(parts) == 1 else IN_PLANE
 
 
 def described_as(meaning: str, unit: str | None) -> dict[str, str]:

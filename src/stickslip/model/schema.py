@@ -22,10 +22,10 @@ from stickslip.model.system import (
 from stickslip.symbolic.formulas import NAME, TimeFunction
 
 PLANAR = (
-    "Write it like 'd_x' or 'd_x2 - d_x1'; friction that is the same in all directions of a plane "
-    "is quasistatic here: ss.GroupNorm, for ss.evolve"
+    "Write it like 'd_x' or 'd_x2 - d_x1'; friction in a plane is a contact with a threshold and "
+    "two directions, like direction = ['d_x', 'd_y']"
 )
-"""What to do instead of a contact with two directions."""
+"""What to do instead of one direction that is no linear combination of rates."""
 _EXPECTED = {
     "str": ("a text", 'Write it in quotes, like "N/m"'),
     "float": ("a number", "Write it without quotes, like 0.5"),
@@ -38,8 +38,18 @@ _EXPECTED = {
         "a formula or a pair of them",
         'Write "mu*m*g" or ["f_plus", "f_minus"]',
     ),
+    "SurfaceSpeed": (
+        "a formula, or a pair of them",
+        'Write "V"; of a contact in a plane both components, like ["V", 0]',
+    ),
+    "Axes": ("a pair of half axes", "Write it like [1.0, 0.6]"),
     "Passing": ("how a guard passes through zero", 'Write "falling", "rising" or "both"'),
     "Direction": ("one linear combination of rates", PLANAR),
+    "Direction | tuple[Direction, Direction]": (
+        "a linear combination of rates, or a pair of them",
+        "Write it like 'd_x' or 'd_x2 - d_x1'; friction in a plane has two components, "
+        "like ['d_x', 'd_y']",
+    ),
     "Formula | tuple[Formula, ...]": (
         "a formula or a list of them",
         'Write "mu*m*g", or [1.0, "2*F"] for several elements',
@@ -114,6 +124,8 @@ def _has_kind(value: Any, kind: str) -> bool:
     match kind:
         case "str" | "Direction":
             return isinstance(value, str)
+        case "Direction | tuple[Direction, Direction]":
+            return isinstance(value, str) or _is_pair(value, "str")
         case "Passing":
             return isinstance(value, str) and value in CROSSINGS
         case "float":
@@ -132,7 +144,7 @@ def _has_kind(value: Any, kind: str) -> bool:
             return _has_kind(value, "Formula")
         case "tuple[float, float]":
             return _is_pair(value, "float")
-        case "tuple[Formula, Formula]":
+        case "tuple[Formula, Formula]" | "Axes":
             return _is_pair(value, "Formula")
         case _:
             return _is_pair(value, "Formula") or _has_kind(value, "Formula")
@@ -146,8 +158,8 @@ def wrong_kind(value: Any, expected: str, where: str) -> DeclarationError:
     """The error for a value that is not of the expected kind, a key of :data:`_EXPECTED`."""
     names = {
         "dict": "a table",
-        "list": "a list",
-        "tuple": "a list",
+        "list": f"a list of {len(value)}" if isinstance(value, list) else "",
+        "tuple": f"a list of {len(value)}" if isinstance(value, tuple) else "",
         "str": "a text",
         "bool": "true or false",
     }

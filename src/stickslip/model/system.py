@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
@@ -23,6 +23,10 @@ Formula = str | float
 """A text or a number. An expression may be given, too: it is written down as a text."""
 Direction = str
 """A linear combination of rates."""
+SurfaceSpeed = Formula | tuple[Formula, Formula]
+"""A speed, or in a plane a velocity."""
+Axes = tuple[Formula, Formula]
+"""Half axes of an ellipse."""
 Drive = Formula | TimeFunction
 """A function of time: a formula, or samples."""
 Passing = str
@@ -143,30 +147,53 @@ class Internal:
 
 @dataclass(frozen=True)
 class Contact:
-    """A dry contact with relative velocity u = direction − surface_speed.
+    """A dry contact with relative velocity u = direction − surface_speed, along a line or in a
+    plane.
+
+    In a plane, u and the friction force λ have two components. With the diagonal matrix A of the
+    `axes`, abs(A⁻¹λ) ≤ s in stick, and in slip λ = −k A n with n = Au/abs(Au): the dissipation
+    potential is s·abs(Au), and the forces that it holds are an ellipse, a disc for equal axes.
 
     Attributes
     ----------
-    direction : str
-        Linear combination of rates, such as ``"d_x"`` or ``"d_x2 - d_x1"``.
+    direction : str or pair of str
+        Linear combination of rates, such as ``"d_x"`` or ``"d_x2 - d_x1"``; two of them, such as
+        ``("d_x", "d_y")``, for a contact in a plane.
     threshold : str, float or pair of these
-        Largest force it can hold, s ≥ 0. A pair gives s⁺ (for u > 0) and s⁻ (for u < 0).
-    surface_speed : str or float
-        Speed w(t) of the surface (a belt).
+        Largest force it can hold, s ≥ 0. A pair gives s⁺ (for u > 0) and s⁻ (for u < 0) along a
+        line; in a plane there is one.
+    surface_speed : str, float or pair of these
+        Speed w(t) of the surface (a belt); in a plane two components, which may also depend on
+        coordinates (a turntable).
     kinetic : str, float, pair of these or None
-        Friction force k ≤ s while sliding; may use ``speed`` = |u|. By default k = s.
+        Friction force k ≤ s while sliding; may use ``speed`` = |u|, in a plane abs(Au). By default
+        k = s.
     unit : str
         Unit of the friction force.
+    axes : pair of str or float
+        Half axes of the set of forces, in parts of the threshold: for a contact in a plane.
     """
 
-    direction: Direction
+    direction: Direction | tuple[Direction, Direction]
     threshold: Formula | tuple[Formula, Formula]
-    surface_speed: Formula = 0.0
+    surface_speed: SurfaceSpeed = 0.0
     kinetic: Formula | tuple[Formula, Formula] | None = None
     unit: str = ""
+    axes: Axes = (1.0, 1.0)
 
     def __post_init__(self) -> None:
         hold_plain(self)
+
+    def components(self, name: str) -> dict[str, Contact]:
+        """By name, a contact along each of its directions."""
+        if isinstance(self.direction, str):
+            return {name: self}
+        given = self.surface_speed
+        speeds = given if isinstance(given, tuple) else (0.0, 0.0)
+        return {
+            f"{name} {i}": replace(self, direction=d, surface_speed=w, axes=(1.0, 1.0))
+            for i, (d, w) in enumerate(zip(self.direction, speeds, strict=True), 1)
+        }
 
 
 @dataclass(frozen=True)
@@ -442,12 +469,12 @@ class System:
 
     @cached_property
     def dry_contacts(self) -> dict[str, Contact]:
-        """Contacts with a threshold: those that laws are made of, and the normal direction and the
-        friction of those that can open, too."""
+        """Contacts with a threshold: those that laws are made of, the components of those in a
+        plane, and the normal direction and the friction of those that can open, too."""
         found: dict[str, Contact] = {}
         for name, contact in self.plain.contacts.items():
             if isinstance(contact, Contact):
-                found[name] = contact
+                found |= contact.components(name)
             elif isinstance(contact, Unilateral):
                 found |= self._parts_of(name, contact)
         return found
@@ -467,6 +494,23 @@ class System:
             direction, speed = contact.direction, contact.surface_speed
             parts[name] = Contact(direction, threshold, speed, unit=contact.unit)
         return parts
+
+    @cached_property
+    def planes(self) -> dict[str, tuple[str, str]]:
+        """Contacts in a plane, with the names of their two components among the dry contacts."""
+        found: dict[str, tuple[str, str]] = {}
+        for name, contact in self.plain.contacts.items():
+            if isinstance(contact, Contact) and isinstance(contact.direction, tuple):
+                first, second = contact.components(name)
+                found[name] = (first, second)
+        return found
+
+    @cached_property
+    def rubbing(self) -> dict[str, tuple[str, ...]]:
+        """What a person calls a dry contact, with the names of its components: one, or two in a
+        plane."""
+        of = {part: (name, parts) for name, parts in self.planes.items() for part in parts}
+        return dict(of.get(name, (name, (name,))) for name in self.dry_contacts)
 
     @cached_property
     def unilateral(self) -> dict[str, Unilateral]:

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 _ROUNDED = 1e-14  # relative, of a time that is a sum
 _EXACT = 1e-13  # relative, to which the way of a surface is known whose speed changes
+_NODES = 16  # of Gauss's rule on a step, which is a Taylor series there
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -135,7 +136,7 @@ class EventCatalogue(Result):
             rows.append((name.replace("_", " "), f"{least} to {most}, mean {mean}"))
         if len(self):
             most = int(self.dataset["contacts"].max())
-            rows.append(("contacts", f"up to {most} of {len(self.system.dry_contacts)} slip"))
+            rows.append(("contacts", f"up to {most} of {len(self.system.rubbing)} slip"))
         return rows
 
     def overview(self, ax: Axes | None = None) -> Figure:
@@ -239,9 +240,13 @@ def catalogue_of(motion: Trajectory, energy: bool = True) -> EventCatalogue:
     k = motion.knots
     slipping = k.slip != 0
     runs = _runs(slipping, k.clock)
+    names, columns = _columns(motion)
+    slipping = slipping[:, [own[0] for own in columns]]
     own = np.logical_or.reduceat(slipping, runs.ravel())[::2] if len(runs) else slipping[:0]
     # What has stuck all the time has not slipped, and its difference is rounding.
-    sizes = np.abs(np.where(own, _slips(motion, runs), 0.0))
+    moved = _slips(motion, runs)
+    sizes = np.stack([np.linalg.norm(moved[:, own], axis=1) for own in columns], axis=1)
+    sizes = np.where(own, sizes, 0.0)
     begun, ended = runs.T
     none = np.full(len(runs), np.nan)
     released, spent = none, none.copy()
@@ -251,8 +256,7 @@ def catalogue_of(motion: Trajectory, energy: bool = True) -> EventCatalogue:
         released = audit.energy[begun] - audit.energy[ended]
         spent = audit.dissipated[ended] - audit.dissipated[begun]
         certificate = motion.certificate
-    names = np.array(list(system.dry_contacts), dtype=object)
-    columns = {
+    table = {
         "start": k.time[begun],
         "duration": k.clock[ended] - k.clock[begun],
         "interevent": _interevent(k.time[begun]),
@@ -265,11 +269,20 @@ def catalogue_of(motion: Trajectory, energy: bool = True) -> EventCatalogue:
     }
     attributes = _attributes(system)
     data = xr.Dataset(
-        {name: ("event", values, attributes[name]) for name, values in columns.items()},
+        {name: ("event", values, attributes[name]) for name, values in table.items()},
         attrs={"title": system.title or system.name, "source": system.source},
     )
     span = float(k.time[0]), float(k.time[-1])
     return EventCatalogue(system, dict(motion.parameters), data, span, certificate)
+
+
+def _columns(motion: Trajectory) -> tuple[Array, list[list[int]]]:
+    """Names of the dry contacts, and the numbers of their components in the engine."""
+    numbers = {c.name: i for i, c in enumerate(motion._problem.compiled.equations.contacts)}
+    groups = {
+        name: [numbers[part] for part in parts] for name, parts in motion.system.rubbing.items()
+    }
+    return np.array([*groups], dtype=object), [*groups.values()]
 
 
 def _runs(slips: Array, clock: Array) -> Array:
@@ -298,8 +311,34 @@ def _slips(motion: Trajectory, runs: Array) -> Array:
     for c, contact in enumerate(motion._problem.compiled.equations.contacts):
         for x, weight in contact.direction.items():
             found[:, c] += ex.evaluate(weight, values) * moved[:, names.index(x)]
-        if contact.speed is not ex.ZERO:
+        if contact.speed is ex.ZERO:
+            continue
+        if contact.speed.symbols & {*names}:
+            found[:, c] -= _way_along(motion, contact.speed, runs)
+        else:
             found[:, c] -= _way(contact.speed, values, k.clock[runs], k.origin)
+    return found
+
+
+def _way_along(motion: Trajectory, speed: ex.Expr, runs: Array) -> Array:
+    """How far a surface goes whose speed depends on where the motion is, in each of some stretches
+    of knots, shape (events, 2): by Gauss's rule on every step."""
+    from stickslip.symbolic.evaluator import evaluator
+
+    k = motion.knots
+    d = motion.system.declaration
+    formula = evaluator([speed], [*d.state, "t", *d.parameters])
+    nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+    found = np.zeros(len(runs))
+    for event, (begun, ended) in enumerate(runs):
+        steps = np.arange(begun, ended)
+        half = 0.5 * np.diff(k.clock[begun : ended + 1])
+        times = (k.clock[steps] + half)[:, None] + half[:, None] * nodes
+        index = np.repeat(steps, _NODES)
+        states = motion._states_at(times.ravel() + k.origin, index)
+        given = [np.full(len(index), motion.parameters[p]) for p in d.parameters]
+        (rate,) = formula(np.array([*states.T, times.ravel() + k.origin, *given]))
+        found[event] = np.sum(half[:, None] * weights * np.reshape(rate, times.shape))
     return found
 
 

@@ -181,7 +181,8 @@ class Problem:
         contacts = len(layout.u)
         kinks = len(layout.kinks)
         small = contacts + kinks <= MOST_SWITCHES and n <= 24 and layout.frequencies <= 6
-        slots = slots if small and self.exact and not layout.gaps else 0
+        alone = not (layout.gaps or layout.planes)  # closed forms know neither
+        slots = slots if small and self.exact and alone else 0
         doubtful = len(self.rows.doubtful)
         return make_closed_forms(groups, slots, n, contacts, kinks, doubtful, layout.frequencies)
 
@@ -211,7 +212,7 @@ class Problem:
         tables = (layout.u, layout.force, layout.plus, layout.minus, layout.kinks)
         u, force, plus, minus, kinks = (np.array(table, dtype=np.int64) for table in tables)
         noise = self._places_of_sizes()
-        dropping = {i for i, *_ in layout.kinetic}
+        dropping = {i for i, *_ in layout.kinetic if not self.compiled.equations.contacts[i].plane}
         state = frozenset(layout.state)
         watched = np.array(list(noise), dtype=np.int64)
         return Rows(
@@ -234,7 +235,17 @@ class Problem:
             *self._coupling(),
             *self._openings(),
             *self._jumps(),
+            *self._planes(),
         )
+
+    def _planes(self) -> tuple[Array, Array]:
+        """Contacts in a plane, and the one that each contact is a component of."""
+        layout = self.compiled.layout
+        table = np.array(layout.planes, dtype=np.int64).reshape(-1, 10)
+        plane = np.full(len(layout.u), -1, np.int64)
+        for p, (first, second, *_) in enumerate(layout.planes):
+            plane[[first, second]] = p
+        return table, plane
 
     def _coupling(self) -> tuple[Array, Array, Array, Array]:
         """The components of the linear problems, what they have as members, where each contact
@@ -292,6 +303,8 @@ class Problem:
         others |= {row: c for c, row in enumerate(layout.u)}
         others |= {row: 3 * contacts + j for j, row in enumerate(layout.kinks[:kinks])}
         others |= {row: 3 * contacts + kinks + c for c, row in layout.gaps.items()}
+        for c, _, _, admissible, place, *_, slips, _ in layout.planes:
+            others |= {slips: c, admissible: place}
         return noise | {row: others[row] for row in sorted(others) if row >= n}
 
     def _vanishing(self) -> Array:
@@ -320,9 +333,12 @@ class Problem:
         sides = [(row, c.plus) for row, c in zip(layout.plus, contacts, strict=True)]
         sides += [(row, c.minus) for row, c in zip(layout.minus, contacts, strict=True)]
         found = {(row, -1, 0) for row, s in sides if bounds(s, boxes)[0] < 0.0}
+        planes = {plane.parts[0]: plane for plane in self.compiled.equations.planes}
         for i, side, force, margin in layout.kinetic:
             c = contacts[i]
             static, sliding = (c.plus, c.kinetic_plus) if side > 0 else (c.minus, c.kinetic_minus)
+            if i in planes:
+                static, sliding = planes[i].static, planes[i].kinetic
             at_rest = ex.substitute(sliding, {f"speed:{i}": ex.ZERO})
             boxes[f"speed:{i}"] = (0.0, math.inf)
             found |= {(force, i, side)} if bounds(sliding, boxes)[0] < 0.0 else set()

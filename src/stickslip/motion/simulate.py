@@ -192,7 +192,22 @@ def check_stable_start(problem: Problem, start: float, y: Array) -> None:
         "t": start,
     }
     acting = [c for c in equations.contacts if c.kind == Kind.RATE_INDEPENDENT]
+    for plane in equations.planes:
+        first = equations.contacts[plane.parts[0]]
+        if first.kind == Kind.RATE_INDEPENDENT:
+            held = math.hypot(*(ex.evaluate(e, values) for e in plane.pull))
+            most = ex.evaluate(plane.static, values)
+            if held > most * (1.0 + 1e-9):
+                names = [next(iter(equations.contacts[i].direction)) for i in plane.parts]
+                raise DeclarationError(
+                    f"initial.{names[0]}",
+                    f"the contact '{first.name[:-2]}' would have to hold the force {held:.6g}, "
+                    f"which exceeds its threshold {most:.6g} by {held - most:.6g}",
+                    f"Start with '{names[0]}' and '{names[1]}' inside the stable set",
+                )
     for c, force in zip(acting, equations.rate.force, strict=True):
+        if c.plane:
+            continue
         held = ex.evaluate(force, values)
         plus, minus = ex.evaluate(c.plus, values), ex.evaluate(c.minus, values)
         excess = max(-plus - held, held - minus)

@@ -15,7 +15,7 @@ from stickslip.certificates import Certificate
 from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.model.names import normal_force
-from stickslip.model.quantities import FORCES, contact_key, quantity
+from stickslip.model.quantities import FORCES, contact_key, forces_of, quantity
 from stickslip.model.system import System
 from stickslip.motion.certify import certify_trajectory
 from stickslip.motion.knots import IS_CLOSED, IS_OPEN, Knots
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from stickslip.motion.event_catalogue import EventCatalogue
 
 GRID = 1000  # points of the dataset between knots
+_SLIP = "slip"  # in a plane, where it has no sign
 
 
 @dataclass(frozen=True)
@@ -159,21 +160,28 @@ class Trajectory(Result):
         contacts = self._contacts
         rows = {name: i for i, name in enumerate(layout.state)}
         rows |= {name: row for name, row in layout.named.items() if name not in rows}
-        for key, i in contacts.items():
-            rows |= {
-                f"friction_{key}": layout.force[i],
-                f"threshold_plus_{key}": layout.plus[i],
-                f"threshold_minus_{key}": layout.minus[i],
-                f"slip_speed_{key}": layout.u[i],
-            }
+        for parts in self.system.rubbing.values():
+            kinds = forces_of(parts)
+            for key in map(contact_key, parts):
+                if key not in contacts:
+                    continue
+                i = contacts[key]
+                own = {
+                    "friction": layout.force[i],
+                    "threshold": layout.plus[i],
+                    "threshold_plus": layout.plus[i],
+                    "threshold_minus": layout.minus[i],
+                }
+                rows |= {f"{kind}_{key}": own[kind] for kind in kinds}
+                rows[f"slip_speed_{key}"] = layout.u[i]
         for key, i in self._openings.items():
             rows |= {f"normal_{key}": layout.force[i], f"gap_{key}": layout.gaps[i]}
         return rows
 
     @cached_property
     def _contacts(self) -> dict[str, int]:
-        """Key of each contact that rubs in the order of declaration, with its number in the
-        engine."""
+        """Key of each contact that rubs in the order of declaration, with its number in the engine;
+        in a plane of each of its components."""
         numbers = enumerate(self._problem.compiled.equations.contacts)
         order = {c.name: i for i, c in numbers if not c.opens}
         names = [name for name in self.system.dry_contacts if name in order]
@@ -188,10 +196,15 @@ class Trajectory(Result):
     @cached_property
     def modes(self) -> dict[str, Array]:
         """Mode of each contact from every knot on, by its name in variables: −1, 0, 1 where it
-        slips or sticks; of one that can open, 2 where it is open, and 3 where it is closed and
-        without friction."""
+        slips or sticks (in a plane 1 where it slips); of one that can open, 2 where it is open, and
+        3 where it is closed and without friction."""
         mode = self.knots.slip
-        found = {key: mode[:, i] for key, i in self._contacts.items()}
+        first = {name: contact_key(parts[0]) for name, parts in self.system.rubbing.items()}
+        found = {
+            contact_key(name): mode[:, self._contacts[key]]
+            for name, key in first.items()
+            if key in self._contacts
+        }
         for key, i in self._openings.items():
             closed = found.get(key, np.full(len(mode), IS_CLOSED))
             found[key] = np.where(mode[:, i] == 0, closed, IS_OPEN).astype(np.int8)
@@ -539,8 +552,12 @@ class Trajectory(Result):
         words = ["slip-", "stick", "slip+"]
         if contact in self.system.unilateral:
             words += ["open", "closed"]
+        first = -1
+        if contact in self.system.planes:
+            words = ["stick", _SLIP]
+            first = 0
         flags = {
-            "flag_values": np.arange(-1, len(words) - 1, dtype=np.int8),
+            "flag_values": np.arange(first, first + len(words), dtype=np.int8),
             "flag_meanings": " ".join(words),
         }
         return {"long_name": f"mode of {contact}", **flags}
@@ -548,7 +565,7 @@ class Trajectory(Result):
     @cached_property
     def _contact_of_mode(self) -> dict[str, str]:
         """Contacts by the names under which their modes are published."""
-        names = [*self.system.dry_contacts, *self.system.unilateral]
+        names = [*self.system.rubbing, *self.system.unilateral]
         found = {contact_key(contact): contact for contact in names}
         return {f"mode_{key}": contact for key, contact in found.items() if key in self.modes}
 
@@ -570,11 +587,14 @@ class Trajectory(Result):
             f"{ex.to_text(unwrapped(g))} = 0" for g in equations.kinks
         ]
         names += self.system.jumps
-        # The names of the modes −1, 0, 1, of what can open, then those of the regions 0, 1; last,
-        # of the sides of a jump.
+        # The names of the modes −1, 0, 1, of what can open, then those of the regions 0, 1, and of
+        # the sides of a jump; last, of a slip in a plane.
         words = [MODE_NAMES[mode] for mode in (-1, 0, 1)]
-        words = [*words, "open", "closed", "below", "above", "before", "after"]
-        values = np.hstack([mode + 1, k.region + 5, np.full((len(mode), len(equations.jumps)), 7)])
+        words = [*words, "open", "closed", "below", "above", "before", "after", _SLIP]
+        said = mode + 1
+        in_plane = np.array([name in self.system.planes for name in self._names_of_modes], bool)
+        said[:, in_plane] = np.where(mode[:, in_plane] == 1, len(words) - 1, 1)
+        values = np.hstack([said, k.region + 5, np.full((len(mode), len(equations.jumps)), 7)])
         leaps = which >= mode.shape[1] + len(equations.kinks)
         columns = {
             "time": k.time[knot + 1],
@@ -662,8 +682,9 @@ class Trajectory(Result):
     def _names_of_modes(self) -> list[str]:
         """Contacts in the order of the engine, each once."""
         equations = self._problem.compiled.equations
-        opening = {normal_force(name): name for name in self.system.unilateral}
-        names = [opening.get(c.name, c.name) for c in equations.contacts]
+        named = {normal_force(name): name for name in self.system.unilateral}
+        named |= {part: name for name, parts in self.system.planes.items() for part in parts}
+        names = [named.get(c.name, c.name) for c in equations.contacts]
         return list(dict.fromkeys(names))
 
     @cached_property
@@ -757,7 +778,8 @@ class Trajectory(Result):
         if t is None and coordinates is None:
             return super().plot(*quantities, ax=ax)
         from stickslip.figures.drawing.quantities import plot_quantities
-        from stickslip.figures.motion import checked_window, plot_trajectory
+        from stickslip.figures.drawing.sampling import checked_window
+        from stickslip.figures.motion import plot_trajectory
 
         if not quantities and ax is None:
             return plot_trajectory(self, t, coordinates)

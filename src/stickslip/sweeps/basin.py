@@ -215,7 +215,7 @@ def basin(
 
 def _measures(problem: Problem) -> tuple[str, ...]:
     """What tells attractors apart."""
-    state, contacts = problem.system.declaration.state, problem.system.dry_contacts
+    state, contacts = problem.system.declaration.state, problem.system.rubbing
     return (
         *("time", "duration", "switches"),
         *(f"{name}:{x}" for name in _COMPONENTS for x in state),
@@ -226,7 +226,8 @@ def _measures(problem: Problem) -> tuple[str, ...]:
 def _settled(problem: Problem, store: MapStore, done: Array) -> SettledMotions:
     """What motions have settled on, of the points of a map that are done."""
     state = problem.system.declaration.state
-    contacts = [contact.name for contact in problem.compiled.equations.contacts]
+    named = {part: name for name, parts in problem.system.rubbing.items() for part in parts}
+    contacts = [named[contact.name] for contact in problem.compiled.equations.contacts]
 
     def column(name: str) -> Array:
         return store.whole(name).ravel()[done]

@@ -57,9 +57,12 @@ class Op(IntEnum):
     SIZE = 20
     IMPLICIT = 21
     WITHIN = 22
+    DIRECTION = 23
 
 
-OUTPUTS = {Op.ROTATION: 2, Op.STEADY: 2, Op.HYPERBOLIC: 2, Op.TAN: 2, Op.TANH: 2}
+GIVEN = 3
+"""Mode of a contact in a plane whose direction of slip is given."""
+OUTPUTS = {Op.ROTATION: 2, Op.STEADY: 2, Op.HYPERBOLIC: 2, Op.TAN: 2, Op.TANH: 2, Op.DIRECTION: 3}
 """How many rows an operation fills, if not one."""
 
 
@@ -95,7 +98,11 @@ class Instruction:
         that solves an equation: at order 0 the zero of `zero`, an increasing function of the row
         (and its slope); at the others the integral of its input, which comes later. The `place`
         instructions behind it make that function and its slope as rows; WITHIN, with these as
-        inputs, makes no series, but says how far the rate strays.
+        inputs, makes no series, but says how far the rate strays. DIRECTION makes of a vector, its
+        first two inputs, the direction in slip and, as third row, the modulus; in stick all are
+        zero. Where the modulus is zero up to rounding (the third input is the size of its terms),
+        and where the mode of contact `place` is `GIVEN`, its rows stay what they are, but that the
+        modulus is 0 in the first case.
     row : int
         Where the result goes (the first row of several).
     inputs : tuple of int
@@ -498,7 +505,7 @@ class Tape:
             return self._powers[row, exponent]
         terms = self._terms(row)
         # A base that is a difference may be zero up to rounding, where a power has few derivatives.
-        size = [] if terms == [Scaled(ex.ONE, row)] else [self._size(terms)]
+        size = [] if terms == [Scaled(ex.ONE, row)] else [self.size(terms)]
         made = self.operation(Op.POWER, row, *size, parts=(Scaled(exponent),))
         self._powers[row, exponent] = made
         return made
@@ -516,7 +523,7 @@ class Tape:
             list(made.parts) if made is not None and made.op is Op.LINEAR else [Scaled(ex.ONE, row)]
         )
 
-    def _size(self, terms: list[Scaled]) -> int:
+    def size(self, terms: list[Scaled]) -> int:
         """Row of the sum of the moduli of terms."""
         stage = max([self.stage[term.row] for term in terms if term.row is not None], default=0)
         row = self.new_row(stage)

@@ -26,6 +26,7 @@ from stickslip.errors import DeclarationError
 from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
+from stickslip.orbits.continuation.driver import PointOnTheWay
 from stickslip.orbits.cycles.cycle import Cycle, find_cycle
 from systems import distance, oscillator
 
@@ -41,6 +42,47 @@ def follow(cycle: Cycle, parameter: str, span: tuple[float, float]) -> Branch:
     assert span[0] - 1e-9 <= low
     assert high <= span[1] + 1e-9
     return branch
+
+
+def test_points_are_told_as_they_are_found() -> None:
+    """Of cycles and of equilibria, under the names that they have on the branch; from the start in
+    both directions, and before it is known how the branch ends."""
+    span = (0.05, 0.4)
+    told: list[PointOnTheWay] = []
+    steady = continue_equilibrium(SLIDER, "V", span, progress=told.append)
+    check_told(told, steady, ("V", "U", "alpha"))
+    told.clear()
+    cycle = find_cycle(SLIDER, parameters={"V": 0.15})
+    branch = continue_cycle(cycle, "V", span, progress=told.append)
+    check_told(told, branch, ("V", "period", "U", "min_U", "max_U"))
+
+
+def check_told(told: list[PointOnTheWay], branch: Branch, names: tuple[str, ...]) -> None:
+    """Almost all points of the branch were told, each in its direction; changes that are located
+    between two of them are not."""
+    assert {point.side for point in told} == {1.0, -1.0}
+    starts = [next(p for p in told if p.side == side) for side in (1.0, -1.0)]
+    assert starts[0].values["V"] == pytest.approx(starts[1].values["V"], rel=1e-9)
+    points = np.array([[point.values[name] for name in names] for point in told])
+    rows = np.array([branch.points[name].values for name in names]).T
+    apart = np.abs(rows[:, None, :] - points[None]).max(axis=2).min(axis=1)
+    located = sum(s.kind in ("stick onset", "grazing", "sequence change") for s in branch.special)
+    assert np.count_nonzero(apart > 1e-9) <= located + 2
+
+
+def test_a_listener_may_stop_a_branch() -> None:
+    """What it raises comes out; nothing takes it for a step that failed."""
+
+    class Enough(Exception):
+        pass
+
+    def tell(point: PointOnTheWay) -> None:
+        raise Enough
+
+    with pytest.raises(Enough):
+        continue_equilibrium(SLIDER, "V", (0.05, 0.4), progress=tell)
+    with pytest.raises(Enough):
+        continue_cycle(find_cycle(SLIDER, parameters={"V": 0.15}), "V", (0.05, 0.4), progress=tell)
 
 
 def kinds(branch: Branch) -> list[str]:

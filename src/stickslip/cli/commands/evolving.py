@@ -88,6 +88,8 @@ def evolve_command(
     Exit code: 0 certified to its end, 1 not, 2 wrong input, 130 interrupted (what was computed is
     kept).
     """
+    from stickslip.rate_independent.evolution.blocks import evolved
+
     model = configured(file, settings, until)
     if steps is not None:
         model = with_option("--steps", model, steps=steps)
@@ -99,7 +101,7 @@ def evolve_command(
     }
 
     def work(progress: ShowProgress) -> History | Play:
-        return computed(model, averaged, progress)
+        return evolved(model, averaged, progress)
 
     folder = out or folder_of(model.name, "averaged" if averaged else "")
     present(
@@ -300,15 +302,3 @@ def extremes(averaged: Average) -> tuple[float, float]:
 
 
 # -- evolve ----------------------------------------------------------------------------------------
-
-
-def computed(model: EvolutionModel, averaged: bool, progress: ShowProgress) -> History | Play:
-    """The evolution: an exact play if it is scalar, else minimising movements."""
-    from stickslip.rate_independent.evolution.blocks import PlayMotion
-    from stickslip.rate_independent.evolution.evolve import evolve as by_steps
-    from stickslip.rate_independent.evolution.model import with_nearest_start
-
-    problem = with_nearest_start(model.problem.averaged) if averaged else model.problem
-    if problem.dissipation.thresholds is not None:
-        return PlayMotion(problem).play
-    return by_steps(problem, steps=model.steps, progress=progress)

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from stickslip.equations.coupling import Component, components
-from stickslip.equations.derive import MotionEquations
+from stickslip.equations.derive import MotionEquations, Plane
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -82,6 +82,10 @@ class Layout:
     gaps, restitution : dict of int to int
         Rows of the gaps of contacts that can open, and of the restitution of these and of their
         friction.
+    planes : list of tuple of int
+        Of each contact in a plane its components, the first row of its direction, that of
+        s² − |A⁻¹λ|², the place of the size of that, the rows of Au, of s, and of what is not
+        negative in slip, and 1 if it has mass.
     parents, friction : dict of int to int
         For what rubs under a normal force, the contact that has it, and the row of the coefficient.
     jumps : list of (int, int, list of int)
@@ -111,6 +115,7 @@ class Layout:
     turning: dict[tuple[int, int], int] = field(default_factory=dict)
     gaps: dict[int, int] = field(default_factory=dict)
     restitution: dict[int, int] = field(default_factory=dict)
+    planes: list[tuple[int, ...]] = field(default_factory=list)
     parents: dict[int, int] = field(default_factory=dict)
     friction: dict[int, int] = field(default_factory=dict)
     jumps: list[tuple[int, int, list[int]]] = field(default_factory=list)
@@ -189,14 +194,17 @@ class _Generator:
         self.magnitudes: list[Store] = []
         self.gap_sizes = 3 * (self.mq + self.mz + self.mr) + len(equations.kinks)
         opens = any(c.opens for c in equations.contacts)
-        self.rate_sizes = self.gap_sizes + (self.mq if opens else 0)
+        self.plane_sizes = self.gap_sizes + (self.mq if opens else 0)
+        self.rate_sizes = self.plane_sizes + len(equations.planes)
+        self.directions: dict[int, int] = {}
         self.scratch = self.rate_sizes + self.nq + self.nz + self.nr + self.na
         self.nc = self.mq + self.mz + self.mr
 
     # -- the blocks --------------------------------------------------------------------------------
 
-    def velocity(self, i: int) -> None:
-        """Row of the relative velocity of contact i, and its size for rounding."""
+    def velocity(self, i: int) -> list[Scaled]:
+        """Row of the relative velocity of contact i, and its size for rounding; returns its
+        terms."""
         c = self.eq.contacts[i]
         tape = self.tape
         parts = [
@@ -210,6 +218,7 @@ class _Generator:
         self.layout.u.append(tape.assign(parts, None))
         tape.name(f"u:{i}", self.layout.u[i], tape.stage[self.layout.u[i]])
         self.note(i, self.size_of(parts))
+        return parts
 
     def note(self, place: int, size: Scalar, adding: bool = False) -> None:
         """A statement that stores a size."""
@@ -400,6 +409,10 @@ class _Generator:
             for x, weight in direction.items():
                 force = _start(self.tape.names[f"lambda:{c}"])
                 terms[x].append(abs(_times(scalar(weight), force)))
+                if self.eq.contacts[c].plane:
+                    # its direction may turn
+                    most = _start(self.tape.row(self.eq.contacts[c].plus))
+                    terms[x].append(abs(_times(scalar(weight), most)))
         for i, x in enumerate(names):
             self.note(offset + i, added(terms[x]) / abs(scalar(matrix[i, i])))
         for c, direction in enumerate(directions, first):
@@ -467,14 +480,59 @@ class _Generator:
         belt = c.speed if c.kind == Kind.VISCOUS else self.eq.surface_acceleration(i)
         pressed = {f"lambda:{n}": ex.ZERO for n in self.eq.pressing(i)}
         forces = (c.kinetic_plus, c.kinetic_minus, c.plus, c.minus)
+        if c.plane:
+            forces = (c.kinetic_plus,) * 4
         alone = [ex.substitute(force, pressed) for force in forces]
         sides = tuple(tape.row(e) for e in (belt, *alone))
         tape.emit(stage, Instruction(Op.SIDE, row, sides, place=i))
         tape.stage[row] = stage
 
+    def ahead(self, plane: Plane) -> list[int]:
+        """Rows of Au of a contact in a plane."""
+        rows = [self.layout.u[i] for i in plane.parts]
+        return [
+            row if axis is ex.ONE else self.tape.assign([Scaled(axis, row)], None)
+            for row, axis in zip(rows, plane.axes, strict=True)
+        ]
+
+    def direction(self, p: int, sides: Sequence[int], terms: list[Scaled]) -> None:
+        """Rows of the direction of a slip in a plane, and of the modulus of what it is the
+        direction of.
+
+        Parameters
+        ----------
+        p : int
+            Number of the plane.
+        sides : sequence of int
+            Rows of that vector.
+        terms : list of Scaled
+            What these are sums of.
+        """
+        tape = self.tape
+        plane = self.eq.planes[p]
+        inputs = (*sides, tape.size(terms))
+        stage = max(tape.stage[row] for row in inputs)
+        first, _, speed = (tape.new_row(stage) for _ in range(3))
+        made = Instruction(Op.DIRECTION, first, inputs, place=plane.parts[0], size=3)
+        tape.emit(stage, made)
+        for row, i in enumerate(plane.parts, first):
+            tape.name(f"n:{i}", row, stage)
+            if not plane.pull:
+                tape.name(f"speed:{i}", speed, stage)
+        self.directions[p] = first
+
+    def pulled(self, kind: Kind) -> None:
+        """Directions of contacts in a plane of coordinates without mass."""
+        for p, plane in enumerate(self.eq.planes):
+            if plane.pull and self.eq.contacts[plane.parts[0]].kind == kind:
+                sides = [self.tape.row(e) for e in plane.pull]
+                self.direction(p, sides, [Scaled(ex.ONE, row) for row in sides])
+
     def speeds(self) -> None:
         """Rows of |u| in the kinetic laws of inertial contacts."""
         for i in range(self.mq):
+            if self.eq.contacts[i].plane:
+                continue
             row = self.tape.new_row(0)
             self.tape.emit(0, Instruction(Op.SPEED, row, (self.layout.u[i],), place=i))
             self.tape.name(f"speed:{i}", row, 0)
@@ -502,6 +560,11 @@ class _Generator:
                 rate.threshold_rest[0][i],
                 rate.threshold_rest[1][i],
             )
+            plane = self.plane_of(i)
+            if plane is not None:
+                speeds = [self.eq.contacts[part].speed for part in plane.parts]
+                rest = rate.sliding_rest(plane, i, speeds, self.mq + self.mz)
+                sides = (self.eq.contacts[c].speed, rest, ex.ZERO, ex.ZERO)
             rows = tuple(tape.row(e) for e in sides)
             self.solves[1].append(Instruction(Op.RIGHT, right + i, rows, place=c))
             # A contact that slides states a rate of its force; one that sticks a velocity, as large
@@ -525,9 +588,21 @@ class _Generator:
             self.note(2 * self.nc + c, self.size(rate.force[i]))
         return first
 
+    def plane_of(self, i: int) -> Plane | None:
+        """The contact in a plane that rate-independent coordinate i belongs to."""
+        contact = self.mq + self.mz + i
+        return next((p for p in self.eq.planes if contact in p.parts), None)
+
     def entry(self, i: int, j: int) -> Instruction:
         """An entry of the matrix of that problem."""
         rate = self.eq.rate
+        plane = self.plane_of(i)
+        if plane is not None:
+            own = Scaled(rate.weight[i] if i == j else ex.ZERO)
+            zero = self.tape.row(ex.ZERO)
+            rows = (self.tape.row(rate.sliding(plane, i, j, self.mq + self.mz)), zero, zero)
+            place = self.mq + self.mz + i
+            return Instruction(Op.ENTRY, self.tape.new_row(1), rows, (own,), place=place)
         contact = self.mq + self.mz + i
         own = Scaled(rate.weight[i] if i == j else ex.ZERO)
         others = rate.stiffness[i][j], rate.threshold_slope[0][i][j], rate.threshold_slope[1][i][j]
@@ -538,7 +613,15 @@ class _Generator:
 
     def kinetic_laws(self) -> None:
         """Rows that say whether sliding forces are admissible, 0 ≤ k and k ≤ s at speed 0."""
+        for plane in self.eq.planes:
+            i = plane.parts[0]
+            if plane.kinetic is not plane.static:
+                at_rest = ex.substitute(plane.kinetic, {f"speed:{i}": ex.ZERO})
+                rows = self.tape.row(plane.kinetic), self.tape.row(plane.static - at_rest)
+                self.layout.kinetic.append((i, 1, *rows))
         for i, c in enumerate(self.eq.contacts):
+            if c.plane:
+                continue
             for side, force, static in (
                 (1, c.kinetic_plus, c.plus),
                 (-1, c.kinetic_minus, c.minus),
@@ -561,6 +644,8 @@ class _Generator:
         guards = [*layout.u, *layout.force, *layout.plus, *layout.minus, *layout.kinks]
         guards += [row for *_, force, margin in layout.kinetic for row in (force, margin)]
         guards += layout.gaps.values()
+        for _, _, first, admissible, _, *sides, _, slips, _ in layout.planes:
+            guards += [first, first + 1, first + 2, admissible, *sides, slips]
         layout.kept = sorted({*range(self.n), *guards})
         sizes = self.magnitudes
         return Generated(layout, self.constants, setup, sizes, residual, powers, landings)
@@ -571,9 +656,17 @@ class _Generator:
         tape = self.tape
         d = self.d
         eq = self.eq
-        for i in range(self.mq):
-            self.velocity(i)
+        parts = [self.velocity(i) for i in range(self.mq)]
         self.speeds()
+        for p, plane in enumerate(eq.planes):
+            if not plane.pull:
+                terms = [
+                    Scaled(axis * part.factor, part.row)
+                    for i, axis in zip(plane.parts, plane.axes, strict=True)
+                    for part in parts[i]
+                ]
+                self.direction(p, self.ahead(plane), terms)
+        self.pulled(Kind.VISCOUS)
         viscous = self.block(eq.viscous_force[: len(d.damped)], self.mq, self.mz, 0, "Rz")
         for z, row in zip(d.damped, viscous, strict=True):
             tape.name(f"d_{z}", row, 1)
@@ -582,6 +675,7 @@ class _Generator:
         for i in range(self.mq, self.mq + self.mz):
             self.velocity(i)
         if self.nr:
+            self.pulled(Kind.RATE_INDEPENDENT)
             first = self.rates()
             for i, r in enumerate(d.rate_independent):
                 tape.name(f"d_{r}", first + i, 2)
@@ -636,6 +730,25 @@ class _Generator:
         for j, guard in enumerate(self.eq.kinks):
             layout.kinks.append(tape.row(guard))
             self.note(3 * self.nc + j, self.size(guard))
+        for p, plane in enumerate(self.eq.planes):
+            first = self.directions[p]
+            sides = self.ahead(plane)
+            forces = ex.sym(f"lambda:{plane.parts[0]}"), ex.sym(f"lambda:{plane.parts[1]}")
+            row = tape.row(plane.admissible(forces))
+            place = self.plane_sizes + p
+            along = [
+                (axis * ex.sym(f"n:{i}") * ex.sym(f"u:{i}"), 1.0)
+                for i, axis in zip(plane.parts, plane.axes, strict=True)
+            ]
+            slips = tape.row(ex.add(*along)) if plane.pull else first + 2
+            ends = (tape.row(plane.static), slips, 0 if plane.pull else 1)
+            layout.planes.append((*plane.parts, first, row, place, *sides, *ends))
+            # rounding errors of the forces, as they enter their squares
+            parts = [self.size(plane.static**2)]
+            for i, axis in zip(plane.parts, plane.axes, strict=True):
+                over = _times(self.constants.scalar(2.0 / axis**2), abs(_start(layout.force[i])))
+                parts.append(_times(over, element("mag", 2 * self.nc + i)))
+            self.note(place, added(parts), adding=True)
         for i, c in enumerate(self.eq.contacts):
             if c.gap is not None:
                 layout.gaps[i] = tape.row(c.gap)
@@ -705,6 +818,8 @@ class _Generator:
         targets = [*rate.force, *(c.plus for c in acting), *(c.minus for c in acting)]
         targets += [term for force in rate.force for term, _ in terms(force)]
         targets += [e for m in (rate.partial, *rate.threshold_partial) for row in m for e in row]
+        back = {p.parts[0]: self.back(p) for p in self.eq.planes if self.plane_rates(p)}
+        targets += [e for off, rows in back.values() for e in (off, *rows[0], *rows[1])]
         v = scalars_of(targets, names, self.tape.regions, self.constants)
         stores = list[Store]()
         for i, c in enumerate(acting):
@@ -718,12 +833,48 @@ class _Generator:
             stores.append(Store("G", (self.nr + i,), largest))
             force = v[rate.force[i]]
             away = by_mode(contact, numeral(0.0), force + plus, force + -minus)
+            if (plane := self.plane_of(i)) is not None:
+                off, rows = back[plane.parts[0]]
+                first = contact == plane.parts[0]
+                held = v[off] if first else numeral(0.0)
+                stores.append(Store("G", (i,), by_mode(contact, numeral(0.0), held, held)))
+                for j in range(self.nr):
+                    own = numeral(1.0 if i == j else 0.0)
+                    moved = v[rows[0 if first else 1][j]]
+                    stores.append(Store("P", (i, j), by_mode(contact, own, moved, moved)))
+                continue
             stores.append(Store("G", (i,), away))
             for j in range(self.nr):
                 h, p, q = (v[x[i][j]] for x in (rate.partial, *rate.threshold_partial))
                 own = numeral(1.0 if i == j else 0.0)
                 stores.append(Store("P", (i, j), by_mode(contact, own, h + p, h + -q)))
         return stores
+
+    def plane_rates(self, plane: Plane) -> bool:
+        """Whether a contact in a plane is one of rate-independent coordinates."""
+        return self.eq.contacts[plane.parts[0]].kind == Kind.RATE_INDEPENDENT
+
+    def back(self, plane: Plane) -> tuple[Expr, tuple[list[Expr], list[Expr]]]:
+        """How far the force of a slip in a plane is from its threshold, s − |A⁻¹λ|, and the two
+        rows of a Newton step that puts it back, along the direction of the slip."""
+        rate = self.eq.rate
+        first = self.mq + self.mz
+        size = ex.power(ex.add(*((e**2, 1.0) for e in plane.pull)), ex.num(0.5))
+        aim = {f"n:{i}": e / size for i, e in zip(plane.parts, plane.pull, strict=True)}
+        along = list[Expr]()
+        for j in range(self.nr):
+            terms = [
+                (ex.sym(f"n:{i}") / axis * rate.partial[i - first][j], 1.0)
+                for i, axis in zip(plane.parts, plane.axes, strict=True)
+            ]
+            slope = rate.threshold_partial[0][plane.parts[0] - first][j]
+            terms.append((slope / plane.axes[0], 1.0))
+            along.append(ex.substitute(ex.add(*terms), aim))
+        across = [
+            ex.substitute(rate.sliding(plane, plane.parts[1] - first, j, first), aim)
+            for j in range(self.nr)
+        ]
+        return plane.static - size, (along, across)
 
     def powers(self) -> list[Store]:
         return self.listed([self.eq.energy, self.eq.dissipation, self.eq.supply])

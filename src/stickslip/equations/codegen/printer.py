@@ -147,6 +147,10 @@ def printed(instruction: Instruction, constants: ParameterExpressions) -> list[s
             return _rates(i, constants)
         case Op.IMPLICIT:
             return _implicit(i)
+        case Op.DIRECTION:
+            return [
+                f"direction_order(W, ({', '.join(map(str, inputs))}), {row}, mode[{i.place}], k)"
+            ]
         case Op.WITHIN:
             return []
     raise NotImplementedError(i.op)

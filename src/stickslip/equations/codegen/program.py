@@ -17,7 +17,7 @@ OPERATION, RESULT, FIRST, SECOND, THIRD, FOURTH, FIFTH, PLACE, SIZE = range(9)
 _WIDTH = 9
 _HIDING = frozenset(
     {Op.QUOTIENT, Op.RECIPROCAL, Op.POWER, Op.EXP, Op.LOG, Op.ROTATION, Op.HYPERBOLIC}
-    | {Op.CHAIN, Op.TAN, Op.TANH, Op.WITHIN}
+    | {Op.CHAIN, Op.TAN, Op.TANH, Op.WITHIN, Op.DIRECTION}
 )
 """Operations whose series may be too small to be seen where a step begins, and yet matter where it
 ends."""

@@ -21,6 +21,7 @@ _NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a differe
 # Where a search for a zero begins: the largest number, and the least that has all its digits.
 FARTHEST = 1.7976931348623157e308
 NEAREST = 2.2250738585072014e-308
+_GIVEN = 3  # mode of a contact in a plane whose direction of slip is given
 MOST_TURNS = 240  # of the search for a zero: enough for bisection down to rounding
 SPREAD = 16.0  # ratio of the ends of a bracket from which Newton's method is tried
 NEAR = 1e-9  # relative step of Newton's method behind which rounding comes
@@ -194,6 +195,29 @@ def hyperbolic_order(W: Array, a: int, sine: int, cosine: int, k: int) -> None:
     else:
         W[sine, k] = chain_order(W, a, cosine, k)
         W[cosine, k] = chain_order(W, a, sine, k)
+
+
+@njit(**_options)
+def direction_order(W: Array, inputs: tuple[int, int, int], row: int, mode: int, k: int) -> None:
+    """Order k of the direction u/|u| (two rows) and of |u| (the next) in slip, from the rows of u
+    and of the size of its terms; see :class:`stickslip.symbolic.tape.Instruction`."""
+    a, b, size = inputs
+    r = row + 2
+    if mode == 0:
+        W[row, k] = W[row + 1, k] = W[r, k] = 0.0
+        return
+    if k == 0 and mode != _GIVEN:
+        speed = math.sqrt(W[a, 0] * W[a, 0] + W[b, 0] * W[b, 0])
+        W[r, 0] = 0.0 if speed <= _NOTHING * W[size, 0] else speed
+    if mode == _GIVEN or W[r, 0] == 0.0:
+        return
+    if k > 0:
+        s = 0.5 * (product_order(W, a, a, k) + product_order(W, b, b, k))
+        for j in range(1, k):
+            s -= j * W[r, j] * W[r, k - j] / k
+        W[r, k] = s / W[r, 0]
+    W[row, k] = divide_order(W, a, r, row, k)
+    W[row + 1, k] = divide_order(W, b, r, row + 1, k)
 
 
 @njit(**_options)

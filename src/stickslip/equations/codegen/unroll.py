@@ -47,7 +47,8 @@ def written_out(source: str) -> str:
         (i, s) for i, s in enumerate(jets.body) if isinstance(s, ast.For) and _runs_over_orders(s)
     )
     text = ast.unparse(loop)
-    if "invert(" in text or "closer(" in text or not any(name in text for name in _SUMS):
+    loops = ("invert(", "closer(", "direction_order(")
+    if any(loop in text for loop in loops) or not any(name in text for name in _SUMS):
         return source
     kept = next(
         s.value

@@ -35,9 +35,10 @@ from stickslip.equations.native.tables import (
 )
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.scalars import Scalar
-from stickslip.symbolic.tape import OUTPUTS, Instruction, Op, Scaled
+from stickslip.symbolic.tape import GIVEN, OUTPUTS, Instruction, Op, Scaled
 
 _OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
+_NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a speed is zero
 _SMALL = 8  # rows of a matrix up to this length are written out
 _MOST_PRODUCTS = 4000  # that are written out; beyond, compiling them would take too long
 Order = int | str
@@ -104,6 +105,10 @@ class Series(Routine):
         self.known[row, k] = value
         if k == 0 or row in self.kept:
             self.store(value, self.place("W", row, int(k)))
+
+    def stored(self, row: int, k: Order) -> Operand:
+        """What the table holds before a coefficient is put there."""
+        return self.load(self.place("W", row, int(k)))
 
     def entry(self, name: str, *index: int) -> Operand:
         """An entry of an array; coefficients of order 0 are known."""
@@ -388,6 +393,35 @@ def _speed(s: Series, i: Instruction, k: Order) -> None:
     s.put(i.row, k, s.times(sign, s.get(i.inputs[0], k)))
 
 
+def _direction(s: Series, i: Instruction, k: Order) -> None:
+    """u/|u| and |u| in slip, unless they are given."""
+    a, b, size = i.inputs
+    n, m, r = i.row, i.row + 1, i.row + 2
+    is_given = s.is_mode(i.place, "eq", GIVEN)
+    if k == 0:
+        u, v = s.get(a, 0), s.get(b, 0)
+        speed = s.call("llvm.sqrt.f64", s.total([(u, u), (v, v)]))
+        still = s.test("ole", speed, s.times(_NOTHING, s.get(size, 0)))
+        own = s.choose(is_given, s.stored(r, 0), s.choose(still, 0.0, speed))
+        s.put(r, 0, s.choose(s.is_mode(i.place, "eq", 0), 0.0, own))
+    first = s.get(r, 0)
+
+    def put(row: int, made: Operand) -> None:
+        kept = s.once(
+            ("kept", i.row),
+            lambda: s.new(f"or i1 {is_given}, {s.test('oeq', first, 0.0)}"),
+        )
+        slips = s.choose(kept, s.stored(row, k), made)
+        s.put(row, k, s.choose(s.is_mode(i.place, "eq", 0), 0.0, slips))
+
+    if k != 0:
+        squares = s.add(s.square(a, k), s.square(b, k))
+        rest = s.negative(s.per(s.total(s.weighted(r, r, k)), k))
+        put(r, s.over(s.add(s.times(0.5, squares), rest), first))
+    for row, own in ((n, a), (m, b)):
+        put(row, s.divided(s.convolution(r, row, k, 1), s.get(own, k), r, k))
+
+
 def _entry(s: Series, i: Instruction, k: Order) -> None:
     own = s.factor(i.parts[0]) if k == 0 else 0.0
     stiffness, plus, minus = (s.get(row, k) for row in i.inputs)
@@ -599,6 +633,10 @@ class LoopedSeries(Tabled, Series):
         self.known[row, k] = value
         self.store(value, self.at(self.row("W", row), k))
 
+    def stored(self, row: int, k: Order) -> Operand:
+        """What the table holds before a coefficient is put there."""
+        return self.load(self.at(self.row("W", row), k))
+
     def before(self, k: Order) -> Order:
         """k − 1."""
         return self.whole("sub", k, 1)
@@ -716,4 +754,5 @@ _WRITERS: dict[Op, Callable[[Series, Instruction, Order], None]] = {
     Op.RATES: _rates,
     Op.IMPLICIT: _implicit,
     Op.WITHIN: lambda s, i, k: None,
+    Op.DIRECTION: _direction,
 }

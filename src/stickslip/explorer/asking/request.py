@@ -5,16 +5,20 @@ All of it comes from outside, so it is checked here, once, before anything is do
 
 from __future__ import annotations
 
+import base64
 import json
 import math
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
+from urllib.parse import parse_qsl, unquote
 
 from stickslip.errors import DeclarationError, short
 from stickslip.explorer.asking.limits import MOST_MESSAGE, MOST_NAMES, MOST_TEXT
 
 GIVEN = "given"  # the model that was named when the explorer was opened
+FIRST_MODEL = "rocking_toy"  # the one that is shown if none is named
 
 
 @dataclass(frozen=True)
@@ -106,6 +110,41 @@ def read_request(text: str) -> Request:
         _setting(about),
         _table(said.get("options", {}), "options"),
     )
+
+
+def read_state(text: str) -> PageSetting:
+    """The system as an address has it set, ``belt_block?V=0.45&x@=0.1&until=60``; what a page knows
+    alone (panels, packed models) is left out."""
+    model, _, query = text.partition("?")
+    values: dict[str, float | str] = {}
+    initial: dict[str, float] = {}
+    until = None
+    for name, value in parse_qsl(query):
+        number = _typed(value)
+        if name == "until":
+            until = number
+        elif name.endswith("@") and number is not None:
+            initial[name[:-1]] = number
+        elif name[:1] not in ("", ".", "~") and name not in ("toml", "evolution"):
+            values[name] = value if number is None else number
+    return PageSetting(unquote(model) or FIRST_MODEL, "", values, initial, until)
+
+
+def packed_text(text: str) -> str:
+    """A text as it stands in an address: deflated, in letters that need no quoting."""
+    deflate = zlib.compressobj(wbits=-zlib.MAX_WBITS)
+    data = deflate.compress(text.encode()) + deflate.flush()
+    return base64.urlsafe_b64encode(data).rstrip(b"=").decode()
+
+
+def _typed(text: str) -> float | None:
+    """A number as people type it, such as 0.5 or 1/3."""
+    above, _, below = text.partition("/")
+    try:
+        number = float(above) / (float(below) if below else 1.0)
+    except (ValueError, ZeroDivisionError):
+        return None
+    return number if math.isfinite(number) else None
 
 
 def real_number(value: object, where: str) -> float:

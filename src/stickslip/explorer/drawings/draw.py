@@ -1,4 +1,5 @@
-"""Which moving picture a system has: one drawn for it, or one that every system has."""
+"""Which moving picture a system has: one drawn for it, one from above for contacts in a plane, or
+one that every system has."""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from stickslip.arrays import Array
+from stickslip.explorer.drawings.from_above import bodies_from_above
 from stickslip.explorer.drawings.generic import generic_scene
 from stickslip.explorer.drawings.parts import Scene
 
@@ -14,6 +16,8 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 Draw = Callable[["Trajectory", Array, Mapping[str, Array]], Scene]
+"""Makes the scene of a motion from times, shape (n,), and states, forces and modes (``mode_KEY``)
+at these, shape (n,) each. It raises KeyError if it knows other coordinates."""
 _ROOM = "stickslip.explorer.drawings"
 # Systems that are drawn by hand, and where.
 DRAWN = {
@@ -53,4 +57,5 @@ def scene_of(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> S
             return draw(motion, times, values)
         except KeyError:
             pass  # a system of that name with other coordinates: somebody's own
-    return generic_scene(motion, times, values)
+    above = bodies_from_above(motion, times, values) if system.planes else None
+    return above or generic_scene(motion, times, values)

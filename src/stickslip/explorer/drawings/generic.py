@@ -17,7 +17,7 @@ from stickslip.explorer.drawings.parts import (
     MovingPart,
     Scene,
     Spot,
-    box,
+    block,
     disc,
     ground,
     label,
@@ -38,14 +38,7 @@ _TALL = 0.9
 
 
 def generic_scene(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
-    """A picture that every system has.
-
-    Parameters
-    ----------
-    motion : Trajectory
-    times : array, shape (n,)
-    values : mapping of str to array, shape (n,)
-    """
+    """A picture that every system has."""
     system = motion.system
     names = [x for x in system.coordinates if x in values] or [
         x for x in system.internal if x in values
@@ -67,8 +60,7 @@ def generic_scene(motion: Trajectory, times: Array, values: Mapping[str, Array])
     scene.add(*_springs(system, blocks, middle))
     for x in blocks:
         contact = soles.get(x, "")
-        scene.add(box(1.2, _TALL, (middle[x], 0.1), look="body"))
-        scene.add(box(1.2, 0.12, (middle[x], 0.0), look="sole", contact=contact))
+        scene.add(*block(1.2, _TALL, middle[x], contact))
         scene.add(label(unicode_symbol(x), (middle[x], 0.46)))
     for x in turning:
         at: Spot = (places[x], 0.75)
@@ -82,16 +74,18 @@ def generic_scene(motion: Trajectory, times: Array, values: Mapping[str, Array])
 def soles_of(system: System) -> dict[str, str]:
     """The contact under each coordinate that one moves alone, by its name in variables."""
     found: dict[str, str] = {}
+    named = {part: name for name, parts in system.rubbing.items() for part in parts}
     for contact in system.declaration.contacts:
         (first, *others) = contact.direction or {"": 0.0}
-        if first and not others and contact.name in system.dry_contacts:
-            found.setdefault(first, contact_key(contact.name))
+        if first and not others and contact.name in named:
+            found.setdefault(first, contact_key(named[contact.name]))
     return found
 
 
 def belt_shift(motion: Trajectory, key: str, times: Array) -> Course:
     """How far the surface under a contact has moved."""
-    for name, contact in motion.system.dry_contacts.items():
+    for name, parts in motion.system.rubbing.items():
+        contact = motion.system.dry_contacts[parts[0]]
         if contact_key(name) == key and contact.surface_speed != 0.0:
             way = way_of(motion, contact.surface_speed, times)
             return 0.0 if way is None else way

@@ -19,6 +19,7 @@ from stickslip.arrays import Array
 Course = float | Array
 """A number, or one for each time of the motion."""
 Spot = tuple[Course, Course]
+_SOLE = 0.12  # height of the sole of a block
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,9 @@ class Scene:
 
         def pack(value: Course) -> float | str:
             # What has no place stands in the middle; single precision is as exact as pixels.
-            seen = np.nan_to_num(np.ascontiguousarray(value, np.float32), posinf=0.0, neginf=0.0)
+            seen = np.ascontiguousarray(value, np.float32)
+            if not np.all(np.isfinite(seen)):
+                seen = np.nan_to_num(seen, posinf=0.0, neginf=0.0)
             if np.ndim(value) == 0:
                 return float(seen.item())
             name = names.setdefault(seen.tobytes(), f"s:{len(names)}")
@@ -102,6 +105,20 @@ class Scene:
             "parts": parts,
         }
         return head, arrays
+
+
+def on_ground(width: float, height: float, bottom: float, follow: Course, about: str) -> Scene:
+    """A moving picture on level ground.
+
+    Parameters
+    ----------
+    width, height, bottom : float
+    follow : Course
+    about : str
+    """
+    scene = Scene(width, height, bottom, follow, about)
+    scene.add(ground())
+    return scene
 
 
 def polygon(
@@ -149,6 +166,12 @@ def box(
     w = width / 2
     corners = ((-w, 0.0), (w, 0.0), (w, height), (-w, height))
     return polygon(corners, at, turn, look, contact)
+
+
+def block(width: float, height: float, x: Course, contact: str) -> tuple[MovingPart, MovingPart]:
+    """A block and the sole on which it stands."""
+    sole = box(width, _SOLE, (x, 0.0), look="sole", contact=contact)
+    return box(width, height, (x, _SOLE)), sole
 
 
 def path(

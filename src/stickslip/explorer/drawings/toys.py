@@ -16,7 +16,7 @@ from stickslip.explorer.drawings.parts import (
     arrow,
     box,
     disc,
-    ground,
+    on_ground,
     path,
     polygon,
     rod,
@@ -36,21 +36,15 @@ _HIPS = (-0.85, 0.8)
 
 def walking_toy(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
     """The animal from the side, feet coloured by stick and slip, and from behind, where its rocking
-    is seen.
-
-    Parameters
-    ----------
-    motion : Trajectory
-    times : array, shape (n,)
-    values : mapping of str to array, shape (n,)
-    """
+    is seen."""
     psi = values["psi"]
     still = np.zeros_like(psi)
     feet = {side: values.get(f"x_{side}", still) for side in "LR"}
     contacts = {"R": "right_leg", "L": "left_leg"}
     middle = (feet["R"] + feet["L"]) / 2.0
-    scene = Scene(8.6, 3.7, -0.62, middle + 1.35, "A toy animal that rocks and walks to the right")
-    scene.add(ground(0.0))
+    scene = on_ground(
+        8.6, 3.7, -0.62, middle + 1.35, "A toy animal that rocks and walks to the right"
+    )
     for side, look in (("L", "shade"), ("R", "light")):
         if side == "R":
             scene.add(polygon(_TRUNK, (middle, 0.0), look="body", smooth=True))
@@ -103,22 +97,14 @@ def _from_behind(scene: Scene, x: Array, psi: Array, contacts: Mapping[str, str]
 
 
 def ramp_toy(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
-    """The walker on a ramp from the side, in the frame of the ramp, and from behind.
-
-    Parameters
-    ----------
-    motion : Trajectory
-    times : array, shape (n,)
-    values : mapping of str to array, shape (n,)
-    """
+    """The walker on a ramp from the side, in the frame of the ramp, and from behind."""
     stride = max(float(np.ptp(values["x_R"] - values["x_L"])), 1e-12)
     scale = 0.9 / stride
     lift = 0.22 / max(float(np.ptp(values["z_R"])), 1e-12)
     feet = {side: scale * values[f"x_{side}"] for side in "LR"}
     middle = (feet["R"] + feet["L"]) / 2.0
     keys = {"R": "right_foot", "L": "left_foot"}
-    scene = Scene(8.6, 3.7, -0.62, middle + 1.35, "A toy that rocks and walks down a ramp")
-    scene.add(ground(0.0))
+    scene = on_ground(8.6, 3.7, -0.62, middle + 1.35, "A toy that rocks and walks down a ramp")
     for side, look in (("L", "shade"), ("R", "light")):
         if side == "R":
             scene.add(polygon(_TRUNK, (middle, 0.0), look="body", smooth=True))
@@ -131,14 +117,7 @@ def ramp_toy(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> S
 
 
 def woodpecker_toy(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
-    """A pole, a sleeve on it, a spring, and the bird.
-
-    Parameters
-    ----------
-    motion : Trajectory
-    times : array, shape (n,)
-    values : mapping of str to array, shape (n,)
-    """
+    """A pole, a sleeve on it, a spring, and the bird."""
     drop = 14.0 * (values["y"] - values["y"][0])
     sleeve, bird = -2.0 * values["phi_M"], values["phi_S"]
     scene = Scene(6.0, 4.4, -2.2, 0.6, "A woodpecker that pecks its way down a pole")

@@ -12,9 +12,10 @@ from stickslip.explorer.drawings.driven import drive_of
 from stickslip.explorer.drawings.parts import (
     Scene,
     arrow,
+    block,
     box,
     disc,
-    ground,
+    on_ground,
     path,
     polygon,
     rod,
@@ -28,21 +29,13 @@ _LEAD = 2.1  # how far in front of a block the end of its spring is drawn at res
 
 
 def compactor(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
-    """A plate under a turning weight, pulled by a spring.
-
-    Parameters
-    ----------
-    motion : Trajectory
-    times : array, shape (n,)
-    values : mapping of str to array, shape (n,)
-    """
+    """A plate under a turning weight, pulled by a spring."""
     p = motion.parameters
     pull = _given(motion, "pull", times)
     scale = _scaled(pull - values["x"])
     x = scale * values["x"]
     angle = p["Omega"] * times
-    scene = Scene(7.4, 3.6, -0.8, x + 0.7, "A plate that a turning weight presses and lifts")
-    scene.add(ground(0.0))
+    scene = on_ground(7.4, 3.6, -0.8, x + 0.7, "A plate that a turning weight presses and lifts")
     scene.add(spring((x + 1.0, 0.45), (scale * pull + _LEAD + 1.0, 0.45)))
     scene.add(arrow((scale * pull + _LEAD + 1.0, 0.45), (scale * pull + _LEAD + 1.6, 0.45)))
     plate = ((-1.15, 0.3), (-1.0, 0.0), (1.0, 0.0), (1.15, 0.3), (1.0, 0.34), (-1.0, 0.34))
@@ -59,19 +52,11 @@ def compactor(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> 
 
 
 def crawler(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
-    """Two legs that a body pushes apart and pulls together.
-
-    Parameters
-    ----------
-    motion : Trajectory
-    times : array, shape (n,)
-    values : mapping of str to array, shape (n,)
-    """
+    """Two legs that a body pushes apart and pulls together."""
     reach = max(float(np.ptp(values["x_2"] - values["x_1"])), 1e-12)
     scale = 1.0 / reach
     hind, front = scale * values["x_1"] - 1.3, scale * values["x_2"] + 1.3
-    scene = Scene(7.4, 3.2, -0.8, (hind + front) / 2.0, "A crawler with two legs")
-    scene.add(ground(0.0))
+    scene = on_ground(7.4, 3.2, -0.8, (hind + front) / 2.0, "A crawler with two legs")
     for x, key in ((hind, "hind_leg"), (front, "front_leg")):
         leg = ((-0.34, 0.12), (0.34, 0.12), (0.22, 1.0), (-0.22, 1.0))
         scene.add(polygon(leg, (x, 0.0)))
@@ -86,35 +71,20 @@ def crawler(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Sc
 
 
 def pulled_slider(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
-    """A block that a spring pulls whose end moves with the load.
-
-    Parameters
-    ----------
-    motion : Trajectory
-    times : array, shape (n,)
-    values : mapping of str to array, shape (n,)
-    """
+    """A block that a spring pulls whose end moves with the load."""
     load = _given(motion, "ell", times)
     stretch = values["U"]
     scale = 1.6 / max(float(np.max(np.abs(stretch))), 1e-12)
     x, end = scale * (load - stretch), scale * load + 1.5
-    scene = Scene(8.2, 3.2, -0.8, end - 1.2, "A block that a spring pulls over the ground")
-    scene.add(ground(0.0))
+    scene = on_ground(8.2, 3.2, -0.8, end - 1.2, "A block that a spring pulls over the ground")
     scene.add(spring((x + 0.7, 0.55), (end, 0.55)))
     scene.add(arrow((end, 0.55), (end + 0.7, 0.55)))
-    scene.add(box(1.4, 0.9, (x, 0.1)), box(1.4, 0.12, (x, 0.0), look="sole", contact="block"))
+    scene.add(*block(1.4, 0.9, x, "block"))
     return scene
 
 
 def tip_on_lattice(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
-    """A tip that a spring pulls over the valleys of a lattice.
-
-    Parameters
-    ----------
-    motion : Trajectory
-    times : array, shape (n,)
-    values : mapping of str to array, shape (n,)
-    """
+    """A tip that a spring pulls over the valleys of a lattice."""
     period = motion.parameters["a"]
     scale = 1.5 / period
     tip, holder = scale * values["x"], scale * _given(motion, "X", times)

@@ -10,28 +10,29 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.explorer.drawings.driven import drive_of
-from stickslip.explorer.drawings.parts import Course, Scene, box, disc, ground, rod
+from stickslip.explorer.drawings.parts import (
+    Course,
+    Scene,
+    block,
+    box,
+    disc,
+    ground,
+    on_ground,
+    rod,
+)
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
 def wheel(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
-    """A wheel of spokes, in the frame of the slope.
-
-    Parameters
-    ----------
-    motion : Trajectory
-    times : array, shape (n,)
-    values : mapping of str to array, shape (n,)
-    """
+    """A wheel of spokes, in the frame of the slope."""
     gamma, alpha = motion.parameters["gamma"], motion.parameters["alpha"]
     lean = values["theta"] - gamma  # of the spoke on the ground, from the slope's normal
     steps = _counted(motion, times)
     foot = 2.0 * np.sin(alpha) * steps
     hub = (foot + np.sin(lean), np.cos(lean))
-    scene = Scene(6.4, 3.0, -0.6, hub[0], "A wheel of spokes that rolls down a slope")
-    scene.add(ground(0.0))
+    scene = on_ground(6.4, 3.0, -0.6, hub[0], "A wheel of spokes that rolls down a slope")
     spokes = max(round(np.pi / alpha), 3)
     for i in range(spokes):
         angle = lean + np.pi + 2.0 * alpha * i
@@ -42,21 +43,13 @@ def wheel(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scen
 
 
 def two_legs(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
-    """Two legs and a hip, in the frame of the slope.
-
-    Parameters
-    ----------
-    motion : Trajectory
-    times : array, shape (n,)
-    values : mapping of str to array, shape (n,)
-    """
+    """Two legs and a hip, in the frame of the slope."""
     theta, phi = values["theta"], values["phi"]
     before, after = _strikes(motion, times, theta)
     foot = before - after  # how far the stance foot has come
     hip = (foot - np.sin(theta), np.cos(theta))
     swing = (hip[0] - np.sin(phi - theta), hip[1] - np.cos(phi - theta))
-    scene = Scene(5.6, 2.6, -0.6, hip[0], "Two legs that walk down a slope")
-    scene.add(ground(0.0))
+    scene = on_ground(5.6, 2.6, -0.6, hip[0], "Two legs that walk down a slope")
     scene.add(rod(hip, swing, "leg shade"), rod(hip, (foot, 0.0), "leg light"))
     scene.add(disc(0.14, hip, look="body"))
     scene.add(disc(0.05, swing, look="dark"), disc(0.05, (foot, 0.0), look="dark"))
@@ -64,14 +57,7 @@ def two_legs(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> S
 
 
 def ball(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
-    """A ball over a plate that may move.
-
-    Parameters
-    ----------
-    motion : Trajectory
-    times : array, shape (n,)
-    values : mapping of str to array, shape (n,)
-    """
+    """A ball over a plate that may move."""
     plate = drive_of(motion, "plate", times)
     moves: Course = 0.0 if plate is None else plate
     scale = 2.2 / max(float(np.max(np.abs(values["y"]))), 1e-12)
@@ -83,19 +69,11 @@ def ball(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene
 
 
 def falling_rod(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
-    """Painlevé's rod.
-
-    Parameters
-    ----------
-    motion : Trajectory
-    times : array, shape (n,)
-    values : mapping of str to array, shape (n,)
-    """
+    """Painlevé's rod."""
     half = motion.parameters["l"]
     x, y, theta = values["x"], values["y"], values["theta"]
     along = (half * np.cos(theta), half * np.sin(theta))
-    scene = Scene(7.0 * half, 3.4 * half, -0.6 * half, x, "A rod that slides on a rough floor")
-    scene.add(ground(0.0))
+    scene = on_ground(7.0 * half, 3.4 * half, -0.6 * half, x, "A rod that slides on a rough floor")
     scene.add(rod((x - along[0], y - along[1]), (x + along[0], y + along[1]), "leg light"))
     scene.add(disc(0.08 * half, (x, y), look="dark"))
     scene.add(disc(0.07 * half, (x - along[0], y - along[1]), look="sole", contact="tip"))
@@ -103,22 +81,14 @@ def falling_rod(motion: Trajectory, times: Array, values: Mapping[str, Array]) -
 
 
 def pendulum_on_cart(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
-    """A pendulum on a cart.
-
-    Parameters
-    ----------
-    motion : Trajectory
-    times : array, shape (n,)
-    values : mapping of str to array, shape (n,)
-    """
+    """A pendulum on a cart."""
     length = 1.3
     scale = length / motion.parameters["l"]
     x, phi = scale * values["x"], values["phi"]
     end = (x + length * np.sin(phi), 1.7 - length * np.cos(phi))
-    scene = Scene(9.0, 4.2, -0.8, x, "A pendulum on a cart")
-    scene.add(ground(0.0))
+    scene = on_ground(9.0, 4.2, -0.8, x, "A pendulum on a cart")
     scene.add(rod((x, 0.5), (x, 1.7), "wall"))
-    scene.add(box(1.7, 0.5, (x, 0.14)), box(1.7, 0.14, (x, 0.0), look="sole", contact="track"))
+    scene.add(*block(1.7, 0.5, x, "track"))
     scene.add(rod((x, 1.7), end), disc(0.17, end), disc(0.07, (x, 1.7), look="dark"))
     return scene
 

@@ -1,8 +1,11 @@
 // The state as the part of the address behind the #, and back: rocking_toy?P=1.2&psi@=0.8&until=60
 //
 // NAME=VALUE sets a parameter or a function, NAME@=VALUE an initial value, .NAME=VALUE what a panel
-// shows. A model of one's own is packed (deflated, base64) as toml=...; nothing here goes to a server.
+// shows, ~NAME=VALUE a parameter of an evolution. Texts of one's own are packed (deflated, base64) as toml=...
+// and evolution=...; nothing here goes to a server.
 explorer.address = {}
+const PACKED = ["toml", "evolution"]
+const packed = new Map()  // codes of texts
 
 explorer.address.write = (state) => {
   const parts = []
@@ -12,14 +15,15 @@ explorer.address.write = (state) => {
   if (state.until !== null) add("until", state.until)
   if (state.panel !== "phase") add(".panel", state.panel)
   for (const [name, value] of Object.entries(state.view)) add(`.${name}`, value)
+  for (const [name, value] of Object.entries(state.given)) add(`~${name}`, value)
   const model = state.toml ? "own" : state.model
-  if (state.toml && explorer.address.packed?.text === state.toml) parts.push(`toml=${explorer.address.packed.code}`)
+  for (const key of PACKED) if (packed.has(state[key])) parts.push(`${key}=${packed.get(state[key])}`)
   return parts.length ? `${model}?${parts.join("&")}` : model
 }
 
 explorer.address.read = async (text) => {
   const [model, , query] = text.replace(/^#/, "").match(/^([^?]*)(\?(.*))?$/s)?.slice(1) ?? ["", "", ""]
-  const state = explorer.fresh(decodeURIComponent(model) || (explorer.facts.given ? "given" : "rocking_toy"))
+  const state = explorer.fresh(decodeURIComponent(model) || explorer.facts.first)
   for (const pair of (query ?? "").split("&").filter(Boolean)) {
     const at = pair.indexOf("=")
     if (at < 1) continue
@@ -29,9 +33,10 @@ explorer.address.read = async (text) => {
       value = decodeURIComponent(pair.slice(at + 1).replace(/\+/g, " "))
     } catch { continue }  // not of this page's writing
     const number = explorer.typed(value)
-    if (name === "toml") state.toml = await explorer.address.unpack(value)
+    if (PACKED.includes(name)) state[name] = await explorer.address.unpack(value)
     else if (name === "until") state.until = isFinite(number) ? number : null
     else if (name === ".panel") state.panel = value
+    else if (name.startsWith("~")) { if (isFinite(number)) state.given[name.slice(1)] = number }
     else if (name.startsWith(".")) state.view[name.slice(1)] = value
     else if (name.endsWith("@")) { if (isFinite(number)) state.initial[name.slice(0, -1)] = number }
     else state.values[name] = isFinite(number) ? number : value
@@ -41,11 +46,11 @@ explorer.address.read = async (text) => {
 }
 
 explorer.address.pack = async (text) => {
-  if (explorer.address.packed?.text === text) return
+  if (text === "" || packed.has(text)) return
   const stream = new Blob([text]).stream().pipeThrough(new CompressionStream("deflate-raw"))
   const bytes = new Uint8Array(await new Response(stream).arrayBuffer())
   const code = btoa(Array.from(bytes, (b) => String.fromCharCode(b)).join(""))
-  explorer.address.packed = {text, code: code.replace(/\+/g, "-").replace(/\//g, "_").replace(/=+$/, "")}
+  packed.set(text, code.replace(/\+/g, "-").replace(/\//g, "_").replace(/=+$/, ""))
 }
 
 explorer.address.unpack = async (code) => {
@@ -53,13 +58,13 @@ explorer.address.unpack = async (code) => {
     const bytes = Uint8Array.from(atob(code.replace(/-/g, "+").replace(/_/g, "/")), (c) => c.charCodeAt(0))
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate-raw"))
     const text = (await new Response(stream).text()).slice(0, 200000)
-    explorer.address.packed = {text, code}
+    packed.set(text, code)
     return text
   } catch { return "" }
 }
 
 explorer.address.show = async () => {
-  if (explorer.state.toml) await explorer.address.pack(explorer.state.toml)
+  for (const key of PACKED) await explorer.address.pack(explorer.state[key])
   const hash = `#${explorer.address.write(explorer.state)}`
   if (hash !== location.hash) history.replaceState(null, "", hash)
 }

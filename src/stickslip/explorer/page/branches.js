@@ -1,5 +1,8 @@
 // The long run: branches over a parameter. Their line for the present value can be dragged; a click on a
 // point shows the orbit that it stands for.
+//
+// What is found is curves, of whatever kind of result: variables over one of them, with what is special
+// on them. Points come first, one after the other; then the curves that were made of them take their place.
 explorer.branches = {found: [], over: null, hand: false}
 
 explorer.listen((kind, state) => {
@@ -66,18 +69,52 @@ explorer.branches.follow = () => {
   const notes = []
   explorer.ask("branch", "branch", {over, low, high}, (head, numbers) => {
     if (head.refused) notes.push(head.refused.reason)
-    if (head.part === "note") notes.push(head.text)
-    if (head.part === "branch") { explorer.branches.found.push({head, numbers}); explorer.branches.choices = null; explorer.branches.draw() }
-    const special = explorer.branches.found.flatMap(({head: h}, b) => h.special.map((s) => explorer.element("p", {},
-      explorer.element("button", {class: "quiet link", onclick: () => explorer.branches.goTo(b, s.index)}, s.kind), ` ${s.text.replace(s.kind, "")}`)))
-    const about = explorer.branches.found.map(({head: h}) => explorer.element("p", {class: "hint"}, `${h.name}: ${h.verdict}; ${h.ended}`))
-    note(...special, ...about, ...notes.map((text) => explorer.element("p", {class: "hint"}, text)))
+    if (head.part === "note") { notes.push(head.text); settle(head.name, null) }
+    if (head.part === "points") come(head)
+    if (head.part === "curves") settle(head.name, {head, numbers})
     if (head.final) ended()
+    say(notes)
+    drawSoon()
   })
+}
+
+// Curves take the place of the points that came before them, if there are curves.
+const settle = (name, curves) => {
+  const {found} = explorer.branches
+  const at = found.findIndex(({head}) => head.name === name)
+  found.splice(at < 0 ? found.length : at, at < 0 ? 0 : 1, ...(curves === null ? [] : [curves]))
+}
+// Points on the way look like curves: those behind the start, from far to near, then those ahead of it.
+const come = ({name, over, points}) => {
+  const {found} = explorer.branches
+  let own = found.find(({head}) => head.name === name)
+  if (own === undefined) {
+    const variables = Object.fromEntries(Object.keys(points[0].values).map((key) => [key, {unit: "", meaning: ""}]))
+    found.push(own = {head: {name, over, variables, special: [], coming: true}, back: [], forth: []})
+  }
+  for (const {side, values} of points) (side < 0 ? own.back : own.forth).push(values)
+  const all = [...[...own.back].reverse(), ...own.forth]
+  own.numbers = Object.fromEntries(Object.keys(own.head.variables).map((key) => [`b:${key}`, all.map((values) => values[key])]))
+}
+const say = (notes) => {
+  const {found} = explorer.branches
+  const hint = (text) => explorer.element("p", {class: "hint"}, text)
+  const special = found.flatMap(({head}, b) => head.special.map((s) => explorer.element("p", {},
+    explorer.element("button", {class: "quiet link", onclick: () => explorer.branches.goTo(b, s.index)}, s.kind), ` ${s.text.replace(s.kind, "")}`)))
+  const about = found.map(({head, numbers}) => head.coming
+    ? explorer.element("p", {class: "busy"}, `${head.name}: ${numbers[`b:${head.over}`].length} points${document.body.classList.contains("following") ? "" : ", stopped there"}`)
+    : hint(`${head.name}: ${head.verdict}; ${head.message.split("\n").at(-1)}`))
+  note(...special, ...about, ...notes.map(hint))
+}
+let due = false
+const drawSoon = () => {
+  if (due) return
+  due = true
+  requestAnimationFrame(() => { due = false; explorer.guard(explorer.branches.draw) })
 }
 const ended = () => { document.body.classList.remove("following"); explorer.$("branch-go").textContent = "Follow" }
 explorer.$("branch-go").addEventListener("click", () => {
-  if (document.body.classList.contains("following")) { explorer.cancel("branch"); ended() }
+  if (document.body.classList.contains("following")) { explorer.cancel("branch"); ended(); say([]) }
   else explorer.branches.follow()
 })
 
@@ -104,11 +141,10 @@ explorer.branches.draw = () => {
   explorer.branches.offer()
   const lines = {xs: [], ys: [], color: [], dash: [], width: []}
   const points = {x: [], y: [], color: []}
-  const special = {x: [], y: [], color: [], marker: [], fill: []}
+  const special = {x: [], y: [], color: [], marker: [], size: [], fill: []}
   const {found, over} = explorer.branches
   explorer.$("branch-empty").hidden = found.length > 0 || document.body.classList.contains("following")
   const of = found.length ? explorer.branches.offerQuantities() : ""
-  let low = Infinity, high = -Infinity
   explorer.branches.shown = []
   found.forEach(({head, numbers}, b) => {
     const x = numbers[`b:${over}`]
@@ -118,7 +154,6 @@ explorer.branches.draw = () => {
     const stable = numbers["b:stable"]
     const color = explorer.colour(b)
     for (const y of curves) {
-      for (let i = 0; i < y.length; i++) { if (y[i] < low) low = y[i]; if (y[i] > high) high = y[i] }
       // Runs of one stability, each up to the first point of the next.
       for (let from = 0; from < x.length - 1;) {
         let to = from
@@ -133,7 +168,7 @@ explorer.branches.draw = () => {
       for (const s of head.special) {
         if (s.index < 0 || s.index >= x.length) continue
         special.x.push(x[s.index]); special.y.push(y[s.index]); special.color.push(explorer.ink())
-        special.marker.push(/Hopf/.test(s.kind) ? "diamond" : /fold/.test(s.kind) ? "square" : "triangle"); special.fill.push(color)
+        special.marker.push(/Hopf/.test(s.kind) ? "diamond" : /fold/.test(s.kind) ? "square" : "triangle"); special.fill.push(color); special.size.push(11)
       }
     }
   })
@@ -145,7 +180,9 @@ explorer.branches.draw = () => {
     const [a, b] = explorer.branches.range
     const air = 0.03 * (b - a)
     explorer.range(plot.x_range, a - air, b + air)
-    if (isFinite(low)) { const up = 0.07 * (high - low) || 1; explorer.range(plot.y_range, low - up, high + up) }
+    const [low, high] = explorer.ends(...lines.ys) ?? [0, 1]
+    const up = 0.07 * (high - low) || 1
+    explorer.range(plot.y_range, low - up, high + up)
   }
   requestAnimationFrame(() => explorer.guard(explorer.branches.place))
 }
@@ -192,7 +229,7 @@ explorer.branches.goTo = (b, i) => {
   const {head, numbers} = explorer.branches.found[b]
   explorer.change("set", (state) => {
     state.values[head.over] = numbers[`b:${head.over}`][i]
-    for (const name of head.states) if (numbers[`b:${name}`]) state.initial[name] = numbers[`b:${name}`][i]
+    for (const {name} of explorer.described.initial) if (numbers[`b:${name}`]) state.initial[name] = numbers[`b:${name}`][i]
   })
   explorer.toast(`${head.name}: ${head.over} = ${explorer.number(numbers[`b:${head.over}`][i])}; its orbit is shown`)
 }

@@ -64,7 +64,7 @@ const frame = (now) => {
   explorer.sound?.between(from, time)
   if (time >= end) time = span[0]  // and again
   explorer.clock.time = time
-  explorer.guard(() => explorer.clock.place())
+  explorer.guard(placeNow)
   requestAnimationFrame(frame)
 }
 
@@ -83,7 +83,14 @@ explorer.clock.jump = (direction) => {
 
 // -- showing it ------------------------------------------------------------------------------------------
 
+// However many things ask for it, once a frame.
+let asked = false
 explorer.clock.place = () => {
+  if (asked) return
+  asked = true
+  requestAnimationFrame(() => { asked = false; explorer.guard(placeNow) })
+}
+const placeNow = () => {
   if (explorer.motion === null) return
   const {time} = explorer.clock
   const {head, t, q} = explorer.motion

@@ -36,7 +36,7 @@ explorer.refuse = (refused) => {
   if (!refused) { box.hidden = true; return }
   const where = (refused.where ?? "").split(".").pop()
   box.replaceChildren(
-    explorer.element("strong", {}, refused.where ? `${refused.where}: ` : ""), refused.reason,
+    explorer.element("strong", {}, refused.where ? `${refused.where}: ` : ""), `${refused.reason}.`,
     refused.remedy ? explorer.element("span", {class: "remedy"}, ` ${refused.remedy}.`) : "")
   box.hidden = false
   document.querySelector(`#controls .row[data-name="${CSS.escape(where)}"]`)?.classList.add("wrong")
@@ -48,10 +48,10 @@ explorer.showModel = (head, numbers) => {
   document.title = `${head.title} · stickslip`
   document.querySelector("#equations .math").innerHTML = head.equations
   formulas = JSON.stringify(Object.entries(explorer.state.values).filter(([, v]) => typeof v === "string"))
-  explorer.fill("parameters", head.parameters.map((p) => valueRow(p, "values")))
-  explorer.fill("initial", head.initial.map((p) => valueRow(p, "initial")))
+  explorer.fill("parameters", head.parameters.map((p) => explorer.valueRow(p, "values")))
+  explorer.fill("initial", head.initial.map((p) => explorer.valueRow(p, "initial")))
   const [start, end] = head.span
-  explorer.fill("span", [valueRow({name: "until", symbol: "<i>t</i>", meaning: `from ${explorer.number(start)} to`, unit: head.time_unit,
+  explorer.fill("span", [explorer.valueRow({name: "until", symbol: "<i>t</i>", meaning: `from ${explorer.number(start)} to`, unit: head.time_unit,
     value: end, low: start + (end - start) / 50, high: start + 4 * (end - start), step: (end - start) / 50, range: ""}, "until")])
   explorer.$("functions-box").hidden = head.functions.length === 0
   explorer.fill("functions", head.functions.map((f) => functionRow(f, numbers)))
@@ -75,14 +75,15 @@ const current = (entry, where) => {
 
 const setValue = (entry, where, value, kind, event) => {
   explorer.event = event?.timeStamp ?? performance.now()
-  explorer.change(kind, (state) => {
+  // The parameters of an evolution change nothing of the motion.
+  explorer.change(where === "given" ? "evolution" : kind, (state) => {
     if (where === "until") state.until = value === entry.value ? null : value
     else if (value === entry.value) delete state[where][entry.name]
     else state[where][entry.name] = value
   })
 }
 
-const valueRow = (entry, where) => {
+explorer.valueRow = (entry, where) => {
   const id = `${where}-${entry.name}`
   const slider = explorer.element("input", {type: "range", id: `${id}-slider`, min: entry.low, max: entry.high, step: "any",
     "aria-label": `${entry.name}, ${entry.meaning}`,
@@ -125,7 +126,7 @@ const valueRow = (entry, where) => {
 const rounded = (value, step) => Number((Math.round(value / step) * step).toPrecision(12))
 
 explorer.showValues = () => {
-  for (const row of document.querySelectorAll("#controls .row")) row.show?.()
+  for (const row of document.querySelectorAll(".values .row")) row.show?.()
 }
 
 // -- functions -----------------------------------------------------------------------------------------
@@ -160,8 +161,7 @@ const sketch = (values) => {
   svg.setAttribute("viewBox", "0 0 60 28")
   svg.setAttribute("aria-hidden", "true")
   if (!values || values.length < 2) { svg.classList.add("empty"); return svg }
-  let low = Infinity, high = -Infinity
-  for (const v of values) { low = Math.min(low, v); high = Math.max(high, v) }
+  const [low, high] = explorer.ends(values) ?? [0, 1]
   const size = high - low || 1
   const points = Array.from(values, (v, i) => `${(58 * i / (values.length - 1) + 1).toFixed(1)},${(high === low ? 14 : 26 - 24 * (v - low) / size).toFixed(1)}`)
   svg.innerHTML = `<polyline points="${points.join(" ")}"/>`
@@ -174,9 +174,11 @@ explorer.$("reset-all").addEventListener("click", () => explorer.change("model",
 
 // -- models of one's own -------------------------------------------------------------------------------
 
-explorer.useToml = (text) => explorer.change("model", () => {
-  explorer.state = {...explorer.fresh("own", text), panel: explorer.state.panel}
-})
+explorer.useToml = (text) => {
+  // What has a dissipation is an evolution.
+  if (/^\s*\[?dissipation\b/m.test(text)) return explorer.evolution.take(text)
+  explorer.change("model", () => { explorer.state = {...explorer.fresh("own", text), panel: explorer.state.panel} })
+}
 explorer.$("toml-use").addEventListener("click", () => explorer.useToml(explorer.$("toml").value))
 explorer.$("toml-take").addEventListener("click", () => explorer.ask("export", "export", {form: "toml"}, (head) => {
   if (head.text) { explorer.$("toml").value = head.text; explorer.$("toml").focus() }

@@ -3,17 +3,18 @@
 // All that a person sets stands in one plain object, `explorer.state`; who shows something reads it
 // there, who changes something calls `explorer.change`. The address, undo and redo, and what is asked
 // of the server are made from it alone.
-"use strict"
 const explorer = window.explorer = {parts: [], models: null}
 
 explorer.facts = JSON.parse(document.getElementById("facts").textContent)
 explorer.$ = (id) => document.getElementById(id)
 
-explorer.fresh = (model = "rocking_toy", toml = "") => ({
+explorer.fresh = (model = explorer.facts.first, toml = "") => ({
   model, toml,          // a name of the catalogue or "given"; or the text of a model file
   values: {},           // parameters and functions that differ from those of the model
   initial: {},          // initial values that differ
   until: null,          // end of the time
+  evolution: "",        // the text of the model file of an evolution, for the panel of effective friction
+  given: {},            // its parameters that differ
   panel: "phase",
   view: {},             // what panels remember: axes, ranges, switches; texts by name
 })
@@ -133,32 +134,4 @@ explorer.setTheme = (theme) => {
     for (const grid_ of plot.center) explorer.setQuietly(grid_, {grid_line_color: grid})
   }
   for (const part of explorer.parts) explorer.guard(() => part("theme", explorer.state))
-}
-
-// -- figures ---------------------------------------------------------------------------------------
-
-// Models of the server's document are changed here without telling the server, which knows already.
-explorer.setQuietly = (model, values) => { model.setv(values, {sync: false}) }
-explorer.model = (name) => explorer.models?.get(name)
-explorer.plots = () => explorer.models === null ? [] : [...explorer.models.values()].filter((m) => m.type === "Plot")
-explorer.view = (plot) => window.Bokeh?.index?.find_one_by_id?.(plot.id) ?? null
-
-// Where a figure has drawn its axes, in pixels of its element; null before it was drawn at all.
-explorer.frame = (name) => {
-  const plot = explorer.model(name)
-  const view = plot && explorer.view(plot)
-  const box = view?.frame?.bbox
-  return box && box.width > 1 && box.height > 1 ? {box, view, plot} : null
-}
-
-explorer.range = (range, low, high) => {
-  if (!(isFinite(low) && isFinite(high))) return
-  if (low === high) { const air = Math.abs(low) * 0.1 || 1; low -= air; high += air }
-  if (range.start !== low || range.end !== high) explorer.setQuietly(range, {start: low, end: high})
-}
-
-// Whether a panel is on the screen; what is not is not drawn.
-explorer.seen = (panel) => {
-  const section = document.querySelector(`section[data-panel="${panel}"]`)
-  return section !== null && section.offsetParent !== null
 }

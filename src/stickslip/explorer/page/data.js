@@ -90,6 +90,9 @@ explorer.data.draw = () => {
   const data = {x: [], y: [], color: []}
   if (found !== null) {
     const {t, residual} = found.numbers
+    const {plain, units, time_unit} = explorer.motion?.head ?? {plain: {}, units: {}}
+    const name = explorer.$("data-quantity").value
+    explorer.$("data-caption").textContent = `what is left of ${plain[name] ?? name} [${units[name] || "1"}] over t [${time_unit || "1"}]`
     const reach = 1.1 * found.head.largest || 1
     for (let i = 0; i < t.length; i++) { data.x.push(t[i]); data.y.push(residual[i]); data.color.push(explorer.colour(1)) }
     const plot = explorer.model("data")

@@ -7,7 +7,7 @@ explorer.listen((kind) => {
   explorer.friction.soon()
 })
 explorer.friction.soon = explorer.debounced(() => {
-  if (!explorer.seen("friction") || explorer.motion === null) return
+  if (explorer.state.evolution !== "" || !explorer.seen("friction") || explorer.motion === null) return
   if (explorer.friction.asked === null || explorer.friction.asked === undefined) explorer.friction.look()
   else explorer.friction.draw()
 }, 200)
@@ -24,12 +24,13 @@ explorer.$("friction-go").addEventListener("click", () => explorer.friction.look
 explorer.$("friction-contact").addEventListener("change", () => explorer.change("view", (s) => { s.view.contact = explorer.$("friction-contact").value }))
 
 explorer.friction.draw = () => {
-  if (!explorer.seen("friction") || explorer.models === null) return
+  if (explorer.state.evolution !== "" || !explorer.seen("friction") || explorer.models === null) return
   const {found} = explorer.friction
   const lines = {xs: [], ys: [], color: [], dash: [], width: []}
   const average = {y0: [], y1: [], color: []}
   const slip = {x0: [], x1: [], color: []}
   const second = found !== null && found.head.contacts.length > 1
+  document.querySelector(".friction .figure").classList.toggle("void", found === null)
   explorer.$("friction-second").hidden = !second
   if (found !== null) {
     const {head, numbers} = found
@@ -61,6 +62,7 @@ explorer.friction.draw = () => {
     explorer.range(plot.x_range, 0, t[t.length - 1])
     const air = 0.08 * (high - low) || 1
     explorer.range(plot.y_range, low - air, high + air)
+    explorer.$("friction-caption").textContent = `force [${shown.unit || "1"}] over t [${head.time_unit || "1"}]`
     if (second) drawForces(head, numbers, shown)
     sayFriction(head, shown)
   }
@@ -73,9 +75,11 @@ explorer.friction.draw = () => {
 // of the forces, which move with it.
 const drawForces = (head, numbers, shown) => {
   const other = head.contacts.find((c) => c.key !== shown.key)
-  const sets = {left: [], right: [], bottom: [], top: [], color: [], alpha: []}
-  const add = (left, right, bottom, top, color, alpha) => {
-    for (const [name, value] of Object.entries({left, right, bottom, top, color, alpha})) sets[name].push(value)
+  explorer.$("forces-caption").textContent = `force on ${shown.name} across, on ${other.name} up`
+  const sets = {left: [], right: [], bottom: [], top: [], color: []}
+  const add = (left, right, bottom, top, color, share) => {
+    color += Math.round(255 * share).toString(16).padStart(2, "0")
+    for (const [name, value] of Object.entries({left, right, bottom, top, color})) sets[name].push(value)
   }
   const t = numbers.t
   let reach = 0

@@ -1,9 +1,8 @@
 // The map: coarse at once, then finer; a click on a point shows its motion.
-explorer.map = {found: null}
-const MEASURES = ["amplitude", "speed", "stick_fraction", "period", "energy_per_cycle", "peak_force", "mean_force", "switches", "lyapunov"]
+explorer.map = {found: null, measures: null}
 
 explorer.listen((kind) => {
-  if (kind === "model") { explorer.map.found = null; explorer.$("map-said").replaceChildren(); explorer.map.draw() }
+  if (kind === "model") { explorer.map.found = explorer.map.measures = null; explorer.$("map-said").replaceChildren(); explorer.map.draw() }
   if (kind === "view" || kind === "resize" || kind === "theme") explorer.map.draw()
   if (kind === "set" || kind === "drag") explorer.map.place()
   if (explorer.seen("map")) explorer.map.offer()
@@ -21,11 +20,26 @@ explorer.map.offer = () => {
       if (document.activeElement !== box) box.value = explorer.state.view[`map.${axis}.${end}`] ?? explorer.number(usual, 3).replace("−", "-")
     }
   }
+  explorer.map.offerMeasures()
+}
+// What can be measured of this model, the library says.
+explorer.map.offerMeasures = () => {
+  const {measures} = explorer.map
+  if (measures === null) {
+    explorer.map.measures = []
+    explorer.ask("measures", "measures", {}, (head) => {
+      if (head.part === "measures") { explorer.map.measures = head.measures; explorer.map.offerMeasures() }
+    })
+    return
+  }
   const select = explorer.$("map-measure")
-  const names = explorer.facts.measures ?? MEASURES
-  if (select.children.length === 0) select.replaceChildren(...names.map((n) => explorer.element("option", {value: n}, n.replaceAll("_", " "))))
-  const usual = Object.keys(explorer.described.translation).length ? "speed" : "amplitude"
-  select.value = names.includes(explorer.state.view["map.of"]) ? explorer.state.view["map.of"] : usual
+  const names = measures.map((m) => m.name)
+  if (select.dataset.names !== names.join()) {
+    select.dataset.names = names.join()
+    select.replaceChildren(...measures.map((m) => explorer.element("option", {value: m.name}, m.meaning)))
+  }
+  const wished = explorer.state.view["map.of"]
+  select.value = names.includes(wished) ? wished : names[0] ?? ""
 }
 for (const axis of ["x", "y"]) {
   explorer.$(`map-${axis}`).addEventListener("change", () => explorer.change("view", (s) => {
@@ -40,6 +54,7 @@ explorer.$("map-measure").addEventListener("change", () => explorer.change("view
 
 explorer.map.fill = () => {
   const options = {measure: explorer.$("map-measure").value}
+  if (options.measure === "") return explorer.toast("What can be measured is not known yet. One moment.")
   for (const axis of ["x", "y"]) {
     options[axis] = explorer.$(`map-${axis}`).value
     for (const end of ["low", "high"]) options[`${axis}_${end}`] = explorer.typed(explorer.$(`map-${axis}_${end}`).value)
@@ -82,9 +97,7 @@ explorer.map.draw = () => {
   if (found === null) { explorer.setQuietly(source, {data}); explorer.map.place(); return }
   const {head, numbers: {x, y, values}} = found
   const n = head.count
-  let low = Infinity, high = -Infinity
-  for (const v of values) if (isFinite(v)) { if (v < low) low = v; if (v > high) high = v }
-  if (!isFinite(low)) { low = 0; high = 1 }
+  const [low, high] = explorer.ends(values) ?? [0, 1]
   // Every point is the middle of its field; what has no number has none.
   const dx = (x[n - 1] - x[0]) / (n - 1), dy = (y[n - 1] - y[0]) / (n - 1)
   values.forEach((v, k) => {

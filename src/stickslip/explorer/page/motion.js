@@ -6,16 +6,14 @@ explorer.event = 0           // when the pointer moved that the next question be
 explorer.redraws = []        // for measurements: [event, asked, answered, distributed] in ms
 
 explorer.listen((kind) => {
-  if (kind === "theme" || kind === "resize") return explorer.drawMotion()
-  if (kind === "view") return explorer.drawMotion()
-  if (kind === "described") return
+  if (["theme", "resize", "view"].includes(kind)) return explorer.drawMotion()
+  if (!["drag", "set", "model"].includes(kind)) return
   explorer.dragging = kind === "drag"
-  if (kind === "model") { explorer.fitted = null; explorer.window = null }
+  if (kind === "model") { explorer.fitted = null; wholeTime() }
   explorer.askMotion()
 })
 
 explorer.askMotion = () => {
-  document.body.classList.add("busy")
   explorer.ask("motion", "motion", {}, (head, numbers, event) => {
     if (head.refused) { explorer.motion = null; explorer.refuse(head.refused); explorer.showRefusal(head.refused); explorer.drawMotion(); return }
     if (head.part === "motion") {
@@ -25,13 +23,13 @@ explorer.askMotion = () => {
       if (explorer.redraws.length > 2000) explorer.redraws.shift()
     }
     if (head.part === "verdict") explorer.showVerdict(head)
-    if (head.final) document.body.classList.remove("busy")
   }, explorer.event || performance.now())
   explorer.event = 0
 }
 
 explorer.takeMotion = (head, numbers) => {
-  document.body.classList.remove("loading")
+  document.body.classList.remove("loading", "still")
+  explorer.$("nothing").hidden = true
   const before = explorer.motion
   const q = {}, modes = {}
   for (const [name, values] of Object.entries(numbers)) {
@@ -61,7 +59,8 @@ explorer.showWarnings = (warnings) => {
 
 // -- which lines are drawn in which row --------------------------------------------------------------------
 
-const groupKey = (group) => group.contact ? `F ${group.contact}` : group.names.join(" ")
+// A contact in a plane has a row for each component of its force.
+const groupKey = (group) => group.contact ? `F ${group.key}` : group.names.join(" ")
 
 explorer.shownGroups = () => {
   const groups = explorer.motion.head.groups
@@ -109,34 +108,34 @@ const drawRow = (row, group) => {
   const t = data.t
   const lines = {xs: [], ys: [], color: [], dash: [], width: []}
   const add = (values, color, dash, width) => {
-    lines.xs.push(t); lines.ys.push(values); lines.color.push(color); lines.dash.push(dash); lines.width.push(width)
-  }
-  let low = Infinity, high = -Infinity
-  const see = (values) => {
-    for (let i = 0; i < values.length; i++) { const v = values[i]; if (v < low) low = v; if (v > high) high = v }
+    lines.ys.push(values); lines.color.push(color); lines.dash.push(dash); lines.width.push(width)
   }
   if (group.kind === "friction") {
     const [force, plus, minus] = group.names.map((n) => data.q[n])
     const threshold = explorer.tone(explorer.facts.colours.threshold)
     const negative = plus.map((v) => -v)
-    for (const edge of [minus, negative]) { add(edge, threshold, "dashed", 1.2); see(edge) }
-    add(force, explorer.colour(0), "solid", 1.8); see(force)
+    for (const edge of [minus, negative]) add(edge, threshold, "dashed", 1.2)
+    add(force, explorer.colour(0), "solid", 1.8)
   } else {
-    group.names.forEach((n, i) => { add(data.q[n], explorer.colour(i), "solid", 1.8); see(data.q[n]) })
+    group.names.forEach((n, i) => add(data.q[n], explorer.colour(i), "solid", 1.8))
   }
+  fit(name, groupKey(group), ...explorer.ends(...lines.ys) ?? [0, 1])
+  lines.ys = lines.ys.map((values) => {
+    const [x, y] = explorer.thinned(name, t, values)
+    lines.xs.push(x)
+    return y
+  })
   explorer.setQuietly(explorer.model(`${name}_lines`), {data: lines})
   const stick = explorer.motion.numbers[group.contact ? `stick:${group.contact}` : "stick"] ?? []
   const x0 = [], x1 = []
   for (let i = 0; i + 1 < stick.length; i += 2) { x0.push(stick[i]); x1.push(stick[i + 1]) }
   explorer.setQuietly(explorer.model(`${name}_stick`), {data: {x0, x1}})
-  fit(name, groupKey(group), low, high)
   explorer.drawData?.(name, group)
   header(row, group)
 }
 
 // Ranges of values grow while a slider is dragged and shrink when it is let go, so that nothing jitters.
 const fit = (name, key, low, high) => {
-  if (!isFinite(low + high)) { low = 0; high = 1 }
   const air = (high - low) * 0.07 || Math.abs(high) * 0.1 || 1
   let [first, last] = [low - air, high + air]
   explorer.fitted ??= {}
@@ -209,11 +208,12 @@ explorer.askWindow = () => {
   })
 }
 const lookCloser = explorer.debounced(() => { if (explorer.window) explorer.askWindow() }, 120)
-explorer.$("unzoom").addEventListener("click", () => {
+const wholeTime = () => {
+  explorer.cancel("window")
   explorer.window = explorer.closer = null
   explorer.$("unzoom").hidden = true
-  explorer.drawMotion()
-})
+}
+explorer.$("unzoom").addEventListener("click", () => { wholeTime(); explorer.drawMotion() })
 
 // -- what is always visible ------------------------------------------------------------------------------------
 
@@ -237,7 +237,9 @@ explorer.showVerdict = (head) => {
 }
 
 explorer.showRefusal = (refused) => {
-  document.body.classList.remove("busy")
+  document.body.classList.add("still")
+  explorer.$("nothing").hidden = false
+  explorer.$("nothing").querySelector("span").textContent = `${refused.reason}.`
   explorer.$("verdict").dataset.state = "refused"
   explorer.$("verdict-text").textContent = `refused · ${refused.reason}`
   explorer.$("verdict-numbers").replaceChildren()

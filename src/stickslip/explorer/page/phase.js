@@ -1,9 +1,9 @@
 // The plane of two quantities: the motion, a ghost of the one before, what it settles on. A click starts
 // a motion there.
-explorer.phase = {ghost: null, settled: null}
+explorer.phase = {ghost: null, settled: null, zoomed: false}
 
 explorer.listen((kind) => {
-  if (kind === "model") { explorer.phase.ghost = explorer.phase.settled = null; explorer.phase.base = null }
+  if (kind === "model") { zoom(false); explorer.phase.ghost = explorer.phase.settled = null; explorer.phase.base = null }
   if (kind === "drag" || kind === "set") explorer.phase.outdated()
   if (kind === "view" || kind === "resize" || kind === "theme") explorer.phase.draw()
   if (kind === "set") explorer.phase.settleSoon()
@@ -43,6 +43,7 @@ explorer.phase.choices = () => {
 for (const [id, key] of [["phase-x", "x"], ["phase-y", "y"]]) {
   explorer.$(id).addEventListener("change", () => {
     explorer.phase.fitted = null
+    zoom(false)
     explorer.change("view", (state) => { state.view[key] = explorer.$(id).value })
   })
 }
@@ -52,59 +53,98 @@ explorer.phase.draw = () => {
   const [across, up] = explorer.phase.axes()
   const {q, t, numbers} = explorer.motion
   const x = q[across], y = q[up]
-  const lines = {xs: [x], ys: [y], color: [explorer.colour(0)], width: [1.6], alpha: [1]}
-  addSticking(lines, t, x, y, numbers.stick ?? [])
+  fitPlane(across, up, x, y)
+  const lines = {xs: [], ys: [], color: [], width: [], alpha: []}
+  addCurve(lines, t, x, y, numbers.stick ?? [])
   explorer.setQuietly(explorer.model("phase_lines"), {data: lines})
   const old = explorer.phase.ghost
   const wanted = explorer.$("ghost").getAttribute("aria-pressed") === "true"
   const ghost = wanted && old && old !== explorer.motion && across in old.q && up in old.q
   const grey = explorer.dark() ? "#6A757E" : "#9AA4AC"
-  const empty = {xs: [], ys: [], color: [], width: [], alpha: []}
-  const key = ghost ? `${across}|${up}|${grey}` : "none"
+  const shadow = {xs: [], ys: [], color: [], width: [], alpha: []}
+  const key = ghost ? `${across}|${up}|${grey}|${scale()}` : "none"
   if (explorer.phase.ghostDrawn !== key || explorer.phase.ghostOf !== old) {
     explorer.phase.ghostDrawn = key
     explorer.phase.ghostOf = old
-    explorer.setQuietly(explorer.model("phase_ghost"), {data: ghost ? {xs: [old.q[across]], ys: [old.q[up]], color: [grey], width: [1.2], alpha: [0.7]} : empty})
+    if (ghost) addLine(shadow, old.q[across], old.q[up], grey, 1, 0.9)
+    explorer.setQuietly(explorer.model("phase_ghost"), {data: shadow})
   }
   explorer.phase.drawSettled(across, up)
-  fitPlane(across, up, x, y)
+  explorer.phase.drawnAt = scale()
   explorer.clock.place()
 }
+// Lines are as fine as the figure shows them: zoomed, they are drawn anew.
+const scale = () => {
+  const {x_range, y_range} = explorer.model("phase")
+  return [x_range.end - x_range.start, y_range.end - y_range.start].map((w) => w.toPrecision(6)).join()
+}
+const drawFiner = explorer.debounced(() => {
+  if (explorer.motion !== null && explorer.phase.drawnAt !== scale()) explorer.phase.draw()
+}, 120)
+// A view that a person has chosen stays until the whole plane is asked for.
+const zoom = (on) => { explorer.phase.zoomed = on; explorer.$("phase-whole").hidden = !on }
+explorer.$("phase-whole").addEventListener("click", () => { zoom(false); explorer.phase.draw() })
+explorer.phase.watchView = () => {
+  const {x_range, y_range} = explorer.model("phase")
+  for (const range of [x_range, y_range]) range.change.connect(() => explorer.guard(() => {
+    const {fitted} = explorer.phase
+    if (!fitted || explorer.motion === null) return
+    const own = [x_range.start, x_range.end, y_range.start, y_range.end].every((end, i) => end === [...fitted.a, ...fitted.b][i])
+    if (!own && !fitting) { zoom(true); drawFiner() }
+  }))
+}
+const addLine = (lines, xs, ys, color, width, alpha) => {
+  const [x, y] = explorer.thinned("phase", xs, ys)
+  lines.xs.push(x); lines.ys.push(y); lines.color.push(color); lines.width.push(width); lines.alpha.push(alpha)
+}
 
-// The sticking parts in ink on top: one piece for each stick phase.
-const addSticking = (lines, t, x, y, stick) => {
-  const xs = [], ys = []
-  let i = 0
-  for (let k = 0; k + 1 < stick.length && k < 2000; k += 2) {
-    while (i < t.length && t[i] < stick[k]) i++
+// The curve in two: what slips, and what sticks, in ink. While a slider is dragged lines are hairlines, which
+// browsers draw ten times as fast.
+const addCurve = (lines, t, x, y, stick) => {
+  const parts = [[[], []], [[], []]]
+  const go = (part, from, to) => {
+    const [xs, ys] = parts[part]
+    if (to <= from) return
     if (xs.length) { xs.push(NaN); ys.push(NaN) }
-    for (; i < t.length && t[i] <= stick[k + 1]; i++) { xs.push(x[i]); ys.push(y[i]) }
-    i = Math.max(0, i - 1)
+    for (let i = from; i <= to; i++) { xs.push(x[i]); ys.push(y[i]) }
   }
-  if (xs.length) {
-    lines.xs.push(xs); lines.ys.push(ys); lines.color.push(explorer.ink()); lines.width.push(2.2); lines.alpha.push(1)
+  let i = 0
+  for (let k = 0; k + 1 < stick.length; k += 2) {
+    const from = i
+    while (i < t.length - 1 && t[i] < stick[k]) i++
+    go(0, from, i)
+    const held = i
+    while (i < t.length - 1 && t[i + 1] <= stick[k + 1]) i++
+    go(1, held, i)
   }
+  go(0, i, t.length - 1)
+  const [slips, sticks] = explorer.dragging ? [1, 1] : [1.6, 2.2]
+  addLine(lines, ...parts[0], explorer.colour(0), slips, 1)
+  addLine(lines, ...parts[1], explorer.ink(), sticks, 1)
 }
 
 const fitPlane = (across, up, x, y) => {
   const ends = (values) => {
-    let low = Infinity, high = -Infinity
-    for (let i = 0; i < values.length; i++) { const v = values[i]; if (v < low) low = v; if (v > high) high = v }
+    const [low, high] = explorer.ends(values) ?? [0, 1]
     const air = (high - low) * 0.06 || Math.abs(high) * 0.1 || 1
     return [low - air, high + air]
   }
   const key = `${across}|${up}`
+  if (explorer.phase.zoomed) return
   let [a, b] = [ends(x), ends(y)]
   const before = explorer.phase.fitted
   if (explorer.dragging && before?.key === key) {
     a = [Math.min(a[0], before.a[0]), Math.max(a[1], before.a[1])]
     b = [Math.min(b[0], before.b[0]), Math.max(b[1], before.b[1])]
-  } else if (!explorer.dragging && before?.key === key && before.zoomed) return
+  }
   explorer.phase.fitted = {key, a, b}
   const plot = explorer.model("phase")
+  fitting = true
   explorer.range(plot.x_range, ...a)
   explorer.range(plot.y_range, ...b)
+  fitting = false
 }
+let fitting = false
 
 // -- what it settles on ------------------------------------------------------------------------------------
 

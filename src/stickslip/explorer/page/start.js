@@ -11,12 +11,13 @@ explorer.begin = async (wire, models) => {
   })
   explorer.watchTime()
   explorer.phase.watch()
+  explorer.phase.watchView()
   explorer.branches.watch()
   explorer.map.watch()
   explorer.clock.watch()
   explorer.state = await explorer.address.read(location.hash)
   explorer.change("model")
-  if (location.hash.length < 2 && !explorer.facts.given) explorer.gallery.open()
+  if (location.hash.length < 2 && explorer.facts.first !== "given") explorer.gallery.open()
   document.documentElement.dataset.ready = "yes"
 }
 
@@ -61,6 +62,8 @@ explorer.showPanel = (panel) => {
     tab.setAttribute("aria-selected", tab === shown)
     tab.tabIndex = tab === shown ? 0 : -1
   }
+  shown.scrollIntoView({block: "nearest", inline: "center"})  // on a narrow screen tabs go on beyond its edge
+  explorer.look()
 }
 for (const tab of document.querySelectorAll(".tabs [role=tab]")) {
   tab.addEventListener("click", () => explorer.change("view", (s) => { s.panel = tab.dataset.tab }))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bokeh.models import HSpan, Scatter
+from bokeh.models import HSpan
 
 from stickslip.explorer.panels.plots import Panel
 
@@ -12,6 +12,5 @@ def data_residuals() -> Panel:
     panel = Panel()
     plot = panel.plot("data", zooms="width")
     panel.glyph(plot, "data_zero", ["y"], HSpan(y="y", line_color="#888888"), "underlay")
-    dots = Scatter(x="x", y="y", size=4, line_color=None, fill_color="color", fill_alpha=0.8)
-    panel.glyph(plot, "data_points", ["x", "y", "color"], dots)
+    panel.dots(plot, "data_points", 0.8)
     return panel

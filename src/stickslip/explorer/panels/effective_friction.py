@@ -3,7 +3,7 @@ the moving stable set."""
 
 from __future__ import annotations
 
-from bokeh.models import HStrip, MultiLine, Quad, VStrip
+from bokeh.models import HStrip, VStrip
 
 from stickslip.explorer.panels.plots import Panel
 
@@ -16,28 +16,8 @@ def friction_figures() -> Panel:
     panel.glyph(over_time, "friction_slip", ["x0", "x1", "color"], slip, "underlay")
     average = HStrip(y0="y0", y1="y1", fill_color="color", fill_alpha=0.16, line_color="color")
     panel.glyph(over_time, "friction_average", ["y0", "y1", "color"], average, "underlay")
-    columns = ["xs", "ys", "color", "dash", "width"]
-    lines = MultiLine(
-        xs="xs",
-        ys="ys",
-        line_color="color",
-        line_dash="dash",
-        line_width="width",
-        line_join="round",
-    )
-    panel.glyph(over_time, "friction_lines", columns, lines)
+    panel.curves(over_time, "friction_lines", "dash")
     plane = panel.plot("forces")
-    sets = Quad(
-        left="left",
-        right="right",
-        bottom="bottom",
-        top="top",
-        fill_color="color",
-        fill_alpha="alpha",
-        line_color="color",
-        line_alpha=0.5,
-    )
-    sides = ["left", "right", "bottom", "top"]
-    panel.glyph(plane, "forces_sets", [*sides, "color", "alpha"], sets)
-    panel.glyph(plane, "forces_lines", columns, lines.clone())
+    panel.fields(plane, "forces_sets")
+    panel.curves(plane, "forces_lines", "dash")
     return panel

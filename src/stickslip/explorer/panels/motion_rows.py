@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bokeh.models import MultiLine, Range1d, Scatter, VStrip
+from bokeh.models import Range1d, VStrip
 
 from stickslip.explorer.panels.plots import Panel
 
@@ -24,20 +24,7 @@ def motion_rows() -> Panel:
             VStrip(x0="x0", x1="x1", fill_color="#888888", fill_alpha=0.16, line_color=None),
             "underlay",
         )
-        panel.glyph(
-            plot,
-            f"{name}_lines",
-            ["xs", "ys", "color", "dash", "width"],
-            MultiLine(
-                xs="xs", ys="ys", line_color="color", line_width="width", line_dash="dash",
-                line_join="round",
-            ),
-        )  # fmt: skip
-        panel.glyph(
-            plot,
-            f"{name}_data",
-            ["x", "y", "color"],
-            Scatter(x="x", y="y", size=4, fill_color="color", fill_alpha=0.6, line_color=None),
-        )
+        panel.curves(plot, f"{name}_lines", "dash")
+        panel.dots(plot, f"{name}_data", 0.6)
     panel.models["time"] = time
     return panel

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from bokeh.models import MultiLine, Scatter
-
 from stickslip.explorer.panels.plots import Panel
 
 
@@ -11,18 +9,8 @@ def phase_plane() -> Panel:
     """The curve with its sticking parts, a ghost, equilibria, a cycle, and points of a section."""
     panel = Panel()
     plot = panel.plot("phase")
-    lines = ["xs", "ys", "color", "width", "alpha"]
     for name in ("phase_ghost", "phase_cycle", "phase_lines"):
-        glyph = MultiLine(
-            xs="xs", ys="ys", line_color="color", line_width="width", line_alpha="alpha",
-            line_join="round",
-        )  # fmt: skip
-        panel.glyph(plot, name, lines, glyph)
-    spots = ["x", "y", "color", "marker", "size", "fill"]
+        panel.curves(plot, name, "alpha")
     for name in ("phase_section", "phase_spots"):
-        glyph = Scatter(
-            x="x", y="y", size="size", marker="marker", line_color="color", fill_color="fill",
-            line_width=2,
-        )  # fmt: skip
-        panel.glyph(plot, name, spots, glyph)
+        panel.marks(plot, name)
     return panel

@@ -9,22 +9,27 @@ from typing import TYPE_CHECKING, Any, Literal
 from bokeh.core.enums import RenderLevelType
 from bokeh.models import (
     BasicTicker,
-    BasicTickFormatter,
     BoxZoomTool,
     ColumnDataSource,
+    CustomJSTickFormatter,
     GlyphRenderer,
     Grid,
     LinearAxis,
     Model,
+    MultiLine,
     PanTool,
     Plot,
+    Quad,
     Range1d,
+    Scatter,
     WheelZoomTool,
 )
 
 if TYPE_CHECKING:
     from bokeh.models.glyph import Glyph
 
+# The page writes numbers.
+_TICK = "return explorer.tick(tick, ticks)"
 _LEFT = 58  # pixels beside every figure, so that those below each other agree
 
 
@@ -90,17 +95,11 @@ class Panel:
         numbers: dict[str, Any] = {
             "major_label_text_font": "system-ui, sans-serif",
             "major_label_text_font_size": "11px",
+            "formatter": CustomJSTickFormatter(code=_TICK),
         }
         if x_axis:
-            plot.add_layout(
-                LinearAxis(
-                    ticker=across, formatter=BasicTickFormatter(precision=6), **plain, **numbers
-                ),
-                "below",
-            )
-        plot.add_layout(
-            LinearAxis(ticker=up, formatter=BasicTickFormatter(), **plain, **numbers), "left"
-        )
+            plot.add_layout(LinearAxis(ticker=across, **plain, **numbers), "below")
+        plot.add_layout(LinearAxis(ticker=up, **plain, **numbers), "left")
         pan = PanTool(dimensions=zooms)
         box = BoxZoomTool(dimensions=zooms)
         plot.add_tools(pan, box)
@@ -144,6 +143,36 @@ class Panel:
         )
         self.models[name] = source
         return source
+
+    def curves(self, plot: Plot, name: str, *more: Literal["dash", "alpha"]) -> None:
+        """Lines through many points, each with a colour and a width, and whatever more."""
+        given: dict[str, Any] = {f"line_{what}": what for what in more}
+        lines = MultiLine(
+            xs="xs", ys="ys", line_color="color", line_width="width", line_join="round", **given
+        )
+        self.glyph(plot, name, ["xs", "ys", "color", "width", *more], lines)
+
+    def dots(self, plot: Plot, name: str, alpha: float = 1.0) -> None:
+        """Small points, each with a colour."""
+        small = Scatter(x="x", y="y", size=4, fill_color="color", fill_alpha=alpha, line_color=None)
+        self.glyph(plot, name, ["x", "y", "color"], small)
+
+    def marks(self, plot: Plot, name: str) -> None:
+        """Points with shapes of their own."""
+        shapes = Scatter(
+            x="x", y="y", size="size", marker="marker", line_color="color", fill_color="fill",
+            line_width=2,
+        )  # fmt: skip
+        self.glyph(plot, name, ["x", "y", "color", "marker", "size", "fill"], shapes)
+
+    def fields(self, plot: Plot, name: str) -> None:
+        """Rectangles, each with a colour."""
+        sides = ["left", "right", "bottom", "top"]
+        boxes = Quad(
+            left="left", right="right", bottom="bottom", top="top", fill_color="color",
+            line_color="color",
+        )  # fmt: skip
+        self.glyph(plot, name, [*sides, "color"], boxes)
 
 
 def models_of(panels: Sequence[Panel]) -> Mapping[str, Model]:

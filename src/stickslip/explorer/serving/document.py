@@ -12,6 +12,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from stickslip import catalogue, palette
+from stickslip.explorer.asking.request import FIRST_MODEL, GIVEN
 from stickslip.explorer.panels.branch_diagram import branch_diagram
 from stickslip.explorer.panels.data_residuals import data_residuals
 from stickslip.explorer.panels.effective_friction import friction_figures
@@ -26,8 +27,8 @@ from stickslip.explorer.serving.wire import Wire
 _FILES = Path(__file__).parents[1] / "page"
 # In the order in which they need each other.
 SCRIPTS = (
-    *("core", "address", "wire", "controls", "motion", "phase", "mechanism", "clock", "takeaway"),
-    *("branches", "map", "friction", "data", "start"),
+    *("core", "figures", "address", "wire", "controls", "motion", "phase", "mechanism", "clock"),
+    *("takeaway", "branches", "map", "friction", "evolution", "data", "start"),
 )
 PANELS = (
     motion_rows,
@@ -66,7 +67,7 @@ def page_maker(pool: WorkerPool, given: str) -> Callable[[Document], None]:
             rows=range(ROWS),
             facts={
                 "catalogue": catalogue.names(),
-                "given": bool(given),
+                "first": GIVEN if given else FIRST_MODEL,
                 "colours": {
                     "lines": palette.LINES,
                     "threshold": palette.THRESHOLD,
@@ -90,7 +91,8 @@ def _template() -> Template:
 
 @cache
 def _scripts() -> Markup:
-    return Markup("\n".join(_read(f"{name}.js") for name in SCRIPTS))
+    # Each in a block of its own, so that what a file does not hang on `explorer` is its own.
+    return Markup("\n".join(f"{{\n{_read(f'{name}.js')}}}" for name in SCRIPTS))
 
 
 @cache

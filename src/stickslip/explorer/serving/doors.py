@@ -15,6 +15,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from bokeh.server.tornado import BokehTornado
+from bokeh.server.views.ws import WSHandler
 from tornado.httputil import HTTPServerRequest
 from tornado.web import RequestHandler
 
@@ -100,6 +101,19 @@ class Refused(RequestHandler):
         self.finish(_PAGE.format(title="Not possible", reason=str(status_code)))
 
 
+class Prompt(WSHandler):
+    """A connection whose messages go out at once.
+
+    Otherwise the second of the small pieces that a message has waits until the first is
+    acknowledged, for which the other end takes its time: 40 ms for every answer.
+    """
+
+    def open(self) -> None:
+        """Begin."""
+        self.set_nodelay(True)
+        super().open()
+
+
 class Guarded(BokehTornado):
     """Bokeh's application behind the doors."""
 
@@ -116,6 +130,13 @@ class Guarded(BokehTornado):
             status, reason = refused
             return self.get_handler_delegate(request, Refused, {"status": status, "reason": reason})
         return super().find_handler(request, **kwargs)
+
+    def get_handler_delegate(
+        self, request: HTTPServerRequest, target_class: type[RequestHandler], *args: Any, **kw: Any
+    ) -> Any:
+        """What lets a request be answered by a handler."""
+        chosen = Prompt if target_class is WSHandler else target_class
+        return super().get_handler_delegate(request, chosen, *args, **kw)
 
     def log_request(self, handler: RequestHandler) -> None:
         """Requests are nobody's business."""

@@ -137,11 +137,14 @@ class WorkerPool:
         Runs a function in the thread of the server, from any thread.
     size : int, optional
         Number of workers; by default as many as processors, two to four.
+    first : Request, optional
+        What will be asked first.
     """
 
-    def __init__(self, call: InLoop, size: int | None = None) -> None:
+    def __init__(self, call: InLoop, size: int | None = None, first: Request | None = None) -> None:
         self._call = call
         self._size = size or min(max(os.cpu_count() or 2, 2), 4)
+        self._expected = first
         self._waiting: dict[tuple[Hashable, str], Job] = {}
         self._closed = False
         self.replaced = 0
@@ -149,12 +152,12 @@ class WorkerPool:
 
     def ask(self, job: Job) -> None:
         """Have a question answered as soon as a worker is free."""
-        if len(self.workers) < self._size:
-            self.workers.append(self._worker())
         self._waiting.pop(job.lane, None)
         self._waiting[job.lane] = job
         for worker in self.workers:
-            if worker.job is not None and worker.job.lane == job.lane:
+            if worker.job is not None and (
+                worker.job.lane == job.lane or _is_idle(worker.job, job)
+            ):
                 worker.give_up()
         self._distribute()
 
@@ -207,22 +210,39 @@ class WorkerPool:
             return
         match said:
             case Ready():
-                worker.ready = True
+                self._prepare(worker)
             case Told(answer=answer, final=final) if worker.job is not None:
                 if not worker.given_up:
                     worker.job.reply(answer, final)
                 if final:
-                    worker.job = None
+                    self._done(worker, worker.job)
             case None:
                 self._replace(worker)
         self._distribute()
 
+    def _prepare(self, worker: Worker) -> None:
+        """A worker has loaded: let it do what was answered last, for nobody, so that it has the
+        model and the machine code when it is asked."""
+        worker.ready = True
+        if self._expected is not None:
+            worker.begin(Job(None, self._expected, lambda answer, final: None))
+
+    def _done(self, worker: Worker, job: Job) -> None:
+        """A worker is free. The others are started when the first has something to show, and not
+        while it needs the processors for that."""
+        worker.job = None
+        if job.request.what == _QUICK and not worker.given_up:
+            self._expected = job.request
+        if job.page is not None and len(self.workers) < self._size:
+            self.workers.append(self._worker())
+
     def _replace(self, worker: Worker) -> None:
         """A worker has ended: say so, and start another one."""
         job = worker.job
-        self.workers.remove(worker)
+        if job is not None and job.request is self._expected:
+            self._expected = None  # it may end the next one, too
+        self.workers[self.workers.index(worker)] = self._worker()
         self.replaced += 1
-        self.workers.append(self._worker())
         if job is None or worker.given_up:
             return
         took_long = worker.overdue(time.monotonic())
@@ -231,3 +251,8 @@ class WorkerPool:
         answer = refusal(error)
         job.reply(Answer({**answer.head, "lost": True}), False)
         job.reply(None, True)
+
+
+def _is_idle(job: Job, asked: Job) -> bool:
+    """Whether a worker prepares for something else than what is asked."""
+    return job.page is None and job.request.setting != asked.request.setting

@@ -9,7 +9,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from tornado.httpserver import HTTPServer
@@ -18,6 +18,7 @@ from tornado.netutil import bind_sockets
 
 from stickslip.errors import DeclarationError
 from stickslip.explorer.asking.limits import MOST_MESSAGE, MOST_PAGES
+from stickslip.explorer.asking.request import GIVEN, Request, read_state
 from stickslip.explorer.serving.pool import WorkerPool
 
 if TYPE_CHECKING:
@@ -82,6 +83,14 @@ class Listening:
                 "Choose another one, or leave it out",
             )
         self.token = secrets.token_urlsafe(16)
+
+    @property
+    def first(self) -> Request:
+        """What the page will ask first."""
+        setting = read_state(self.start)
+        if setting.model == GIVEN:
+            setting = replace(setting, model="", toml=self.given)
+        return Request(0, "motion", "motion", setting)
 
     @property
     def address(self) -> str:
@@ -149,7 +158,7 @@ class Explorer:
         if threading.current_thread() is threading.main_thread():
             for name in ("SIGINT", "SIGTERM"):
                 _on_signal(name, self._over.set)
-        self.pool = pool = WorkerPool(self._loop.add_callback)
+        self.pool = pool = WorkerPool(self._loop.add_callback, first=self._place.first)
         ticks = PeriodicCallback(pool.tick, 1000.0 * pool.tick_every)
         ticks.start()
         try:

@@ -1,1 +1,1 @@
-"""The systems and motions that pages look at, and how finely."""
+"""The systems, motions and other results that pages look at, and how finely."""

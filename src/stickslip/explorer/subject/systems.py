@@ -17,6 +17,7 @@ from stickslip.model.toml import parse
 if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Patience
     from stickslip.motion.trajectory import Trajectory
+    from stickslip.orbits.cycles.cycle import Cycle
 
 
 def system_of(setting: PageSetting) -> tuple[System, dict[str, float]]:
@@ -71,6 +72,21 @@ def shown_motion(setting: PageSetting, patience: Patience) -> Trajectory:
     return found
 
 
+def settled_cycle(setting: PageSetting, patience: Patience) -> Cycle:
+    """The cycle that the motion of a page settles on.
+
+    Raises
+    ------
+    StickslipError
+        If there is none.
+    """
+    from stickslip.orbits.cycles.cycle import find_cycle
+
+    system, numbers = system_of(setting)
+    motion = shown_motion(setting, patience)
+    return find_cycle(system, motion if motion.outcome.ok else None, parameters=numbers)
+
+
 def span_of(system: System, setting: PageSetting) -> tuple[float, float]:
     """The time span that a page looks at."""
     return system.span if setting.until is None else (float(system.span[0]), setting.until)
@@ -88,7 +104,7 @@ def values_of(system: System, given: Mapping[str, float]) -> dict[str, float]:
 @lru_cache(maxsize=64)
 def _declared(model: str, toml: str) -> System:
     if toml:
-        _check_no_files(toml)
+        check_no_files(toml)
         return loads(toml, "model file")
     return catalogue.get(model)
 
@@ -98,7 +114,7 @@ def _configured(model: str, toml: str, formulas: tuple[tuple[str, float | str], 
     return _declared(model, toml).configure(dict(formulas))
 
 
-def _check_no_files(toml: str) -> None:
+def check_no_files(toml: str) -> None:
     """Refuse a model that would read a file of this machine: it came from a page."""
     drives = parse(toml).get("drives", {})
     for name, drive in drives.items() if isinstance(drives, dict) else ():

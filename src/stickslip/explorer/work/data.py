@@ -11,8 +11,8 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import Request
+from stickslip.explorer.subject.results import verdict
 from stickslip.explorer.subject.systems import shown_motion, system_of
-from stickslip.explorer.work.motion import verdict
 
 if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Patience

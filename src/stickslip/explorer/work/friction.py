@@ -17,7 +17,8 @@ from stickslip.display.symbols import unicode_unit
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import Request
-from stickslip.explorer.subject.systems import shown_motion, system_of
+from stickslip.explorer.subject.systems import settled_cycle, shown_motion
+from stickslip.explorer.work.motion import force_lines
 from stickslip.model.quantities import contact_key, quantity
 
 if TYPE_CHECKING:
@@ -39,9 +40,14 @@ def effective_friction(request: Request, patience: Patience) -> Iterator[Answer]
     """
     motion, about = _settled(request, patience)
     system = motion.system
-    keys = {contact_key(name): name for name in system.dry_contacts}
-    keys = {key: name for key, name in keys.items() if key in motion.modes}
-    if not keys:
+    modes = motion.modes
+    shown = [
+        (part, force_lines(parts, part), modes[contact_key(name)])
+        for name, parts in system.rubbing.items()
+        for part in parts
+        if contact_key(name) in modes
+    ]
+    if not shown:
         raise DeclarationError("", "no contact of this system is dry", "Choose another system")
     knots = motion.knots.time
     start = knots[0] if about["period"] else (knots[0] + knots[-1]) / 2.0
@@ -49,17 +55,18 @@ def effective_friction(request: Request, patience: Patience) -> Iterator[Answer]
     index = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(knots) - 1)
     contacts: list[dict[str, Any]] = []
     arrays = {"t": times - times[0]}
-    for key, name in list(keys.items())[:_MOST]:
-        names = [f"{kind}_{key}" for kind in ("friction", "threshold_plus", "threshold_minus")]
-        force, plus, minus = motion.trace(names, times, index).values()
+    for name, names, mode in shown[:_MOST]:
+        key = contact_key(name)
+        traced = motion.trace(list(dict.fromkeys(names)), times, index)
+        force, plus, minus = (traced[line] for line in names)
         arrays |= {
             f"force:{key}": -force,
             f"plus:{key}": plus,
             f"minus:{key}": minus,
-            f"mode:{key}": motion.modes[key][index].astype(np.int32),
+            f"mode:{key}": mode[index].astype(np.int32),
         }
         unit = unicode_unit(quantity(system, names[0]).get("units", ""))
-        slips = motion.modes[key][index] != 0
+        slips = mode[index] != 0
         contacts.append(
             {
                 "key": key,
@@ -78,13 +85,10 @@ def effective_friction(request: Request, patience: Patience) -> Iterator[Answer]
 
 def _settled(request: Request, patience: Patience) -> tuple[Trajectory, dict[str, Any]]:
     """What is looked at, and what that is."""
-    from stickslip.orbits.cycles.cycle import find_cycle
-
-    system, numbers = system_of(request.setting)
     motion = shown_motion(request.setting, patience)
-    unit = unicode_unit(system.time_unit)
+    unit = unicode_unit(motion.system.time_unit)
     try:
-        cycle = find_cycle(system, motion if motion.outcome.ok else None, parameters=numbers)
+        cycle = settled_cycle(request.setting, patience)
     except StickslipError:
         return motion, {"period": None, "time_unit": unit}
     return cycle.trajectory, {"period": cycle.period, "time_unit": unit}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip.display.symbols import unicode_unit
-from stickslip.errors import DeclarationError
+from stickslip.errors import DeclarationError, short
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import Request
 from stickslip.explorer.subject.systems import system_of
@@ -31,6 +31,7 @@ def fill_map(request: Request, patience: Patience) -> Iterator[Answer]:
         If an axis or the measure is none.
     """
     from stickslip.motion.outcome import Outcome
+    from stickslip.sweeps.request.user_measures import offered_measures
     from stickslip.sweeps.sweep import sweep
 
     system, numbers = system_of(request.setting)
@@ -42,6 +43,11 @@ def fill_map(request: Request, patience: Patience) -> Iterator[Answer]:
     if axes[0][0] == axes[1][0]:
         raise DeclarationError("map", "both axes are the same", "Choose two parameters")
     measure = request.text("measure", "amplitude")
+    # Nothing but a name: what else the library reads here may be a file of Python.
+    if measure not in (known := offered_measures(own)):
+        raise DeclarationError(
+            "measure", f"there is no measure '{short(measure)}'", f"Known: {', '.join(known)}"
+        )
     for count in _ROUNDS:
         over = {name: f"{low!r}:{high!r}:{count}" for name, low, high in axes}
         found = sweep(
@@ -78,6 +84,19 @@ def fill_map(request: Request, patience: Patience) -> Iterator[Answer]:
                 "outcome": np.ascontiguousarray(outcome.values, np.int32).ravel(),
             },
         )
+
+
+def offer_measures(request: Request, patience: Patience) -> Iterator[Answer]:
+    """What a map may show, as the library knows it; what is most likely wanted comes first."""
+    from stickslip.sweeps.request.user_measures import offered_measures
+
+    system, _ = system_of(request.setting)
+    known = offered_measures(system)
+    likely = "speed" if system.translation and "speed" in known else "amplitude"
+    first = [likely] if likely in known else []
+    names = [*first, *(name for name in known if name not in first)]
+    found = [{"name": name, "meaning": known[name]["long_name"]} for name in names]
+    yield Answer({"part": "measures", "measures": found})
 
 
 def _command(request: Request, axes: list[tuple[str, float, float]], measure: str) -> str:

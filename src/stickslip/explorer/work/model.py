@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,8 +15,9 @@ from stickslip.errors import DeclarationError
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import Request
 from stickslip.explorer.subject.systems import system_of, values_of
+from stickslip.model.names import parse_range
 from stickslip.model.quantities import quantity
-from stickslip.model.system import System
+from stickslip.model.system import Parameter, System
 from stickslip.symbolic.formulas import parse_signature
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def describe_model(request: Request, patience: Patience) -> Iterator[Answer]:
             "title": system.title or system.name,
             "source": system.source,
             "equations": equations_page(system),
-            "parameters": _parameters(system),
+            "parameters": parameter_rows(system.parameters),
             "functions": _functions(system, graphs),
             "initial": _initial(system),
             "span": list(system.span),
@@ -51,10 +52,11 @@ def describe_model(request: Request, patience: Patience) -> Iterator[Answer]:
     )
 
 
-def _parameters(system: System) -> list[dict[str, Any]]:
+def parameter_rows(parameters: Mapping[str, Parameter]) -> list[dict[str, Any]]:
+    """Parameters as a page shows them: with their units, meanings, and the ends of a slider."""
     found = []
-    for name, p in system.parameters.items():
-        admissible = system.declaration.ranges[name]
+    for name, p in parameters.items():
+        admissible = parse_range(p.range, f"parameters.{name}")
         low, high = _slider(p.default, admissible.low, admissible.high, admissible.closed)
         shown = "" if p.range == "(-inf, inf)" else p.range.replace("inf", "∞")
         found.append(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,13 +16,14 @@ from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import Request
 from stickslip.explorer.drawings.draw import scene_of
 from stickslip.explorer.subject.pixels import seen_times
+from stickslip.explorer.subject.results import verdict
 from stickslip.explorer.subject.systems import shown_motion
 from stickslip.model.quantities import contact_key, quantity
 
 if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Patience
+    from stickslip.model.system import System
     from stickslip.motion.trajectory import Trajectory
-    from stickslip.results import Result
 
 _MOST_LINES = 40  # that go to a page
 _SOON = 0.04  # seconds in which a newer motion may be asked for before this one is certified
@@ -36,32 +38,6 @@ def move(request: Request, patience: Patience) -> Iterator[Answer]:
     if request.options.get("window") is None:
         patience.pause(_SOON)
         yield Answer(verdict(motion))
-
-
-def verdict(result: Result) -> dict[str, Any]:
-    """What a result of any kind says of itself, for the line that is always visible."""
-    said = result.summary()
-    c = result._said.certificate
-    return {
-        "part": "verdict",
-        "title": said.title,
-        "rows": [list(row) for row in said.rows],
-        "good": said.good,
-        "certified": bool(c.ok),
-        "verdict": c.verdict,
-        "outcome": result._said.outcome.label,
-        "message": result._said.message,
-        "residuals": [
-            {
-                "name": r.name,
-                "value": r.value,
-                "limit": r.limit if r.judged else None,
-                "ok": r.ok,
-                "note": r.note,
-            }
-            for r in c.residuals
-        ],
-    }
 
 
 def _window(request: Request, motion: Trajectory) -> tuple[float, float] | None:
@@ -80,8 +56,8 @@ def _window(request: Request, motion: Trajectory) -> tuple[float, float] | None:
 
 def _seen(motion: Trajectory, window: tuple[float, float] | None) -> Answer:
     """What is drawn of a motion."""
-    groups = _groups(motion)
-    names = list(dict.fromkeys(name for group in groups for name in group["names"]))
+    about = _lines_of(motion.system, tuple(motion.final), tuple(motion.modes))
+    names = list(about["symbols"])
     times, index, values = seen_times(motion, names, window)
     arrays: dict[str, Array] = {"t": times, **{f"q:{name}": v for name, v in values.items()}}
     arrays |= {f"mode:{key}": mode[index].astype(np.int32) for key, mode in motion.modes.items()}
@@ -97,12 +73,7 @@ def _seen(motion: Trajectory, window: tuple[float, float] | None) -> Answer:
         "warnings": motion.warnings,
         "switches": motion.n_switches,
         "seconds": motion.wall_time,
-        "groups": groups,
-        "states": list(motion.final),
-        "symbols": {name: str(name_in_html(name)) for name in names},
-        "units": {name: unit_of(motion, name) for name in names},
-        "plain": {name: unicode_symbol(name) for name in names},
-        "time_unit": unicode_unit(motion.system.time_unit),
+        **about,
     }
     if window is None:
         scene = scene_of(motion, times, {**values, **_modes(arrays)})
@@ -115,33 +86,59 @@ def _modes(arrays: dict[str, Array]) -> dict[str, Array]:
     return {f"mode_{k[5:]}": v for k, v in arrays.items() if k.startswith("mode:")}
 
 
-def unit_of(motion: Trajectory, name: str) -> str:
+@lru_cache(maxsize=32)
+def _lines_of(system: System, states: tuple[str, ...], contacts: tuple[str, ...]) -> dict[str, Any]:
+    """What is drawn of every motion of a system, and how it is written; a drag asks for it again
+    and again."""
+    groups = _groups(system, states, contacts)
+    names = list(dict.fromkeys(name for group in groups for name in group["names"]))
+    return {
+        "groups": groups,
+        "states": list(states),
+        "symbols": {name: str(name_in_html(name)) for name in names},
+        "units": {name: unit_of(system, name) for name in names},
+        "plain": {name: unicode_symbol(name) for name in names},
+        "time_unit": unicode_unit(system.time_unit),
+    }
+
+
+def unit_of(system: System, name: str) -> str:
     """The unit of a quantity, as it is printed."""
-    return unicode_unit(quantity(motion.system, name).get("units", ""))
+    return unicode_unit(quantity(system, name).get("units", ""))
 
 
-def _groups(motion: Trajectory) -> list[dict[str, Any]]:
+def _groups(
+    system: System, known: tuple[str, ...], contacts: tuple[str, ...]
+) -> list[dict[str, Any]]:
     """Which lines belong together: quantities of a kind and a unit, and each friction force with
     its thresholds."""
-    system = motion.system
     coordinates = list(system.coordinates)
-    known = motion.final
     rates = [f"d_{x}" for x in coordinates if f"d_{x}" in known]
     others = [name for name in known if name not in coordinates and name not in rates]
     groups: list[dict[str, Any]] = []
     for kind, names in (("coordinate", coordinates), ("rate", rates), ("internal", others)):
         by_unit: dict[str, list[str]] = {}
         for name in names[:_MOST_LINES]:
-            by_unit.setdefault(unit_of(motion, name), []).append(name)
+            by_unit.setdefault(unit_of(system, name), []).append(name)
         groups += [{"kind": kind, "names": own, "unit": unit} for unit, own in by_unit.items()]
-    for contact in system.dry_contacts:
+    for contact, parts in system.rubbing.items():
         key = contact_key(contact)
-        if key not in motion.modes or len(groups) > _MOST_LINES:
+        if key not in contacts or len(groups) > _MOST_LINES:
             continue
-        names = [f"friction_{key}", f"threshold_plus_{key}", f"threshold_minus_{key}"]
-        group = {"kind": "friction", "names": names, "unit": unit_of(motion, names[0])}
-        groups.append(group | {"contact": key, "title": contact})
+        for part in parts:
+            names = force_lines(parts, part)
+            group = {"kind": "friction", "names": names, "unit": unit_of(system, names[0])}
+            groups.append(group | {"contact": key, "key": contact_key(part), "title": part})
     return groups
+
+
+def force_lines(parts: tuple[str, ...], part: str) -> list[str]:
+    """The force of a contact, or of a component of one in a plane, and its thresholds for both
+    directions."""
+    key = contact_key(part)
+    if len(parts) > 1:
+        return [f"friction_{key}", f"threshold_{key}", f"threshold_{key}"]
+    return [f"friction_{key}", f"threshold_plus_{key}", f"threshold_minus_{key}"]
 
 
 def _stick_phases(motion: Trajectory) -> dict[str, Array]:

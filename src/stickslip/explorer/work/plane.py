@@ -12,7 +12,7 @@ from stickslip.arrays import Array
 from stickslip.errors import StickslipError
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import Request
-from stickslip.explorer.subject.systems import shown_motion, system_of
+from stickslip.explorer.subject.systems import settled_cycle, shown_motion, system_of
 
 if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Patience
@@ -24,7 +24,6 @@ _MOST = 2000  # points of a section
 
 def long_run_in_plane(request: Request, patience: Patience) -> Iterator[Answer]:
     """Equilibria at once, then the cycle, if there are any."""
-    from stickslip.orbits.cycles.cycle import find_cycle
     from stickslip.orbits.equilibria.finding import equilibria
 
     system, numbers = system_of(request.setting)
@@ -40,7 +39,7 @@ def long_run_in_plane(request: Request, patience: Patience) -> Iterator[Answer]:
     yield Answer(head, arrays)
     patience.check()
     try:
-        cycle = find_cycle(system, motion if motion.outcome.ok else None, parameters=numbers)
+        cycle = settled_cycle(request.setting, patience)
     except StickslipError as error:
         head["notes"].append(f"Cycle: {error}")
     else:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import io
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -72,6 +72,7 @@ __all__ = [
 ]
 
 _SMALL, _LARGE = 1e-2, 1e5  # numbers on an axis, from which on powers of ten are said apart
+_TITLE = 2.0  # points between a legend and the title above it
 _LAID_OUT = 0.95  # part of the width of axes that the layout leaves them at least
 
 # Sizes are for a picture of full text width; at half that size the smallest letters are still 5
@@ -225,6 +226,17 @@ def legend_above(axes: Axes, handles: Sequence[Artist] | None = None, right: boo
         width = place(len(shown))
     if width > 1.0:
         place(max(1, int(len(shown) / width)))
+
+
+def titles_above(titles: Mapping[Axes, str]) -> None:
+    """Titles of axes beside each other at one height, above the legends that stand there."""
+    heights = [
+        legend.get_window_extent().height * 72.0 / axes.figure.dpi
+        for axes in titles
+        if (legend := axes.get_legend()) is not None
+    ]
+    for axes, text in titles.items():
+        axes.set_title(text, pad=_TITLE + max(heights, default=0.0))
 
 
 def _width(axes: Axes, legend: Legend) -> float:

@@ -217,7 +217,7 @@ class Curve:
     def _pixel(self, x: Array, y: Array, pixels: int = PIXELS) -> Array:
         """Numbers of pixels, below 2²⁸; what is far outside counts as the edge."""
         places = (
-            ((v - low) * (pixels / (size or 1.0)) + 7 * pixels)
+            ((np.nan_to_num(v) - low) * (pixels / (size or 1.0)) + 7 * pixels)
             .clip(0, 16 * pixels - 1)
             .astype(np.int64)
             for v, low, size in zip((x, y), self.origin, self.size, strict=True)

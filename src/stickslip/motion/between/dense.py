@@ -24,8 +24,8 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Record,
     Rows,
-    coefficients,
 )
+from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.stiff import follow_mode
 
 
@@ -44,7 +44,10 @@ def make_scratch(rows: Rows, shape: tuple[int, int]) -> Scratch:
     """New work space, with coefficients of that shape."""
     n = rows.sizes[DIMENSION]
     mode, reg = np.zeros(len(rows.u), np.int64), np.zeros(len(rows.kinks), np.int64)
-    return Scratch(np.zeros(shape), np.zeros(n), np.zeros(n), np.zeros(POWERS_MADE), mode, reg)
+    table = np.zeros(shape)
+    if shape[0] > n:
+        table[n, 1] = 1.0  # the unit of time
+    return Scratch(table, np.zeros(n), np.zeros(n), np.zeros(POWERS_MADE), mode, reg)
 
 
 @entry_point(**OPTIONS)

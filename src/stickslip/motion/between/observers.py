@@ -7,6 +7,7 @@ Extremes are those of the Taylor polynomials by which an audit follows the steps
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ from stickslip.machine_code.functions import njit
 from stickslip.motion.between.nodes import GAUSS_NODES, GAUSS_WEIGHTS
 from stickslip.motion.engine.guards import resting, stands
 from stickslip.motion.engine.roots import halve, horner, lowest
-from stickslip.motion.steps.arrays import OPTIONS, Rows
+from stickslip.motion.steps.arrays import OPTIONS, Rows, is_component
 
 LASTED, STUCK = range(2)
 """Slots of :attr:`Sums.total`."""
@@ -181,9 +182,40 @@ def count_times(rows: Rows, mode: Array, after: Array, length: float, sums: Sums
     for c in range(len(mode)):
         rests = resting(mode[c])
         sums.stick[c] += length if rests else 0.0
-        sums.switches[0] += 1 if after[c] != mode[c] and not (rests and resting(after[c])) else 0
+        if after[c] != mode[c] and not (rests and resting(after[c])) and not is_component(rows, c):
+            sums.switches[0] += 1
     sums.total[LASTED] += length
     sums.total[STUCK] += length if stands(rows, mode) else 0.0
+
+
+@njit(**OPTIONS)
+def widen_square(
+    rows: Rows, W: Array, p: int, order: int, x: float, stack: Array, largest: float
+) -> float:
+    """The largest force of a contact in a plane, which is a vector, from that so far.
+
+    Parameters
+    ----------
+    rows : Rows
+    W : array
+        Taylor coefficients.
+    p, order : int
+        The plane, and the order of the coefficients.
+    x : float
+        End of the step, in the unit of their time.
+    stack : array, shape (64, 36)
+        Work space.
+    largest : float
+    """
+    square = stack[len(stack) - 1]
+    for k in range(order):
+        square[k] = 0.0
+        for i in range(2):
+            c = W[rows.force[rows.planes[p, i]]]
+            for j in range(k + 1):
+                square[k] += c[j] * c[k - j]
+    _, high = widen(square, order - 1, x, 0.0, largest * largest, stack)
+    return math.sqrt(high)
 
 
 @njit(**OPTIONS)
@@ -203,8 +235,12 @@ def add_step(
         sums.low[r], sums.high[r] = widen(W[r], order, h / unit, sums.low[r], sums.high[r], stack)
     for c in range(len(rows.u)):
         force, speed = W[rows.force[c]], W[rows.u[c]]
-        low, high = widen(force, order - 1, h / unit, -sums.peak[c], sums.peak[c], stack)
-        sums.peak[c] = max(sums.peak[c], high, -low)
+        if rows.plane[c] >= 0 and not is_component(rows, c):
+            plane = rows.plane[c]
+            sums.peak[c] = widen_square(rows, W, plane, order, h / unit, stack, sums.peak[c])
+        else:
+            low, high = widen(force, order - 1, h / unit, -sums.peak[c], sums.peak[c], stack)
+            sums.peak[c] = max(sums.peak[c], high, -low)
         for g in range(len(GAUSS_NODES)):
             tau = h / unit * GAUSS_NODES[g]
             held = horner(force, order - 1, tau)

@@ -19,6 +19,7 @@ series (:mod:`stickslip.motion.steps.stiff`); what the law says of them is asked
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -42,6 +43,13 @@ from stickslip.motion.engine.impacts import distance_of_jump
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import (
+    ADMISSIBLE,
+    ADMISSIBLE_SIZE,
+    AHEAD,
+    AIM,
+    ASIDE,
+    COMPONENT,
+    COORDINATES,
     DIMENSION,
     DISSIPATED,
     EPSILON,
@@ -49,12 +57,17 @@ from stickslip.motion.steps.arrays import (
     INLINED,
     INT_ZERO,
     KINK,
+    MASSIVE,
+    MEMBERS,
     NOWHERE,
     ON_INERTIAL,
     ON_VISCOUS,
     OPTIONS,
+    OTHER,
+    PART,
     RATE_INDEPENDENT,
     ROUNDING,
+    STATIC,
     STORED,
     SUPPLIED,
     VISCOUS,
@@ -65,14 +78,24 @@ from stickslip.motion.steps.arrays import (
     Record,
     Rows,
     Space,
-    coefficients,
     gap_size,
+    is_component,
     own_inverse,
 )
-from stickslip.motion.steps.discs import BALL, OFF, SLOPE, spread, spread_state, tape_of
+from stickslip.motion.steps.discs import (
+    BALL,
+    OFF,
+    SLOPE,
+    spread,
+    spread_given,
+    spread_state,
+    tape_of,
+)
 from stickslip.motion.steps.jumps import fired_jump, make_jump
+from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import LEAST_SIZE, fill_powers, impulse
 from stickslip.motion.steps.stiff import follow_mode
+from stickslip.symbolic.tape import GIVEN
 
 _NEGLIGIBLE = 1e-10  # part of its size that a quantity may have between the nodes
 _MOST_PIECES = 512  # of a step
@@ -294,11 +317,13 @@ def audit_step(
                 whole = h
                 count_gaps(i, steps, tally)
             longest = h
+            give_directions(flow.rows, mode, True)
             factor = enclose(flow, mode, reg, order, h, min(h, series), tally)
             while not factor < np.inf and pieces < _MOST_PIECES:
                 h = 0.5 * h
                 pieces = pieces + 1
                 factor = enclose(flow, mode, reg, order, h, min(h, series), tally)
+            give_directions(flow.rows, mode, False)
             if not factor < np.inf:
                 h, steps.open[i] = longest, left  # no more is tried in this step
         piece = StepPiece(order, base, h, min(h, series) if series > 0.0 else h, factor)
@@ -319,6 +344,29 @@ def audit_step(
         if not jumped:
             judge_departures(flow, final, ends.mode[i], ends.region[i], order, h, tally)
         count_jumps(machine, flow, final, ends.region[i], i, steps, tally)
+
+
+@njit(**OPTIONS)
+def give_directions(rows: Rows, mode: Array, given: bool) -> None:
+    """Let the directions of slips in a plane be given, or follow from the state again.
+
+    An audit has the direction of a step as one more candidate, and asks whether it is that of the
+    velocity: so nothing is divided by a speed.
+    """
+    for p in range(len(rows.planes)):
+        if mode[rows.planes[p, COMPONENT]] != 0:
+            value = GIVEN if given else 1
+            mode[rows.planes[p, COMPONENT]] = value
+            mode[rows.planes[p, OTHER]] = value
+
+
+@njit(**OPTIONS)
+def take_directions(rows: Rows, W: Array, N: int, x: float, V: Array) -> None:
+    """Put the directions that polynomials have at a place, in the unit of their time, into a
+    table."""
+    for p in range(len(rows.planes)):
+        for row in range(rows.planes[p, AIM], rows.planes[p, AIM] + 3):
+            V[row, 0] = horner(W[row], N - 1, x)
 
 
 @njit(**INLINED)
@@ -577,6 +625,7 @@ def enclose(
         space.discs[n, BALL] = radius
         space.discs[n, OFF] = 0.0
         spread_state(space.W, N, powers, rows.watched[:n], space.discs)
+        spread_given(rows, mode, space.W, N, powers, space.discs)
         spread(tape, mode, reg, INT_ZERO, len(rows.program.code))
         for r in range(n):
             space.discs[r, SLOPE] = slope_range(space.W[r], N, powers) / unit
@@ -694,6 +743,14 @@ def encloses(
             size += mag[3 * nc + len(rows.kinks) + c]
             if not strays(discs[row], factor) <= _NEGLIGIBLE * max(size, tally.law[c, _OPENING]):
                 return False
+    for p in range(len(rows.planes)):
+        aim = rows.planes[p, AIM]
+        held = tally.law[rows.planes[p, COMPONENT], _FORCE]
+        held = max(held, extent(W[rows.plus[rows.planes[p, COMPONENT]]], N - 1, powers))
+        loose = strays(discs[rows.planes[p, ADMISSIBLE]], factor)
+        turns = strays(discs[aim], factor) + strays(discs[aim + 1], factor)
+        if not (loose <= _NEGLIGIBLE * held * held and turns <= _NEGLIGIBLE):
+            return False
     for j in range(len(rows.kinks)):
         row = rows.kinks[j]
         size = max(
@@ -741,10 +798,12 @@ def measure_piece(
     y = space.y0
     power = space.powers
     unit = W[n, 1]
+    give_directions(rows, mode, True)
     for g in range(COUNT):
         tau, weight = piece.h * GAUSS_NODES[g], piece.h * GAUSS_WEIGHTS[g]
         for r in range(n):
             y[r] = horner(W[r], piece.order, tau / unit)
+        take_directions(rows, W, piece.order, tau / unit, V)
         coefficients(machine, flow, Instant(piece.t + tau, y, mode, reg), 1, V)
         machine.powers(V, reg, flow.k.K, power)
         steps.work[i, SPENT] += weight * power[DISSIPATED]
@@ -753,6 +812,7 @@ def measure_piece(
         if check:
             sample_residuals(rows, space, piece, y, g, i, steps, tally)
             sample_law(rows, space, mode, reg, piece.acting, g, tally)
+    give_directions(rows, mode, False)
     if not check:
         return
     for r in range(n):
@@ -845,7 +905,7 @@ def sample_law(
     """
     n = rows.sizes[DIMENSION]
     nc = len(rows.u)
-    mq, mz = rows.sizes[ON_INERTIAL], rows.sizes[ON_VISCOUS]
+    mq = rows.sizes[ON_INERTIAL]
     V = space.V
     mag = space.mag
     samples = space.samples
@@ -855,6 +915,10 @@ def sample_law(
         if is_loose(rows, mode, c):
             # It has no force, but says how fast things are.
             law[c, _SPEED] = most(law[c, _SPEED], abs(u))
+            continue
+        if rows.plane[c] >= 0:
+            if not is_component(rows, c):
+                sample_plane(rows, space, mode, h, g, c, tally)
             continue
         held = V[rows.force[c], 0]
         up = V[rows.plus[c], 0]
@@ -882,11 +946,7 @@ def sample_law(
         if abs(mode[c]) == 2:
             law[c, _HELD] = most(law[c, _HELD], mag[nc + c] * h if c < mq else mag[c])
         elif mode[c] == 0:
-            if c < mq + mz:
-                free = mag[2 * nc + c] / abs(own_inverse(rows, space, c))
-                law[c, _HELD] = most(law[c, _HELD], free * h if c < mq else free)
-            else:
-                law[c, _HELD] = most(law[c, _HELD], mag[c])
+            law[c, _HELD] = most(law[c, _HELD], held_back(rows, space, c, h))
         else:
             samples[row, g] = mode[c] * u
             samples[row + 2, g] = held + (up if mode[c] > 0 else -down)
@@ -923,6 +983,10 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
         if opens(rows, c):
             judge_opening(rows, space, mode, c, factor, tally)
             continue
+        if rows.plane[c] >= 0:
+            if not is_component(rows, c):
+                judge_plane(rows, space, mode, c, factor, tally)
+            continue
         row = n + 3 * c
         loose = 0.0
         tight = 0.0
@@ -953,6 +1017,153 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
         negligible = 1e-2 * _NEGLIGIBLE * tally.kinks[j, _REACHED]
         low = least_on_nodes(samples[n + 3 * nc + j], space.bernstein, negligible)
         tally.kinks[j, _BEYOND] = most(tally.kinks[j, _BEYOND], between - low)
+
+
+@njit(**OPTIONS)
+def sample_plane(
+    rows: Rows, space: Space, mode: Array, h: float, g: int, c: int, tally: Tally
+) -> None:
+    """Keep what the law of a contact in a plane says at a node: s² − |A⁻¹λ|² and both velocities
+    in stick; n·Au, n × Au and n·n − 1 in slip, where the force is −k A n by construction.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the values of the rows at the node; receives those of the guards.
+    mode : array of int, shape (contacts,)
+    h : float
+        How long a series would last.
+    g, c : int
+        The node, and the first component.
+    tally : Tally
+        Receives the sizes, at the first component.
+    """
+    n = rows.sizes[DIMENSION]
+    V = space.V
+    mag = space.mag
+    samples = space.samples
+    law = tally.law
+    plane = rows.planes[rows.plane[c]]
+    other = plane[OTHER]
+    u, v = V[plane[AHEAD], 0], V[plane[ASIDE], 0]
+    force = math.sqrt(max(V[plane[STATIC], 0], 0.0))
+    law[c, _FORCE] = most(law[c, _FORCE], force)
+    speed = max(math.hypot(u, v), _CANCELS * (mag[c] + mag[other]))
+    law[c, _SPEED] = most(law[c, _SPEED], speed)
+    row = n + 3 * c
+    if mode[c] == 0:
+        samples[row, g] = V[plane[ADMISSIBLE], 0]
+        samples[row + 1, g] = u
+        samples[row + 2, g] = v
+        for i in (c, other):
+            law[c, _HELD] = most(law[c, _HELD], held_back(rows, space, i, h))
+        return
+    x, y = V[plane[AIM], 0], V[plane[AIM] + 1, 0]
+    samples[row, g] = x * u + y * v
+    samples[row + 1, g] = x * v - y * u
+    samples[row + 2, g] = x * x + y * y - 1.0
+    if plane[MASSIVE] == 1:
+        made = (mag[len(rows.u) + c] + mag[len(rows.u) + other]) * h
+        law[c, _HELD] = most(law[c, _HELD], made)
+    elif c >= rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]:
+        # What slides without mass or viscosity has the force s, by nothing but its place.
+        row += 3 * (other - c)
+        held = V[plane[STATIC], 0] ** 2 - V[plane[ADMISSIBLE], 0]
+        samples[row, g] = math.sqrt(max(held, 0.0)) - V[plane[STATIC], 0]
+
+
+@njit(**OPTIONS)
+def held_back(rows: Rows, space: Space, c: int, h: float) -> float:
+    """The speed that forces would give to what sticks.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+    c : int
+        The contact.
+    h : float
+        How long a series would last.
+    """
+    mag = space.mag
+    mq, mz = rows.sizes[ON_INERTIAL], rows.sizes[ON_VISCOUS]
+    if c >= mq + mz:
+        return float(mag[c])
+    free = mag[2 * len(rows.u) + c] / abs(own_inverse(rows, space, c))
+    return float(free * h if c < mq else free)
+
+
+@njit(**OPTIONS)
+def product_strays(W: Array, discs: Array, a: int, b: int, factor: float) -> float:
+    """What a product of two rows may do between the nodes."""
+    x, y = abs(W[a, 0]), abs(W[b, 0])
+    u, v = discs[a, BALL], discs[b, BALL]
+    off = discs[a, OFF] * (y + v) + discs[b, OFF] * (x + u + discs[a, OFF])
+    return factor * (x * v + u * y + u * v) + 2.0 * (1.0 + LEBESGUE) * off
+
+
+@njit(**OPTIONS)
+def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, tally: Tally) -> None:
+    """By how much the law of a contact in a plane fails on a piece.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With what :func:`sample_plane` keeps, and the discs.
+    mode : array of int, shape (contacts,)
+    c : int
+        The first component.
+    factor : float
+        As of :func:`judge_law`.
+    tally : Tally
+        Receives the largest.
+    """
+    W = space.W
+    mag = space.mag
+    discs = space.discs
+    samples = space.samples
+    law = tally.law
+    plane = rows.planes[rows.plane[c]]
+    row = rows.sizes[DIMENSION] + 3 * c
+    known = factor < np.inf
+    ahead, aside, aim = plane[AHEAD], plane[ASIDE], plane[AIM]
+    rounding = ROUNDING * (mag[c] + mag[plane[OTHER]])
+    if mode[c] == 0:
+        force = law[c, _FORCE]
+        loose = strays(discs[plane[ADMISSIBLE]], factor) if known else 0.0
+        low = least_on_nodes(samples[row], space.bernstein, 1e-2 * _NEGLIGIBLE * force * force)
+        unsure = ROUNDING * mag[plane[ADMISSIBLE_SIZE]]
+        if force > 0.0:
+            law[c, _EXCESS] = most(law[c, _EXCESS], (loose - low - unsure) / force)
+        for part in (1, 2):
+            moves = strays(discs[ahead if part == 1 else aside], factor) if known else 0.0
+            creep = largest_of(samples[row + part]) + moves - rounding
+            law[c, _CREEP] = most(law[c, _CREEP], creep)
+        return
+    along = 0.0
+    across = 0.0
+    unit = 0.0
+    if known:
+        along = product_strays(W, discs, aim, ahead, factor)
+        along += product_strays(W, discs, aim + 1, aside, factor)
+        across = product_strays(W, discs, aim, aside, factor)
+        across += product_strays(W, discs, aim + 1, ahead, factor)
+        unit = product_strays(W, discs, aim, aim, factor)
+        unit += product_strays(W, discs, aim + 1, aim + 1, factor)
+    low = least_on_nodes(samples[row], space.bernstein, rounding)
+    law[c, _BACKWARDS] = most(law[c, _BACKWARDS], along - rounding - low)
+    turned = largest_of(samples[row + 1]) + across - rounding
+    law[c, _BACKWARDS] = most(law[c, _BACKWARDS], turned)
+    longer = law[c, _FORCE] * (largest_of(samples[row + 2]) + unit - ROUNDING)
+    law[c, _OFF_THRESHOLD] = most(law[c, _OFF_THRESHOLD], longer)
+    if c >= rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]:
+        off = largest_of(samples[row + 3 * (plane[OTHER] - c)])
+        off -= ROUNDING * (mag[2 * len(rows.u) + c] + mag[2 * len(rows.u) + plane[OTHER]])
+        if known and law[c, _FORCE] > 0.0:
+            off += strays(discs[plane[ADMISSIBLE]], factor) / law[c, _FORCE]
+        law[c, _OFF_THRESHOLD] = most(law[c, _OFF_THRESHOLD], off)
 
 
 @njit(**OPTIONS)
@@ -1035,6 +1246,12 @@ def judge_departures(
     x = h / W[rows.sizes[DIMENSION], 1]
     late = 0.5 * EPSILON * abs(at.t) / W[rows.sizes[DIMENSION], 1]
     leaves = False
+    for p in range(len(rows.planes)):
+        c = rows.planes[p, COMPONENT]
+        leaving = mode[c] == 0 and next_mode[c] != 0
+        if leaving and leaves_alone(rows, mode, next_mode, reg, next_reg) and law[c, _FORCE] > 0.0:
+            left = room_left(rows, flow.space, p, order, x, late)
+            law[c, _EXCESS] = most(law[c, _EXCESS], left / law[c, _FORCE])
     for c in range(nc):
         if not resting(mode[c]) and mode[c] != next_mode[c]:
             return
@@ -1064,6 +1281,41 @@ def judge_departures(
             law[c, _EXCESS] = most(law[c, _EXCESS], room)
     if first >= 0:
         law[first, _EXCESS] = most(law[first, _EXCESS], least)
+
+
+@njit(**OPTIONS)
+def room_left(rows: Rows, space: Space, p: int, order: int, x: float, late: float) -> float:
+    """How far a contact in a plane is from its threshold, s² − |A⁻¹λ|², at the end of a piece.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the polynomials of the piece.
+    p, order : int
+        The plane, and the order of the polynomials.
+    x, late : float
+        The end, and by how much it is a rounded number, in the unit of their time.
+    """
+    row = space.W[rows.planes[p, ADMISSIBLE]]
+    unsure = ROUNDING * space.mag[rows.planes[p, ADMISSIBLE_SIZE]]
+    return float(horner(row, order - 1, x) - unsure - late * abs(rate_on(row, order - 1, x)))
+
+
+@njit(**OPTIONS)
+def leaves_alone(rows: Rows, mode: Array, next_mode: Array, reg: Array, next_reg: Array) -> bool:
+    """Whether one contact leaves rest, and nothing else happens by which forces may jump: none
+    comes to rest, and no region changes."""
+    leaving = 0
+    for c in range(len(mode)):
+        if not resting(mode[c]) and mode[c] != next_mode[c]:
+            return False
+        if resting(mode[c]) and not resting(next_mode[c]) and not is_component(rows, c):
+            leaving += 1
+    for j in range(len(reg)):
+        if reg[j] != next_reg[j]:
+            return False
+    return leaving == 1
 
 
 @njit(**OPTIONS)
@@ -1170,6 +1422,7 @@ def judge(
         violation = most(violation, relative(law[c, _OVERLAP], law[c, _OPENING]))
     for j in range(len(tally.kinks)):
         violation = most(violation, relative(tally.kinks[j, _BEYOND], tally.kinks[j, _REACHED]))
+    share_sizes(rows, state)
     for r in range(n):
         size = max(state[LARGEST, r], _REST * state[_SWAY, r])
         defect = most(defect, relative(state[_DEFECT, r], size))
@@ -1181,6 +1434,32 @@ def judge(
     residuals[FRICTION_LAW] = violation
     residuals[EQUATIONS] = defect
     residuals[OWN_ROUNDING] = own
+
+
+@njit(**OPTIONS)
+def share_sizes(rows: Rows, state: Array) -> None:
+    """Give the coordinates that a contact in a plane moves, and their velocities, one size: they
+    are components of vectors, and a turn of the plane is no matter.
+
+    Parameters
+    ----------
+    state : array, shape (4, n)
+        As of :class:`Tally`; what forces make is as large as the largest then.
+    """
+    for p in range(len(rows.planes)):
+        if rows.planes[p, MASSIVE] == 0:
+            continue
+        for first in (0, rows.sizes[INERTIAL]):
+            largest = 0.0
+            for turn in range(2):
+                for i in (COMPONENT, OTHER):
+                    part = rows.parts[rows.homes[rows.planes[p, i], PART]]
+                    for j in range(part[COORDINATES]):
+                        r = first + rows.members[part[MEMBERS] + j]
+                        if turn == 0:
+                            largest = max(largest, state[LARGEST, r], _REST * state[_SWAY, r])
+                        else:
+                            state[_SWAY, r] = max(state[_SWAY, r], largest / _REST)
 
 
 @njit(**OPTIONS)

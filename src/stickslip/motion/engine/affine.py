@@ -37,9 +37,9 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
-    coefficients,
     own_inverse,
 )
+from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.structure import is_affine
 
 # so large that constants do not drown the slopes, in whatever unit; scaling with it is exact

@@ -105,12 +105,13 @@ from stickslip.motion.steps.arrays import (
     Rows,
     Space,
     Task,
-    coefficients,
     flow_of,
+    is_component,
     lane_of,
     remember_gaps,
 )
 from stickslip.motion.steps.jumps import due_jump, fires, make_jump, passed_jumps
+from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import fill_powers
 
 _ZENO_EVENTS = 200
@@ -220,7 +221,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
             code, count, due = strike(machine, flow, lane, task, count, entering)
             entering = False
             if code >= 0:
-                return code, note(lane, task, count)
+                return code, note(rows, lane, task, count)
         status, h, series, may_fire = settle_mode(machine, flow, lane, most, hold, promised)
         if status == ASTRAY:
             go_back(lane, space, before)
@@ -233,12 +234,12 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         elif len(rows.jumps) > 0 and not again:
             code, count, late = look_at_jumps(flow, lane, task, count, due)
             if code >= 0:
-                return code, note(lane, task, count)
+                return code, note(rows, lane, task, count)
             if late:
                 promised = 0.0
                 continue
         if not again:
-            count = note(lane, task, count)
+            count = note(rows, lane, task, count)
         if status != OK:
             return give_up(status, rows, lane, task, count)
         if t >= end:
@@ -498,7 +499,7 @@ def look_at_jumps(
     if late:
         kink = rows.jumps[first, KINK]
         lane.reg[kink] = stood[kink]
-        count = note(lane, task, count)
+        count = note(rows, lane, task, count)
         lane.reg[kink] = 1 - stood[kink]
         counters[CAUSE] = kink
         counters[HAPPENED] += 1
@@ -574,7 +575,7 @@ def knock(
         if struck_first >= 0:
             if not going:
                 open_all(rows, lane.mode)
-            count = note(lane, task, count)
+            count = note(rows, lane, task, count)
             lane.counters[CAUSE] = len(rows.kinks) + struck_first
         elif going:
             return NOWHERE, count
@@ -730,7 +731,7 @@ def fly_on(
             if fired >= 0 and fired < nk and fallen >= 0:
                 clock[NOW] = t + flights.land(form_of(T, flown), flight, fallen, y, clock[LAST])
             return -1, count
-        count = note(lane, task, count)
+        count = note(rows, lane, task, count)
         if t >= end:
             return FINISHED, count
         form = form_of(T, slot)
@@ -797,7 +798,7 @@ def decide(
             several and number >= nk and drops[c] == 1 and mode[c] == 0
         ):
             return _UNDECIDED
-        flip(number, mode, reg, nk, drops)
+        flip(flow.rows, number, mode, reg)
         let_slide(mode)
     return _UNDECIDED
 
@@ -842,7 +843,7 @@ def total(numbers: Array) -> int:
 
 
 @njit(**INLINED)
-def note(lane: Lane, task: Task, count: int) -> int:
+def note(rows: Rows, lane: Lane, task: Task, count: int) -> int:
     """Record where a lane is, and count the switches that brought it there."""
     record = task.record
     if task.recording:
@@ -856,6 +857,7 @@ def note(lane: Lane, task: Task, count: int) -> int:
             seen = lane.settled[i] != NONE_YET and not (
                 resting(lane.settled[i]) and resting(lane.mode[i])
             )
+            seen = seen and not is_component(rows, i)
             lane.counters[SWITCHES] += 1 if seen else 0
             lane.settled[i] = lane.mode[i]
     return count
@@ -872,7 +874,7 @@ def fire(guard: int, lane: Lane, rows: Rows, max_events: int) -> int:
     if clock[NOW] - clock[SINCE] > _TOGETHER * clock[SPAN]:
         counters[WORD] = spell(counters[WORD], lane.settled, lane.reg)
     clock[SINCE] = clock[NOW]
-    fired = flip(guard, lane.mode, lane.reg, nk, rows.drops)
+    fired = flip(rows, guard, lane.mode, lane.reg)
     if fired < nk and rows.vanishing[fired] >= 0:
         lane.y[rows.vanishing[fired]] = 0.0
     counters[CAUSE] = fired

@@ -8,25 +8,33 @@ from stickslip.arrays import Array
 from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.roots import first_crossing
 from stickslip.motion.steps.arrays import (
+    ADMISSIBLE,
+    ADMISSIBLE_SIZE,
     DIMENSION,
     DOUBTED,
     DOUBTFUL,
     FIRED,
     INLINED,
+    INSTANT,
     INT_ZERO,
+    MASSIVE,
     NOWHERE,
     ON_INERTIAL,
     OPTIONS,
+    OTHER,
     ROUNDING,
     SLIPPING,
+    SLIPS,
     TOWARDS,
     Flow,
     Rows,
     Space,
     gap_size,
+    is_component,
 )
 from stickslip.motion.steps.step_size import impulse
 
+_LONGEST_END = 1024.0  # of a slip in a plane, in steps that are as short as times can be told apart
 _PRIME = 576460752303423433  # 2⁵⁹ − 55: five times as much still fits into an integer
 # Columns of Space.labels: the number of a guard that may fire, and the degree of its polynomial;
 # negative if it is violated at once.
@@ -278,8 +286,10 @@ def is_asked(rows: Rows, mode: Array, nk: int, g: int) -> bool:
         c = rows.doubtful[d, SLIPPING]
         return c < 0 or mode[c] * rows.doubtful[d, TOWARDS] > 0
     c = contact_of(g, nk)
+    if is_component(rows, c):
+        return False
     if is_second(g, nk):
-        return mode[c] == 0 and not opens(rows, c)
+        return mode[c] == 0 and not opens(rows, c) and rows.plane[c] < 0
     return not is_loose(rows, mode, c)
 
 
@@ -328,6 +338,23 @@ def guard_of(
         size = abs(W[row, 0]) + abs(W[row, 1]) * powers[1]
         if i >= 0:
             size += max(W[rows.plus[i], 0], W[rows.minus[i], 0])
+    elif rows.plane[i] >= 0:
+        plane = rows.planes[rows.plane[i]]
+        other = plane[OTHER]
+        if mode[i] == 0:
+            row = plane[ADMISSIBLE]
+            size = mag[plane[ADMISSIBLE_SIZE]] + near * abs(W[row, 1])
+        else:
+            # A slip is over when what is left of it cannot be told from nothing, or its time from
+            # its end.
+            row = plane[SLIPS]
+            rate = (mag[nc + i] + mag[nc + other]) * unit + abs(W[row, 1])
+            size = mag[i] + mag[other]
+            now = abs(W[rows.sizes[DIMENSION], 0]) / unit
+            late = INSTANT * now
+            if powers[1] <= 0.5 * late:
+                late = _LONGEST_END * powers[1]
+            size += late / ROUNDING * abs(W[row, 1])
     elif opens(rows, i) and mode[i] == 0:
         row = rows.force[i]
         size = mag[2 * nc + i] + near * abs(W[row, 1])
@@ -347,6 +374,9 @@ def guard_of(
         size = mag[i]
         rate = mag[nc + i] * unit + abs(W[row, 1])
     is_gap = row == rows.gaps[i] if nk <= g < nk + 2 * nc and opens(rows, i) else False
+    if nk <= g < nk + 2 * nc and rows.plane[i] >= 0:
+        # how fast a speed changes is known however small it is
+        is_gap = mode[i] != 0 and rows.planes[rows.plane[i], MASSIVE] == 1
     return GuardRow(row, shift, sign, size, rate, around, exact, is_gap)  # pyright: ignore[reportArgumentType]
 
 

@@ -44,9 +44,9 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
-    coefficients,
     direction_entry,
 )
+from stickslip.motion.steps.starting import coefficients
 
 # What :func:`collide` says: nothing collides; velocities have jumped; no impulse obeys the law; or
 # only such that create energy.

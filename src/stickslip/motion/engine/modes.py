@@ -30,6 +30,7 @@ from stickslip.motion.engine.guards import (
 from stickslip.motion.steps.arrays import (
     ASTRAY,
     CAUSE,
+    COMPONENT,
     CONTACTS,
     COORDINATES,
     DIMENSION,
@@ -39,9 +40,11 @@ from stickslip.motion.steps.arrays import (
     IMPLICIT,
     INERTIAL,
     INLINED,
+    INSTANT,
     INT_ZERO,
     KINKS,
     LAST,
+    MASSIVE,
     MATRIX,
     MEMBERS,
     MOVING,
@@ -54,6 +57,7 @@ from stickslip.motion.steps.arrays import (
     ON_RATE_INDEPENDENT,
     ON_VISCOUS,
     OPTIONS,
+    OTHER,
     OVERFLOW,
     PART,
     PROMISED,
@@ -71,11 +75,13 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
-    coefficients,
     direction_entry,
     gap_size,
+    is_component,
     own_inverse,
+    set_mode,
 )
+from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import (
     COARSER,
     LEAST_SIZE,
@@ -254,7 +260,6 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
     mag = space.mag
     mode = at.mode
     asked = space.asked
-    nc = len(rows.u)
     nq = rows.sizes[INERTIAL]
     mq = rows.sizes[ON_INERTIAL]
     released = False
@@ -262,17 +267,21 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
     for c in range(mq):
         if mode[c] != 0:
             continue
-        # The acceleration that this contact holds back, or could: its force over its effective
-        # mass.
         gap = W[rows.u[c], 0]
-        rate = mag[nc + c] + mag[2 * nc + c] / abs(own_inverse(rows, space, c))
+        rate = held_back(rows, space, c)
         slow = (_ON_SURFACE * last + _WIDE * ROUNDING * near) * rate + ROUNDING * mag[c]
         if opens(rows, c):
             slow += _WIDE * ROUNDING * mag[c]
+        if rows.plane[c] >= 0:
+            # Both components together have come to rest.
+            first, second = rows.planes[rows.plane[c], COMPONENT], rows.planes[rows.plane[c], OTHER]
+            rate = held_back(rows, space, first) + held_back(rows, space, second)
+            slow = (_ON_SURFACE * last + _WIDE * ROUNDING * near) * rate
+            slow += _WIDE * (ROUNDING * (mag[first] + mag[second]) + INSTANT * abs(at.t) * rate)
         if abs(gap) > slow or is_apart(flow, c, last):
             # Contacts of other components hold the same whether this one does or not.
             if asked[rows.homes[c, PART]] == 0:
-                mode[c] = 1 if gap > 0.0 or opens(rows, c) else -1
+                set_mode(rows, mode, c, 1 if gap > 0.0 or opens(rows, c) else -1)
             asked[rows.homes[c, PART]] = 1
             released = True
     if released:
@@ -284,7 +293,10 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
             first = rows.parts[part, FIRST_ROW]
             for i in range(rows.parts[part, COORDINATES]):
                 q = rows.members[rows.parts[part, MEMBERS] + i]
-                at.y[nq + q] -= space.Rq[first + i, rows.homes[c, SEAT] - first] * gap
+                change = space.Rq[first + i, rows.homes[c, SEAT] - first] * gap
+                at.y[nq + q] -= change
+                if rows.plane[c] >= 0 and abs(at.y[nq + q]) <= ROUNDING * abs(change):
+                    at.y[nq + q] = 0.0  # what is left of rounding errors is nothing
         if mode[c] == 0 and opens(rows, c):
             # What is closed stays on the surface itself, too.
             part = rows.homes[c, PART]
@@ -294,6 +306,14 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
                 q = rows.members[rows.parts[part, MEMBERS] + i]
                 at.y[q] -= space.Rq[first + i, rows.homes[c, SEAT] - first] * distance
     return True
+
+
+@njit(**OPTIONS)
+def held_back(rows: Rows, space: Space, c: int) -> float:
+    """The acceleration that a sticking contact holds back, or could."""
+    mag = space.mag
+    nc = len(rows.u)
+    return float(mag[nc + c] + mag[2 * nc + c] / abs(own_inverse(rows, space, c)))
 
 
 @njit(**OPTIONS)
@@ -409,7 +429,7 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
 
 
 @njit(**OPTIONS)
-def flip(guard: int, mode: Array, reg: Array, nk: int, drops: Array) -> int:
+def flip(rows: Rows, guard: int, mode: Array, reg: Array) -> int:
     """Give the switch of a violated guard its other state; returns the switch.
 
     What leaves stick has its threshold to break, as long as it is not known which of several
@@ -417,24 +437,22 @@ def flip(guard: int, mode: Array, reg: Array, nk: int, drops: Array) -> int:
 
     Parameters
     ----------
+    rows : Rows
     guard : int
         Its number.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
         One of them is changed.
-    nk : int
-        Number of kinks.
-    drops : array of int, shape (contacts,)
-        1 for each contact whose sliding force is not its threshold.
     """
+    nk = len(reg)
     if guard < nk:
         reg[guard] = 1 - reg[guard]
         return guard
     c = contact_of(guard, nk)
     if mode[c] == 0:
         side = -1 if is_second(guard, nk) else 1
-        mode[c] = 2 * side if drops[c] == 1 else side
+        set_mode(rows, mode, c, 2 * side if rows.drops[c] == 1 else side)
     else:
-        mode[c] = 0
+        set_mode(rows, mode, c, 0)
     return nk + c
 
 
@@ -516,7 +534,7 @@ def flip_apart(rows: Rows, space: Space, mode: Array, reg: Array, count: int) ->
             if asked[home] == 1:
                 continue
             asked[home] = 1
-        flipped = flip(guard, mode, reg, nk, rows.drops)
+        flipped = flip(rows, guard, mode, reg)
         space.touched[flipped] = 1
         if first < 0:
             first = flipped
@@ -577,7 +595,7 @@ def loosen(rows: Rows, p: int, J: Array, mode: Array, keep: int, space: Space) -
         if is_new(n, space.scratch, rank):
             rank += 1
         else:
-            mode[c] = 1 + rows.drops[c]
+            set_mode(rows, mode, c, 1 + rows.drops[c])
             space.touched[len(rows.kinks) + c] = 1
             changed = True
     return changed
@@ -630,6 +648,7 @@ def settle_mode(
     touched = space.touched
     nk = len(rows.kinks)
     n = len(lane.y)
+    begin_at_rest(machine, flow, lane)
     copy(lane.y, space.y0)
     clear(touched)
     space.W[n, 1] = lane.clock[UNIT]
@@ -649,11 +668,14 @@ def settle_mode(
         pivots += 1
         if total > 0 and kept == 0:
             candidate, total, slack = choose_next(
-                touched, lane.mode, lane.reg, rows.drops, rows.gaps, candidate, total, slack
+                rows, touched, lane.mode, lane.reg, candidate, total, slack
             )
             if total == 0:
                 return SINGULAR, 0.0, 0.0, 0
         status, h = make_series(machine, flow, lane, room, slack * denied, hold or pivots > 1)
+        if len(rows.planes) > 0 and status == OK:
+            # A slip in a plane begins from rest, exactly.
+            copy(lane.y, space.y0)
         known = pivots == 1 and status != SINGULAR
         if known and promised > 0.0 and not keeps(flow, space.W, lane.y, lane.seen, promised):
             return ASTRAY, 0.0, 0.0, 0
@@ -687,6 +709,24 @@ def settle_mode(
         carried = status == SINGULAR and total == 0 and let_carry(flow, lane.mode, flipped - nk)
         if total == 0 and (many or (status != OK and not carried)):
             total = concerned(rows.sizes, touched, lane.mode, lane.counters[CAUSE])
+
+
+@njit(**OPTIONS)
+def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
+    """Put the velocity of a contact in a plane that has just left stick onto that of its surface:
+    its slip begins from nothing, and not from rounding errors."""
+    rows = flow.rows
+    c = lane.counters[CAUSE] - len(rows.kinks)
+    if len(rows.planes) == 0 or c < 0 or rows.plane[c] < 0:
+        return
+    if rows.planes[rows.plane[c], MASSIVE] == 0 or lane.mode[c] == 0:
+        return
+    here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
+    set_mode(rows, lane.mode, c, 0)
+    known = resolve(rows, flow.k, flow.space, lane.mode)
+    if known and coefficients(machine, flow, here, 1, flow.space.W) == OK:
+        release_or_hold(flow, here, lane.clock[RECENT], 0.0)
+    set_mode(rows, lane.mode, c, 1)
 
 
 @njit(**INLINED)
@@ -871,11 +911,10 @@ def concerned(sizes: Array, touched: Array, mode: Array, fired: int) -> int:
 
 @njit(**OPTIONS)
 def choose_next(
+    rows: Rows,
     touched: Array,
     mode: Array,
     reg: Array,
-    drops: Array,
-    gaps: Array,
     candidate: int,
     total: int,
     slack: float,
@@ -884,13 +923,11 @@ def choose_next(
 
     Parameters
     ----------
+    rows : Rows
     touched : array of int, shape (kinks + contacts,)
         1 for each switch concerned; all contacts are once no state is left.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
         Are changed.
-    drops, gaps : arrays of int, shape (contacts,)
-        1 for each contact whose sliding force is not its threshold; nonnegative for those that can
-        open.
     candidate, total : int
         The number of the next state, and of all states.
     slack : float
@@ -917,7 +954,7 @@ def choose_next(
         candidate = 0
     if total > _MOST_CANDIDATES or slack > _SLACKEST:
         return candidate, INT_ZERO, slack
-    choose(candidate, touched, mode, reg, drops, gaps)
+    choose(rows, candidate, touched, mode, reg)
     return candidate + 1, total, slack
 
 
@@ -946,24 +983,19 @@ def candidates(touched: Array, nk: int) -> int:
 
 
 @njit(**OPTIONS)
-def choose(
-    candidate: int, touched: Array, mode: Array, reg: Array, drops: Array, gaps: Array
-) -> None:
+def choose(rows: Rows, candidate: int, touched: Array, mode: Array, reg: Array) -> None:
     """Put the switches concerned into the states that a number stands for; what does not stick is
     at its threshold, or open.
 
     Parameters
     ----------
+    rows : Rows
     candidate : int
         The number.
     touched : array of int, shape (kinks + contacts,)
         1 for each switch concerned.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
         Are changed.
-    drops : array of int, shape (contacts,)
-        1 for each contact whose sliding force is not its threshold.
-    gaps : array of int, shape (contacts,)
-        Nonnegative for contacts that can open.
     """
     nk = len(reg)
     for i in range(len(touched)):
@@ -971,11 +1003,10 @@ def choose(
             if i < nk:
                 reg[i] = candidate % 2
                 candidate //= 2
-            else:
-                mode[i - nk] = (candidate % 3 - 1) * (1 + drops[i - nk])
+            elif not is_component(rows, i - nk):
+                state = (candidate % 3 - 1) * (1 + rows.drops[i - nk])
                 candidate //= 3
-                if gaps[i - nk] >= 0:
-                    mode[i - nk] = abs(mode[i - nk])
+                set_mode(rows, mode, i - nk, abs(state) if opens(rows, i - nk) else state)
 
 
 @njit(**OPTIONS)

@@ -45,6 +45,7 @@ ROUNDING = 64 * EPSILON
 # part of its size by which the guard of a switch that has just fired may be away from zero, where
 # it is by definition
 FIRED = 1e-10
+INSTANT = 32 * EPSILON  # part of a time by which times are too close to be told apart
 DOUBTFUL = 1e-12  # a threshold this close to zero may have become negative
 # Global integers of NumPy's type: numba would compile functions a second time for literals.
 INT_ZERO = cast(int, np.int64(0))
@@ -77,6 +78,11 @@ PART, SEAT = range(2)
 # Columns of Rows.jumps: the kink, the direction, where its parts of the state begin in
 # Rows.landings, and how many they are.
 KINK, WAY, FIRST_LANDING, LANDINGS = range(4)
+FEWEST_ORDERS = 8  # of a Taylor series
+# Columns of Rows.planes: the components, the first row of the direction (the second and that of
+# |Au| follow), the row of s² − |A⁻¹λ|² and the place of its size, the rows of Au, of s, and of what
+# is not negative in slip (|Au| with mass, else n·Au), and 1 for one with mass.
+COMPONENT, OTHER, AIM, ADMISSIBLE, ADMISSIBLE_SIZE, AHEAD, ASIDE, STATIC, SLIPS, MASSIVE = range(10)
 # Columns of Rows.doubtful.
 DOUBTED, SLIPPING, TOWARDS = range(3)
 # Slots of Lane.clock, and of Lane.counters: see there.
@@ -141,6 +147,10 @@ class Rows(NamedTuple):
         By the columns from `KINK` to `LANDINGS`.
     landings : array of int
         Parts of the state that have new values, jump by jump.
+    planes : array of int, shape (planes, 10)
+        Contacts in a plane, by the columns from `COMPONENT` to `MASSIVE`.
+    plane : array of int, shape (contacts,)
+        Which of them each contact is a component of; −1: of none.
     """
 
     sizes: Array
@@ -166,6 +176,8 @@ class Rows(NamedTuple):
     friction: Array
     jumps: Array
     landings: Array
+    planes: Array
+    plane: Array
 
 
 class Constants(NamedTuple):
@@ -221,6 +233,8 @@ class Space(NamedTuple):
         Of impacts; see :mod:`stickslip.motion.engine.impacts`.
     response, delassus, impulses : arrays, shapes (nq, mq), (mq, mq), (mq, mq + 1)
         M⁻¹Jᵀ and J M⁻¹ Jᵀ of contacts that take part in an impact, and the equations of impulses.
+    begun, answer, aims : arrays
+        Of slips in a plane that begin; see :mod:`stickslip.motion.steps.starting`.
     landed, stood : arrays
         New values of the state in all jumps; and the regions before a mode is chosen, then the kink
         whose jump has just been taken, −1: none.
@@ -259,6 +273,9 @@ class Space(NamedTuple):
     impulses: Array
     landed: Array
     stood: Array
+    begun: Array
+    answer: Array
+    aims: Array
 
 
 class Lane(NamedTuple):
@@ -438,10 +455,26 @@ def direction_entry(rows: Rows, J: Array, table: Array, c: int, j: int) -> float
     return float(table[turning, 0] if turning >= 0 else J[c, j])
 
 
+@njit(**OPTIONS)
+def is_component(rows: Rows, c: int) -> bool:
+    """Whether a contact is the second component of one in a plane: what is said of that is said of
+    the first."""
+    return bool(rows.plane[c] >= 0 and rows.planes[rows.plane[c], OTHER] == c)
+
+
+@njit(**OPTIONS)
+def set_mode(rows: Rows, mode: Array, c: int, value: int) -> None:
+    """Give a contact a mode; components of one in a plane have it together."""
+    mode[c] = value
+    if rows.plane[c] >= 0:
+        plane = rows.planes[rows.plane[c]]
+        mode[plane[COMPONENT]] = mode[plane[OTHER]] = abs(value)
+
+
 @njit(**INLINED)
-def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
-    """Taylor coefficients of all rows of the tape at an instant, up to an order, in a table; OK, or
-    SINGULAR or INDEFINITE, what keeps the equations from being solved."""
+def series_of(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
+    """Taylor coefficients of all rows of the tape at an instant, up to an order, in a table; the
+    directions of slips in a plane that begin stay what they are there."""
     s = flow.space
     return machine.jets(
         at.t, at.y, at.mode, at.reg, flow.k.K, s.Rq, s.Rz, order, table, s.A, s.B, s.mag
@@ -499,5 +532,8 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         impulses=z((struck, struck + 1)),
         landed=z(max(len(rows.landings), 1)),
         stood=np.full(nk + 1, -1, np.int64),
+        begun=z((table_rows if len(rows.planes) else 0, FEWEST_ORDERS + 1)),
+        answer=z((2 * len(rows.planes), 2 * len(rows.planes))),
+        aims=z((9 * len(rows.planes), N + 1)),
         stages=z((2 * implicit + 7, max(implicit, len(rows.watched), N // 2 + 1))),
     )

@@ -35,8 +35,8 @@ from stickslip.equations.codegen.program import (
     Program,
 )
 from stickslip.machine_code.functions import njit
-from stickslip.motion.steps.arrays import INLINED, OPTIONS, Flow
-from stickslip.symbolic.tape import Op
+from stickslip.motion.steps.arrays import AIM, COMPONENT, INLINED, OPTIONS, Flow, Rows
+from stickslip.symbolic.tape import GIVEN, Op
 
 LINEAR, PRODUCT, QUOTIENT, _RECIPROCAL, _POWER = (
     int(op) for op in (Op.LINEAR, Op.PRODUCT, Op.QUOTIENT, Op.RECIPROCAL, Op.POWER)
@@ -48,7 +48,7 @@ CHAIN, TAN, TANH = (int(op) for op in (Op.CHAIN, Op.TAN, Op.TANH))
 SELECT, SIDE, SPEED, ENTRY, RIGHT, SOLVE, RATES = (
     int(op) for op in (Op.SELECT, Op.SIDE, Op.SPEED, Op.ENTRY, Op.RIGHT, Op.SOLVE, Op.RATES)
 )
-IMPLICIT_ROW, WITHIN = int(Op.IMPLICIT), int(Op.WITHIN)
+IMPLICIT_ROW, WITHIN, DIRECTION = int(Op.IMPLICIT), int(Op.WITHIN), int(Op.DIRECTION)
 # Columns of a table of discs: the numbers B and S of a row and the lower bound of its modulus; and,
 # for a part of the state, how far its derivative strays.
 BALL, OFF, _NEAR, SLOPE = range(4)
@@ -231,6 +231,8 @@ def spread(tape: DiscTape, mode: Array, reg: Array, first: int, last: int) -> No
             turn += 1
             if not spread_within(tape, i, turn):
                 i -= code[i, PLACE] + 1
+        elif op == DIRECTION:
+            spread_direction(tape, mode, i)
         else:
             spread_choice(tape, mode, reg, i)
 
@@ -268,6 +270,60 @@ def spread_within(tape: DiscTape, i: int, turn: int) -> bool:
         return True
     store(W, discs, row, _WIDER * ball, _WIDER * off, 0.0)
     return False
+
+
+@njit(**OPTIONS)
+def is_given(W: Array, row: int, mode: int) -> bool:
+    """Whether the direction of a slip is given: its rows then are polynomials, as the state is."""
+    return bool(mode == GIVEN or (mode != 0 and W[row + 2, 0] == 0.0))
+
+
+@njit(**OPTIONS)
+def spread_given(rows: Rows, mode: Array, W: Array, N: int, powers: Array, discs: Array) -> None:
+    """Discs of the directions of slips that are given, as :func:`spread_state` makes them."""
+    for p in range(len(rows.planes)):
+        first = rows.planes[p, AIM]
+        if is_given(W, first, int(mode[rows.planes[p, COMPONENT]])):
+            for row in range(first, first + 3):
+                store(W, discs, row, reach(W[row], N - 1, powers), 0.0, 0.0)
+
+
+@njit(**INLINED)
+def spread_direction(tape: DiscTape, mode: Array, i: int) -> None:
+    """Discs of u/|u| and |u|.
+
+    The two factors of u² = (u₁ + iu₂)(u₁ − iu₂) begin with the modulus |u|, and stray by no more
+    than both components together, a part q of that. So their roots stray by 1 − √(1 − q), in parts
+    of their own modulus, and the reciprocals of these by 1/√(1 − q) − 1.
+    """
+    code = tape.program.code
+    W = tape.W
+    discs = tape.discs
+    row = code[i, RESULT]
+    if is_given(W, row, int(mode[code[i, PLACE]])):
+        return
+    a = code[i, FIRST]
+    b = code[i, SECOND]
+    speed = W[row + 2, 0]
+    aim = np.inf
+    long = np.inf
+    off = np.inf
+    near = 0.0
+    if mode[code[i, PLACE]] == 0:
+        aim, long, off = 0.0, 0.0, 0.0
+    else:
+        q = (discs[a, BALL] + discs[b, BALL]) / speed
+        s = (discs[a, OFF] + discs[b, OFF]) / speed
+        if q + s < 1.0:
+            root = math.sqrt(1.0 - q)
+            over = 1.0 / root - 1.0
+            aim = (1.0 - root) + over + (1.0 - root) * over
+            long = speed * (2.0 - root) ** 2 - speed
+            off = 2.0 * s / (1.0 - q - s)
+            near = speed * (1.0 - q - s)
+    store(W, discs, row, aim, off, 0.0)
+    store(W, discs, row + 1, aim, off, 0.0)
+    store(W, discs, row + 2, long, off * speed if off > 0.0 else 0.0, near)
 
 
 @njit(**INLINED)

@@ -18,8 +18,8 @@ from stickslip.motion.steps.arrays import (
     Instant,
     Machine,
     Rows,
-    coefficients,
 )
+from stickslip.motion.steps.starting import coefficients
 
 
 @njit(**OPTIONS)

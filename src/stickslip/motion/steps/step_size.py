@@ -25,11 +25,11 @@ from stickslip.motion.steps.arrays import (
     Instant,
     Machine,
     Rows,
-    coefficients,
 )
 from stickslip.motion.steps.discs import (
     BALL,
     CHAIN,
+    DIRECTION,
     LOG,
     OFF,
     ROTATION,
@@ -37,9 +37,11 @@ from stickslip.motion.steps.discs import (
     DiscTape,
     reach,
     spread,
+    spread_given,
     spread_state,
     tape_of,
 )
+from stickslip.motion.steps.starting import coefficients
 
 LEAST_SIZE = 1e-250  # what is smaller is nothing
 _SHORT = 2.0**-30  # shortest step, in units of time of the coefficients
@@ -280,6 +282,7 @@ def unseen(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -> float:
     discs[n, BALL] = 2.0 * h
     discs[n, OFF] = 0.0
     spread_state(W, N, powers, p.seen, discs)
+    spread_given(flow.rows, mode, W, N, powers, discs)
     part = math.ldexp(1.0, -N)  # of the radius of a disc that is left over
     first = 0
     last = p.leading[0]
@@ -308,7 +311,8 @@ def may_hide(tape: DiscTape, part: float) -> bool:
     for i in range(p.leading[0]):
         if p.hiding[i] == 1:
             op, row = p.code[i, OPERATION], p.code[i, RESULT]
-            size = abs(W[row, 0]) + (1.0 if op in (LOG, ROTATION) or CHAIN <= op <= TANH else 0.0)
+            bounded = op in (LOG, ROTATION, DIRECTION) or CHAIN <= op <= TANH
+            size = abs(W[row, 0]) + (1.0 if bounded else 0.0)
             if not (part * discs[row, BALL] <= _LOOSE * size and discs[row, OFF] == 0.0):
                 return True
     return False

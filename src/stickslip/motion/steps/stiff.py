@@ -48,9 +48,9 @@ from stickslip.motion.steps.arrays import (
     Instant,
     Lane,
     Machine,
-    coefficients,
 )
 from stickslip.motion.steps.discs import BALL, OFF, spread, spread_state, tape_of
+from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import LEAST_SIZE, better, expand, fill_powers, hidden
 
 _MOST = max(ORDERS) // 2  # stages

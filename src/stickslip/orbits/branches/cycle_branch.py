@@ -35,6 +35,7 @@ from stickslip.orbits.branches.special_points import (
 from stickslip.orbits.continuation.arclength import (
     Ending,
     Path,
+    Point,
     StepControl,
     Stop,
     Test,
@@ -43,12 +44,15 @@ from stickslip.orbits.continuation.arclength import (
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 from stickslip.orbits.continuation.driver import (
     CurveProblem,
+    PointOnTheWay,
     Start,
+    Tell,
     both_ways,
     follow_branch,
     in_pieces,
     joined,
     step_after,
+    told_of_points,
 )
 from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.cycles.finding import from_cycle
@@ -57,7 +61,6 @@ from stickslip.orbits.cycles.period import part_of
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.damped_newton import Closed
 from stickslip.orbits.return_map.mode_sequence import LOSS
-from stickslip.progress import Show, watched
 
 _STEPS = StepControl(first=0.01, largest=0.25, tolerance=1e-8, turn=0.3, rounding=KNOWN_TO)
 _IN_CHART = 8  # points before the chart is made anew
@@ -91,7 +94,12 @@ class _Station:
 
 
 def continue_cycle(
-    cycle: Cycle, parameter: str, span: tuple[float, float], *, steps: StepControl | None = None
+    cycle: Cycle,
+    parameter: str,
+    span: tuple[float, float],
+    *,
+    steps: StepControl | None = None,
+    progress: Tell | None = None,
 ) -> Branch:
     """Follow a cycle while a parameter changes.
 
@@ -103,6 +111,8 @@ def continue_cycle(
     span : (float, float)
         Its range, with the cycle's own value inside.
     steps : Steps, optional
+    progress : callable, optional
+        Called with every new point (``.side``, ``.values``). By default there is a bar.
 
     Returns
     -------
@@ -143,8 +153,8 @@ def continue_cycle(
             "cycle", f"it is at {parameter} = {value:g}, outside ({low:g}, {high:g})", "Enclose it"
         )
     follower = _Follower(cycle, parameter, (low, high), steps or _STEPS)
-    with watched("following the cycle") as show:
-        back, forth, ends = both_ways(lambda sign: follower.follow(sign, show), -1.0)
+    with told_of_points(progress, "following the cycle") as tell:
+        back, forth, ends = both_ways(lambda sign: follower.follow(sign, tell), -1.0)
     return follower.branch(back, forth, ends)
 
 
@@ -161,28 +171,37 @@ class _Follower:
         self.start = _Station(cycle.parameters[parameter], cycle)
         self.spacing = Spacing({parameter: span}, self.extent.modulus)
 
-    def follow(self, sign: float, show: Show) -> tuple[list[_Station], Ending]:
+    def follow(self, sign: float, tell: Tell) -> tuple[list[_Station], Ending]:
         """The points in one direction, from the start on, and the end."""
         stations = [replace(self.start, events=[])]
 
+        def found(chart: Chart, point: Point) -> None:
+            tell(PointOnTheWay(sign, self._values(chart.cycle(point.x))))
+
         def onward(start: Start[Chart], path: Path) -> Start[Chart] | Ending:
-            return self._onward(stations, start, path, show)
+            return self._onward(stations, start, path)
 
         chart, x = first_chart(self.cycle.closed, self.pieces, self.extent)
         towards = np.zeros(len(x))
         towards[-1] = sign
         start = self._start(chart, x, towards, self.steps.first)
-        return stations, follow_branch(start, onward, "no cycle was found further on")
+        return stations, follow_branch(start, onward, "no cycle was found further on", found)
+
+    def _values(self, cycle: Cycle) -> dict[str, float]:
+        """What is known of a cycle at once."""
+        values = {"period": cycle.period}
+        for name, (low, high) in cycle.extrema.items():
+            values |= {name: cycle.state[name], f"min_{name}": low, f"max_{name}": high}
+        return {**values, self.parameter: cycle.parameters[self.parameter]}
 
     def _onward(
-        self, stations: list[_Station], start: Start[Chart], path: Path, show: Show
+        self, stations: list[_Station], start: Start[Chart], path: Path
     ) -> Start[Chart] | Ending:
         """Append the points that were found in a chart; the next chart, or the end."""
         chart, step = start.of, start.steps.first
         before = len(stations)
         self._append(stations, chart, path)
         last = path.points[-1]
-        show(None, f"{len(stations)} points, {self.parameter} = {float(last.x[-1]):.6g}")
         ending = self._end(path, stations, before)
         if ending is not None:
             return ending

@@ -14,7 +14,7 @@ import numpy as np
 
 from stickslip.certificates import Certificate, worst
 from stickslip.equations.derive import MotionEquations
-from stickslip.equations.field import Guard, mode_field
+from stickslip.equations.field import Guard, mode_field, switched
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
@@ -32,9 +32,12 @@ from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 from stickslip.orbits.continuation.driver import (
     CurveProblem,
     Start,
+    Tell,
     both_ways,
     follow_branch,
     joined,
+    named_points,
+    told_of_points,
 )
 from stickslip.orbits.equilibria.certificate import certify_equilibria, certify_equilibrium
 from stickslip.orbits.equilibria.equilibrium import Equilibrium, decays, describe_guard
@@ -71,6 +74,7 @@ def continue_equilibrium(
     start: Equilibrium | Mapping[str, float] | None = None,
     parameters: Mapping[str, float] | None = None,
     steps: StepControl | None = None,
+    progress: Tell | None = None,
 ) -> Branch:
     """Follow an equilibrium while a parameter changes.
 
@@ -88,6 +92,8 @@ def continue_equilibrium(
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     steps : Steps, optional
+    progress : callable, optional
+        Called with every new point (``.side``, ``.values``). By default there is a bar.
 
     Returns
     -------
@@ -119,8 +125,8 @@ def continue_equilibrium(
         steps or _STEPS,
     )
     x = np.append(origin, values[parameter])
-    upwards = np.append(np.zeros(len(origin)), 1.0)
-    back, forth, ends = both_ways(lambda sign: follower.follow(first, x, sign * upwards), 1.0)
+    with told_of_points(progress, "following the equilibrium") as tell:
+        back, forth, ends = both_ways(lambda sign: follower.follow(first, x, sign, tell), 1.0)
     return follower.branch(system, back, forth, ends)
 
 
@@ -223,12 +229,14 @@ class _Follower:
         self.span = span
         self.invariant, self.steps = invariant, steps
         self.width = span[1] - span[0]
-        self.contacts = tuple(c.name for c in equations.contacts)
+        self.contacts = equations.labels
         self.tangent: Array | None = None  # at the start, in the direction that came first
 
     # -- following ---------------------------------------------------------------------------------
 
-    def follow(self, first: Equilibrium, x: Array, towards: Array) -> tuple[list[_Piece], Ending]:
+    def follow(
+        self, first: Equilibrium, x: Array, sign: float, tell: Tell
+    ) -> tuple[list[_Piece], Ending]:
         """All pieces from the start in one direction, and the end.
 
         Raises
@@ -253,9 +261,10 @@ class _Follower:
             return self._start(beyond[0], end.x, beyond[1])
 
         steady = self._steady(first.mode, first.region, x[:-1])
-        along = towards if self.tangent is None else -self.tangent
-        start = self._start(steady, x, along)
-        ending = follow_branch(start, onward, "no equilibrium was found further on")
+        towards = np.append(np.zeros(len(x) - 1), sign)
+        start = self._start(steady, x, towards if self.tangent is None else -self.tangent)
+        found = named_points(tell, sign, (*first.state, self.parameter))
+        ending = follow_branch(start, onward, "no equilibrium was found further on", found)
         if not pieces:
             raise StickslipError(ending.text)
         self.tangent = pieces[0].path.points[0].tangent
@@ -335,14 +344,9 @@ class _Follower:
     def _beyond(self, steady: Steady, guard: Guard, end: Point) -> tuple[Steady, Array] | None:
         """The field on the other side of a guard and the direction in which an equilibrium goes on
         there, if any."""
-        mode, region = list(steady.field.mode), list(steady.field.region)
-        kinks = len(region)
-        if guard.switch < kinks:
-            region[guard.switch] = guard.to
-        else:
-            mode[guard.switch - kinks] = guard.to
+        mode, region = switched(steady.field, guard.switch, guard.to)
         try:
-            other = self._steady(tuple(mode), tuple(region), end.x[:-1])
+            other = self._steady(mode, region, end.x[:-1])
         except ZeroDivisionError:
             return None
         F, J = other.residual(self.parameter)(end.x)

@@ -78,7 +78,7 @@ def locate_changes(chart: Chart, a: Point, b: Point) -> list[Change]:
     here = sequence(chart.orbit(a.x).motion)
     high = b.length - a.length
     there = sequence(chart.orbit(b.x).motion)
-    contacts = [c.name for c in chart.shooting.pieces.equations.contacts]
+    contacts = list(chart.shooting.pieces.equations.labels)
     passed: list[tuple[Array, Sequence, Sequence]] = []
     while here != there and len(passed) < _MOST_CHANGES:
         x, low, beyond = _Finder(chart, a, b, here).first_change(low, high)
@@ -391,15 +391,19 @@ def dataset(parameters: Iterable[str], cycles: list[Cycle], steps: Array) -> xar
     }
     if any(c.drift for c in cycles):
         data["energy_per_distance"] = measured("energy_per_distance")
-    for i, contact in enumerate(cycles[0].trajectory._problem.compiled.equations.contacts):
+    equations = cycles[0].trajectory._problem.compiled.equations
+    for i, contact in enumerate(equations.contacts):
+        if contact.plane > 1:
+            continue  # what is said of its first component is said of both
         peaks = [c._sums.peak[i] for c in cycles]
         if contact.opens:
             what = quantity(system, contact.name)
             what = {**what, "long_name": f"largest {what.get('long_name', contact.name)}"}
             data[f"peak_{contact.name}"] = column("", peaks, **what)
         else:
-            key = contact_key(contact.name)
-            force = described(system, f"peak_force:{contact.name}")
+            name = equations.labels[i]
+            key = contact_key(name)
+            force = described(system, f"peak_force:{name}")
             data[f"peak_force_{key}"] = column("", peaks, **force)
     for name in cycles[0].contacts:
         key = contact_key(name)

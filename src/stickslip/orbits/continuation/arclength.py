@@ -375,7 +375,7 @@ def trace(
         and is still not on the curve.
     steps : Steps, optional
     progress : function, optional
-        Called with each new point.
+        Called with each point, the first one included, in the order of travel.
 
     Returns
     -------
@@ -402,11 +402,14 @@ def trace(
     path = Path([tracer.point(x, tangent, orientation, 0.0, scale(x))])
     ended = None
     step = steps.first
+    told = 0
     try:
         while ended is None:
             ended, step = tracer.advance(path, step)
             if progress is not None:
-                progress(path.points[-1])
+                for point in path.points[told:]:
+                    progress(point)
+                told = len(path.points)
     except KeyboardInterrupt:
         ended = INTERRUPTED
     return Path(path.points, path.crossings, ended)

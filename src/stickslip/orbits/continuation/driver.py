@@ -10,8 +10,10 @@ and, given the path on a stretch, where the next one begins or why the branch en
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Generic, TypeVar
 
 from stickslip.arrays import Array
@@ -23,12 +25,14 @@ from stickslip.orbits.continuation.arclength import (
     FunctionAndJacobian,
     Limit,
     Path,
+    Point,
     StepControl,
     Stop,
     Test,
     Tests,
     trace,
 )
+from stickslip.progress import PATIENCE, watched
 
 _T = TypeVar("_T")
 _P = TypeVar("_P")
@@ -81,7 +85,58 @@ Onward = Callable[[Start[_T], Path], Start[_T] | Ending]
 """Keeps what was found on a stretch; says where the next one begins, or why there is none."""
 
 
-def follow_branch(start: Start[_T], onward: Onward[_T], lost: str) -> Ending:
+@dataclass(frozen=True)
+class PointOnTheWay:
+    """A point of a branch that has just been found; whether it is on the branch is measured later.
+
+    Attributes
+    ----------
+    side : float
+        In which direction from the start it was found, +1 or −1; the start itself is on both.
+    values : dict of str to float
+        Under the names that they have in the dataset of the branch, the parameter last.
+    """
+
+    side: float
+    values: dict[str, float]
+
+
+Tell = Callable[[PointOnTheWay], None]
+
+
+@contextmanager
+def told_of_points(listener: Tell | None, what: str) -> Iterator[Tell]:
+    """Who is told of new points: the caller's listener, or whoever watches how many there are."""
+    if listener is not None:
+        yield listener
+        return
+    count = 0
+    with watched(what, patience=PATIENCE) as show:
+
+        def tell(point: PointOnTheWay) -> None:
+            nonlocal count
+            count += 1
+            *_, (name, value) = point.values.items()
+            show(None, f"{count} points, {name} = {value:.6g}")
+
+        yield tell
+
+
+def named_points(tell: Tell, side: float, names: Sequence[str]) -> Callable[[object, Point], None]:
+    """Tells of points whose unknowns have these names."""
+
+    def found(_: object, point: Point) -> None:
+        tell(PointOnTheWay(side, dict(zip(names, point.x.tolist(), strict=True))))
+
+    return found
+
+
+def follow_branch(
+    start: Start[_T],
+    onward: Onward[_T],
+    lost: str,
+    found: Callable[[_T, Point], None] | None = None,
+) -> Ending:
     """Follow a curve in one direction until it ends; returns why it does.
 
     Whatever ends it, what `onward` has kept until then is kept.
@@ -93,6 +148,9 @@ def follow_branch(start: Start[_T], onward: Onward[_T], lost: str) -> Ending:
         May raise any of :data:`~stickslip.orbits.continuation.arclength.NOT_DEFINED`.
     lost : str
         What is said if something does.
+    found : function, optional
+        Called with what the stretch is one of and each point on it, as soon as it is found; where
+        one stretch ends the next one begins.
     """
     try:
         while True:
@@ -107,11 +165,12 @@ def follow_branch(start: Start[_T], onward: Onward[_T], lost: str) -> Ending:
                 limits=p.limits,
                 accept=p.accept,
                 steps=start.steps,
+                progress=None if found is None else partial(found, start.of),
             )
-            found = onward(start, path)
-            if isinstance(found, Ending):
-                return found
-            start = found
+            beyond = onward(start, path)
+            if isinstance(beyond, Ending):
+                return beyond
+            start = beyond
     except KeyboardInterrupt:
         return INTERRUPTED
     except NOT_DEFINED as failure:

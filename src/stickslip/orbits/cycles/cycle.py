@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate
-from stickslip.equations.field import MODE_NAMES
+from stickslip.equations.field import MODE_NAMES, mode_name
 from stickslip.errors import DeclarationError, short
 from stickslip.model.quantities import described, drift_units, per_distance_unit
 from stickslip.model.system import System
@@ -116,7 +116,10 @@ class Cycle(Result):
     def section(self) -> str:
         """What is special about this state."""
         words = {**MODE_NAMES, IS_OPEN: "open", IS_CLOSED: "closed"}
-        modes = ", ".join(f"{c}: {words[m]}" for c, m in self.phases[0].modes.items())
+        modes = ", ".join(
+            f"{c}: {mode_name(m, True) if c in self.system.planes else words[m]}"
+            for c, m in self.phases[0].modes.items()
+        )
         return "the middle of a phase" + (f" ({modes})" if modes else "")
 
     @cached_property

@@ -4,7 +4,7 @@ contact, harmonics, means."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -105,6 +105,9 @@ def contact_shares(motion: Trajectory, sums: Sums) -> dict[str, ContactShare]:
         contact.name: ContactShare(float(stick), lasted - float(stick), float(work))
         for contact, stick, work in zip(contacts, sums.stick, sums.work, strict=True)
     }
+    for name, (first, second) in motion.system.planes.items():
+        own, other = found.pop(first), found.pop(second)
+        found[name] = replace(own, dissipated=own.dissipated + other.dissipated)
     impacts = motion.impacts
     for name in motion.system.unilateral:
         closed = found.pop(normal_force(name)).stick_time

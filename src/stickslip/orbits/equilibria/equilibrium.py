@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self, overload
 
 from stickslip.certificates import NOTHING, Certificate, worst
 from stickslip.equations.derive import MotionEquations
-from stickslip.equations.field import MODE_NAMES, Guard, Mode, Region, named_modes
+from stickslip.equations.field import Guard, Mode, Region, mode_name, named_modes
 from stickslip.model.names import NORMAL
 from stickslip.model.quantities import quantity
 from stickslip.model.system import System
@@ -406,10 +406,12 @@ def describe_guard(equations: MotionEquations, guard: Guard, mode: Mode) -> str:
     if guard.switch < kinks:
         return f"{ex.to_text(unwrapped(equations.kinks[guard.switch]))} = 0"
     contact = guard.switch - kinks
-    name = equations.contacts[contact].name
+    name = equations.labels[contact]
     if equations.contacts[contact].opens:
         return f"contact '{name.removeprefix(NORMAL)}' {'opens' if guard.to else 'closes'}"
-    return f"contact '{name}' goes from {MODE_NAMES[mode[contact]]} to {MODE_NAMES[guard.to]}"
+    in_plane = equations.contacts[contact].plane > 0
+    before, after = mode_name(mode[contact], in_plane), mode_name(guard.to, in_plane)
+    return f"contact '{name}' goes from {before} to {after}"
 
 
 def pressed_text(forces: Mapping[str, float]) -> str:

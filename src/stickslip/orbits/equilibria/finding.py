@@ -129,10 +129,17 @@ def possible_modes(
         weights = np.zeros(len(state))
         for x, j in c.direction.items():
             weights[state.index(x)] = ex.evaluate(j, {**values, **at})
-        w = surface_speed(c, values)
+        w = surface_speed(c, {**at, **values})
         free = np.any(np.abs(weights @ moved) > 1e-12 * np.max(np.abs(weights)))
-        alone.append((0, 1, -1) if free else (-int(np.sign(w)),))
+        turns = bool(c.speed.symbols & frozenset(state))  # a surface whose places have speeds
+        alone.append((0, 1, -1) if free or turns else (-int(np.sign(w)),))
     found = []
+    for first, second in (plane.parts for plane in equations.planes):
+        both = sorted({abs(m) for m in (*alone[first], *alone[second])})
+        if len(alone[first]) == len(alone[second]) == 1:
+            both = both[-1:]
+        found.append([{first: m, second: m} for m in both])
+    in_plane = {i for plane in equations.planes for i in plane.parts}
     rubbing = {i for i in range(len(alone)) if equations.pressing(i)}
     for i, c in enumerate(equations.contacts):
         if c.opens:
@@ -142,7 +149,7 @@ def possible_modes(
                 for slips in product(*(alone[j] for j in own))
             ]
             found.append([*closed, {i: 1, **dict.fromkeys(own, 1)}])
-        elif i not in rubbing:
+        elif i not in rubbing and i not in in_plane:
             found.append([{i: m} for m in alone[i]])
     return found
 
@@ -159,7 +166,7 @@ class _Search:
         self.eq = equations
         self.values = values
         self.state = system.declaration.state
-        self.contacts = tuple(c.name for c in equations.contacts)
+        self.contacts = equations.labels
         self.origin = np.array([float(system.plain.initial.get(name, 0.0)) for name in self.state])
         self.box = self._checked_box(box)
         self.invariant = invariant_directions(equations, values, self.origin)
@@ -295,7 +302,8 @@ class _Search:
         for i, (c, m) in enumerate(zip(self.eq.contacts, mode, strict=True)):
             if c.opens or any(mode[n] != 0 for n in self.eq.pressing(i)):
                 continue
-            if m != 0 or surface_speed(c, self.values) != 0.0:
+            turns = bool(c.speed.symbols & frozenset(self.state))
+            if m != 0 or not (turns or surface_speed(c, self.values) == 0.0):
                 return False
             sticks = True
         return sticks

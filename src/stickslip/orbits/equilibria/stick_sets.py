@@ -211,8 +211,14 @@ def all_stick(
             nonnegative.append(h if mode[i] == 0 else fix(c.gap))
         elif any(mode[n] != 0 for n in equations.pressing(i)):
             equal.append(h)
-        else:
+        elif not c.plane:
             nonnegative += [h + fix(c.plus), fix(c.minus) - h]
+    state = frozenset(d.state)
+    equal += [fix(c.speed) for c in equations.contacts if c.speed.symbols & state]
+    nonnegative += [
+        fix(plane.admissible((held[plane.parts[0]], held[plane.parts[1]])))
+        for plane in equations.planes
+    ]
     unknowns = (*d.state, *(str(h.value) for h in held))
     return Conditions(unknowns, tuple(equal), tuple(nonnegative), values)
 

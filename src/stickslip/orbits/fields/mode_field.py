@@ -11,7 +11,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
-from stickslip.equations.field import Field, mode_field
+from stickslip.equations.field import Field, mode_field, switched
 from stickslip.motion.between.dense import make_scratch
 from stickslip.motion.steps.arrays import Rows
 from stickslip.orbits.fields.engine.variations import Leave, Listed, PassSpace, room_for_pass
@@ -105,12 +105,8 @@ class Piece:
 
     def switched(self, switch: int, setting: int) -> tuple[Array, Array]:
         """Mode and region that differ by one switch."""
-        mode, region = np.array(self.field.mode, np.int8), np.array(self.field.region, np.int8)
-        if switch < len(region):
-            region[switch] = setting
-        else:
-            mode[switch - len(region)] = setting
-        return mode, region
+        mode, region = switched(self.field, switch, setting)
+        return np.array(mode, np.int8), np.array(region, np.int8)
 
     @cached_property
     def straight(self) -> bool:

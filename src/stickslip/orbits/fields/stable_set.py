@@ -8,9 +8,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.equations.derive import MotionEquations
+from stickslip.equations.derive import MotionEquations, Plane
 from stickslip.model.system import Kind
 from stickslip.orbits.fields.regions import values_at
+from stickslip.symbolic import expressions as ex
 
 _SWEEPS = 100  # of the start of rate-independent coordinates
 _BEYOND = 1e-9  # excess, relative to the forces, that is none
@@ -42,8 +43,13 @@ def excess(
     wanted = [
         e
         for c, force in zip(acting, equations.rate.force, strict=True)
+        if not c.plane
         for e in (force, c.plus, c.minus)
     ]
+    for plane in _planes(equations):
+        # |A⁻¹λ| is one force, against one threshold
+        size = ex.power(ex.add(*((e**2, 1.0) for e in plane.pull)), ex.num(0.5))
+        wanted += [size, plane.static, plane.static]
     if not wanted:
         return np.zeros(len(states))
     found = values_at(equations, values, states, wanted, time).reshape(-1, 3, len(states))
@@ -68,11 +74,50 @@ def settle_friction(
     for _ in range(_SWEEPS if acting else 0):
         moved = 0.0
         for i, (c, row) in enumerate(zip(acting, rows, strict=True)):
+            if c.plane:
+                continue
             wanted = [rate.force[i], c.plus, c.minus, rate.partial[i][i]]
             force, plus, minus, slope = values_at(equations, values, states, wanted, time)
             beyond = np.maximum(force - minus, 0.0) + np.minimum(force + plus, 0.0)
             step = np.where(slope != 0.0, -beyond / np.where(slope != 0.0, slope, 1.0), 0.0)
             states[:, row] += step
             moved = max(moved, float(np.max(np.abs(step)) / (1.0 + np.max(np.abs(states[:, row])))))
+        for plane in _planes(equations):
+            moved = max(moved, _settle_plane(equations, plane, values, states, time))
         if moved < 1e-15:
             return
+
+
+def _planes(equations: MotionEquations) -> list[Plane]:
+    """Contacts in a plane of rate-independent coordinates."""
+    kinds = [c.kind for c in equations.contacts]
+    return [p for p in equations.planes if kinds[p.parts[0]] == Kind.RATE_INDEPENDENT]
+
+
+def _settle_plane(
+    equations: MotionEquations,
+    plane: Plane,
+    values: Mapping[str, float],
+    states: Array,
+    time: float,
+) -> float:
+    """Move both coordinates of a contact in a plane along their forces, towards where it holds;
+    returns by how much, relative to where they are."""
+    rate = equations.rate
+    first = len(equations.contacts) - len(rate.force)
+    own = [i - first for i in plane.parts]
+    rows = [
+        equations.declaration.state.index(next(iter(equations.contacts[i].direction)))
+        for i in plane.parts
+    ]
+    wanted = [*plane.pull, plane.static, *(rate.force[i] for i in own)]
+    wanted += [rate.partial[i][i] for i in own]
+    x, y, s, *rest = values_at(equations, values, states, wanted, time)
+    size = np.hypot(x, y)
+    beyond = np.where(size > s, 1.0 - s / np.where(size > 0.0, size, 1.0), 0.0)
+    moved = 0.0
+    for row, force, slope in zip(rows, rest[:2], rest[2:], strict=True):
+        step = np.where(slope != 0.0, -force * beyond / np.where(slope != 0.0, slope, 1.0), 0.0)
+        states[:, row] += step
+        moved = max(moved, float(np.max(np.abs(step)) / (1.0 + np.max(np.abs(states[:, row])))))
+    return moved

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.orbits.fields import slips
 from stickslip.orbits.fields.engine.variations import (
     ALIKE,
     BEGINS,
@@ -128,7 +129,7 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
         else:
             raise AssertionError("a mode has changed, and no guard of it has fired")
     grazed = run.knots.time[run.outcome == GRAZED] + run.origin
-    grazings = tuple(sorted([*map(float, grazed), *meeting.grazings]))
+    grazings = tuple(sorted([*map(float, grazed), *meeting.grazings, *slips.reversals(trajectory)]))
     corners = tuple(meeting.corners)
     return Variation(run.after, run.late, pieces.made, run.piece, corners, grazings)
 
@@ -200,6 +201,8 @@ class _Meeting:
     def strike(self) -> int:
         """Enter what comes after the jump of the state at which the pass has stopped; returns the
         knot from which it goes on."""
+        if int(self.run.event[BEGINS]) not in self._strikes:
+            return self.slip(int(self.run.event[BEGINS]))
         strike, here = self._strikes[int(self.run.event[BEGINS])]
         i, last = strike.knot, strike.last
         sides = self.pieces.made[self.run.piece[i - 1]], self.pieces.made[self.run.piece[last]]
@@ -210,6 +213,16 @@ class _Meeting:
         self.run.late[i] = found.late @ self.run.after[i]
         self.run.after[i : last + 1] = S @ self.run.after[i]
         return last
+
+    def slip(self, i: int) -> int:
+        """Enter what comes after a knot at which a slip in a plane begins or ends."""
+        sides = self.pieces.made[self.run.piece[i - 1]], self.pieces.made[self.run.piece[i]]
+        found = slips.through(self.pieces.equations, self.trajectory, i, sides, self.p)
+        if not found.exists:
+            self.grazings.append(float(self.knots.time[i]))
+        self.run.late[i] = found.late @ self.run.after[i]
+        self.run.after[i] = found.matrix @ self.run.after[i]
+        return i
 
     @cached_property
     def _strikes(self) -> dict[int, tuple[Strike, Leave]]:

@@ -146,14 +146,15 @@ def _phases(s: Sequence) -> str:
 
 def _difference(contacts: list[str], a: ModeAndRegion, b: ModeAndRegion) -> str:
     """What is different in two phases."""
-    from stickslip.equations.field import MODE_NAMES
+    from stickslip.equations.field import mode_name
 
     def said(contact: str, m: int, n: int) -> str:
         if contact.startswith(NORMAL):
             own = contact.removeprefix(NORMAL)
             words = "is struck" if _IMPACT in (m, n) else "is about to open or to close"
             return f"contact '{own}' {words}"
-        between = f"{MODE_NAMES[max(m, n)]} and {MODE_NAMES[min(m, n)]}"
+        in_plane = contacts.count(contact) > 1
+        between = " and ".join(mode_name(each, in_plane) for each in (max(m, n), min(m, n)))
         return f"contact '{contact}' touches the boundary between {between}"
 
     modes = [said(c, m, n) for c, m, n in zip(contacts, a[0], b[0], strict=True) if m != n]
@@ -162,7 +163,7 @@ def _difference(contacts: list[str], a: ModeAndRegion, b: ModeAndRegion) -> str:
         for j, (m, n) in enumerate(zip(a[1], b[1], strict=True))
         if m != n
     ]
-    return ", ".join([*modes, *kinks])
+    return ", ".join(dict.fromkeys([*modes, *kinks]))
 
 
 def nearest_change(motion: Trajectory, pieces: Pieces) -> float:

@@ -436,8 +436,12 @@ def _constrained(piece: Piece) -> list[int]:
     for i, (c, mode) in enumerate(zip(piece.field.contacts, piece.field.mode, strict=True)):
         if c.kind == Kind.INERTIAL and mode == 0:
             found += [i] if c.gap is None else [i, i]
-        elif c.kind == Kind.RATE_INDEPENDENT and mode != 0:
+        elif c.kind == Kind.RATE_INDEPENDENT and mode != 0 and not c.plane:
             found.append(i)
+    for first, _ in piece.field.planes:
+        slides = piece.field.mode[first] != 0
+        if piece.field.contacts[first].kind == Kind.RATE_INDEPENDENT and slides:
+            found.append(first)
     return found
 
 

@@ -38,12 +38,11 @@ def published(equations: MotionEquations, field: Field) -> dict[str, Expr]:
             found |= {c.name: c.force, f"gap_{c.name.removeprefix(NORMAL)}": c.gap}
             continue
         key = contact_key(c.name)
-        found |= {
-            f"friction_{key}": c.force,
-            f"threshold_plus_{key}": c.plus,
-            f"threshold_minus_{key}": c.minus,
-            f"slip_speed_{key}": c.u,
-        }
+        found |= {f"friction_{key}": c.force, f"slip_speed_{key}": c.u}
+        if c.plane:
+            found[f"threshold_{key}"] = c.plus
+        else:
+            found |= {f"threshold_plus_{key}": c.plus, f"threshold_minus_{key}": c.minus}
     return found | {"energy": field.energy}
 
 

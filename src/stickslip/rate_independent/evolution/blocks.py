@@ -14,11 +14,13 @@ from stickslip.certificates import Certificate, Residual
 from stickslip.errors import ConvergenceError
 from stickslip.rate_independent.evolution.audit import start_state
 from stickslip.rate_independent.evolution.evolution import Evolution
-from stickslip.rate_independent.evolution.evolve import KKT, step_times
+from stickslip.rate_independent.evolution.evolve import KKT, evolve, step_times
 from stickslip.rate_independent.evolution.stepping import March
 from stickslip.rate_independent.solvers.choose import choose_solver
 
 if TYPE_CHECKING:
+    from stickslip.rate_independent.evolution.history import History
+    from stickslip.rate_independent.evolution.model import EvolutionModel
     from stickslip.rate_independent.play.operator import Play
 
 _Rows = Callable[[Array], Array]
@@ -172,6 +174,26 @@ def affine(nodes: Array, states: Array, times: Array) -> Array:
     left = np.clip(np.searchsorted(nodes, times, side="right") - 1, 0, len(nodes) - 2)
     share = ((times - nodes[left]) / (nodes[left + 1] - nodes[left]))[:, None]
     return (1.0 - share) * states[left] + share * states[left + 1]
+
+
+def evolved(
+    model: EvolutionModel, averaged: bool, progress: Callable[[float], None] | None = None
+) -> History | Play:
+    """The evolution of a model: an exact play if it is scalar, else minimising movements.
+
+    Parameters
+    ----------
+    model : EvolutionModel
+    averaged : bool
+        Whether the limit of fast oscillations is meant.
+    progress : callable, optional
+    """
+    from stickslip.rate_independent.evolution.model import with_nearest_start
+
+    problem = with_nearest_start(model.problem.averaged) if averaged else model.problem
+    if problem.dissipation.thresholds is not None:
+        return PlayMotion(problem).play
+    return evolve(problem, steps=model.steps, progress=progress)
 
 
 class Gauge:

@@ -4,7 +4,8 @@
 ``amplitude`` (half the range, of the first component of the state or of ``amplitude:x``), ``speed``
 (along the translation, or of ``speed:x``), ``stick_fraction`` (share of the time in which all
 contacts stick, or ``stick_fraction:contact``), ``peak_force`` and ``mean_force`` (largest |λ| and
-mean λ; of all contacts the largest |λ|, or ``peak_force:contact``) and ``lyapunov`` are also those
+mean λ; of all contacts the largest |λ|, or ``peak_force:contact``; in a plane the mean is of one
+component, ``mean_force:table 1``) and ``lyapunov`` are also those
 of a motion at rest, of steady sliding, and of the last part of a motion that has not settled. So
 are ``low`` and ``high`` (least and largest value of a component), ``shift`` (its change), ``state``
 (its value where what is measured begins), ``time`` (when that is) and ``duration`` (how long it
@@ -55,8 +56,10 @@ def _component(problem: Problem, of: str) -> int:
     return problem.compiled.layout.state.index(of) if of else 0
 
 
-def _contact(problem: Problem, of: str) -> int:
-    return [c.name for c in problem.compiled.equations.contacts].index(of)
+def _contact(problem: Problem, of: str) -> list[int]:
+    """Numbers of a contact: of one in a plane of both components, which slip together."""
+    numbers = {c.name: i for i, c in enumerate(problem.compiled.equations.contacts)}
+    return [numbers[part] for part in problem.system.rubbing.get(of, (of,))]
 
 
 def _period(problem: Problem, o: Observed, of: str) -> Array:
@@ -75,21 +78,24 @@ def _speed(problem: Problem, o: Observed, of: str) -> Array:
 
 
 def _stick_fraction(problem: Problem, o: Observed, of: str) -> Array:
-    stuck = o.sums.stick[:, _contact(problem, of)] if of else o.sums.total[:, STUCK]
+    stuck = o.sums.stick[:, _contact(problem, of)[0]] if of else o.sums.total[:, STUCK]
     return stuck / o.sums.total[:, LASTED]
 
 
 def _energy(problem: Problem, o: Observed, of: str) -> Array:
-    work = o.sums.work[:, _contact(problem, of)] if of else np.sum(o.sums.work, axis=1)
+    own = _contact(problem, of) if of else slice(None)
+    work = np.sum(o.sums.work[:, own], axis=1)
     return np.where(o.outcome == Outcome.PERIODIC.code, work, np.nan)
 
 
 def _peak(problem: Problem, o: Observed, of: str) -> Array:
-    return o.sums.peak[:, _contact(problem, of)] if of else np.max(o.sums.peak, axis=1, initial=0.0)
+    return (
+        o.sums.peak[:, _contact(problem, of)[0]] if of else np.max(o.sums.peak, axis=1, initial=0.0)
+    )
 
 
 def _mean(problem: Problem, o: Observed, of: str) -> Array:
-    impulse = o.sums.impulse[:, _contact(problem, of)] if of else np.sum(o.sums.impulse, axis=1)
+    impulse = o.sums.impulse[:, _contact(problem, of)[0]] if of else np.sum(o.sums.impulse, axis=1)
     return impulse / o.duration
 
 
@@ -143,7 +149,7 @@ MEASURES = {
     "stick_fraction": Named(_stick_fraction, False, "contact"),
     "energy_per_cycle": Named(_energy, True, "contact"),
     "peak_force": Named(_peak, True, "contact"),
-    "mean_force": Named(_mean, True, "contact"),
+    "mean_force": Named(_mean, True, "force"),
     "switches": Named(_switches, False),
     "lyapunov": Named(_lyapunov, False),
     "low": Named(_low, True, "component"),
@@ -200,7 +206,8 @@ def _named(system: System, measure: str) -> Named:
         )
     known = {
         "component": system.declaration.state,
-        "contact": list(system.dry_contacts),
+        "contact": list(system.rubbing),
+        "force": list(system.dry_contacts),
         "quantity": one_period.quantities(system),
     }.get(MEASURES[name].of, [])
     if of and of not in known and MEASURES[name].of != "weight":

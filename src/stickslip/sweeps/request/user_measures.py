@@ -8,6 +8,7 @@ import inspect
 import math
 import runpy
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import lru_cache
@@ -19,6 +20,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError, short
+from stickslip.model.quantities import described, described_as
 from stickslip.model.system import System
 from stickslip.sweeps.request.carry import CARRIED
 from stickslip.sweeps.request.measures import MEASURES, OWN, needs_close_look
@@ -144,6 +146,23 @@ def read_measures(system: System, asked: Sequence[Any]) -> tuple[Measure, ...]:
                 f"measure.{short(name)}", "the name is taken", "Choose another name"
             )
     return measures
+
+
+def offered_measures(system: System) -> dict[str, dict[str, str]]:
+    """What can be measured of a system by a name alone, with unit and meaning: the named measures,
+    and those that other packages add.
+
+    Parameters
+    ----------
+    system : System
+    """
+    found: dict[str, dict[str, str]] = {}
+    for name in MEASURES:
+        with suppress(DeclarationError):
+            needs_close_look(system, [name])
+            found[name] = described(system, name)
+    added = (entry.name for entry in entry_points(group=MEASURES_GROUP))
+    return {**{name: described_as(name.replace("_", " "), "1") for name in added}, **found}
 
 
 def asked_again(measure: Measure) -> Any:

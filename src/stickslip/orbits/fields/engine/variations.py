@@ -11,7 +11,7 @@ from stickslip.arrays import Array
 from stickslip.machine_code.functions import entry_point, njit
 from stickslip.motion.between.dense import Scratch, states_at
 from stickslip.motion.engine.guards import opens
-from stickslip.motion.steps.arrays import OPTIONS, Flow, Machine, Record, Rows
+from stickslip.motion.steps.arrays import COMPONENT, OPTIONS, Flow, Machine, Record, Rows
 from stickslip.motion.steps.jumps import fired_jump
 from stickslip.orbits.fields.engine.interpreter import LANES, Instructions, perform
 
@@ -270,6 +270,8 @@ def fastest(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> fl
     for r in range(n):
         for c in range(n):
             J[r, c] = work.values[listed.jacobian[w, r * columns + c], 0]
+            if J[r, c] != J[r, c]:
+                return 0.0  # where a slip in a plane begins, or ends
     scale = 0.0  # log of what has been divided out, per factor
     power = 1.0
     for _ in range(_DOUBLINGS + 1):
@@ -777,7 +779,12 @@ def pass_event(listed: Listed, run: Pass, work: PassSpace, i: int, last: int) ->
 
 @njit(**OPTIONS)
 def strikes(rows: Rows, run: Pass, i: int) -> bool:
-    """Whether the state jumps at a knot: a gap has closed, or a declared jump has been taken."""
+    """Whether the state jumps at a knot: a gap has closed, or a declared jump has been taken; or
+    whether a slip in a plane begins or ends, where its field has no value."""
+    for p in range(len(rows.planes)):
+        c = rows.planes[p, COMPONENT]
+        if run.knots.mode[i, c] != run.knots.mode[i - 1, c]:
+            return True
     cause = run.knots.cause[i]
     c = cause - len(rows.kinks)
     if cause >= 0 and c < 0:

@@ -35,8 +35,8 @@ from stickslip.motion.steps.arrays import (
     Instant,
     Lane,
     Record,
-    coefficients,
 )
+from stickslip.motion.steps.starting import coefficients
 from stickslip.orbits.settling.engine.returns import (
     begin_again,
     bring_home,

@@ -54,9 +54,9 @@ from stickslip.motion.steps.arrays import (
     Lane,
     Record,
     Task,
-    coefficients,
     flow_of,
 )
+from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import better
 from stickslip.motion.steps.stiff import follow_mode as along
 from stickslip.orbits.settling.engine.frames import find_frame

@@ -1,0 +1,289 @@
+"""What pictures of contacts in a plane are made of: paths, coloured by stick and slip, and friction
+forces in the set of forces that they may be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Ellipse, Patch
+from matplotlib.ticker import MaxNLocator
+
+from stickslip.arrays import Array
+from stickslip.figures.drawing.sampling import Sampled
+from stickslip.figures.drawing.style import (
+    BAND,
+    BLUE,
+    STICK_LINE,
+    THRESHOLD,
+    axis_label,
+    legend_above,
+    symbol,
+)
+from stickslip.figures.drawing.thinning import Curve
+from stickslip.model.quantities import contact_key, quantity
+from stickslip.model.units import unit_label
+from stickslip.symbolic import expressions as ex
+
+if TYPE_CHECKING:
+    from stickslip.model.declaration import DryContact
+    from stickslip.motion.trajectory import Trajectory
+
+_SAME = 1e-3  # part of a threshold by which it may change and still be drawn as one line
+_ROUND = 181  # points of an ellipse
+
+
+@dataclass(frozen=True)
+class InPlane:
+    """A contact in a plane of one motion: the quantities that its pictures are made of.
+
+    Attributes
+    ----------
+    trajectory : Trajectory
+    name : str
+        As declared.
+    """
+
+    trajectory: Trajectory
+    name: str
+
+    @cached_property
+    def key(self) -> str:
+        """Its name in variables."""
+        return contact_key(self.name)
+
+    @cached_property
+    def parts(self) -> tuple[str, str]:
+        """Names of its components in variables."""
+        first, second = self.trajectory.system.planes[self.name]
+        return contact_key(first), contact_key(second)
+
+    @cached_property
+    def _declared(self) -> tuple[DryContact, DryContact]:
+        contacts = {c.name: c for c in self.trajectory.system.declaration.contacts}
+        first, second = self.trajectory.system.planes[self.name]
+        return contacts[first], contacts[second]
+
+    @cached_property
+    def axes(self) -> tuple[float, float]:
+        """Half axes of its set of forces, in parts of the threshold."""
+        first, second = (ex.evaluate(c.axis, self.trajectory.parameters) for c in self._declared)
+        return first, second
+
+    @cached_property
+    def is_disc(self) -> bool:
+        """Whether friction is the same in all directions."""
+        return self.axes == (1.0, 1.0)
+
+    @cached_property
+    def directions(self) -> tuple[dict[str, float], dict[str, float]] | None:
+        """Weights of the coordinates in both components of the path; None if they change."""
+        given = self.trajectory.parameters
+        if any(w.symbols - given.keys() for c in self._declared for w in c.direction.values()):
+            return None
+        first, second = (
+            {x: ex.evaluate(w, given) for x, w in c.direction.items()} for c in self._declared
+        )
+        return first, second
+
+    @property
+    def traced(self) -> list[str]:
+        """Quantities of the motion that its pictures need, beside the state."""
+        return [f"{kind}_{part}" for part in self.parts for kind in ("friction", "threshold")]
+
+    def force(self, values: Mapping[str, Array]) -> tuple[Array, Array]:
+        """Both components of the friction force."""
+        first, second = (values[f"friction_{part}"] for part in self.parts)
+        return first, second
+
+    def bounds(self, values: Mapping[str, Array]) -> tuple[Array, Array]:
+        """Half axes of the set of forces, in units of a force."""
+        first, second = (values[f"threshold_{part}"] for part in self.parts)
+        return first, second
+
+    def size(self, values: Mapping[str, Array]) -> tuple[Array, Array]:
+        """abs(A⁻¹λ), and the threshold that bounds it."""
+        scaled = (part / a for part, a in zip(self.force(values), self.axes, strict=True))
+        return np.hypot(*scaled), self.bounds(values)[0] / self.axes[0]
+
+    def place(self, values: Mapping[str, Array]) -> tuple[Array, Array]:
+        """Where the contact is: both components of its path."""
+        assert self.directions is not None
+        first, second = (
+            np.sum([w * values[x] for x, w in weights.items()], axis=0)
+            for weights in self.directions
+        )
+        return first, second
+
+    def place_labels(self) -> tuple[str, str]:
+        """What is written at the axes of the path."""
+        assert self.directions is not None
+        first, second = (self._label(weights) for weights in self.directions)
+        return first, second
+
+    def _label(self, weights: Mapping[str, float]) -> str:
+        unit = quantity(self.trajectory.system, next(iter(weights))).get("units", "")
+        said = ""
+        for x, w in weights.items():
+            sign = " − " if w < 0 else " + " if said else ""
+            number = "" if abs(w) == 1.0 else f"{abs(w):g} "
+            said += f"{sign if said or w < 0 else ''}{number}{symbol(x)}"
+        label = unit_label(unit)
+        return said.strip() + (f"  [{label}]" if label else "")
+
+    def force_labels(self) -> tuple[str, str]:
+        """What is written at the axes of the force."""
+        unit = quantity(self.trajectory.system, f"friction_{self.parts[0]}").get("units", "")
+        return axis_label(["lam_1"], unit), axis_label(["lam_2"], unit)
+
+
+class PlaneCurves:
+    """Paths and forces of contacts in planes, collected bit by bit.
+
+    Parameters
+    ----------
+    planes : sequence of InPlane
+    sampled : Sampled
+        Where the motion is looked at.
+    whole : bool
+        Whether everything is drawn as it is.
+
+    Attributes
+    ----------
+    path, force : dict of str to Curve
+        By contact.
+    ends : dict of str to array, shape (2, 2)
+        Start and end of each path.
+    reach : dict of str to array, shape (2, 2)
+        Least and largest half axes of the set of forces.
+    """
+
+    def __init__(self, planes: Sequence[InPlane], sampled: Sampled, whole: bool) -> None:
+        self.planes = list(planes)
+        self.path = {
+            p.key: Curve(whole, *p.place(sampled.at_knots)) for p in planes if p.directions
+        }
+        self.ends = {
+            p.key: np.transpose(p.place(sampled.at_knots))[[0, -1]] for p in planes if p.directions
+        }
+        self.force = {p.key: Curve(whole, *_box(p, sampled)) for p in planes}
+        self.reach = {p.key: np.array([[np.inf, np.inf], [0.0, 0.0]]) for p in planes}
+
+    def absorb(self, steps: Array, values: Mapping[str, Array], modes: Mapping[str, Array]) -> None:
+        """Add samples.
+
+        Parameters
+        ----------
+        steps : array of int
+            The step that each belongs to.
+        values : mapping of str to array
+        modes : mapping of str to array
+            Of the contacts on the steps.
+        """
+        joined = np.diff(steps) <= 1
+        for plane in self.planes:
+            sticks = modes[plane.key][steps] == 0
+            if plane.key in self.path:
+                rests = np.any([modes[key][steps] == 0 for key in self.along(plane)], axis=0)
+                self.path[plane.key].absorb(*plane.place(values), rests, joined)
+            self.force[plane.key].absorb(*_broken(*plane.force(values), sticks, joined))
+            bounds = np.array(plane.bounds(values))
+            reach = self.reach[plane.key]
+            reach[0] = np.minimum(reach[0], np.min(bounds, axis=1))
+            reach[1] = np.maximum(reach[1], np.max(bounds, axis=1))
+
+    def along(self, plane: InPlane) -> list[str]:
+        """Contacts that have the same path, such as two belts below one parcel."""
+        return [other.key for other in self.planes if other.directions == plane.directions]
+
+    def paths(self) -> list[InPlane]:
+        """Contacts whose paths differ."""
+        found: list[InPlane] = []
+        for plane in self.planes:
+            if plane.key in self.path and all(p.directions != plane.directions for p in found):
+                found.append(plane)
+        return found
+
+    def draw_path(self, axes: Axes, plane: InPlane) -> None:
+        """A path, coloured by stick and slip, from its start to its end."""
+        curve = self.path[plane.key]
+        x, y, sticking = curve.points()
+        axes.plot(x, np.where(sticking, np.nan, y), color=BLUE, lw=1.5, label="slip")
+        axes.plot(
+            x, np.where(sticking, y, np.nan), color=STICK_LINE, lw=2.4, label="stick", zorder=3
+        )
+        axes.plot(*curve.spots(), ".", color=STICK_LINE, ms=5, zorder=3)
+        start, end = self.ends[plane.key]
+        axes.plot(*start, "o", ms=6.5, mfc="white", mec=STICK_LINE, zorder=4, label="start", ls="")
+        axes.plot(*end, "s", ms=5.5, mfc=STICK_LINE, mec="white", zorder=4, label="end", ls="")
+        _square(axes, *plane.place_labels())
+        legend_above(axes)
+
+    def draw_force(self, axes: Axes, plane: InPlane) -> None:
+        """A friction force in the set of forces, which may change."""
+        curve = self.force[plane.key]
+        least, largest = self.reach[plane.key]
+        angle = np.linspace(0.0, 2.0 * np.pi, _ROUND)
+        circle = np.column_stack([np.cos(angle), np.sin(angle)])
+        axes.add_patch(
+            Ellipse((0.0, 0.0), *(2.0 * largest), fc=BAND, ec="none", alpha=0.5, zorder=0)
+        )
+        changes = np.any(largest - least > _SAME * largest)
+        for half in (least, largest) if changes else (largest,):
+            axes.plot(*(circle * half).T, color=THRESHOLD, lw=1.0, zorder=1)
+        x, y, sticking = curve.points()
+        axes.plot(x, np.where(sticking, np.nan, y), color=BLUE, lw=1.5, zorder=2)
+        axes.plot(x, np.where(sticking, y, np.nan), color=STICK_LINE, lw=1.8, zorder=3)
+        axes.plot(*curve.spots(), ".", color=STICK_LINE, ms=5, zorder=3)
+        said = "thresholds" if changes else "threshold"
+        marks = [
+            Line2D([], [], color=BLUE, label="in slip"),
+            Line2D([], [], color=STICK_LINE, lw=1.8, label="in stick"),
+            Patch(fc=BAND, ec=THRESHOLD, lw=0.8, label=said),
+        ]
+        _square(axes, *plane.force_labels())
+        if len(self.planes) > 1:
+            # The corners of a disc are free.
+            axes.text(0.02, 0.98, plane.name, transform=axes.transAxes, va="top")
+        if plane is self.planes[0]:
+            legend_above(axes, marks)
+
+
+def _broken(x: Array, y: Array, rests: Array, joined: Array) -> tuple[Array, Array, Array, Array]:
+    """A curve that has a gap where rest and motion change: forces jump there."""
+    at = np.flatnonzero(rests[1:] != rests[:-1]) + 1
+    joined = joined.copy()
+    joined[at - 1] = False
+    return (
+        np.insert(x, at, np.nan),
+        np.insert(y, at, np.nan),
+        np.insert(rests, at, False),
+        np.insert(joined, at - 1, False),
+    )
+
+
+def _box(plane: InPlane, sampled: Sampled) -> tuple[Array, Array]:
+    """Corners of a rectangle that is about as large as the forces."""
+    motion = plane.trajectory
+    some = np.unique(np.linspace(0, sampled.steps - 1, 200).astype(int))
+    names = [f"threshold_{part}" for part in plane.parts]
+    bounds = motion.trace(names, sampled.time[some], some + sampled.first)
+    first, second = (float(np.max(bounds[name])) for name in names)
+    return np.array([-first, first]), np.array([-second, second])
+
+
+def _square(axes: Axes, across: str, up: str) -> None:
+    """Equal scales, and names of the axes."""
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_box_aspect(0.9)
+    axes.set_anchor("N")
+    axes.margins(0.08)
+    axes.xaxis.set_major_locator(MaxNLocator(5))
+    axes.yaxis.set_major_locator(MaxNLocator(5))
+    axes.set_xlabel(across)
+    axes.set_ylabel(up)

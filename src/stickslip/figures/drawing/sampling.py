@@ -1,0 +1,84 @@
+"""Where a motion is looked at for a picture: closely everywhere, however long it is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.errors import DeclarationError
+from stickslip.figures.drawing.thinning import chosen
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
+
+_SAMPLES = 6000  # over the whole time
+_POINTS = (16, 64)  # on each step, the more the fewer steps there are
+MOST_DRAWN = 1_000_000  # of a motion
+_MOST_SAMPLES = 16_000_000  # of a motion
+_AT_ONCE = 64_000  # samples taken in one go
+
+
+def checked_window(trajectory: Trajectory, t: tuple[float, float]) -> tuple[float, float]:
+    """A window of the time within the computed span.
+
+    Raises
+    ------
+    DeclarationError
+        If it is none.
+    """
+    first, last = float(trajectory.knots.time[0]), float(trajectory.knots.time[-1])
+    try:
+        low, high = map(float, t)
+    except (TypeError, ValueError):
+        raise DeclarationError("t", f"{t!r} is no window of the time", "Give (low, high)") from None
+    if not first <= low < high <= last:
+        raise DeclarationError(
+            "t",
+            f"({low:g}, {high:g}) is no window of the computed span",
+            f"Give {first:g} <= low < high <= {last:g}",
+        )
+    return low, high
+
+
+class Sampled:
+    """Times at which a motion is looked at: on each step, both ends included, and nowhere far
+    apart."""
+
+    def __init__(self, trajectory: Trajectory, window: tuple[float, float] | None = None) -> None:
+        self.trajectory = trajectory
+        k = trajectory.knots
+        time, state = (k.time, k.state) if len(k.time) > 1 else (k.time[[0, 0]], k.state[[0, 0]])
+        self.first = 0  # step
+        if window is not None:
+            ends = np.array(checked_window(trajectory, window))
+            self.first = int(np.searchsorted(time, ends[0], side="right")) - 1
+            last = int(np.searchsorted(time, ends[1], side="left"))
+            part = slice(self.first, last + 1)
+            time, state = time[part].copy(), state[part].copy()
+            time[[0, -1]] = ends
+            state[[0, -1]] = trajectory._states_at(ends, np.array([self.first, last - 1]))
+        self.time = time
+        self.at_knots = dict(zip(trajectory.system.declaration.state, state.T, strict=True))
+        self.steps = len(self.time) - 1
+        self._chosen = chosen(self.time, MOST_DRAWN)
+        lengths = np.diff(self.time)[self._chosen]
+        span = float(self.time[-1] - self.time[0]) or 1.0
+        points = int(np.clip(_MOST_SAMPLES // len(lengths), *_POINTS))
+        self._number = points + np.floor(_SAMPLES * lengths / span).astype(int)
+        self._at_once = _AT_ONCE // points
+        self.count = int(np.sum(self._number))
+
+    def sampled(self, names: list[str]) -> Iterator[tuple[Array, Array, dict[str, Array]]]:
+        """Times, the step that each belongs to, and values; piece by piece."""
+        for i in range(0, len(self._chosen), self._at_once):
+            some, number = (part[i : i + self._at_once] for part in (self._chosen, self._number))
+            steps = np.repeat(some, number)
+            last = np.cumsum(number)
+            place = np.arange(len(steps)) - np.repeat(last - number, number)
+            begin = self.time[steps]
+            end = self.time[steps + 1]
+            t = np.minimum(begin + (end - begin) * place / (np.repeat(number, number) - 1), end)
+            yield t, steps, self.trajectory.trace(names, t, steps + self.first)

@@ -1,0 +1,113 @@
+"""Contacts in a plane: the path, coloured by stick and slip, and the friction force in the set of
+forces that it may be."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from matplotlib.axes import Axes
+
+from stickslip.errors import DeclarationError, suggestion
+from stickslip.figures.drawing.planes import InPlane, PlaneCurves
+from stickslip.figures.drawing.sampling import Sampled
+from stickslip.figures.drawing.style import paper_style
+from stickslip.figures.drawing.thinning import FEW
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
+
+
+def in_plane(motion: Trajectory, contact: str = "") -> InPlane:
+    """A contact in a plane; by default the first one.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such contact.
+    """
+    planes = motion.system.planes
+    if not planes:
+        raise DeclarationError(
+            "contacts",
+            f"{motion.system.name} has no contact in a plane",
+            "Give one two directions, like direction = ['d_x', 'd_y']",
+        )
+    if contact and contact not in planes:
+        raise DeclarationError(
+            "contact", f"there is no contact '{contact}' in a plane", suggestion(contact, [*planes])
+        )
+    return InPlane(motion, contact or next(iter(planes)))
+
+
+def path_in_plane(axes: Axes, motion: Trajectory, contact: str = "") -> None:
+    """Draw the path of a contact in a plane: slips blue, stick phases black.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Of a figure of yours; its scales become equal.
+    motion : Trajectory
+    contact : str
+        Which one; by default the first that is in a plane.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such contact, or its directions change on the way, so that it has no path.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> motion = ss.simulate(ss.catalogue.puck())
+    >>> figure = ss.style.new_figure(4.0, 4.0)
+    >>> ss.figures.path_in_plane(figure.add_subplot(), motion)
+    """
+    plane = in_plane(motion, contact)
+    if plane.directions is None:
+        raise DeclarationError(
+            "contact",
+            f"the directions of '{plane.name}' change on the way, so that it has no path",
+            "Plot coordinates, or its force",
+        )
+    with paper_style():
+        _collected(plane).draw_path(axes, plane)
+
+
+def force_in_plane(axes: Axes, motion: Trajectory, contact: str = "") -> None:
+    """Draw the friction force of a contact in a plane, in the disc or ellipse of all forces that it
+    holds; where that changes on the way, in the least and the largest of them.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Of a figure of yours; its scales become equal.
+    motion : Trajectory
+    contact : str
+        Which one; by default the first that is in a plane.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such contact.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> motion = ss.simulate(ss.catalogue.turntable())
+    >>> figure = ss.style.new_figure(4.0, 4.0)
+    >>> ss.figures.force_in_plane(figure.add_subplot(), motion, "disc")
+    """
+    plane = in_plane(motion, contact)
+    with paper_style():
+        _collected(plane).draw_force(axes, plane)
+
+
+def _collected(plane: InPlane) -> PlaneCurves:
+    """All that is drawn of one contact."""
+    motion = plane.trajectory
+    sampled = Sampled(motion)
+    curves = PlaneCurves([plane], sampled, sampled.count <= FEW)
+    sticks = {plane.key: motion.modes[plane.key]}
+    for _, steps, values in sampled.sampled([*motion.system.declaration.state, *plane.traced]):
+        curves.absorb(steps, values, sticks)
+    return curves

@@ -1,0 +1,378 @@
+"""Taylor coefficients of a motion; in a plane, also where a slip begins.
+
+In slip the friction force is −k A n, n the direction of Au. Where |u| = 0 that is no function of
+the state: n follows from what u does next, Au = tᵖ w(t) with w = ρ n. Order by order, the rate of u
+depends linearly on the coefficients of n, through Delassus' matrix, which probes find: so
+
+    (Au)ₘ₊₁ = bₘ + Â nₘ/(m + 1) = (ρ n)ₘ₊₁₋ₚ,    n·n = 1,
+
+where bₘ is what the orders of n below m make of it, are two equations for the part of nₘ across n₀
+and for one order of ρ. The first of all, (Au)₁ = b₀ + Â n₀ = ρ n₀, has one solution: ρ is the root
+of a secular equation. Where it vanishes, since the force has just reached the threshold, p > 1.
+
+For p = 1 the series converges. For p = 2 it is asymptotic only: across n₀, u′ = F − k u/(ρ₀ t²) + …
+is singular as Euler's equation is, and coefficients grow like m! (ρ₀/k)ᵐ. Its least term is
+exp(−k/(ρ₀ t)), below rounding where the force outgrows the threshold by less than a thirtieth:
+the step ends there, as any step does, by its last terms.
+"""
+
+from __future__ import annotations
+
+import math
+
+from stickslip.arrays import Array
+from stickslip.machine_code.functions import njit
+from stickslip.motion.steps.arrays import (
+    AHEAD,
+    AIM,
+    COMPONENT,
+    DIMENSION,
+    EPSILON,
+    FEWEST_ORDERS,
+    INLINED,
+    MASSIVE,
+    OK,
+    OPTIONS,
+    Flow,
+    Instant,
+    Machine,
+    series_of,
+)
+
+_MOST_TURNS = 60  # of iterations between slips that begin together, and of a secular equation
+_NEGLIGIBLE = 1e-12  # part of its terms below which an order of |Au| is none
+_MOST_LEADING = 4  # orders of |Au| that may vanish
+# Rows of Space.aims for each plane: the direction (two rows), ρ, the right-hand side (two rows),
+# what is solved for (two rows), the order p, and what else is kept for a while.
+_AIMS = 9
+_N, _M, _RHO, _BX, _BY, _X, _Y, _P, _SPARE = range(_AIMS)
+
+
+@njit(**INLINED)
+def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
+    """Taylor coefficients of all rows of the tape at an instant, up to an order, in a table; OK, or
+    SINGULAR or INDEFINITE, what keeps the equations from being solved."""
+    status = series_of(machine, flow, at, order, table)
+    if status == OK and len(flow.rows.planes) > 0 and begins(flow, at.mode, table):
+        status = begin(machine, flow, at, order, table)
+    return status
+
+
+@njit(**OPTIONS)
+def begins(flow: Flow, mode: Array, table: Array) -> bool:
+    """Whether a contact in a plane is at the very beginning of a slip; sets aside which."""
+    rows = flow.rows
+    found = False
+    for p in range(len(rows.planes)):
+        slips = rows.planes[p, MASSIVE] == 1 and mode[rows.planes[p, COMPONENT]] == 1
+        starts = slips and table[rows.planes[p, AIM] + 2, 0] == 0.0
+        flow.space.aims[_AIMS * p + _P, 0] = 0.0 if starts else -1.0
+        found = found or starts
+    return found
+
+
+@njit(**OPTIONS)
+def begin(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
+    """Find the directions of slips that begin, and the coefficients with them.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        Its work space says which slips begin.
+    at : Instant
+    order : int
+    table : array
+        Receives the coefficients.
+    """
+    rows = flow.rows
+    begun = flow.space.begun
+    begun[rows.sizes[DIMENSION], 1] = table[rows.sizes[DIMENSION], 1]
+    status = respond(machine, flow, at, begun)
+    if status != OK:
+        return status
+    aim_first(flow)
+    # The leading orders of |Au|, and with them p; beyond, only what is asked for.
+    orders = order - 1 if order > 1 else 1
+    for m in range(1, orders):
+        deeper = order if m + 2 > FEWEST_ORDERS else FEWEST_ORDERS
+        if m + 2 > deeper:
+            break
+        work = table if deeper == order else begun
+        work[rows.sizes[DIMENSION], 1] = table[rows.sizes[DIMENSION], 1]
+        place_aims(flow, work, deeper)
+        status = series_of(machine, flow, at, stage_order(m + 2, deeper), work)
+        if status != OK:
+            return status
+        aim_order(flow, work, m)
+    place_aims(flow, table, order)
+    status = series_of(machine, flow, at, order, table)
+    place_speeds(flow, table, order)
+    return status
+
+
+@njit(**OPTIONS)
+def stage_order(needed: int, most: int) -> int:
+    """The least order for which series are made that suffices."""
+    found = most
+    for n in range(most, FEWEST_ORDERS - 1, -4):
+        if n >= needed:
+            found = n
+    return found
+
+
+@njit(**OPTIONS)
+def place_aims(flow: Flow, table: Array, order: int) -> None:
+    """Put what is known of directions and speeds into a table."""
+    rows = flow.rows
+    aims = flow.space.aims
+    for p in range(len(rows.planes)):
+        if aims[_AIMS * p + _P, 0] < 0.0:
+            continue
+        first = rows.planes[p, AIM]
+        for k in range(table.shape[1]):
+            table[first, k] = aims[_AIMS * p + _N, k] if k < aims.shape[1] else 0.0
+            table[first + 1, k] = aims[_AIMS * p + _M, k] if k < aims.shape[1] else 0.0
+    place_speeds(flow, table, order)
+
+
+@njit(**OPTIONS)
+def place_speeds(flow: Flow, table: Array, order: int) -> None:
+    """Put |Au| = tᵖ ρ into a table, as far as it is known."""
+    rows = flow.rows
+    aims = flow.space.aims
+    for p in range(len(rows.planes)):
+        leading = int(aims[_AIMS * p + _P, 0])
+        if leading < 0:
+            continue
+        row = rows.planes[p, AIM] + 2
+        for k in range(table.shape[1]):
+            known = 0 < leading <= k
+            table[row, k] = aims[_AIMS * p + _RHO, k - leading] if known else 0.0
+
+
+@njit(**OPTIONS)
+def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
+    """What (Au)₁ is without friction, and what each component of each direction adds to it.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        Receives the response in its work space, (Au)₁ in place of the right-hand sides of order 0.
+    at : Instant
+    table : array
+        Work space.
+    """
+    rows = flow.rows
+    aims = flow.space.aims
+    answer = flow.space.answer
+    planes = len(rows.planes)
+    for r in range(len(aims)):
+        if r % _AIMS != _P:
+            for k in range(aims.shape[1]):
+                aims[r, k] = 0.0
+    for probe in range(-1, 2 * planes):
+        if probe >= 0 and aims[_AIMS * (probe // 2) + _P, 0] < 0.0:
+            continue
+        if probe >= 0:
+            aims[_AIMS * (probe // 2) + _N + probe % 2, 0] = 1.0
+        place_aims(flow, table, FEWEST_ORDERS)
+        status = series_of(machine, flow, at, FEWEST_ORDERS, table)
+        if status != OK:
+            return status
+        for p in range(planes):
+            for i in range(2):
+                rate = table[rows.planes[p, AHEAD + i], 1]
+                if probe < 0:
+                    aims[_AIMS * p + _BX + i, 0] = rate
+                else:
+                    answer[2 * p + i, probe] = rate - aims[_AIMS * p + _BX + i, 0]
+        if probe >= 0:
+            aims[_AIMS * (probe // 2) + _N + probe % 2, 0] = 0.0
+    return OK
+
+
+@njit(**OPTIONS)
+def coupled(flow: Flow, p: int, part: int, m: int) -> tuple[float, float]:
+    """What the other slips that begin add to bₘ of one, by their directions.
+
+    Parameters
+    ----------
+    flow : Flow
+    p : int
+        The plane.
+    part : int
+        What is meant by their directions: known (_N), or what is solved for (_X).
+    m : int
+        The order.
+    """
+    aims = flow.space.aims
+    answer = flow.space.answer
+    x = 0.0
+    y = 0.0
+    for q in range(len(flow.rows.planes)):
+        if q != p and aims[_AIMS * q + _P, 0] >= 0.0:
+            u, v = aims[_AIMS * q + part, m], aims[_AIMS * q + part + 1, m]
+            x += answer[2 * p, 2 * q] * u + answer[2 * p, 2 * q + 1] * v
+            y += answer[2 * p + 1, 2 * q] * u + answer[2 * p + 1, 2 * q + 1] * v
+    return x / (m + 1), y / (m + 1)
+
+
+@njit(**OPTIONS)
+def aim_first(flow: Flow) -> None:
+    """Directions at the beginning: (Au)₁ = b₀ + Â n₀ = ρ n₀, each by its secular equation, in turn
+    until nothing changes."""
+    aims = flow.space.aims
+    answer = flow.space.answer
+    planes = len(flow.rows.planes)
+    for _ in range(_MOST_TURNS):
+        change = 0.0
+        for p in range(planes):
+            base = _AIMS * p
+            if aims[base + _P, 0] < 0.0:
+                continue
+            x, y = coupled(flow, p, _N, 0)
+            x += aims[base + _BX, 0]
+            y += aims[base + _BY, 0]
+            n, m, rho = secular(
+                -answer[2 * p, 2 * p],
+                -0.5 * (answer[2 * p, 2 * p + 1] + answer[2 * p + 1, 2 * p]),
+                -answer[2 * p + 1, 2 * p + 1],
+                x,
+                y,
+            )
+            change = max(change, abs(n - aims[base + _N, 0]) + abs(m - aims[base + _M, 0]))
+            aims[base + _N, 0], aims[base + _M, 0] = n, m
+            size = math.hypot(x, y)
+            first = abs(rho) > _NEGLIGIBLE * size
+            aims[base + _RHO, 0] = rho if first else 0.0
+            aims[base + _P, 0] = 1.0 if first else 0.0
+        if change <= 2.0 * EPSILON:
+            break
+
+
+@njit(**OPTIONS)
+def secular(a: float, b: float, c: float, x: float, y: float) -> tuple[float, float, float]:
+    """The unit vector n and the number ρ with (ρ + D) n = (x, y), D = [[a, b], [b, c]] positive
+    definite: ρ is the largest root of |(ρ + D)⁻¹(x, y)| = 1."""
+    middle = 0.5 * (a + c)
+    spread = math.hypot(0.5 * (a - c), b)
+    low, high = middle - spread, middle + spread
+    angle = 0.5 * math.atan2(2.0 * b, a - c)
+    cosine, sine = math.cos(angle), math.sin(angle)
+    u, v = cosine * x + sine * y, cosine * y - sine * x  # along the axes of D, high first
+    size = math.hypot(x, y)
+    if not size > 0.0:
+        return 1.0, 0.0, -low
+    if spread <= 4.0 * EPSILON * middle:
+        return x / size, y / size, size - middle
+    # 1/|(ρ + D)⁻¹(x, y)| is increasing and concave: Newton's method from the right stays there.
+    rho = size - low
+    for _ in range(_MOST_TURNS):
+        p, q = u / (rho + high), v / (rho + low)
+        length = math.hypot(p, q)
+        slope = (p * p / (rho + high) + q * q / (rho + low)) / length**3
+        step = (1.0 / length - 1.0) / slope
+        after = max(rho - step, -low + 1e-3 * (rho + low))
+        if abs(after - rho) <= 2.0 * EPSILON * (abs(rho) + middle):
+            rho = after
+            break
+        rho = after
+    p, q = u / (rho + high), v / (rho + low)
+    length = math.hypot(p, q)
+    p, q = p / length, q / length
+    return cosine * p - sine * q, sine * p + cosine * q, rho
+
+
+@njit(**OPTIONS)
+def aim_order(flow: Flow, table: Array, m: int) -> None:
+    """Order m of the directions, and the order of |Au| that it tells.
+
+    Parameters
+    ----------
+    flow : Flow
+    table : array
+        Coefficients with order m of the directions 0.
+    m : int
+    """
+    rows = flow.rows
+    aims = flow.space.aims
+    answer = flow.space.answer
+    planes = len(rows.planes)
+    for p in range(planes):
+        base = _AIMS * p
+        for i in range(2):
+            aims[base + _BX + i, m] = table[rows.planes[p, AHEAD + i], m + 1]
+            aims[base + _X + i, m] = 0.0
+    for _ in range(_MOST_TURNS):
+        change = 0.0
+        for p in range(planes):
+            base = _AIMS * p
+            leading = int(aims[base + _P, 0])
+            if leading < 0:
+                continue
+            n, o = aims[base + _N, 0], aims[base + _M, 0]
+            x, y = coupled(flow, p, _X, m)
+            x += aims[base + _BX, m]
+            y += aims[base + _BY, m]
+            along = unit_part(aims, base, m)
+            # Â n₀ and Â across n₀, in this order
+            share = 1.0 / (m + 1)
+            ax = (answer[2 * p, 2 * p] * n + answer[2 * p, 2 * p + 1] * o) * share
+            ay = (answer[2 * p + 1, 2 * p] * n + answer[2 * p + 1, 2 * p + 1] * o) * share
+            cx = (answer[2 * p, 2 * p + 1] * n - answer[2 * p, 2 * p] * o) * share
+            cy = (answer[2 * p + 1, 2 * p + 1] * n - answer[2 * p + 1, 2 * p] * o) * share
+            x += along * ax
+            y += along * ay
+            size = abs(x) + abs(y) + abs(ax) + abs(ay)
+            k = m + 1 - leading
+            if leading == 1:
+                # nₘ stands on both sides
+                rho = aims[base + _RHO, 0]
+                cx += rho * o
+                cy -= rho * n
+                x -= rho * along * n
+                y -= rho * along * o
+            elif leading > 1 and k > 0:
+                x -= aims[base + _RHO, 0] * aims[base + _N, k]
+                y -= aims[base + _RHO, 0] * aims[base + _M, k]
+            for j in range(1, k if leading > 0 else 0):
+                x -= aims[base + _RHO, j] * aims[base + _N, k - j]
+                y -= aims[base + _RHO, j] * aims[base + _M, k - j]
+            # (x, y) + ν (cx, cy) = ρₖ n₀
+            across = -o * x + n * y
+            slope = -o * cx + n * cy
+            nu = -across / slope
+            rho = n * (x + nu * cx) + o * (y + nu * cy)
+            u, v = along * n - nu * o, along * o + nu * n
+            change = max(change, abs(u - aims[base + _X, m]) + abs(v - aims[base + _Y, m]))
+            change = change if planes > 1 else 0.0
+            aims[base + _X, m], aims[base + _Y, m] = u, v
+            aims[base + _SPARE, m] = rho
+            aims[base + _SPARE, 0] = size
+        if change <= 4.0 * EPSILON:
+            break
+    for p in range(planes):
+        base = _AIMS * p
+        leading = int(aims[base + _P, 0])
+        if leading < 0:
+            continue
+        aims[base + _N, m], aims[base + _M, m] = aims[base + _X, m], aims[base + _Y, m]
+        rho = aims[base + _SPARE, m]
+        if leading == 0:
+            if abs(rho) > _NEGLIGIBLE * aims[base + _SPARE, 0] and m < _MOST_LEADING:
+                aims[base + _P, 0] = m + 1.0
+                aims[base + _RHO, 0] = rho
+        else:
+            aims[base + _RHO, m + 1 - leading] = rho
+
+
+@njit(**OPTIONS)
+def unit_part(aims: Array, base: int, m: int) -> float:
+    """The part of nₘ along n₀, from n·n = 1."""
+    s = 0.0
+    for j in range(1, m):
+        s -= 0.5 * aims[base + _N, j] * aims[base + _N, m - j]
+        s -= 0.5 * aims[base + _M, j] * aims[base + _M, m - j]
+    return s

@@ -1,0 +1,111 @@
+"""What is said of contacts in a plane: by the name that was declared, once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from stickslip.model.quantities import quantity
+from stickslip.model.system_file import loads
+
+NAMES = ["puck", "turntable", "conveyor", "isolated_floor", "planar_jenkins", "tractrix"]
+
+
+def test_events_and_switches_have_one_row_a_contact() -> None:
+    motion = ss.simulate(ss.catalogue.turntable(), (0, 3))
+    assert motion.events["contact"].unique().tolist() == ["disc"]
+    assert motion.events["from"].tolist()[:2] == ["stick", "slip"]
+    assert motion.events["to"].tolist()[:2] == ["slip", "stick"]
+    assert motion.n_switches == len(motion.events) == 4
+
+
+def test_the_dataset_has_components_of_vectors_and_one_mode() -> None:
+    motion = ss.simulate(ss.catalogue.turntable(), (0, 3))
+    own = {name for name in motion.dataset if "disc" in str(name)}
+    vectors = ("friction", "slip_speed", "threshold")
+    assert own == {f"{what}_disc_{i}" for what in vectors for i in (1, 2)} | {"mode_disc"}
+    mode = motion["mode_disc"]
+    assert mode.attrs["flag_values"].tolist() == [0, 1]
+    assert mode.attrs["flag_meanings"] == "stick slip"
+    force = np.hypot(motion["friction_disc_1"], motion["friction_disc_2"])
+    assert np.all(force <= 0.3 * 0.1 * 9.81 * (1 + 1e-12))
+    assert np.asarray(force)[np.asarray(mode) == 1] == pytest.approx(0.2 * 0.1 * 9.81)
+
+
+def test_units_and_meanings() -> None:
+    system = ss.catalogue.puck()
+    assert quantity(system, "friction_table_2") == {
+        "units": "N",
+        "long_name": "friction force of table, component 2",
+    }
+    assert quantity(system, "slip_speed_table_1")["units"] == "m/s"
+    assert quantity(system, "threshold_table_1")["long_name"].startswith("half axis of the forces")
+    with pytest.raises(KeyError):
+        quantity(system, "threshold_plus_table_1")
+
+
+def test_half_axes_are_those_of_the_ellipse() -> None:
+    system = ss.System(
+        name="rolled",
+        parameters={"a": ss.Parameter(0.5)},
+        coordinates={"x": ss.Inertial(), "y": ss.Inertial()},
+        kinetic="(d_x**2 + d_y**2)/2",
+        contacts={"table": ss.Contact(("d_x", "d_y"), 3.0, axes=(1, "a"))},
+        initial={"d_x": 1.0, "d_y": 1.0},
+        span=(0, 1),
+    )
+    last = ss.simulate(system).at(0.5)
+    assert (last["threshold_table_1"], last["threshold_table_2"]) == pytest.approx((3.0, 1.5))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_model_files_lose_nothing(name: str) -> None:
+    system = ss.catalogue.get(name)
+    assert loads(system.to_toml()) == system
+
+
+def test_axes_and_surfaces_in_a_model_file() -> None:
+    contact = ss.Contact(
+        ("d_x + d_y", "d_y"), "1 + x**2", ("a*y", -0.1), kinetic="exp(-speed)", axes=("a", 2)
+    )
+    system = ss.System(
+        name="all",
+        parameters={"a": ss.Parameter(0.3)},
+        coordinates={"x": ss.Inertial(), "y": ss.Inertial()},
+        kinetic="(d_x**2 + d_y**2)/2",
+        contacts={"table": contact},
+    )
+    again = loads(system.to_toml())
+    assert again == system
+    assert again.contacts["table"] == contact
+
+
+def test_a_motion_is_read_as_it_was_stored(tmp_path: Path) -> None:
+    motion = ss.simulate(ss.catalogue.conveyor())
+    motion.save(tmp_path / "motion.nc")
+    again = ss.open(tmp_path / "motion.nc")
+    assert isinstance(again, ss.Trajectory)
+    assert again.events.equals(motion.events)
+    assert again.dataset.identical(motion.dataset)
+    assert again.certificate.ok
+
+
+def test_a_slip_is_as_long_as_the_way_between_the_surfaces() -> None:
+    """Of a block on a turntable against the velocity of the disc below it, by quadrature."""
+    motion = ss.simulate(ss.catalogue.turntable(), (0, 3))
+    events = motion.event_catalogue()
+    assert events["first"].values.tolist() == ["disc", "disc"]
+    for start, duration, size in zip(
+        *(events[name].values for name in ("start", "duration", "size")), strict=True
+    ):
+        nodes, weights = np.polynomial.legendre.leggauss(40)
+        # The velocity has a corner at the start, and no power series at the end.
+        times = start + duration * (1 - (0.5 - 0.5 * nodes) ** 3)
+        weights = weights * 1.5 * (0.5 - 0.5 * nodes) ** 2 * duration
+        seen = motion.at(times)
+        way = [np.sum(weights * seen[f"slip_speed_disc_{i}"]) for i in (1, 2)]
+        assert size == pytest.approx(np.hypot(*way), rel=1e-8)
+    assert events["contacts"].values.tolist() == [1, 1]
