@@ -57,6 +57,7 @@ LEAST = {
     "tutorials/memory.md": 10,
     "tutorials/machines.md": 15,
     "tutorials/impacts.md": 15,
+    "tutorials/friction-in-a-plane.md": 15,
     "tutorials/gaits.md": 30,
     "tutorials/record-to-map.md": 15,
 }

@@ -19,7 +19,7 @@ from making import docstrings, examples, markdown
 from stickslip.display.system_page import system_page
 
 ROOT = Path(__file__).parents[2]
-_SECONDS = 40  # for a picture
+_SECONDS = 240  # for a picture, on a machine that is busy
 _THUMBNAIL = 90  # dots per inch
 
 

@@ -28,7 +28,7 @@ GROUPS: Mapping[str, str] = {
     "averaging_study AveragingStudy play Play prandtl_ishlinskii Dissipation WeightedL1 GroupNorm "
     "Ellipsoid Polytope SupportFunction Product Intersection",
     "Files, errors, pictures": "open StickslipError DeclarationError ConvergenceError figures "
-    "style",
+    "style explore",
 }
 """What belongs together; a name that stands nowhere here has a page all the same."""
 # What results hold.

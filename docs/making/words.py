@@ -10,7 +10,7 @@ from pathlib import Path
 
 WORDS: Mapping[str, str] = {
     "start": "install, pip install, first picture, conda, getting started, extras",
-    "is-this-for-me": "scope, limitations, alternatives, comparison, friction in a plane, 3-D, "
+    "is-this-for-me": "scope, limitations, alternatives, comparison, 3-D, "
     "speed, delay, noise, collision",
     "questions": "faq, questions",
     "glossary": "glossary, terms",
@@ -21,6 +21,8 @@ WORDS: Mapping[str, str] = {
     "tutorials/shaken": "vibration, shaken friction, effective friction, plate compactor",
     "tutorials/memory": "earthquake, rate and state, fault",
     "tutorials/machines": "brake squeal, squeal, drill string, violin, damper, joint, hunting",
+    "tutorials/friction-in-a-plane": "friction in a plane, two directions, 2-D friction, puck, "
+    "turntable, anisotropic friction",
     "tutorials/impacts": "impact, bouncing, lift off, restitution, collision with a stop, Zeno",
     "tutorials/gaits": "walking, gait, locomotion, crawling",
     "tutorials/record-to-map": "record to a map",
@@ -48,6 +50,7 @@ WORDS: Mapping[str, str] = {
     "theory/germs": "event detection, mode change, switching",
     "theory/cycles": "multipliers, saltation, Floquet, stability of a cycle",
     "theory/averaging": "averaging, homogenisation",
+    "theory/planes": "friction disc, direction of slip",
     "theory/evolutions": "rate-independent, quasistatic, hysteresis",
     "theory/stick-onset": "stick onset, grazing, sliding bifurcation",
     "reference/laws": "friction laws, Stribeck, LuGre, Coulomb, Dahl, Bouc-Wen, Iwan",
