@@ -60,7 +60,7 @@ class Op(IntEnum):
     DIRECTION = 23
 
 
-GIVEN = 3
+DIRECTION_GIVEN = 3
 """Mode of a contact in a plane whose direction of slip is given."""
 OUTPUTS = {Op.ROTATION: 2, Op.STEADY: 2, Op.HYPERBOLIC: 2, Op.TAN: 2, Op.TANH: 2, Op.DIRECTION: 3}
 """How many rows an operation fills, if not one."""
@@ -101,8 +101,8 @@ class Instruction:
         inputs, makes no series, but says how far the rate strays. DIRECTION makes of a vector, its
         first two inputs, the direction in slip and, as third row, the modulus; in stick all are
         zero. Where the modulus is zero up to rounding (the third input is the size of its terms),
-        and where the mode of contact `place` is `GIVEN`, its rows stay what they are, but that the
-        modulus is 0 in the first case.
+        and where the mode of contact `place` is `DIRECTION_GIVEN`, its rows stay what they are,
+        but that the modulus is 0 in the first case.
     row : int
         Where the result goes (the first row of several).
     inputs : tuple of int

@@ -35,7 +35,7 @@ from stickslip.equations.native.tables import (
 )
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.scalars import Scalar
-from stickslip.symbolic.tape import GIVEN, OUTPUTS, Instruction, Op, Scaled
+from stickslip.symbolic.tape import DIRECTION_GIVEN, OUTPUTS, Instruction, Op, Scaled
 
 _OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
 _NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a speed is zero
@@ -397,7 +397,7 @@ def _direction(s: Series, i: Instruction, k: Order) -> None:
     """u/|u| and |u| in slip, unless they are given."""
     a, b, size = i.inputs
     n, m, r = i.row, i.row + 1, i.row + 2
-    is_given = s.is_mode(i.place, "eq", GIVEN)
+    is_given = s.is_mode(i.place, "eq", DIRECTION_GIVEN)
     if k == 0:
         u, v = s.get(a, 0), s.get(b, 0)
         speed = s.call("llvm.sqrt.f64", s.total([(u, u), (v, v)]))

@@ -95,7 +95,7 @@ from stickslip.motion.steps.jumps import fired_jump, make_jump
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import LEAST_SIZE, fill_powers, impulse
 from stickslip.motion.steps.stiff import follow_mode
-from stickslip.symbolic.tape import GIVEN
+from stickslip.symbolic.tape import DIRECTION_GIVEN
 
 _NEGLIGIBLE = 1e-10  # part of its size that a quantity may have between the nodes
 _MOST_PIECES = 512  # of a step
@@ -352,18 +352,37 @@ def give_directions(rows: Rows, mode: Array, given: bool) -> None:
 
     An audit has the direction of a step as one more candidate, and asks whether it is that of the
     velocity: so nothing is divided by a speed.
+
+    Parameters
+    ----------
+    rows : Rows
+    mode : array of int, shape (contacts,)
+        Is changed.
+    given : bool
     """
     for p in range(len(rows.planes)):
         if mode[rows.planes[p, COMPONENT]] != 0:
-            value = GIVEN if given else 1
+            value = DIRECTION_GIVEN if given else 1
             mode[rows.planes[p, COMPONENT]] = value
             mode[rows.planes[p, OTHER]] = value
 
 
 @njit(**OPTIONS)
 def take_directions(rows: Rows, W: Array, N: int, x: float, V: Array) -> None:
-    """Put the directions that polynomials have at a place, in the unit of their time, into a
-    table."""
+    """Put the directions that polynomials have at a place into a table.
+
+    Parameters
+    ----------
+    rows : Rows
+    W : array
+        The polynomials.
+    N : int
+        Order of those of the state.
+    x : float
+        The place, in the unit of their time.
+    V : array
+        Receives them.
+    """
     for p in range(len(rows.planes)):
         for row in range(rows.planes[p, AIM], rows.planes[p, AIM] + 3):
             V[row, 0] = horner(W[row], N - 1, x)
@@ -946,7 +965,7 @@ def sample_law(
         if abs(mode[c]) == 2:
             law[c, _HELD] = most(law[c, _HELD], mag[nc + c] * h if c < mq else mag[c])
         elif mode[c] == 0:
-            law[c, _HELD] = most(law[c, _HELD], held_back(rows, space, c, h))
+            law[c, _HELD] = most(law[c, _HELD], free_speed(rows, space, c, h))
         else:
             samples[row, g] = mode[c] * u
             samples[row + 2, g] = held + (up if mode[c] > 0 else -down)
@@ -1057,7 +1076,7 @@ def sample_plane(
         samples[row + 1, g] = u
         samples[row + 2, g] = v
         for i in (c, other):
-            law[c, _HELD] = most(law[c, _HELD], held_back(rows, space, i, h))
+            law[c, _HELD] = most(law[c, _HELD], free_speed(rows, space, i, h))
         return
     x, y = V[plane[AIM], 0], V[plane[AIM] + 1, 0]
     samples[row, g] = x * u + y * v
@@ -1074,7 +1093,7 @@ def sample_plane(
 
 
 @njit(**OPTIONS)
-def held_back(rows: Rows, space: Space, c: int, h: float) -> float:
+def free_speed(rows: Rows, space: Space, c: int, h: float) -> float:
     """The speed that forces would give to what sticks.
 
     Parameters
@@ -1096,7 +1115,17 @@ def held_back(rows: Rows, space: Space, c: int, h: float) -> float:
 
 @njit(**OPTIONS)
 def product_strays(W: Array, discs: Array, a: int, b: int, factor: float) -> float:
-    """What a product of two rows may do between the nodes."""
+    """What a product of two rows may do between the nodes.
+
+    Parameters
+    ----------
+    W, discs : arrays
+        Values of the rows (order 0), and their discs.
+    a, b : int
+        The rows.
+    factor : float
+        As of :func:`strays`.
+    """
     x, y = abs(W[a, 0]), abs(W[b, 0])
     u, v = discs[a, BALL], discs[b, BALL]
     off = discs[a, OFF] * (y + v) + discs[b, OFF] * (x + u + discs[a, OFF])
@@ -1305,7 +1334,16 @@ def room_left(rows: Rows, space: Space, p: int, order: int, x: float, late: floa
 @njit(**OPTIONS)
 def leaves_alone(rows: Rows, mode: Array, next_mode: Array, reg: Array, next_reg: Array) -> bool:
     """Whether one contact leaves rest, and nothing else happens by which forces may jump: none
-    comes to rest, and no region changes."""
+    comes to rest, and no region changes.
+
+    Parameters
+    ----------
+    rows : Rows
+    mode, next_mode : arrays of int, shape (contacts,)
+        On the step, and from its end on.
+    reg, next_reg : arrays of int, shape (kinks,)
+        Likewise.
+    """
     leaving = 0
     for c in range(len(mode)):
         if not resting(mode[c]) and mode[c] != next_mode[c]:

@@ -859,10 +859,12 @@ def try_mode(
     series = shortened_step(flow, mode, lane.reg, h, lane.seen)
     step = series
     length = h
-    stiff = quiet and not step < h and lingers(flow, lane, h, room)
+    # Where a slip in a plane is slow, discs cut what is stiff as well.
+    whole = not step < h or len(flow.rows.planes) > 0
+    stiff = quiet and whole and lingers(flow, lane, step, room)
     if stiff:
         here = Instant(clock[NOW], lane.y, mode, lane.reg)
-        step, clock[IMPLICIT] = collocate(machine, flow, here, h, clock[IMPLICIT], lane.seen)
+        step, clock[IMPLICIT] = collocate(machine, flow, here, step, clock[IMPLICIT], lane.seen)
     if step != h:
         length = (clock[NOW] + step) - clock[NOW]
         fill_powers(space.powers, length / space.W[n, 1])

@@ -472,7 +472,7 @@ def set_mode(rows: Rows, mode: Array, c: int, value: int) -> None:
 
 
 @njit(**INLINED)
-def series_of(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
+def plain_coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
     """Taylor coefficients of all rows of the tape at an instant, up to an order, in a table; the
     directions of slips in a plane that begin stay what they are there."""
     s = flow.space

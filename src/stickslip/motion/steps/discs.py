@@ -36,7 +36,7 @@ from stickslip.equations.codegen.program import (
 )
 from stickslip.machine_code.functions import njit
 from stickslip.motion.steps.arrays import AIM, COMPONENT, INLINED, OPTIONS, Flow, Rows
-from stickslip.symbolic.tape import GIVEN, Op
+from stickslip.symbolic.tape import DIRECTION_GIVEN, Op
 
 LINEAR, PRODUCT, QUOTIENT, _RECIPROCAL, _POWER = (
     int(op) for op in (Op.LINEAR, Op.PRODUCT, Op.QUOTIENT, Op.RECIPROCAL, Op.POWER)
@@ -48,7 +48,7 @@ CHAIN, TAN, TANH = (int(op) for op in (Op.CHAIN, Op.TAN, Op.TANH))
 SELECT, SIDE, SPEED, ENTRY, RIGHT, SOLVE, RATES = (
     int(op) for op in (Op.SELECT, Op.SIDE, Op.SPEED, Op.ENTRY, Op.RIGHT, Op.SOLVE, Op.RATES)
 )
-IMPLICIT_ROW, WITHIN, DIRECTION = int(Op.IMPLICIT), int(Op.WITHIN), int(Op.DIRECTION)
+IMPLICIT_ROW, WITHIN, DIRECTION_ROW = int(Op.IMPLICIT), int(Op.WITHIN), int(Op.DIRECTION)
 # Columns of a table of discs: the numbers B and S of a row and the lower bound of its modulus; and,
 # for a part of the state, how far its derivative strays.
 BALL, OFF, _NEAR, SLOPE = range(4)
@@ -231,7 +231,7 @@ def spread(tape: DiscTape, mode: Array, reg: Array, first: int, last: int) -> No
             turn += 1
             if not spread_within(tape, i, turn):
                 i -= code[i, PLACE] + 1
-        elif op == DIRECTION:
+        elif op == DIRECTION_ROW:
             spread_direction(tape, mode, i)
         else:
             spread_choice(tape, mode, reg, i)
@@ -275,12 +275,26 @@ def spread_within(tape: DiscTape, i: int, turn: int) -> bool:
 @njit(**OPTIONS)
 def is_given(W: Array, row: int, mode: int) -> bool:
     """Whether the direction of a slip is given: its rows then are polynomials, as the state is."""
-    return bool(mode == GIVEN or (mode != 0 and W[row + 2, 0] == 0.0))
+    return bool(mode == DIRECTION_GIVEN or (mode != 0 and W[row + 2, 0] == 0.0))
 
 
 @njit(**OPTIONS)
 def spread_given(rows: Rows, mode: Array, W: Array, N: int, powers: Array, discs: Array) -> None:
-    """Discs of the directions of slips that are given, as :func:`spread_state` makes them."""
+    """Discs of the directions of slips that are given, as :func:`spread_state` makes them.
+
+    Parameters
+    ----------
+    rows : Rows
+    mode : array of int, shape (contacts,)
+    W : array, shape (rows, N + 1)
+        Taylor coefficients.
+    N : int
+        Their order.
+    powers : array, shape (N + 1,)
+        Of the radius.
+    discs : array, shape (rows, 4)
+        Receives the discs.
+    """
     for p in range(len(rows.planes)):
         first = rows.planes[p, AIM]
         if is_given(W, first, int(mode[rows.planes[p, COMPONENT]])):

@@ -36,7 +36,7 @@ from stickslip.motion.steps.arrays import (
     Flow,
     Instant,
     Machine,
-    series_of,
+    plain_coefficients,
 )
 
 _MOST_TURNS = 60  # of iterations between slips that begin together, and of a secular equation
@@ -50,11 +50,26 @@ _N, _M, _RHO, _BX, _BY, _X, _Y, _P, _SPARE = range(_AIMS)
 
 @njit(**INLINED)
 def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
-    """Taylor coefficients of all rows of the tape at an instant, up to an order, in a table; OK, or
-    SINGULAR or INDEFINITE, what keeps the equations from being solved."""
-    status = series_of(machine, flow, at, order, table)
+    """Taylor coefficients of all rows of the tape at an instant.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    at : Instant
+    order : int
+        Up to which they are made.
+    table : array
+        Receives them.
+
+    Returns
+    -------
+    int
+        OK, or SINGULAR or INDEFINITE, what keeps the equations from being solved.
+    """
+    status = plain_coefficients(machine, flow, at, order, table)
     if status == OK and len(flow.rows.planes) > 0 and begins(flow, at.mode, table):
-        status = begin(machine, flow, at, order, table)
+        status = begin_slips(machine, flow, at, order, table)
     return status
 
 
@@ -72,14 +87,14 @@ def begins(flow: Flow, mode: Array, table: Array) -> bool:
 
 
 @njit(**OPTIONS)
-def begin(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
+def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
     """Find the directions of slips that begin, and the coefficients with them.
 
     Parameters
     ----------
     machine : Machine
     flow : Flow
-        Its work space says which slips begin.
+        Its work space says which slips begin_slips.
     at : Instant
     order : int
     table : array
@@ -101,12 +116,12 @@ def begin(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -
         work = table if deeper == order else begun
         work[rows.sizes[DIMENSION], 1] = table[rows.sizes[DIMENSION], 1]
         place_aims(flow, work, deeper)
-        status = series_of(machine, flow, at, stage_order(m + 2, deeper), work)
+        status = plain_coefficients(machine, flow, at, stage_order(m + 2, deeper), work)
         if status != OK:
             return status
         aim_order(flow, work, m)
     place_aims(flow, table, order)
-    status = series_of(machine, flow, at, order, table)
+    status = plain_coefficients(machine, flow, at, order, table)
     place_speeds(flow, table, order)
     return status
 
@@ -178,7 +193,7 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
         if probe >= 0:
             aims[_AIMS * (probe // 2) + _N + probe % 2, 0] = 1.0
         place_aims(flow, table, FEWEST_ORDERS)
-        status = series_of(machine, flow, at, FEWEST_ORDERS, table)
+        status = plain_coefficients(machine, flow, at, FEWEST_ORDERS, table)
         if status != OK:
             return status
         for p in range(planes):
@@ -235,7 +250,7 @@ def aim_first(flow: Flow) -> None:
             x, y = coupled(flow, p, _N, 0)
             x += aims[base + _BX, 0]
             y += aims[base + _BY, 0]
-            n, m, rho = secular(
+            n, m, rho = secular_root(
                 -answer[2 * p, 2 * p],
                 -0.5 * (answer[2 * p, 2 * p + 1] + answer[2 * p + 1, 2 * p]),
                 -answer[2 * p + 1, 2 * p + 1],
@@ -253,9 +268,21 @@ def aim_first(flow: Flow) -> None:
 
 
 @njit(**OPTIONS)
-def secular(a: float, b: float, c: float, x: float, y: float) -> tuple[float, float, float]:
+def secular_root(a: float, b: float, c: float, x: float, y: float) -> tuple[float, float, float]:
     """The unit vector n and the number ρ with (ρ + D) n = (x, y), D = [[a, b], [b, c]] positive
-    definite: ρ is the largest root of |(ρ + D)⁻¹(x, y)| = 1."""
+    definite: ρ is the largest root of |(ρ + D)⁻¹(x, y)| = 1.
+
+    Parameters
+    ----------
+    a, b, c : float
+        Entries of D.
+    x, y : float
+
+    Returns
+    -------
+    n : pair of float
+        Both components, and ρ behind them.
+    """
     middle = 0.5 * (a + c)
     spread = math.hypot(0.5 * (a - c), b)
     low, high = middle - spread, middle + spread

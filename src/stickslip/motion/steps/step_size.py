@@ -29,7 +29,7 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.discs import (
     BALL,
     CHAIN,
-    DIRECTION,
+    DIRECTION_ROW,
     LOG,
     OFF,
     ROTATION,
@@ -311,7 +311,7 @@ def may_hide(tape: DiscTape, part: float) -> bool:
     for i in range(p.leading[0]):
         if p.hiding[i] == 1:
             op, row = p.code[i, OPERATION], p.code[i, RESULT]
-            bounded = op in (LOG, ROTATION, DIRECTION) or CHAIN <= op <= TANH
+            bounded = op in (LOG, ROTATION, DIRECTION_ROW) or CHAIN <= op <= TANH
             size = abs(W[row, 0]) + (1.0 if bounded else 0.0)
             if not (part * discs[row, BALL] <= _LOOSE * size and discs[row, OFF] == 0.0):
                 return True

@@ -21,7 +21,7 @@ from stickslip.equations.codegen.program import (
 from stickslip.machine_code.functions import njit
 from stickslip.motion.steps.arrays import DIMENSION, INLINED, OPTIONS, Flow
 from stickslip.motion.steps.discs import (
-    DIRECTION,
+    DIRECTION_ROW,
     ENTRY,
     HYPERBOLIC,
     IMPLICIT_ROW,
@@ -131,7 +131,7 @@ def row_kind(flow: Flow, mode: Array, reg: Array, i: int) -> int:
                 kind |= _NOTHING if kinds[p.term_row[e]] == _NOTHING else _OTHER
     elif op in (IMPLICIT_ROW, WITHIN):
         kind = _OTHER
-    elif op == DIRECTION:
+    elif op == DIRECTION_ROW:
         kind = _OTHER if mode[c] != 0 else _NOTHING
     return int(kind)
 

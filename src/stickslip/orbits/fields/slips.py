@@ -101,7 +101,7 @@ def _rates(motion: Trajectory, knot: int, piece: Piece) -> Array:
     return part._sample_clock(alone.clock, np.array([0]))[0][motion._problem.rows.program.rates]
 
 
-def reversals(motion: Trajectory) -> list[float]:
+def passages(motion: Trajectory) -> list[float]:
     """Times at which a slip in a plane goes on through u = 0: neighbours pass by on one side or
     the other, so that there is no derivative."""
     rows = motion._problem.rows

@@ -129,7 +129,7 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
         else:
             raise AssertionError("a mode has changed, and no guard of it has fired")
     grazed = run.knots.time[run.outcome == GRAZED] + run.origin
-    grazings = tuple(sorted([*map(float, grazed), *meeting.grazings, *slips.reversals(trajectory)]))
+    grazings = tuple(sorted([*map(float, grazed), *meeting.grazings, *slips.passages(trajectory)]))
     corners = tuple(meeting.corners)
     return Variation(run.after, run.late, pieces.made, run.piece, corners, grazings)
 
