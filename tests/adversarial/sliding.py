@@ -35,6 +35,7 @@ TOLERANCE = 2e-14  # of the last coefficients of a step
 END = np.log(1e-15)  # of log|Au| where nothing remains of a slip
 NEGLIGIBLE = 1e-9  # rates of |Au| below which a slip begins like t²
 LEAST_STEP = 1e-7
+PACE = 0.05  # of the first step of a phase
 MOST_PHASES = 400
 SAMPLES = np.linspace(0.0, 1.0, 49)[1:]
 
@@ -188,7 +189,6 @@ class Run:
     states: list[Array] = field(default_factory=list)
     forces: list[list[Array]] = field(default_factory=list)
     tolerance: float = TOLERANCE
-    pace: float = 0.1
 
     # Rows of what is integrated: t, q, q′, and of each slip in a plane ℓ and n, if `aimed`, or Au:
     # where it begins, Au is much smaller than what rounding leaves of q′.
@@ -292,7 +292,7 @@ class Run:
             if event is not None or self.y[0].real >= self.end:
                 return event
         y = self.lifted(self.y)
-        h = self.pace
+        h = PACE
         guess = np.tile(y, (NODES, 1))
         f = lambda z: self.rates(z, aimed=True)  # noqa: E731
         while True:
@@ -319,7 +319,6 @@ class Run:
             grow = min(2.0, 0.9 * (self.tolerance / max(tail, 1e-18)) ** (1 / NODES))
             guess = step(1.0 + PLACES * grow) if grow <= 1.2 else np.tile(y, (NODES, 1))
             h *= grow
-            self.pace = min(h, 0.5)
 
     def finish(self, pad: int, y: Array) -> None:
         """What remains of a slip: nothing of its speed, and r/|r′| of its time."""
@@ -330,6 +329,7 @@ class Run:
     def look(self, step: Step, armed: set[int], aimed: bool) -> tuple[Any, int | None]:
         """Where the step has to end, and why: a pad whose guard vanishes, or the last time."""
         values = self.guards(step(SAMPLES), aimed)
+        armed |= {c for c, g in self.guards(step(0.0), aimed).items() if g[0].real > 1e-13}
         best: tuple[float, int | None] = (1.0, None)
         for c, g in values.items():
             g = g.real
@@ -588,6 +588,8 @@ class Run:
         guess = self._first_guess(new, y, h)
         while True:
             stages = newton(f, y, h, guess)
+            if stages is None:
+                stages = newton(f, y, h, self._first_guess(new, y, h))
             tail = np.inf if stages is None else tail_of(f(stages), y, h)
             if tail <= self.tolerance:
                 break

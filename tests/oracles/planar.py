@@ -150,9 +150,39 @@ def slip_from_rest(
 # -- smoothed friction -----------------------------------------------------------------------------
 
 
-def extrapolated(values: Sequence[Array]) -> tuple[Array, Array]:
-    """The limit of values at lengths ε, ε/2, ε/4, by Richardson's table for errors that are series
-    of ε, and that of the first two."""
+def smoothed(bodies: Any, start: Sequence[float], times: Array, length: float) -> Array:
+    """States (q, q′) of a system whose friction is −k Au/√(|Au|² + ε²), by Radau: nothing in it
+    knows of modes. Where k < s it is no approximation.
+
+    Parameters
+    ----------
+    bodies : adversarial.sliding.Bodies
+    start : array of 2n numbers
+    times : sorted array
+    length : float
+        ε.
+    """
+    n = bodies.size
+
+    def rates(t: float, y: Array) -> Array:
+        at = np.array([t])
+        q, v = y[None, :n], y[None, n:]
+        push = bodies.force(at, q, v)
+        for pad in bodies.pads:
+            slide = pad.slide(at, q, v)
+            size = np.sqrt(np.sum(slide**2, axis=1, keepdims=True) + length**2)
+            k = pad.sliding(at, q, size[:, 0])
+            push = push - (k[:, None] * slide / size * pad.A) @ pad.directions
+        return np.concatenate([v[0], (push @ bodies.inverse)[0]])
+
+    span = (0.0, float(times[-1]))
+    found = solve_ivp(rates, span, np.asarray(start), "Radau", times, rtol=1e-7, atol=1e-10)
+    assert found.status == 0, found.message
+    return found.y.T
+
+
+def extrapolated(values: Sequence[Array]) -> Array:
+    """The limit of values at ε, ε/2, ε/4, by Richardson's table for errors that are series of ε."""
     one = 2 * values[1] - values[0]
     two = 2 * values[2] - values[1]
-    return two + (two - one) / 3, one
+    return two + (two - one) / 3

@@ -70,7 +70,7 @@ def test_a_puck_stops_where_quadrature_says(angle: float, ratio: float) -> None:
 # -- the turntable ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("k", "Omega_0", "R"), [(4.0, 1.0, 0.1), (3.0, 2.0, 0.1), (3.0, 0.5, 0.2)])
+@pytest.mark.parametrize(("k", "Omega_0", "R"), [(4.0, 1.0, 0.1), (3.0, 2.0, 0.1), (9.0, 0.5, 0.2)])
 def test_the_disc_carries_a_block_to_the_angle_of_the_closed_form(
     k: float, Omega_0: float, R: float
 ) -> None:
@@ -124,9 +124,9 @@ def test_a_slip_is_that_of_a_solver_for_smooth_equations() -> None:
 def test_a_parcel_slips_where_both_belts_bear_the_same() -> None:
     motion = certified(ss.simulate(ss.catalogue.conveyor()))
     leaves, arrives = (row for _, row in motion.events.iterrows())
-    assert (leaves["contact"], leaves["to"]) == ("first belt", "slip")
+    assert leaves[["contact", "to"]].tolist() == ["first belt", "slip"]
     assert leaves["x"] == pytest.approx(0.0, abs=1e-14)
-    assert (arrives["contact"], arrives["to"]) == ("second belt", "stick")
+    assert arrives[["contact", "to"]].tolist() == ["second belt", "stick"]
     assert (motion.final["d_x"], motion.final["d_y"]) == pytest.approx((0.0, 0.8), abs=1e-12)
 
 
@@ -195,7 +195,6 @@ def turned(angle: float) -> ss.System:
     return ss.catalogue.isolated_floor(a_x=f"{c!r}*({EAST})", a_y=f"{s!r}*({EAST})")
 
 
-@pytest.mark.xfail(strict=True, reason="a reversal through u = 0 without a stick phase")
 @pytest.mark.parametrize("angle", [0.0, 0.7, 2.5])
 def test_a_floor_shaken_along_a_line_moves_as_one_with_a_contact_along_it(angle: float) -> None:
     line = ss.System(

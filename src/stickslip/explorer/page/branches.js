@@ -6,7 +6,7 @@
 explorer.branches = {found: [], over: null, hand: false}
 
 explorer.listen((kind, state) => {
-  if (kind === "model") { explorer.branches.found = []; explorer.branches.choices = null; note(""); explorer.branches.draw() }
+  if (kind === "model") { explorer.cancel("branch"); ended(); explorer.branches.found = []; explorer.branches.choices = null; note(""); explorer.branches.draw() }
   if (kind === "theme" || kind === "resize" || kind === "view") explorer.branches.draw()
   if (kind === "drag" || kind === "set") explorer.branches.place()
   if (explorer.seen("branch")) explorer.branches.offer()

@@ -40,6 +40,7 @@ explorer.evolution.look = () => {
   const {evolution: toml, given: values} = explorer.state
   explorer.evolution.averaged = explorer.evolution.resolved = explorer.evolution.refused = null
   explorer.ask("evolution", "evolution", {toml, values}, (head, numbers) => {
+    if (explorer.state.evolution !== toml) return  // of another one
     if (head.refused) { explorer.evolution.refused = head.refused; explorer.evolution.sets = null }
     else if (head.part) explorer.evolution[head.part] = {head, numbers}
     if (head.part === "sets") showParameters(head.parameters)

@@ -1,7 +1,7 @@
 // Effective friction: the stable set as it goes with the motion, and what is left of it on the average.
 explorer.friction = {found: null}
 explorer.listen((kind) => {
-  if (kind === "model") { explorer.friction.found = null; explorer.friction.asked = null }
+  if (kind === "model") { explorer.cancel("friction"); explorer.friction.found = null; explorer.friction.asked = null }
   if (kind === "set") explorer.friction.asked = null
   if (kind === "drag") return
   explorer.friction.soon()

@@ -2,7 +2,7 @@
 explorer.map = {found: null, measures: null}
 
 explorer.listen((kind) => {
-  if (kind === "model") { explorer.map.found = explorer.map.measures = null; explorer.$("map-said").replaceChildren(); explorer.map.draw() }
+  if (kind === "model") { explorer.cancel("map"); stop(); explorer.map.found = explorer.map.measures = null; explorer.$("map-said").replaceChildren(); explorer.map.draw() }
   if (kind === "view" || kind === "resize" || kind === "theme") explorer.map.draw()
   if (kind === "set" || kind === "drag") explorer.map.place()
   if (explorer.seen("map")) explorer.map.offer()

@@ -104,7 +104,9 @@ const clear = (name) => {
 
 const drawRow = (row, group) => {
   const name = `motion${row.dataset.row}`
-  const data = explorer.closer?.numbers && explorer.window ? explorer.closer : explorer.motion
+  // What was looked at closer may be of another model than the motion, while one of them is on its way.
+  const closer = explorer.window !== null && explorer.closer !== null && group.names.every((n) => n in explorer.closer.q)
+  const data = closer ? explorer.closer : explorer.motion
   const t = data.t
   const lines = {xs: [], ys: [], color: [], dash: [], width: []}
   const add = (values, color, dash, width) => {

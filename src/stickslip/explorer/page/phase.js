@@ -3,7 +3,7 @@
 explorer.phase = {ghost: null, settled: null, zoomed: false}
 
 explorer.listen((kind) => {
-  if (kind === "model") { zoom(false); explorer.phase.ghost = explorer.phase.settled = null; explorer.phase.base = null }
+  if (kind === "model") { explorer.cancel("plane"); zoom(false); explorer.phase.ghost = explorer.phase.settled = null; explorer.phase.base = null }
   if (kind === "drag" || kind === "set") explorer.phase.outdated()
   if (kind === "view" || kind === "resize" || kind === "theme") explorer.phase.draw()
   if (kind === "set") explorer.phase.settleSoon()

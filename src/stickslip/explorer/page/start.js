@@ -54,6 +54,8 @@ explorer.showPanel = (panel) => {
   const tabs = [...document.querySelectorAll(".tabs [role=tab]")]
   if (!tabs.some((tab) => tab.dataset.tab === panel)) panel = "phase"
   const shown = tabs.find((tab) => tab.dataset.tab === panel && tab.offsetParent !== null) ?? tabs.find((tab) => tab.dataset.tab === "phase")
+  // On a narrow screen tabs go on beyond its edge.
+  if (document.body.dataset.panel !== shown.dataset.tab) shown.scrollIntoView({block: "nearest", inline: "center"})
   document.body.dataset.panel = shown.dataset.tab
   for (const section of document.querySelectorAll("main > section.panel")) {
     section.classList.toggle("shown", section.dataset.panel === shown.dataset.tab)
@@ -62,7 +64,6 @@ explorer.showPanel = (panel) => {
     tab.setAttribute("aria-selected", tab === shown)
     tab.tabIndex = tab === shown ? 0 : -1
   }
-  shown.scrollIntoView({block: "nearest", inline: "center"})  // on a narrow screen tabs go on beyond its edge
   explorer.look()
 }
 for (const tab of document.querySelectorAll(".tabs [role=tab]")) {

@@ -45,7 +45,7 @@ def make_scratch(rows: Rows, shape: tuple[int, int]) -> Scratch:
     n = rows.sizes[DIMENSION]
     mode, reg = np.zeros(len(rows.u), np.int64), np.zeros(len(rows.kinks), np.int64)
     table = np.zeros(shape)
-    if shape[0] > n:
+    if shape[0] > n and shape[1] > 1:
         table[n, 1] = 1.0  # the unit of time
     return Scratch(table, np.zeros(n), np.zeros(n), np.zeros(POWERS_MADE), mode, reg)
 
