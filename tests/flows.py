@@ -5,7 +5,8 @@ from __future__ import annotations
 from stickslip import Internal, System
 from stickslip.arrays import Array
 from stickslip.machine_code.functions import entry_point
-from stickslip.motion.steps.arrays import OPTIONS, Flow, Instant, Machine, coefficients
+from stickslip.motion.steps.arrays import OPTIONS, Flow, Instant, Machine
+from stickslip.motion.steps.starting import coefficients
 from systems import parameters
 
 

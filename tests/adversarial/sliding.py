@@ -385,6 +385,9 @@ class Run:
 
     def place_of(self, step: Step, time: float) -> Any:
         """Where in a step a time is."""
+        ends = [step(x)[0, 0].real - time for x in (0.0, 1.0)]
+        if ends[0] * ends[1] >= 0.0:  # up to rounding it is one of them
+            return 0.0 if abs(ends[0]) < abs(ends[1]) else 1.0
         theta: Any = brentq(lambda x: step(x)[0, 0].real - time, 0.0, 1.0, xtol=1e-15)
         for _ in range(3):
             ahead, behind = step(theta + 1e-5)[0, 0], step(theta - 1e-5)[0, 0]

@@ -81,8 +81,8 @@ BAD: dict[str, tuple[Mapping[str, Any], str, str, str]] = {
     "a negative axis": ({"axes": (1, "a")}, "axes", "-1 is outside", "inside"),
     "an axis that is none": ({"axes": (float("nan"), 1)}, "axes", "not finite", "finite number"),
     "an endless axis": ({"axes": (1, float("inf"))}, "axes", "not finite", "finite number"),
-    "one axis": ({"axes": 2.0}, "axes", "a pair of formulas, got a number", "["),
-    "three axes": ({"axes": (1, 1, 1)}, "axes", "a pair of formulas", "["),
+    "one axis": ({"axes": 2.0}, "axes", "a pair of half axes, got a number", "["),
+    "three axes": ({"axes": (1, 1, 1)}, "axes", "a pair of half axes", "["),
     "axes of the state": ({"axes": ("x", 1)}, "axes", "'x' may not stand here", "parameters"),
     "axes in time": ({"axes": ("1 + t", 1)}, "axes", "'t' may not stand here", "parameters"),
     "two thresholds": (

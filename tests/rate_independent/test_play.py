@@ -552,8 +552,8 @@ def test_figure_2_1() -> None:
     assert 0.3 < example["distance"] < 0.5
     assert averaged.dissipated == pytest.approx(0.5 * (5.75 + 5.25), rel=1e-14)
     left, right = plot_limit(resolved, averaged).axes
-    assert left.texts[0].get_text() == r"$\varepsilon = 0.1$"
-    assert right.texts[0].get_text() == r"$\varepsilon \to 0$"
+    assert left.get_title(loc="left") == r"$\varepsilon = 0.1$"
+    assert right.get_title(loc="left") == r"$\varepsilon \to 0$"
     assert left.get_ylim() == right.get_ylim()
 
 

@@ -9,9 +9,10 @@ import numpy as np
 from stickslip.arrays import AnyArray as Array
 from stickslip.motion.engine.flights import mode_key
 from stickslip.motion.engine.forms import AFFINE
+from stickslip.motion.knots import Knots
+from stickslip.motion.steps.arrays import ROUNDING
 
 if TYPE_CHECKING:
-    from stickslip.motion.knots import Knots
     from stickslip.motion.problem import Problem
 
 
@@ -28,6 +29,8 @@ def rests_forever(problem: Problem, knots: Knots) -> bool:
     x = knots.state[-1]
     if len(mode) == 0 or np.any(mode != 0) or problem.compiled.layout.timed:
         return False
+    if problem.compiled.layout.planes:
+        return _stays(problem, knots)
     T = problem.closed_forms
     found = (
         np.flatnonzero((T.key == mode_key(mode, region)) & (T.status == AFFINE))
@@ -55,3 +58,24 @@ def rests_forever(problem: Problem, knots: Knots) -> bool:
     # chosen.
     inert = bound <= margin
     return bool(np.all(np.where(inert, constant >= -margin, constant - bound > margin)))
+
+
+def _stays(problem: Problem, knots: Knots) -> bool:
+    """Whether nothing moves, up to rounding, in a motion that has no closed forms: all velocities
+    vanish, and all other rates are rounding errors of their terms. Then the state, and with it
+    every guard, stays what it is."""
+    from stickslip.motion.between.dense import make_scratch, sample
+
+    layout = problem.compiled.layout
+    last = Knots.single(
+        float(knots.clock[-1]), knots.state[-1], knots.mode[-1], knots.region[-1], knots.origin
+    )
+    out = np.empty((1, layout.rows + 3))
+    work = make_scratch(problem.rows, (layout.rows, 2))
+    flow = problem.flow(retracing=True)
+    seen = np.zeros(len(problem.rows.watched))
+    sample(problem.machine, flow, seen, last.record, np.zeros(1, np.int64), last.clock, work, out)
+    rates = np.abs(out[0, problem.rows.program.rates])
+    places = problem.rows.program.rate_sizes
+    sizes = np.where(places >= 0, flow.space.mag[places], 0.0)
+    return bool(np.all(rates <= ROUNDING * sizes))

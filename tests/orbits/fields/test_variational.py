@@ -24,7 +24,10 @@ DECLARED = {name: catalogue.get(name).declaration for name in catalogue.names()}
 WITH_FIELDS = [
     name
     for name, d in DECLARED.items()
-    if not d.resisted and not d.jumps and not any(c.opens for c in d.contacts)
+    if not d.resisted
+    and not d.jumps
+    # where a slip in a plane begins or ends, NumPy has no field: see test_slips.py
+    and not any(c.opens or c.plane for c in d.contacts)
 ]
 
 Array = NDArray[np.float64]

@@ -289,8 +289,47 @@ def is_asked(rows: Rows, mode: Array, nk: int, g: int) -> bool:
     if is_component(rows, c):
         return False
     if is_second(g, nk):
-        return mode[c] == 0 and not opens(rows, c) and rows.plane[c] < 0
+        return bool(mode[c] == 0 and not opens(rows, c) and rows.plane[c] < 0)
     return not is_loose(rows, mode, c)
+
+
+@njit(**OPTIONS)
+def guard_in_plane(
+    rows: Rows, space: Space, mode: Array, c: int, near: float
+) -> tuple[int, float, float]:
+    """The guard of a contact in a plane.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+    mode : array of int, shape (contacts,)
+    c : int
+        Its first component.
+    near : float
+        As in :class:`GuardRow`.
+
+    Returns
+    -------
+    row, size, rate
+        As in :class:`GuardRow`.
+    """
+    W = space.W
+    mag = space.mag
+    nc = len(rows.u)
+    unit = W[rows.sizes[DIMENSION], 1]
+    plane = rows.planes[rows.plane[c]]
+    if mode[c] == 0:
+        row = plane[ADMISSIBLE]
+        return row, mag[plane[ADMISSIBLE_SIZE]] + near * abs(W[row, 1]), 0.0
+    # A slip is over when what is left of it cannot be told from nothing, or its time from its end.
+    row = plane[SLIPS]
+    rate = (mag[nc + c] + mag[nc + plane[OTHER]]) * unit + abs(W[row, 1])
+    late = INSTANT * abs(W[rows.sizes[DIMENSION], 0]) / unit
+    if space.powers[1] <= 0.5 * late:
+        late = _LONGEST_END * space.powers[1]
+    size = mag[c] + mag[plane[OTHER]] + late / ROUNDING * abs(W[row, 1])
+    return row, size, rate
 
 
 @njit(**INLINED)
@@ -339,22 +378,7 @@ def guard_of(
         if i >= 0:
             size += max(W[rows.plus[i], 0], W[rows.minus[i], 0])
     elif rows.plane[i] >= 0:
-        plane = rows.planes[rows.plane[i]]
-        other = plane[OTHER]
-        if mode[i] == 0:
-            row = plane[ADMISSIBLE]
-            size = mag[plane[ADMISSIBLE_SIZE]] + near * abs(W[row, 1])
-        else:
-            # A slip is over when what is left of it cannot be told from nothing, or its time from
-            # its end.
-            row = plane[SLIPS]
-            rate = (mag[nc + i] + mag[nc + other]) * unit + abs(W[row, 1])
-            size = mag[i] + mag[other]
-            now = abs(W[rows.sizes[DIMENSION], 0]) / unit
-            late = INSTANT * now
-            if powers[1] <= 0.5 * late:
-                late = _LONGEST_END * powers[1]
-            size += late / ROUNDING * abs(W[row, 1])
+        row, size, rate = guard_in_plane(rows, space, mode, i, near)
     elif opens(rows, i) and mode[i] == 0:
         row = rows.force[i]
         size = mag[2 * nc + i] + near * abs(W[row, 1])

@@ -648,8 +648,7 @@ def settle_mode(
     touched = space.touched
     nk = len(rows.kinks)
     n = len(lane.y)
-    begin_at_rest(machine, flow, lane)
-    copy(lane.y, space.y0)
+    keep_start(machine, flow, lane)
     clear(touched)
     space.W[n, 1] = lane.clock[UNIT]
     # First pivoting; if that leaves the admissible modes (a singular or impossible one), all states
@@ -673,9 +672,6 @@ def settle_mode(
             if total == 0:
                 return SINGULAR, 0.0, 0.0, 0
         status, h = make_series(machine, flow, lane, room, slack * denied, hold or pivots > 1)
-        if len(rows.planes) > 0 and status == OK:
-            # A slip in a plane begins from rest, exactly.
-            copy(lane.y, space.y0)
         known = pivots == 1 and status != SINGULAR
         if known and promised > 0.0 and not keeps(flow, space.W, lane.y, lane.seen, promised):
             return ASTRAY, 0.0, 0.0, 0
@@ -709,6 +705,13 @@ def settle_mode(
         carried = status == SINGULAR and total == 0 and let_carry(flow, lane.mode, flipped - nk)
         if total == 0 and (many or (status != OK and not carried)):
             total = concerned(rows.sizes, touched, lane.mode, lane.counters[CAUSE])
+
+
+@njit(**INLINED)
+def keep_start(machine: Machine, flow: Flow, lane: Lane) -> None:
+    """Keep the state from which modes are tried."""
+    begin_at_rest(machine, flow, lane)
+    copy(lane.y, flow.space.y0)
 
 
 @njit(**OPTIONS)
@@ -762,6 +765,9 @@ def make_series(
         passed = max(_PASSED * h, _ROUNDED * abs(t))
         h = min(h, _PAST * soonest_kink(flow.rows, flow.space.W, flow.order, passed))
         h = (t + h) - t
+        if len(flow.rows.planes) > 0:
+            # A slip in a plane begins from rest, exactly.
+            copy(lane.y, flow.space.y0)
     return status, h
 
 

@@ -246,7 +246,7 @@ def space_of_thread(s: Any, a: int) -> Any:
         s.scratch[a], s.stack[a], s.touched[a], s.y0[a], s.trial[a], s.promise[a],
         s.powers[a], s.pending[a], s.labels[a], s.known[a], s.asked[a],
         s.stages[a], s.impact[a], s.tried[a], s.response[a], s.delassus[a], s.impulses[a],
-        s.landed[a], s.stood[a],
+        s.landed[a], s.stood[a], s.begun[a], s.answer[a], s.aims[a],
     )  # fmt: skip
 
 
