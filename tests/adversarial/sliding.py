@@ -332,7 +332,7 @@ class Run:
         armed |= {c for c, g in self.guards(step(0.0), aimed).items() if g[0].real > 1e-13}
         best: tuple[float, int | None] = (1.0, None)
         for c, g in values.items():
-            g = g.real
+            g = np.real(g)
             size = np.max(np.abs(g))
             start = 0 if c in armed else int(np.argmax(g > 1e-13))
             if c not in armed and not np.any(g > 1e-13):
@@ -361,15 +361,17 @@ class Run:
                 low = value(before)
                 if low <= 0.0:
                     return float(before)
-                return float(brentq(value, before, SAMPLES[i], xtol=1e-15))
+                root: Any = brentq(value, before, SAMPLES[i], xtol=1e-15)
+                return float(root)
             dips = start < i < len(g) - 1 and g[i] < min(g[i - 1], g[i + 1])
             if dips and g[i] < 0.05 * size:
-                least = minimize_scalar(
+                least: Any = minimize_scalar(
                     value, bounds=(before, SAMPLES[i + 1]), method="bounded",
                     options={"xatol": 1e-10},
                 )  # fmt: skip
                 if least.fun < 0.0:
-                    return float(brentq(value, before, least.x, xtol=1e-15))
+                    below: Any = brentq(value, before, least.x, xtol=1e-15)
+                    return float(below)
         return None
 
     def _polish(self, step: Step, c: int, aimed: bool, theta: Any) -> Any:
@@ -498,7 +500,7 @@ class Run:
             [b - self._away(mode, c, aims | {c: np.eye(width)[i]}) for i in range(width)]
         ).T
         if width == 1:
-            return np.sign(b.real) + 0j
+            return np.sign(np.real(b)) + 0j
 
         def across(angle: Any) -> Any:
             n = np.array([np.cos(angle), np.sin(angle)])
@@ -531,7 +533,7 @@ class Run:
             pad = self.bodies.pads[c]
             if m == STICK and c not in moving:
                 held = pad.held(t, q)[0].real
-                need = np.sqrt(np.sum((forces[c][0].real / pad.A.real) ** 2))
+                need = np.sqrt(np.sum((forces[c][0].real / np.real(pad.A)) ** 2))
                 if need > held * (1 + 1e-11):
                     return None
         rates = {c: np.sum(self._away(tuple(mode), c, aims) * aims[c]) for c in moving}

@@ -198,7 +198,9 @@ def test_the_good_one_is_accepted(tmp_path: Path) -> None:
     assert set(system.contacts) == {"table"}
     file = tmp_path / "good.toml"
     file.write_text(in_toml({"axes": [1, "s"], "surface_speed": ["0.1*t", 0]}), encoding="utf-8")
-    assert load(file).contacts["table"].axes == (1, "s")
+    found = load(file).contacts["table"]
+    assert isinstance(found, Contact)
+    assert found.axes == (1, "s")
 
 
 @pytest.mark.parametrize("taken", ["table 1", "table 2"])

@@ -88,7 +88,7 @@ def thrown_on_ellipse(k: float, axes: Sequence[float], u: Sequence[float]) -> Ar
 def slip_in_tau(
     force: Callable[[Any, Array, Array], Array],
     kinetic: Callable[[Any], Any],
-    start: Sequence[Any],
+    start: Sequence[Any] | Array,
     t: Any = 0.0,
     least: float = 1e-15,
 ) -> Array:

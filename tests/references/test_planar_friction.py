@@ -18,7 +18,7 @@ from systems import parameters
 
 def puck(name: str = "puck", **words: object) -> System:
     """A unit mass on a table, with forces f and g, kinetic friction and axes to be given."""
-    contact = Contact(("d_x", "d_y"), "s", **{"kinetic": "k", **words})  # type: ignore[arg-type]
+    contact = Contact(("d_x", "d_y"), "s", **{"kinetic": "k", **words})
     return System(
         name,
         parameters=parameters(s=1.0, k=1.0, f=0.0, g=0.0, c=0.0, a=1.0, b=1.0, v=0.3, w=0.0),

@@ -389,8 +389,8 @@ def puck(rng: Rng) -> Slide:
     """Thrown under a constant force, it comes to rest, or goes on for ever."""
     case = made(rng, one(Touch(on(1))), 1.0)
     zero = {n: 0.0 for n in case.numbers if n[0] in "KFC"}
-    n = case.numbers | zero | {f"G{i}": 0.5 * rng.normal() for i in range(2)}
-    start = case.start | {"d_x1": float(rng.normal()), "d_y1": float(rng.normal())}
+    n = {**case.numbers, **zero, **{f"G{i}": 0.5 * rng.normal() for i in range(2)}}
+    start = {**case.start, "d_x1": float(rng.normal()), "d_y1": float(rng.normal())}
     return Slide(case.shape, n, start, case.duration)
 
 
@@ -521,7 +521,7 @@ def almost_along_a_line(rng: Rng) -> Slide:
     case = made(rng, one(Touch(on(1))))
     little = log_uniform(rng, 1e-12, 1e-2)
     n = case.numbers | {"K0_1": 0.0, "F1": little, "G1": 0.0, "F0": rng.uniform(1.5, 4.0)}
-    start = case.start | {"y1": 0.0}
+    start = {**case.start, "y1": 0.0}
     return Slide(case.shape, n, start, case.duration)
 
 
@@ -545,4 +545,6 @@ def scales(rng: Rng) -> Slide:
     case = made(rng, one(Touch(on(1), law, surface=pick(rng, ("none", "swing")))), 1.0)
     powers = [float(10.0 ** rng.integers(-6, 7)) for _ in range(3)]
     origin = float(pick(rng, (0.0, 0.0, 1e4))) * powers[1]
-    return Slide(case.shape, case.numbers, case.start, case.duration, *powers, origin)
+    first, second, third = powers
+    ends = (case.duration, first, second, third, origin)
+    return Slide(case.shape, case.numbers, case.start, *ends)
