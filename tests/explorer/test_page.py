@@ -475,16 +475,18 @@ def test_branches_over_a_parameter(screen: Screen) -> None:
     """They are those of the library; the line is dragged, and a point leads to its orbit."""
     state = "spring_slider?mu=2%2Fsqrt(alpha)&nu=0.05&V=0.15&.panel=branch"
     screen.show(f"{state}&.over=V&.over.low=0.05&.over.high=0.4").motion()
+    # What is found after each message, drawn or not: a busy machine paints few frames.
     screen.js(
-        "(window.seen = [], explorer.branches.drawn = explorer.branches.draw,"
-        " explorer.branches.draw = () => { explorer.branches.drawn(); seen.push("
+        "(window.seen = [], window.asked = explorer.ask,"
+        " explorer.ask = (lane, what, options, hear, event) =>"
+        " asked(lane, what, options, (head, numbers) => { hear(head, numbers); seen.push("
         "explorer.branches.found.map((f) => [f.head.name, f.head.coming === true,"
-        " f.numbers['b:V'].length])) }, 1)"
+        " f.numbers['b:V'].length])) }, event), 1)"
     )
     screen.press("#branch-go")
     screen.until("!document.body.classList.contains('following')")
     screen.motion()
-    # Points were drawn before there was a branch, and the branches have taken their place.
+    # Points came before there was a branch, and the branches have taken their place.
     seen = screen.js("window.seen")
     coming = [count for found in seen for name, on, count in found if on and name == "cycles"]
     assert coming and coming == sorted(coming)
