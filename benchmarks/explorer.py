@@ -49,17 +49,18 @@ const slider = document.getElementById(`values-${name}-slider`)
 const value = Number(slider.value), reach = Math.min(value - slider.min, slider.max - value) * 0.2
 explorer.redraws.length = 0
 let k = 0
-const move = () => {
+// A pointer keeps its own time, however busy the page is.
+const pointer = setInterval(() => {
   slider.value = value + reach * Math.sin(k / 9)
   slider.dispatchEvent(new Event("input", {bubbles: true}))
-  if (++k < count) return setTimeout(move, gap)
+  if (++k < count) return
+  clearInterval(pointer)
   setTimeout(() => {
     slider.value = value
     slider.dispatchEvent(new Event("change", {bubbles: true}))
     done({redraws: explorer.redraws.slice(), paints})
   }, 900)
-}
-move()
+}, gap)
 """
 
 
