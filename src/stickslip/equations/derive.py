@@ -20,6 +20,7 @@ from functools import cached_property
 from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
+from stickslip.equations.coupling import components
 from stickslip.errors import DeclarationError
 from stickslip.model.declaration import Declaration, DryContact, StateJump
 from stickslip.model.system import Kind
@@ -223,10 +224,7 @@ class MotionEquations:
 
     def pressing(self, i: int) -> list[int]:
         """The contact that can open whose normal force is in the friction of contact i, if any."""
-        c = self.contacts[i]
-        names = c.plus.symbols | c.minus.symbols | c.kinetic_plus.symbols | c.kinetic_minus.symbols
-        normals = [j for j, other in enumerate(self.contacts) if other.opens]
-        return [j for j in normals if f"lambda:{j}" in names]
+        return _pressing(self.contacts, i)
 
     def surface_acceleration(self, i: int) -> Expr:
         """What J a is in stick: ẇ − J̇ q̇."""
@@ -281,6 +279,7 @@ def _equations_of(d: Declaration) -> MotionEquations:
     for plane in planes:
         for i in plane.parts:
             contacts[i] = _component(contacts[i], i, plane)
+    _check_pressed(d, contacts, planes)
     slope = {x: ex.derivative(d.potential, x) - d.forces[x] for x in d.coordinates}
     by_inertial, by_all = _damping(d, d.inertial), _damping(d, [*d.inertial, *d.viscous])
     viscous_force = [-slope[z] - by_inertial.get(z, ex.ZERO) for z in d.viscous]
@@ -363,6 +362,44 @@ def _planes(contacts: list[DryContact]) -> list[Plane]:
         j = next(k for k, other in enumerate(contacts) if (other.name, other.plane) == (name, 2))
         found.append(Plane((i, j), (c.axis, contacts[j].axis), c.plus, c.kinetic_plus))
     return found
+
+
+def _pressing(contacts: list[DryContact], i: int) -> list[int]:
+    c = contacts[i]
+    names = c.plus.symbols | c.minus.symbols | c.kinetic_plus.symbols | c.kinetic_minus.symbols
+    normals = [j for j, other in enumerate(contacts) if other.opens]
+    return [j for j in normals if f"lambda:{j}" in names]
+
+
+def _check_pressed(d: Declaration, contacts: list[DryContact], planes: list[Plane]) -> None:
+    """Refuse friction in a plane that changes the normal force it depends on.
+
+    Where a slip begins its direction, and an impact's impulse, then solve one secular equation
+    each; with friction in the normal force they would not.
+
+    Raises
+    ------
+    DeclarationError
+        If masses, or contacts, join the plane and the normal direction.
+    """
+    acting = [c for c in contacts if c.kind == Kind.INERTIAL]
+    parts = [i for plane in planes for i in plane.parts]
+    links = [(i, n) for i in range(len(acting)) if i not in parts for n in _pressing(contacts, i)]
+    place = {q: i for i, q in enumerate(d.inertial)}
+    entries = _matrix(d.mass, d.inertial)
+    moved = [[place[q] for q in c.direction] for c in acting]
+    joined = components(len(place), entries, 0, moved, links)
+    home = {c: k for k, part in enumerate(joined) for c in part.contacts}
+    for plane in planes:
+        for normal in _pressing(contacts, plane.parts[0]):
+            if home[normal] == home[plane.parts[0]]:
+                own = contacts[plane.parts[0]]
+                raise DeclarationError(
+                    f"contacts.'{own.name.removesuffix(' 1')}'",
+                    "its friction in a plane changes the normal force that presses it",
+                    "Let neither masses nor other contacts join the two, rub along a line, or give "
+                    "the normal force as a formula of time and state",
+                )
 
 
 def _pull(

@@ -259,7 +259,8 @@ def impact_map(
     Raises
     ------
     ZeroDivisionError
-        If the impulses are not determined.
+        If the impulses are not determined; or if a slip in a plane turns in the impact, so that its
+        direction has no formula.
     """
     return _Solver(equations, mode, region).impact(settled)
 
@@ -299,8 +300,8 @@ class _Solver:
 
     def aim(self, plane: Plane) -> None:
         """Note the direction n of a slip in a plane, that of Au, or without mass that of forces;
-        and |Au| with mass."""
-        slips = self.mode[plane.parts[0]] != 0
+        and |Au| with mass. What is open rubs in no direction."""
+        slips = self.mode[plane.parts[0]] != 0 and not self.is_loose(plane.parts[0])
         vector = [self.fix(e) for e in plane.pull] or self.ahead(plane)
         size = ex.power(ex.add(*((e**2, 1.0) for e in vector)), ex.num(0.5))
         for i, e in zip(plane.parts, vector, strict=True):
@@ -332,6 +333,10 @@ class _Solver:
         found, held = self.solve(problem, forces)
         self.known |= held
         return found
+
+    def is_loose(self, i: int) -> bool:
+        """Whether contact i is the friction of one that is open."""
+        return any(self.mode[n] != 0 for n in self.eq.pressing(i))
 
     def is_open(self, i: int) -> bool:
         """Whether contact i is the normal direction of one that is open."""
@@ -381,10 +386,49 @@ class _Solver:
             e = ex.ZERO if i in settled else self.fix(eq.contacts[i].restitution)
             asked[i] = -(ex.ONE + e) * self.velocity(i)
         given = {i: self.slip_force(i) for i in rubbing if self.mode[i] != 0}
+        for plane in eq.planes:
+            if plane.parts[0] in given:
+                self.check_straight(plane, [*asked, *given])
         problem = _LinearProblem(d.inertial, eq.mass, asked, given)
         change, _ = self.solve(problem, [ex.ZERO for _ in d.inertial])
         jumps = {f"d_{q}": e for q, e in zip(d.inertial, change, strict=True)}
         return [ex.sym(y) + jumps.get(y, ex.ZERO) for y in d.state]
+
+    def check_straight(self, plane: Plane, struck: list[int]) -> None:
+        """Refuse a slip in a plane whose direction after an impact is not that before it: for this
+        there is no formula.
+
+        Parameters
+        ----------
+        plane : Plane
+        struck : list of int
+            All contacts that take part.
+
+        Raises
+        ------
+        ZeroDivisionError
+        """
+        names = self.d.inertial
+        J = {
+            i: [self.fix(self.eq.contacts[i].direction.get(x, ex.ZERO)) for x in names]
+            for i in struck
+        }
+        zero = ex.ZERO
+        n = range(len(names))
+        M = [[self.fix(self.eq.mass.get((i, k), zero)) for k in n] for i in n]
+        first, second = plane.parts
+        felt = {i: solve(M, J[i]) for i in plane.parts}
+
+        def response(i: int, k: int) -> Expr:
+            return ex.add(*((j * x, 1.0) for j, x in zip(J[k], felt[i], strict=True)))
+
+        a, b = (axis**2 for axis in plane.axes)
+        uneven = [a * response(first, first) - b * response(second, second)]
+        own = {*plane.parts, *self.eq.pressing(first)}
+        uneven += [response(first, second)]
+        uneven += [response(i, k) for i in plane.parts for k in struck if k not in own]
+        if not all(map(vanishes, uneven)):
+            raise ZeroDivisionError("the direction after the impact has no formula")
 
     def slip_force(self, i: int) -> Expr:
         """Friction force of contact i, which slips; in it normal forces may be unknown."""
@@ -458,7 +502,7 @@ class _Solver:
         at_rest = self.mode[i] == 0 and c.kind != Kind.INERTIAL
         u = ex.ZERO if at_rest else self.velocity(i)
         gap = None if c.gap is None else self.fix(c.gap)
-        loose = any(self.mode[n] != 0 for n in self.eq.pressing(i))
+        loose = self.is_loose(i)
         plus, minus = self.fix(c.plus), self.fix(c.minus)
         room = self.room(i) if c.plane == 1 else ex.ZERO
         return ContactField(c.name, c.kind, u, force, plus, minus, gap, loose, c.plane, room)

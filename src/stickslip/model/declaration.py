@@ -683,25 +683,30 @@ class _Reader:
                     "Give the relative velocity, like direction = 'd_x'",
                 )
             return [normal]
-        plain = Contact(contact.direction, contact.mu, contact.surface_speed, None, contact.unit)
-        rubs = self._contact(name, plain)
-        if rubs.kind != Kind.INERTIAL:
+        plain = Contact(
+            contact.direction, contact.mu, contact.surface_speed, None, contact.unit, contact.axes
+        )
+        rubs = self._dry(name, plain)
+        if rubs[0].kind != Kind.INERTIAL:
             raise DeclarationError(
                 f"{where}.direction",
-                f"its coordinates are {rubs.kind}",
+                f"its coordinates are {rubs[0].kind}",
                 "A contact that can open moves inertial coordinates",
             )
         force = mu * ex.sym(normal_force(name))
-        friction = replace(
-            rubs,
-            plus=force,
-            minus=force,
-            kinetic_plus=force,
-            kinetic_minus=force,
-            on=normal_force(name),
-            restitution=parts[1],
-        )
-        return [normal, friction]
+        friction = [
+            replace(
+                part,
+                plus=force,
+                minus=force,
+                kinetic_plus=force,
+                kinetic_minus=force,
+                on=normal_force(name),
+                restitution=parts[1],
+            )
+            for part in rubs
+        ]
+        return [normal, *friction]
 
     def _dry(self, name: str, contact: Contact) -> list[DryContact]:
         """A contact along a line, or the two components of one in a plane."""
@@ -767,13 +772,6 @@ class _Reader:
                 f"{where}.direction",
                 f"its components are {first.kind} and {second.kind}",
                 "Give all coordinates of one contact the same kind",
-            )
-        if first.plus.symbols & self.normals.keys():
-            raise DeclarationError(
-                f"{where}.threshold",
-                f"it uses {min(first.plus.symbols & self.normals.keys())}, and the contact is in a "
-                "plane",
-                "Give the normal force as a formula of time and state, or rub along a line",
             )
         alike = first.direction.keys() == second.direction.keys() and all(
             first.direction[x] * second.direction[y] is second.direction[x] * first.direction[y]

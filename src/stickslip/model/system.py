@@ -198,37 +198,43 @@ class Contact:
 
 @dataclass(frozen=True)
 class Unilateral:
-    """A contact that can open: gap g ≥ 0, normal force N ≥ 0, N g = 0, and Coulomb's friction μN.
+    """A contact that can open: gap g ≥ 0, normal force N ≥ 0, N g = 0, and Coulomb's friction μN,
+    along a line or in a plane.
 
     Thresholds of all contacts of inertial coordinates may use its normal force, by the name
     ``normal_foot`` for a contact called foot; one that several normal forces press, or other forces
-    as well, is written out as a contact for each of them.
+    as well, is written out as a contact for each of them. Friction in a plane may not change the
+    normal force that presses it.
 
     Attributes
     ----------
     gap : str
         g(q, t), a function of inertial coordinates and time: the distance. The normal force is the
         one that does work on it, so for friction it has to be a length in the units of that.
-    direction : str
-        Linear combination of rates along which it rubs, with coefficients of q and t.
+    direction : str or pair of str
+        Linear combination of rates along which it rubs, with coefficients of q and t; two of them
+        in a plane.
     mu : str or float
         Coefficient of friction μ ≥ 0; may depend on the state and on time.
-    surface_speed : str or float
-        Speed w(t) of the surface along the direction.
+    surface_speed : str, float or pair of these
+        Speed w(t) of the surface along the direction; in a plane as of a :class:`Contact`.
     restitution, tangential_restitution : str or float
         Part of the approaching velocity with which it rebounds (Newton's law), normal and
         tangential, between 0 and 1.
     unit : str
         Unit of the forces.
+    axes : pair of str or float
+        As of a :class:`Contact`: in a plane, the half axes of the set of forces in parts of μN.
     """
 
     gap: Formula
-    direction: Direction = ""
+    direction: Direction | tuple[Direction, Direction] = ""
     mu: Formula = 0.0
-    surface_speed: Formula = 0.0
+    surface_speed: SurfaceSpeed = 0.0
     restitution: Formula = 0.0
     tangential_restitution: Formula = 0.0
     unit: str = ""
+    axes: Axes = (1.0, 1.0)
 
     def __post_init__(self) -> None:
         hold_plain(self)
@@ -248,15 +254,16 @@ class Bilateral:
     constraint : str
         g(q, t), a function of inertial coordinates and time, zero at the initial state. N is the
         force that does work on it, so for friction it has to be a length in the units of that.
-    direction, mu, surface_speed, unit
+    direction, mu, surface_speed, unit, axes
         As in a :class:`Unilateral`.
     """
 
     constraint: Formula
-    direction: Direction = ""
+    direction: Direction | tuple[Direction, Direction] = ""
     mu: Formula = 0.0
-    surface_speed: Formula = 0.0
+    surface_speed: SurfaceSpeed = 0.0
     unit: str = ""
+    axes: Axes = (1.0, 1.0)
 
     def __post_init__(self) -> None:
         hold_plain(self)
@@ -492,7 +499,8 @@ class System:
         if contact.direction:
             threshold = f"({contact.mu})*{normal}"
             direction, speed = contact.direction, contact.surface_speed
-            parts[name] = Contact(direction, threshold, speed, unit=contact.unit)
+            friction = Contact(direction, threshold, speed, unit=contact.unit, axes=contact.axes)
+            parts |= friction.components(name)
         return parts
 
     @cached_property
@@ -500,9 +508,8 @@ class System:
         """Contacts in a plane, with the names of their two components among the dry contacts."""
         found: dict[str, tuple[str, str]] = {}
         for name, contact in self.plain.contacts.items():
-            if isinstance(contact, Contact) and isinstance(contact.direction, tuple):
-                first, second = contact.components(name)
-                found[name] = (first, second)
+            if not isinstance(contact, LawContact) and isinstance(contact.direction, tuple):
+                found[name] = (f"{name} 1", f"{name} 2")
         return found
 
     @cached_property

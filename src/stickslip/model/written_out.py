@@ -217,6 +217,7 @@ class _WrittenOut:
                     contact.mu,
                     contact.surface_speed,
                     unit=contact.unit,
+                    axes=contact.axes,
                 ),
                 where,
             )
@@ -254,6 +255,12 @@ class _WrittenOut:
             where = entry_key("contacts", name)
             if len(parts) < 2:
                 self.contacts[name] = parts[0] if parts else contact
+            elif isinstance(contact, Contact) and isinstance(contact.direction, tuple):
+                raise DeclarationError(
+                    f"{where}.threshold",
+                    f"it has {len(parts)} parts, and a contact in a plane one",
+                    "Write it like 'mu*normal_foot', or give a Unilateral its own friction",
+                )
             else:
                 for i, part in enumerate(parts, 1):
                     self.add_contact(f"{name} {i}", part, where)

@@ -99,10 +99,10 @@ class Instruction:
         (and its slope); at the others the integral of its input, which comes later. The `place`
         instructions behind it make that function and its slope as rows; WITHIN, with these as
         inputs, makes no series, but says how far the rate strays. DIRECTION makes of a vector, its
-        first two inputs, the direction in slip and, as third row, the modulus; in stick all are
-        zero. Where the modulus is zero up to rounding (the third input is the size of its terms),
-        and where the mode of contact `place` is `DIRECTION_GIVEN`, its rows stay what they are,
-        but that the modulus is 0 in the first case.
+        first two inputs, the direction in slip and, as third row, the modulus; in stick, and where
+        a contact that presses it is open, all are zero. Where the modulus is zero up to rounding
+        (the third input is the size of its terms), and where the mode of contact `place` is
+        `DIRECTION_GIVEN`, its rows stay what they are, but that the modulus is 0 in the first case.
     row : int
         Where the result goes (the first row of several).
     inputs : tuple of int
@@ -119,6 +119,8 @@ class Instruction:
         Of IMPLICIT: the function and its slope.
     definite : int
         Of RATES: so many leading rows and columns have to be positive definite.
+    pressed : tuple of int
+        Of DIRECTION: the contact whose normal force is in the friction, if there is one.
     """
 
     op: Op
@@ -132,6 +134,7 @@ class Instruction:
     entries: tuple[Instruction, ...] = ()
     zero: tuple[Scalar, ...] = ()
     definite: int = 0
+    pressed: tuple[int, ...] = ()
 
 
 @dataclass

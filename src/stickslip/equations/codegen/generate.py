@@ -330,6 +330,8 @@ class _Generator:
         either way."""
         c = self.eq.contacts[i]
         sides = (c.kinetic_plus, c.kinetic_minus, c.plus, c.minus)
+        if c.plane:
+            sides = (c.kinetic_plus,) * 4
         normals = [f"lambda:{n}" for n in self.eq.pressing(i)]
         return [ex.derivative(side, force) for force in normals for side in sides]
 
@@ -513,7 +515,10 @@ class _Generator:
         inputs = (*sides, tape.size(terms))
         stage = max(tape.stage[row] for row in inputs)
         first, _, speed = (tape.new_row(stage) for _ in range(3))
-        made = Instruction(Op.DIRECTION, first, inputs, place=plane.parts[0], size=3)
+        pressing = self.eq.pressing(plane.parts[0])
+        made = Instruction(
+            Op.DIRECTION, first, inputs, place=plane.parts[0], size=3, pressed=(*pressing,)
+        )
         tape.emit(stage, made)
         for row, i in enumerate(plane.parts, first):
             tape.name(f"n:{i}", row, stage)

@@ -148,9 +148,9 @@ def printed(instruction: Instruction, constants: ParameterExpressions) -> list[s
         case Op.IMPLICIT:
             return _implicit(i)
         case Op.DIRECTION:
-            return [
-                f"direction_order(W, ({', '.join(map(str, inputs))}), {row}, mode[{i.place}], k)"
-            ]
+            closed = " and ".join(f"mode[{normal}] == 0" for normal in i.pressed)
+            mode = f"mode[{i.place}] if {closed} else 0" if closed else f"mode[{i.place}]"
+            return [f"direction_order(W, ({', '.join(map(str, inputs))}), {row}, {mode}, k)"]
         case Op.WITHIN:
             return []
     raise NotImplementedError(i.op)

@@ -394,16 +394,17 @@ def _speed(s: Series, i: Instruction, k: Order) -> None:
 
 
 def _direction(s: Series, i: Instruction, k: Order) -> None:
-    """u/|u| and |u| in slip, unless they are given."""
+    """u/|u| and |u| in slip, unless they are given; zero where there is no friction."""
     a, b, size = i.inputs
     n, m, r = i.row, i.row + 1, i.row + 2
     is_given = s.is_mode(i.place, "eq", DIRECTION_GIVEN)
+    free = s.is_free(i.place, i.pressed)
     if k == 0:
         u, v = s.get(a, 0), s.get(b, 0)
         speed = s.call("llvm.sqrt.f64", s.total([(u, u), (v, v)]))
         still = s.test("ole", speed, s.times(_NOTHING, s.get(size, 0)))
         own = s.choose(is_given, s.stored(r, 0), s.choose(still, 0.0, speed))
-        s.put(r, 0, s.choose(s.is_mode(i.place, "eq", 0), 0.0, own))
+        s.put(r, 0, s.choose(free, 0.0, own))
     first = s.get(r, 0)
 
     def put(row: int, made: Operand) -> None:
@@ -412,7 +413,7 @@ def _direction(s: Series, i: Instruction, k: Order) -> None:
             lambda: s.new(f"or i1 {is_given}, {s.test('oeq', first, 0.0)}"),
         )
         slips = s.choose(kept, s.stored(row, k), made)
-        s.put(row, k, s.choose(s.is_mode(i.place, "eq", 0), 0.0, slips))
+        s.put(row, k, s.choose(free, 0.0, slips))
 
     if k != 0:
         squares = s.add(s.square(a, k), s.square(b, k))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import partial
 
 from stickslip.equations.native.assembly import WHOLE, Assembly, Operand, constant
 from stickslip.machine_code.interface import INTERFACE
@@ -80,6 +81,18 @@ class Routine(Assembly):
         """A test of the mode of a contact."""
         mode = self.which("mode", i)
         return self.once((how, i, number), lambda: self.whole(f"icmp {how}", mode, number))
+
+    def is_free(self, i: int, pressed: tuple[int, ...]) -> str:
+        """Whether a contact sticks, or a contact that presses it is open."""
+        found = self.is_mode(i, "eq", 0)
+        for normal in pressed:
+            tests = found, self.is_mode(normal, "ne", 0)
+            found = self.once(("free", i, normal), partial(self.either, *tests))
+        return found
+
+    def either(self, a: str, b: str) -> str:
+        """Whether one of two tests holds."""
+        return self.new(f"or i1 {a}, {b}")
 
     def is_above(self, i: int) -> str:
         """Whether a kink is in its upper region."""

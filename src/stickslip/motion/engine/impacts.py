@@ -10,9 +10,15 @@ linear problem with Delassus' matrix G = J M⁻¹ Jᵀ: a contact that takes par
 −(1 + e) γ⁻, one that slips has Λ_T = ∓μ Λ_N. All modes of the contacts concerned are tried; of
 those that satisfy the law the one that loses most energy is taken. Contacts with a given threshold
 have bounded forces and take no impulse.
+
+In a plane slip has Λ_T = −μ Λ_N A n with n along w = μA(γ_T⁺ + e_T γ_T⁻), which that impulse
+changes itself: (ρ + D) n = w + D n with D = μA G_TT μA Λ_N is a secular equation, as where a slip
+begins, and gives n from any other; several take turns.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -22,9 +28,11 @@ from stickslip.motion.engine.guards import loosen_friction, opens
 from stickslip.motion.engine.modes import resolve, touching
 from stickslip.motion.steps.arrays import (
     CAUSE,
+    COMPONENT,
     CONTACTS,
     COORDINATES,
     DIMENSION,
+    EPSILON,
     FIRST_ROW,
     INERTIAL,
     INLINED,
@@ -35,7 +43,9 @@ from stickslip.motion.steps.arrays import (
     OK,
     ON_INERTIAL,
     OPTIONS,
+    OTHER,
     PART,
+    SENSE,
     SPAN,
     WIDEST,
     Flow,
@@ -45,18 +55,22 @@ from stickslip.motion.steps.arrays import (
     Rows,
     Space,
     direction_entry,
+    is_component,
+    set_mode,
 )
-from stickslip.motion.steps.starting import coefficients
+from stickslip.motion.steps.starting import coefficients, secular_root
 
 # What :func:`collide` says: nothing collides; velocities have jumped; no impulse obeys the law; or
 # only such that create energy.
 NO_IMPACT, JUMPED, NO_IMPULSE, CREATES = range(4)
 # Rows of Space.impact: velocities of contacts before and after, impulses, and the restitution that
-# counts; by coordinate, the change of the rates; and the best impulses so far.
+# counts; by coordinate, the change of the rates; the best impulses so far; and in SENSE, behind
+# them, the sign of what slips, or its direction n in a plane.
 BEFORE, AFTER, IMPULSE, RESTITUTION, CHANGE, BEST = range(6)
 # Rows of Space.tried: which contacts take part, the mode before, and the best mode so far.
 _NEAR, _KEPT, _CHOSEN = range(3)
 _MOST_MODES = 65536
+_MOST_TURNS = 60  # of directions in planes
 _CREATED = 1e-9  # part of the energy of an impact that may be a rounding error
 _SLOW = 1e-12  # part of their terms below which velocities are zero
 _TOGETHER = 1e-13  # of the time that a motion may last: what of bouncing is left then is none
@@ -318,11 +332,61 @@ def try_impulses(rows: Rows, space: Space, mode: Array, number: int) -> tuple[bo
     number : int
     """
     choose_impulse_mode(number, rows, space.tried, mode)
-    if not solve_impulses(rows, space, mode):
-        return False, 0.0, 0.0
-    put_velocities(rows, space)
+    aim_impulses(rows, space, mode)
+    for _ in range(_MOST_TURNS):
+        if not solve_impulses(rows, space, mode):
+            return False, 0.0, 0.0
+        put_velocities(rows, space)
+        if not turn_impulses(rows, space, mode):
+            break
     gained, size, right = judge_impulses(rows, space.V, space.impact, space.tried, mode)
     return right, gained, size
+
+
+@njit(**OPTIONS)
+def aim_impulses(rows: Rows, space: Space, mode: Array) -> None:
+    """The sense in which friction slips in a mode; in a plane that of velocities before."""
+    work = space.impact
+    for c in range(rows.sizes[ON_INERTIAL]):
+        work[SENSE, c] = mode[c]
+    for p in range(len(rows.planes)):
+        c, o = rows.planes[p, COMPONENT], rows.planes[p, OTHER]
+        if slides_along(rows, space.tried, mode, c):
+            x = space.V[rows.friction[c], 0] * work[BEFORE, c]
+            y = space.V[rows.friction[o], 0] * work[BEFORE, o]
+            size = math.hypot(x, y)
+            work[SENSE, c] = x / size if size > 0.0 else 1.0
+            work[SENSE, o] = y / size if size > 0.0 else 0.0
+
+
+@njit(**OPTIONS)
+def turn_impulses(rows: Rows, space: Space, mode: Array) -> bool:
+    """Turn slips in planes into their directions after the impact; whether that changes them."""
+    work = space.impact
+    G = space.delassus
+    change = 0.0
+    for p in range(len(rows.planes)):
+        c, o = rows.planes[p, COMPONENT], rows.planes[p, OTHER]
+        if not slides_along(rows, space.tried, mode, c):
+            continue
+        f, g = space.V[rows.friction[c], 0], space.V[rows.friction[o], 0]
+        pressed = work[IMPULSE, rows.parents[c]]
+        if not (f * pressed > 0.0):
+            continue
+        # w + D n, which is the same whatever n is
+        n, m = work[SENSE, c], work[SENSE, o]
+        a, b, d = f * G[c, c] * f * pressed, f * G[c, o] * g * pressed, g * G[o, o] * g * pressed
+        x = f * moved_on(work, c) + a * n + b * m
+        y = g * moved_on(work, o) + b * n + d * m
+        work[SENSE, c], work[SENSE, o], _ = secular_root(a, b, d, x, y)
+        change = max(change, abs(work[SENSE, c] - n) + abs(work[SENSE, o] - m))
+    return change > 4.0 * EPSILON
+
+
+@njit(**OPTIONS)
+def moved_on(work: Array, c: int) -> float:
+    """γ⁺ + e γ⁻ of a contact."""
+    return float(work[AFTER, c] + work[RESTITUTION, c] * work[BEFORE, c])
 
 
 @njit(**OPTIONS)
@@ -368,7 +432,7 @@ def solve_impulses(rows: Rows, space: Space, mode: Array) -> bool:
                 entry = G[a, b]
                 for c in range(mq):
                     if rows.parents[c] == b and slides_along(rows, tried, mode, c):
-                        entry -= mode[c] * space.V[rows.friction[c], 0] * G[a, c]
+                        entry -= work[SENSE, c] * space.V[rows.friction[c], 0] * G[a, c]
                 system[size, column] = entry
                 column += 1
         system[size, column] = -(1.0 + work[RESTITUTION, a]) * work[BEFORE, a]
@@ -383,7 +447,7 @@ def solve_impulses(rows: Rows, space: Space, mode: Array) -> bool:
     for c in range(mq):
         if slides_along(rows, tried, mode, c):
             mu = space.V[rows.friction[c], 0]
-            work[IMPULSE, c] = -mode[c] * mu * work[IMPULSE, rows.parents[c]]
+            work[IMPULSE, c] = -work[SENSE, c] * mu * work[IMPULSE, rows.parents[c]]
     return True
 
 
@@ -456,8 +520,8 @@ def modes_of(rows: Rows, tried: Array) -> int:
         if total <= _MOST_MODES:
             if opens(rows, c) and tried[_NEAR, c] == 1:
                 total *= 2
-            elif rows.parents[c] >= 0 and tried[_NEAR, rows.parents[c]] == 1:
-                total *= 3
+            elif takes_part(rows, tried, c) and not is_component(rows, c):
+                total *= 3 if rows.plane[c] < 0 else 2
     return total
 
 
@@ -466,10 +530,13 @@ def choose_impulse_mode(number: int, rows: Rows, tried: Array, mode: Array) -> N
     """Put the contacts into the mode that a number stands for; whatever takes no part slips."""
     for c in range(rows.sizes[ON_INERTIAL]):
         mode[c] = 1
-        if opens(rows, c) and tried[_NEAR, c] == 1:
-            mode[c] = number % 2
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if not takes_part(rows, tried, c) or is_component(rows, c):
+            continue
+        if opens(rows, c) or rows.plane[c] >= 0:
+            set_mode(rows, mode, c, number % 2)
             number //= 2
-        elif rows.parents[c] >= 0 and tried[_NEAR, rows.parents[c]] == 1:
+        else:
             mode[c] = number % 3 - 1
             number //= 3
     loosen_friction(rows, mode)
@@ -504,19 +571,53 @@ def judge_impulses(
     fast = 1e-10 * fastest
     right = True
     for c in range(rows.sizes[ON_INERTIAL]):
-        moved = work[AFTER, c] + work[RESTITUTION, c] * work[BEFORE, c]
+        moved = moved_on(work, c)
         if opens(rows, c) and tried[_NEAR, c] == 1:
             right = right and (work[IMPULSE, c] >= -strong if mode[c] == 0 else moved >= -fast)
         elif rows.parents[c] >= 0 and tried[_NEAR, rows.parents[c]] == 1:
             normal = rows.parents[c]
-            if mode[normal] != 0:
+            if mode[normal] != 0 or is_component(rows, c):
                 continue
-            if mode[c] == 0:
+            if rows.plane[c] >= 0:
+                right = right and obeys_in_plane(rows, table, work, mode, c, strong, fast)
+            elif mode[c] == 0:
                 held = table[rows.friction[c], 0] * work[IMPULSE, normal]
                 right = right and abs(work[IMPULSE, c]) <= held + strong
             else:
                 right = right and mode[c] * moved >= -fast
     return gained, size, right
+
+
+@njit(**OPTIONS)
+def obeys_in_plane(
+    rows: Rows, table: Array, work: Array, mode: Array, c: int, strong: float, fast: float
+) -> bool:
+    """Whether the impulse of a contact in a plane obeys Coulomb's law.
+
+    Parameters
+    ----------
+    rows : Rows
+    table, work : arrays
+        As of :func:`judge_impulses`.
+    mode : array of int
+    c : int
+        Its first component.
+    strong, fast : float
+        Impulses and velocities that are zero.
+    """
+    o = rows.planes[rows.plane[c], OTHER]
+    f, g = table[rows.friction[c], 0], table[rows.friction[o], 0]
+    if mode[c] == 0:
+        x, y = work[IMPULSE, c], work[IMPULSE, o]
+        if not f > 0.0:
+            return bool(math.hypot(x, y) <= strong)
+        larger = max(f, g)
+        held = math.hypot(x / f, y / g) * larger
+        return bool(held <= larger * work[IMPULSE, rows.parents[c]] + strong)
+    n, m = work[SENSE, c], work[SENSE, o]
+    x, y = f * moved_on(work, c), g * moved_on(work, o)
+    little = max(f, g) * fast
+    return bool(n * x + m * y >= -little and abs(n * y - m * x) <= little)
 
 
 @njit(**OPTIONS)

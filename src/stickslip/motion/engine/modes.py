@@ -292,6 +292,8 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
             part = rows.homes[c, PART]
             first = rows.parts[part, FIRST_ROW]
             for i in range(rows.parts[part, COORDINATES]):
+                if is_rubbed(rows, flow.k.J, W, c, i):
+                    continue
                 q = rows.members[rows.parts[part, MEMBERS] + i]
                 change = space.Rq[first + i, rows.homes[c, SEAT] - first] * gap
                 at.y[nq + q] -= change
@@ -306,6 +308,20 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
                 q = rows.members[rows.parts[part, MEMBERS] + i]
                 at.y[q] -= space.Rq[first + i, rows.homes[c, SEAT] - first] * distance
     return True
+
+
+@njit(**OPTIONS)
+def is_rubbed(rows: Rows, J: Array, table: Array, c: int, i: int) -> bool:
+    """Whether friction in a plane, under the normal force of a contact, moves a coordinate of their
+    component. What puts the contact back onto its surface is no impulse, and moves nothing else: a
+    slip that begins is at rest, exactly."""
+    for p in range(len(rows.planes)):
+        if rows.parents[rows.planes[p, COMPONENT]] == c:
+            x = direction_entry(rows, J, table, rows.planes[p, COMPONENT], i)
+            y = direction_entry(rows, J, table, rows.planes[p, OTHER], i)
+            if x != 0.0 or y != 0.0:
+                return True
+    return False
 
 
 @njit(**OPTIONS)

@@ -424,8 +424,9 @@ def own_inverse(rows: Rows, space: Space, c: int) -> float:
     )
 
 
-# Row of Space.impact: the largest gap of a contact so far.
-WIDEST = 6
+# Rows of Space.impact: the largest gap of a contact so far, and the sense in which it slips in an
+# impact.
+WIDEST, SENSE = 6, 7
 
 
 @njit(**OPTIONS)
@@ -525,7 +526,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         labels=z((guards, 2), np.int64),
         known=np.ones(mq + mz + 1, np.int64),
         asked=z(len(rows.parts) + 1, np.int64),
-        impact=z((7, max(nq, nc))),
+        impact=z((8, max(nq, nc))),
         tried=z((3, max(nc, 1)), np.int64),
         response=z((nq, struck)),
         delassus=z((struck, struck)),

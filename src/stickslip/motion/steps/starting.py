@@ -79,7 +79,9 @@ def begins(flow: Flow, mode: Array, table: Array) -> bool:
     rows = flow.rows
     found = False
     for p in range(len(rows.planes)):
-        slips = rows.planes[p, MASSIVE] == 1 and mode[rows.planes[p, COMPONENT]] == 1
+        c = rows.planes[p, COMPONENT]
+        is_open = rows.parents[c] >= 0 and mode[rows.parents[c]] != 0
+        slips = rows.planes[p, MASSIVE] == 1 and mode[c] == 1 and not is_open
         starts = slips and table[rows.planes[p, AIM] + 2, 0] == 0.0
         flow.space.aims[_AIMS * p + _P, 0] = 0.0 if starts else -1.0
         found = found or starts
@@ -370,7 +372,7 @@ def aim_order(flow: Flow, table: Array, m: int) -> None:
             # (x, y) + ν (cx, cy) = ρₖ n₀
             across = -o * x + n * y
             slope = -o * cx + n * cy
-            nu = -across / slope
+            nu = -across / slope if slope != 0.0 else 0.0
             rho = n * (x + nu * cx) + o * (y + nu * cy)
             u, v = along * n - nu * o, along * o + nu * n
             change = max(change, abs(u - aims[base + _X, m]) + abs(v - aims[base + _Y, m]))

@@ -299,10 +299,12 @@ def _modes(equations: MotionEquations, near: set[int]) -> Iterator[Mode]:
     choices: list[tuple[int, ...]] = []
     for i, c in enumerate(equations.contacts):
         rubs = bool(set(equations.pressing(i)) & near)
-        choices.append((0, 1) if i in near else (0, 1, -1) if rubs and not c.opens else (1,))
+        sliding = (1,) if c.plane else (1, -1)
+        choices.append((0, 1) if i in near else (0, *sliding) if rubs and not c.opens else (1,))
     for mode in product(*choices):
-        # What takes no part rubs in no way.
-        if all(
+        # What takes no part rubs in no way, and components slip together.
+        apart = any(mode[i] != mode[j] for i, j in (plane.parts for plane in equations.planes))
+        if not apart and all(
             mode[i] == 1 for i in range(len(mode)) for n in equations.pressing(i) if mode[n] != 0
         ):
             yield mode

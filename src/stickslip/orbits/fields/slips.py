@@ -109,6 +109,8 @@ def passages(motion: Trajectory) -> list[float]:
         return []
     k = motion.knots
     slips = k.mode[:, rows.planes[:, COMPONENT]] != 0
+    normal = rows.parents[rows.planes[:, COMPONENT]]
+    slips &= (normal < 0) | (k.mode[:, normal] == 0)
     speed = motion._sample_clock(k.clock, np.arange(len(k.clock)))[:, rows.planes[:, AIM] + 2]
     massive = rows.planes[:, MASSIVE] == 1
     through = slips[1:] & slips[:-1] & (speed[1:] == 0.0) & massive
