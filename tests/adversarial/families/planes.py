@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from stickslip import Contact, Inertial, Parameter, System
+from stickslip import Contact, Inertial, Parameter, System, Unilateral
 
 from ..case import Families, Rng, declaration, log_uniform, pick
 from ..mechanics import Array
@@ -35,6 +35,8 @@ class Touch:
     surface : str
         "none", "swing", or "table", which turns.
     ellipse : bool
+    pressed : bool
+        Whether the threshold is a normal force: a mass of its own is pressed down by it.
     """
 
     rows: tuple[Row, ...]
@@ -42,6 +44,7 @@ class Touch:
     threshold: str = "constant"
     surface: str = "none"
     ellipse: bool = False
+    pressed: bool = False
 
 
 @dataclass(frozen=True)
@@ -179,11 +182,16 @@ def declared(shape: Shape) -> System:
     used += [f"Q{i}" for i in range(len(names)) if shape.cubic]
     used += [word for k, touch in enumerate(shape.touches) for word in words(touch, k)]
     ones = ("s", "e", "J", "vs")
+    kinetic = _quadratic("M", names, "d_", shape.heavy)
+    for k, touch in enumerate(shape.touches):
+        if touch.pressed:
+            forces[f"down{k}"] = f"-({holds(touch, k)})"
+            kinetic.append(f"d_down{k}**2/2")
     return System(
         name="slide",
         parameters={n: Parameter(1.0 if n.startswith(ones) or _diagonal(n) else 0.0) for n in used},
         coordinates={x: Inertial(force=f) for x, f in forces.items()},
-        kinetic=" + ".join(_quadratic("M", names, "d_", shape.heavy)),
+        kinetic=" + ".join(kinetic),
         potential=" + ".join(potential),
         viscous=" + ".join(_quadratic("C", names, "d_", False)),
         contacts={f"c{k}": contact(touch, k) for k, touch in enumerate(shape.touches)},
@@ -202,15 +210,20 @@ def words(touch: Touch, k: int) -> list[str]:
     return [f"{w}{k}" for w in found] + named
 
 
-def contact(touch: Touch, k: int) -> Contact:
+def holds(touch: Touch, k: int) -> str:
+    """The threshold of a contact."""
+    return {
+        "constant": f"s{k}",
+        "time": f"s{k} + r{k}*cos(al{k}*(t - t_0))",
+        "state": f"s{k}*(1 + h{k}*{touch.rows[0][0][1]}**2)",
+    }[touch.threshold]
+
+
+def contact(touch: Touch, k: int) -> Contact | Unilateral:
     """A contact as the library gets it."""
     along = [" + ".join(f"{c}*d_{x}" for c, x in row) for row in touch.rows]
     x, y = touch.rows[0][0][1], touch.rows[-1][0][1]
-    s = {
-        "constant": f"s{k}",
-        "time": f"s{k} + r{k}*cos(al{k}*(t - t_0))",
-        "state": f"s{k}*(1 + h{k}*{x}**2)",
-    }[touch.threshold]
+    s = holds(touch, k)
     kinetic = {
         "same": None,
         "drop": f"d{k}*({s})",
@@ -230,6 +243,8 @@ def contact(touch: Touch, k: int) -> Contact:
         "table": (f"-{turn}*({y} - Y{k})", f"{turn}*({x} - X{k})"),
     }[touch.surface]
     axes: Any = (f"ex{k}", f"ey{k}") if touch.ellipse else (1.0, 1.0)
+    if touch.pressed:
+        return Unilateral(f"down{k}", (along[0], along[1]), 1.0, surface, axes=axes)
     return Contact((along[0], along[1]), s, surface, kinetic, axes=axes)
 
 
@@ -536,6 +551,22 @@ def close_pass(rng: Rng) -> Slide:
     n |= {"G0": -decay, "G1": 0.0, "F0": 0.0, "F1": 0.0, "M0_0": 1.0, "M1_1": 1.0}
     start = {"x1": 0.0, "y1": 0.0, "d_x1": speed, "d_y1": little}
     return Slide(shape, n, start, float(rng.uniform(2.0, 6.0)))
+
+
+@family
+def pressed(rng: Rng) -> Slide:
+    """What holds is a normal force, which depends on time or on the place."""
+    pad = Touch(
+        on(1),
+        threshold=pick(rng, ("constant", "time", "state")),
+        surface=pick(rng, ("none", "swing", "table")),
+        ellipse=bool(rng.integers(2)),
+        pressed=True,
+    )
+    other = Touch(between(2, 1), ellipse=bool(rng.integers(2)), pressed=True)
+    stacked = bool(rng.integers(3) == 0)
+    shape = Shape(bodies(2), (pad, other)) if stacked else one(pad, heavy=bool(rng.integers(2)))
+    return made(rng, shape, 1.0)
 
 
 @family

@@ -66,6 +66,7 @@ from stickslip.motion.steps.arrays import (
     ROUNDING,
     SEAT,
     SERIES,
+    SPAN,
     UNIT,
     VISCOUS,
     Constants,
@@ -239,7 +240,7 @@ def project_rates(machine: Machine, flow: Flow, at: Instant) -> int:
 
 
 @njit(**INLINED)
-def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
+def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: float) -> bool:
     """Put sticking inertial contacts exactly on the surface speed; one that is not there (it cannot
     jump) slips.
 
@@ -248,6 +249,8 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
     last, near : float
         Length of recent steps, and of the longest step for which slip was denied here: what was
         zero to that is zero to stick, or else neither would go on.
+    span : float
+        Time that the motion may last.
 
     Returns
     -------
@@ -278,7 +281,7 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float) -> bool:
             rate = held_back(rows, space, first) + held_back(rows, space, second)
             slow = (_ON_SURFACE * last + _WIDE * ROUNDING * near) * rate
             slow += _WIDE * (ROUNDING * (mag[first] + mag[second]) + INSTANT * abs(at.t) * rate)
-        if abs(gap) > slow or is_apart(flow, c, last):
+        if abs(gap) > slow or is_apart(flow, c, last, span):
             # Contacts of other components hold the same whether this one does or not.
             if asked[rows.homes[c, PART]] == 0:
                 set_mode(rows, mode, c, 1 if gap > 0.0 or opens(rows, c) else -1)
@@ -333,12 +336,19 @@ def held_back(rows: Rows, space: Space, c: int) -> float:
 
 
 @njit(**OPTIONS)
-def is_apart(flow: Flow, c: int, last: float) -> bool:
+def is_apart(flow: Flow, c: int, last: float, span: float) -> bool:
     """Whether a contact that can open is not closed, up to what its gap does in a step and to
-    rounding, or as it is where it has just closed."""
+    rounding, or as it is where it has just closed; what rounding errors of forces have made of a
+    gap is no faster than they are."""
     rows = flow.rows
-    closed = max(touching(flow, c, last), FIRED * gap_size(rows, flow.space, c))
-    return opens(rows, c) and abs(flow.space.W[rows.gaps[c], 0]) > closed
+    space = flow.space
+    if not opens(rows, c):
+        return False
+    closed = max(touching(flow, c, last), FIRED * gap_size(rows, space, c))
+    drift = abs(space.W[rows.u[c], 0])
+    if drift <= ROUNDING * held_back(rows, space, c) * span:
+        closed = max(closed, drift * span)
+    return bool(abs(space.W[rows.gaps[c], 0]) > closed)
 
 
 @njit(**OPTIONS)
@@ -352,7 +362,7 @@ def touching(flow: Flow, c: int, last: float) -> float:
 
 @njit(**INLINED)
 def evaluate_mode(
-    machine: Machine, flow: Flow, at: Instant, last: float, near: float, hold: bool
+    machine: Machine, flow: Flow, at: Instant, last: float, near: float, span: float, hold: bool
 ) -> int:
     """Taylor coefficients of the motion in a mode; y is put back onto the constraints of the
     mode.
@@ -363,7 +373,7 @@ def evaluate_mode(
     flow : Flow
     at : Instant
         Its state is put back, and its mode is changed where a contact that is not at rest slips.
-    last, near : float
+    last, near, span : float
         As in :func:`release_or_hold`.
     hold : bool
         Whether sticking contacts are put onto the surface speed.
@@ -387,7 +397,7 @@ def evaluate_mode(
         status = coefficients(machine, flow, at, 1, W)
         if status != OK:
             return status
-        if release_or_hold(flow, at, last, near):
+        if release_or_hold(flow, at, last, near, span):
             break
     if rows.sizes[RATE_INDEPENDENT] > 0:
         status = project_rates(machine, flow, at)
@@ -744,7 +754,7 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     set_mode(rows, lane.mode, c, 0)
     known = resolve(rows, flow.k, flow.space, lane.mode)
     if known and coefficients(machine, flow, here, 1, flow.space.W) == OK:
-        release_or_hold(flow, here, lane.clock[RECENT], 0.0)
+        release_or_hold(flow, here, lane.clock[RECENT], 0.0, lane.clock[SPAN])
     set_mode(rows, lane.mode, c, 1)
 
 
@@ -773,7 +783,8 @@ def make_series(
     """
     t = lane.clock[NOW]
     here = Instant(t, lane.y, lane.mode, lane.reg)
-    status = evaluate_mode(machine, flow, here, lane.clock[RECENT], near, hold)
+    recent, span = lane.clock[RECENT], lane.clock[SPAN]
+    status = evaluate_mode(machine, flow, here, recent, near, span, hold)
     h = 0.0
     if status == OK:
         h = step_size(flow, flow.order, lane.seen, lane.clock[SERIES])
