@@ -21,6 +21,7 @@ from stickslip import (
     Parameter,
     RateIndependent,
     System,
+    Unilateral,
     Viscous,
     catalogue,
     simulate,
@@ -111,8 +112,17 @@ RESISTED = System(
     contacts={"ground": Contact("d_w", "0.5")},
     initial={"q": 0.1},
 )
+PRESSED = System(
+    "pressed in a plane",
+    parameters={"mu": Parameter(0.4), "w": Parameter(1.3)},
+    coordinates={"x": Inertial(), "y": Inertial(), "z": Inertial()},
+    kinetic="d_x**2/2 + 0.7*d_y**2 + 0.2*d_x*d_y + d_z**2/2",
+    potential="(2 + sin(w*t) + x**2)*z + x**2/2 + x*y/3",
+    contacts={"foot": Unilateral("z - sin(w*t)/9", ("d_x", "d_x + d_y"), "mu", axes=(1.0, 0.6))},
+    initial={"d_x": 0.4, "d_y": -0.2},
+)
 SYSTEMS = {name: name for name in catalogue.names()} | {
-    system.name: system for system in (EVERYTHING, PIECES, MIXED, COUPLED, RESISTED)
+    system.name: system for system in (EVERYTHING, PIECES, MIXED, COUPLED, RESISTED, PRESSED)
 }
 SYSTEMS["a long chain"] = catalogue.block_chain(N=40)
 

@@ -316,8 +316,21 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
 @njit(**OPTIONS)
 def is_rubbed(rows: Rows, J: Array, table: Array, c: int, i: int) -> bool:
     """Whether friction in a plane, under the normal force of a contact, moves a coordinate of their
-    component. What puts the contact back onto its surface is no impulse, and moves nothing else: a
-    slip that begins is at rest, exactly."""
+    component.
+
+    What puts the contact back onto its surface is no impulse, and moves nothing else: a slip that
+    begins is at rest, exactly.
+
+    Parameters
+    ----------
+    rows : Rows
+    J : array
+        Directions that do not change.
+    table : array
+        Values of the rows.
+    c, i : int
+        The contact, and the place of the coordinate in the component.
+    """
     for p in range(len(rows.planes)):
         if rows.parents[rows.planes[p, COMPONENT]] == c:
             x = direction_entry(rows, J, table, rows.planes[p, COMPONENT], i)
