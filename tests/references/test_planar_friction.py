@@ -3,6 +3,7 @@ dt = |u| dτ, in which the end of a slip is smooth."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import atan2, cos, hypot, log, pi, sin, sqrt
 
 import numpy as np
@@ -354,3 +355,35 @@ def test_ends_of_slips_against_an_integration_in_tau(seed: int) -> None:
     end = changes(motion)[0]
     found = motion.at(end)
     np.testing.assert_allclose([end, found["x"], found["y"]], expected, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("least", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_a_slip_that_almost_stops_goes_on(least: float) -> None:
+    """Thrown against a force beyond friction, a puck turns back. With z = tan(φ/2) and p = k/f its
+    speed is c (1 + z²) z^(p − 1)/2, least where cos φ = p; dt is c (1 + z²) z^(p − 2)/(2f) dz."""
+    f, k = 2.0, 1.0
+    p = k / f
+
+    def speed(z: float) -> float:
+        return (1 + z * z) * z ** (p - 1) / 2
+
+    c = least / speed(sqrt((1 - p) / (1 + p)))
+    first = (2 / c) ** (1 / (1 + p))  # of the speed 1, but for little
+    last = 0.1
+
+    def between(by: Callable[[float], float]) -> float:
+        return by(first) - by(last)
+
+    time = c / (2 * f) * between(lambda z: z ** (p - 1) / (p - 1) + z ** (p + 1) / (p + 1))
+    x = (
+        c**2
+        / (4 * f)
+        * between(lambda z: z ** (2 * p - 2) / (2 * p - 2) - z ** (2 * p + 2) / (2 * p + 2))
+    )
+    start = {"d_x": c * (1 - first**2) * first ** (p - 1) / 2, "d_y": c * first**p}
+    motion = certified(puck(), time, start, {"f": f})
+    assert changes(motion) == []
+    velocity = c * (1 - last**2) * last ** (p - 1) / 2
+    assert motion.final["x"] == pytest.approx(x, rel=1e-9)
+    assert motion.final["d_x"] == pytest.approx(velocity, rel=1e-3, abs=1e-13)
+    assert motion.final["d_y"] == pytest.approx(c * last**p, rel=1e-3)
