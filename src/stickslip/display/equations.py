@@ -37,6 +37,7 @@ from stickslip.display.tree import (
 )
 from stickslip.model.declaration import DryContact
 from stickslip.model.names import normal_force
+from stickslip.model.system import Unilateral
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
@@ -143,8 +144,10 @@ class Equations:
         return sum_of(self._reader.read(self.system.viscous), *dry)
 
     def _in_plane(self, name: str) -> Contact:
-        """A contact in a plane as it was declared."""
-        return cast("Contact", self.system.contacts[name])
+        """A contact in a plane as it was declared, or the friction of one that can open."""
+        contact = self.system.contacts[name]
+        friction = contact.friction(name) if isinstance(contact, Unilateral) else contact
+        return cast("Contact", friction)
 
     def _length(self, contact: Contact) -> Node:
         """|Au| of a contact in a plane, by its components."""

@@ -239,6 +239,14 @@ class Unilateral:
     def __post_init__(self) -> None:
         hold_plain(self)
 
+    def friction(self, name: str) -> Contact:
+        """What rubs, as a contact under the normal force of the one that is called by a name."""
+        from stickslip.model.names import normal_force
+
+        threshold = f"({self.mu})*{normal_force(name)}"
+        speed, unit, axes = self.surface_speed, self.unit, self.axes
+        return Contact(self.direction, threshold, speed, unit=unit, axes=axes)
+
 
 @dataclass(frozen=True)
 class Bilateral:
@@ -496,12 +504,7 @@ class System:
         )
         speed = formula_text(declared.speed, normal)
         parts = {normal: Contact(rate, 0.0, speed, unit=contact.unit)}
-        if contact.direction:
-            threshold = f"({contact.mu})*{normal}"
-            direction, speed = contact.direction, contact.surface_speed
-            friction = Contact(direction, threshold, speed, unit=contact.unit, axes=contact.axes)
-            parts |= friction.components(name)
-        return parts
+        return parts | (contact.friction(name).components(name) if contact.direction else {})
 
     @cached_property
     def planes(self) -> dict[str, tuple[str, str]]:
