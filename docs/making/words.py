@@ -21,8 +21,8 @@ WORDS: Mapping[str, str] = {
     "tutorials/shaken": "vibration, shaken friction, effective friction, plate compactor",
     "tutorials/memory": "earthquake, rate and state, fault",
     "tutorials/machines": "brake squeal, squeal, drill string, violin, damper, joint, hunting",
-    "tutorials/friction-in-a-plane": "friction in a plane, two directions, 2-D friction, puck, "
-    "turntable, anisotropic friction",
+    "tutorials/friction-in-a-plane": "friction in a plane, planar friction, two directions, "
+    "2-D friction, puck, turntable, moving surface, along and across, anisotropic friction",
     "tutorials/impacts": "impact, bouncing, lift off, restitution, collision with a stop, Zeno",
     "tutorials/gaits": "walking, gait, locomotion, crawling",
     "tutorials/record-to-map": "record to a map",
