@@ -62,6 +62,7 @@ html_math_renderer = "mathml"
 html_title = "stickslip"
 html_static_path = ["_static"]
 html_css_files = ["style.css"]
+html_favicon = "_static/icon.svg"  # or a browser asks for one that is not there
 html_show_sourcelink = False
 html_copy_source = False
 html_search_scorer = str(HERE / "making" / "scorer.js")
