@@ -88,4 +88,5 @@ def setup(app: Any) -> None:
 
     app.connect("builder-inited", lambda _: pages.write(HERE))
     app.connect("source-read", pages.to_the_site)
+    app.connect("doctree-read", pages.with_keywords)
     app.connect("autodoc-process-docstring", pages.plain_bars)

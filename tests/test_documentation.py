@@ -253,6 +253,12 @@ def test_the_search_is_asked_for_every_page_that_questions_lead_to() -> None:
     assert len(every) == len(set(every)), "a word means one page"
 
 
+def test_words_of_a_question_are_found_one_by_one() -> None:
+    assert words.keys("How do I find a periodic motion") == "find periodic motion"
+    assert {"find", "periodic", "motion"} <= set(words.single("how-to/branches"))
+    assert words.single("no page") == []
+
+
 def test_words_stand_before_the_title() -> None:
     for text in ("# A\n\nb\n", "---\nc: d\n---\n\n# A\n\nb\n"):
         marked = words.marked("start", text)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 WORDS: Mapping[str, str] = {
     "start": "install, pip install, first picture, conda, getting started, extras",
-    "is-this-for-me": "scope, limitations, alternatives, comparison, 3-D, "
+    "is-this-for-me": "scope, limitations, alternatives, comparison, 3-D, contacts 3-D, "
     "speed, delay, noise, collision",
     "questions": "faq, questions",
     "glossary": "glossary, terms",
@@ -83,6 +83,25 @@ def questions() -> dict[str, list[str]]:
         links = re.findall(r"\]\(([\w/-]+)\.md", pages)
         asked[re.sub(r"[^\w\s-]", "", question)] = links
     return asked
+
+
+# Words of questions that nobody types into a search field.
+_SMALL = frozenset(
+    "a an and any are be by can do does for from get give have how i in is it its my of on or own "
+    "something than the there they this to use was what where which why with you your".split()
+)
+
+
+def keys(question: str) -> str:
+    """What is typed in of a question: its words, without the small ones."""
+    return " ".join(word for word in question.lower().split() if word not in _SMALL)
+
+
+def single(page: str) -> list[str]:
+    """Every word of the words for a page, and of the questions that it answers: any of them may be
+    typed in, in any order."""
+    answered = [keys(question) for question, pages in questions().items() if page in pages]
+    return sorted(set(re.findall(r"\w+", " ".join([*of(page), *answered]).lower())))
 
 
 def marked(page: str, text: str) -> str:
