@@ -79,7 +79,7 @@ html_theme_options: dict[str, Any] = {
     "back_to_top_button": False,
 }
 html_context = {"default_mode": "auto"}
-html_sidebars = {"index": []}
+html_sidebars = {page: [] for page in ("index", "wrong", "search", "genindex")}
 
 
 def setup(app: Any) -> None:

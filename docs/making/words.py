@@ -88,7 +88,7 @@ def questions() -> dict[str, list[str]]:
 # Words of questions that nobody types into a search field.
 _SMALL = frozenset(
     "a an and any are be by can do does for from get give have how i in is it its my of on or own "
-    "something than the there they this to use was what where which why with you your".split()
+    "than the there they this to use was what where which why with you your".split()
 )
 
 
