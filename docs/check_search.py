@@ -1,6 +1,7 @@
 """Ask the search field of the built site what newcomers ask: the words of ``making.words``, and the
-questions of docs/questions.md. The page that is meant has to be among the first three it finds.
-``python docs/check_search.py docs/_build/html``, with a browser."""
+questions of docs/questions.md, whole and without their small words. The page that is meant has to
+be among the first three it finds. ``python docs/check_search.py docs/_build/html``, with a browser.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +43,9 @@ def asked() -> Iterator[tuple[str, list[str]]]:
     for page in words.WORDS:
         for query in words.of(page):
             yield query, [page]
-    yield from words.questions().items()
+    for question, pages in words.questions().items():
+        yield question, pages
+        yield words.keys(question), pages
 
 
 def answers(site: Path) -> Iterator[tuple[str, list[str], list[str]]]:

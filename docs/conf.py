@@ -62,6 +62,7 @@ html_math_renderer = "mathml"
 html_title = "stickslip"
 html_static_path = ["_static"]
 html_css_files = ["style.css"]
+html_favicon = "_static/icon.svg"  # or a browser asks for one that is not there
 html_show_sourcelink = False
 html_copy_source = False
 html_search_scorer = str(HERE / "making" / "scorer.js")
@@ -78,7 +79,7 @@ html_theme_options: dict[str, Any] = {
     "back_to_top_button": False,
 }
 html_context = {"default_mode": "auto"}
-html_sidebars = {"index": []}
+html_sidebars = {page: [] for page in ("index", "wrong", "search", "genindex")}
 
 
 def setup(app: Any) -> None:
@@ -87,4 +88,5 @@ def setup(app: Any) -> None:
 
     app.connect("builder-inited", lambda _: pages.write(HERE))
     app.connect("source-read", pages.to_the_site)
+    app.connect("doctree-read", pages.with_keywords)
     app.connect("autodoc-process-docstring", pages.plain_bars)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from typing import Any
 
 import typer
@@ -55,4 +56,6 @@ def _command(name: str, command: Any) -> list[str]:
 
 
 def _escaped(text: str) -> str:
-    return text.replace("*", r"\*").replace("<", r"\<").replace("$", r"\$")
+    """A text of the program, whose options are code: two hyphens would become a dash."""
+    plain = text.replace("*", r"\*").replace("<", r"\<").replace("$", r"\$")
+    return re.sub(r"(?<![\w-])--[a-z][\w-]*", r"`\g<0>`", plain)

@@ -9,8 +9,10 @@ import re
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import stickslip as ss
@@ -19,6 +21,7 @@ from making import docstrings, gallery, markdown
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "examples"
 _SECONDS = 300  # for the pictures of a program
+_ONE_AT_A_TIME = Lock()  # drawing in this process
 
 
 def found() -> dict[str, Path]:
@@ -104,20 +107,32 @@ def _pictures(name: str) -> dict[str, str]:
 
 
 def pictures(folder: Path) -> None:
-    """Draw what is new or has changed; every program is run as a reader would run it."""
+    """Draw what is new or has changed; programs are run as a reader would run them, two at once."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name, path in found().items():
-        mark = folder / f"example-{name}.made-of"
-        now = hashlib.sha256(path.read_bytes() + gallery.code().encode()).hexdigest()
-        if mark.exists() and mark.read_text(encoding="utf-8") == now:
-            continue
-        with tempfile.TemporaryDirectory() as place:
-            drawn = _run(path, Path(place)) if path.suffix == ".py" else _draw(path, Path(place))
-            for picture, put in _pictures(name).items():
-                (folder / put).write_bytes((drawn / picture).read_bytes())
-        last = folder / list(_pictures(name).values())[-1]
+    programs = [name for name, path in found().items() if path.suffix == ".py"]
+    with ThreadPoolExecutor(2) as pool:
+        for _ in pool.map(lambda name: _renew(name, folder), programs):
+            pass
+    for name in found():
+        if name not in programs:  # drawn in this process
+            _renew(name, folder)
+
+
+def _renew(name: str, folder: Path) -> None:
+    """The pictures of an example, if it has changed."""
+    path = found()[name]
+    mark = folder / f"example-{name}.made-of"
+    now = hashlib.sha256(path.read_bytes() + gallery.code().encode()).hexdigest()
+    if mark.exists() and mark.read_text(encoding="utf-8") == now:
+        return
+    with tempfile.TemporaryDirectory() as place:
+        drawn = _run(path, Path(place)) if path.suffix == ".py" else _draw(path, Path(place))
+        for picture, put in _pictures(name).items():
+            (folder / put).write_bytes((drawn / picture).read_bytes())
+    last = folder / list(_pictures(name).values())[-1]
+    with _ONE_AT_A_TIME:
         gallery.shrink(last, folder / f"example-{name}-small.png")
-        mark.write_text(now, encoding="utf-8")
+    mark.write_text(now, encoding="utf-8")
 
 
 def _run(path: Path, place: Path) -> Path:

@@ -7,6 +7,8 @@ import re
 from pathlib import Path
 from typing import Any
 
+from docutils import nodes
+
 from making import (
     command_line,
     examples,
@@ -59,6 +61,13 @@ def to_the_site(app: Any, place: str, source: list[str]) -> None:
     source[0] = words.marked(place, source[0])
     if source[0].startswith(_EXECUTED):
         source[0] = typed_in(source[0])
+
+
+def with_keywords(app: Any, document: nodes.document) -> None:
+    """The words by which a page is to be found, also those that it does not use itself."""
+    found = words.single(app.env.docname)
+    if found:
+        document += nodes.meta(name="keywords", content=", ".join(found))
 
 
 _EXECUTED = "---\nfile_format: mystnb\n"

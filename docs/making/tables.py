@@ -36,11 +36,11 @@ MEANINGS = {
 }
 _OF = {
     "": "",
-    "component": "a part of the state, `amplitude:x`",
-    "contact": "a contact, `stick_fraction:foot`",
-    "force": "a contact, `mean_force:foot`; in a plane one component, `mean_force:table 1`",
-    "quantity": "a variable, also a force, `harmonic:friction_foot`",
-    "weight": "a formula of the parameters, `cost_of_transport:m*g`",
+    "component": "a part of the state, `{name}:x`",
+    "contact": "a contact, `{name}:foot`",
+    "force": "a contact, `{name}:foot`; in a plane one component, `{name}:table 1`",
+    "quantity": "a variable, also a force, `{name}:friction_foot`",
+    "weight": "a formula of the parameters, `{name}:m*g`",
 }
 
 
@@ -103,7 +103,7 @@ def _measures() -> str:
     rows = [
         [
             markdown.code(name),
-            _OF.get(row.of, row.of),
+            _OF.get(row.of, row.of).format(name=name),
             "yes" if name in measures._OF_A_SPAN else "",
             "yes" if row.again else "",
         ]

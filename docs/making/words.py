@@ -10,7 +10,7 @@ from pathlib import Path
 
 WORDS: Mapping[str, str] = {
     "start": "install, pip install, first picture, conda, getting started, extras",
-    "is-this-for-me": "scope, limitations, alternatives, comparison, 3-D, "
+    "is-this-for-me": "scope, limitations, alternatives, comparison, 3-D, contacts 3-D, "
     "speed, delay, noise, collision",
     "questions": "faq, questions",
     "glossary": "glossary, terms",
@@ -21,8 +21,8 @@ WORDS: Mapping[str, str] = {
     "tutorials/shaken": "vibration, shaken friction, effective friction, plate compactor",
     "tutorials/memory": "earthquake, rate and state, fault",
     "tutorials/machines": "brake squeal, squeal, drill string, violin, damper, joint, hunting",
-    "tutorials/friction-in-a-plane": "friction in a plane, two directions, 2-D friction, puck, "
-    "turntable, anisotropic friction",
+    "tutorials/friction-in-a-plane": "friction in a plane, planar friction, two directions, "
+    "2-D friction, puck, turntable, moving surface, along and across, anisotropic friction",
     "tutorials/impacts": "impact, bouncing, lift off, restitution, collision with a stop, Zeno",
     "tutorials/gaits": "walking, gait, locomotion, crawling",
     "tutorials/record-to-map": "record to a map",
@@ -83,6 +83,25 @@ def questions() -> dict[str, list[str]]:
         links = re.findall(r"\]\(([\w/-]+)\.md", pages)
         asked[re.sub(r"[^\w\s-]", "", question)] = links
     return asked
+
+
+# Words of questions that nobody types into a search field.
+_SMALL = frozenset(
+    "a an and any are be by can do does for from get give have how i in is it its my of on or own "
+    "than the there they this to use was what where which why with you your".split()
+)
+
+
+def keys(question: str) -> str:
+    """What is typed in of a question: its words, without the small ones."""
+    return " ".join(word for word in question.lower().split() if word not in _SMALL)
+
+
+def single(page: str) -> list[str]:
+    """Every word of the words for a page, and of the questions that it answers: any of them may be
+    typed in, in any order."""
+    answered = [keys(question) for question, pages in questions().items() if page in pages]
+    return sorted(set(re.findall(r"\w+", " ".join([*of(page), *answered]).lower())))
 
 
 def marked(page: str, text: str) -> str:

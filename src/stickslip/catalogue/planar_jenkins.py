@@ -5,7 +5,7 @@ from stickslip.model.system import Condition, Contact, Inertial, Parameter, Rate
 
 def planar_jenkins(**given: float | str) -> System:
     """Mass on springs under a force that goes around an ellipse, damped by a slider that it drags
-    behind it by springs of its own; the slider slips whichever way the force on it points.
+    along by a spring; the slider slips whichever way the force on it points.
 
     Parameters
     ----------
@@ -17,7 +17,7 @@ def planar_jenkins(**given: float | str) -> System:
     C.-H. Menq, P. Chidamparam, J. H. Griffin, *Friction damping of two-dimensional motion and its
     application in vibration control*, J. Sound Vib. 144 (1991) 427-447; K. Y. Sanliturk, D. J.
     Ewins, *Modelling two-dimensional friction contact and its application using harmonic balance
-    method*, J. Sound Vib. 193 (1996) 511-523. Where the force goes around a circle (``Q`` = P),
+    method*, J. Sound Vib. 193 (1996) 511-523. Where the force goes around a circle (``Q`` = ``P``),
     both move on circles, the slider a right angle behind its force: its radius B solves
     ((k − mω²)² + (cω)²) B² + 2cωF_c B + (cωF_c/k_d)² + ((k − mω²)F_c/k_d + F_c)² = P², and that of
     the mass is √(B² + (F_c/k_d)²).
