@@ -158,7 +158,7 @@ def test_an_impact_has_the_impulses_of_the_law(seed: int) -> None:
         along = (f"d_x{i}{below[0]}", f"d_y{i}{below[1]}")
         gap = f"z{i}" + (f" - z{i - 1}" if i else "")
         contacts[f"pad {i}"] = ss.Unilateral(
-            gap, along, float(mu[i]), axes=tuple(map(float, axes[i]))
+            gap, along, float(mu[i]), axes=(float(axes[i, 0]), float(axes[i, 1]))
         )
     terms = [
         f"({float(M[i, j])!r})*d_{a}*d_{b}/2"
