@@ -5,9 +5,7 @@ from __future__ import annotations
 import doctest
 import re
 from pathlib import Path
-from typing import Any
-
-from docutils import nodes
+from typing import TYPE_CHECKING, Any
 
 from making import (
     command_line,
@@ -21,6 +19,9 @@ from making import (
     tables,
     words,
 )
+
+if TYPE_CHECKING:
+    from docutils import nodes
 
 MAKERS = (python_reference, command_line, model_files, tables, gallery, records)
 ROOT = Path(__file__).parents[2]
@@ -65,6 +66,8 @@ def to_the_site(app: Any, place: str, source: list[str]) -> None:
 
 def with_keywords(app: Any, document: nodes.document) -> None:
     """The words by which a page is to be found, also those that it does not use itself."""
+    from docutils import nodes
+
     found = words.single(app.env.docname)
     if found:
         document += nodes.meta(name="keywords", content=", ".join(found))
