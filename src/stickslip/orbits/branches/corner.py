@@ -101,7 +101,7 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     trial, after, distance = found
     if is_open(after) and not _well_inside(chart, x):
         return None
-    contacts = [c.name for c in chart.shooting.pieces.equations.contacts]
+    contacts = list(chart.shooting.pieces.equations.labels)
     edge = _carried(there, y, towards, trial, after, distance)
     if edge is not None:
         onward = _along_the_edge(there, y, towards, edge)

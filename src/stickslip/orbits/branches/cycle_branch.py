@@ -268,7 +268,7 @@ class _Follower:
 
     def _left_behind(self, stations: list[_Station], chart: Chart) -> Chart:
         """Where contacts are carried along no more they keep where they rest."""
-        names = [c.name for c in self.pieces.equations.contacts]
+        names = self.pieces.equations.labels
         for held in chart.shooting.setting.held:
             if held.edge:
                 name = names[held.contact]
