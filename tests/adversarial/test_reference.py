@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import math
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +18,7 @@ from adversarial.motions import instants, sizes
 from adversarial.pieces import NoAnswer
 from adversarial.regularised import regularised
 from adversarial.shapes import BUMPS, STEPS, Shape
+from adversarial.verdict import OutOfTime, at_most
 from oracles import belt_block, den_hartog, moreau, rate_and_state
 
 NONE = np.zeros(0)
@@ -309,3 +312,21 @@ def test_two_legs_against_small_steps(family: str, seed: int) -> None:
     motion = integrate(m, (0.0, case.duration), case.start, times)
     stepped_states = np.array([np.interp(times, table[:, 0], table[:, i]) for i in (1, 2, 3)]).T
     assert stepped_states == pytest.approx(motion.states[:, :3], abs=1e-3)
+
+
+def test_time_runs_out_after_what_the_garbage_collector_does() -> None:
+    """What is raised there is ignored, and nothing would end the body."""
+
+    def busy(phase: str, info: dict[str, int]) -> None:
+        start = time.process_time()
+        while time.process_time() - start < 0.1:
+            pass
+
+    gc.callbacks.append(busy)
+    try:
+        with pytest.raises(OutOfTime), at_most(0.02):
+            gc.collect()
+            while True:
+                pass
+    finally:
+        gc.callbacks.remove(busy)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from types import FrameType
 from typing import Any
 
+_LATER = 0.01  # s, after which a signal that came at a bad moment comes again
 AGREED = "agreed"
 REFUSED = "refused"
 NOT_CERTIFIED = "not certified"
@@ -41,12 +44,25 @@ class OutOfTime(Exception):
     """A computation took too long to wait for."""
 
 
+def _collects(frame: FrameType | None) -> bool:
+    """Whether a callback of the garbage collector is under way, which ignores what is raised."""
+    callbacks = {getattr(callback, "__code__", None) for callback in gc.callbacks}
+    while frame is not None:
+        if frame.f_code in callbacks:
+            return True
+        frame = frame.f_back
+    return False
+
+
 @contextmanager
 def at_most(seconds: float) -> Iterator[None]:
     """Raise OutOfTime in the body after that much time of the processor (in the main thread of a
     process)."""
 
-    def stop(number: int, frame: object) -> None:
+    def stop(number: int, frame: FrameType | None) -> None:
+        if _collects(frame):
+            signal.setitimer(signal.ITIMER_PROF, _LATER)
+            return
         raise OutOfTime(f"no answer within {seconds:g} s")
 
     before = signal.signal(signal.SIGPROF, stop)

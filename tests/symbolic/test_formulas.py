@@ -273,7 +273,7 @@ def test_definitions_that_explode(definitions):
     start = time.thread_time()
     with pytest.raises(DeclarationError):
         parse("f39(x, y)" if len(definitions["f39"]) == 3 else "f39(x)", **definitions)
-    assert time.thread_time() - start < 2
+    assert time.thread_time() - start < 10  # a moment, and not 2⁴⁰ of them
 
 
 def test_long_chain_of_definitions_is_no_traceback():
