@@ -33,7 +33,7 @@ test: .venv/ready-for-tests machine-code
 	$(BIN)/pytest -n 2
 
 docs: .venv/ready-for-docs machine-code
-	$(BIN)/sphinx-build -W --keep-going -E -q -b html docs docs/_build/html
+	$(BIN)/sphinx-build -W --keep-going -E -q -j 2 -b html docs docs/_build/html
 	$(BIN)/python docs/check_site.py docs/_build/html
 	$(BIN)/python docs/check_search.py docs/_build/html
 
