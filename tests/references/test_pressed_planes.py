@@ -108,6 +108,29 @@ def test_a_puck_that_hops_loses_its_speed_in_impacts() -> None:
     assert motion.final["d_x"] == motion.final["d_y"] == 0.0
 
 
+def test_a_slider_between_two_plates_is_pressed_from_either_side() -> None:
+    """The force across changes its sign: |N| = |2 cos t|."""
+    known = ss.System(
+        name="known",
+        coordinates={"x": ss.Inertial(), "y": ss.Inertial()},
+        kinetic="(d_x**2 + d_y**2)/2",
+        potential="(x**2 + 2*y**2)/2",
+        contacts={"plates": ss.Contact(PLANE, "0.3*abs(2*cos(t))")},
+        initial={"x": 1.0, "d_y": 0.7},
+        span=(0.0, 10.0),
+    )
+    between = replace(
+        known,
+        coordinates={name: ss.Inertial() for name in "xyz"},
+        kinetic="(d_x**2 + d_y**2 + d_z**2)/2",
+        potential=f"{known.potential} + 2*cos(t)*z",
+        contacts={"plates": ss.Bilateral("z", PLANE, 0.3)},
+    )
+    found, expected = (certified(ss.simulate(system)).final for system in (between, known))
+    for name in expected:
+        assert found[name] == pytest.approx(expected[name], rel=1e-9, abs=1e-12)
+
+
 # -- impacts ---------------------------------------------------------------------------------------
 
 

@@ -413,9 +413,8 @@ class _Solver:
             i: [self.fix(self.eq.contacts[i].direction.get(x, ex.ZERO)) for x in names]
             for i in struck
         }
-        zero = ex.ZERO
         n = range(len(names))
-        M = [[self.fix(self.eq.mass.get((i, k), zero)) for k in n] for i in n]
+        M = [[self.fix(self.eq.mass.get((i, k), ex.ZERO)) for k in n] for i in n]
         first, second = plane.parts
         felt = {i: solve(M, J[i]) for i in plane.parts}
 

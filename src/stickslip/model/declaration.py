@@ -683,10 +683,7 @@ class _Reader:
                     "Give the relative velocity, like direction = 'd_x'",
                 )
             return [normal]
-        plain = Contact(
-            contact.direction, contact.mu, contact.surface_speed, None, contact.unit, contact.axes
-        )
-        rubs = self._dry(name, plain)
+        rubs = self._dry(name, replace(contact.friction(name), threshold=contact.mu))
         if rubs[0].kind != Kind.INERTIAL:
             raise DeclarationError(
                 f"{where}.direction",
