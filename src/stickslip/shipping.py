@@ -133,28 +133,31 @@ def _lightly_damped() -> System:
     )
 
 
+# Neither way asks early for what the other one is compiling: it would wait for it.
+
+
 def _first_way() -> None:
-    """Closed forms, motions that settle, and their derivatives."""
+    """Closed forms, motions that settle, their derivatives, and what is asked of a motion."""
     import stickslip as ss
 
     block = _block_on_a_belt()
-    ss.simulate(block, (0.0, 20.0))
+    motion = ss.simulate(block, (0.0, 20.0))
     ss.simulate(block, (0.0, 1.0), initial={"d_x": 0.3})  # carried along by the belt to the end
     ss.find_cycle(block).extrema  # noqa: B018
     ss.find_cycle(_blocks_pushed_alike())
+    motion.at(1.0)
+    motion.audit  # noqa: B018
+    motion.trace(list(motion.system.initial)[:1], np.array([0.5]), np.array([0]))
 
 
 def _second_way() -> None:
-    """Measures of settled motions, Taylor steps, and what is asked of a motion afterwards."""
+    """Measures of settled motions, what these are carried on to, and Taylor steps."""
     import stickslip as ss
 
     block = _block_on_a_belt()
-    motion = ss.simulate(block, (0.0, 3.0), flow="taylor")
-    motion.at(1.0)
-    motion.trace(list(motion.system.initial)[:1], np.array([0.5]), np.array([0]))
-    motion.audit  # noqa: B018
     ss.sweep(block, {"V": [0.3, 0.4]}, ["period", "lyapunov"])
-    ss.find_cycle(_lightly_damped())  # which it is carried on to
+    ss.find_cycle(_lightly_damped())
+    ss.simulate(block, (0.0, 3.0), flow="taylor").audit  # noqa: B018
 
 
 _TOURS: dict[str, Callable[[], None]] = {"one": _first_way, "other": _second_way}

@@ -38,7 +38,7 @@ from stickslip.motion.between.nodes import (
     most,
 )
 from stickslip.motion.between.observers import Sums, add_step, count_times, make_sums
-from stickslip.motion.engine.guards import is_loose, opens, resting
+from stickslip.motion.engine.guards import opens, resting
 from stickslip.motion.engine.impacts import distance_of_jump
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
@@ -80,6 +80,7 @@ from stickslip.motion.steps.arrays import (
     Space,
     gap_size,
     is_component,
+    is_loose,
     own_inverse,
 )
 from stickslip.motion.steps.discs import (

@@ -117,9 +117,10 @@ from stickslip.motion.steps.step_size import fill_powers
 _ZENO_EVENTS = 200
 _TOGETHER = 1e-12  # of the time that a motion may last: events that coincide
 _CLOSEST = 1e-15  # relative difference of times that can be told apart
-_LOOK = (
-    64  # steps after which sticking contacts are put onto the surface speed, and a promise is kept
-)
+# Steps after which a promise is kept, and sticking contacts are put onto the surface speed. Towards
+# the end of a slip in a plane steps shrink, and recent ones, which are forgotten by halves, have to
+# say then how far rounding errors have carried what sticks.
+_LOOK, _LOOK_IN_PLANE = 64, 16
 _CUT = 0.25  # of a step that did not solve the equations
 _MEETING = 1e-12  # of its terms, and of what it does in a step: a guard that is zero with another
 _UNDECIDED = -1  # what is said of the mode that a motion is in, beside the slot of its closed form
@@ -215,7 +216,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         if is_full(task, rows, count) and not again:
             return FULL, count
         t, fired = clock[NOW], counters[CAUSE]
-        hold = fired >= 0 or counters[TAKEN] % _LOOK == 0
+        hold = fired >= 0 or is_time_to_look(rows, counters[TAKEN])
         most = min(room, max(end - t, 0.0))
         if not again:
             code, count, due = strike(machine, flow, lane, task, count, entering)
@@ -281,10 +282,16 @@ def is_full(task: Task, rows: Rows, count: int) -> bool:
 
 
 @njit(**OPTIONS)
+def is_time_to_look(rows: Rows, taken: int) -> bool:
+    """Whether sticking contacts and promises are looked at after so many steps."""
+    return bool(taken % (_LOOK if len(rows.planes) == 0 else _LOOK_IN_PLANE) == 0)
+
+
+@njit(**OPTIONS)
 def is_promise_due(rows: Rows, lane: Lane, which: int, due: int) -> bool:
     """Whether the rates at the end of a step have to be checked there: an event comes (which is not
     −1) or a jump has been taken (due is not), nothing else would check them, or it is time."""
-    free = rows.sizes[RATE_INDEPENDENT] == 0 and (lane.counters[TAKEN] + 1) % _LOOK != 0
+    free = rows.sizes[RATE_INDEPENDENT] == 0 and not is_time_to_look(rows, lane.counters[TAKEN] + 1)
     return bool(which >= 0 or due >= 0 or not free)
 
 

@@ -31,6 +31,7 @@ from stickslip.motion.steps.arrays import (
     Space,
     gap_size,
     is_component,
+    is_loose,
 )
 from stickslip.motion.steps.step_size import impulse
 
@@ -229,12 +230,6 @@ def stays(
 def opens(rows: Rows, c: int) -> bool:
     """Whether a contact is the normal direction of one that can open."""
     return bool(rows.gaps[c] >= 0)
-
-
-@njit(**OPTIONS)
-def is_loose(rows: Rows, mode: Array, c: int) -> bool:
-    """Whether a contact is the friction of one that is open."""
-    return bool(rows.parents[c] >= 0 and mode[rows.parents[c]] != 0)
 
 
 @njit(**OPTIONS)

@@ -25,7 +25,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.guards import loosen_friction, opens
-from stickslip.motion.engine.modes import resolve, touching
+from stickslip.motion.engine.modes import resolve, stop, touching
 from stickslip.motion.steps.arrays import (
     CAUSE,
     COMPONENT,
@@ -45,6 +45,7 @@ from stickslip.motion.steps.arrays import (
     OPTIONS,
     OTHER,
     PART,
+    ROUNDING,
     SENSE,
     SPAN,
     WIDEST,
@@ -56,6 +57,7 @@ from stickslip.motion.steps.arrays import (
     Space,
     direction_entry,
     is_component,
+    is_loose,
     set_mode,
 )
 from stickslip.motion.steps.starting import coefficients, secular_root
@@ -118,6 +120,7 @@ def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
         for q in range(nq):
             lane.y[nq + q] += work[CHANGE, q]
         guess_mode(rows, tried, work, lane.mode)
+        stop_what_is_held(machine, flow, lane)
         if not settles(machine, flow, lane):
             return JUMPED
         # What is left of the bounces cannot be told from none: once more, without restitution.
@@ -393,9 +396,7 @@ def moved_on(work: Array, c: int) -> float:
 def is_held(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
     """Whether the velocity of a contact after an impact is asked for, so that its impulse is
     unknown."""
-    if mode[c] != 0 or not takes_part(rows, tried, c):
-        return False
-    return bool(rows.parents[c] < 0 or mode[rows.parents[c]] == 0)
+    return bool(mode[c] == 0 and takes_part(rows, tried, c) and not is_loose(rows, mode, c))
 
 
 @njit(**OPTIONS)
@@ -621,13 +622,20 @@ def obeys_in_plane(
 
 
 @njit(**OPTIONS)
+def largest_jump(rows: Rows, work: Array) -> float:
+    """The largest jump of the velocity of a contact in an impact."""
+    largest = 0.0
+    for c in range(rows.sizes[ON_INERTIAL]):
+        largest = max(largest, abs(work[AFTER, c] - work[BEFORE, c]))
+    return largest
+
+
+@njit(**OPTIONS)
 def guess_mode(rows: Rows, tried: Array, work: Array, mode: Array) -> None:
     """After an impact: what has rebounded is open, the rest is closed and sticks if it is at
     rest."""
     # Rounding errors are those of the jump, not of how fast a contact slides on meanwhile.
-    largest = 0.0
-    for c in range(rows.sizes[ON_INERTIAL]):
-        largest = max(largest, abs(work[AFTER, c] - work[BEFORE, c]))
+    largest = largest_jump(rows, work)
     for c in range(rows.sizes[ON_INERTIAL]):
         if opens(rows, c) and tried[_NEAR, c] == 1:
             after = work[AFTER, c]
@@ -638,6 +646,27 @@ def guess_mode(rows: Rows, tried: Array, work: Array, mode: Array) -> None:
         if rows.parents[c] >= 0 and tried[_NEAR, rows.parents[c]] == 1:
             mode[c] = tried[_CHOSEN, c]
     loosen_friction(rows, mode)
+
+
+@njit(**INLINED)
+def stop_what_is_held(machine: Machine, flow: Flow, lane: Lane) -> None:
+    """After an impact: put what its impulses hold exactly onto the surface.
+
+    What is left of those velocities are rounding errors of the jump, large beside their own terms:
+    they would make a slip, or a flight, of their own.
+    """
+    rows = flow.rows
+    space = flow.space
+    largest = largest_jump(rows, space.impact)
+    here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
+    if not resolve(rows, flow.k, space, lane.mode):
+        return
+    if coefficients(machine, flow, here, 1, space.W) != OK:
+        return
+    for c in range(rows.sizes[ON_INERTIAL]):
+        held = lane.mode[c] == 0 and takes_part(rows, space.tried, c)
+        if held and abs(space.W[rows.u[c], 0]) <= ROUNDING * largest:
+            stop(flow, space.W, lane.y, c)
 
 
 @njit(**INLINED)

@@ -263,7 +263,6 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
     mag = space.mag
     mode = at.mode
     asked = space.asked
-    nq = rows.sizes[INERTIAL]
     mq = rows.sizes[ON_INERTIAL]
     released = False
     clear(asked)
@@ -290,18 +289,8 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
     if released:
         return False
     for c in range(mq):
-        gap = W[rows.u[c], 0]
-        if mode[c] == 0 and gap != 0.0:
-            part = rows.homes[c, PART]
-            first = rows.parts[part, FIRST_ROW]
-            for i in range(rows.parts[part, COORDINATES]):
-                if is_rubbed(rows, flow.k.J, W, c, i):
-                    continue
-                q = rows.members[rows.parts[part, MEMBERS] + i]
-                change = space.Rq[first + i, rows.homes[c, SEAT] - first] * gap
-                at.y[nq + q] -= change
-                if rows.plane[c] >= 0 and abs(at.y[nq + q]) <= ROUNDING * abs(change):
-                    at.y[nq + q] = 0.0  # what is left of rounding errors is nothing
+        if mode[c] == 0:
+            stop(flow, W, at.y, c)
         if mode[c] == 0 and opens(rows, c):
             # What is closed stays on the surface itself, too.
             part = rows.homes[c, PART]
@@ -311,6 +300,44 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
                 q = rows.members[rows.parts[part, MEMBERS] + i]
                 at.y[q] -= space.Rq[first + i, rows.homes[c, SEAT] - first] * distance
     return True
+
+
+@njit(**INLINED)
+def stop(flow: Flow, table: Array, y: Array, c: int) -> None:
+    """Take what is left of the velocity of a sticking contact, relative to its surface, out of the
+    rates.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the inverses of the mode.
+    table : array
+        Values of the rows.
+    y : array
+        State; its rates are changed.
+    c : int
+        The contact.
+    """
+    rows = flow.rows
+    R = flow.space.Rq
+    u = table[rows.u[c], 0]
+    if u == 0.0:
+        return
+    part = rows.homes[c, PART]
+    first = rows.parts[part, FIRST_ROW]
+    for i in range(rows.parts[part, COORDINATES]):
+        if is_rubbed(rows, flow.k.J, table, c, i):
+            continue
+        q = rows.sizes[INERTIAL] + rows.members[rows.parts[part, MEMBERS] + i]
+        y[q] -= R[first + i, rows.homes[c, SEAT] - first] * u
+        if rows.plane[c] >= 0:
+            # What is left of rounding errors, of either component, is nothing.
+            one, two = rows.planes[rows.plane[c], COMPONENT], rows.planes[rows.plane[c], OTHER]
+            size = abs(R[first + i, rows.homes[one, SEAT] - first])
+            size += abs(R[first + i, rows.homes[two, SEAT] - first])
+            size *= abs(table[rows.u[one], 0]) + abs(table[rows.u[two], 0])
+            if abs(y[q]) <= ROUNDING * size:
+                y[q] = 0.0
 
 
 @njit(**OPTIONS)

@@ -464,6 +464,12 @@ def is_component(rows: Rows, c: int) -> bool:
 
 
 @njit(**OPTIONS)
+def is_loose(rows: Rows, mode: Array, c: int) -> bool:
+    """Whether a contact is the friction of one that is open."""
+    return bool(rows.parents[c] >= 0 and mode[rows.parents[c]] != 0)
+
+
+@njit(**OPTIONS)
 def set_mode(rows: Rows, mode: Array, c: int, value: int) -> None:
     """Give a contact a mode; components of one in a plane have it together."""
     mode[c] = value

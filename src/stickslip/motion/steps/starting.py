@@ -36,6 +36,7 @@ from stickslip.motion.steps.arrays import (
     Flow,
     Instant,
     Machine,
+    is_loose,
     plain_coefficients,
 )
 
@@ -80,8 +81,7 @@ def begins(flow: Flow, mode: Array, table: Array) -> bool:
     found = False
     for p in range(len(rows.planes)):
         c = rows.planes[p, COMPONENT]
-        is_open = rows.parents[c] >= 0 and mode[rows.parents[c]] != 0
-        slips = rows.planes[p, MASSIVE] == 1 and mode[c] == 1 and not is_open
+        slips = rows.planes[p, MASSIVE] == 1 and mode[c] == 1 and not is_loose(rows, mode, c)
         starts = slips and table[rows.planes[p, AIM] + 2, 0] == 0.0
         flow.space.aims[_AIMS * p + _P, 0] = 0.0 if starts else -1.0
         found = found or starts
@@ -96,7 +96,7 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
     ----------
     machine : Machine
     flow : Flow
-        Its work space says which slips begin_slips.
+        Its work space says which slips begin.
     at : Instant
     order : int
     table : array
