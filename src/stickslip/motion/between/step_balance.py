@@ -758,8 +758,9 @@ def encloses(
                 return False
         if opens(rows, c):
             row = rows.gaps[c]
-            # At an instant all terms of a gap may vanish.
+            # At an instant all terms of a gap may vanish; of what stays closed they always do.
             size = extent(W[row], N - 1, powers) + h * mag[c]
+            size += _REST * acting * acting * mag[nc + c]
             size += mag[3 * nc + len(rows.kinks) + c]
             if not strays(discs[row], factor) <= _NEGLIGIBLE * max(size, tally.law[c, _OPENING]):
                 return False
