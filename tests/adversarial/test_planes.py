@@ -34,7 +34,7 @@ CHOSEN = {
     "three bodies": (0,),
     "almost along a line": (0,),
     "close pass": (0, 5, 7, 9),
-    "pressed": (0, 1, 2),
+    "pressed": (0, 1, 2, 32),
     "scales": (0, 1),
 }
 

@@ -255,6 +255,31 @@ def test_machine_code_is_the_source(
         np.testing.assert_allclose(P[0], P[1], rtol=1e-14)
 
 
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_sizes_begin_anew_with_each_call(name: str) -> None:
+    """What is too large hides what a guard or the audit has to see, for ever if it were kept."""
+    system, generated = generated_of(name)
+    layout = generated.layout
+    source = by_python(generated)
+    values, k = constants_of(system, generated)
+    source["setup"](values, *k)
+    space = make_space(pose(system).rows, layout.rows, layout.magnitudes, 8)
+    stored = sorted({store.place[0] for store in generated.sizes if store.name == "mag"})
+    solved = 0
+    for y, mode, region in cases(system, layout):
+        fill(space, generated, np.random.default_rng(0))
+        given = (0.3, y, mode, region, k.K, space.Rq, space.Rz, 8, space.W, space.A, space.B)
+        sizes = []
+        for before in (0.0, 1e30):
+            space.mag[:] = before
+            if source["jets"](*given, space.mag) == 0:
+                sizes.append(space.mag[stored])
+        if sizes:  # the mode, drawn at random, has a solution
+            np.testing.assert_array_equal(*sizes)
+            solved += 1
+    assert solved > 0
+
+
 # -- machine code on disk --------------------------------------------------------------------------
 
 

@@ -753,7 +753,7 @@ class _Generator:
             for i, axis in zip(plane.parts, plane.axes, strict=True):
                 over = _times(self.constants.scalar(2.0 / axis**2), abs(_start(layout.force[i])))
                 parts.append(_times(over, element("mag", 2 * self.nc + i)))
-            self.note(place, added(parts), adding=True)
+            self.note(place, added(parts))
         for i, c in enumerate(self.eq.contacts):
             if c.gap is not None:
                 layout.gaps[i] = tape.row(c.gap)
