@@ -10,6 +10,7 @@ import pytest
 import stickslip as ss
 from stickslip.model.quantities import quantity
 from stickslip.model.system_file import loads
+from stickslip.motion.problem import pose
 
 NAMES = ["puck", "turntable", "conveyor", "isolated_floor", "planar_jenkins", "tractrix"]
 
@@ -109,3 +110,29 @@ def test_a_slip_is_as_long_as_the_way_between_the_surfaces() -> None:
         way = [np.sum(weights * seen[f"slip_speed_disc_{i}"]) for i in (1, 2)]
         assert size == pytest.approx(np.hypot(*way), rel=1e-8)
     assert events["contacts"].values.tolist() == [1, 1]
+
+
+# -- what the audit sees ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("unit", [1.0, 2.0**-40, 2.0**40])
+def test_a_stick_beyond_its_threshold_is_seen_in_any_unit_of_force(unit: float) -> None:
+    """The force of the block is 1, so that it may rest at a threshold of 1.2, but not of 0.99."""
+    block = ss.System(
+        "pulled",
+        parameters={"s": ss.Parameter(1.2 * unit)},
+        coordinates={
+            "x": ss.Inertial(force=f"{unit!r}*cos(t)"),
+            "y": ss.Inertial(force=f"{unit!r}*sin(t)"),
+        },
+        kinetic=f"{unit!r}*(d_x**2 + d_y**2)/2",
+        contacts={"table": ss.Contact(("d_x", "d_y"), "s")},
+        span=(0.0, 5.0),
+    )
+    rest = ss.simulate(block)
+    assert rest.certificate.ok and rest.n_switches == 0
+    problem = pose(block, {"s": 0.99 * unit})
+    beyond = ss.Trajectory(problem, rest.t_span, rest.knots, rest.outcome).certificate
+    assert not beyond.ok
+    # (|λ|² − s²)/s, beside s
+    assert beyond["friction law"].value == pytest.approx(1 / 0.99**2 - 1, rel=1e-6)

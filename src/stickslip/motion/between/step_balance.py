@@ -1068,7 +1068,7 @@ def sample_plane(
     plane = rows.planes[rows.plane[c]]
     other = plane[OTHER]
     u, v = V[plane[AHEAD], 0], V[plane[ASIDE], 0]
-    force = math.sqrt(max(V[plane[STATIC], 0], 0.0))
+    force = max(V[plane[STATIC], 0], 0.0)
     law[c, _FORCE] = most(law[c, _FORCE], force)
     speed = max(math.hypot(u, v), _CANCELS * (mag[c] + mag[other]))
     law[c, _SPEED] = most(law[c, _SPEED], speed)
