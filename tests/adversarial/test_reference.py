@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import math
 import time
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -330,3 +331,14 @@ def test_time_runs_out_after_what_the_garbage_collector_does() -> None:
                 pass
     finally:
         gc.callbacks.remove(busy)
+
+
+@pytest.mark.parametrize("inner", [0.02, 10.0])
+def test_time_runs_out_around_what_has_a_limit_of_its_own(inner: float) -> None:
+    with pytest.raises(OutOfTime), at_most(0.1):
+        with suppress(OutOfTime), at_most(inner):
+            start = time.process_time()
+            while time.process_time() - start < 0.05:
+                pass
+        while True:
+            pass

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import signal
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -66,9 +67,12 @@ def at_most(seconds: float) -> Iterator[None]:
         raise OutOfTime(f"no answer within {seconds:g} s")
 
     before = signal.signal(signal.SIGPROF, stop)
-    signal.setitimer(signal.ITIMER_PROF, seconds)
+    outer, _ = signal.getitimer(signal.ITIMER_PROF)  # what an outer one has left, or 0
+    signal.setitimer(signal.ITIMER_PROF, min(seconds, outer or seconds))
+    started = time.process_time()
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        left = max(outer - (time.process_time() - started), _LATER) if outer > 0.0 else 0.0
         signal.signal(signal.SIGPROF, before)
+        signal.setitimer(signal.ITIMER_PROF, left)

@@ -16,7 +16,7 @@ from tornado.websocket import websocket_connect
 
 from explorer.client import Page, get, talk
 from stickslip.errors import DeclarationError
-from stickslip.explorer.asking.limits import MOST_MESSAGE
+from stickslip.explorer.asking.limits import MOST_MESSAGE, SECONDS
 from stickslip.explorer.asking.request import PageSetting, read_request, read_state
 from stickslip.explorer.explore import listening_explorer
 from stickslip.explorer.serving.server import Explorer
@@ -307,6 +307,43 @@ def test_a_killed_worker_is_replaced_and_the_page_told(explorer: Explorer) -> No
     assert lost[0]["lost"] and "another worker" in lost[0]["refused"]["reason"]
     assert again[0]["part"] == "motion"
     assert again[1]["certified"]
+
+
+def test_who_compiles_the_engine_may_take_long_and_says_so(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Without machine code that came with the package the first motion takes minutes, once."""
+    # As long as a compiler takes, beside what a motion may take; and then what is shipped.
+    (tmp_path / "sitecustomize.py").write_text(
+        "import pathlib, time\n"
+        "from stickslip.machine_code import shelf\n"
+        "shipped = shelf.SHIPPED / shelf.level()\n"
+        "shelf.SHIPPED = pathlib.Path(__file__).parent / 'nothing'\n"
+        "def made(function, kind, name):\n"
+        "    time.sleep(2.0)\n"
+        "    return name.encode()\n"
+        "def from_bitcode(name, here):\n"
+        "    return shelf.code_of(next(shipped.glob(f'{name.decode()}.*.o')))\n"
+        "shelf.made, shelf.from_bitcode = made, from_bitcode\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setitem(SECONDS, "motion", 1.5)
+    running = listening_explorer("rocking_toy", port=0).start()
+
+    async def ask(page: Page) -> list[dict]:
+        await page.ask("motion", {"model": "rocking_toy"})
+        await asyncio.sleep(1.0)
+        await page.ask("motion", {"model": "belt_block"})
+        return await page.answer()
+
+    try:
+        heads = talk(running.address, ask)
+        assert running.pool is not None and running.pool.replaced == 0
+    finally:
+        running.close()
+    assert heads[0].get("compiling")
+    assert [head["part"] for head in heads if "part" in head] == ["motion", "verdict"]
 
 
 def test_a_page_that_is_closed_stops_its_work(explorer: Explorer) -> None:

@@ -9,7 +9,7 @@ processors of a level run the same code and have the same bits.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
@@ -139,10 +139,14 @@ def _own(function: Entry, kind: ArgumentKind, name: str) -> bytes:
     """Machine code for this machine alone, made by numba and kept."""
     here = processor()
     path = object_file(cache_folder(), name, here)
+    code = code_of(path)
+    if code is not None:
+        return code
+    for tell in listeners:
+        tell()
     with FileLock(path.with_suffix(".lock")):
-        code = code_of(path)
+        code = code_of(path)  # by now another process may have made it
         if code is None:
-            _announce()
             code = from_bitcode(made(function, kind, name), here)
             keep_code(path, code)
     return code
@@ -164,7 +168,7 @@ def from_bitcode(bitcode: bytes, here: Processor) -> bytes:
 
 
 @cache
-def _announce() -> None:
+def _say() -> None:
     """Say once what takes its time."""
     if sys.stderr.isatty():
         print(
@@ -172,3 +176,7 @@ def _announce() -> None:
             "numba compiles it once, some minutes ...",
             file=sys.stderr,
         )
+
+
+# Who is told before an entry is compiled, or waited for.
+listeners: list[Callable[[], None]] = [_say]

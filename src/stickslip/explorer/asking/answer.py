@@ -36,6 +36,11 @@ class Ready:
 
 
 @dataclass(frozen=True)
+class Compiling:
+    """A worker makes the engine's machine code for this machine, which takes minutes, once."""
+
+
+@dataclass(frozen=True)
 class Told:
     """A worker's word on the question with a number: a part of the answer, or its end."""
 

@@ -11,3 +11,4 @@ MOST_PAGES = 60  # at a time
 MOST_EXPORT = 60_000_000  # bytes of a file
 SECONDS = {"motion": 20.0}  # that a worker may take for something
 LONGEST = 300.0  # for anything else
+COMPILING = 3600.0  # and for the engine's machine code, where none came with the package

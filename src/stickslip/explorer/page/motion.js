@@ -28,7 +28,7 @@ explorer.askMotion = () => {
 }
 
 explorer.takeMotion = (head, numbers) => {
-  document.body.classList.remove("loading", "still")
+  document.body.classList.remove("loading", "still", "compiling")
   explorer.$("nothing").hidden = true
   const before = explorer.motion
   const q = {}, modes = {}
@@ -226,6 +226,14 @@ explorer.showPending = (head) => {
     explorer.$("verdict-text").textContent = `${head.outcome}, ${head.switches} switches; checking`
   }
   explorer.$("taken").textContent = `computed in ${explorer.number(1000 * head.seconds, 2)} ms`
+}
+
+// No machine code came with the package for this processor.
+explorer.showCompiling = () => {
+  if (explorer.motion !== null) return explorer.toast("Compiling for this machine, once: some minutes.")
+  document.body.classList.add("loading", "compiling", "still")
+  explorer.$("verdict").dataset.state = "busy"
+  explorer.$("verdict-text").textContent = "compiling"
 }
 
 explorer.showVerdict = (head) => {

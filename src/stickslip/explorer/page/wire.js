@@ -53,6 +53,7 @@ explorer.heard = () => {
     const own = explorer.lanes.get(head.lane)
     if (head.lost) explorer.toast("A computation ended, and a new worker has taken over.")
     if (own === undefined || head.serial !== own.serial) return  // stale
+    if (head.compiling) return explorer.showCompiling()
     const numbers = {}
     for (const [name, [kind, at, length]] of Object.entries(head.arrays)) {
       numbers[name] = new KINDS[kind](bytes.buffer, bytes.byteOffset + at, length)

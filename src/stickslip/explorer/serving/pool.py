@@ -20,18 +20,20 @@ from typing import Any
 from stickslip.errors import StickslipError
 from stickslip.explorer.asking.answer import (
     Answer,
+    Compiling,
     Ready,
     Told,
     receive_frame,
     refusal,
     send_frame,
 )
-from stickslip.explorer.asking.limits import LONGEST, SECONDS
+from stickslip.explorer.asking.limits import COMPILING, LONGEST, SECONDS
 from stickslip.explorer.asking.request import Request
 
 _GRACE = 2.0  # seconds that a worker may take to give something up
 _TICK = 0.25  # seconds between looks at the clock
 _QUICK = "motion"  # a worker is kept free for this
+_COMPILING = Answer({"compiling": True})
 Reply = Callable[[Answer | None, bool], None]
 InLoop = Callable[[Callable[[], None]], Any]
 
@@ -65,6 +67,7 @@ class Worker:
         self.job: Job | None = None
         self.ready = False
         self.given_up = False
+        self.compiling = False
         self.since = time.monotonic()
         self.last_page: Hashable = None
         self._call = call
@@ -100,7 +103,8 @@ class Worker:
         if self.job is None:
             return False
         limit = _GRACE if self.given_up else SECONDS.get(self.job.request.what, LONGEST)
-        return now - self.since > limit
+        # Whoever asks next needs the machine code, too.
+        return now - self.since > (COMPILING if self.compiling else limit)
 
     def end(self) -> None:
         """Kill it."""
@@ -160,6 +164,8 @@ class WorkerPool:
             ):
                 worker.give_up()
         self._distribute()
+        if job.lane in self._waiting and any(w.compiling for w in self.workers):
+            job.reply(_COMPILING, False)
 
     def drop(self, page: Hashable, lane: str | None = None) -> None:
         """Forget the questions of a page that is closed, or those of a lane."""
@@ -211,6 +217,8 @@ class WorkerPool:
         match said:
             case Ready():
                 self._prepare(worker)
+            case Compiling():
+                self._compiles(worker)
             case Told(answer=answer, final=final) if worker.job is not None:
                 if not worker.given_up:
                     worker.job.reply(answer, final)
@@ -227,10 +235,18 @@ class WorkerPool:
         if self._expected is not None:
             worker.begin(Job(None, self._expected, lambda answer, final: None))
 
+    def _compiles(self, worker: Worker) -> None:
+        """A worker compiles: whoever waits for it, or for a free one, is told."""
+        worker.compiling = True
+        own = [worker.job] if worker.job is not None and not worker.given_up else []
+        for job in [*own, *self._waiting.values()]:
+            job.reply(_COMPILING, False)
+
     def _done(self, worker: Worker, job: Job) -> None:
         """A worker is free. The others are started when the first has something to show, and not
         while it needs the processors for that."""
         worker.job = None
+        worker.compiling = False
         if job.request.what == _QUICK and not worker.given_up:
             self._expected = job.request
         if job.page is not None and len(self.workers) < self._size:

@@ -15,6 +15,7 @@ from typing import IO, Any
 from stickslip.errors import StickslipError
 from stickslip.explorer.asking.answer import (
     Answer,
+    Compiling,
     Ready,
     Told,
     receive_frame,
@@ -23,6 +24,7 @@ from stickslip.explorer.asking.answer import (
 )
 from stickslip.explorer.asking.limits import MOST_MEMORY
 from stickslip.explorer.asking.request import Request
+from stickslip.machine_code import shelf
 
 _ROOM = "stickslip.explorer.work"
 # Who answers what; a file is imported when it is first asked.
@@ -107,6 +109,7 @@ def serve_pipe() -> None:
     questions: queue.SimpleQueue[Request | None] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(source, questions, patience), daemon=True).start()
     import_module(f"{_ROOM}.motion")
+    shelf.listeners.append(lambda: send_frame(sink, Compiling()))
     send_frame(sink, Ready())
     while (request := questions.get()) is not None:
         patience.renew()

@@ -102,6 +102,7 @@ _NO_GUARD = -1
 _OTHER_FORCES = -2
 _AGAIN = -3
 _ON_SURFACE = 1e-9  # part of its terms by which what has to vanish may be away from zero
+_MOST_STOPS = 24  # until what rounding errors leave is below the least number that there is
 _WIDE = 4.0  # of a step: a velocity that is zero to slip is zero to stick, whose terms are others
 _TOGETHER = 16  # times that the switches of different components are flipped together
 _PAST = 1.0625  # of the time to a kink: the end of the step in which it comes
@@ -321,23 +322,43 @@ def stop(flow: Flow, table: Array, y: Array, c: int) -> None:
     rows = flow.rows
     R = flow.space.Rq
     u = table[rows.u[c], 0]
-    if u == 0.0:
+    if is_on_surface(flow, table, c):
         return
     part = rows.homes[c, PART]
+    one = two = c
+    if rows.plane[c] >= 0:
+        one, two = rows.planes[rows.plane[c], COMPONENT], rows.planes[rows.plane[c], OTHER]
     first = rows.parts[part, FIRST_ROW]
     for i in range(rows.parts[part, COORDINATES]):
         if is_rubbed(rows, flow.k.J, table, c, i):
             continue
         q = rows.sizes[INERTIAL] + rows.members[rows.parts[part, MEMBERS] + i]
         y[q] -= R[first + i, rows.homes[c, SEAT] - first] * u
-        if rows.plane[c] >= 0:
+        if len(rows.planes) > 0:
             # What is left of rounding errors, of either component, is nothing.
-            one, two = rows.planes[rows.plane[c], COMPONENT], rows.planes[rows.plane[c], OTHER]
             size = abs(R[first + i, rows.homes[one, SEAT] - first])
             size += abs(R[first + i, rows.homes[two, SEAT] - first])
             size *= abs(table[rows.u[one], 0]) + abs(table[rows.u[two], 0])
             if abs(y[q]) <= ROUNDING * size:
                 y[q] = 0.0
+
+
+@njit(**OPTIONS)
+def is_on_surface(flow: Flow, table: Array, c: int) -> bool:
+    """Whether a sticking contact has the velocity of its surface: exactly; or, where there is
+    friction in a plane, up to rounding. Nothing would be gained there, and an impulse that puts it
+    onto its surface moves what begins to slip beside it, from rest.
+
+    Parameters
+    ----------
+    flow : Flow
+    table : array
+        Values of the rows, with their sizes in the work space.
+    c : int
+    """
+    rows = flow.rows
+    near = ROUNDING * flow.space.mag[c] if len(rows.planes) > 0 else 0.0
+    return bool(abs(table[rows.u[c], 0]) <= near)
 
 
 @njit(**OPTIONS)
@@ -782,20 +803,46 @@ def keep_start(machine: Machine, flow: Flow, lane: Lane) -> None:
 
 @njit(**OPTIONS)
 def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
-    """Put the velocity of a contact in a plane that has just left stick onto that of its surface:
-    its slip begins from nothing, and not from rounding errors."""
+    """After an event, put the velocities of contacts in a plane that have just left stick, or may
+    leave it now, onto those of their surfaces: a slip begins from nothing, and not from rounding
+    errors.
+
+    What stops one contact moves the others by rounding errors of what it takes away: these become
+    small beside themselves, turn by turn, until nothing is left.
+    """
     rows = flow.rows
+    if len(rows.planes) == 0 or lane.counters[CAUSE] < 0:
+        return
     c = lane.counters[CAUSE] - len(rows.kinks)
-    if len(rows.planes) == 0 or c < 0 or rows.plane[c] < 0:
+    left = False
+    held = False
+    for p in range(len(rows.planes)):
+        first = rows.planes[p, COMPONENT]
+        massive = rows.planes[p, MASSIVE] == 1
+        left = left or (massive and first == c and lane.mode[first] != 0)
+        held = held or (massive and lane.mode[first] == 0)
+    if not (left or held):
         return
-    if rows.planes[rows.plane[c], MASSIVE] == 0 or lane.mode[c] == 0:
-        return
+    if left:
+        set_mode(rows, lane.mode, c, 0)
     here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
-    set_mode(rows, lane.mode, c, 0)
     known = resolve(rows, flow.k, flow.space, lane.mode)
-    if known and coefficients(machine, flow, here, 1, flow.space.W) == OK:
-        release_or_hold(flow, here, lane.clock[RECENT], 0.0, lane.clock[SPAN])
-    set_mode(rows, lane.mode, c, 1)
+    for _ in range(_MOST_STOPS):
+        known = known and coefficients(machine, flow, here, 1, flow.space.W) == OK
+        if not known or all_on_surface(flow, lane.mode):
+            break
+        known = release_or_hold(flow, here, lane.clock[RECENT], 0.0, lane.clock[SPAN])
+    if left:
+        set_mode(rows, lane.mode, c, 1)
+
+
+@njit(**OPTIONS)
+def all_on_surface(flow: Flow, mode: Array) -> bool:
+    """Whether all that sticks has the velocity of its surface."""
+    for c in range(flow.rows.sizes[ON_INERTIAL]):
+        if mode[c] == 0 and not is_on_surface(flow, flow.space.W, c):
+            return False
+    return True
 
 
 @njit(**INLINED)
