@@ -79,6 +79,9 @@ _ACTS = {
       else document.getElementById("unzoom").click()""",
     "theme": 'document.getElementById("theme").click()',
 }
+_COUNT = """
+  explorer.answers = 0
+  explorer.wire.change.connect(() => { explorer.answers += 1 })"""
 
 
 def memory_of(pid: int) -> float:
@@ -134,10 +137,13 @@ def main() -> int:
         stack.callback(server.terminate)
         driver.get(found[0])
         ready(driver)
+        # A page that hears nothing any more makes no errors, and takes no memory.
+        driver.execute_script(_COUNT)
         began = time.monotonic()
         killed = acts = 0
         errors: list[str] = []
         sizes: list[float] = []
+        answers: list[int] = []
         while (now := time.monotonic() - began) < 60.0 * given.minutes:
             if now > 60.0 * (killed + 0.5) and (workers := workers_of(server.pid)):
                 subprocess.run(["kill", "-9", str(chance.choice(workers))], check=False)
@@ -152,12 +158,17 @@ def main() -> int:
                 entries = driver.get_log("browser")
                 errors += [e["message"] for e in entries if e["level"] == "SEVERE"]
                 sizes.append(memory_of(server.pid))
+                answers.append(driver.execute_script("return explorer.answers"))
+                if driver.execute_script("return !document.getElementById('lost').hidden"):
+                    errors.append("the connection is lost")
         driver.execute_script("explorer.wire.asked = ''")
         server.terminate()
         said = server.stderr.read()
     print(f"{acts} acts in {given.minutes:g} minutes, {killed} workers killed")
     print(f"errors of the console: {len(errors)}", *sorted(set(errors))[:10], sep="\n  ")
     print(f"server's error stream: {said.strip() or 'empty'}")
+    came = [part.sum() for part in np.array_split(np.diff([0, *answers]), 8) if len(part)]
+    print(f"messages to and fro in eighths of the time: {', '.join(map(str, came))}")
     # A cache that fills levels off; what is lost does not.
     parts = [part for part in np.array_split(sizes, 8) if len(part)]
     told = ", ".join(f"{np.mean(part):.0f}" for part in parts)
