@@ -212,7 +212,9 @@ class Problem:
         tables = (layout.u, layout.force, layout.plus, layout.minus, layout.kinks)
         u, force, plus, minus, kinks = (np.array(table, dtype=np.int64) for table in tables)
         noise = self._places_of_sizes()
-        dropping = {i for i, *_ in layout.kinetic if not self.compiled.equations.contacts[i].plane}
+        equations = self.compiled.equations
+        pulled = {i for plane in equations.planes if plane.pull for i in plane.parts}
+        dropping = {i for i, *_ in layout.kinetic} - pulled
         state = frozenset(layout.state)
         watched = np.array(list(noise), dtype=np.int64)
         return Rows(

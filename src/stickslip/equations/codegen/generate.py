@@ -328,10 +328,7 @@ class _Generator:
     def pressed_slopes(self, i: int) -> list[Expr]:
         """What a unit of normal force adds to the friction of a contact, and to its threshold,
         either way."""
-        c = self.eq.contacts[i]
-        sides = (c.kinetic_plus, c.kinetic_minus, c.plus, c.minus)
-        if c.plane:
-            sides = (c.kinetic_plus,) * 4
+        sides = self.friction(i)
         normals = [f"lambda:{n}" for n in self.eq.pressing(i)]
         return [ex.derivative(side, force) for force in normals for side in sides]
 
@@ -481,13 +478,21 @@ class _Generator:
         tape = self.tape
         belt = c.speed if c.kind == Kind.VISCOUS else self.eq.surface_acceleration(i)
         pressed = {f"lambda:{n}": ex.ZERO for n in self.eq.pressing(i)}
-        forces = (c.kinetic_plus, c.kinetic_minus, c.plus, c.minus)
-        if c.plane:
-            forces = (c.kinetic_plus,) * 4
-        alone = [ex.substitute(force, pressed) for force in forces]
+        alone = [ex.substitute(force, pressed) for force in self.friction(i)]
         sides = tuple(tape.row(e) for e in (belt, *alone))
         tape.emit(stage, Instruction(Op.SIDE, row, sides, place=i))
         tape.stage[row] = stage
+
+    def friction(self, i: int) -> tuple[Expr, Expr, Expr, Expr]:
+        """Friction of contact i against slip forward and back, and where its threshold is to be
+        broken; in a plane that of a component, along the direction of its slip."""
+        c = self.eq.contacts[i]
+        if not c.plane:
+            return c.kinetic_plus, c.kinetic_minus, c.plus, c.minus
+        plane = next(p for p in self.eq.planes if i in p.parts)
+        drops = plane.kinetic is not plane.static and not plane.pull
+        static = c.plus * ex.sym(f"n:{i}") if drops else c.kinetic_plus
+        return c.kinetic_plus, c.kinetic_plus, static, static
 
     def ahead(self, plane: Plane) -> list[int]:
         """Rows of Au of a contact in a plane."""

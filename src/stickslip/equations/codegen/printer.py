@@ -188,7 +188,7 @@ def _side(i: Instruction) -> str:
     m = f"mode[{i.place}]"
     breaking = f"(-{static_plus} if {m} > 0 else {static_minus})"
     sliding = f"(-{plus} if {m} > 0 else {minus})"
-    return f"{surface} if {m} == 0 else ({sliding} if abs({m}) == 1 else {breaking})"
+    return f"{surface} if {m} == 0 else ({breaking} if abs({m}) == 2 else {sliding})"
 
 
 def _entry(i: Instruction, constants: ParameterExpressions) -> str:

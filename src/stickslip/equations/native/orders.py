@@ -379,11 +379,11 @@ def _side(s: Series, i: Instruction, k: Order) -> None:
     broken."""
     surface, plus, minus, *static = (s.get(row, k) for row in i.inputs)
     if i.inputs[1:3] != i.inputs[3:5]:
-        sliding = s.once(
-            ("sliding", i.place),
-            lambda: s.new(f"or i1 {s.is_mode(i.place, 'eq', 1)}, {s.is_mode(i.place, 'eq', -1)}"),
+        breaks = s.once(
+            ("breaks", i.place),
+            lambda: s.either(s.is_mode(i.place, "eq", 2), s.is_mode(i.place, "eq", -2)),
         )
-        plus, minus = (s.choose(sliding, x, y) for x, y in zip((plus, minus), static, strict=True))
+        plus, minus = (s.choose(breaks, x, y) for x, y in zip(static, (plus, minus), strict=True))
     s.put(i.row, k, s.by_mode_of(i.place, surface, s.negative(plus), minus))
 
 

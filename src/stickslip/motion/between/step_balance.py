@@ -1273,7 +1273,6 @@ def judge_departures(
     mode = at.mode
     reg = at.reg
     nc = len(mode)
-    drops = rows.drops
     x = h / W[rows.sizes[DIMENSION], 1]
     late = 0.5 * EPSILON * abs(at.t) / W[rows.sizes[DIMENSION], 1]
     leaves = False
@@ -1286,7 +1285,8 @@ def judge_departures(
     for c in range(nc):
         if not resting(mode[c]) and mode[c] != next_mode[c]:
             return
-        leaves = leaves or (drops[c] == 1 and resting(mode[c]) and not resting(next_mode[c]))
+        leaving = resting(mode[c]) and not resting(next_mode[c])
+        leaves = leaves or (drops_on_a_line(rows, c) and leaving)
     for j in range(len(reg)):
         if reg[j] != next_reg[j]:
             return
@@ -1308,10 +1308,19 @@ def judge_departures(
         if resting(mode[c]):
             if not resting(next_mode[c]) and room < least:
                 least, first = room, c
-        elif drops[c] == 1 and abs(horner(W[rows.u[c]], order - 1, x)) <= ROUNDING * mag[c]:
+        elif (
+            drops_on_a_line(rows, c)
+            and abs(horner(W[rows.u[c]], order - 1, x)) <= ROUNDING * mag[c]
+        ):
             law[c, _EXCESS] = most(law[c, _EXCESS], room)
     if first >= 0:
         law[first, _EXCESS] = most(law[first, _EXCESS], least)
+
+
+@njit(**OPTIONS)
+def drops_on_a_line(rows: Rows, c: int) -> bool:
+    """Whether the sliding force of a contact that is in no plane is below its threshold."""
+    return bool(rows.drops[c] == 1 and rows.plane[c] < 0)
 
 
 @njit(**OPTIONS)

@@ -585,9 +585,13 @@ def hold_or_slide(
     changed = False
     for c in range(len(mode)):
         if rows.drops[c] == 1 and mode[c] != 0:
-            force = 2 if stays(rows, space, mode, c, N, last, fired, slack) else 1
+            held = stays(rows, space, mode, c, N, last, fired, slack)
+            if rows.plane[c] >= 0:
+                other = rows.planes[rows.plane[c], OTHER]
+                held = held and stays(rows, space, mode, other, N, last, fired, slack)
+            force = 2 if held else 1
             if abs(mode[c]) != force:
-                mode[c] = force if mode[c] > 0 else -force
+                set_mode(rows, mode, c, force if mode[c] > 0 else -force)
                 changed = True
     return changed
 
@@ -814,16 +818,17 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     if len(rows.planes) == 0 or lane.counters[CAUSE] < 0:
         return
     c = lane.counters[CAUSE] - len(rows.kinks)
-    left = False
+    left = 0
     held = False
     for p in range(len(rows.planes)):
         first = rows.planes[p, COMPONENT]
         massive = rows.planes[p, MASSIVE] == 1
-        left = left or (massive and first == c and lane.mode[first] != 0)
+        if massive and first == c:
+            left = lane.mode[first]
         held = held or (massive and lane.mode[first] == 0)
-    if not (left or held):
+    if left == 0 and not held:
         return
-    if left:
+    if left != 0:
         set_mode(rows, lane.mode, c, 0)
     here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
     known = resolve(rows, flow.k, flow.space, lane.mode)
@@ -832,8 +837,8 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
         if not known or all_on_surface(flow, lane.mode):
             break
         known = release_or_hold(flow, here, lane.clock[RECENT], 0.0, lane.clock[SPAN])
-    if left:
-        set_mode(rows, lane.mode, c, 1)
+    if left != 0:
+        set_mode(rows, lane.mode, c, left)
 
 
 @njit(**OPTIONS)

@@ -594,9 +594,9 @@ def side_operand(mode: int) -> int:
     """Which operand of SIDE counts: surface, sliding forces, thresholds that are to be broken."""
     if mode == 0:
         return FIRST
-    if abs(mode) == 1:
-        return SECOND if mode > 0 else THIRD
-    return FOURTH if mode > 0 else FIFTH
+    if abs(mode) == 2:
+        return FOURTH if mode > 0 else FIFTH
+    return SECOND if mode > 0 else THIRD
 
 
 @njit(**INLINED)

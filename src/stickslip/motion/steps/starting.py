@@ -81,7 +81,7 @@ def begins(flow: Flow, mode: Array, table: Array) -> bool:
     found = False
     for p in range(len(rows.planes)):
         c = rows.planes[p, COMPONENT]
-        slips = rows.planes[p, MASSIVE] == 1 and mode[c] == 1 and not is_loose(rows, mode, c)
+        slips = rows.planes[p, MASSIVE] == 1 and 0 < mode[c] <= 2 and not is_loose(rows, mode, c)
         starts = slips and table[rows.planes[p, AIM] + 2, 0] == 0.0
         flow.space.aims[_AIMS * p + _P, 0] = 0.0 if starts else -1.0
         found = found or starts
@@ -110,7 +110,8 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
         return status
     aim_first(flow)
     # The leading orders of |Au|, and with them p; beyond, only what is asked for.
-    orders = order - 1 if order > 1 else 1
+    # What would begin against its direction does not, as its guard says: no more is asked of it.
+    orders = order - 1 if order > 1 and all_begin(flow) else 1
     for m in range(1, orders):
         deeper = order if m + 2 > FEWEST_ORDERS else FEWEST_ORDERS
         if m + 2 > deeper:
@@ -126,6 +127,16 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
     status = plain_coefficients(machine, flow, at, order, table)
     place_speeds(flow, table, order)
     return status
+
+
+@njit(**OPTIONS)
+def all_begin(flow: Flow) -> bool:
+    """Whether no slip that begins would go against its own friction."""
+    for p in range(len(flow.rows.planes)):
+        starts = flow.space.aims[_AIMS * p + _P, 0] >= 0.0
+        if starts and flow.space.aims[_AIMS * p + _RHO, 0] < 0.0:
+            return False
+    return True
 
 
 @njit(**OPTIONS)
