@@ -81,7 +81,8 @@ def begins(flow: Flow, mode: Array, table: Array) -> bool:
     found = False
     for p in range(len(rows.planes)):
         c = rows.planes[p, COMPONENT]
-        slips = rows.planes[p, MASSIVE] == 1 and 0 < mode[c] <= 2 and not is_loose(rows, mode, c)
+        moves = mode[c] == 1 or mode[c] == 2
+        slips = rows.planes[p, MASSIVE] == 1 and moves and not is_loose(rows, mode, c)
         starts = slips and table[rows.planes[p, AIM] + 2, 0] == 0.0
         flow.space.aims[_AIMS * p + _P, 0] = 0.0 if starts else -1.0
         found = found or starts
