@@ -30,7 +30,7 @@ explorer.describeFunctions = () => {
 
 // What is wrong is said at its place, if that is on the page, and above the parameters in any case.
 explorer.refuse = (refused) => {
-  document.body.classList.remove("loading")
+  document.body.classList.remove("loading", "compiling")
   const box = explorer.$("refusal")
   for (const row of document.querySelectorAll(".row.wrong")) row.classList.remove("wrong")
   if (!refused) { box.hidden = true; return }
