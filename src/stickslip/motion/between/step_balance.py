@@ -53,6 +53,7 @@ from stickslip.motion.steps.arrays import (
     DIMENSION,
     DISSIPATED,
     EPSILON,
+    FEWEST_ORDERS,
     INERTIAL,
     INLINED,
     INT_ZERO,
@@ -60,6 +61,7 @@ from stickslip.motion.steps.arrays import (
     MASSIVE,
     MEMBERS,
     NOWHERE,
+    OK,
     ON_INERTIAL,
     ON_VISCOUS,
     OPTIONS,
@@ -82,6 +84,8 @@ from stickslip.motion.steps.arrays import (
     is_component,
     is_loose,
     own_inverse,
+    plain_coefficients,
+    set_mode,
 )
 from stickslip.motion.steps.discs import (
     BALL,
@@ -340,11 +344,10 @@ def audit_step(
         pieces = pieces + 1
     if check:
         final = Instant(ends.time[i], ends.state[i], mode, reg)
-        jumped = jump_or_collide(machine, flow, final, h, ends, i, accounts)
+        jump_or_collide(machine, flow, final, h, ends, i, accounts)
         close_step(flow, final, order, h, starts.state[i], i, steps, tally)
-        if not jumped:
-            judge_departures(flow, final, ends.mode[i], ends.region[i], order, h, tally)
         count_jumps(machine, flow, final, ends.region[i], i, steps, tally)
+        judge_beginning(machine, flow, starts, i, tally)
 
 
 @njit(**OPTIONS)
@@ -445,8 +448,8 @@ def jump_or_collide(
     ends: Record,
     i: int,
     accounts: Accounts,
-) -> bool:
-    """Measure the jump, or the impact, that ends a step, if one does; whether it is a jump.
+) -> None:
+    """Measure the jump, or the impact, that ends a step, if one does.
 
     Parameters
     ----------
@@ -469,7 +472,6 @@ def jump_or_collide(
         close_jump(machine, flow, at, ends.region[i], jump, i, accounts)
     elif may_collide(flow.rows, cause):
         close_impact(machine, flow, at, h, cause - len(flow.rows.kinks), i, accounts)
-    return jump >= 0
 
 
 @njit(**INLINED)
@@ -1235,136 +1237,176 @@ def judge_opening(
 
 
 @njit(**OPTIONS)
-def judge_departures(
-    flow: Flow,
-    at: Instant,
-    next_mode: Array,
-    next_reg: Array,
-    order: int,
-    h: float,
-    tally: Tally,
-) -> None:
-    """By how much a contact whose sliding force is below its threshold leaves rest before that is
-    reached.
+def judge_beginning(machine: Machine, flow: Flow, starts: Record, i: int, tally: Tally) -> None:
+    """By how much what begins to slip with a step could stick.
 
-    The friction law alone would allow it: the stated rule is that what can stick sticks. Of several
-    that leave together one has reached its threshold; what they carry at rest has to hold all it
-    can. Where regions change, or a contact comes to rest, forces may jump, and nothing is asked.
+    Where the sliding force is below the threshold, the friction law alone would allow it: the
+    stated rule is that what can stick sticks. Of several that begin together one has reached its
+    threshold; what they carry at rest has to hold all it can. This is asked after every event of
+    what slips from a velocity that is zero, and of what has no mass and rested before.
 
     Parameters
     ----------
+    machine : Machine
     flow : Flow
-        Its work space has the polynomials of the last piece.
-    at : Instant
-        End of the step, with the mode and the regions of the step.
-    next_mode, next_reg : arrays of int, shapes (contacts,), (kinks,)
-        Those that begin there.
-    order : int
-        Of the polynomials.
-    h : float
-        Length of the last piece.
+    starts : Record
+        As of :func:`audit_steps`.
+    i : int
+        The step.
     tally : Tally
         Receives the largest.
     """
     rows = flow.rows
+    nc = len(rows.u)
+    slips = starts.mode[i]
+    asked = False
+    for c in range(nc):
+        asked = asked or (not resting(slips[c]) and may_stick_again(rows, c))
+    if not asked or (i > 0 and starts.cause[i] < 0):
+        return
+    mode = flow.space.touched[:nc]
+    reg = flow.space.touched[nc:]
+    copy(slips, mode)
+    copy(starts.region[i], reg)
+    at = Instant(starts.time[i], starts.state[i], mode, reg)
+    if hold_beginnings(machine, flow, at, starts, i):
+        c, room = least_room(flow, at, slips, tally)
+        if c >= 0:
+            tally.law[c, _EXCESS] = most(tally.law[c, _EXCESS], room * tally.law[c, _FORCE])
+
+
+@njit(**OPTIONS)
+def may_stick_again(rows: Rows, c: int) -> bool:
+    """Whether a contact that slips may be held by more than its sliding force, or from another
+    side."""
+    return bool(rows.drops[c] == 1 or rows.plane[c] >= 0)
+
+
+@njit(**OPTIONS)
+def hold_beginnings(machine: Machine, flow: Flow, at: Instant, starts: Record, i: int) -> bool:
+    """Let what begins to slip with a step stick, or rest as it has rested before; whether anything
+    does for which that is a question. Its forces are left in the work space.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    at : Instant
+        The beginning; its mode is changed.
+    starts, i
+        As of :func:`judge_beginning`.
+    """
+    rows = flow.rows
+    space = flow.space
+    slips = starts.mode[i]
+    if not resolve(rows, flow.k, space, at.mode):
+        return False
+    if plain_coefficients(machine, flow, at, 1, space.W) != OK:
+        return False
+    # A jump may tear away what has no mass.
+    steady = i > 0 and jump_after(rows, starts.cause[i], starts.region[i - 1]) < 0
+    asked = False
+    for c in range(len(slips)):
+        skipped = is_component(rows, c) or opens(rows, c) or is_loose(rows, slips, c)
+        if skipped or resting(slips[c]):
+            continue
+        before = starts.mode[i - 1, c] if steady else slips[c]
+        begins = resting(before)
+        if c < rows.sizes[ON_INERTIAL]:
+            begins = is_still(rows, space, c)
+        if begins:
+            asked = asked or may_stick_again(rows, c)
+            set_mode(rows, at.mode, c, before if resting(before) else 0)
+    if not asked or not resolve(rows, flow.k, space, at.mode):
+        return False
+    return coefficients(machine, flow, at, FEWEST_ORDERS, space.W) == OK
+
+
+@njit(**OPTIONS)
+def is_still(rows: Rows, space: Space, c: int) -> bool:
+    """Whether the relative velocity of a contact vanishes, up to rounding."""
+    still = abs(space.W[rows.u[c], 0]) <= ROUNDING * space.mag[c]
+    if rows.plane[c] >= 0:
+        other = rows.planes[rows.plane[c], OTHER]
+        still = still and abs(space.W[rows.u[other], 0]) <= ROUNDING * space.mag[other]
+    return bool(still)
+
+
+@njit(**OPTIONS)
+def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int, float]:
+    """Which of the contacts that are held is nearest to its threshold, and the part of its force by
+    which it is below; −1 where something else keeps them from resting: another contact, what may
+    happen beyond a kink, or a gap that may close.
+
+    Parameters
+    ----------
+    flow : Flow
+        Its work space has the forces.
+    at : Instant
+        With the mode in which they are held.
+    slips : array of int, shape (contacts,)
+        The mode in which they slip.
+    tally : Tally
+        With the size of each force.
+    """
+    rows = flow.rows
     W = flow.space.W
     mag = flow.space.mag
-    law = tally.law
+    nc = len(slips)
     mode = at.mode
-    reg = at.reg
-    nc = len(mode)
-    x = h / W[rows.sizes[DIMENSION], 1]
-    late = 0.5 * EPSILON * abs(at.t) / W[rows.sizes[DIMENSION], 1]
-    leaves = False
-    for p in range(len(rows.planes)):
-        c = rows.planes[p, COMPONENT]
-        leaving = mode[c] == 0 and next_mode[c] != 0
-        if leaving and leaves_alone(rows, mode, next_mode, reg, next_reg) and law[c, _FORCE] > 0.0:
-            left = room_left(rows, flow.space, p, order, x, late)
-            law[c, _EXCESS] = most(law[c, _EXCESS], left / law[c, _FORCE])
-    for c in range(nc):
-        if not resting(mode[c]) and mode[c] != next_mode[c]:
-            return
-        leaving = resting(mode[c]) and not resting(next_mode[c])
-        leaves = leaves or (drops_on_a_line(rows, c) and leaving)
-    for j in range(len(reg)):
-        if reg[j] != next_reg[j]:
-            return
-    if not leaves:
-        return
+    unit = W[rows.sizes[DIMENSION], 1]
+    late = 0.5 * EPSILON * abs(at.t) / unit
+    for j in range(len(rows.kinks)):
+        if rows.timed[j] == 0 and abs(W[rows.kinks[j], 0]) <= ROUNDING * mag[3 * nc + j]:
+            return NOWHERE, 0.0
+    first = NOWHERE
     least = np.inf
-    first = -1
     for c in range(nc):
-        held = W[rows.force[c]]
-        up = W[rows.plus[c]]
-        down = W[rows.minus[c]]
-        force = horner(held, order - 1, x)
-        room = min(force + horner(up, order - 1, x), horner(down, order - 1, x) - force)
-        room -= ROUNDING * mag[2 * nc + c] + late * (
-            abs(rate_on(held, order - 1, x))
-            + abs(rate_on(up, order - 1, x))
-            + abs(rate_on(down, order - 1, x))
-        )
-        if resting(mode[c]):
-            if not resting(next_mode[c]) and room < least:
-                least, first = room, c
-        elif (
-            drops_on_a_line(rows, c)
-            and abs(horner(W[rows.u[c]], order - 1, x)) <= ROUNDING * mag[c]
-        ):
-            law[c, _EXCESS] = most(law[c, _EXCESS], room)
-    if first >= 0:
-        law[first, _EXCESS] = most(law[first, _EXCESS], least)
+        if is_component(rows, c) or is_loose(rows, mode, c):
+            continue
+        if opens(rows, c):
+            gap = abs(W[rows.gaps[c], 0]) - ROUNDING * gap_size(rows, flow.space, c)
+            if W[rows.force[c], 0] < 0.0 if mode[c] == 0 else gap <= 0.0:
+                return NOWHERE, 0.0
+        elif resting(mode[c]):
+            room = room_left(rows, flow.space, c, late, tally.law[c, _FORCE])
+            carried = abs(mode[c]) != 2 or abs(W[rows.u[c], 1]) <= ROUNDING * mag[nc + c] * unit
+            if not room > 0.0 or not carried:
+                return NOWHERE, 0.0
+            if not resting(slips[c]) and room < least:
+                first, least = c, room
+    return first, least
 
 
 @njit(**OPTIONS)
-def drops_on_a_line(rows: Rows, c: int) -> bool:
-    """Whether the sliding force of a contact that is in no plane is below its threshold."""
-    return bool(rows.drops[c] == 1 and rows.plane[c] < 0)
-
-
-@njit(**OPTIONS)
-def room_left(rows: Rows, space: Space, p: int, order: int, x: float, late: float) -> float:
-    """How far a contact in a plane is from its threshold, s² − |A⁻¹λ|², at the end of a piece.
+def room_left(rows: Rows, space: Space, c: int, late: float, force: float) -> float:
+    """How far a contact that rests is from its threshold, in parts of its force.
 
     Parameters
     ----------
     rows : Rows
     space : Space
-        With the polynomials of the piece.
-    p, order : int
-        The plane, and the order of the polynomials.
-    x, late : float
-        The end, and by how much it is a rounded number, in the unit of their time.
+        With the forces.
+    c : int
+    late : float
+        By how much the time is a rounded number, in the unit of that of the coefficients.
+    force : float
+        Size of its force.
     """
-    row = space.W[rows.planes[p, ADMISSIBLE]]
-    unsure = ROUNDING * space.mag[rows.planes[p, ADMISSIBLE_SIZE]]
-    return float(horner(row, order - 1, x) - unsure - late * abs(rate_on(row, order - 1, x)))
-
-
-@njit(**OPTIONS)
-def leaves_alone(rows: Rows, mode: Array, next_mode: Array, reg: Array, next_reg: Array) -> bool:
-    """Whether one contact leaves rest, and nothing else happens by which forces may jump: none
-    comes to rest, and no region changes.
-
-    Parameters
-    ----------
-    rows : Rows
-    mode, next_mode : arrays of int, shape (contacts,)
-        On the step, and from its end on.
-    reg, next_reg : arrays of int, shape (kinks,)
-        Likewise.
-    """
-    leaving = 0
-    for c in range(len(mode)):
-        if not resting(mode[c]) and mode[c] != next_mode[c]:
-            return False
-        if resting(mode[c]) and not resting(next_mode[c]) and not is_component(rows, c):
-            leaving += 1
-    for j in range(len(reg)):
-        if reg[j] != next_reg[j]:
-            return False
-    return leaving == 1
+    W = space.W
+    nc = len(rows.u)
+    if not force > 0.0:
+        return 0.0
+    if rows.plane[c] >= 0:
+        plane = rows.planes[rows.plane[c]]
+        row = plane[ADMISSIBLE]
+        unsure = ROUNDING * space.mag[plane[ADMISSIBLE_SIZE]] + late * abs(W[row, 1])
+        return float((W[row, 0] - unsure) / (force * force))
+    held, up, down = rows.force[c], rows.plus[c], rows.minus[c]
+    unsure = ROUNDING * space.mag[2 * nc + c]
+    unsure += late * (abs(W[held, 1]) + abs(W[up, 1]) + abs(W[down, 1]))
+    room = min(W[held, 0] + W[up, 0], W[down, 0] - W[held, 0])
+    return float((room - unsure) / force)
 
 
 @njit(**OPTIONS)
