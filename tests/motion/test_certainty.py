@@ -501,3 +501,75 @@ def test_rest_that_ends_too_early_is_not_certified() -> None:
     told = Trajectory(simulate(held, (0.0, 0.1))._problem, (0.0, 2.0), early.knots, early.outcome)
     assert not told.certificate.ok
     assert told.certificate["friction law"].value == pytest.approx(0.3 / 0.8, rel=1e-6)
+
+
+def on_a_table(potential: str, **parts: object) -> System:
+    """A mass of 1 on a plane; it rests up to a force of s and slides with 0.3."""
+    return System(
+        "block on a table",
+        coordinates={"x": Inertial(), "y": Inertial()},
+        kinetic="(d_x**2 + d_y**2)/2",
+        potential=potential,
+        parameters=given(s=0.5),
+        contacts={"table": Contact(("d_x", "d_y"), "s", kinetic="0.3")},
+        **parts,  # type: ignore[arg-type]
+    )
+
+
+def on_a_line(potential: str) -> System:
+    return block(potential, "s", parameters=given(s=0.5), kinetic_force="0.3")
+
+
+def dragged(potential: str) -> System:
+    """Without mass: what resists is 0.3 and a viscous force."""
+    return System(
+        "dragged",
+        coordinates={"x": Viscous()},
+        viscous="d_x**2/2",
+        potential=potential,
+        parameters=given(s=0.5),
+        contacts={"ground": Contact("d_x", "s", kinetic="0.3")},
+    )
+
+
+def side_by_side() -> System:
+    """Two feet of one block, which begin to slip together."""
+    return System(
+        "two feet",
+        coordinates={"x": Inertial()},
+        kinetic="d_x**2/2",
+        potential="-2*t*x",
+        parameters=given(s=0.5),
+        contacts={"front": Contact("d_x", "s", kinetic="0.3"), "back": Contact("d_x", "0.5")},
+    )
+
+
+# A system, where it starts, and the first event, for which a threshold of 0.5 is to blame.
+BEGINNINGS = {
+    "at the start, on a line": (on_a_line("-0.6*x"), {}, None),
+    "at the start, in a plane": (on_a_table("-0.36*x - 0.48*y"), {}, None),
+    "at the start, without mass": (dragged("-0.6*x"), {}, None),
+    "from rest, on a line": (on_a_line("-t*x"), {}, 0.5),
+    "from rest, in a plane": (on_a_table("-0.6*t*x - 0.8*t*y"), {}, 0.5),
+    "from rest, without mass": (dragged("-t*x"), {}, 0.5),
+    "two together": (side_by_side(), {}, 0.5),
+    # From -0.3 with a force of 0.6 and a friction of 0.3.
+    "reversal on a line": (on_a_line("-0.6*x"), {"d_x": -0.3}, 1 / 3),
+    # In a plane that is one slip, which turns round.
+    "reversal in a plane": (on_a_table("-0.36*x - 0.48*y"), {"d_x": -0.18, "d_y": -0.24}, None),
+}
+
+
+@pytest.mark.parametrize("name", BEGINNINGS)
+def test_slips_that_begin_too_early_are_not_certified(name: str) -> None:
+    """Each slips because its threshold is 0.5; at 0.8 it would stick, though its slip obeys the
+    friction law from there on."""
+    system, initial, when = BEGINNINGS[name]
+    motion = certified(simulate(system, (0.0, 2.0), initial=initial))
+    if when is not None:
+        assert motion.events["time"].to_numpy()[0] == pytest.approx(when, rel=1e-9)
+    assert abs(motion.final["x"]) > 0.1
+    held = simulate(system, (0.0, 0.1), initial=initial, parameters={"s": 0.8})
+    told = Trajectory(held._problem, (0.0, 2.0), motion.knots, motion.outcome)
+    assert not told.certificate.ok
+    assert told.certificate["friction law"].value > 0.1

@@ -347,7 +347,7 @@ def audit_step(
         jump_or_collide(machine, flow, final, h, ends, i, accounts)
         close_step(flow, final, order, h, starts.state[i], i, steps, tally)
         count_jumps(machine, flow, final, ends.region[i], i, steps, tally)
-        judge_beginning(machine, flow, starts, i, tally)
+        judge_beginning(machine, flow, starts, ends, i, tally)
 
 
 @njit(**OPTIONS)
@@ -1237,19 +1237,21 @@ def judge_opening(
 
 
 @njit(**OPTIONS)
-def judge_beginning(machine: Machine, flow: Flow, starts: Record, i: int, tally: Tally) -> None:
+def judge_beginning(
+    machine: Machine, flow: Flow, starts: Record, ends: Record, i: int, tally: Tally
+) -> None:
     """By how much what begins to slip with a step could stick.
 
     Where the sliding force is below the threshold, the friction law alone would allow it: the
     stated rule is that what can stick sticks. Of several that begin together one has reached its
-    threshold; what they carry at rest has to hold all it can. This is asked after every event of
-    what slips from a velocity that is zero, and of what has no mass and rested before.
+    threshold; what they carry at rest has to hold all it can. This is asked of what slips from a
+    velocity that is zero, and of what has no mass and rested before.
 
     Parameters
     ----------
     machine : Machine
     flow : Flow
-    starts : Record
+    starts, ends : Record
         As of :func:`audit_steps`.
     i : int
         The step.
@@ -1262,17 +1264,24 @@ def judge_beginning(machine: Machine, flow: Flow, starts: Record, i: int, tally:
     asked = False
     for c in range(nc):
         asked = asked or (not resting(slips[c]) and may_stick_again(rows, c))
-    if not asked or (i > 0 and starts.cause[i] < 0):
+    if not asked or (is_quiet(starts, i) and len(rows.planes) == 0):
         return
     mode = flow.space.touched[:nc]
     reg = flow.space.touched[nc:]
     copy(slips, mode)
     copy(starts.region[i], reg)
     at = Instant(starts.time[i], starts.state[i], mode, reg)
-    if hold_beginnings(machine, flow, at, starts, i):
+    if hold_beginnings(machine, flow, at, starts, ends, i):
         c, room = least_room(flow, at, slips, tally)
         if c >= 0:
             tally.law[c, _EXCESS] = most(tally.law[c, _EXCESS], room * tally.law[c, _FORCE])
+
+
+@njit(**INLINED)
+def is_quiet(starts: Record, i: int) -> bool:
+    """Whether a step goes on with what the one before did: no event is recorded there. On a line no
+    slip begins then; in a plane one may turn round."""
+    return bool(i > 0 and starts.cause[i] < 0)
 
 
 @njit(**OPTIONS)
@@ -1283,7 +1292,9 @@ def may_stick_again(rows: Rows, c: int) -> bool:
 
 
 @njit(**OPTIONS)
-def hold_beginnings(machine: Machine, flow: Flow, at: Instant, starts: Record, i: int) -> bool:
+def hold_beginnings(
+    machine: Machine, flow: Flow, at: Instant, starts: Record, ends: Record, i: int
+) -> bool:
     """Let what begins to slip with a step stick, or rest as it has rested before; whether anything
     does for which that is a question. Its forces are left in the work space.
 
@@ -1293,7 +1304,7 @@ def hold_beginnings(machine: Machine, flow: Flow, at: Instant, starts: Record, i
     flow : Flow
     at : Instant
         The beginning; its mode is changed.
-    starts, i
+    starts, ends, i
         As of :func:`judge_beginning`.
     """
     rows = flow.rows
@@ -1303,23 +1314,68 @@ def hold_beginnings(machine: Machine, flow: Flow, at: Instant, starts: Record, i
         return False
     if plain_coefficients(machine, flow, at, 1, space.W) != OK:
         return False
-    # A jump may tear away what has no mass.
-    steady = i > 0 and jump_after(rows, starts.cause[i], starts.region[i - 1]) < 0
+    quiet = is_quiet(starts, i)
     asked = False
     for c in range(len(slips)):
         skipped = is_component(rows, c) or opens(rows, c) or is_loose(rows, slips, c)
-        if skipped or resting(slips[c]):
+        if skipped or resting(slips[c]) or (quiet and rows.plane[c] < 0):
             continue
-        before = starts.mode[i - 1, c] if steady else slips[c]
-        begins = resting(before)
+        # All rests before the start.
+        before = starts.mode[i - 1, c] if i > 0 else 0
         if c < rows.sizes[ON_INERTIAL]:
+            # What keeps its threshold, and its side, may be carried by others and never slip.
             begins = is_still(rows, space, c)
+            begins = begins and (may_stick_again(rows, c) or before != slips[c])
+        else:
+            # A jump may tear away what has no mass.
+            torn = i > 0 and jump_after(rows, starts.cause[i], starts.region[i - 1]) >= 0
+            begins = not quiet and not torn and resting(before)
         if begins:
             asked = asked or may_stick_again(rows, c)
             set_mode(rows, at.mode, c, before if resting(before) else 0)
+    if asked and quiet:
+        asked = release_what_stays(machine, flow, at, ends, slips, i)
     if not asked or not resolve(rows, flow.k, space, at.mode):
         return False
     return coefficients(machine, flow, at, FEWEST_ORDERS, space.W) == OK
+
+
+@njit(**OPTIONS)
+def release_what_stays(
+    machine: Machine, flow: Flow, at: Instant, ends: Record, slips: Array, i: int
+) -> bool:
+    """Let those slip on whose velocity is still nothing but rounding errors at the end of a step:
+    their slip ends, and none begins. Whether one is left that begins.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    at : Instant
+        The beginning; its mode is changed.
+    ends : Record
+    slips : array of int, shape (contacts,)
+        The mode of the step.
+    i : int
+    """
+    space = flow.space
+    mode = at.mode
+    for c in range(len(mode)):
+        space.labels[c, 0] = mode[c]
+    copy(slips, mode)
+    final = Instant(ends.time[i], ends.state[i], mode, at.reg)
+    if not resolve(flow.rows, flow.k, space, mode):
+        return False
+    if plain_coefficients(machine, flow, final, 1, space.W) != OK:
+        return False
+    left = False
+    for c in range(len(mode)):
+        held = space.labels[c, 0]
+        begins = held != slips[c] and not is_component(flow.rows, c)
+        if begins and not is_still(flow.rows, space, c):
+            set_mode(flow.rows, mode, c, held)
+            left = True
+    return left
 
 
 @njit(**OPTIONS)
