@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad_vec, solve_ivp
 
 from stickslip import (
     Contact,
@@ -215,3 +215,32 @@ def test_dip_of_a_threshold_is_not_missed() -> None:
     motion = certified(simulate(system, (0.0, 100.0)))
     assert motion.n_switches == 2
     assert motion.final["y"] > 0.0
+
+
+@pytest.mark.parametrize("turning", [0.1, 1.0])
+@pytest.mark.parametrize("excess", [1e-4, 1e-5, 1e-6, 1e-7, 1e-8])
+def test_slip_under_a_force_that_turns_just_above_its_threshold(
+    excess: float, turning: float
+) -> None:
+    """The direction of a slip with speed r follows that of the force within the time r: to second
+    order in the excess ε it lags behind by r ω, and r = ε t − ε² ω² t³/6."""
+    block = System(
+        "block under a turning force",
+        coordinates={"x": Inertial(), "y": Inertial()},
+        kinetic="(d_x**2 + d_y**2)/2",
+        potential="-(1 + e)*(x*cos(w*t) + y*sin(w*t))",
+        parameters=given(e=excess, w=turning),
+        contacts={"table": Contact(("d_x", "d_y"), 1)},
+    )
+    motion = certified(simulate(block, (0.0, 2.0)))
+    assert len(motion.knots.time) < 5000
+
+    def way(t: float) -> np.ndarray:
+        speed = excess * t - excess**2 * turning**2 * t**3 / 6
+        lag = turning * t - excess * t * turning
+        return speed * np.array([np.cos(lag), np.sin(lag)])
+
+    expected, _ = quad_vec(way, 0.0, 2.0, epsrel=1e-13)
+    found = np.array([motion.final["x"], motion.final["y"]])
+    # Third orders of the excess, and rounding errors of the threshold beside it
+    assert found == pytest.approx(expected, rel=0, abs=excess * (20 * excess**2 + 1e-15 / excess))

@@ -117,6 +117,7 @@ from stickslip.motion.steps.step_size import fill_powers
 _ZENO_EVENTS = 200
 _TOGETHER = 1e-12  # of the time that a motion may last: events that coincide
 _CLOSEST = 1e-15  # relative difference of times that can be told apart
+_NO_TIME = 1e-60  # of the time that a motion may last: no step is as short, where the clock is at 0
 # Steps after which a promise is kept, and sticking contacts are put onto the surface speed. Towards
 # the end of a slip in a plane steps shrink, and recent ones, which are forgotten by halves, have to
 # say then how far rounding errors have carried what sticks.
@@ -245,7 +246,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
             return give_up(status, rows, lane, task, count)
         if t >= end:
             return FINISHED, count
-        if h <= _CLOSEST * abs(t) and h < end - t:
+        if h <= max(_CLOSEST * abs(t), _NO_TIME * clock[SPAN]) and h < end - t:
             return (NO_RATE if runs_away(rows.sizes, lane.mode) else TINY), count
         x, which = first_event(space, may_fire, flow.order)
         doubt = doubt_of(which, len(rows.kinks), len(rows.u))

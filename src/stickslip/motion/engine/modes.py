@@ -510,7 +510,11 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
     for i in range(len(y)):
         size = LEAST_SIZE + abs(y[i]) + abs(promise[i]) + flow.atol * seen[i]
         rounding = ROUNDING * mag[rows.noise[i]] * h if rows.noise[i] >= 0 else 0.0
-        if abs(table[rows.program.rates[i], 0] * h - promise[i]) > tol * size + rounding:
+        rate = rows.program.rates[i]
+        if rate < len(y) and rows.noise[rate] >= 0:
+            # A velocity that is made by forces which nearly cancel is known no better.
+            rounding += ROUNDING * mag[rows.noise[rate]] * h * h
+        if abs(table[rate, 0] * h - promise[i]) > tol * size + rounding:
             return False
     return True
 

@@ -542,5 +542,5 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         begun=z((table_rows if len(rows.planes) else 0, FEWEST_ORDERS + 1)),
         answer=z((2 * len(rows.planes), 2 * len(rows.planes))),
         aims=z((9 * len(rows.planes), N + 1)),
-        stages=z((2 * implicit + 7, max(implicit, len(rows.watched), N // 2 + 1))),
+        stages=z((2 * implicit + 8 + n, max(implicit, len(rows.watched), N // 2 + 1))),
     )

@@ -35,6 +35,7 @@ from stickslip.equations.codegen.series import invert
 from stickslip.machine_code.functions import njit
 from stickslip.motion.steps.arrays import (
     CAUSE,
+    COMPONENT,
     DIMENSION,
     EPSILON,
     IMPLICIT,
@@ -43,11 +44,13 @@ from stickslip.motion.steps.arrays import (
     MOST_IMPLICIT,
     OK,
     OPTIONS,
+    OTHER,
     ROUNDING,
     Flow,
     Instant,
     Lane,
     Machine,
+    Rows,
 )
 from stickslip.motion.steps.discs import BALL, OFF, spread, spread_state, tape_of
 from stickslip.motion.steps.starting import coefficients
@@ -132,6 +135,10 @@ class Stages(NamedTuple):
         Of some rows.
     rounded : array
         What rounding errors of the state make of the rates and of the guards.
+    known : array
+        What rounding errors of the rates make of the states.
+    slopes : array
+        The largest derivatives of rows that are watched, by each part of the state.
     """
 
     matrix: Array
@@ -142,12 +149,15 @@ class Stages(NamedTuple):
     rate: Array
     values: Array
     rounded: Array
+    known: Array
+    slopes: Array
 
 
 @njit(**INLINED)
 def stages_of(flow: Flow) -> Stages:
     """The work space of implicit steps."""
-    m = flow.order // 2 * flow.rows.sizes[DIMENSION]
+    n = flow.rows.sizes[DIMENSION]
+    m = flow.order // 2 * n
     rows = flow.space.stages
     first = 2 * m + 1
     return Stages(
@@ -159,6 +169,8 @@ def stages_of(flow: Flow) -> Stages:
         rows[first + 3],
         rows[first + 4],
         rows[first + 5],
+        rows[first + 6],
+        rows[first + 7 : first + 7 + n],
     )
 
 
@@ -300,13 +312,13 @@ def collocate(
     for _ in range(_MOST_TRIES):
         if not step >= dear(n) * h:
             break
-        if not solve_stages(machine, flow, stages, start, h, step, seen):
+        if not solve_stages(machine, flow, stages, start, step, seen):
             step = 0.25 * step
             cut = True
             continue
         to_legendre(W, s, n, TERMS[tables_of(flow.order)], stages.values)
-        drop_rounding(flow, stages.rounded, h)
-        excess = last_terms(flow, stages.rounded, h, seen)
+        drop_rounding(flow, stages.known)
+        excess = last_terms(flow, stages, seen)
         fits = 0.9 * max(excess, LEAST_SIZE) ** (-1.0 / s) if excess < np.inf else 0.0
         if not excess <= 1.0:
             step = step * max(0.1, fits)
@@ -354,38 +366,35 @@ def between_nodes(flow: Flow, start: Instant, h: float, step: float, seen: Array
     return hidden(flow, h, _PARTS[tables_of(flow.order)], seen)
 
 
-@njit(**OPTIONS)
-def known_to(noise: Array, mag: Array, rounded: Array, r: int, size: float, h: float) -> float:
-    """Rounding error of a part of the state of some size, whose rate decides it within the time
-    h.
+@njit(**INLINED)
+def know(flow: Flow, stages: Stages, step: float) -> None:
+    """How well the states at the nodes are known, and guards with them: what rounding errors of the
+    rates make of them.
 
-    Parameters
-    ----------
-    noise : array of int
-        Places in `mag`, as in :class:`stickslip.motion.steps.arrays.Rows`.
-    mag : array
-        Sizes of the terms of what may cancel.
-    rounded : array
-        What rounding errors of the state make of the rates.
-    r : int
-        Part of the state.
-    size, h : float
+    What decays forgets them; what does not, as the speed of a slip in a plane whose forces nearly
+    cancel, adds them up.
     """
-    return (
-        16.0 * EPSILON * size
-        + (rounded[r] + (EPSILON * mag[noise[r]] if noise[r] >= 0 else 0.0)) * h
-    )
+    noise = flow.rows.noise
+    mag = flow.space.mag
+    n = flow.rows.sizes[DIMENSION]
+    m = flow.order // 2 * n
+    for r in range(n):
+        stages.known[r] = 0.0
+    for i in range(m):
+        total = 0.0
+        for j in range(m):
+            c = j % n
+            error = stages.rounded[c] + (EPSILON * mag[noise[c]] if noise[c] >= 0 else 0.0)
+            total += abs(stages.inverse[i, j]) * step * error
+        stages.known[i % n] = max(stages.known[i % n], total)
+    for j in range(n, len(flow.rows.watched)):
+        for r in range(n):
+            stages.rounded[j] += stages.slopes[r, j] * stages.known[r]
 
 
 @njit(**INLINED)
 def solve_stages(
-    machine: Machine,
-    flow: Flow,
-    stages: Stages,
-    start: Instant,
-    h: float,
-    step: float,
-    seen: Array,
+    machine: Machine, flow: Flow, stages: Stages, start: Instant, step: float, seen: Array
 ) -> bool:
     """The states Y at the nodes, by Newton's method for D (Y − y) = H f(Y); whether it has settled.
 
@@ -399,8 +408,8 @@ def solve_stages(
     stages : Stages
         With the rate at the beginning; receives the states.
     start : Instant
-    h, step : float
-        How long a series is good for, and H.
+    step : float
+        H.
     seen : array
         Largest modulus so far of each row that bounds the steps.
     """
@@ -418,20 +427,20 @@ def solve_stages(
             return False
         if settled:
             return True
-        if fresh and not invert(stages.matrix, m, stages.inverse):
-            return False
+        if fresh:
+            if not invert(stages.matrix, m, stages.inverse):
+                return False
+            know(flow, stages, step)
         before = now
-        now = newton_step(flow, stages, h, seen)
+        now = newton_step(flow, stages, seen)
         if not now < np.inf or (turn > 1 and now > 1.0 and now > 2.0 * before):
             return False
     return False
 
 
 @njit(**INLINED)
-def newton_step(flow: Flow, stages: Stages, h: float, seen: Array) -> float:
+def newton_step(flow: Flow, stages: Stages, seen: Array) -> float:
     """A step of Newton's method: the largest correction, in parts of what it may be."""
-    noise = flow.rows.noise
-    mag = flow.space.mag
     n = flow.rows.sizes[DIMENSION]
     m = flow.order // 2 * n
     worst = 0.0
@@ -442,7 +451,7 @@ def newton_step(flow: Flow, stages: Stages, h: float, seen: Array) -> float:
             change -= stages.inverse[j, i] * stages.residuals[i]
         stages.states[j] += change
         size = LEAST_SIZE + abs(stages.states[j]) + flow.atol * seen[r]
-        most = flow.tol * size + known_to(noise, mag, stages.rounded, r, size, h)
+        most = (flow.tol + 16.0 * EPSILON) * size + stages.known[r]
         share = abs(change) / most
         worst = max(worst, share) if share == share else np.inf
     return worst
@@ -551,6 +560,8 @@ def begin_node(flow: Flow, stages: Stages, y: Array, i: int, step: float, fresh:
         stages.values[j] = V[sampled_row(rates, watched, j), 0]
         if i == s - 1:
             stages.rounded[j] = 0.0
+            for r in range(n):
+                stages.slopes[r, j] = 0.0
 
 
 @njit(**OPTIONS)
@@ -584,12 +595,19 @@ def compare(
     matrix = stages.matrix
     values = stages.values
     rounded = stages.rounded
+    noise = flow.rows.noise
+    mag = flow.space.mag
     n = len(rates)
     for j in range(len(watched)):
-        slope = (V[sampled_row(rates, watched, j), 0] - values[j]) / nudge
+        change = V[sampled_row(rates, watched, j), 0] - values[j]
+        if noise[j] >= 0 and abs(change) <= 4.0 * EPSILON * mag[noise[j]]:
+            change = 0.0  # lost in rounding
+        slope = change / nudge
         if j < n and c < n:
             matrix[i * n + j, i * n + c] -= step * slope
         rounded[j] = max(rounded[j], error * abs(slope))
+        if c < n:
+            stages.slopes[c, j] = max(stages.slopes[c, j], abs(slope))
 
 
 @njit(**OPTIONS)
@@ -618,25 +636,44 @@ def to_legendre(W: Array, s: int, n: int, terms: Array, values: Array) -> None:
 
 
 @njit(**INLINED)
-def drop_rounding(flow: Flow, rounded: Array, h: float) -> None:
+def drop_rounding(flow: Flow, known: Array) -> None:
     """Leave out what the state has behind its last term that is more than rounding: on discs it
     would become large."""
     W = flow.space.W
     s = flow.order // 2
     for r in range(flow.rows.sizes[DIMENSION]):
         last = s
-        size = abs(W[r, 0])
-        for j in range(1, s + 1):
-            size += abs(W[r, j])
-        left = _NOTHING * known_to(flow.rows.noise, flow.space.mag, rounded, r, size, h)
+        size = span_of(W, r, s)
+        left = _NOTHING * (16.0 * EPSILON * size + known[r])
         while last > 0 and abs(W[r, last]) <= left:
             left -= abs(W[r, last])
             W[r, last] = 0.0
             last -= 1
 
 
+@njit(**OPTIONS)
+def span_of(W: Array, row: int, s: int) -> float:
+    """Bound of a row in its s Legendre polynomials."""
+    size = abs(W[row, 0])
+    for j in range(1, s + 1):
+        size += abs(W[row, j])
+    return size
+
+
+@njit(**OPTIONS)
+def companion(rows: Rows, row: int) -> int:
+    """The relative velocity in the other direction of a plane; any other row itself."""
+    for plane in rows.planes:
+        first, second = rows.u[plane[COMPONENT]], rows.u[plane[OTHER]]
+        if row == first:
+            return int(second)
+        if row == second:
+            return int(first)
+    return row
+
+
 @njit(**INLINED)
-def last_terms(flow: Flow, rounded: Array, h: float, seen: Array) -> float:
+def last_terms(flow: Flow, stages: Stages, seen: Array) -> float:
     """The last two terms of the state and of all guards, in parts of what they may be."""
     W = flow.space.W
     mag = flow.space.mag
@@ -647,16 +684,15 @@ def last_terms(flow: Flow, rounded: Array, h: float, seen: Array) -> float:
     worst = 0.0
     for i in range(len(watched)):
         row = watched[i]
-        size = LEAST_SIZE + abs(W[row, 0])
-        for j in range(1, s + 1):
-            size += abs(W[row, j])
+        # The direction of a slip counts, not its smaller component.
+        size = LEAST_SIZE + max(span_of(W, row, s), span_of(W, companion(flow.rows, row), s))
         most = flow.tol * (size + flow.atol * seen[i])
         if i < n:
-            most += known_to(noise, mag, rounded, i, size, h)
+            most += 16.0 * EPSILON * size + stages.known[i]
         else:
             most += (
                 ROUNDING * size
-                + 16.0 * rounded[i]
+                + 16.0 * stages.rounded[i]
                 + (ROUNDING * mag[noise[i]] if noise[i] >= 0 else 0.0)
             )
         share = max(abs(W[row, s]), abs(W[row, s - 1])) / most
