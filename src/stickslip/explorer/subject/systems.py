@@ -60,7 +60,7 @@ def shown_motion(setting: PageSetting, patience: Patience) -> Trajectory:
         system, numbers = system_of(setting)
         found = simulate(
             system,
-            span_of(system, setting),
+            shown_span(system, setting),
             initial=setting.initial,
             parameters=numbers,
             max_events=EVENTS_OF_A_PAGE,
@@ -87,7 +87,7 @@ def settled_cycle(setting: PageSetting, patience: Patience) -> Cycle:
     return find_cycle(system, motion if motion.outcome.ok else None, parameters=numbers)
 
 
-def span_of(system: System, setting: PageSetting) -> tuple[float, float]:
+def shown_span(system: System, setting: PageSetting) -> tuple[float, float]:
     """The time span that a page looks at."""
     return system.span if setting.until is None else (float(system.span[0]), setting.until)
 

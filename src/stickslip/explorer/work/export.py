@@ -16,7 +16,7 @@ from stickslip.errors import DeclarationError, StickslipError
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.limits import MOST_EXPORT
 from stickslip.explorer.asking.request import PageSetting, Request
-from stickslip.explorer.subject.systems import shown_motion, span_of, system_of
+from stickslip.explorer.subject.systems import shown_motion, shown_span, system_of
 
 if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Patience
@@ -58,7 +58,7 @@ def python_of(setting: PageSetting) -> str:
     else:
         given = {n: v for n, v in setting.values.items() if isinstance(v, str)}
         lines.append(f"system = ss.catalogue.{setting.model}({_arguments(given)})")
-    start, end = span_of(system, setting)
+    start, end = shown_span(system, setting)
     said = [f"({start!r}, {end!r})"]
     if setting.initial:
         said.append(f"initial={dict(setting.initial)!r}")
@@ -91,7 +91,7 @@ def toml_of(setting: PageSetting) -> str:
     system, numbers = system_of(setting)
     own = system.configure(numbers)
     return replace(
-        own, initial={**own.initial, **setting.initial}, span=span_of(own, setting)
+        own, initial={**own.initial, **setting.initial}, span=shown_span(own, setting)
     ).to_toml()
 
 
