@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 
@@ -10,3 +10,21 @@ Array = np.ndarray
 AnyArray = Any
 """An array of which a checker is to believe whatever is done with it: one whose entries are floats,
 integers or complex numbers, as the case may be."""
+
+# Arrays that compiled functions take: the type of their entries, and their number of axes.
+Vector = Annotated[np.ndarray, "f8:1"]
+Matrix = Annotated[np.ndarray, "f8:2"]
+Array3 = Annotated[np.ndarray, "f8:3"]
+Array4 = Annotated[np.ndarray, "f8:4"]
+IntVector = Annotated[np.ndarray, "i8:1"]
+IntMatrix = Annotated[np.ndarray, "i8:2"]
+IntArray3 = Annotated[np.ndarray, "i8:3"]
+ComplexVector = Annotated[np.ndarray, "c16:1"]
+ComplexMatrix = Annotated[np.ndarray, "c16:2"]
+ComplexArray3 = Annotated[np.ndarray, "c16:3"]
+BoolVector = Annotated[np.ndarray, "b1:1"]
+ByteMatrix = Annotated[np.ndarray, "i1:2"]
+
+_T = TypeVar("_T")
+Many = Annotated[_T, "many"]
+"""``Many[Lane]`` is a ``Lane`` whose arrays all have one more axis, in front."""
