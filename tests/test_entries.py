@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from llvmlite import binding as llvm
 
+from stickslip.translator import compiled
 from stickslip.arrays import Array
 from stickslip.machine_code import kinds, objects, shelf, tables
-from stickslip.machine_code.functions import Entry, entry_point, njit
-from stickslip.motion.steps.arrays import OPTIONS
+from stickslip.machine_code.functions import Entry, entry_point
 from stickslip.orbits.fields import instructions
 from stickslip.orbits.fields.engine.interpreter import interpret
 from stickslip.shipping import is_complete
@@ -103,7 +103,7 @@ def test_other_arguments_are_noticed(what: str) -> None:
     assert prepared().tables(ARGUMENTS) is not None
 
 
-@njit(**OPTIONS)
+@compiled()
 def trace(inner: Inner) -> float:
     total = 0.0
     for i in range(min(inner.matrix.shape)):
@@ -111,7 +111,7 @@ def trace(inner: Inner) -> float:
     return inner.scale * total + inner.number
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def summed(outer: Outer, out: Array) -> float:
     out[0] = trace(outer.inner)
     out[1] = trace(outer.both[1]) * outer.both[0]
@@ -121,12 +121,12 @@ def summed(outer: Outer, out: Array) -> float:
     return out[0]
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def is_large(x: float) -> bool:
     return x > 1.0
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def ends(x: Array, i: int) -> float:
     return x[i, 0] + 10.0 * x[-1][i]
 
@@ -174,7 +174,7 @@ def test_what_no_compiled_function_takes_is_named() -> None:
         kinds.MachineFunction(1, "jets")(0.0)
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def twice(x: float) -> float:
     return 2.0 * x
 

@@ -26,6 +26,7 @@ from stickslip import (
     catalogue,
     simulate,
 )
+from stickslip.translator import compiled
 from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import Generated, Layout, generate
 from stickslip.equations.codegen.printer import source_of
@@ -40,7 +41,6 @@ from stickslip.machine_code.objects import addresses
 from stickslip.motion.engine.tables import run_setups
 from stickslip.motion.problem import pose
 from stickslip.motion.steps.arrays import (
-    OPTIONS,
     Constants,
     Space,
     make_space,
@@ -147,17 +147,17 @@ def compiled_by_llvm(generated: Generated, folder: Path) -> dict[str, MachineFun
     return {name: MachineFunction(at, name) for name, at in zip(INTERFACE, found, strict=True)}
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def call_residual(f, t, y, mode, reg, K, G, P) -> None:
     f(t, y, mode, reg, K, G, P)
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def call_powers(f, W, reg, K, out) -> None:
     f(W, reg, K, out)
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def call_jets(f, t, y, mode, reg, K, Rq, Rz, N, s) -> int:
     return f(t, y, mode, reg, K, Rq, Rz, N, s.W, s.A, s.B, s.mag)
 

@@ -18,10 +18,10 @@ from stickslip.motion.engine.eigenvalues import Eigenproblem, decompose, make_ei
 from stickslip.motion.engine.forms import AFFINE, SMOOTH, ClosedForms, Flight
 from stickslip.motion.engine.signals import rough_acos
 from stickslip.motion.problem import Problem, pose
-from stickslip.motion.steps.arrays import OPTIONS, Constants, Flow, Machine
+from stickslip.motion.steps.arrays import Constants, Flow, Machine
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def fill(
     machine: Machine, flow: Flow, T: ClosedForms, flight: Flight, mode: Array, reg: Array
 ) -> None:
@@ -30,13 +30,13 @@ def fill(
         make_form(machine, flow, 0, T, flight.making, slot, mode[slot], reg[slot])
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def eigen(p: Eigenproblem, n: int) -> bool:
     """Eigenvalues and eigenvectors."""
     return decompose(p, n)
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def singular(A: Array, axes: Array, lengths: Array) -> None:
     """Singular values."""
     orthogonalise(A, axes, lengths)

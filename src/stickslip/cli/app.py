@@ -161,7 +161,7 @@ def warmup() -> None:
     Useful once after an installation, or on each node of a cluster.
     """
     from stickslip import Contact, Inertial, System, find_cycle, simulate
-    from stickslip.machine_code.objects import cache_folder
+    from stickslip.machine_code.store import cache_folder
 
     block = System(
         "block",

@@ -1,37 +1,95 @@
-"""How the engine calls the functions of a system."""
+"""The functions of a system, as the engine calls them."""
 
 from __future__ import annotations
 
 from functools import cache
 from typing import Any
 
-_SERIES = "Rq:matrix Rz:matrix N:int64 W:matrix A:matrix B:matrix mag:vector"
-_INSTANT = "t:float64 y:vector mode:indices reg:indices K:vector"
-INTERFACE: dict[str, tuple[str, dict[str, str]]] = {
-    name: (result, dict(argument.split(":") for argument in arguments.split()))
-    for name, result, arguments in (
-        ("setup", "void", "p:vector K:vector M:matrix C:matrix J:matrix omega:vector"),
-        ("jets", "int64", f"{_INSTANT} {_SERIES}"),
-        ("residual", "void", f"{_INSTANT} G:vector P:matrix"),
-        ("powers", "void", "W:matrix reg:indices K:vector out:vector"),
-        ("landings", "void", "W:matrix reg:indices K:vector out:vector"),
-    )
-}
-"""By name: what a function returns, and its arguments with their kinds."""
+from stickslip.arrays import IntVector, Matrix, Vector
+from stickslip.translator import FunctionAddress
+
+
+class SystemFunction(FunctionAddress):
+    """One of them, in memory."""
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call it from Python, as compiled functions do that run as Python.
+
+        Raises
+        ------
+        TypeError
+            If an argument is of another type.
+        """
+        return _caller(type(self))(self, *arguments)
 
 
 @cache
-def signature(name: str) -> Any:
-    """The numba signature of a function."""
-    from numba import float64, int64, void
+def _caller(kind: type[SystemFunction]) -> Any:
+    """What calls functions of that kind by their address."""
+    from stickslip.machine_code.objects import addresses
+    from stickslip.machine_code.words import Prepared
+    from stickslip.translator.modules import caller_of
+    from stickslip.translator.values import declared_type
 
-    types: dict[str, Any] = {
-        "void": void,
-        "float64": float64,
-        "int64": int64,
-        "vector": float64[::1],
-        "matrix": float64[:, ::1],
-        "indices": int64[::1],
-    }
-    result, arguments = INTERFACE[name]
-    return types[result](*(types[kind] for kind in arguments.values()))
+    function = declared_type(kind)
+    types = tuple(type_ for _, type_ in function.arguments)
+    (address,) = addresses(caller_of(function), [f"call_{function.name}"])
+    return Prepared(function.name, (function, *types), function.result, address)
+
+
+class Setup(SystemFunction):
+    """Constants and matrices for a set of parameters."""
+
+    @staticmethod
+    def signature(p: Vector, K: Vector, M: Matrix, C: Matrix, J: Matrix, omega: Vector) -> None:
+        """Write to all but `p`."""
+
+
+class Jets(SystemFunction):
+    """Taylor coefficients of all rows of the tape."""
+
+    @staticmethod
+    def signature(
+        t: float,
+        y: Vector,
+        mode: IntVector,
+        reg: IntVector,
+        K: Vector,
+        Rq: Matrix,
+        Rz: Matrix,
+        N: int,
+        W: Matrix,
+        A: Matrix,
+        B: Matrix,
+        mag: Vector,
+    ) -> int:
+        """A status; 0 where there are coefficients."""
+        ...
+
+
+class Residual(SystemFunction):
+    """Residual of the rate-independent coordinates."""
+
+    @staticmethod
+    def signature(
+        t: float, y: Vector, mode: IntVector, reg: IntVector, K: Vector, G: Vector, P: Matrix
+    ) -> None:
+        """Write to `G` and `P`."""
+
+
+class Powers(SystemFunction):
+    """Energy, dissipated and supplied power."""
+
+    @staticmethod
+    def signature(W: Matrix, reg: IntVector, K: Vector, out: Vector) -> None:
+        """Write to `out`."""
+
+
+class Landings(Powers):
+    """New values of the state in jumps."""
+
+
+INTERFACE: dict[str, type[SystemFunction]] = {
+    kind.__name__.lower(): kind for kind in (Setup, Jets, Residual, Powers, Landings)
+}
+"""By name in the machine code of a system."""

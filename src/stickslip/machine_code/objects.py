@@ -1,11 +1,9 @@
-"""Machine code in memory and on disk: a second run only loads it."""
+"""LLVM: from assembly to machine code in memory and on disk."""
 
 from __future__ import annotations
 
 import ctypes
 import hashlib
-import os
-import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from ctypes.util import find_library
@@ -15,17 +13,17 @@ from threading import RLock
 from typing import Any, NamedTuple
 
 from llvmlite import binding as llvm
-from platformdirs import user_cache_path
 
-# How hard LLVM's code generation works: for a system's functions more than 1 takes longer, and
-# straight code is no faster for it; for long assembly, 1 would take longer than most motions.
-_SPEED, _SPEED_OF_LONG = 1, 0
-_LONG = 400_000  # characters without tables
-_DIGEST = 32  # bytes, before the machine code in a file
-# What the engine may call of C's mathematical library.
+from stickslip.machine_code.store import cache_folder, keep, stored
+
+# How hard LLVM's code generation works. Loops are optimised first. Straight code, as of a system, is
+# no faster for it; where it is long, anything but 0 would take longer than most motions.
+LOOPS, STRAIGHT, LONG = 2, 1, 0
+_LONG = 400_000  # characters without tables, of straight code
+# What compiled functions may call of C's mathematical library.
 MATHEMATICS: Sequence[str] = (
-    "acos acosh asin asinh atan atan2 atanh cbrt ceil cos cosh erf exp exp2 expm1 floor fma fmod "
-    "frexp hypot ilogb ldexp log log10 log1p log2 pow round sin sinh sqrt tan tanh trunc"
+    "acos acosh asin asinh atan atan2 atanh cbrt ceil cos cosh erf erfc exp exp2 expm1 floor fma "
+    "fmod frexp hypot ilogb ldexp log log10 log1p log2 pow round sin sinh sqrt tan tanh trunc"
 ).split()
 _LOCK = RLock()
 _kept: dict[str, Any] = {}  # what has been loaded, as long as the process lives
@@ -53,24 +51,97 @@ def processor() -> Processor:
     )
 
 
-def cache_folder() -> Path:
-    """Folder of machine code: ``$STICKSLIP_CACHE``, else the user's cache folder, else a temporary
-    one."""
-    return _folder(os.environ.get("STICKSLIP_CACHE"))
+def digest(*facts: Any) -> str:
+    """A name for what is made of these facts."""
+    return hashlib.sha256(repr(facts).encode()).hexdigest()
 
 
-@cache
-def _folder(given: str | None) -> Path:
-    folder = Path(given) / "stickslip" if given else user_cache_path("stickslip")
-    with suppress(OSError):
-        folder.mkdir(parents=True, exist_ok=True)
-        if os.access(folder, os.W_OK):
-            return folder
-    return Path(tempfile.mkdtemp(prefix="stickslip-"))
+# -- making ----------------------------------------------------------------------------------------
 
 
-def addresses(assembly: str, names: list[str], folder: Path) -> list[int]:
-    """Addresses of functions: from this process, from disk, or new.
+def machine(here: Processor, effort: int = STRAIGHT) -> Any:
+    """LLVM's description of a processor."""
+    processor()  # which makes LLVM know this machine
+    return llvm.Target.from_triple(here.triple).create_target_machine(
+        cpu=here.name, features=here.features, opt=effort, jit=True
+    )
+
+
+def module_of(assembly: str, here: Processor, effort: int) -> Any:
+    """A module for a processor, its loops optimised."""
+    module = llvm.parse_assembly(assembly)
+    target = machine(here, effort)
+    module.triple = here.triple
+    module.data_layout = str(target.target_data)
+    if effort == LOOPS:
+        module.verify()
+        optimise(module, target)
+    return module
+
+
+def optimise(module: Any, target: Any) -> None:
+    """LLVM's usual passes. Vectors of straight code are left out: they make the closed forms of
+    motions a tenth slower."""
+    options = llvm.create_pipeline_tuning_options()
+    options.speed_level = 2
+    options.size_level = 0
+    options.slp_vectorization = False
+    options.loop_vectorization = True
+    options.loop_interleaving = True
+    options.loop_unrolling = True
+    passes = llvm.create_pass_builder(target, options)
+    passes.getModulePassManager().run(module, passes)
+
+
+def object_of(assembly: str, place: Path, here: Processor, effort: int) -> bytes:
+    """Machine code of some assembly, from disk or new.
+
+    Parameters
+    ----------
+    assembly : str
+    place : Path
+        Beginning of the name of the file where it is kept.
+    here : Processor
+    effort : int
+        `LOOPS`, `STRAIGHT` or `LONG`.
+    """
+    key = digest(assembly, here, effort)
+    path = place.with_name(f"{place.name}.{key[:24]}.o")
+    code = stored(path, key)
+    if code is None:
+        code = emitted(module_of(assembly, here, effort), here, effort)
+        keep(path, key, code)
+    return code
+
+
+def from_bitcode(bitcode: bytes, here: Processor) -> bytes:
+    """Machine code from LLVM's bitcode."""
+    module = llvm.parse_bitcode(bitcode)
+    module.triple = here.triple
+    module.data_layout = str(machine(here).target_data)
+    return emitted(module, here, LOOPS)
+
+
+def emitted(module: Any, here: Processor, effort: int) -> bytes:
+    """Machine code of a module for a processor."""
+    return machine(here, effort).emit_object(module)
+
+
+# -- loading ---------------------------------------------------------------------------------------
+
+
+def loaded(codes: Iterable[bytes]) -> Any:
+    """Machine code in memory, of parts that call each other; what else they call is where it can be
+    found (see :func:`find_functions`)."""
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine(processor()))
+    for code in codes:
+        engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    return engine
+
+
+def addresses(assembly: str, names: list[str]) -> list[int]:
+    """Addresses of functions of straight code: from this process, from disk, or new.
 
     Parameters
     ----------
@@ -78,67 +149,16 @@ def addresses(assembly: str, names: list[str], folder: Path) -> list[int]:
         LLVM assembly that defines the functions.
     names : list of str
         Theirs.
-    folder : Path
-        Where machine code is kept.
     """
-    length = sum(len(line) for line in assembly.splitlines() if not line.startswith("@"))
-    speed = _SPEED if length < _LONG else _SPEED_OF_LONG
-    key = digest(assembly, processor(), speed)
     with _LOCK:
-        if key not in _kept:
-            path = folder / f"{names[0]}_{key}.o"
-            code = code_of(path)
-            if code is None:
-                code = emitted(llvm.parse_assembly(assembly), processor(), speed)
-                keep_code(path, code)
+        if assembly not in _kept:
+            length = sum(len(line) for line in assembly.splitlines() if not line.startswith("@"))
+            effort = STRAIGHT if length < _LONG else LONG
+            code = object_of(assembly, cache_folder() / names[0], processor(), effort)
             declared = [line for line in assembly.splitlines() if line.startswith("declare")]
             find_functions([line[line.index("@") + 1 : line.index("(")] for line in declared])
-            _kept[key] = loaded(code)
-        return [_kept[key].get_function_address(name) for name in names]
-
-
-def digest(*facts: Any) -> str:
-    """A name for what is made of these facts."""
-    return hashlib.sha256(repr(facts).encode()).hexdigest()[:24]
-
-
-def emitted(module: Any, here: Processor, speed: int) -> bytes:
-    """Machine code of a module for a processor."""
-    return machine(here, speed).emit_object(module)
-
-
-def machine(here: Processor, speed: int = _SPEED) -> Any:
-    """LLVM's description of a processor."""
-    return llvm.Target.from_triple(here.triple).create_target_machine(
-        cpu=here.name, features=here.features, opt=speed, jit=True
-    )
-
-
-def loaded(code: bytes) -> Any:
-    """Machine code in memory; what its functions call is where it can be found (see
-    :func:`find_functions`)."""
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine(processor()))
-    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
-    engine.finalize_object()
-    return engine
-
-
-def code_of(path: Path) -> bytes | None:
-    """Machine code of a file; None if there is none, or it is damaged."""
-    with suppress(OSError):
-        found = path.read_bytes()
-        digest, code = found[:_DIGEST], found[_DIGEST:]
-        if hashlib.sha256(code).digest() == digest:
-            return code
-    return None
-
-
-def keep_code(path: Path, code: bytes) -> None:
-    """Keep machine code, whole or not at all."""
-    partial = path.with_suffix(f".{os.getpid()}.tmp")
-    with suppress(OSError):
-        partial.write_bytes(hashlib.sha256(code).digest() + code)
-        partial.replace(path)
+            _kept[assembly] = loaded([code])
+        return [_kept[assembly].get_function_address(name) for name in names]
 
 
 def find_functions(names: Sequence[str]) -> None:

@@ -1,49 +1,66 @@
-"""Where an entry's machine code comes from: shipped with the package, kept from an earlier run, or
-made now by numba.
+"""Where the machine code of compiled functions comes from: shipped with the package, kept from an
+earlier run, or made now.
 
-What is shipped is named by the sources it was made from, the processors it is for, and the version
-of LLVM: LLVM's bitcode, and machine code for the platform on which the package was built. All
-processors of a level run the same code and have the same bits.
+All entries of the package are one *library*, an object for each source file. What is shipped is
+named by the sources it was made from and the processors it is for: machine code for the platform on
+which the package was built, and LLVM's bitcode for others. All processors of a level run the same
+code and have the same bits.
 """
 
 from __future__ import annotations
 
+import hashlib
+import importlib
+import re
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, NamedTuple
 
-from filelock import FileLock
 from llvmlite import binding as llvm
 
-from stickslip.machine_code.kinds import PLAIN, ArgumentKind, argument_kind
+from stickslip.machine_code.functions import Entry
+from stickslip.machine_code.making import Job, make_all
 from stickslip.machine_code.objects import (
+    LOOPS,
     MATHEMATICS,
     Processor,
-    cache_folder,
-    code_of,
     digest,
-    emitted,
     find_functions,
-    keep_code,
+    from_bitcode,
     loaded,
-    machine,
     processor,
 )
-from stickslip.machine_code.stamps import stamp
-from stickslip.machine_code.tables import Prepared
-
-if TYPE_CHECKING:
-    from stickslip.machine_code.functions import Entry
+from stickslip.machine_code.store import alone, cache_folder, keep, stored
+from stickslip.machine_code.words import Prepared
+from stickslip.translator.values import entry_types, symbol_of
 
 SHIPPED = Path(__file__).parent / "shipped"
 # Levels of processors that the engine is built for: 64-bit x86 with fused multiplication and
 # vectors of four numbers (Intel since 2013, AMD since 2015), and all others.
 FAST, PORTABLE = "x86-64-v3", "portable"
 FEATURES = ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsave")
-_SPEED = 2  # how hard LLVM's code generation works on the engine's loops
+ENTRIES = tuple(
+    f"stickslip.{name}"
+    for name in (
+        "motion.between.dense",
+        "motion.between.step_balance",
+        "motion.between.trace",
+        "motion.engine.event_loop",
+        "motion.engine.flights",
+        "motion.engine.tables",
+        "orbits.fields.engine.interpreter",
+        "orbits.fields.engine.variations",
+        "orbits.settling.engine.attraction",
+        "orbits.settling.engine.exponents",
+        "orbits.settling.engine.measuring",
+        "orbits.settling.engine.settling",
+    )
+)
+"""Modules of the package with functions that Python calls."""
+_IMPORTED = re.compile(r"^(?:from|import) (stickslip[\w.]*)", re.MULTILINE)
+_PACKAGE = Path(__file__).parent.parent
 
 
 @cache
@@ -61,122 +78,212 @@ def target_of(level: str) -> Processor:
     return here._replace(name=FAST if level == FAST else "x86-64" if is_x86 else "", features="")
 
 
-def name_of(function: Entry, kind: ArgumentKind) -> str:
-    """The name of an entry's machine code: for these sources, this kind of arguments."""
-    sources = stamp(function.py_func.__code__.co_filename)
-    return f"{function.py_func.__name__}_{digest(function.__module__, kind, sources)}"
+class Library(NamedTuple):
+    """Entries that are compiled together.
+
+    Attributes
+    ----------
+    name : str
+    modules : tuple of str
+        Where the entries are.
+    """
+
+    name: str
+    modules: tuple[str, ...]
 
 
-def prepare(function: Entry, arguments: tuple[Any, ...]) -> Prepared:
-    """An entry in memory, for arguments of this kind."""
-    kind = (PLAIN, *map(argument_kind, arguments))
-    name = name_of(function, kind)
-    code = _shipped(name) if _filling is None else _for_shipment(function, kind, name, _filling)
+ENGINE = Library("engine", ENTRIES)
+
+
+# -- loading ---------------------------------------------------------------------------------------
+
+
+def prepare(entry: Entry) -> Prepared:
+    """An entry in memory."""
+    name = entry.__module__
+    library = ENGINE if name in ENTRIES else Library(name, (name,))
+    address = _in_memory(library).get_function_address(symbol_of(entry))
+    return Prepared(entry.__name__, *entry_types(entry), address)
+
+
+@cache
+def _in_memory(library: Library) -> Any:
     find_functions(MATHEMATICS)
-    engine = loaded(code or _own(function, kind, name))
-    _kept.append(engine)
-    return Prepared(kind, engine.get_function_address(name), function.result)
+    return loaded(codes_of(library))
 
 
-_kept: list[Any] = []  # machine code in memory, as long as the process lives
-_filling: Path | None = None
+def codes_of(library: Library) -> list[bytes]:
+    """The machine code of a library: shipped, kept, or made now."""
+    here, sources = target_of(level()), source_digest(library)
+    codes = shipped(library, level())
+    if codes is None:
+        codes = _listed(library, cache_folder(), digest(sources, here), ".o", False)
+    if codes is not None:
+        return codes
+    bitcodes = _listed(library, SHIPPED / level(), digest(sources, "bitcode"), ".bc", True)
+    if bitcodes is not None and _is_readable():
+        return _made_from(library, bitcodes, sources, here)
+    return make(library, cache_folder(), here)
 
 
-@contextmanager
-def filled(folder: Path) -> Iterator[None]:
-    """Put the machine code of all entries that are called into a folder, for the processors that
-    numba compiles for."""
-    global _filling
-    _filling = folder
+def shipped(library: Library, level: str) -> list[bytes] | None:
+    """The machine code that came with the package for this platform; None if none did."""
+    key = digest(source_digest(library), target_of(level))
+    return _listed(library, SHIPPED / level, key, ".o", True)
+
+
+def _listed(
+    library: Library, folder: Path, key: str, kind: str, trusted: bool
+) -> list[bytes] | None:
+    """What a folder has of a library; None if anything is missing."""
+    found = stored(_list_path(library, folder, key), key, trusted=trusted)
+    if found is None:
+        return None
+    lines = [line.split(" ") for line in found.decode().splitlines()]
+    codes = [stored(folder / f"{name}{kind}", own, trusted=trusted) for name, own in lines]
+    return [code for code in codes if code is not None] if None not in codes else None
+
+
+def _list_path(library: Library, folder: Path, key: str) -> Path:
+    return folder / f"{library.name}.{key[:24]}.list"
+
+
+def _keep_list(library: Library, folder: Path, key: str, jobs: list[tuple[str, str]]) -> None:
+    """Keep what the parts of a library are called."""
+    lines = "".join(f"{name} {own}\n" for name, own in jobs)
+    keep(_list_path(library, folder, key), key, lines.encode())
+
+
+def _made_from(
+    library: Library, bitcodes: list[bytes], sources: str, here: Processor
+) -> list[bytes]:
+    """Machine code for this platform, from shipped bitcode; kept."""
+    folder = cache_folder()
+    with alone(folder / library.name):
+        codes = list[bytes]()
+        parts = list[tuple[str, str]]()
+        for bitcode in bitcodes:
+            own = digest(hashlib.sha256(bitcode).hexdigest(), here)
+            name = f"{library.name}.{own[:24]}"
+            codes.append(from_bitcode(bitcode, here))
+            keep(folder / f"{name}.o", own, codes[-1])
+            parts.append((name, own))
+        _keep_list(library, folder, digest(sources, here), parts)
+    return codes
+
+
+def _is_readable() -> bool:
+    """Whether this LLVM reads the bitcode that came with the package: its own, and that of older
+    versions."""
+    folder = SHIPPED / level()
     try:
-        yield
-    finally:
-        _filling = None
+        return int((folder / _VERSION).read_text(encoding="utf-8")) <= processor().version[0]
+    except (OSError, ValueError):
+        return False
 
 
-def _for_shipment(function: Entry, kind: ArgumentKind, name: str, folder: Path) -> bytes:
-    """An entry's machine code in a folder, made if it is not there."""
-    here = target_of(folder.name)
-    machine_code, bitcode = object_file(folder, name, here), bitcode_file(folder, name)
-    with FileLock(folder / f"{name}.lock"):
-        code = code_of(machine_code)
-        if code is None or code_of(bitcode) is None:
-            text = made(function, kind, name)
-            code = from_bitcode(text, here)
-            keep_code(bitcode, text)
-            keep_code(machine_code, code)
-    return code
+_VERSION = "llvm"  # name of the file that says which version wrote the bitcode
 
 
-def object_file(folder: Path, name: str, here: Processor) -> Path:
-    """File of an entry's machine code for a processor."""
-    return folder / f"{name}.{digest(here)}.o"
+# -- making ----------------------------------------------------------------------------------------
 
 
-def bitcode_file(folder: Path, name: str) -> Path:
-    """File of an entry's bitcode as this version of LLVM writes it."""
-    return folder / f"{name}.{processor().version[0]}.bc"
+def make(library: Library, folder: Path, here: Processor, ship: bool = False) -> list[bytes]:
+    """Compile a library: what a folder does not have yet of it.
 
-
-def _shipped(name: str) -> bytes | None:
-    """Machine code that came with the package: for this platform, else from its bitcode."""
-    folder, here = SHIPPED / level(), target_of(level())
-    for place in (folder, cache_folder()):
-        code = code_of(object_file(place, name, here))
-        if code is not None:
-            return code
-    for path in folder.glob(f"{name}.*.bc"):
-        # LLVM reads what older versions have written.
-        bitcode = code_of(path) if int(path.suffixes[-2][1:]) <= here.version[0] else None
-        if bitcode is not None:
-            code = from_bitcode(bitcode, here)
-            keep_code(object_file(cache_folder(), name, here), code)
-            return code
-    return None
-
-
-def _own(function: Entry, kind: ArgumentKind, name: str) -> bytes:
-    """Machine code for this machine alone, made by numba and kept."""
-    here = processor()
-    path = object_file(cache_folder(), name, here)
-    code = code_of(path)
-    if code is not None:
-        return code
+    Parameters
+    ----------
+    library : Library
+    folder : Path
+    here : Processor
+    ship : bool
+        Whether to keep bitcode, too.
+    """
+    sources = source_digest(library)
     for tell in listeners:
         tell()
-    with FileLock(path.with_suffix(".lock")):
-        code = code_of(path)  # by now another process may have made it
-        if code is None:
-            code = from_bitcode(made(function, kind, name), here)
-            keep_code(path, code)
-    return code
+    with alone(folder / library.name):
+        # by now another process may have made it
+        codes = None if ship else _listed(library, folder, digest(sources, here), ".o", False)
+        if codes is not None:
+            return codes
+        jobs = jobs_of(library, folder, here, ship)
+        codes = make_all(jobs, library.name)
+        parts = [(Path(job.place).name, job.key) for job in jobs]
+        _keep_list(library, folder, digest(sources, here), parts)
+        if ship:
+            _keep_list(library, folder, digest(sources, "bitcode"), parts)
+            (folder / _VERSION).write_text(f"{here.version[0]}\n", encoding="utf-8")
+    return codes
 
 
-def made(function: Entry, kind: ArgumentKind, name: str) -> bytes:
-    """Bitcode of an entry, by numba."""
-    from stickslip.machine_code.by_numba import bitcode
+def clean(library: Library, folder: Path, here: Processor) -> None:
+    """Remove from a folder of shipped code what does not belong to a library."""
+    sources = source_digest(library)
+    keys = digest(sources, here), digest(sources, "bitcode")
+    lists = [_list_path(library, folder, key) for key in keys]
+    names = {line.split(" ")[0] for line in (stored(lists[0], keys[0]) or b"").decode().splitlines()}
+    wanted = {path.name for path in lists} | {_VERSION}
+    wanted |= {f"{name}{kind}" for name in names for kind in (".o", ".bc")}
+    for path in folder.iterdir():
+        if path.name not in wanted:
+            path.unlink()
 
-    return bitcode(function, kind, name)
+
+def jobs_of(library: Library, folder: Path, here: Processor, ship: bool = False) -> list[Job]:
+    """What is to be compiled: a module for each source file."""
+    from stickslip.translator.modules import Program
+
+    jobs = list[Job]()
+    for file, text in Program(entries_of(library)).modules().items():
+        key = digest(text, here, LOOPS)
+        place = folder / f"{Path(file).parent.name}.{Path(file).stem}.{key[:24]}"
+        jobs.append(Job(text, str(place), key, here, ship))
+    return jobs
 
 
-def from_bitcode(bitcode: bytes, here: Processor) -> bytes:
-    """Machine code from LLVM's bitcode."""
-    module = llvm.parse_bitcode(bitcode)
-    module.triple = here.triple
-    module.data_layout = str(machine(here).target_data)
-    return emitted(module, here, _SPEED)
+def entries_of(library: Library) -> list[Entry]:
+    """The entries of a library."""
+    found = list[Entry]()
+    for name in library.modules:
+        module = sys.modules.get(name) or importlib.import_module(name)
+        found += [x for x in vars(module).values() if isinstance(x, Entry) and x.__module__ == name]
+    return found
+
+
+def source_digest(library: Library) -> str:
+    """A name for all sources that may shape the machine code of a library: those of its modules and
+    of what they import."""
+    known = dict[Path, bytes]()
+    left = [path for name in library.modules for path in _files_of(name)]
+    while left:
+        path = left.pop()
+        if path not in known:
+            known[path] = path.read_bytes()
+            names = set(_IMPORTED.findall(known[path].decode("utf-8")))
+            left += [path for name in names for path in _files_of(name)]
+    content = hashlib.sha256()
+    for path, text in sorted(known.items()):
+        name = path.relative_to(_PACKAGE).as_posix() if path.is_relative_to(_PACKAGE) else path.name
+        content.update(f"{name}\n{len(text)}\n".encode())
+        content.update(text)
+    return content.hexdigest()
+
+
+def _files_of(name: str) -> list[Path]:
+    """The source files of a module, or of all modules of a room."""
+    if not name.startswith("stickslip."):
+        return [] if name == "stickslip" else [Path(str(sys.modules[name].__file__))]
+    place = _PACKAGE.joinpath(*name.split(".")[1:])
+    return sorted(place.glob("*.py")) if place.is_dir() else [place.with_suffix(".py")]
 
 
 @cache
 def _say() -> None:
     """Say once what takes its time."""
     if sys.stderr.isatty():
-        print(
-            "stickslip: no machine code of the engine came with these sources for this machine; "
-            "numba compiles it once, some minutes ...",
-            file=sys.stderr,
-        )
+        print("stickslip: compiling for this machine, once ...", file=sys.stderr)
 
 
-# Who is told before an entry is compiled, or waited for.
+# Who is told before something is compiled, or waited for.
 listeners: list[Callable[[], None]] = [_say]

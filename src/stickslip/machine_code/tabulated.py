@@ -11,9 +11,16 @@ import struct
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from llvmlite import binding as llvm
-
-from stickslip.machine_code.objects import emitted, find_functions, loaded, processor, provide
+from stickslip.machine_code.objects import (
+    LOOPS,
+    STRAIGHT,
+    emitted,
+    find_functions,
+    loaded,
+    module_of,
+    processor,
+    provide,
+)
 
 
 def provide_table(
@@ -46,7 +53,7 @@ def provide_table(
     def make() -> Any:
         text = _assembly(names, breaks, coefficients, ends, period, near)
         find_functions(["floor"])
-        return loaded(emitted(llvm.parse_assembly(text), processor(), 2))
+        return loaded([emitted(module_of(text, processor(), STRAIGHT), processor(), LOOPS)])
 
     provide(names, make)
 

@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from oracles.fields import function
 from stickslip import Contact, Internal, Parameter, System, Viscous, catalogue
+from stickslip.translator import compiled
 from stickslip.equations.derive import derive
 from stickslip.equations.field import Field, in_region, mode_field, solve
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.modes import resolve
 from stickslip.motion.problem import Problem, pose
-from stickslip.motion.steps.arrays import OK, OPTIONS
+from stickslip.motion.steps.arrays import OK
 from stickslip.orbits.fields.instructions import PointFunction
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
@@ -47,7 +48,7 @@ SYSTEMS["everything"] = System(
 )
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def read(
     jets: Any,
     rows: Any,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array
+from stickslip.arrays import IntMatrix, IntVector, Vector
 from stickslip.equations.codegen.generate import MATRICES, Layout
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -50,15 +50,15 @@ class Program(NamedTuple):
         Rows of the rates of the state, and places of the sizes of their terms in ``mag``, −1: none.
     """
 
-    code: Array
-    term_row: Array
-    term_factor: Array
-    numbers: Array
-    hiding: Array
-    leading: Array
-    seen: Array
-    rates: Array
-    rate_sizes: Array
+    code: IntMatrix
+    term_row: IntVector
+    term_factor: IntVector
+    numbers: Vector
+    hiding: IntVector
+    leading: IntVector
+    seen: IntVector
+    rates: IntVector
+    rate_sizes: IntVector
 
 
 def pack(layout: Layout) -> Program:

@@ -7,12 +7,11 @@ operations that generated code calls.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
+from stickslip.translator import RELAXED, compiled
 
 # What ``jets`` returns: a linear problem has no solution, or a mass matrix is not definite.
 SINGULAR = 1
@@ -28,31 +27,26 @@ NEAR = 1e-9  # relative step of Newton's method behind which rounding comes
 LEAST_PIVOT = 1e-13  # of a matrix of size 1: what is smaller is zero
 _OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
 
-# Sums may be reordered (they are long dot products), nothing else is relaxed: NaN and inf must stay
-# visible.
-_exact: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
-_options = {**_exact, "fastmath": {"reassoc", "contract", "nsz"}}
 
-
-@njit(**_options)
+@compiled(relaxed=RELAXED)
 def real_power(x: float, p: float) -> float:
     """Real power; NaN where undefined."""
     return np.power(x, p)
 
 
-@njit(**_options)
+@compiled(relaxed=RELAXED)
 def reciprocal(x: float) -> float:
     """1/x, infinite at 0."""
     return 1.0 / x
 
 
-@njit(**_options)
+@compiled(relaxed=RELAXED)
 def over(a: float, b: float) -> float:
     """a/b for sizes, 0 where there is nothing to divide by."""
     return a / b if b > 0.0 else 0.0
 
 
-@njit(**_exact)
+@compiled()
 def split(a: float) -> tuple[float, float]:
     """A number as a sum of two with half as many digits (Veltkamp)."""
     c = 134217729.0 * a
@@ -60,7 +54,7 @@ def split(a: float) -> tuple[float, float]:
     return high, a - high
 
 
-@njit(**_exact)
+@compiled()
 def dot(a: tuple[float, ...], b: tuple[float, ...]) -> float:
     """Σ aᵢbᵢ as if computed with twice as many digits (algorithm Dot2 of Ogita, Rump and Oishi
     2005)."""
@@ -75,7 +69,7 @@ def dot(a: tuple[float, ...], b: tuple[float, ...]) -> float:
     return total + lost if math.isfinite(lost) else total
 
 
-@njit(**_options)
+@compiled(relaxed=RELAXED)
 def product_order(W: Array, a: int, b: int, k: int) -> float:
     """Order k of a·b (Cauchy product)."""
     s = 0.0
@@ -84,7 +78,7 @@ def product_order(W: Array, a: int, b: int, k: int) -> float:
     return s
 
 
-@njit(**_options)
+@compiled(relaxed=RELAXED)
 def divide_order(W: Array, a: int, b: int, y: int, k: int) -> float:
     """Order k of y = a/b; nothing where b has overflowed."""
     s = 0.0
@@ -93,7 +87,7 @@ def divide_order(W: Array, a: int, b: int, y: int, k: int) -> float:
     return 0.0 if abs(W[b, 0]) == np.inf else (W[a, k] - s) / W[b, 0]
 
 
-@njit(**_options)
+@compiled(relaxed=RELAXED)
 def inverse_order(W: Array, b: int, y: int, k: int) -> float:
     """Order k of y = 1/b; nothing where b has overflowed."""
     s = 0.0
@@ -102,7 +96,7 @@ def inverse_order(W: Array, b: int, y: int, k: int) -> float:
     return 0.0 if abs(W[b, 0]) == np.inf else ((1.0 if k == 0 else 0.0) - s) / W[b, 0]
 
 
-@njit(**_exact)
+@compiled()
 def first_power(a: float, p: float, size: float) -> float:
     """aᵖ, where a is known up to the rounding error of terms of a size: what may be 0 is 0."""
     if p > 0.0 and abs(a) <= _NOTHING * size:
@@ -110,7 +104,7 @@ def first_power(a: float, p: float, size: float) -> float:
     return math.sqrt(a) if p == 0.5 and a >= 0.0 else np.power(a, p)
 
 
-@njit(**_options)
+@compiled(relaxed=RELAXED)
 def power_order(W: Array, a: int, y: int, p: float, size: float, k: int) -> float:
     """Order k of y = aᵖ for a constant p.
 
@@ -126,7 +120,7 @@ def power_order(W: Array, a: int, y: int, p: float, size: float, k: int) -> floa
     return s / (k * a0) if W[y, 0] != 0.0 else 0.0
 
 
-@njit(**_options)
+@compiled(relaxed=RELAXED)
 def chain_order(W: Array, a: int, g: int, k: int) -> float:
     """Order k ≥ 1 of y with y′ = g·a′; the newest coefficient comes last, in one multiplication and
     one addition."""
@@ -136,20 +130,20 @@ def chain_order(W: Array, a: int, g: int, k: int) -> float:
     return s / k + W[a, k] * W[g, 0]
 
 
-@njit(**_exact)
+@compiled()
 def first_exp(x: float) -> float:
     """exp x, infinite before its derivatives overflow: what is divided by it then is zero, and so
     are they."""
     return math.exp(x) if x < _OVERFLOW else np.inf
 
 
-@njit(**_options)
+@compiled(relaxed=RELAXED)
 def exp_order(W: Array, a: int, y: int, k: int) -> float:
     """Order k of y = exp a."""
     return first_exp(W[a, 0]) if k == 0 else chain_order(W, a, y, k)
 
 
-@njit(**_options)
+@compiled(relaxed=RELAXED)
 def log_order(W: Array, a: int, y: int, k: int) -> float:
     """Order k of y = log a."""
     if k == 0:
@@ -160,7 +154,7 @@ def log_order(W: Array, a: int, y: int, k: int) -> float:
     return (W[a, k] - s / k) / W[a, 0]
 
 
-@njit(**_options)
+@compiled(relaxed=RELAXED)
 def rotation_order(W: Array, a: int, sine: int, cosine: int, k: int) -> None:
     """Order k of sin a and cos a."""
     if k == 0:
@@ -171,7 +165,7 @@ def rotation_order(W: Array, a: int, sine: int, cosine: int, k: int) -> None:
         W[cosine, k] = -chain_order(W, a, sine, k)
 
 
-@njit(**_options)
+@compiled(relaxed=RELAXED)
 def steady_rotation_order(W: Array, a: int, sine: int, cosine: int, k: int) -> None:
     """Order k of sin a and cos a for a phase a that is affine in time."""
     if k == 0:
@@ -182,7 +176,7 @@ def steady_rotation_order(W: Array, a: int, sine: int, cosine: int, k: int) -> N
         W[cosine, k] = -W[a, 1] * W[sine, k - 1] / k
 
 
-@njit(**_options)
+@compiled(relaxed=RELAXED)
 def hyperbolic_order(W: Array, a: int, sine: int, cosine: int, k: int) -> None:
     """Order k of sinh a and cosh a."""
     if k == 0:
@@ -197,7 +191,7 @@ def hyperbolic_order(W: Array, a: int, sine: int, cosine: int, k: int) -> None:
         W[cosine, k] = chain_order(W, a, sine, k)
 
 
-@njit(**_options)
+@compiled(relaxed=RELAXED)
 def direction_order(W: Array, inputs: tuple[int, int, int], row: int, mode: int, k: int) -> None:
     """Order k of the direction u/|u| (two rows) and of |u| (the next) in slip, from the rows of u
     and of the size of its terms; see :class:`stickslip.symbolic.tape.Instruction`."""
@@ -220,7 +214,7 @@ def direction_order(W: Array, inputs: tuple[int, int, int], row: int, mode: int,
     W[row + 1, k] = divide_order(W, b, r, row + 1, k)
 
 
-@njit(**_options)
+@compiled(relaxed=RELAXED)
 def solve_order(R: Array, place: int, W: Array, first: int, solution: int, n: int, k: int) -> None:
     """Order k of solution = R·right-hand side, both n consecutive rows, with the rows of R from a
     place on."""
@@ -231,7 +225,7 @@ def solve_order(R: Array, place: int, W: Array, first: int, solution: int, n: in
         W[solution + i, k] = s
 
 
-@njit(**_exact)
+@compiled()
 def closer(
     low: float, high: float, last: float, v: float, g: float, slope: float
 ) -> tuple[float, float, float, float, bool]:
@@ -274,7 +268,7 @@ def closer(
     return low, high, last, following if known else np.nan, known and not (there or near)
 
 
-@njit(**_exact)
+@compiled()
 def balance(A: Array, n: int, row: int, by_rows: bool) -> float:
     """A power of two near the reciprocal of the largest entry of a row (or column); 0 if there is
     none."""
@@ -284,7 +278,7 @@ def balance(A: Array, n: int, row: int, by_rows: bool) -> float:
     return math.ldexp(1.0, -math.frexp(largest)[1]) if 0.0 < largest < np.inf else 0.0
 
 
-@njit(**_exact)
+@compiled()
 def invert(A: Array, n: int, R: Array) -> bool:
     """Inverse R of the leading n×n block of A (destroyed, with the row below) by Gauss-Jordan
     elimination.
@@ -339,7 +333,7 @@ def invert(A: Array, n: int, R: Array) -> bool:
     return True
 
 
-@njit(**_exact)
+@compiled()
 def definite(A: Array, n: int, R: Array) -> bool:
     """Whether the leading n×n block of a symmetric matrix A is positive definite: the pivots of
     elimination, in R, are positive and no rounding errors."""
@@ -356,7 +350,7 @@ def definite(A: Array, n: int, R: Array) -> bool:
     return True
 
 
-@njit(**_options)
+@compiled(relaxed=RELAXED)
 def lagged_order(W: Array, a: int, y: int, k: int) -> float:
     """Order k of a·y without the term with a's order 0."""
     s = 0.0

@@ -50,11 +50,11 @@ def _powered() -> Assembly:
 
 
 def _applied() -> Assembly:
-    """Σ R[j] W[j]: one row of a solution; W in a column, a stride in bytes apart."""
+    """Σ R[j] W[j]: one row of a solution; W in a column, a stride apart."""
     f = Assembly("applied", "ptr %R, ptr %W, i64 %stride, i64 %n", REAL, inside=True)
 
     def term(j: str) -> tuple[str, str]:
-        return f.load(f.at("%R", j)), f.load(f.at("%W", f.whole("mul", j, "%stride"), "i8"))
+        return f.load(f.at("%R", j)), f.load(f.at("%W", f.whole("mul", j, "%stride")))
 
     _sum(f, 0, "%n", term)
     return f

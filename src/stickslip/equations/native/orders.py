@@ -474,7 +474,7 @@ def _rates(s: Series, i: Instruction, k: Order) -> None:
 
 def _fails(s: Series, loop: str, i: Instruction, n: int) -> str:
     """Whether a loop over a matrix of n rows, and the inverse that an instruction fills, says 0."""
-    across, along = (s.whole("sdiv", s.stride(name), 8) for name in ("A", i.matrix))
+    across, along = (s.stride(name) for name in ("A", i.matrix))
     inverse = s.row(i.matrix, i.place)
     matrices = f"ptr {s.data('A')}, i64 {across}, i64 {n}, ptr {inverse}, i64 {along}"
     return s.whole("icmp eq", s.new(f"call i64 @{loop}({matrices})"), 0)

@@ -10,54 +10,39 @@ from stickslip.machine_code.interface import INTERFACE
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS
 from stickslip.symbolic.scalars import Scalar, Store, numeral
 from stickslip.symbolic.tape import scalars_of
+from stickslip.translator.values import declared_type
 
 _NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a difference may be zero
 _GIVEN = frozenset({"p", "y", "mode", "reg", "K", "Rq", "Rz"})
 """Arrays that a function only reads."""
 
 
-def _array(axes: int) -> str:
-    """An array as numba hands it over: owner, parent, count, size of an entry, data, shape,
-    strides."""
-    return f"{{ptr, ptr, i64, i64, ptr, [{axes} x i64], [{axes} x i64]}}"
-
-
-_KINDS = {
-    "void": "void",
-    "float64": "double",
-    "int64": WHOLE,
-    "vector": _array(1),
-    "indices": _array(1),
-    "matrix": _array(2),
-}
-
-
 class Routine(Assembly):
     """One of the functions of a system."""
 
     def __init__(self, name: str) -> None:
-        result, kinds = INTERFACE[name]
-        arguments = ", ".join(f"{_KINDS[kind]} %{name}" for name, kind in kinds.items())
-        super().__init__(name, arguments, _KINDS[result])
-        self._kinds = kinds
+        function = declared_type(INTERFACE[name])
+        arguments = ", ".join(f"{kind.llvm} %{name}" for name, kind in function.arguments)
+        super().__init__(name, arguments, function.result.llvm)
+        self._kinds = {name: kind.llvm for name, kind in function.arguments}
 
     # -- arguments ---------------------------------------------------------------------------------
 
     def data(self, name: str) -> str:
         """Address of an array's first entry."""
-        kind = _KINDS[self._kinds[name]]
-        return self.once(("data", name), lambda: self.new(f"extractvalue {kind} %{name}, 4"))
+        kind = self._kinds[name]
+        return self.once(("data", name), lambda: self.new(f"extractvalue {kind} %{name}, 0"))
 
     def stride(self, name: str) -> str:
-        """From a row to the next, in bytes."""
-        kind = _KINDS["matrix"]
-        return self.once(("stride", name), lambda: self.new(f"extractvalue {kind} %{name}, 6, 0"))
+        """From a row to the next, in numbers."""
+        kind = self._kinds[name]
+        return self.once(("stride", name), lambda: self.new(f"extractvalue {kind} %{name}, 2"))
 
     def row(self, name: str, i: int | str) -> str:
         """Address of a row of a matrix."""
 
         def make() -> str:
-            return self.at(self.data(name), self.whole("mul", self.stride(name), i), "i8")
+            return self.at(self.data(name), self.whole("mul", self.stride(name), i))
 
         return self.once(("row", name, i), make)
 

@@ -14,8 +14,7 @@ from stickslip.equations.native.orders import is_long, series_of
 from stickslip.equations.native.routines import Routine
 from stickslip.equations.native.tables import Tabled
 from stickslip.machine_code.interface import INTERFACE
-from stickslip.machine_code.kinds import MachineFunction
-from stickslip.machine_code.objects import addresses, cache_folder
+from stickslip.machine_code.objects import addresses
 from stickslip.model.declaration import Declaration
 from stickslip.model.system import System
 from stickslip.symbolic.functions import FUNCTIONS
@@ -66,11 +65,9 @@ def compile_system(system: System) -> CompiledSystem:
     if declaration not in _compiled:
         equations = derive(declaration)
         generated = generate(equations)
-        found = addresses(assembly_of(generated), list(INTERFACE), cache_folder())
-        functions = {
-            name: MachineFunction(address, name)
-            for name, address in zip(INTERFACE, found, strict=True)
-        }
+        found = addresses(assembly_of(generated), list(INTERFACE))
+        pairs = zip(INTERFACE.items(), found, strict=True)
+        functions = {name: kind(address) for (name, kind), address in pairs}
         _compiled[declaration] = CompiledSystem(equations, generated, **functions)
     return _compiled[declaration]
 

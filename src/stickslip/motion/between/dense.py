@@ -11,13 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array
+from stickslip.arrays import IntVector, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import (
     DIMENSION,
-    OPTIONS,
     POWERS_MADE,
     Flow,
     Instant,
@@ -32,12 +31,12 @@ from stickslip.motion.steps.stiff import follow_mode
 class Scratch(NamedTuple):
     """Work space between knots: coefficients of all rows, two states, powers, mode and region."""
 
-    V: Array
-    y: Array
-    z: Array
-    power: Array
-    mode: Array
-    reg: Array
+    V: Matrix
+    y: Vector
+    z: Vector
+    power: Vector
+    mode: IntVector
+    reg: IntVector
 
 
 def make_scratch(rows: Rows, shape: tuple[int, int]) -> Scratch:
@@ -50,16 +49,16 @@ def make_scratch(rows: Rows, shape: tuple[int, int]) -> Scratch:
     return Scratch(table, np.zeros(n), np.zeros(n), np.zeros(POWERS_MADE), mode, reg)
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def states_at(
     machine: Machine,
     flow: Flow,
-    seen: Array,
+    seen: Vector,
     knots: Record,
-    index: Array,
-    times: Array,
+    index: IntVector,
+    times: Vector,
     work: Scratch,
-    out: Array,
+    out: Matrix,
 ) -> None:
     """States at given times.
 
@@ -112,16 +111,16 @@ def states_at(
             out[i, r] = horner(W[r], order, (times[i] - base) / W[n, 1]) if known else y[r]
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def sample(
     machine: Machine,
     flow: Flow,
-    seen: Array,
+    seen: Vector,
     knots: Record,
-    index: Array,
-    times: Array,
+    index: IntVector,
+    times: Vector,
     work: Scratch,
-    out: Array,
+    out: Matrix,
 ) -> None:
     """Order-0 values of all rows, then energy, dissipated and supplied power, at given times.
 

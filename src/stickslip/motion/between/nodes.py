@@ -6,9 +6,8 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
 from stickslip.motion.steps.arrays import AUDIT_NODES as COUNT
-from stickslip.motion.steps.arrays import OPTIONS
+from stickslip.translator import compiled
 
 _nodes, _weights = np.polynomial.legendre.leggauss(COUNT)
 GAUSS_NODES = 0.5 * (_nodes + 1.0)  # on [0, 1]
@@ -50,13 +49,13 @@ WIDE = _between(0.25)
 NARROW = _between(0.5)
 
 
-@njit(**OPTIONS)
+@compiled()
 def most(a: float, b: float) -> float:
     """The larger of two; what is not a number is infinite, so that it is never lost."""
     return a if b <= a else (b if b == b else np.inf)
 
 
-@njit(**OPTIONS)
+@compiled()
 def largest_of(values: Array) -> float:
     """Bound of the modulus of the interpolant of values at the nodes."""
     found = 0.0
@@ -65,7 +64,7 @@ def largest_of(values: Array) -> float:
     return LEBESGUE * found
 
 
-@njit(**OPTIONS)
+@compiled()
 def least_on_nodes(values: Array, stack: Array, negligible: float) -> float:
     """Lower bound of the interpolant of values at the nodes, close to its minimum where that is
     negative.

@@ -12,12 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
+from stickslip.arrays import Array, IntVector, Vector
 from stickslip.motion.between.nodes import GAUSS_NODES, GAUSS_WEIGHTS
 from stickslip.motion.engine.guards import resting, stands
 from stickslip.motion.engine.roots import halve, horner, lowest
-from stickslip.motion.steps.arrays import OPTIONS, Rows, is_component
+from stickslip.motion.steps.arrays import Rows, is_component
+from stickslip.translator import compiled
 
 LASTED, STUCK = range(2)
 """Slots of :attr:`Sums.total`."""
@@ -43,14 +43,14 @@ class Sums(NamedTuple):
         Changes between stick and slip.
     """
 
-    low: Array
-    high: Array
-    stick: Array
-    work: Array
-    peak: Array
-    impulse: Array
-    total: Array
-    switches: Array
+    low: Vector
+    high: Vector
+    stick: Vector
+    work: Vector
+    peak: Vector
+    impulse: Vector
+    total: Vector
+    switches: IntVector
 
 
 def make_sums(lanes: tuple[int, ...], n: int, contacts: int) -> Sums:
@@ -68,7 +68,7 @@ def make_sums(lanes: tuple[int, ...], n: int, contacts: int) -> Sums:
     )
 
 
-@njit(**OPTIONS)
+@compiled()
 def reset(sums: Sums) -> None:
     """Nothing has been observed yet."""
     for r in range(len(sums.low)):
@@ -80,7 +80,7 @@ def reset(sums: Sums) -> None:
     sums.switches[0] = 0
 
 
-@njit(**OPTIONS)
+@compiled()
 def widen(c: Array, d: int, h: float, low: float, high: float, stack: Array) -> tuple[float, float]:
     """Bounds that also hold a polynomial on [0, h], d ≥ 0: exactly, wherever it turns.
 
@@ -133,7 +133,7 @@ def widen(c: Array, d: int, h: float, low: float, high: float, stack: Array) -> 
     return low, high
 
 
-@njit(**OPTIONS)
+@compiled()
 def turning_point(c: Array, d: int, a: float, b: float, rising: bool) -> float:
     """Where the slope of a polynomial of degree d changes its sign between a and b, at which it is
     rising or not: Newton's method inside a bracket.
@@ -169,7 +169,7 @@ def turning_point(c: Array, d: int, a: float, b: float, rising: bool) -> float:
     return x
 
 
-@njit(**OPTIONS)
+@compiled()
 def count_times(rows: Rows, mode: Array, after: Array, length: float, sums: Sums) -> None:
     """Add the time of a step in a mode, and the switches at its end.
 
@@ -188,7 +188,7 @@ def count_times(rows: Rows, mode: Array, after: Array, length: float, sums: Sums
     sums.total[STUCK] += length if stands(rows, mode) else 0.0
 
 
-@njit(**OPTIONS)
+@compiled()
 def widen_square(
     rows: Rows, W: Array, p: int, order: int, x: float, stack: Array, largest: float
 ) -> float:
@@ -218,7 +218,7 @@ def widen_square(
     return math.sqrt(high)
 
 
-@njit(**OPTIONS)
+@compiled()
 def add_step(
     rows: Rows, W: Array, order: int, h: float, unit: float, stack: Array, sums: Sums
 ) -> None:

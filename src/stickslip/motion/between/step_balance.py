@@ -24,8 +24,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array
-from stickslip.machine_code.functions import entry_point, njit
+from stickslip.arrays import Array, Matrix, Vector
+from stickslip.machine_code.functions import entry_point
 from stickslip.motion.between.nodes import (
     COUNT,
     GAUSS_NODES,
@@ -55,8 +55,6 @@ from stickslip.motion.steps.arrays import (
     EPSILON,
     FEWEST_ORDERS,
     INERTIAL,
-    INLINED,
-    INT_ZERO,
     KINK,
     MASSIVE,
     MEMBERS,
@@ -64,7 +62,6 @@ from stickslip.motion.steps.arrays import (
     OK,
     ON_INERTIAL,
     ON_VISCOUS,
-    OPTIONS,
     OTHER,
     PART,
     RATE_INDEPENDENT,
@@ -101,6 +98,7 @@ from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import LEAST_SIZE, fill_powers, impulse
 from stickslip.motion.steps.stiff import follow_mode
 from stickslip.symbolic.tape import DIRECTION_GIVEN
+from stickslip.translator import RELAXED, compiled
 
 _NEGLIGIBLE = 1e-10  # part of its size that a quantity may have between the nodes
 _MOST_PIECES = 512  # of a step
@@ -142,10 +140,10 @@ class Tally(NamedTuple):
         time that is not verified (UNVERIFIED).
     """
 
-    state: Array
-    law: Array
-    kinks: Array
-    total: Array
+    state: Matrix
+    law: Matrix
+    kinks: Matrix
+    total: Vector
 
 
 def make_tally(rows: Rows) -> Tally:
@@ -172,10 +170,10 @@ class Steps(NamedTuple):
         Time that could not be enclosed.
     """
 
-    work: Array
-    gap: Array
-    noise: Array
-    open: Array
+    work: Matrix
+    gap: Matrix
+    noise: Matrix
+    open: Vector
 
 
 def make_steps(count: int, n: int) -> Steps:
@@ -235,11 +233,11 @@ class StepPiece(NamedTuple):
     factor: float
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def audit_steps(
     machine: Machine,
     flow: Flow,
-    seen: Array,
+    seen: Vector,
     starts: Record,
     ends: Record,
     wanted: Wanted,
@@ -268,7 +266,7 @@ def audit_steps(
             audit_start(machine, flow, starts, ends, i, accounts)
 
 
-@njit(**INLINED)
+@compiled()
 def audit_step(
     machine: Machine,
     flow: Flow,
@@ -350,7 +348,7 @@ def audit_step(
         judge_beginning(machine, flow, starts, ends, i, tally)
 
 
-@njit(**OPTIONS)
+@compiled()
 def give_directions(rows: Rows, mode: Array, given: bool) -> None:
     """Let the directions of slips in a plane be given, or follow from the state again.
 
@@ -371,7 +369,7 @@ def give_directions(rows: Rows, mode: Array, given: bool) -> None:
             mode[rows.planes[p, OTHER]] = value
 
 
-@njit(**OPTIONS)
+@compiled()
 def take_directions(rows: Rows, W: Array, N: int, x: float, V: Array) -> None:
     """Put the directions that polynomials have at a place into a table.
 
@@ -392,7 +390,7 @@ def take_directions(rows: Rows, W: Array, N: int, x: float, V: Array) -> None:
             V[row, 0] = horner(W[row], N - 1, x)
 
 
-@njit(**INLINED)
+@compiled()
 def audit_start(
     machine: Machine, flow: Flow, starts: Record, ends: Record, i: int, accounts: Accounts
 ) -> None:
@@ -424,14 +422,14 @@ def audit_start(
     count_gaps(i, steps, tally)
 
 
-@njit(**OPTIONS)
+@compiled()
 def may_collide(rows: Rows, cause: int) -> bool:
     """Whether what ends a step is that a gap closes."""
     nk = len(rows.kinks)
     return bool(cause >= nk and opens(rows, cause - nk))
 
 
-@njit(**OPTIONS)
+@compiled()
 def jump_after(rows: Rows, cause: int, reg: Array) -> int:
     """The jump that ends a step in some regions; −1: none."""
     if len(rows.jumps) == 0 or cause < 0 or cause >= len(reg):
@@ -439,7 +437,7 @@ def jump_after(rows: Rows, cause: int, reg: Array) -> int:
     return fired_jump(rows, cause, 1 - reg[cause])
 
 
-@njit(**INLINED)
+@compiled()
 def jump_or_collide(
     machine: Machine,
     flow: Flow,
@@ -474,7 +472,7 @@ def jump_or_collide(
         close_impact(machine, flow, at, h, cause - len(flow.rows.kinks), i, accounts)
 
 
-@njit(**INLINED)
+@compiled()
 def close_jump(
     machine: Machine,
     flow: Flow,
@@ -520,7 +518,7 @@ def close_jump(
     accounts.tally.total[FED_IN_ALL] += max(gained, 0.0)
 
 
-@njit(**INLINED)
+@compiled()
 def close_impact(
     machine: Machine, flow: Flow, at: Instant, h: float, cause: int, i: int, accounts: Accounts
 ) -> None:
@@ -568,7 +566,7 @@ def close_impact(
     steps.work[i, SPENT] += lost
 
 
-@njit(**INLINED)
+@compiled()
 def count_jumps(
     machine: Machine,
     flow: Flow,
@@ -605,7 +603,7 @@ def count_jumps(
             tally.total[FED_IN_ALL] += abs(jump)
 
 
-@njit(**OPTIONS)
+@compiled()
 def energy_in(machine: Machine, flow: Flow, at: Instant) -> float:
     """Energy of a state in given regions."""
     space = flow.space
@@ -614,7 +612,7 @@ def energy_in(machine: Machine, flow: Flow, at: Instant) -> float:
     return float(space.powers[STORED])
 
 
-@njit(**OPTIONS)
+@compiled()
 def enclose(
     flow: Flow, mode: Array, reg: Array, N: int, h: float, acting: float, tally: Tally
 ) -> float:
@@ -648,7 +646,7 @@ def enclose(
         space.discs[n, OFF] = 0.0
         spread_state(space.W, N, powers, rows.watched[:n], space.discs)
         spread_given(rows, mode, space.W, N, powers, space.discs)
-        spread(tape, mode, reg, INT_ZERO, len(rows.program.code))
+        spread(tape, mode, reg, 0, len(rows.program.code))
         for r in range(n):
             space.discs[r, SLOPE] = slope_range(space.W[r], N, powers) / unit
         if encloses(rows, space, N, h, acting, factor, tally):
@@ -656,7 +654,7 @@ def enclose(
     return np.inf
 
 
-@njit(**OPTIONS, fastmath={"reassoc", "contract", "nsz"})
+@compiled(relaxed=RELAXED)
 def slope_range(c: Array, N: int, powers: Array) -> float:
     """How far the derivative of a polynomial strays from its first value on a disc."""
     total = 0.0
@@ -665,19 +663,19 @@ def slope_range(c: Array, N: int, powers: Array) -> float:
     return total
 
 
-@njit(**OPTIONS)
+@compiled()
 def strays(disc: Array, factor: float) -> float:
     """What a row may do between the nodes."""
     return factor * disc[BALL] + 2.0 * (1.0 + LEBESGUE) * disc[OFF]
 
 
-@njit(**OPTIONS)
+@compiled()
 def residual_strays(rows: Rows, discs: Array, r: int, factor: float) -> float:
     """What the residual of a part of the state may do between the nodes."""
     return strays(discs[rows.program.rates[r]], factor) + factor * discs[r, SLOPE]
 
 
-@njit(**OPTIONS)
+@compiled()
 def extent(c: Array, N: int, powers: Array) -> float:
     """Largest term of a polynomial: its size on a piece, even if it begins with zeros."""
     size = LEAST_SIZE
@@ -686,7 +684,7 @@ def extent(c: Array, N: int, powers: Array) -> float:
     return size
 
 
-@njit(**OPTIONS)
+@compiled()
 def counts_for(rows: Rows, mag: Array, r: int, size: float, h: float, acting: float) -> float:
     """For how long an error of a rate counts in a piece of length h.
 
@@ -712,7 +710,7 @@ def counts_for(rows: Rows, mag: Array, r: int, size: float, h: float, acting: fl
     return float(max(acting, size / mag[place]))
 
 
-@njit(**OPTIONS)
+@compiled()
 def encloses(
     rows: Rows, space: Space, N: int, h: float, acting: float, factor: float, tally: Tally
 ) -> bool:
@@ -784,7 +782,7 @@ def encloses(
     return True
 
 
-@njit(**INLINED)
+@compiled()
 def measure_piece(
     machine: Machine,
     flow: Flow,
@@ -850,7 +848,7 @@ def measure_piece(
     judge_law(rows, space, mode, piece.factor, tally)
 
 
-@njit(**INLINED)
+@compiled()
 def sample_residuals(
     rows: Rows,
     space: Space,
@@ -896,7 +894,7 @@ def sample_residuals(
         tally.state[_SWAY, r] = most(tally.state[_SWAY, r], sway)
 
 
-@njit(**OPTIONS)
+@compiled()
 def rate_on(c: Array, d: int, x: float) -> float:
     """Derivative of Σ c[k] xᵏ, k ≤ d."""
     s = 0.0
@@ -905,7 +903,7 @@ def rate_on(c: Array, d: int, x: float) -> float:
     return s
 
 
-@njit(**OPTIONS)
+@compiled()
 def sample_law(
     rows: Rows, space: Space, mode: Array, reg: Array, h: float, g: int, tally: Tally
 ) -> None:
@@ -979,7 +977,7 @@ def sample_law(
         tally.kinks[j, _REACHED] = most(tally.kinks[j, _REACHED], abs(value))
 
 
-@njit(**OPTIONS)
+@compiled()
 def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally) -> None:
     """By how much guards fail on a piece, at the nodes and between them.
 
@@ -1042,7 +1040,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
         tally.kinks[j, _BEYOND] = most(tally.kinks[j, _BEYOND], between - low)
 
 
-@njit(**OPTIONS)
+@compiled()
 def sample_plane(
     rows: Rows, space: Space, mode: Array, h: float, g: int, c: int, tally: Tally
 ) -> None:
@@ -1096,7 +1094,7 @@ def sample_plane(
         samples[row, g] = math.sqrt(max(held, 0.0)) - V[plane[STATIC], 0]
 
 
-@njit(**OPTIONS)
+@compiled()
 def free_speed(rows: Rows, space: Space, c: int, h: float) -> float:
     """The speed that forces would give to what sticks.
 
@@ -1117,7 +1115,7 @@ def free_speed(rows: Rows, space: Space, c: int, h: float) -> float:
     return float(free * h if c < mq else free)
 
 
-@njit(**OPTIONS)
+@compiled()
 def product_strays(W: Array, discs: Array, a: int, b: int, factor: float) -> float:
     """What a product of two rows may do between the nodes.
 
@@ -1136,7 +1134,7 @@ def product_strays(W: Array, discs: Array, a: int, b: int, factor: float) -> flo
     return factor * (x * v + u * y + u * v) + 2.0 * (1.0 + LEBESGUE) * off
 
 
-@njit(**OPTIONS)
+@compiled()
 def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, tally: Tally) -> None:
     """By how much the law of a contact in a plane fails on a piece.
 
@@ -1199,7 +1197,7 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
         law[c, _OFF_THRESHOLD] = most(law[c, _OFF_THRESHOLD], off)
 
 
-@njit(**OPTIONS)
+@compiled()
 def judge_opening(
     rows: Rows, space: Space, mode: Array, c: int, factor: float, tally: Tally
 ) -> None:
@@ -1236,7 +1234,7 @@ def judge_opening(
     law[c, _OVERLAP] = most(law[c, _OVERLAP], largest_of(space.samples[row + 1]) + apart)
 
 
-@njit(**OPTIONS)
+@compiled()
 def judge_beginning(
     machine: Machine, flow: Flow, starts: Record, ends: Record, i: int, tally: Tally
 ) -> None:
@@ -1277,21 +1275,21 @@ def judge_beginning(
             tally.law[c, _EXCESS] = most(tally.law[c, _EXCESS], room * tally.law[c, _FORCE])
 
 
-@njit(**INLINED)
+@compiled()
 def is_quiet(starts: Record, i: int) -> bool:
     """Whether a step goes on with what the one before did: no event is recorded there. On a line no
     slip begins then; in a plane one may turn round."""
     return bool(i > 0 and starts.cause[i] < 0)
 
 
-@njit(**OPTIONS)
+@compiled()
 def may_stick_again(rows: Rows, c: int) -> bool:
     """Whether a contact that slips may be held by more than its sliding force, or from another
     side."""
     return bool(rows.drops[c] == 1 or rows.plane[c] >= 0)
 
 
-@njit(**OPTIONS)
+@compiled()
 def hold_beginnings(
     machine: Machine, flow: Flow, at: Instant, starts: Record, ends: Record, i: int
 ) -> bool:
@@ -1340,7 +1338,7 @@ def hold_beginnings(
     return coefficients(machine, flow, at, FEWEST_ORDERS, space.W) == OK
 
 
-@njit(**OPTIONS)
+@compiled()
 def release_what_stays(
     machine: Machine, flow: Flow, at: Instant, ends: Record, slips: Array, i: int
 ) -> bool:
@@ -1378,7 +1376,7 @@ def release_what_stays(
     return left
 
 
-@njit(**OPTIONS)
+@compiled()
 def is_still(rows: Rows, space: Space, c: int) -> bool:
     """Whether the relative velocity of a contact vanishes, up to rounding."""
     still = abs(space.W[rows.u[c], 0]) <= ROUNDING * space.mag[c]
@@ -1388,7 +1386,7 @@ def is_still(rows: Rows, space: Space, c: int) -> bool:
     return bool(still)
 
 
-@njit(**OPTIONS)
+@compiled()
 def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int, float]:
     """Which of the contacts that are held is nearest to its threshold, and the part of its force by
     which it is below; −1 where something else keeps them from resting: another contact, what may
@@ -1434,7 +1432,7 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
     return first, least
 
 
-@njit(**OPTIONS)
+@compiled()
 def room_left(rows: Rows, space: Space, c: int, late: float, force: float) -> float:
     """How far a contact that rests is from its threshold, in parts of its force.
 
@@ -1465,7 +1463,7 @@ def room_left(rows: Rows, space: Space, c: int, late: float, force: float) -> fl
     return float((room - unsure) / force)
 
 
-@njit(**OPTIONS)
+@compiled()
 def close_step(
     flow: Flow,
     at: Instant,
@@ -1526,7 +1524,7 @@ def close_step(
     tally.total[UNVERIFIED] += steps.open[i]
 
 
-@njit(**OPTIONS)
+@compiled()
 def count_gaps(i: int, steps: Steps, tally: Tally) -> None:
     """Keep the gap and the rounding errors of a Taylor step, and begin the next with none."""
     for r in range(steps.gap.shape[1]):
@@ -1535,9 +1533,9 @@ def count_gaps(i: int, steps: Steps, tally: Tally) -> None:
         steps.gap[i, r], steps.noise[i, r] = 0.0, 0.0
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def judge(
-    rows: Rows, tally: Tally, imbalance: float, flow: float, energy: float, residuals: Array
+    rows: Rows, tally: Tally, imbalance: float, flow: float, energy: float, residuals: Vector
 ) -> None:
     """Residuals of a motion, relative to sizes that do not vanish where something sticks.
 
@@ -1583,7 +1581,7 @@ def judge(
     residuals[OWN_ROUNDING] = own
 
 
-@njit(**OPTIONS)
+@compiled()
 def share_sizes(rows: Rows, state: Array) -> None:
     """Give the coordinates that a contact in a plane moves, and their velocities, one size: they
     are components of vectors, and a turn of the plane is no matter.
@@ -1609,7 +1607,7 @@ def share_sizes(rows: Rows, state: Array) -> None:
                             state[_SWAY, r] = max(state[_SWAY, r], largest / _REST)
 
 
-@njit(**OPTIONS)
+@compiled()
 def relative(value: float, size: float) -> float:
     """A violation relative to a size; nothing relative to nothing is nothing."""
     if value <= 0.0:

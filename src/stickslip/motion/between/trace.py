@@ -6,35 +6,35 @@ are evaluated, which takes a tenth of the time.
 
 from __future__ import annotations
 
-from stickslip.arrays import Array
-from stickslip.machine_code.functions import entry_point, njit
+from stickslip.arrays import Array, IntVector, Matrix, Vector
+from stickslip.machine_code.functions import entry_point
 from stickslip.motion.between.dense import Scratch
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import (
     DIMENSION,
-    OPTIONS,
     Flow,
     Instant,
     Machine,
     Record,
 )
 from stickslip.motion.steps.stiff import follow_mode
+from stickslip.translator import compiled
 
 TOLERANCE = 1e-12  # of a series relative to the size of its row
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def trace_rows(
     machine: Machine,
     flow: Flow,
-    seen: Array,
+    seen: Vector,
     knots: Record,
-    index: Array,
-    times: Array,
-    wanted: Array,
+    index: IntVector,
+    times: Vector,
+    wanted: IntVector,
     work: Scratch,
-    out: Array,
+    out: Matrix,
 ) -> None:
     """Values of some rows at given times.
 
@@ -95,7 +95,7 @@ def trace_rows(
             out[r, i] = value[r]
 
 
-@njit(**OPTIONS)
+@compiled()
 def lowered(series: Array, order: int, h: float, tol: float) -> int:
     """Order beyond which no term counts up to the time h, in the unit of the coefficients."""
     while order > 2:

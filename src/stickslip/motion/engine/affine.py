@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
+from stickslip.arrays import Array, Matrix, Vector
 from stickslip.motion.engine.modes import resolve
 from stickslip.motion.steps.arrays import (
     COORDINATES,
@@ -23,11 +22,9 @@ from stickslip.motion.steps.arrays import (
     EPSILON,
     FIRST_ROW,
     INERTIAL,
-    INLINED,
     MEMBERS,
     OK,
     ON_INERTIAL,
-    OPTIONS,
     PART,
     RATE_INDEPENDENT,
     SEAT,
@@ -41,6 +38,7 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.structure import is_affine
+from stickslip.translator import compiled
 
 # so large that constants do not drown the slopes, in whatever unit; scaling with it is exact
 _PROBE = 2.0**200
@@ -72,17 +70,17 @@ class Probes(NamedTuple):
         Of the fit of the drives.
     """
 
-    F: Array
-    hold: Array
-    later: Array
-    s: Array
-    y: Array
-    out: Array
-    rest: Array
-    peak: Array
-    basis: Array
-    axes: Array
-    lengths: Array
+    F: Matrix
+    hold: Matrix
+    later: Vector
+    s: Vector
+    y: Vector
+    out: Vector
+    rest: Vector
+    peak: Vector
+    basis: Matrix
+    axes: Matrix
+    lengths: Vector
 
 
 def make_probes(rows: Rows, waves: int, timed: bool) -> Probes:
@@ -110,7 +108,7 @@ def make_probes(rows: Rows, waves: int, timed: bool) -> Probes:
     )
 
 
-@njit(**OPTIONS)
+@compiled()
 def drive_vector(t: float, omega: Array, s: Array, n: int) -> None:
     """Put the drives e = (1, t, cos ω₁t, sin ω₁t, …) behind the n components of the state."""
     s[n] = 1.0
@@ -120,7 +118,7 @@ def drive_vector(t: float, omega: Array, s: Array, n: int) -> None:
         s[n + 3 + 2 * m] = math.sin(omega[m] * t)
 
 
-@njit(**INLINED)
+@compiled()
 def linearise(machine: Machine, flow: Flow, mode: Array, reg: Array, w: Probes) -> bool:
     """Find the matrices of a mode; False if it has none.
 
@@ -201,7 +199,7 @@ def linearise(machine: Machine, flow: Flow, mode: Array, reg: Array, w: Probes) 
     return True
 
 
-@njit(**OPTIONS)
+@compiled()
 def find_holds(flow: Flow, mode: Array, hold: Array) -> bool:
     """Solve the linear problems of a mode, and see what puts sticking contacts back onto their
     surface; False if they are singular."""
@@ -225,7 +223,7 @@ def find_holds(flow: Flow, mode: Array, hold: Array) -> bool:
     return True
 
 
-@njit(**OPTIONS)
+@compiled()
 def probe(machine: Machine, flow: Flow, at: Instant, out: Array) -> bool:
     """Values of all rows at an instant; False if not all are finite."""
     if coefficients(machine, flow, at, 1, flow.space.W) != OK:
@@ -237,7 +235,7 @@ def probe(machine: Machine, flow: Flow, at: Instant, out: Array) -> bool:
     return finite
 
 
-@njit(**OPTIONS)
+@compiled()
 def read_values(rows: Rows, space: Space, out: Array) -> None:
     """What :func:`probe` wants of an instant, from the table of coefficients."""
     sizes = rows.sizes
@@ -261,13 +259,13 @@ def read_values(rows: Rows, space: Space, out: Array) -> None:
         out[nq + i] = settle_zero(float(out[nq + i]), mag[3 * nc + nk + i])
 
 
-@njit(**OPTIONS)
+@compiled()
 def settle_zero(value: float, size: float) -> float:
     """The value, or 0 if it is only the rounding error of terms of a size."""
     return 0.0 if abs(value) <= 1e-15 * size else value
 
 
-@njit(**OPTIONS)
+@compiled()
 def see_slopes(w: Probes, n: int, window: float) -> bool:
     """Slopes in time, without waves: late enough, all that was there at the beginning is lost in
     what has come with time. False where it is not."""
@@ -279,7 +277,7 @@ def see_slopes(w: Probes, n: int, window: float) -> bool:
     return True
 
 
-@njit(**OPTIONS)
+@compiled()
 def prepare_fit(omega: Array, window: float, w: Probes) -> bool:
     """Make the drives (1, t/T, cos ω₁t, …) at all times orthogonal to each other; False if they
     cannot be told apart."""
@@ -298,7 +296,7 @@ def prepare_fit(omega: Array, window: float, w: Probes) -> bool:
     return least > _WELL * _WELL * largest
 
 
-@njit(**OPTIONS)
+@compiled()
 def orthogonalise(A: Array, axes: Array, lengths: Array) -> None:
     """Singular value decomposition by one-sided Jacobi rotations: A becomes A V, whose columns are
     orthogonal.
@@ -337,7 +335,7 @@ def orthogonalise(A: Array, axes: Array, lengths: Array) -> None:
         lengths[k] = product_of_columns(A, k, k)
 
 
-@njit(**OPTIONS)
+@compiled()
 def product_of_columns(A: Array, i: int, k: int) -> float:
     """Scalar product of two columns."""
     total = 0.0
@@ -346,7 +344,7 @@ def product_of_columns(A: Array, i: int, k: int) -> float:
     return total
 
 
-@njit(**OPTIONS)
+@compiled()
 def rotate(A: Array, i: int, k: int, cosine: float, sine: float) -> None:
     """Rotate two columns into each other.
 
@@ -365,7 +363,7 @@ def rotate(A: Array, i: int, k: int, cosine: float, sine: float) -> None:
         A[p, k] = sine * x + cosine * y
 
 
-@njit(**OPTIONS)
+@compiled()
 def add_to_fit(w: Probes, p: int, n: int) -> None:
     """Add what the values at one time contribute to the coefficients of the drives."""
     for i in range(len(w.axes)):

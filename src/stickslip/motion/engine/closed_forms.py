@@ -11,7 +11,6 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
-from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.affine import linearise
 from stickslip.motion.engine.eigenvalues import decompose, modulus
 from stickslip.motion.engine.forms import (
@@ -29,7 +28,6 @@ from stickslip.motion.steps.arrays import (
     INERTIAL,
     ON_INERTIAL,
     ON_VISCOUS,
-    OPTIONS,
     SLIPPING,
     TOWARDS,
     Flow,
@@ -37,6 +35,7 @@ from stickslip.motion.steps.arrays import (
     Rows,
     flow_of,
 )
+from stickslip.translator import compiled
 
 # instead of the number of a part
 _FOLLOWS = -1
@@ -53,7 +52,7 @@ _ABSENT = 4e-15  # of the largest component of an eigenvector
 _CANCELLED = 1e-14  # of the terms of a sum
 
 
-@njit(**OPTIONS)
+@compiled()
 def make_form(
     machine: Machine,
     flow: Flow,
@@ -95,7 +94,7 @@ def make_form(
     T.status[slot] = AFFINE
 
 
-@njit(**OPTIONS)
+@compiled()
 def find_blocks(T: ClosedForms, w: Making, slot: int, omega: Array) -> int:
     """Exponents of a mode, with eigenvectors V and L = V⁻¹; returns how many there are, without
     conjugates, or −1 where they are ill-conditioned.
@@ -137,7 +136,7 @@ def find_blocks(T: ClosedForms, w: Making, slot: int, omega: Array) -> int:
     return blocks
 
 
-@njit(**OPTIONS)
+@compiled()
 def find_parts(F: Array, moving: Array, part: Array) -> None:
     """Mark the components that move, and of those what depends on what: rates of others depend on a
     part, which is numbered by the first of its connected components; on what FOLLOWS, none
@@ -168,7 +167,7 @@ def find_parts(F: Array, moving: Array, part: Array) -> None:
                     done = False
 
 
-@njit(**OPTIONS)
+@compiled()
 def add_part(T: ClosedForms, w: Making, slot: int, count: int, blocks: int) -> int:
     """Add the eigenvectors of a part; returns how many blocks there are now, or −1 where they are
     ill-conditioned.
@@ -235,7 +234,7 @@ def add_part(T: ClosedForms, w: Making, slot: int, count: int, blocks: int) -> i
     return blocks
 
 
-@njit(**OPTIONS)
+@compiled()
 def settled(value: complex, largest: float) -> complex:
     """An eigenvalue whose parts are exactly zero where they are rounding beside the largest one."""
     real = value.real if abs(value.real) >= _STILL * largest else 0.0
@@ -243,7 +242,7 @@ def settled(value: complex, largest: float) -> complex:
     return complex(real, imag)
 
 
-@njit(**OPTIONS)
+@compiled()
 def add_leaders(T: ClosedForms, w: Making, slot: int, own: int) -> int:
     """Add the components that move evenly, whatever the others do (a block carried by a belt), and
     that others depend on; returns as :func:`add_part` does.
@@ -283,7 +282,7 @@ def add_leaders(T: ClosedForms, w: Making, slot: int, own: int) -> int:
     return blocks
 
 
-@njit(**OPTIONS)
+@compiled()
 def add_followers(T: ClosedForms, w: Making, slot: int, own: int) -> int:
     """Add the components that nothing depends on (a leg dragged along): with z = A_f A⁻¹, x_f − z·x
     does not feel the motion of the others. Returns as :func:`add_part` does."""
@@ -316,7 +315,7 @@ def add_followers(T: ClosedForms, w: Making, slot: int, own: int) -> int:
     return blocks
 
 
-@njit(**OPTIONS)
+@compiled()
 def fill_dynamics(T: ClosedForms, w: Making, slot: int, omega: Array) -> None:
     """Store ṡ = S s in a unit of time near the shortest of the mode, and what the flights want of
     its exponents."""
@@ -344,7 +343,7 @@ def fill_dynamics(T: ClosedForms, w: Making, slot: int, omega: Array) -> None:
         S[n + 3 + 2 * k, n + 2 + 2 * k] = pace * omega[k]
 
 
-@njit(**OPTIONS)
+@compiled()
 def fill_guards(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array, reg: Array) -> None:
     """Store the guards G s, the switch each belongs to, and bounds of their derivatives.
 
@@ -412,7 +411,7 @@ def fill_guards(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array, r
             after[i] = total
 
 
-@njit(**OPTIONS)
+@compiled()
 def combine(out: Array, x: Array, a: float, y: Array, b: float) -> None:
     """A sum a x + b y, without y where b = 0.
 
@@ -427,7 +426,7 @@ def combine(out: Array, x: Array, a: float, y: Array, b: float) -> None:
         out[j] = a * x[j] + b * y[j] if b != 0.0 else a * x[j]
 
 
-@njit(**OPTIONS)
+@compiled()
 def fill_constraints(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array) -> None:
     """Store what must vanish in a mode: u of sticking inertial, λ + σs of sliding rate-independent
     contacts.
@@ -459,7 +458,7 @@ def fill_constraints(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Arr
             combine(T.zero[slot, c], force, 1.0, side, float(mode[c]))
 
 
-@njit(**OPTIONS)
+@compiled()
 def fill_responses(T: ClosedForms, w: Making, slot: int, omega: Array, blocks: int) -> None:
     """How the components w = L x answer: coefficients of s = (x, e) at τ = 0.
 
@@ -522,7 +521,7 @@ def fill_responses(T: ClosedForms, w: Making, slot: int, omega: Array, blocks: i
             w.ramp[b, j] = -growth / value if j == n else complex(0.0, 0.0)
 
 
-@njit(**OPTIONS)
+@compiled()
 def fill_signals(T: ClosedForms, w: Making, slot: int, blocks: int) -> None:
     """Store guards and components of the state as signals: those that move are Re V w."""
     n = len(w.moving)
@@ -557,12 +556,12 @@ def fill_signals(T: ClosedForms, w: Making, slot: int, blocks: int) -> None:
         T.c2[slot, row] = bend if abs(bend) > _CANCELLED * terms else 0.0
         drifts = T.c2[slot, row] != 0.0
         for j in range(ns):
-            total = T.G[slot, row, n + 1] if row < guards and j == n else 0.0
-            terms = abs(total)
+            slope = T.G[slot, row, n + 1] if row < guards and j == n else 0.0
+            terms = abs(slope)
             for b in range(blocks):
-                total += (a[b] * w.ramp[b, j]).real
+                slope += (a[b] * w.ramp[b, j]).real
                 terms += swing[b] * modulus(w.ramp[b, j])
-            T.c1[slot, row, j] = total if abs(total) > _CANCELLED * terms else 0.0
+            T.c1[slot, row, j] = slope if abs(slope) > _CANCELLED * terms else 0.0
             drifts = drifts or T.c1[slot, row, j] != 0.0
         for k in range(waves):
             total = complex(0.0, 0.0)

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
-from stickslip.motion.steps.arrays import EPSILON, OPTIONS
+from stickslip.arrays import Array, ComplexMatrix, ComplexVector, Matrix, Vector
+from stickslip.motion.steps.arrays import EPSILON
+from stickslip.translator import compiled
 
 _MOST_STEPS = 60  # Francis steps until an eigenvalue or two are found
 _STALLED = 10  # steps after which other shifts are tried
@@ -39,15 +39,15 @@ class Eigenproblem(NamedTuple):
         Receives in its columns eigenvectors of length 1, whose largest component is positive.
     """
 
-    H: Array
-    Q: Array
-    scale: Array
-    v: Array
-    T: Array
-    Z: Array
-    x: Array
-    values: Array
-    vectors: Array
+    H: Matrix
+    Q: Matrix
+    scale: Vector
+    v: Vector
+    T: ComplexMatrix
+    Z: ComplexMatrix
+    x: ComplexVector
+    values: ComplexVector
+    vectors: ComplexMatrix
 
 
 def make_eigenproblem(n: int) -> Eigenproblem:
@@ -67,13 +67,13 @@ def make_eigenproblem(n: int) -> Eigenproblem:
     )
 
 
-@njit(**OPTIONS)
+@compiled()
 def modulus(z: complex) -> float:
     """|z|, by operations that all processors round alike."""
     return math.sqrt(z.real * z.real + z.imag * z.imag)
 
 
-@njit(**OPTIONS)
+@compiled()
 def decompose(p: Eigenproblem, n: int) -> bool:
     """Eigenvalues and eigenvectors of the matrix in the first n rows and columns of `p.H`; False if
     the iteration does not end."""
@@ -93,7 +93,7 @@ def decompose(p: Eigenproblem, n: int) -> bool:
     return True
 
 
-@njit(**OPTIONS)
+@compiled()
 def balance_norms(A: Array, n: int, scale: Array) -> None:
     """Make rows and columns of A of about the same size: A becomes D⁻¹ A D, with D of powers of two
     (Parlett & Reinsch 1969)."""
@@ -130,7 +130,7 @@ def balance_norms(A: Array, n: int, scale: Array) -> None:
                     A[j, i] *= factor
 
 
-@njit(**OPTIONS)
+@compiled()
 def reflector(v: Array, count: int) -> float:
     """Turn a vector x into v such that I − τ v vᵀ takes x to a multiple of the first unit vector;
     returns τ, 0 if x is one."""
@@ -152,7 +152,7 @@ def reflector(v: Array, count: int) -> float:
     return 2.0 / total
 
 
-@njit(**OPTIONS)
+@compiled()
 def reflect(H: Array, Q: Array, v: Array, tau: float, at: tuple[int, int, int, int, int]) -> None:
     """Replace H by P H P and Q by Q P with P = I − τ v vᵀ on some components.
 
@@ -188,7 +188,7 @@ def reflect(H: Array, Q: Array, v: Array, tau: float, at: tuple[int, int, int, i
             Q[i, first + j] -= tau * total * v[j]
 
 
-@njit(**OPTIONS)
+@compiled()
 def to_hessenberg(H: Array, Q: Array, n: int, v: Array) -> None:
     """Clear H below its first subdiagonal; Q receives the product of the reflections."""
     for i in range(n):
@@ -203,7 +203,7 @@ def to_hessenberg(H: Array, Q: Array, n: int, v: Array) -> None:
             H[i, k] = 0.0
 
 
-@njit(**OPTIONS)
+@compiled()
 def to_schur(H: Array, Q: Array, n: int, v: Array) -> bool:
     """Have Hessenberg's form with blocks of one or two rows on its diagonal; False if that takes
     too long."""
@@ -236,7 +236,7 @@ def to_schur(H: Array, Q: Array, n: int, v: Array) -> bool:
     return True
 
 
-@njit(**OPTIONS)
+@compiled()
 def francis_step(H: Array, Q: Array, n: int, v: Array, low: int, high: int, stalled: bool) -> None:
     """Two steps of the QR iteration at once, with the eigenvalues of the last 2 × 2 block as
     shifts.
@@ -279,7 +279,7 @@ def francis_step(H: Array, Q: Array, n: int, v: Array, low: int, high: int, stal
                 H[k + i, k - 1] = 0.0
 
 
-@njit(**OPTIONS)
+@compiled()
 def to_triangle(p: Eigenproblem, n: int) -> None:
     """Take the real Schur form H to the triangular T, and Q to Z, by a rotation for each block of
     two rows."""
@@ -327,7 +327,7 @@ def to_triangle(p: Eigenproblem, n: int) -> None:
             Z[i, k + 1] = y * z.conjugate() - x * s
 
 
-@njit(**OPTIONS)
+@compiled()
 def find_vector(p: Eigenproblem, n: int, k: int, least: float) -> None:
     """The eigenvector of the k-th eigenvalue; differences of eigenvalues below `least` are
     rounding."""

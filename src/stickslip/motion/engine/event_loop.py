@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array
+from stickslip.arrays import Array, IntVector, Many
 from stickslip.equations.codegen.series import INDEFINITE
-from stickslip.machine_code.functions import entry_point, njit
+from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine import flights
 from stickslip.motion.engine.closed_forms import make_form
 from stickslip.motion.engine.forms import (
@@ -62,8 +62,6 @@ from stickslip.motion.steps.arrays import (
     FULL,
     HAPPENED,
     INADMISSIBLE,
-    INLINED,
-    INT_ZERO,
     JUMPS_MEET,
     JUMPS_ON,
     KINK,
@@ -83,7 +81,6 @@ from stickslip.motion.steps.arrays import (
     ON_INERTIAL,
     ON_JUMP,
     ON_VISCOUS,
-    OPTIONS,
     PROMISED,
     RATE_INDEPENDENT,
     RECENT,
@@ -99,6 +96,7 @@ from stickslip.motion.steps.arrays import (
     WORD,
     ZENO,
     Flow,
+    FlowOfMany,
     Instant,
     Lane,
     Machine,
@@ -113,6 +111,7 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.jumps import due_jump, fires, make_jump, passed_jumps
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import fill_powers
+from stickslip.translator import compiled
 
 _ZENO_EVENTS = 200
 _TOGETHER = 1e-12  # of the time that a motion may last: events that coincide
@@ -137,15 +136,15 @@ class Before(NamedTuple):
     cause: int
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def integrate(
     machine: Machine,
-    flow: Flow,
+    flow: FlowOfMany,
     flight: Flight,
     forms: ClosedForms,
-    group: Array,
-    codes: Array,
-    lanes: Lane,
+    group: IntVector,
+    codes: IntVector,
+    lanes: Many[Lane],
     task: Task,
 ) -> int:
     """Follow motions, lane by lane, until the end or until the record is full.
@@ -170,7 +169,7 @@ def integrate(
     int
         Number of recorded steps.
     """
-    count = INT_ZERO
+    count = 0
     closed = slots_of(forms) > 0
     for i in range(len(codes)):
         if codes[i] < FULL:
@@ -191,7 +190,7 @@ def integrate(
 # -- Taylor steps ----------------------------------------------------------------------------------
 
 
-@njit(**INLINED)
+@compiled()
 def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) -> tuple[int, int]:
     """Taylor steps up to and including the next event: (outcome code or −1, recorded steps).
 
@@ -274,7 +273,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
             return (fire(which, lane, rows, task.max_events) if which >= 0 else NOWHERE), count
 
 
-@njit(**OPTIONS)
+@compiled()
 def is_full(task: Task, rows: Rows, count: int) -> bool:
     """Whether there is no room to record what happens at a knot: one step more, or two where an
     impact may follow a jump, or another event."""
@@ -282,13 +281,13 @@ def is_full(task: Task, rows: Rows, count: int) -> bool:
     return bool(task.recording and count + spare >= len(task.record.time))
 
 
-@njit(**OPTIONS)
+@compiled()
 def is_time_to_look(rows: Rows, taken: int) -> bool:
     """Whether sticking contacts and promises are looked at after so many steps."""
     return bool(taken % (_LOOK if len(rows.planes) == 0 else _LOOK_IN_PLANE) == 0)
 
 
-@njit(**OPTIONS)
+@compiled()
 def is_promise_due(rows: Rows, lane: Lane, which: int, due: int) -> bool:
     """Whether the rates at the end of a step have to be checked there: an event comes (which is not
     −1) or a jump has been taken (due is not), nothing else would check them, or it is time."""
@@ -296,7 +295,7 @@ def is_promise_due(rows: Rows, lane: Lane, which: int, due: int) -> bool:
     return bool(which >= 0 or due >= 0 or not free)
 
 
-@njit(**INLINED)
+@compiled()
 def go_back(lane: Lane, space: Space, before: Before) -> None:
     """Put a lane where it was before its last step."""
     clock = lane.clock
@@ -309,14 +308,14 @@ def go_back(lane: Lane, space: Space, before: Before) -> None:
     copy(space.promise[STARTED], lane.y)
 
 
-@njit(**OPTIONS)
+@compiled()
 def restore_mode(mode: Array, settled: Array) -> None:
     """No mode goes on from here: what the contacts did last is kept, not the last attempt."""
     for i in range(len(mode)):
         mode[i] = settled[i] if settled[i] != NONE_YET else 0
 
 
-@njit(**INLINED)
+@compiled()
 def give_up(status: int, rows: Rows, lane: Lane, task: Task, count: int) -> tuple[int, int]:
     """Outcome code of a motion from which no mode goes on, and the recorded steps.
 
@@ -343,7 +342,7 @@ def give_up(status: int, rows: Rows, lane: Lane, task: Task, count: int) -> tupl
     return (ON_JUMP if rows.sizes[RATE_INDEPENDENT] == 0 else NO_RATE), count
 
 
-@njit(**INLINED)
+@compiled()
 def strike(
     machine: Machine, flow: Flow, lane: Lane, task: Task, count: int, entering: bool
 ) -> tuple[int, int, int]:
@@ -384,7 +383,7 @@ def strike(
     return code, count, due
 
 
-@njit(**INLINED)
+@compiled()
 def take_jump(machine: Machine, flow: Flow, lane: Lane, due: int) -> tuple[int, float]:
     """Let the state jump: an outcome code if it cannot, else −1; and up to which its guard is
     zero."""
@@ -405,7 +404,7 @@ def take_jump(machine: Machine, flow: Flow, lane: Lane, due: int) -> tuple[int, 
     return code, float(zero)
 
 
-@njit(**INLINED)
+@compiled()
 def meets_another(machine: Machine, flow: Flow, here: Instant, due: int, last: float) -> bool:
     """Whether the guard of another jump passes through zero, too, where one is due.
 
@@ -439,7 +438,7 @@ def meets_another(machine: Machine, flow: Flow, here: Instant, due: int, last: f
     return found
 
 
-@njit(**INLINED)
+@compiled()
 def find_regions(machine: Machine, flow: Flow, at: Instant, own: int, zero: float) -> None:
     """Put kinks onto the sides where their guards are after a jump: what it leaps over is not
     crossed.
@@ -467,7 +466,7 @@ def find_regions(machine: Machine, flow: Flow, at: Instant, own: int, zero: floa
             break
 
 
-@njit(**INLINED)
+@compiled()
 def look_at_jumps(
     flow: Flow, lane: Lane, task: Task, count: int, due: int
 ) -> tuple[int, int, bool]:
@@ -515,7 +514,7 @@ def look_at_jumps(
     return code, count, late
 
 
-@njit(**INLINED)
+@compiled()
 def falls_back(flow: Flow, lane: Lane, due: int) -> bool:
     """Whether a jump leaves its own guard at zero and at rest, and the motion then passes into the
     region where it fires: then it has not left the guard."""
@@ -531,7 +530,7 @@ def falls_back(flow: Flow, lane: Lane, due: int) -> bool:
     return 1 < order < flow.order
 
 
-@njit(**INLINED)
+@compiled()
 def knock(
     machine: Machine,
     flow: Flow,
@@ -597,13 +596,13 @@ def knock(
     return (CREATES_ENERGY if struck == CREATES else NOWHERE), count
 
 
-@njit(**OPTIONS)
+@compiled()
 def closes(rows: Rows, mode: Array, c: int) -> bool:
     """Whether a contact that can open has just closed."""
     return bool(opens(rows, c) and mode[c] == 0)
 
 
-@njit(**OPTIONS)
+@compiled()
 def has_gaps(rows: Rows) -> bool:
     """Whether a contact can open."""
     found = False
@@ -612,7 +611,7 @@ def has_gaps(rows: Rows) -> bool:
     return found
 
 
-@njit(**OPTIONS)
+@compiled()
 def runs_away(sizes: Array, mode: Array) -> bool:
     """Whether a rate-independent coordinate slides: its rate runs away where its branch of
     equilibria ends."""
@@ -622,13 +621,13 @@ def runs_away(sizes: Array, mode: Array) -> bool:
     return sliding
 
 
-@njit(**OPTIONS)
+@compiled()
 def inadmissible(doubtful: Array, doubt: int) -> int:
     """Outcome code where a row has become negative that must not."""
     return NEGATIVE if doubtful[doubt, SLIPPING] < 0 else INADMISSIBLE
 
 
-@njit(**INLINED)
+@compiled()
 def look_ahead(flow: Flow, x: float, h: float) -> None:
     """State after a part x of a step, and the rates there, times its length; the work space holds
     the powers of the whole step."""
@@ -642,7 +641,7 @@ def look_ahead(flow: Flow, x: float, h: float) -> None:
         )
 
 
-@njit(**OPTIONS)
+@compiled()
 def count_step(clock: Array, counters: Array, h: float, series: float, t: float) -> None:
     """Put the clock to the end of a step or of a flight.
 
@@ -661,7 +660,7 @@ def count_step(clock: Array, counters: Array, h: float, series: float, t: float)
     counters[CAUSE] = -1
 
 
-@njit(**INLINED)
+@compiled()
 def solves(machine: Machine, flow: Flow, lane: Lane, h: float) -> bool:
     """Whether the rates at the end of a step are those that its series promises."""
     space = flow.space
@@ -674,7 +673,7 @@ def solves(machine: Machine, flow: Flow, lane: Lane, h: float) -> bool:
 # -- flights ---------------------------------------------------------------------------------------
 
 
-@njit(**OPTIONS)
+@compiled()
 def fly_on(
     machine: Machine,
     flow: Flow,
@@ -757,7 +756,7 @@ def fly_on(
             return code, count
 
 
-@njit(**INLINED)
+@compiled()
 def decide(
     machine: Machine,
     flow: Flow,
@@ -811,7 +810,7 @@ def decide(
     return _UNDECIDED
 
 
-@njit(**INLINED)
+@compiled()
 def carries(form: ClosedForms, flight: Flight, mode: Array, nk: int, drops: Array) -> bool:
     """Whether a contact that does not stick and whose sliding force is not its threshold may be
     carried by others.
@@ -841,7 +840,7 @@ def carries(form: ClosedForms, flight: Flight, mode: Array, nk: int, drops: Arra
     return False
 
 
-@njit(**OPTIONS)
+@compiled()
 def total(numbers: Array) -> int:
     """Sum of whole numbers."""
     found = 0
@@ -850,7 +849,7 @@ def total(numbers: Array) -> int:
     return found
 
 
-@njit(**INLINED)
+@compiled()
 def note(rows: Rows, lane: Lane, task: Task, count: int) -> int:
     """Record where a lane is, and count the switches that brought it there."""
     record = task.record
@@ -871,7 +870,7 @@ def note(rows: Rows, lane: Lane, task: Task, count: int) -> int:
     return count
 
 
-@njit(**INLINED)
+@compiled()
 def fire(guard: int, lane: Lane, rows: Rows, max_events: int) -> int:
     """Count an event and give its switch the other state; an outcome code if the motion ends here,
     else −1."""

@@ -15,8 +15,8 @@ import math
 
 import numpy as np
 
-from stickslip.arrays import Array
-from stickslip.machine_code.functions import entry_point, njit
+from stickslip.arrays import Array, IntVector
+from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.affine import drive_vector
 from stickslip.motion.engine.forms import (
     EXPONENTS,
@@ -37,7 +37,8 @@ from stickslip.motion.engine.signals import (
     length,
     rough_acos,
 )
-from stickslip.motion.steps.arrays import INLINED, OPTIONS, ROUNDING
+from stickslip.motion.steps.arrays import ROUNDING
+from stickslip.translator import compiled
 
 # rounding errors by which the guard of a switch that has just fired may be away from zero, where it
 # is by definition
@@ -50,8 +51,8 @@ _WAVE = 3
 _MANY = 4
 
 
-@entry_point(**OPTIONS)
-def mode_key(mode: Array, reg: Array) -> int:
+@entry_point()
+def mode_key(mode: IntVector, reg: IntVector) -> int:
     """Number of a mode (0, ±1) and region of at most :data:`.forms.MOST_SWITCHES` switches."""
     key = 1
     for i in range(len(mode)):
@@ -61,7 +62,7 @@ def mode_key(mode: Array, reg: Array) -> int:
     return key
 
 
-@njit(**OPTIONS)
+@compiled()
 def find(key: Array, own: Array, first: int, used: int, wanted: int) -> int:
     """Slot of a mode, or −1.
 
@@ -81,7 +82,7 @@ def find(key: Array, own: Array, first: int, used: int, wanted: int) -> int:
     return -1
 
 
-@njit(**OPTIONS)
+@compiled()
 def scalar_product(row: Array, s: Array) -> float:
     """Scalar product."""
     total = 0.0
@@ -90,7 +91,7 @@ def scalar_product(row: Array, s: Array) -> float:
     return total
 
 
-@njit(**INLINED)
+@compiled(inline=True)
 def place(f: Flight, x: Array, t: float, omega: Array) -> None:
     """Put state and drives at time t, and their moduli, into the work space."""
     s = f.v[0]
@@ -102,7 +103,7 @@ def place(f: Flight, x: Array, t: float, omega: Array) -> None:
         f.size[0, i] = abs(s[i])
 
 
-@njit(**OPTIONS)
+@compiled()
 def _derive(S: Array, v: Array, k: int) -> None:
     """The k-th derivative from the one before."""
     for i in range(len(S)):
@@ -112,7 +113,7 @@ def _derive(S: Array, v: Array, k: int) -> None:
         v[k, i] = total
 
 
-@njit(**OPTIONS)
+@compiled()
 def _terms(S: Array, G: Array, size: Array, k: int, near: float) -> float:
     """Size of the terms of G s⁽ᵏ⁾, and of what it changes by within a time.
 
@@ -138,7 +139,7 @@ def _terms(S: Array, G: Array, size: Array, k: int, near: float) -> float:
     return total
 
 
-@njit(**INLINED)
+@compiled(inline=True)
 def germs(form: ClosedForms, f: Flight, omega: Array, fired: int, kinks: int, last: float) -> int:
     """Least guard that becomes negative at once, or −1; the deciding order of each guard is left in
     the work space.
@@ -206,7 +207,7 @@ def germs(form: ClosedForms, f: Flight, omega: Array, fired: int, kinks: int, la
     return -1
 
 
-@njit(**INLINED)
+@compiled(inline=True)
 def amplitudes(form: ClosedForms, f: Flight, omega: Array) -> None:
     """Amplitudes of the exponentials at the beginning of a flight."""
     s = f.v[0]
@@ -232,7 +233,7 @@ def amplitudes(form: ClosedForms, f: Flight, omega: Array) -> None:
         f.spin[m] = complex(s[first + 2 * m], s[first + 2 * m + 1])
 
 
-@njit(**OPTIONS)
+@compiled()
 def turn(re: float, im: float) -> complex:
     """exp(z) − 1, to full accuracy where z is small: so is then the change of the state in a short
     flight."""
@@ -244,7 +245,7 @@ def turn(re: float, im: float) -> complex:
     return complex(grown + back + grown * back, (1.0 + grown) * 2.0 * sine * cosine)
 
 
-@njit(**OPTIONS)
+@compiled()
 def _turn_all(lam: Array, r: Array, nb: int, tau: float, turned: Array) -> None:
     """Changes of the exponentials in a time.
 
@@ -263,7 +264,7 @@ def _turn_all(lam: Array, r: Array, nb: int, tau: float, turned: Array) -> None:
         turned[j] = r[j] * turn(lam[j].real * tau, lam[j].imag * tau) if r[j] != 0.0 else 0.0j
 
 
-@njit(**INLINED)
+@compiled(inline=True)
 def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
     """Say of each guard what kind of signal it is; returns the one that will probably fall first,
     or −1."""
@@ -336,7 +337,7 @@ def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
     return first
 
 
-@njit(**INLINED)
+@compiled(inline=True)
 def fly(form: ClosedForms, f: Flight, room: float, omega: Array) -> tuple[float, int]:
     """The earliest event within `room`: (duration, guard or −1), with the changes of the
     exponentials until then.
@@ -412,7 +413,7 @@ def fly(form: ClosedForms, f: Flight, room: float, omega: Array) -> tuple[float,
     return limit, which
 
 
-@njit(**INLINED)
+@compiled(inline=True)
 def arrive(form: ClosedForms, f: Flight, x: Array, tau: float, omega: Array) -> None:
     """Put x where it is at the end of the flight just found.
 
@@ -449,7 +450,7 @@ def arrive(form: ClosedForms, f: Flight, x: Array, tau: float, omega: Array) -> 
         x[i] += change
 
 
-@njit(**INLINED)
+@compiled(inline=True)
 def land(form: ClosedForms, f: Flight, guard: int, x: Array, last: float) -> float:
     """Put x, at the end of a flight of a duration, where the guard that ended it vanishes; returns
     the time that takes.
@@ -480,7 +481,7 @@ def land(form: ClosedForms, f: Flight, guard: int, x: Array, last: float) -> flo
     return -value / slope * form.pace
 
 
-@njit(**INLINED)
+@compiled(inline=True)
 def admissible(form: ClosedForms, f: Flight, x: Array, last: float) -> bool:
     """Whether sticking contacts are at rest and sliding rate-independent ones on their threshold;
     removes rounding.

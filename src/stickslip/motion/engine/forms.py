@@ -7,11 +7,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
+from stickslip.arrays import (
+    Array3,
+    ComplexArray3,
+    ComplexMatrix,
+    ComplexVector,
+    IntMatrix,
+    IntVector,
+    Matrix,
+    Vector,
+)
 from stickslip.motion.engine.affine import Probes, make_probes
 from stickslip.motion.engine.eigenvalues import Eigenproblem, make_eigenproblem
-from stickslip.motion.steps.arrays import DIMENSION, INLINED, Rows
+from stickslip.motion.steps.arrays import DIMENSION, Rows
+from stickslip.translator import compiled
 
 _UNKNOWN = 0
 AFFINE = 1
@@ -79,34 +88,34 @@ class ClosedForms(NamedTuple):
         Shortest time scale, 1/max |λ|.
     """
 
-    status: Array
-    key: Array
-    own: Array
-    counts: Array
-    pace: Array
-    S: Array
-    exponent: Array
-    tilt: Array
-    sine: Array
-    R: Array
-    G: Array
-    reach: Array
-    felt: Array
-    switch: Array
-    c1: Array
-    c2: Array
-    a: Array
-    b: Array
-    swing: Array
-    angle: Array
-    drifts: Array
-    decays: Array
-    held: Array
-    zero: Array
-    hold: Array
-    brake: Array
-    used: Array
-    shortest: Array
+    status: IntVector
+    key: IntVector
+    own: IntVector
+    counts: IntMatrix
+    pace: Vector
+    S: Array3
+    exponent: ComplexMatrix
+    tilt: Matrix
+    sine: Matrix
+    R: ComplexArray3
+    G: Array3
+    reach: Array3
+    felt: Matrix
+    switch: IntMatrix
+    c1: Array3
+    c2: Matrix
+    a: ComplexArray3
+    b: ComplexArray3
+    swing: Array3
+    angle: Array3
+    drifts: IntMatrix
+    decays: IntMatrix
+    held: IntMatrix
+    zero: Array3
+    hold: Array3
+    brake: Array3
+    used: IntVector
+    shortest: Vector
 
 
 def make_closed_forms(
@@ -164,13 +173,13 @@ def make_closed_forms(
     )
 
 
-@njit(**INLINED)
+@compiled(inline=True)
 def slots_of(T: ClosedForms) -> int:
     """Closed forms that each group may have."""
     return len(T.status) // len(T.used)
 
 
-@njit(**INLINED)
+@compiled(inline=True)
 def form_of(T: ClosedForms, slot: int) -> ClosedForms:
     """The closed form in a slot (no leading axis)."""
     return ClosedForms(
@@ -229,16 +238,16 @@ class Making(NamedTuple):
 
     probes: Probes
     spectrum: Eigenproblem
-    moving: Array
-    part: Array
-    members: Array
-    V: Array
-    L: Array
-    ramp: Array
-    bend: Array
-    up: Array
-    down: Array
-    ones: Array
+    moving: IntVector
+    part: IntVector
+    members: IntVector
+    V: ComplexMatrix
+    L: ComplexMatrix
+    ramp: ComplexMatrix
+    bend: ComplexVector
+    up: ComplexMatrix
+    down: ComplexMatrix
+    ones: Matrix
 
 
 def make_making(rows: Rows, waves: int, timed: bool) -> Making:
@@ -289,28 +298,28 @@ class Flight(NamedTuple):
         In which new closed forms are made.
     """
 
-    v: Array
-    size: Array
-    value: Array
-    terms: Array
-    orders: Array
-    r: Array
-    turned: Array
-    modulus: Array
-    phase: Array
-    rounding: Array
-    spin: Array
-    a: Array
-    b: Array
-    kind: Array
-    lead: Array
-    c: Array
-    floor: Array
-    guess: Array
-    taylor: Array
-    stack: Array
-    mode0: Array
-    reg0: Array
+    v: Matrix
+    size: Matrix
+    value: Vector
+    terms: Vector
+    orders: IntVector
+    r: ComplexVector
+    turned: ComplexVector
+    modulus: Vector
+    phase: Vector
+    rounding: Vector
+    spin: ComplexVector
+    a: ComplexVector
+    b: ComplexVector
+    kind: IntVector
+    lead: IntVector
+    c: Matrix
+    floor: Vector
+    guess: Vector
+    taylor: Vector
+    stack: Matrix
+    mode0: IntVector
+    reg0: IntVector
     making: Making
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.roots import first_crossing
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
@@ -14,13 +13,10 @@ from stickslip.motion.steps.arrays import (
     DOUBTED,
     DOUBTFUL,
     FIRED,
-    INLINED,
     INSTANT,
-    INT_ZERO,
     MASSIVE,
     NOWHERE,
     ON_INERTIAL,
-    OPTIONS,
     OTHER,
     ROUNDING,
     SLIPPING,
@@ -34,6 +30,7 @@ from stickslip.motion.steps.arrays import (
     is_loose,
 )
 from stickslip.motion.steps.step_size import impulse
+from stickslip.translator import RELAXED, compiled
 
 _LONGEST_END = 1024.0  # of a slip in a plane, in steps that are as short as times can be told apart
 _PRIME = 576460752303423433  # 2⁵⁹ − 55: five times as much still fits into an integer
@@ -71,7 +68,7 @@ class GuardRow(NamedTuple):
     is_gap: bool
 
 
-@njit(**OPTIONS, fastmath={"reassoc", "contract", "nsz"})
+@compiled(relaxed=RELAXED)
 def fall(W: Array, row: int, shift: int, sign: float, N: int, powers: Array) -> float:
     """Bound Σ max(−cₖ, 0) hᵏ of how far sign·W[row] + W[shift], which starts positive, falls within
     the step.
@@ -98,7 +95,7 @@ def fall(W: Array, row: int, shift: int, sign: float, N: int, powers: Array) -> 
     return total
 
 
-@njit(**OPTIONS)
+@compiled()
 def germ(
     W: Array, guard: GuardRow, N: int, powers: Array, slack: float, c: Array
 ) -> tuple[int, int]:
@@ -153,14 +150,14 @@ def germ(
     return 0, N
 
 
-@njit(**OPTIONS)
+@compiled()
 def resting(mode: int) -> bool:
     """Whether a contact does not slip: it sticks, or others carry it while it is at its
     threshold."""
     return mode == 0 or abs(mode) == 2
 
 
-@njit(**OPTIONS)
+@compiled()
 def stands(rows: Rows, mode: Array) -> bool:
     """Whether every contact rests that is not open, and there is one."""
     found = False
@@ -173,7 +170,7 @@ def stands(rows: Rows, mode: Array) -> bool:
     return found
 
 
-@njit(**OPTIONS)
+@compiled()
 def spell(word: int, mode: Array, region: Array) -> int:
     """A word, as a number, with one letter more: the mode of each contact and the region of each
     kink.
@@ -187,7 +184,7 @@ def spell(word: int, mode: Array, region: Array) -> int:
     return word
 
 
-@njit(**OPTIONS)
+@compiled()
 def stays(
     rows: Rows, space: Space, mode: Array, c: int, N: int, last: float, fired: int, slack: float
 ) -> bool:
@@ -226,13 +223,13 @@ def stays(
     return s == 0
 
 
-@njit(**OPTIONS)
+@compiled()
 def opens(rows: Rows, c: int) -> bool:
     """Whether a contact is the normal direction of one that can open."""
     return bool(rows.gaps[c] >= 0)
 
 
-@njit(**OPTIONS)
+@compiled()
 def loosen_friction(rows: Rows, mode: Array) -> None:
     """What is open has no friction: its contact slips, without force, which has one name only."""
     for c in range(rows.sizes[ON_INERTIAL]):
@@ -245,25 +242,25 @@ def loosen_friction(rows: Rows, mode: Array) -> None:
 # what must not become negative. Switches: kinks, then contacts.
 
 
-@njit(**OPTIONS)
+@compiled()
 def contact_of(guard: int, nk: int) -> int:
     """The contact that a guard behind the kinks belongs to."""
     return (guard - nk) // 2
 
 
-@njit(**OPTIONS)
+@compiled()
 def is_second(guard: int, nk: int) -> bool:
     """Whether a guard is the second one of a contact: towards slip−."""
     return (guard - nk) % 2 == 1
 
 
-@njit(**OPTIONS)
+@compiled()
 def doubt_of(guard: int, nk: int, nc: int) -> int:
     """Which of the rows that must not become negative a guard is; negative if it is none."""
     return guard - nk - 2 * nc
 
 
-@njit(**OPTIONS)
+@compiled()
 def switch_of(guard: int, nk: int, nc: int) -> int:
     """The switch that a guard belongs to; −1 for what must not become negative."""
     if guard < nk:
@@ -271,7 +268,7 @@ def switch_of(guard: int, nk: int, nc: int) -> int:
     return nk + contact_of(guard, nk) if doubt_of(guard, nk, nc) < 0 else -1
 
 
-@njit(**OPTIONS)
+@compiled()
 def is_asked(rows: Rows, mode: Array, nk: int, g: int) -> bool:
     """Whether a guard says anything in a mode."""
     if g < nk:
@@ -288,7 +285,7 @@ def is_asked(rows: Rows, mode: Array, nk: int, g: int) -> bool:
     return not is_loose(rows, mode, c)
 
 
-@njit(**OPTIONS)
+@compiled()
 def guard_in_plane(
     rows: Rows, space: Space, mode: Array, c: int, near: float
 ) -> tuple[int, float, float]:
@@ -327,7 +324,7 @@ def guard_in_plane(
     return row, size, rate
 
 
-@njit(**INLINED)
+@compiled()
 def guard_of(
     rows: Rows, space: Space, mode: Array, reg: Array, g: int, near: float, precision: float
 ) -> GuardRow:
@@ -399,7 +396,7 @@ def guard_of(
     return GuardRow(row, shift, sign, size, rate, around, exact, is_gap)  # pyright: ignore[reportArgumentType]
 
 
-@njit(**INLINED)
+@compiled()
 def scan(
     flow: Flow, mode: Array, reg: Array, last: float, fired: int, slack: float
 ) -> tuple[int, int]:
@@ -428,7 +425,7 @@ def scan(
     labels = space.labels
     nk = len(rows.kinks)
     nc = len(rows.u)
-    count = INT_ZERO
+    count = 0
     violated = NOWHERE
     leapt = space.stood[nk]
     near = last / W[rows.sizes[DIMENSION], 1] + powers[1]
@@ -469,7 +466,7 @@ def scan(
     return violated, count
 
 
-@njit(**INLINED)
+@compiled()
 def first_event(space: Space, count: int, N: int) -> tuple[float, int]:
     """Earliest event of the step among the guards that may fire: (fraction of the step, guard or
     −1)."""

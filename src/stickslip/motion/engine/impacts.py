@@ -23,7 +23,6 @@ import math
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.guards import loosen_friction, opens
 from stickslip.motion.engine.modes import resolve, stop, touching
 from stickslip.motion.steps.arrays import (
@@ -35,14 +34,12 @@ from stickslip.motion.steps.arrays import (
     EPSILON,
     FIRST_ROW,
     INERTIAL,
-    INLINED,
     MATRIX,
     MEMBERS,
     NOW,
     NOWHERE,
     OK,
     ON_INERTIAL,
-    OPTIONS,
     OTHER,
     PART,
     ROUNDING,
@@ -61,6 +58,7 @@ from stickslip.motion.steps.arrays import (
     set_mode,
 )
 from stickslip.motion.steps.starting import coefficients, secular_root
+from stickslip.translator import compiled
 
 # What :func:`collide` says: nothing collides; velocities have jumped; no impulse obeys the law; or
 # only such that create energy.
@@ -80,7 +78,7 @@ _AT_FIRST = 1e-9  # square of the part of its time that says how large the gaps 
 _SINGULAR = 1e-13  # part of its row below which a pivot is zero
 
 
-@njit(**INLINED)
+@compiled()
 def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
     """Let velocities jump where a gap is closed and would become negative.
 
@@ -129,7 +127,7 @@ def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
     return JUMPED
 
 
-@njit(**INLINED)
+@compiled()
 def approaching(
     machine: Machine, flow: Flow, here: Instant, last: float, fired: int, slack: float
 ) -> int:
@@ -166,7 +164,7 @@ def approaching(
     return found
 
 
-@njit(**INLINED)
+@compiled()
 def restitution_of(rows: Rows, space: Space, c: int) -> float:
     """Restitution of a contact in the impact at hand. What recedes before it has none: γ⁺ ≥ −e γ⁻
     would let it come back."""
@@ -175,7 +173,7 @@ def restitution_of(rows: Rows, space: Space, c: int) -> float:
     return 0.0 if row < 0 or recedes else float(space.V[row, 0])
 
 
-@njit(**INLINED)
+@compiled()
 def size_gaps(machine: Machine, flow: Flow, here: Instant, span: float) -> None:
     """Give the gaps of a motion that has not begun a size: what its forces would open in a part of
     its time. A gap that starts at zero has no size of its own."""
@@ -188,7 +186,7 @@ def size_gaps(machine: Machine, flow: Flow, here: Instant, span: float) -> None:
             space.impact[WIDEST, c] = max(space.impact[WIDEST, c], size)
 
 
-@njit(**INLINED)
+@compiled()
 def first_approaching(machine: Machine, flow: Flow, here: Instant, last: float, going: bool) -> int:
     """The first contact that is closed and approaches; −1 if there is none.
 
@@ -214,7 +212,7 @@ def first_approaching(machine: Machine, flow: Flow, here: Instant, last: float, 
     return NOWHERE
 
 
-@njit(**OPTIONS)
+@compiled()
 def open_all(rows: Rows, mode: Array) -> None:
     """Let everything be open that can."""
     for c in range(rows.sizes[ON_INERTIAL]):
@@ -223,7 +221,7 @@ def open_all(rows: Rows, mode: Array) -> None:
     loosen_friction(rows, mode)
 
 
-@njit(**INLINED)
+@compiled()
 def best_impulse(machine: Machine, flow: Flow, at: Instant) -> int:
     """The impulses that obey the law and lose most energy; they are left in the work space, with
     the velocities after them and the change of the rates."""
@@ -252,14 +250,14 @@ def best_impulse(machine: Machine, flow: Flow, at: Instant) -> int:
     return JUMPED if least <= _CREATED * exchanged else CREATES
 
 
-@njit(**OPTIONS)
+@compiled()
 def takes_part(rows: Rows, tried: Array, c: int) -> bool:
     """Whether a contact may have an impulse: it is near, or the friction of one that is."""
     near = opens(rows, c) and tried[_NEAR, c] == 1
     return bool(near or (rows.parents[c] >= 0 and tried[_NEAR, rows.parents[c]] == 1))
 
 
-@njit(**INLINED)
+@compiled()
 def put_responses(machine: Machine, flow: Flow, at: Instant) -> bool:
     """What unit impulses of those that take part do to the rates, M⁻¹Jᵀ, and to the velocities of
     all contacts, J M⁻¹ Jᵀ; False if the inertia is not definite.
@@ -286,7 +284,7 @@ def put_responses(machine: Machine, flow: Flow, at: Instant) -> bool:
     return True
 
 
-@njit(**OPTIONS)
+@compiled()
 def put_part(rows: Rows, space: Space, J: Array, p: int) -> None:
     """The same for one component, whose inverse is in the work space.
 
@@ -320,7 +318,7 @@ def put_part(rows: Rows, space: Space, J: Array, p: int) -> None:
             space.delassus[b, c] = total
 
 
-@njit(**OPTIONS)
+@compiled()
 def try_impulses(rows: Rows, space: Space, mode: Array, number: int) -> tuple[bool, float, float]:
     """Impulses in the mode that a number stands for: whether they obey the law, the energy that
     they gain, and the size of its terms.
@@ -346,7 +344,7 @@ def try_impulses(rows: Rows, space: Space, mode: Array, number: int) -> tuple[bo
     return right, gained, size
 
 
-@njit(**OPTIONS)
+@compiled()
 def aim_impulses(rows: Rows, space: Space, mode: Array) -> None:
     """The sense in which friction slips in a mode; in a plane that of velocities before."""
     work = space.impact
@@ -362,7 +360,7 @@ def aim_impulses(rows: Rows, space: Space, mode: Array) -> None:
             work[SENSE, o] = y / size if size > 0.0 else 0.0
 
 
-@njit(**OPTIONS)
+@compiled()
 def turn_impulses(rows: Rows, space: Space, mode: Array) -> bool:
     """Turn slips in planes into their directions after the impact; whether that changes them."""
     work = space.impact
@@ -386,27 +384,27 @@ def turn_impulses(rows: Rows, space: Space, mode: Array) -> bool:
     return change > 4.0 * EPSILON
 
 
-@njit(**OPTIONS)
+@compiled()
 def moved_on(work: Array, c: int) -> float:
     """γ⁺ + e γ⁻ of a contact."""
     return float(work[AFTER, c] + work[RESTITUTION, c] * work[BEFORE, c])
 
 
-@njit(**OPTIONS)
+@compiled()
 def is_held(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
     """Whether the velocity of a contact after an impact is asked for, so that its impulse is
     unknown."""
     return bool(mode[c] == 0 and takes_part(rows, tried, c) and not is_loose(rows, mode, c))
 
 
-@njit(**OPTIONS)
+@compiled()
 def slides_along(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
     """Whether a contact rubs in an impact."""
     normal = rows.parents[c]
     return bool(normal >= 0 and tried[_NEAR, normal] == 1 and mode[normal] == 0 and mode[c] != 0)
 
 
-@njit(**OPTIONS)
+@compiled()
 def solve_impulses(rows: Rows, space: Space, mode: Array) -> bool:
     """Impulses in a mode; False if they are not determined.
 
@@ -452,7 +450,7 @@ def solve_impulses(rows: Rows, space: Space, mode: Array) -> bool:
     return True
 
 
-@njit(**OPTIONS)
+@compiled()
 def solve_equations(system: Array, n: int) -> bool:
     """Solve n equations, whose right side is the column behind them and becomes the solution; False
     if a pivot vanishes beside its row."""
@@ -483,7 +481,7 @@ def solve_equations(system: Array, n: int) -> bool:
     return True
 
 
-@njit(**OPTIONS)
+@compiled()
 def put_velocities(rows: Rows, space: Space) -> None:
     """Velocities of contacts after impulses."""
     work = space.impact
@@ -497,7 +495,7 @@ def put_velocities(rows: Rows, space: Space) -> None:
                     work[AFTER, c] += space.delassus[c, b] * work[IMPULSE, b]
 
 
-@njit(**OPTIONS)
+@compiled()
 def put_change(rows: Rows, space: Space) -> None:
     """The change of the rates by impulses."""
     work = space.impact
@@ -512,7 +510,7 @@ def put_change(rows: Rows, space: Space) -> None:
             work[CHANGE, q] += space.response[q, c] * work[IMPULSE, c]
 
 
-@njit(**OPTIONS)
+@compiled()
 def modes_of(rows: Rows, tried: Array) -> int:
     """Number of modes of an impact: what is closed takes part or not, its friction sticks or
     slips."""
@@ -526,7 +524,7 @@ def modes_of(rows: Rows, tried: Array) -> int:
     return total
 
 
-@njit(**OPTIONS)
+@compiled()
 def choose_impulse_mode(number: int, rows: Rows, tried: Array, mode: Array) -> None:
     """Put the contacts into the mode that a number stands for; whatever takes no part slips."""
     for c in range(rows.sizes[ON_INERTIAL]):
@@ -543,7 +541,7 @@ def choose_impulse_mode(number: int, rows: Rows, tried: Array, mode: Array) -> N
     loosen_friction(rows, mode)
 
 
-@njit(**OPTIONS)
+@compiled()
 def judge_impulses(
     rows: Rows, table: Array, work: Array, tried: Array, mode: Array
 ) -> tuple[float, float, bool]:
@@ -589,7 +587,7 @@ def judge_impulses(
     return gained, size, right
 
 
-@njit(**OPTIONS)
+@compiled()
 def obeys_in_plane(
     rows: Rows, table: Array, work: Array, mode: Array, c: int, strong: float, fast: float
 ) -> bool:
@@ -621,7 +619,7 @@ def obeys_in_plane(
     return bool(n * x + m * y >= -little and abs(n * y - m * x) <= little)
 
 
-@njit(**OPTIONS)
+@compiled()
 def largest_jump(rows: Rows, work: Array) -> float:
     """The largest jump of the velocity of a contact in an impact."""
     largest = 0.0
@@ -630,7 +628,7 @@ def largest_jump(rows: Rows, work: Array) -> float:
     return largest
 
 
-@njit(**OPTIONS)
+@compiled()
 def guess_mode(rows: Rows, tried: Array, work: Array, mode: Array) -> None:
     """After an impact: what has rebounded is open, the rest is closed and sticks if it is at
     rest."""
@@ -648,7 +646,7 @@ def guess_mode(rows: Rows, tried: Array, work: Array, mode: Array) -> None:
     loosen_friction(rows, mode)
 
 
-@njit(**INLINED)
+@compiled()
 def stop_what_is_held(machine: Machine, flow: Flow, lane: Lane) -> None:
     """After an impact: put what its impulses hold exactly onto the surface.
 
@@ -669,7 +667,7 @@ def stop_what_is_held(machine: Machine, flow: Flow, lane: Lane) -> None:
             stop(flow, space.W, lane.y, c)
 
 
-@njit(**INLINED)
+@compiled()
 def settles(machine: Machine, flow: Flow, lane: Lane) -> bool:
     """Whether a contact that has rebounded would come to rest, after infinitely many impacts, in a
     time that cannot be resolved: 2 γ⁺/(|g̈| (1 − e)). Such contacts lose their restitution."""
@@ -694,7 +692,7 @@ def settles(machine: Machine, flow: Flow, lane: Lane) -> bool:
     return found
 
 
-@njit(**INLINED)
+@compiled()
 def distance_of_jump(
     machine: Machine,
     flow: Flow,

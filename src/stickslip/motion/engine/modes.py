@@ -17,7 +17,6 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import INDEFINITE, SINGULAR, invert
-from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.guards import (
     NUMBER,
     contact_of,
@@ -39,9 +38,7 @@ from stickslip.motion.steps.arrays import (
     FIRST_ROW,
     IMPLICIT,
     INERTIAL,
-    INLINED,
     INSTANT,
-    INT_ZERO,
     KINKS,
     LAST,
     MASSIVE,
@@ -56,7 +53,6 @@ from stickslip.motion.steps.arrays import (
     ON_INERTIAL,
     ON_RATE_INDEPENDENT,
     ON_VISCOUS,
-    OPTIONS,
     OTHER,
     OVERFLOW,
     PART,
@@ -94,6 +90,7 @@ from stickslip.motion.steps.step_size import (
     suits,
 )
 from stickslip.motion.steps.stiff import RESTING, collocate, lingers
+from stickslip.translator import compiled
 
 _MOST_CANDIDATES = 60000
 _SLACKEST = 1e6  # rounding errors that count as zero where less lets no mode go on
@@ -113,7 +110,7 @@ _TOUCHING = 1e-12  # part of its size, and of what it does in a step, below whic
 _LOOSER = 1e4  # tolerances by which the rates at the end of a step may break its promise
 
 
-@njit(**OPTIONS)
+@compiled()
 def resolvent(
     A: Array,
     J: Array,
@@ -173,7 +170,7 @@ def resolvent(
     return invert(scratch, n + m, R)
 
 
-@njit(**OPTIONS)
+@compiled()
 def resolve(rows: Rows, k: Constants, space: Space, mode: Array) -> bool:
     """Bring the inverses of the linear problems up to date with the mode, component by component;
     False if one is singular."""
@@ -212,7 +209,7 @@ def resolve(rows: Rows, k: Constants, space: Space, mode: Array) -> bool:
     return True
 
 
-@njit(**INLINED)
+@compiled()
 def project_rates(machine: Machine, flow: Flow, at: Instant) -> int:
     """Put sliding rate-independent coordinates back on λ + σ s = 0 (one Newton step: they are there
     up to rounding)."""
@@ -240,7 +237,7 @@ def project_rates(machine: Machine, flow: Flow, at: Instant) -> int:
     return OK
 
 
-@njit(**INLINED)
+@compiled()
 def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: float) -> bool:
     """Put sticking inertial contacts exactly on the surface speed; one that is not there (it cannot
     jump) slips.
@@ -303,7 +300,7 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
     return True
 
 
-@njit(**INLINED)
+@compiled()
 def stop(flow: Flow, table: Array, y: Array, c: int) -> None:
     """Take what is left of the velocity of a sticking contact, relative to its surface, out of the
     rates.
@@ -343,7 +340,7 @@ def stop(flow: Flow, table: Array, y: Array, c: int) -> None:
                 y[q] = 0.0
 
 
-@njit(**OPTIONS)
+@compiled()
 def is_on_surface(flow: Flow, table: Array, c: int) -> bool:
     """Whether a sticking contact has the velocity of its surface: exactly; or, where there is
     friction in a plane, up to rounding. Nothing would be gained there, and an impulse that puts it
@@ -361,7 +358,7 @@ def is_on_surface(flow: Flow, table: Array, c: int) -> bool:
     return bool(abs(table[rows.u[c], 0]) <= near)
 
 
-@njit(**OPTIONS)
+@compiled()
 def is_rubbed(rows: Rows, J: Array, table: Array, c: int, i: int) -> bool:
     """Whether friction in a plane, under the normal force of a contact, moves a coordinate of their
     component.
@@ -388,7 +385,7 @@ def is_rubbed(rows: Rows, J: Array, table: Array, c: int, i: int) -> bool:
     return False
 
 
-@njit(**OPTIONS)
+@compiled()
 def held_back(rows: Rows, space: Space, c: int) -> float:
     """The acceleration that a sticking contact holds back, or could."""
     mag = space.mag
@@ -396,7 +393,7 @@ def held_back(rows: Rows, space: Space, c: int) -> float:
     return float(mag[nc + c] + mag[2 * nc + c] / abs(own_inverse(rows, space, c)))
 
 
-@njit(**OPTIONS)
+@compiled()
 def is_apart(flow: Flow, c: int, last: float, span: float) -> bool:
     """Whether a contact that can open is not closed, up to what its gap does in a step and to
     rounding, or as it is where it has just closed; what rounding errors of forces have made of a
@@ -412,7 +409,7 @@ def is_apart(flow: Flow, c: int, last: float, span: float) -> bool:
     return bool(abs(space.W[rows.gaps[c], 0]) > closed)
 
 
-@njit(**OPTIONS)
+@compiled()
 def touching(flow: Flow, c: int, last: float) -> float:
     """The distance below which a contact is closed: a part of its gap's size, and of what
     velocities and forces do to it in a step."""
@@ -421,7 +418,7 @@ def touching(flow: Flow, c: int, last: float) -> float:
     return float(max(_TOUCHING, _LOOSELY * flow.tol) * (gap_size(flow.rows, flow.space, c) + moved))
 
 
-@njit(**INLINED)
+@compiled()
 def evaluate_mode(
     machine: Machine, flow: Flow, at: Instant, last: float, near: float, span: float, hold: bool
 ) -> int:
@@ -470,7 +467,7 @@ def evaluate_mode(
     return judge_coefficients(rows, W, flow.order)
 
 
-@njit(**INLINED)
+@compiled()
 def judge_coefficients(rows: Rows, W: Array, N: int) -> int:
     """Whether Taylor coefficients are numbers, NAN, or OVERFLOW in their unit of time.
 
@@ -493,7 +490,7 @@ def judge_coefficients(rows: Rows, W: Array, N: int) -> int:
     return OK
 
 
-@njit(**INLINED)
+@compiled()
 def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
     """Whether rates, times the length of the step that ends here, are those that the step's series
     promises.
@@ -519,7 +516,7 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
     return True
 
 
-@njit(**OPTIONS)
+@compiled()
 def flip(rows: Rows, guard: int, mode: Array, reg: Array) -> int:
     """Give the switch of a violated guard its other state; returns the switch.
 
@@ -547,7 +544,7 @@ def flip(rows: Rows, guard: int, mode: Array, reg: Array) -> int:
     return nk + c
 
 
-@njit(**OPTIONS)
+@compiled()
 def let_slide(mode: Array) -> bool:
     """Let the contacts that break their thresholds slide; whether there are any."""
     found = False
@@ -558,7 +555,7 @@ def let_slide(mode: Array) -> bool:
     return found
 
 
-@njit(**OPTIONS)
+@compiled()
 def hold_or_slide(
     rows: Rows, space: Space, mode: Array, N: int, last: float, fired: int, slack: float
 ) -> bool:
@@ -600,7 +597,7 @@ def hold_or_slide(
     return changed
 
 
-@njit(**OPTIONS)
+@compiled()
 def flip_apart(rows: Rows, space: Space, mode: Array, reg: Array, count: int) -> int:
     """Give the switches of violated guards their other states: of each component the contact of
     least index, or the first kink alone; returns the first switch.
@@ -638,7 +635,7 @@ def flip_apart(rows: Rows, space: Space, mode: Array, reg: Array, count: int) ->
     return first
 
 
-@njit(**OPTIONS)
+@compiled()
 def loosen(rows: Rows, p: int, J: Array, mode: Array, keep: int, space: Space) -> bool:
     """Let sticking contacts of a component whose directions depend on those of the others be
     carried at their threshold (u stays 0).
@@ -696,7 +693,7 @@ def loosen(rows: Rows, p: int, J: Array, mode: Array, keep: int, space: Space) -
     return changed
 
 
-@njit(**OPTIONS)
+@compiled()
 def is_new(n: int, basis: Array, rank: int) -> bool:
     """Whether the vector behind an orthonormal basis is no combination of it; if so, it joins."""
     size = 0.0
@@ -719,7 +716,7 @@ def is_new(n: int, basis: Array, rank: int) -> bool:
     return True
 
 
-@njit(**INLINED)
+@compiled()
 def settle_mode(
     machine: Machine, flow: Flow, lane: Lane, room: float, hold: bool, promised: float
 ) -> tuple[int, float, float, int]:
@@ -802,14 +799,14 @@ def settle_mode(
             total = concerned(rows.sizes, touched, lane.mode, lane.counters[CAUSE])
 
 
-@njit(**INLINED)
+@compiled()
 def keep_start(machine: Machine, flow: Flow, lane: Lane) -> None:
     """Keep the state from which modes are tried."""
     begin_at_rest(machine, flow, lane)
     copy(lane.y, flow.space.y0)
 
 
-@njit(**OPTIONS)
+@compiled()
 def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     """After an event, put the velocities of contacts in a plane that have just left stick, or may
     leave it now, onto those of their surfaces: a slip begins from nothing, and not from rounding
@@ -845,7 +842,7 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
         set_mode(rows, lane.mode, c, left)
 
 
-@njit(**OPTIONS)
+@compiled()
 def all_on_surface(flow: Flow, mode: Array) -> bool:
     """Whether all that sticks has the velocity of its surface."""
     for c in range(flow.rows.sizes[ON_INERTIAL]):
@@ -854,7 +851,7 @@ def all_on_surface(flow: Flow, mode: Array) -> bool:
     return True
 
 
-@njit(**INLINED)
+@compiled()
 def make_series(
     machine: Machine, flow: Flow, lane: Lane, room: float, near: float, hold: bool
 ) -> tuple[int, float]:
@@ -894,7 +891,7 @@ def make_series(
     return status, h
 
 
-@njit(**OPTIONS)
+@compiled()
 def soonest_kink(rows: Rows, W: Array, N: int, passed: float) -> float:
     """When the next kink of time comes whose guard is a polynomial of degree two, or one; infinite
     if there is none.
@@ -930,7 +927,7 @@ def soonest_kink(rows: Rows, W: Array, N: int, passed: float) -> float:
     return found
 
 
-@njit(**OPTIONS)
+@compiled()
 def unit_for(status: int, h: float, room: float, unit: float) -> tuple[bool, float]:
     """Another unit of time for coefficients that overflow in this one, or where it does not suit
     the step; first, whether there is one.
@@ -944,7 +941,7 @@ def unit_for(status: int, h: float, room: float, unit: float) -> tuple[bool, flo
     return False, unit
 
 
-@njit(**INLINED)
+@compiled()
 def try_mode(
     machine: Machine,
     flow: Flow,
@@ -1011,7 +1008,7 @@ def try_mode(
     return _NO_GUARD, count, length, series
 
 
-@njit(**INLINED)
+@compiled()
 def let_carry(flow: Flow, mode: Array, keep: int) -> bool:
     """Let sticking contacts be carried whose directions depend on those of the others; whether
     there are any."""
@@ -1026,7 +1023,7 @@ def let_carry(flow: Flow, mode: Array, keep: int) -> bool:
 # -- every state of the switches concerned ---------------------------------------------------------
 
 
-@njit(**OPTIONS)
+@compiled()
 def concerned(sizes: Array, touched: Array, mode: Array, fired: int) -> int:
     """Count the states of the switches that pivoting has questioned, of the one that has just
     fired, and of what slides without mass."""
@@ -1040,7 +1037,7 @@ def concerned(sizes: Array, touched: Array, mode: Array, fired: int) -> int:
     return candidates(touched, nk)
 
 
-@njit(**OPTIONS)
+@compiled()
 def choose_next(
     rows: Rows,
     touched: Array,
@@ -1084,12 +1081,12 @@ def choose_next(
             slack *= 1e2
         candidate = 0
     if total > _MOST_CANDIDATES or slack > _SLACKEST:
-        return candidate, INT_ZERO, slack
+        return candidate, 0, slack
     choose(rows, candidate, touched, mode, reg)
     return candidate + 1, total, slack
 
 
-@njit(**OPTIONS)
+@compiled()
 def set_regions(rows: Rows, W: Array, mag: Array, reg: Array) -> bool:
     """Put kinks onto the sides where their guards clearly are; whether one was not."""
     changed = False
@@ -1102,7 +1099,7 @@ def set_regions(rows: Rows, W: Array, mag: Array, reg: Array) -> bool:
     return changed
 
 
-@njit(**OPTIONS)
+@compiled()
 def candidates(touched: Array, nk: int) -> int:
     """Number of states of the switches concerned (one more than is tried, if there are too
     many)."""
@@ -1113,7 +1110,7 @@ def candidates(touched: Array, nk: int) -> int:
     return total
 
 
-@njit(**OPTIONS)
+@compiled()
 def choose(rows: Rows, candidate: int, touched: Array, mode: Array, reg: Array) -> None:
     """Put the switches concerned into the states that a number stands for; what does not stick is
     at its threshold, or open.
@@ -1140,14 +1137,14 @@ def choose(rows: Rows, candidate: int, touched: Array, mode: Array, reg: Array) 
                 set_mode(rows, mode, i - nk, abs(state) if opens(rows, i - nk) else state)
 
 
-@njit(**OPTIONS)
+@compiled()
 def clear(numbers: Array) -> None:
     """Set whole numbers to 0."""
     for i in range(len(numbers)):
         numbers[i] = 0
 
 
-@njit(**OPTIONS)
+@compiled()
 def copy(source: Array, target: Array) -> None:
     """Copy a vector (a slice assignment would compile shape checks that can never fail)."""
     for i in range(len(source)):

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
+from stickslip.translator import CONTRACTED, RELAXED, compiled
 
 MAX_DEGREE = 32
 # orders that decide most of the time, where the step is so small that the others hardly matter
@@ -33,11 +33,8 @@ def _binomials() -> Array:
 
 _INVERSE_BINOMIAL = _binomials()
 
-_options = {"cache": True, "error_model": "numpy", "_nrt": False, "fastmath": {"contract"}}
-_sums = {**_options, "fastmath": {"reassoc", "contract", "nsz"}}
 
-
-@njit(**_options)
+@compiled(relaxed=CONTRACTED)
 def horner(c: Array, d: int, x: float) -> float:
     """Value of Σ c[k] xᵏ, k ≤ d."""
     s = c[d]
@@ -46,7 +43,7 @@ def horner(c: Array, d: int, x: float) -> float:
     return s
 
 
-@njit(**_sums)
+@compiled(relaxed=RELAXED)
 def value_and_slope(c: Array, d: int, powers: Array) -> tuple[float, float]:
     """Value at h of Σ c[k] xᵏ, k ≤ d, d ≥ 4, and h times its derivative there, from the powers of
     h."""
@@ -63,7 +60,7 @@ def value_and_slope(c: Array, d: int, powers: Array) -> tuple[float, float]:
     )
 
 
-@njit(**_options)
+@compiled(relaxed=CONTRACTED)
 def crossing(c: Array, d: int, a: float, b: float, start: float, noise: float) -> float:
     """The root between a and b, where the polynomial is positive at a, negative at b (Newton inside
     a bracket).
@@ -102,7 +99,7 @@ def crossing(c: Array, d: int, a: float, b: float, start: float, noise: float) -
     return x
 
 
-@njit(**_options)
+@compiled(relaxed=CONTRACTED)
 def lowest(c: Array, d: int, b: Array, work: Array) -> float:
     """Lower bound of Σ c[k] xᵏ, k ≤ d, on [0, 1]: the least of its Bernstein coefficients, which
     are left in b."""
@@ -116,7 +113,7 @@ def lowest(c: Array, d: int, b: Array, work: Array) -> float:
     return least
 
 
-@njit(**_options)
+@compiled(relaxed=CONTRACTED)
 def halve(stack: Array, depth: int, d: int) -> None:
     """Put the left half of an interval on top of a stack of them, above its right half.
 
@@ -138,7 +135,7 @@ def halve(stack: Array, depth: int, d: int) -> None:
             half[j] = 0.5 * (half[j] + half[j - 1])
 
 
-@njit(**_options)
+@compiled(relaxed=CONTRACTED)
 def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -> float:
     """First point of ]0, limit] at which a polynomial that starts positive becomes negative.
 

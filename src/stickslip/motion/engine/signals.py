@@ -16,9 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.roots import NONE, first_crossing
-from stickslip.motion.steps.arrays import INLINED, OPTIONS
+from stickslip.translator import compiled
 
 _WINDOW_ORDER = 22
 _EXACT = 1e-16  # relative error of a root that no further step can lessen
@@ -56,13 +55,13 @@ class SignalSum(NamedTuple):
     omega: Array
 
 
-@njit(**OPTIONS)
+@compiled()
 def length(z: complex) -> float:
     """|Re z| + |Im z|: a bound of the modulus that needs no square root."""
     return abs(z.real) + abs(z.imag)
 
 
-@njit(**OPTIONS)
+@compiled()
 def rough_acos(x: float) -> float:
     """arccos x for |x| ≤ 1 up to 7e-5 (Abramowitz and Stegun 1964, 4.4.45)."""
     y = abs(x)
@@ -70,7 +69,7 @@ def rough_acos(x: float) -> float:
     return angle if x >= 0.0 else math.pi - angle
 
 
-@njit(**OPTIONS)
+@compiled()
 def first_of_line(c0: float, c1: float, limit: float, rising: int) -> float:
     """First fall of c₀ + c₁x."""
     if c1 >= 0.0 or rising > 0:
@@ -79,7 +78,7 @@ def first_of_line(c0: float, c1: float, limit: float, rising: int) -> float:
     return x if x <= limit else np.inf
 
 
-@njit(**OPTIONS)
+@compiled()
 def first_of_bend(
     c0: float, c1: float, r: float, rate: float, limit: float, floor: float, rising: int
 ) -> float:
@@ -121,7 +120,7 @@ def first_of_bend(
     return _root_of_bend(c0, c1, r, rate, start, limit * (1.0 + 1e-15), guess, floor)
 
 
-@njit(**OPTIONS)
+@compiled()
 def _root_of_bend(
     c0: float, c1: float, r: float, rate: float, low: float, high: float, guess: float, floor: float
 ) -> float:
@@ -147,7 +146,7 @@ def _root_of_bend(
     return x
 
 
-@njit(**INLINED)
+@compiled()
 def first_of_wave(
     s: Wave, limit: float, ending: float, guess: float, floor: float, rising: int
 ) -> float:
@@ -206,7 +205,7 @@ def first_of_wave(
         climbing = False
 
 
-@njit(**OPTIONS)
+@compiled()
 def _root_of_wave(s: Wave, low: float, high: float, guess: float, floor: float) -> float:
     """The crossing from + to − of a wave between low and high.
 
@@ -232,7 +231,7 @@ def _root_of_wave(s: Wave, low: float, high: float, guess: float, floor: float) 
     return x
 
 
-@njit(**OPTIONS)
+@compiled()
 def _halley(
     x: float, g: float, d: float, dd: float, fast: float, low: float, high: float, floor: float
 ) -> tuple[float, float, float, bool]:
@@ -273,7 +272,7 @@ def _halley(
     return new, low, high, False
 
 
-@njit(**INLINED)
+@compiled()
 def expand_signal(s: SignalSum, start: float, h: float, work: Array) -> None:
     """Taylor polynomial of a signal at a time, in powers of a window."""
     N = _WINDOW_ORDER
@@ -295,7 +294,7 @@ def expand_signal(s: SignalSum, start: float, h: float, work: Array) -> None:
             z = z * 1j * s.omega[m] * h / (k + 1)
 
 
-@njit(**OPTIONS)
+@compiled()
 def first_of_many(
     s: SignalSum, limit: float, floor: float, rising: int, work: Array, stack: Array
 ) -> float:

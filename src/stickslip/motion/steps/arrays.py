@@ -3,14 +3,14 @@ of arrays."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, cast
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array
+from stickslip.arrays import Array, ByteMatrix, IntMatrix, IntVector, Matrix, Vector
 from stickslip.equations.codegen.program import Program
-from stickslip.machine_code.functions import njit
-from stickslip.machine_code.kinds import MachineFunction
+from stickslip.machine_code.interface import Jets, Landings, Powers, Residual
+from stickslip.translator import compiled
 
 # Codes of motion.outcome.Outcome, and one that asks to be called again with a new record.
 FINISHED = 0
@@ -47,9 +47,7 @@ ROUNDING = 64 * EPSILON
 FIRED = 1e-10
 INSTANT = 32 * EPSILON  # part of a time by which times are too close to be told apart
 DOUBTFUL = 1e-12  # a threshold this close to zero may have become negative
-# Global integers of NumPy's type: numba would compile functions a second time for literals.
-INT_ZERO = cast(int, np.int64(0))
-NOWHERE = cast(int, np.int64(-1))  # no row
+NOWHERE = -1  # no row
 NONE_YET = 9  # no mode of a contact
 
 # Slots of Rows.sizes: how long the state is, and its inertial, viscous, rate-independent and
@@ -89,14 +87,6 @@ DOUBTED, SLIPPING, TOWARDS = range(3)
 NOW, LAST, LONG_AGO, SPAN, RECENT, UNIT, IMPLICIT, SERIES, SINCE = range(9)
 HAPPENED, SWITCHES, CAUSE, CROSSED, TAKEN, WORD = range(6)
 EMPTY_WORD = 1  # of a motion that has been in no mode yet
-
-# The loops allocate nothing and own no array, so that no reference has to be counted (half of the
-# time, where views of arrays are as many as here).
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
-# For functions with one or two callers: their tuples of arrays are hundreds of machine words, which
-# a call would copy. Inlined before they are typed, they are compiled once, not again at every level
-# above them.
-INLINED: dict[str, Any] = {**OPTIONS, "inline": "always"}
 
 
 class Rows(NamedTuple):
@@ -153,31 +143,31 @@ class Rows(NamedTuple):
         Which of them each contact is a component of; −1: of none.
     """
 
-    sizes: Array
-    u: Array
-    force: Array
-    plus: Array
-    minus: Array
-    kinks: Array
-    watched: Array
-    noise: Array
-    doubtful: Array
-    timed: Array
-    vanishing: Array
-    drops: Array
+    sizes: IntVector
+    u: IntVector
+    force: IntVector
+    plus: IntVector
+    minus: IntVector
+    kinks: IntVector
+    watched: IntVector
+    noise: IntVector
+    doubtful: IntMatrix
+    timed: IntVector
+    vanishing: IntVector
+    drops: IntVector
     program: Program
-    parts: Array
-    members: Array
-    homes: Array
-    turning: Array
-    gaps: Array
-    restitution: Array
-    parents: Array
-    friction: Array
-    jumps: Array
-    landings: Array
-    planes: Array
-    plane: Array
+    parts: IntMatrix
+    members: IntVector
+    homes: IntMatrix
+    turning: IntMatrix
+    gaps: IntVector
+    restitution: IntVector
+    parents: IntVector
+    friction: IntVector
+    jumps: IntMatrix
+    landings: IntVector
+    planes: IntMatrix
+    plane: IntVector
 
 
 class Constants(NamedTuple):
@@ -188,11 +178,11 @@ class Constants(NamedTuple):
     last column of J is the coefficient of friction under a normal force, where that is constant.
     """
 
-    K: Array
-    M: Array
-    C: Array
-    J: Array
-    omega: Array
+    K: Vector
+    M: Matrix
+    C: Matrix
+    J: Matrix
+    omega: Vector
 
 
 class Space(NamedTuple):
@@ -240,42 +230,42 @@ class Space(NamedTuple):
         whose jump has just been taken, −1: none.
     """
 
-    W: Array
-    V: Array
-    mag: Array
-    Rq: Array
-    Rz: Array
-    A: Array
-    B: Array
-    G: Array
-    discs: Array
-    balls: Array
-    reaches: Array
-    kinds: Array
-    samples: Array
-    bernstein: Array
-    scratch: Array
-    stack: Array
-    touched: Array
-    y0: Array
-    trial: Array
-    promise: Array
-    powers: Array
-    pending: Array
-    labels: Array
-    known: Array
-    asked: Array
-    stages: Array
-    impact: Array
-    tried: Array
-    response: Array
-    delassus: Array
-    impulses: Array
-    landed: Array
-    stood: Array
-    begun: Array
-    answer: Array
-    aims: Array
+    W: Matrix
+    V: Matrix
+    mag: Vector
+    Rq: Matrix
+    Rz: Matrix
+    A: Matrix
+    B: Matrix
+    G: Vector
+    discs: Matrix
+    balls: Matrix
+    reaches: Vector
+    kinds: IntVector
+    samples: Matrix
+    bernstein: Matrix
+    scratch: Matrix
+    stack: Matrix
+    touched: IntVector
+    y0: Vector
+    trial: Vector
+    promise: Matrix
+    powers: Vector
+    pending: Matrix
+    labels: IntMatrix
+    known: IntVector
+    asked: IntVector
+    stages: Matrix
+    impact: Matrix
+    tried: IntMatrix
+    response: Matrix
+    delassus: Matrix
+    impulses: Matrix
+    landed: Vector
+    stood: IntVector
+    begun: Matrix
+    answer: Matrix
+    aims: Matrix
 
 
 class Lane(NamedTuple):
@@ -303,24 +293,24 @@ class Lane(NamedTuple):
         after the other, as a number (:func:`stickslip.motion.engine.guards.spell`).
     """
 
-    clock: Array
-    y: Array
-    seen: Array
-    mode: Array
-    settled: Array
-    reg: Array
-    counters: Array
+    clock: Vector
+    y: Vector
+    seen: Vector
+    mode: IntVector
+    settled: IntVector
+    reg: IntVector
+    counters: IntVector
 
 
 class Record(NamedTuple):
     """Record of the steps: start time, state, mode, region, and the switch that caused it (−1:
     none)."""
 
-    time: Array
-    state: Array
-    mode: Array
-    region: Array
-    cause: Array
+    time: Vector
+    state: Matrix
+    mode: ByteMatrix
+    region: ByteMatrix
+    cause: IntVector
 
 
 class Task(NamedTuple):
@@ -348,10 +338,10 @@ class Machine(NamedTuple):
     coordinates, energy with dissipated and supplied power, and new values of the state in jumps.
     """
 
-    jets: MachineFunction
-    residual: MachineFunction
-    powers: MachineFunction
-    landings: MachineFunction
+    jets: Jets
+    residual: Residual
+    powers: Powers
+    landings: Landings
 
 
 class Flow(NamedTuple):
@@ -377,6 +367,10 @@ class Flow(NamedTuple):
     atol: float
 
 
+FlowOfMany = Annotated[Flow, "many k"]
+"""With many sets of parameters."""
+
+
 class Instant(NamedTuple):
     """Where a motion is: time, state, mode of each contact and region of each kink."""
 
@@ -386,20 +380,20 @@ class Instant(NamedTuple):
     reg: Array
 
 
-@njit(**INLINED)
+@compiled()
 def constants_of(k: Constants, g: int) -> Constants:
     """The constants of one of many sets of parameters."""
     return Constants(k.K[g], k.M[g], k.C[g], k.J[g], k.omega[g])
 
 
-@njit(**INLINED)
+@compiled()
 def flow_of(flow: Flow, g: int) -> Flow:
     """The same for one of many sets of parameters."""
     k = constants_of(flow.k, g)
     return Flow(flow.rows, k, flow.space, flow.order, flow.tol, flow.atol)
 
 
-@njit(**INLINED)
+@compiled()
 def lane_of(lanes: Lane, i: int) -> Lane:
     """One of many lanes."""
     return Lane(
@@ -413,7 +407,7 @@ def lane_of(lanes: Lane, i: int) -> Lane:
     )
 
 
-@njit(**INLINED)
+@compiled()
 def own_inverse(rows: Rows, space: Space, c: int) -> float:
     """The rate that a unit of force gives to a sticking contact: its entry of the inverse."""
     part = rows.homes[c, PART]
@@ -429,7 +423,7 @@ def own_inverse(rows: Rows, space: Space, c: int) -> float:
 WIDEST, SENSE = 6, 7
 
 
-@njit(**OPTIONS)
+@compiled()
 def gap_size(rows: Rows, space: Space, c: int) -> float:
     """What the rounding errors of a gap are measured against: its terms, and how wide it has been,
     since a motion does not know its place any better."""
@@ -437,7 +431,7 @@ def gap_size(rows: Rows, space: Space, c: int) -> float:
     return float(max(space.mag[place], space.impact[WIDEST, c]))
 
 
-@njit(**OPTIONS)
+@compiled()
 def remember_gaps(rows: Rows, space: Space, seen: Array) -> None:
     """Keep how wide the gaps of a motion have been, from the sizes of the rows that bound its
     steps."""
@@ -448,7 +442,7 @@ def remember_gaps(rows: Rows, space: Space, seen: Array) -> None:
                     space.impact[WIDEST, c] = seen[i]
 
 
-@njit(**OPTIONS)
+@compiled()
 def direction_entry(rows: Rows, J: Array, table: Array, c: int, j: int) -> float:
     """A coefficient of the direction of a contact, by the place of the coordinate in its component:
     constant, or from the table."""
@@ -456,20 +450,20 @@ def direction_entry(rows: Rows, J: Array, table: Array, c: int, j: int) -> float
     return float(table[turning, 0] if turning >= 0 else J[c, j])
 
 
-@njit(**OPTIONS)
+@compiled()
 def is_component(rows: Rows, c: int) -> bool:
     """Whether a contact is the second component of one in a plane: what is said of that is said of
     the first."""
     return bool(rows.plane[c] >= 0 and rows.planes[rows.plane[c], OTHER] == c)
 
 
-@njit(**OPTIONS)
+@compiled()
 def is_loose(rows: Rows, mode: Array, c: int) -> bool:
     """Whether a contact is the friction of one that is open."""
     return bool(rows.parents[c] >= 0 and mode[rows.parents[c]] != 0)
 
 
-@njit(**OPTIONS)
+@compiled()
 def set_mode(rows: Rows, mode: Array, c: int, value: int) -> None:
     """Give a contact a mode; components of one in a plane have it together."""
     mode[c] = value
@@ -478,7 +472,7 @@ def set_mode(rows: Rows, mode: Array, c: int, value: int) -> None:
         mode[plane[COMPONENT]] = mode[plane[OTHER]] = abs(value)
 
 
-@njit(**INLINED)
+@compiled()
 def plain_coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
     """Taylor coefficients of all rows of the tape at an instant, up to an order, in a table; the
     directions of slips in a plane that begin stay what they are there."""

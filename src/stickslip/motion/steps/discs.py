@@ -34,9 +34,9 @@ from stickslip.equations.codegen.program import (
     THIRD,
     Program,
 )
-from stickslip.machine_code.functions import njit
-from stickslip.motion.steps.arrays import AIM, COMPONENT, INLINED, OPTIONS, Flow, Rows
+from stickslip.motion.steps.arrays import AIM, COMPONENT, Flow, Rows
 from stickslip.symbolic.tape import DIRECTION_GIVEN, Op
+from stickslip.translator import RELAXED, compiled
 
 LINEAR, PRODUCT, QUOTIENT, _RECIPROCAL, _POWER = (
     int(op) for op in (Op.LINEAR, Op.PRODUCT, Op.QUOTIENT, Op.RECIPROCAL, Op.POWER)
@@ -84,21 +84,21 @@ class DiscTape(NamedTuple):
     balls: Array
 
 
-@njit(**INLINED)
+@compiled()
 def tape_of(flow: Flow) -> DiscTape:
     """The tape of a system, at the instant of which the series are in the work space."""
     s = flow.space
     return DiscTape(flow.rows.program, flow.k.K, s.W, s.discs, s.Rq, s.Rz, s.B, s.balls)
 
 
-@njit(**OPTIONS)
+@compiled()
 def factor(p: Program, K: Array, i: int) -> float:
     """The constant in front of a term."""
     place = p.term_factor[i]
     return float(K[place] if place >= 0 else p.numbers[-1 - place])
 
 
-@njit(**OPTIONS, fastmath={"reassoc", "contract", "nsz"})
+@compiled(relaxed=RELAXED)
 def reach(c: Array, N: int, powers: Array) -> float:
     """Σ abs(cₖ) Hᵏ, 1 ≤ k ≤ N, from the powers of H."""
     total = 0.0
@@ -107,19 +107,19 @@ def reach(c: Array, N: int, powers: Array) -> float:
     return total
 
 
-@njit(**OPTIONS)
+@compiled()
 def grown(x: float) -> float:
     """exp(x) − 1."""
     return math.expm1(x) if x < _LARGE else np.inf
 
 
-@njit(**OPTIONS)
+@compiled()
 def lifted(x: float) -> float:
     """exp(x)."""
     return math.exp(x) if x < _LARGE else np.inf
 
 
-@njit(**OPTIONS)
+@compiled()
 def power_disc(a: float, b: float, y: float, p: float) -> float:
     """Disc of aᵖ, from the centre and the radius of a, and the value at the centre."""
     r = b / abs(a)
@@ -130,7 +130,7 @@ def power_disc(a: float, b: float, y: float, p: float) -> float:
     return abs(y) * ((1.0 - r) ** p - 1.0)
 
 
-@njit(**OPTIONS)
+@compiled()
 def tanh_disc(a: float, b: float, y: float) -> float:
     """Disc of tanh a: from exp(−2|a|), so that saturated ends cost nothing, or from tan of the
     radius near zero."""
@@ -146,7 +146,7 @@ def tanh_disc(a: float, b: float, y: float) -> float:
     return found
 
 
-@njit(**OPTIONS)
+@compiled()
 def tan_disc(b: float, y: float) -> float:
     """Disc of tan a, from the radius of a and the value at the centre."""
     if b >= 1.5:
@@ -156,7 +156,7 @@ def tan_disc(b: float, y: float) -> float:
     return (1.0 + y * y) * turned / left if left > 0.0 else np.inf
 
 
-@njit(**OPTIONS)
+@compiled()
 def store(W: Array, discs: Array, row: int, ball: float, off: float, near: float) -> None:
     """Keep the numbers of a row; what is no bound is infinite, or zero.
 
@@ -176,7 +176,7 @@ def store(W: Array, discs: Array, row: int, ball: float, off: float, near: float
     discs[row, _NEAR] = max(near if near > 0.0 else 0.0, left)
 
 
-@njit(**OPTIONS)
+@compiled()
 def spread_state(W: Array, N: int, powers: Array, rows: Array, discs: Array) -> None:
     """Discs of parts of the state, which are the polynomials of the table.
 
@@ -197,7 +197,7 @@ def spread_state(W: Array, N: int, powers: Array, rows: Array, discs: Array) -> 
         store(W, discs, rows[i], reach(W[rows[i]], N, powers), 0.0, 0.0)
 
 
-@njit(**OPTIONS)
+@compiled()
 def spread(tape: DiscTape, mode: Array, reg: Array, first: int, last: int) -> None:
     """Discs of the rows that some instructions make, from those of the state and of time.
 
@@ -237,7 +237,7 @@ def spread(tape: DiscTape, mode: Array, reg: Array, first: int, last: int) -> No
             spread_choice(tape, mode, reg, i)
 
 
-@njit(**INLINED)
+@compiled()
 def spread_within(tape: DiscTape, i: int, turn: int) -> bool:
     """Disc of a rate v that solves G(v) = 0; False if what is behind its row has to be followed
     once more.
@@ -272,13 +272,13 @@ def spread_within(tape: DiscTape, i: int, turn: int) -> bool:
     return False
 
 
-@njit(**OPTIONS)
+@compiled()
 def is_given(W: Array, row: int, mode: int) -> bool:
     """Whether the direction of a slip is given: its rows then are polynomials, as the state is."""
     return bool(mode == DIRECTION_GIVEN or (mode != 0 and W[row + 2, 0] == 0.0))
 
 
-@njit(**OPTIONS)
+@compiled()
 def spread_given(rows: Rows, mode: Array, W: Array, N: int, powers: Array, discs: Array) -> None:
     """Discs of the directions of slips that are given, as :func:`spread_state` makes them.
 
@@ -302,7 +302,7 @@ def spread_given(rows: Rows, mode: Array, W: Array, N: int, powers: Array, discs
                 store(W, discs, row, reach(W[row], N - 1, powers), 0.0, 0.0)
 
 
-@njit(**INLINED)
+@compiled()
 def spread_direction(tape: DiscTape, mode: Array, i: int) -> None:
     """Discs of u/|u| and |u|.
 
@@ -340,7 +340,7 @@ def spread_direction(tape: DiscTape, mode: Array, i: int) -> None:
     store(W, discs, row + 2, long, off * speed if off > 0.0 else 0.0, near)
 
 
-@njit(**INLINED)
+@compiled()
 def add_terms(tape: DiscTape, i: int) -> None:
     """Disc of a linear combination."""
     p = tape.program
@@ -370,7 +370,7 @@ def add_terms(tape: DiscTape, i: int) -> None:
     store(W, discs, row, ball, off, near)
 
 
-@njit(**INLINED)
+@compiled()
 def largest_term(tape: DiscTape, j: int) -> float:
     """The largest modulus of a term of a linear combination."""
     size = abs(factor(tape.program, tape.K, j))
@@ -378,13 +378,13 @@ def largest_term(tape: DiscTape, j: int) -> float:
     return size * largest(tape.W, tape.discs, row) if row >= 0 else size
 
 
-@njit(**OPTIONS)
+@compiled()
 def largest(W: Array, discs: Array, row: int) -> float:
     """The largest modulus that a row may have."""
     return abs(W[row, 0]) + discs[row, BALL] + discs[row, OFF]
 
 
-@njit(**INLINED)
+@compiled()
 def spread_product(tape: DiscTape, row: int, a: int, b: int) -> None:
     """Disc of a product of two rows."""
     W = tape.W
@@ -398,7 +398,7 @@ def spread_product(tape: DiscTape, row: int, a: int, b: int) -> None:
     store(W, discs, row, x * v + u * y + u * v, off, discs[a, _NEAR] * discs[b, _NEAR])
 
 
-@njit(**INLINED)
+@compiled()
 def spread_function(tape: DiscTape, i: int) -> None:
     """Discs of quotients, powers, exponentials and logarithms."""
     p = tape.program
@@ -445,7 +445,7 @@ def spread_function(tape: DiscTape, i: int) -> None:
     store(W, discs, row, ball, off, near)
 
 
-@njit(**OPTIONS)
+@compiled()
 def quotient_disc(
     x: float, u: float, s: float, y: float, W: Array, discs: Array, b: int
 ) -> tuple[float, float]:
@@ -480,7 +480,7 @@ def quotient_disc(
     return ball, off
 
 
-@njit(**INLINED)
+@compiled()
 def spread_angle(tape: DiscTape, i: int) -> None:
     """Discs of sines and cosines, of tan and tanh with their slopes, and of any function that has
     the row of its slope."""
@@ -536,7 +536,7 @@ def spread_angle(tape: DiscTape, i: int) -> None:
         store(W, discs, row + 1, (2.0 * y + ball) * ball if ball > 0.0 else 0.0, both, 0.0)
 
 
-@njit(**INLINED)
+@compiled()
 def spread_choice(tape: DiscTape, mode: Array, reg: Array, i: int) -> None:
     """Discs of what depends on mode and region."""
     p = tape.program
@@ -564,7 +564,7 @@ def spread_choice(tape: DiscTape, mode: Array, reg: Array, i: int) -> None:
             copy_disc(W, discs, p.code[i, SECOND], threshold, 1.0, row)
 
 
-@njit(**OPTIONS)
+@compiled()
 def copy_disc(W: Array, discs: Array, source: int, other: int, size: float, row: int) -> None:
     """Disc of a multiple of a row (of a constant: nothing), or of a sum of two.
 
@@ -589,7 +589,7 @@ def copy_disc(W: Array, discs: Array, source: int, other: int, size: float, row:
     store(W, discs, row, ball, off, near)
 
 
-@njit(**OPTIONS)
+@compiled()
 def side_operand(mode: int) -> int:
     """Which operand of SIDE counts: surface, sliding forces, thresholds that are to be broken."""
     if mode == 0:
@@ -599,7 +599,7 @@ def side_operand(mode: int) -> int:
     return SECOND if mode > 0 else THIRD
 
 
-@njit(**INLINED)
+@compiled()
 def solve_discs(tape: DiscTape, i: int) -> None:
     """Discs of R b, of one component."""
     code = tape.program.code
@@ -620,7 +620,7 @@ def solve_discs(tape: DiscTape, i: int) -> None:
         store(W, discs, row + j, ball, off, 0.0)
 
 
-@njit(**INLINED)
+@compiled()
 def solve_rate_discs(tape: DiscTape, i: int) -> None:
     """Discs of the solution of A r = b.
 

@@ -5,14 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
 from stickslip.motion.steps.arrays import (
     FIRST_LANDING,
-    INLINED,
     KINK,
     LANDINGS,
     NOWHERE,
-    OPTIONS,
     WAY,
     Flow,
     Instant,
@@ -20,16 +17,17 @@ from stickslip.motion.steps.arrays import (
     Rows,
 )
 from stickslip.motion.steps.starting import coefficients
+from stickslip.translator import compiled
 
 
-@njit(**OPTIONS)
+@compiled()
 def fires(rows: Rows, j: int, region: int) -> bool:
     """Whether a jump fires where its guard passes into a region."""
     direction = rows.jumps[j, WAY]
     return bool(direction == 0 or (direction > 0) == (region == 1))
 
 
-@njit(**OPTIONS)
+@compiled()
 def fired_jump(rows: Rows, switch: int, region: int) -> int:
     """The jump that fires where a switch passes into a region; −1: none."""
     for j in range(len(rows.jumps)):
@@ -38,7 +36,7 @@ def fired_jump(rows: Rows, switch: int, region: int) -> int:
     return NOWHERE
 
 
-@njit(**OPTIONS)
+@compiled()
 def due_jump(rows: Rows, cause: int, reg: Array) -> int:
     """The jump that is due where a switch has just fired, if that is a kink; −1: none."""
     if cause < 0 or cause >= len(reg):
@@ -46,7 +44,7 @@ def due_jump(rows: Rows, cause: int, reg: Array) -> int:
     return fired_jump(rows, cause, reg[cause])
 
 
-@njit(**OPTIONS)
+@compiled()
 def passed_jumps(rows: Rows, before: Array, after: Array) -> tuple[int, int]:
     """How many jumps fire between two lists of regions, and the first of them."""
     count = 0
@@ -59,7 +57,7 @@ def passed_jumps(rows: Rows, before: Array, after: Array) -> tuple[int, int]:
     return count, first
 
 
-@njit(**INLINED)
+@compiled()
 def make_jump(machine: Machine, flow: Flow, at: Instant, j: int, y: Array) -> bool:
     """Give a state the new values of a jump from an instant; False, and nothing is changed, if one
     of them is no number.

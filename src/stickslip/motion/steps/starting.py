@@ -21,7 +21,6 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
 from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM,
@@ -29,16 +28,15 @@ from stickslip.motion.steps.arrays import (
     DIMENSION,
     EPSILON,
     FEWEST_ORDERS,
-    INLINED,
     MASSIVE,
     OK,
-    OPTIONS,
     Flow,
     Instant,
     Machine,
     is_loose,
     plain_coefficients,
 )
+from stickslip.translator import compiled
 
 _MOST_TURNS = 60  # of iterations between slips that begin together, and of a secular equation
 _NEGLIGIBLE = 1e-12  # part of its terms below which an order of |Au| is none
@@ -49,7 +47,7 @@ _AIMS = 9
 _N, _M, _RHO, _BX, _BY, _X, _Y, _P, _SPARE = range(_AIMS)
 
 
-@njit(**INLINED)
+@compiled()
 def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
     """Taylor coefficients of all rows of the tape at an instant.
 
@@ -74,7 +72,7 @@ def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: A
     return status
 
 
-@njit(**OPTIONS)
+@compiled()
 def begins(flow: Flow, mode: Array, table: Array) -> bool:
     """Whether a contact in a plane is at the very beginning of a slip; sets aside which."""
     rows = flow.rows
@@ -89,7 +87,7 @@ def begins(flow: Flow, mode: Array, table: Array) -> bool:
     return found
 
 
-@njit(**OPTIONS)
+@compiled()
 def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
     """Find the directions of slips that begin, and the coefficients with them.
 
@@ -130,7 +128,7 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
     return status
 
 
-@njit(**OPTIONS)
+@compiled()
 def all_begin(flow: Flow) -> bool:
     """Whether no slip that begins would go against its own friction."""
     for p in range(len(flow.rows.planes)):
@@ -140,7 +138,7 @@ def all_begin(flow: Flow) -> bool:
     return True
 
 
-@njit(**OPTIONS)
+@compiled()
 def stage_order(needed: int, most: int) -> int:
     """The least order for which series are made that suffices."""
     found = most
@@ -150,7 +148,7 @@ def stage_order(needed: int, most: int) -> int:
     return found
 
 
-@njit(**OPTIONS)
+@compiled()
 def place_aims(flow: Flow, table: Array, order: int) -> None:
     """Put what is known of directions and speeds into a table."""
     rows = flow.rows
@@ -165,7 +163,7 @@ def place_aims(flow: Flow, table: Array, order: int) -> None:
     place_speeds(flow, table, order)
 
 
-@njit(**OPTIONS)
+@compiled()
 def place_speeds(flow: Flow, table: Array, order: int) -> None:
     """Put |Au| = tᵖ ρ into a table, as far as it is known."""
     rows = flow.rows
@@ -180,7 +178,7 @@ def place_speeds(flow: Flow, table: Array, order: int) -> None:
             table[row, k] = aims[_AIMS * p + _RHO, k - leading] if known else 0.0
 
 
-@njit(**OPTIONS)
+@compiled()
 def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
     """What (Au)₁ is without friction, and what each component of each direction adds to it.
 
@@ -222,7 +220,7 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
     return OK
 
 
-@njit(**OPTIONS)
+@compiled()
 def coupled(flow: Flow, p: int, part: int, m: int) -> tuple[float, float]:
     """What the other slips that begin add to bₘ of one, by their directions.
 
@@ -248,7 +246,7 @@ def coupled(flow: Flow, p: int, part: int, m: int) -> tuple[float, float]:
     return x / (m + 1), y / (m + 1)
 
 
-@njit(**OPTIONS)
+@compiled()
 def aim_first(flow: Flow) -> None:
     """Directions at the beginning: (Au)₁ = b₀ + Â n₀ = ρ n₀, each by its secular equation, in turn
     until nothing changes."""
@@ -281,7 +279,7 @@ def aim_first(flow: Flow) -> None:
             break
 
 
-@njit(**OPTIONS)
+@compiled()
 def secular_root(a: float, b: float, c: float, x: float, y: float) -> tuple[float, float, float]:
     """The unit vector n and the number ρ with (ρ + D) n = (x, y), D = [[a, b], [b, c]] positive
     definite: ρ is the largest root of |(ρ + D)⁻¹(x, y)| = 1.
@@ -326,7 +324,7 @@ def secular_root(a: float, b: float, c: float, x: float, y: float) -> tuple[floa
     return cosine * p - sine * q, sine * p + cosine * q, rho
 
 
-@njit(**OPTIONS)
+@compiled()
 def aim_order(flow: Flow, table: Array, m: int) -> None:
     """Order m of the directions, and the order of |Au| that it tells.
 
@@ -409,7 +407,7 @@ def aim_order(flow: Flow, table: Array, m: int) -> None:
             aims[base + _RHO, m + 1 - leading] = rho
 
 
-@njit(**OPTIONS)
+@compiled()
 def unit_part(aims: Array, base: int, m: int) -> float:
     """The part of nₘ along n₀, from n·n = 1."""
     s = 0.0

@@ -14,13 +14,10 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.program import OPERATION, RESULT
-from stickslip.machine_code.functions import njit
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     EPSILON,
     INERTIAL,
-    INLINED,
-    OPTIONS,
     Flow,
     Instant,
     Machine,
@@ -42,6 +39,7 @@ from stickslip.motion.steps.discs import (
     tape_of,
 )
 from stickslip.motion.steps.starting import coefficients
+from stickslip.translator import compiled
 
 LEAST_SIZE = 1e-250  # what is smaller is nothing
 _SHORT = 2.0**-30  # shortest step, in units of time of the coefficients
@@ -53,7 +51,7 @@ _DENSE = 6  # lowest order of a last term that tells how fast the terms of a row
 _LOOSE = 1e-3  # part of its size that may be hidden in a row
 
 
-@njit(**INLINED)
+@compiled()
 def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
     """Step for which the last two Taylor terms of rows are below tol times their size, or lost in
     rounding.
@@ -104,7 +102,7 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
     return h * unit
 
 
-@njit(**OPTIONS)
+@compiled()
 def sparse_step(c: Array, N: int, tol: float) -> float:
     """Step of a row whose last terms vanish, because of a symmetry or as those of a polynomial.
 
@@ -122,7 +120,7 @@ def sparse_step(c: Array, N: int, tol: float) -> float:
     return float(abs(c[j] / c[k]) ** (1.0 / (k - j)) * tol ** (1.0 / N)) if j < k else np.inf
 
 
-@njit(**OPTIONS)
+@compiled()
 def first_step(c: Array, N: int, tol: float) -> float:
     """Step of a quantity that has been nothing so far: its last terms are small beside its
     first."""
@@ -136,7 +134,7 @@ def first_step(c: Array, N: int, tol: float) -> float:
     return h
 
 
-@njit(**OPTIONS)
+@compiled()
 def impulse(rows: Rows, mag: Array, r: int, h: float) -> float:
     """By how much the terms of its rate, if none cancelled, would change a part of the state within
     a time."""
@@ -145,7 +143,7 @@ def impulse(rows: Rows, mag: Array, r: int, h: float) -> float:
     return float(h * mag[sizes[r]] if sizes[r] >= 0 else h * h * mag[sizes[r + nq]])
 
 
-@njit(**OPTIONS)
+@compiled()
 def suits(h: float, room: float, unit: float) -> bool:
     """Whether coefficients in powers of a unit of time neither overflow nor vanish, if a step has
     this length.
@@ -155,7 +153,7 @@ def suits(h: float, room: float, unit: float) -> bool:
     return not room > 0.0 or (h >= _SHORT * unit and (h <= _LONG * unit or unit >= room))
 
 
-@njit(**OPTIONS)
+@compiled()
 def better(h: float, unit: float) -> float:
     """A unit of time that suits a step better: a power of two near it."""
     if not h > 0.0:
@@ -163,7 +161,7 @@ def better(h: float, unit: float) -> float:
     return math.ldexp(1.0, math.frexp(h)[1])
 
 
-@njit(**OPTIONS)
+@compiled()
 def expand(
     machine: Machine, flow: Flow, start: Instant, room: float, last: float, seen: Array
 ) -> tuple[int, float]:
@@ -199,7 +197,7 @@ def expand(
     return order, h
 
 
-@njit(**OPTIONS)
+@compiled()
 def finite_order(W: Array, n: int, N: int) -> int:
     """Order up to which the state's coefficients are finite: close to a blow-up the high ones
     overflow."""
@@ -212,7 +210,7 @@ def finite_order(W: Array, n: int, N: int) -> int:
     return 2
 
 
-@njit(**OPTIONS)
+@compiled()
 def fill_powers(powers: Array, h: float) -> None:
     """Powers of the step; in fours, since each multiplication waits for the one before."""
     a = 1.0
@@ -235,7 +233,7 @@ def fill_powers(powers: Array, h: float) -> None:
         a *= h
 
 
-@njit(**INLINED)
+@compiled()
 def shortened_step(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -> float:
     """The step, or as much of it as hides nothing.
 
@@ -257,7 +255,7 @@ def shortened_step(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -
     return h
 
 
-@njit(**INLINED)
+@compiled()
 def unseen(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -> float:
     """What the series cannot show within a step, in parts of what it may be: the step is fine if
     this is at most 1.
@@ -301,7 +299,7 @@ def unseen(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -> float:
     return hidden(flow, h, part, seen)
 
 
-@njit(**INLINED)
+@compiled()
 def may_hide(tape: DiscTape, part: float) -> bool:
     """Whether an instruction may hide more than a part of what it shows: a quick look that mostly
     suffices."""
@@ -318,7 +316,7 @@ def may_hide(tape: DiscTape, part: float) -> bool:
     return False
 
 
-@njit(**OPTIONS)
+@compiled()
 def hidden(flow: Flow, h: float, part: float, seen: Array) -> float:
     """The largest part of the state and of the guards that may be hidden, in parts of what is
     allowed."""
@@ -347,7 +345,7 @@ def hidden(flow: Flow, h: float, part: float, seen: Array) -> float:
     return worst
 
 
-@njit(**OPTIONS)
+@compiled()
 def share(worst: float, disc: Array, h: float, part: float, tol: float, size: float) -> float:
     """The larger of a number and of what is hidden in a row, in parts of what is allowed.
 

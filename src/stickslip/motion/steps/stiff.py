@@ -32,18 +32,14 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import ORDERS
 from stickslip.equations.codegen.series import invert
-from stickslip.machine_code.functions import njit
 from stickslip.motion.steps.arrays import (
     CAUSE,
     COMPONENT,
     DIMENSION,
     EPSILON,
     IMPLICIT,
-    INLINED,
-    INT_ZERO,
     MOST_IMPLICIT,
     OK,
-    OPTIONS,
     OTHER,
     ROUNDING,
     Flow,
@@ -55,6 +51,7 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.discs import BALL, OFF, spread, spread_state, tape_of
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import LEAST_SIZE, better, expand, fill_powers, hidden
+from stickslip.translator import compiled
 
 _MOST = max(ORDERS) // 2  # stages
 _RHO = 3.0 + math.sqrt(8.0)  # of the ellipse around [0, H] in the disc of radius 2H
@@ -153,7 +150,7 @@ class Stages(NamedTuple):
     slopes: Array
 
 
-@njit(**INLINED)
+@compiled()
 def stages_of(flow: Flow) -> Stages:
     """The work space of implicit steps."""
     n = flow.rows.sizes[DIMENSION]
@@ -174,14 +171,14 @@ def stages_of(flow: Flow) -> Stages:
     )
 
 
-@njit(**OPTIONS)
+@compiled()
 def dear(n: int) -> float:
     """How many series cost as much as a polynomial: some evaluations at all nodes, and an
     elimination."""
     return 16.0 + 4.0 * n * n
 
 
-@njit(**OPTIONS)
+@compiled()
 def calm(W: Array, n: int, N: int, h: float, tol: float, atol: float, seen: Array) -> bool:
     """Whether a series is as good as known at a third of its order: its step is bounded by
     something that decays.
@@ -209,7 +206,7 @@ def calm(W: Array, n: int, N: int, h: float, tol: float, atol: float, seen: Arra
     return True
 
 
-@njit(**INLINED)
+@compiled()
 def lingers(flow: Flow, lane: Lane, h: float, room: float) -> bool:
     """Whether it is time to try a polynomial instead of the series that is in the table, and how
     long a one.
@@ -238,7 +235,7 @@ def lingers(flow: Flow, lane: Lane, h: float, room: float) -> bool:
     return True
 
 
-@njit(**OPTIONS)
+@compiled()
 def follow_mode(
     machine: Machine, flow: Flow, start: Instant, room: float, last: float, seen: Array
 ) -> tuple[int, float, float]:
@@ -283,7 +280,7 @@ def follow_mode(
             return order, step, h
 
 
-@njit(**OPTIONS)
+@compiled()
 def collocate(
     machine: Machine, flow: Flow, start: Instant, h: float, first: float, seen: Array
 ) -> tuple[float, float]:
@@ -333,13 +330,13 @@ def collocate(
     return 0.0, 0.0
 
 
-@njit(**OPTIONS)
+@compiled()
 def tables_of(order: int) -> int:
     """Where the nodes and matrices of an order stand."""
     return (order - _LOWEST) // _APART
 
 
-@njit(**INLINED)
+@compiled()
 def between_nodes(flow: Flow, start: Instant, h: float, step: float, seen: Array) -> float:
     """What may be hidden between the nodes of a polynomial, in parts of what it may be: all rows
     are bounded on the disc of twice the step.
@@ -361,12 +358,12 @@ def between_nodes(flow: Flow, start: Instant, h: float, step: float, seen: Array
     discs[n, BALL] = 2.0 * step
     discs[n, OFF] = 0.0
     spread_state(W, flow.order, powers, flow.rows.watched[:n], discs)
-    spread(tape_of(flow), start.mode, start.reg, INT_ZERO, len(flow.rows.program.code))
+    spread(tape_of(flow), start.mode, start.reg, 0, len(flow.rows.program.code))
     fill_powers(powers, step / W[n, 1])
     return hidden(flow, h, _PARTS[tables_of(flow.order)], seen)
 
 
-@njit(**INLINED)
+@compiled()
 def know(flow: Flow, stages: Stages, step: float) -> None:
     """How well the states at the nodes are known, and guards with them: what rounding errors of the
     rates make of them.
@@ -392,7 +389,7 @@ def know(flow: Flow, stages: Stages, step: float) -> None:
             stages.rounded[j] += stages.slopes[r, j] * stages.known[r]
 
 
-@njit(**INLINED)
+@compiled()
 def solve_stages(
     machine: Machine, flow: Flow, stages: Stages, start: Instant, step: float, seen: Array
 ) -> bool:
@@ -438,7 +435,7 @@ def solve_stages(
     return False
 
 
-@njit(**INLINED)
+@compiled()
 def newton_step(flow: Flow, stages: Stages, seen: Array) -> float:
     """A step of Newton's method: the largest correction, in parts of what it may be."""
     n = flow.rows.sizes[DIMENSION]
@@ -457,7 +454,7 @@ def newton_step(flow: Flow, stages: Stages, seen: Array) -> float:
     return worst
 
 
-@njit(**INLINED)
+@compiled()
 def visit(
     machine: Machine,
     flow: Flow,
@@ -524,7 +521,7 @@ def visit(
     return True
 
 
-@njit(**INLINED)
+@compiled()
 def begin_node(flow: Flow, stages: Stages, y: Array, i: int, step: float, fresh: bool) -> None:
     """What is wanted of node i from the values of the rows there, and room for the derivatives.
 
@@ -564,13 +561,13 @@ def begin_node(flow: Flow, stages: Stages, y: Array, i: int, step: float, fresh:
                 stages.slopes[r, j] = 0.0
 
 
-@njit(**OPTIONS)
+@compiled()
 def sampled_row(rates: Array, watched: Array, j: int) -> int:
     """The j-th row that is watched; of a part of the state, its rate."""
     return int(rates[j] if j < len(rates) else watched[j])
 
 
-@njit(**INLINED)
+@compiled()
 def compare(
     flow: Flow, stages: Stages, i: int, c: int, step: float, nudge: float, error: float
 ) -> None:
@@ -610,7 +607,7 @@ def compare(
             stages.slopes[c, j] = max(stages.slopes[c, j], abs(slope))
 
 
-@njit(**OPTIONS)
+@compiled()
 def to_legendre(W: Array, s: int, n: int, terms: Array, values: Array) -> None:
     """Values of all rows at the nodes, as a first value and Legendre polynomials of the change.
 
@@ -635,7 +632,7 @@ def to_legendre(W: Array, s: int, n: int, terms: Array, values: Array) -> None:
                 W[row, j] += terms[j, i] * values[i]
 
 
-@njit(**INLINED)
+@compiled()
 def drop_rounding(flow: Flow, known: Array) -> None:
     """Leave out what the state has behind its last term that is more than rounding: on discs it
     would become large."""
@@ -651,7 +648,7 @@ def drop_rounding(flow: Flow, known: Array) -> None:
             last -= 1
 
 
-@njit(**OPTIONS)
+@compiled()
 def span_of(W: Array, row: int, s: int) -> float:
     """Bound of a row in its s Legendre polynomials."""
     size = abs(W[row, 0])
@@ -660,7 +657,7 @@ def span_of(W: Array, row: int, s: int) -> float:
     return size
 
 
-@njit(**OPTIONS)
+@compiled()
 def companion(rows: Rows, row: int) -> int:
     """The relative velocity in the other direction of a plane; any other row itself."""
     for plane in rows.planes:
@@ -672,7 +669,7 @@ def companion(rows: Rows, row: int) -> int:
     return row
 
 
-@njit(**INLINED)
+@compiled()
 def last_terms(flow: Flow, stages: Stages, seen: Array) -> float:
     """The last two terms of the state and of all guards, in parts of what they may be."""
     W = flow.space.W
@@ -700,7 +697,7 @@ def last_terms(flow: Flow, stages: Stages, seen: Array) -> float:
     return worst
 
 
-@njit(**OPTIONS)
+@compiled()
 def to_powers(W: Array, s: int, n: int, step: float, values: Array) -> None:
     """The Legendre polynomials of all rows but time in powers of a unit of time.
 

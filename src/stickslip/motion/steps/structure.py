@@ -18,8 +18,7 @@ from stickslip.equations.codegen.program import (
     SIZE,
     THIRD,
 )
-from stickslip.machine_code.functions import njit
-from stickslip.motion.steps.arrays import DIMENSION, INLINED, OPTIONS, Flow
+from stickslip.motion.steps.arrays import DIMENSION, Flow
 from stickslip.motion.steps.discs import (
     DIRECTION_ROW,
     ENTRY,
@@ -42,6 +41,7 @@ from stickslip.motion.steps.discs import (
     factor,
     side_operand,
 )
+from stickslip.translator import compiled
 
 # Bits, but for the first.
 _NOTHING = 0
@@ -51,7 +51,7 @@ _WAVE = 4
 _OTHER = 8
 
 
-@njit(**INLINED)
+@compiled()
 def is_affine(flow: Flow, mode: Array, reg: Array) -> bool:
     """Whether the rates and all guards of a mode are affine in the state, with drives 1, t, cos ωt
     and sin ωt.
@@ -84,7 +84,7 @@ def is_affine(flow: Flow, mode: Array, reg: Array) -> bool:
     return found & _OTHER == 0
 
 
-@njit(**OPTIONS)
+@compiled()
 def row_kind(flow: Flow, mode: Array, reg: Array, i: int) -> int:
     """Kind of the rows that an instruction makes."""
     p = flow.rows.program
@@ -136,7 +136,7 @@ def row_kind(flow: Flow, mode: Array, reg: Array, i: int) -> int:
     return int(kind)
 
 
-@njit(**OPTIONS)
+@compiled()
 def kind_of_product(a: int, b: int, x: float, y: float) -> int:
     """Kind of a product of rows of two kinds, with their values where they are constant."""
     if a == _NOTHING:

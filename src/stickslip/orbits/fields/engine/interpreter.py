@@ -7,12 +7,12 @@ paid once for all of them.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from stickslip.arrays import Array
+from stickslip.arrays import Array, IntMatrix, IntVector, Matrix, Vector
 from stickslip.equations.codegen.program import FIRST, OPERATION, RESULT, SECOND
-from stickslip.machine_code.functions import Intrinsic, entry_point, njit
-from stickslip.motion.steps.arrays import OPTIONS
+from stickslip.machine_code.functions import entry_point
+from stickslip.translator import call_address, compiled
 
 LANES = 8  # points of a block
 # Operations: a number; a times a number, or added to the result so; a + b, a·b, 1/a, a to a number,
@@ -31,32 +31,11 @@ class Instructions(NamedTuple):
         The number of each.
     """
 
-    code: Array
-    numbers: Array
+    code: IntMatrix
+    numbers: Vector
 
 
-def _called() -> Any:
-    """What :data:`called` is to numba."""
-    from llvmlite import ir
-    from numba import float64, int64
-    from numba.extending import intrinsic
-
-    def called(typing_context: Any, address: Any, x: Any) -> Any:
-        def call(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            real = ir.DoubleType()
-            function = builder.inttoptr(values[0], ir.FunctionType(real, [real]).as_pointer())
-            return builder.call(function, [values[1]])
-
-        return float64(int64, float64), call
-
-    return intrinsic(called)
-
-
-called = Intrinsic(_called)
-"""(address, x) -> the value of a function of one number, which stands at an address."""
-
-
-@njit(**OPTIONS)
+@compiled()
 def perform(made: Instructions, first: int, last: int, values: Array, lanes: int) -> None:
     """Follow some instructions.
 
@@ -92,7 +71,7 @@ def perform(made: Instructions, first: int, last: int, values: Array, lanes: int
                 out[k] = a[k] ** number
         elif operation == CALL:
             for k in range(lanes):
-                out[k] = called(made.code[i, SECOND], a[k])
+                out[k] = call_address(made.code[i, SECOND], a[k])
         else:
             b = values[made.code[i, SECOND]]
             if operation == TIMES:
@@ -106,9 +85,9 @@ def perform(made: Instructions, first: int, last: int, values: Array, lanes: int
                     out[k] = a[k] ** b[k]
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def interpret(
-    made: Instructions, once: int, wanted: Array, given: Array, values: Array, out: Array
+    made: Instructions, once: int, wanted: IntVector, given: Matrix, values: Matrix, out: Matrix
 ) -> None:
     """Values at many points.
 

@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array
-from stickslip.machine_code.functions import entry_point, njit
+from stickslip.arrays import Array, Array3, IntArray3, IntMatrix, IntVector, Matrix, Vector
+from stickslip.machine_code.functions import entry_point
 from stickslip.motion.between.dense import Scratch, states_at
 from stickslip.motion.engine.guards import opens
-from stickslip.motion.steps.arrays import COMPONENT, OPTIONS, Flow, Machine, Record, Rows
+from stickslip.motion.steps.arrays import COMPONENT, Flow, Machine, Record, Rows
 from stickslip.motion.steps.jumps import fired_jump
 from stickslip.orbits.fields.engine.interpreter import LANES, Instructions, perform
+from stickslip.translator import compiled
 
 STAGES = LANES  # Gauss nodes of a step: order 16
 # largest |eigenvalue| × step of a collocation step: its Padé approximant of exp is exact to
@@ -82,14 +83,14 @@ class Listed(NamedTuple):
     """
 
     made: Instructions
-    slopes: Array
-    guards: Array
-    jacobian: Array
-    rates: Array
-    falls: Array
-    switches: Array
-    settings: Array
-    steady: Array
+    slopes: IntMatrix
+    guards: IntMatrix
+    jacobian: IntMatrix
+    rates: IntMatrix
+    falls: IntArray3
+    switches: IntMatrix
+    settings: IntMatrix
+    steady: IntVector
 
 
 class Pass(NamedTuple):
@@ -122,15 +123,15 @@ class Pass(NamedTuple):
     """
 
     knots: Record
-    seen: Array
+    seen: Vector
     origin: float
     drives: float
-    piece: Array
-    parts: Array
-    after: Array
-    late: Array
-    outcome: Array
-    event: Array
+    piece: IntVector
+    parts: IntVector
+    after: Array3
+    late: Matrix
+    outcome: IntVector
+    event: IntVector
 
 
 class Leave(NamedTuple):
@@ -149,11 +150,11 @@ class Leave(NamedTuple):
         Sum of the moduli of the terms of the rates.
     """
 
-    rates: Array
-    value: Array
-    slopes: Array
-    fall: Array
-    terms: Array
+    rates: Vector
+    value: Vector
+    slopes: Matrix
+    fall: Vector
+    terms: Vector
 
 
 class PassSpace(NamedTuple):
@@ -174,17 +175,17 @@ class PassSpace(NamedTuple):
     between : Scratch
     """
 
-    values: Array
-    step: Array
-    clock: Array
-    states: Array
-    squares: Array
-    moved: Array
-    system: Array
+    values: Matrix
+    step: IntVector
+    clock: Vector
+    states: Matrix
+    squares: Array3
+    moved: Matrix
+    system: Matrix
     here: Leave
     around: Leave
-    usual: Array
-    others: Array
+    usual: Vector
+    others: IntVector
     between: Scratch
 
 
@@ -235,13 +236,13 @@ def room_for_pass(
 # -- between events --------------------------------------------------------------------------------
 
 
-@njit(**OPTIONS)
+@compiled()
 def time_of(run: Pass, knot: int) -> float:
     """When a knot is."""
     return run.knots.time[knot] + run.origin
 
 
-@njit(**OPTIONS)
+@compiled()
 def put_point(values: Array, k: int, t: float, y: Array) -> None:
     """Enter a point into the table of values."""
     values[0, k] = t
@@ -249,7 +250,7 @@ def put_point(values: Array, k: int, t: float, y: Array) -> None:
         values[1 + r, k] = y[r]
 
 
-@njit(**OPTIONS)
+@compiled()
 def fastest(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> float:
     """Largest modulus of an eigenvalue of the Jacobian at a knot, from high powers of it.
 
@@ -290,7 +291,7 @@ def fastest(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> fl
     return math.exp(scale)
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def resolve_steps(listed: Listed, run: Pass, work: PassSpace) -> int:
     """In how many equal parts each step has to be taken for linear motions to be resolved; returns
     the number of nodes at which states are wanted."""
@@ -308,7 +309,7 @@ def resolve_steps(listed: Listed, run: Pass, work: PassSpace) -> int:
     return nodes
 
 
-@njit(**OPTIONS)
+@compiled()
 def nodes_of(listed: Listed, run: Pass, i: int) -> int:
     """At how many nodes of a step states are wanted: at none where the Jacobian is the same at
     all."""
@@ -316,7 +317,7 @@ def nodes_of(listed: Listed, run: Pass, i: int) -> int:
     return 0 if even or not time_of(run, i + 1) > time_of(run, i) else STAGES * run.parts[i]
 
 
-@njit(**OPTIONS)
+@compiled()
 def place_nodes(listed: Listed, run: Pass, work: PassSpace) -> None:
     """The step that each of the nodes belongs to, and its time."""
     place = 0
@@ -329,7 +330,7 @@ def place_nodes(listed: Listed, run: Pass, work: PassSpace) -> None:
             place += 1
 
 
-@njit(**OPTIONS)
+@compiled()
 def eliminate(system: Array, size: int, width: int) -> None:
     """Solve linear equations, whose right sides are the columns from the first `size` up to a
     width; their solutions take the place of these."""
@@ -356,7 +357,7 @@ def eliminate(system: Array, size: int, width: int) -> None:
             system[c, j] = total * inverse
 
 
-@njit(**OPTIONS)
+@compiled()
 def gauss_step(places: Array, values: Array, h: float, change: Array, system: Array) -> None:
     """One step of Φ' = J_y Φ + J_p by collocation at the Gauss nodes.
 
@@ -398,7 +399,7 @@ def gauss_step(places: Array, values: Array, h: float, change: Array, system: Ar
             change[r, d] += h * total
 
 
-@njit(**OPTIONS)
+@compiled()
 def flow_through(listed: Listed, run: Pass, work: PassSpace, i: int, node: int) -> None:
     """The variation after the step from knot i, from that at its beginning.
 
@@ -440,7 +441,7 @@ def flow_through(listed: Listed, run: Pass, work: PassSpace, i: int, node: int) 
             forced_step(listed.jacobian[w], work, h, change)
 
 
-@njit(**OPTIONS)
+@compiled()
 def forced_step(places: Array, work: PassSpace, h: float, change: Array) -> None:
     """One step of Φ' = J_y Φ + J_p where J_y is the same all the time: its flow, and what each
     column of J_p adds on the way.
@@ -484,7 +485,7 @@ def forced_step(places: Array, work: PassSpace, h: float, change: Array) -> None
             change[r, d] = moved[r, d]
 
 
-@njit(**OPTIONS)
+@compiled()
 def repeat(places: Array, work: PassSpace, h: float, parts: int, change: Array) -> None:
     """Many equal steps under one Jacobian: its flow over one of them, squared and multiplied.
 
@@ -512,7 +513,7 @@ def repeat(places: Array, work: PassSpace, h: float, parts: int, change: Array) 
             put_matrix(square, flow)
 
 
-@njit(**OPTIONS)
+@compiled()
 def put_exponential(places: Array, work: PassSpace, h: float, flow: Array) -> None:
     """The flow of one step under one Jacobian: what collocation at the Gauss nodes comes to, the
     diagonal Padé approximant N/D of exp(hJ), with N = V + U and D = V − U, even and odd in hJ.
@@ -559,7 +560,7 @@ def put_exponential(places: Array, work: PassSpace, h: float, flow: Array) -> No
             flow[r, c] = system[r, n + c]
 
 
-@njit(**OPTIONS)
+@compiled()
 def put_product(a: Array, b: Array, out: Array) -> None:
     """The product of two matrices."""
     for r in range(a.shape[0]):
@@ -570,7 +571,7 @@ def put_product(a: Array, b: Array, out: Array) -> None:
                 out[r, c] += a[r, j] * b[j, c]
 
 
-@njit(**OPTIONS)
+@compiled()
 def put_matrix(a: Array, out: Array) -> None:
     """Copy a matrix."""
     for r in range(a.shape[0]):
@@ -581,7 +582,7 @@ def put_matrix(a: Array, out: Array) -> None:
 # -- at events -------------------------------------------------------------------------------------
 
 
-@njit(**OPTIONS)
+@compiled()
 def guards_at(listed: Listed, run: Pass, values: Array, w: int, knot: int, out: Leave) -> None:
     """The guards of a piece at a knot.
 
@@ -617,7 +618,7 @@ def guards_at(listed: Listed, run: Pass, values: Array, w: int, knot: int, out: 
             out.terms[g] = abs(time) + terms
 
 
-@njit(**OPTIONS)
+@compiled()
 def fired(listed: Listed, run: Pass, i: int, last: int, here: Leave) -> int:
     """The guard that fired: of those that belong to the causes, else to a switch that changed, the
     one at zero; −1 if there is none.
@@ -652,7 +653,7 @@ def fired(listed: Listed, run: Pass, i: int, last: int, here: Leave) -> int:
     return best
 
 
-@njit(**OPTIONS)
+@compiled()
 def coincide(here: Leave, first: int, among: Array, count: int, arrived: Array) -> bool:
     """Whether events that coincide do so for all neighbours, too, so that they are one.
 
@@ -681,7 +682,7 @@ def coincide(here: Leave, first: int, among: Array, count: int, arrived: Array) 
     return apart <= ALIKE * largest
 
 
-@njit(**OPTIONS)
+@compiled()
 def delay(here: Leave, g: int, arrived: Array, d: int) -> float:
     """By how much earlier neighbours in a direction pass a guard."""
     total = 0.0
@@ -690,8 +691,8 @@ def delay(here: Leave, g: int, arrived: Array, d: int) -> float:
     return total
 
 
-@entry_point(**OPTIONS)
-def jump(here: Leave, g: int, onward: Array, usual: float, change: Array) -> int:
+@entry_point()
+def jump(here: Leave, g: int, onward: Vector, usual: float, change: Matrix) -> int:
     """The variation after one guard, where the motion goes on with other rates.
 
     Parameters
@@ -727,7 +728,7 @@ def jump(here: Leave, g: int, onward: Array, usual: float, change: Array) -> int
     return PASSED
 
 
-@njit(**OPTIONS)
+@compiled()
 def pass_event(listed: Listed, run: Pass, work: PassSpace, i: int, last: int) -> int:
     """The variation after some events, from that before, which stands at the first of them; says
     what became of it.
@@ -777,7 +778,7 @@ def pass_event(listed: Listed, run: Pass, work: PassSpace, i: int, last: int) ->
     return jump(here, g, around.rates, max(usual[g], here.terms[g]), change)
 
 
-@njit(**OPTIONS)
+@compiled()
 def strikes(rows: Rows, run: Pass, i: int) -> bool:
     """Whether the state jumps at a knot: a gap has closed, or a declared jump has been taken; or
     whether a slip in a plane begins or ends, where its field has no value."""
@@ -792,7 +793,7 @@ def strikes(rows: Rows, run: Pass, i: int) -> bool:
     return bool(c >= 0 and opens(rows, c) and run.knots.mode[i - 1, c] != 0)
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def vary(
     machine: Machine, flow: Flow, listed: Listed, run: Pass, work: PassSpace, start: int
 ) -> int:

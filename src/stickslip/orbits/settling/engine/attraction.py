@@ -27,16 +27,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array
-from stickslip.machine_code.functions import entry_point, njit
+from stickslip.arrays import Array, Array3, IntMatrix, IntVector, Many, Matrix, Vector
+from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.modes import copy
 from stickslip.motion.steps.arrays import (
     CAUSE,
     EMPTY_WORD,
     FINISHED,
-    INLINED,
     NOW,
-    OPTIONS,
     WORD,
     Flow,
     Lane,
@@ -85,6 +83,7 @@ from stickslip.orbits.settling.engine.tables import (
     Marks,
     Rules,
 )
+from stickslip.translator import compiled
 
 OPEN_CLAIM, PROVED, REFUSED, UNKNOWN_MODE = range(4)
 """What is said of a lane; an unknown mode is one whose field the host has not listed yet."""
@@ -127,29 +126,29 @@ class Claims(NamedTuple):
         Deviations from which returns were followed.
     """
 
-    verdict: Array
-    wanted: Array
-    parameters: Array
-    drives: Array
+    verdict: IntVector
+    wanted: IntMatrix
+    parameters: Matrix
+    drives: Vector
     origin: float
     listed: Listed
-    modes: Array
-    regions: Array
-    piece: Array
-    parts: Array
-    outcome: Array
-    event: Array
-    after: Array
-    late: Array
+    modes: IntMatrix
+    regions: IntMatrix
+    piece: IntVector
+    parts: IntVector
+    outcome: IntVector
+    event: IntVector
+    after: Array3
+    late: Matrix
     work: PassSpace
-    squares: Array
-    deviation: Array
-    followed: Array
+    squares: Array3
+    deviation: Matrix
+    followed: Matrix
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def prove_all(
-    e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, c: Claims, stop: Array
+    e: Engine, m: Marks, rules: Rules, saved: Many[Lane], bench: Bench, c: Claims, stop: IntVector
 ) -> None:
     """See whether motions that were carried on by hand come to their cycles by themselves.
 
@@ -169,7 +168,7 @@ def prove_all(
             c.verdict[i] = prove_lane(e, m, rules, saved, bench, c, i)
 
 
-@njit(**INLINED)
+@compiled()
 def prove_lane(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, c: Claims, i: int
 ) -> int:
@@ -217,7 +216,7 @@ def prove_lane(
     return PROVED if keeps_its_word(e, m, rules, bench, c, i, word) else REFUSED
 
 
-@njit(**INLINED)
+@compiled()
 def place_station(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> float:
     """Put a station in the middle of the longest flight of a cycle, where no event is near: how
     long after its beginning that is, NaN if the cycle is too long.
@@ -255,7 +254,7 @@ def place_station(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, 
     return middle - start
 
 
-@njit(**INLINED)
+@compiled()
 def follow_return(e: Engine, m: Marks, rules: Rules, bench: Bench, i: int) -> int:
     """Follow a lane for a period of its cycle; the word of the modes that it goes through, −1 if it
     comes to an end.
@@ -275,7 +274,7 @@ def follow_return(e: Engine, m: Marks, rules: Rules, bench: Bench, i: int) -> in
     return s.counters[i, WORD] if e.codes[i] == FINISHED else -1
 
 
-@njit(**OPTIONS)
+@compiled()
 def deviate(m: Marks, rules: Rules, station: Lane, lanes: Lane, i: int, out: Array) -> None:
     """By how much a lane is away from its station, without frame and translation, in units of the
     sizes of the components.
@@ -295,7 +294,7 @@ def deviate(m: Marks, rules: Rules, station: Lane, lanes: Lane, i: int, out: Arr
     put_into_units(out, m.size[i])
 
 
-@njit(**OPTIONS)
+@compiled()
 def number_of(c: Claims, mode: Array, region: Array) -> int:
     """Number of the field of a mode and region, −1 if it is not listed."""
     for w in range(len(c.modes)):
@@ -309,7 +308,7 @@ def number_of(c: Claims, mode: Array, region: Array) -> int:
     return -1
 
 
-@njit(**INLINED)
+@compiled()
 def differentiate(
     e: Engine, m: Marks, rules: Rules, bench: Bench, c: Claims, i: int, count: int
 ) -> bool:
@@ -368,7 +367,7 @@ def differentiate(
     return put_into_claims(m, rules, c, run, i)
 
 
-@njit(**INLINED)
+@compiled()
 def put_into_claims(m: Marks, rules: Rules, c: Claims, run: Pass, i: int) -> bool:
     """The monodromy matrix in units of the sizes of the components, without translations and
     delays, which are also taken off the deviations; False if it is not finite.
@@ -415,7 +414,7 @@ def put_into_claims(m: Marks, rules: Rules, c: Claims, run: Pass, i: int) -> boo
     return True
 
 
-@njit(**INLINED)
+@compiled()
 def go_around(machine: Machine, fine: Flow, c: Claims, run: Pass, forced: bool) -> int:
     """The first variation once around, from that at the first knot.
 
@@ -457,7 +456,7 @@ def go_around(machine: Machine, fine: Flow, c: Claims, run: Pass, forced: bool) 
     return found
 
 
-@njit(**OPTIONS)
+@compiled()
 def nearly_equal(A: Array, B: Array) -> bool:
     """Whether two matrices are the same but for rounding."""
     size = 0.0
@@ -469,14 +468,14 @@ def nearly_equal(A: Array, B: Array) -> bool:
     return apart <= ALIKE * size
 
 
-@njit(**OPTIONS)
+@compiled()
 def put_into_units(v: Array, size: Array) -> None:
     """Components relative to their sizes; those that never were anything do not count."""
     for r in range(len(v)):
         v[r] = v[r] / size[r] if size[r] > 0.0 else 0.0
 
 
-@njit(**OPTIONS)
+@compiled()
 def radius(c: Claims) -> float:
     """Spectral radius of the monodromy matrix."""
     power, square = c.squares[0], c.squares[1]
@@ -500,7 +499,7 @@ def radius(c: Claims) -> float:
     return math.exp(log)
 
 
-@njit(**OPTIONS)
+@compiled()
 def put_image(M: Array, v: Array, out: Array) -> None:
     """The deviation after a return."""
     for r in range(len(v)):
@@ -510,7 +509,7 @@ def put_image(M: Array, v: Array, out: Array) -> None:
         out[r] = total
 
 
-@njit(**OPTIONS)
+@compiled()
 def ends_here(rules: Rules, c: Claims) -> bool:
     """Whether nothing is left of the deviation of the true motion in the end."""
     power, square = c.squares[0], c.squares[1]
@@ -523,7 +522,7 @@ def ends_here(rules: Rules, c: Claims) -> bool:
     return largest_component(left) <= rules.real[5]
 
 
-@njit(**OPTIONS)
+@compiled()
 def comes_home(c: Claims) -> bool:
     """Whether the curvature of the return map, as far as the true motion shows it, is too small to
     matter on the way."""
@@ -548,7 +547,7 @@ def comes_home(c: Claims) -> bool:
     return False
 
 
-@njit(**INLINED)
+@compiled()
 def keeps_its_word(
     e: Engine, m: Marks, rules: Rules, bench: Bench, c: Claims, i: int, word: int
 ) -> bool:
@@ -590,7 +589,7 @@ def keeps_its_word(
     return True
 
 
-@njit(**OPTIONS)
+@compiled()
 def covered(c: Claims, known: int, v: Array) -> bool:
     """Whether a deviation is in a narrow cone around a longer one that has been followed."""
     length = norm(v)

@@ -6,14 +6,12 @@ import math
 
 import numpy as np
 
-from stickslip.arrays import Array
-from stickslip.machine_code.functions import entry_point, njit
+from stickslip.arrays import Array, IntVector, Many
+from stickslip.machine_code.functions import entry_point
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     FINISHED,
     INERTIAL,
-    INLINED,
-    OPTIONS,
     RATE_INDEPENDENT,
     VISCOUS,
     Lane,
@@ -31,22 +29,23 @@ from stickslip.orbits.settling.engine.tables import (
     Marks,
     Rules,
 )
+from stickslip.translator import compiled
 
 _TURNS = 64  # stretches in which the growth of a small change is followed
 _SKIPPED = 32  # of them that are not counted at first
 _CHANGE = 1e-7  # of the size of the motion
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def grow_all(
     e: Engine,
     twin: Engine,
     m: Marks,
     rules: Rules,
-    saved: Lane,
+    saved: Many[Lane],
     bench: Bench,
     found: Found,
-    stop: Array,
+    stop: IntVector,
 ) -> None:
     """Exponents of all lanes that are in the phase of being measured, as far as they come.
 
@@ -61,7 +60,7 @@ def grow_all(
         grow_lane(e, twin, m, rules, saved, bench, found, stop, i)
 
 
-@njit(**INLINED)
+@compiled()
 def grow_lane(
     e: Engine,
     twin: Engine,
@@ -96,7 +95,7 @@ def grow_lane(
         m.numbers[i, PHASE] = DONE
 
 
-@njit(**INLINED)
+@compiled()
 def grow_apart(
     e: Engine,
     twin: Engine,

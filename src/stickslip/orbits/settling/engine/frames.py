@@ -5,17 +5,16 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.affine import orthogonalise
 from stickslip.motion.engine.forms import AFFINE, GUARDS, ClosedForms, Flight, slots_of
-from stickslip.motion.steps.arrays import INLINED, OPTIONS
+from stickslip.translator import compiled
 
 _SMALLEST = 1e-9  # singular value of the rows, relative to the largest, that counts
 _FITS = 1e-9  # by how much a row may fail, relative to its size
 _SEEN = 1e-12  # of the largest velocity
 
 
-@njit(**OPTIONS)
+@compiled()
 def find_frame(T: ClosedForms, g: int, flight: Flight, frame: Array) -> None:
     """Velocity of that frame, by the closed forms that a group has; 0 where there is none.
 
@@ -86,13 +85,13 @@ def find_frame(T: ClosedForms, g: int, flight: Flight, frame: Array) -> None:
             frame[i] = 0.0
 
 
-@njit(**INLINED)
+@compiled()
 def rows_of(T: ClosedForms, slot: int, n: int) -> int:
     """How many rows a mode has: its rates and guards."""
     return n + T.counts[slot, GUARDS] if T.status[slot] == AFFINE else 0
 
 
-@njit(**OPTIONS)
+@compiled()
 def take_row(T: ClosedForms, slot: int, r: int, row: Array) -> float:
     """The columns of x of a row of a mode, and (returned) that of t: rows of one size, so that none
     is lost beside the others."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from stickslip.arrays import Array
-from stickslip.machine_code.functions import entry_point, njit
+from stickslip.arrays import Array, IntVector, Many
+from stickslip.machine_code.functions import entry_point
 from stickslip.motion.between.observers import Sums, reset
 from stickslip.motion.between.step_balance import (
     ENERGY_BALANCE,
@@ -27,9 +27,7 @@ from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.steps.arrays import (
     FINISHED,
     FULL,
-    INLINED,
     NOW,
-    OPTIONS,
     STORED,
     Flow,
     Instant,
@@ -91,6 +89,7 @@ from stickslip.orbits.settling.engine.tables import (
     Marks,
     Rules,
 )
+from stickslip.translator import compiled
 
 _AWRY = 1e-6  # a cycle that fails to close by more is none
 _FELT = 1e-4  # … and neither is one, or a rest, in which the forces change by more
@@ -102,7 +101,7 @@ _SMALL = 1e-3  # part of its modulus that is the least size of a component
 _STILL = 1e-12  # … and that it may change by at rest
 
 
-@njit(**INLINED)
+@compiled()
 def measure(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, i: int
 ) -> None:
@@ -175,7 +174,7 @@ def measure(
         audit[PERIOD] = rules.real[5] ** 2 / real[OPEN]
 
 
-@njit(**OPTIONS)
+@compiled()
 def framed(m: Marks, i: int) -> bool:
     """Whether a lane is looked at in a moving frame, or without whole cells."""
     total = float(m.cells.shape[1])
@@ -184,7 +183,7 @@ def framed(m: Marks, i: int) -> bool:
     return total > 0.0
 
 
-@njit(**INLINED)
+@compiled()
 def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> None:
     """Try parts of the period: cos² has half the period of cos, and a swing that touches a switch
     now and then has that of a swing, not that from touch to touch.
@@ -239,7 +238,7 @@ def shorten(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int
         p = likely_part(e, m, rules, saved, bench, i, p)
 
 
-@njit(**INLINED)
+@compiled()
 def likely_part(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int, p: int
 ) -> int:
@@ -269,7 +268,7 @@ def likely_part(
     return found
 
 
-@njit(**OPTIONS)
+@compiled()
 def return_after(
     e: Engine, m: Marks, rules: Rules, bench: Bench, i: int, later: float, first: bool
 ) -> float:
@@ -300,7 +299,7 @@ def return_after(
     return miss(bench.work[0], m.size[i], rules.real[4])
 
 
-@njit(**OPTIONS)
+@compiled()
 def extend(m: Marks, rules: Rules, i: int, start: float, t: float, y: Array, bench: Bench) -> None:
     """Widen the range of every component, without frame and translation.
 
@@ -324,7 +323,7 @@ def extend(m: Marks, rules: Rules, i: int, start: float, t: float, y: Array, ben
         ends[0, r], ends[1, r] = min(ends[0, r], v[r]), max(ends[1, r], v[r])
 
 
-@njit(**OPTIONS)
+@compiled()
 def moves(rules: Rules, bench: Bench, largest: Array, known: bool) -> float:
     """Largest range of a component, relative to its modulus; the sizes of all components are left
     behind.
@@ -353,7 +352,7 @@ def moves(rules: Rules, bench: Bench, largest: Array, known: bool) -> float:
     return worst
 
 
-@njit(**INLINED)
+@compiled()
 def knots_of(record: Record, first: int, last: int) -> Record:
     """Knots of a record, as another one."""
     return Record(
@@ -365,7 +364,7 @@ def knots_of(record: Record, first: int, last: int) -> Record:
     )
 
 
-@njit(**INLINED)
+@compiled()
 def add_steps(
     e: Engine,
     flow: Flow,
@@ -422,14 +421,14 @@ def add_steps(
         balance[IMBALANCE] = max(balance[IMBALANCE], off)
 
 
-@njit(**OPTIONS)
+@compiled()
 def fill(part: Array, value: float) -> None:
     """Give all entries of a vector a value."""
     for i in range(len(part)):
         part[i] = value
 
 
-@njit(**INLINED)
+@compiled()
 def energy_at(e: Engine, flow: Flow, bench: Bench, j: int) -> float:
     """Energy at a knot."""
     flight = e.flight
@@ -443,7 +442,7 @@ def energy_at(e: Engine, flow: Flow, bench: Bench, j: int) -> float:
     return bench.value[STORED]
 
 
-@njit(**INLINED)
+@compiled()
 def feel(e: Engine, flow: Flow, t: float, y: Array, bench: Bench, felt: Array) -> None:
     """Forces and thresholds of the contacts at an instant, in the mode of the first knot.
 
@@ -469,7 +468,7 @@ def feel(e: Engine, flow: Flow, t: float, y: Array, bench: Bench, felt: Array) -
         felt[2 * nc + c] = table[rows.minus[c], 0]
 
 
-@njit(**OPTIONS)
+@compiled()
 def difference(felt: Array) -> float:
     """Largest change of what is felt, relative to the largest force."""
     change, size = 0.0, 0.0
@@ -479,7 +478,7 @@ def difference(felt: Array) -> float:
     return change / size if size > 0.0 else 0.0
 
 
-@njit(**OPTIONS)
+@compiled()
 def begin(tally: Tally) -> None:
     """Nothing is added up yet."""
     for part in range(len(tally.state)):
@@ -491,7 +490,7 @@ def begin(tally: Tally) -> None:
     fill(tally.total, 0.0)
 
 
-@njit(**OPTIONS)
+@compiled()
 def conclude(e: Engine, bench: Bench, audit: Array) -> None:
     """The residuals of :mod:`.motion.certify`, of what has been summed up; infinite if not all
     could be enclosed."""
@@ -509,13 +508,13 @@ def conclude(e: Engine, bench: Bench, audit: Array) -> None:
         audit[MOTION] = np.inf
 
 
-@njit(**OPTIONS)
+@compiled()
 def deceives(outcome: int, change: float, closure: float) -> bool:
     """Whether the state came back, but what drives it did not: a load that does not repeat."""
     return outcome in (AT_REST, PERIODIC, STEADY) and (change > _FELT or closure > _AWRY)
 
 
-@njit(**OPTIONS)
+@compiled()
 def forget(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
     """Forget all marks of a lane, which goes on from where it is; a driven one from its last
     mark.
@@ -537,7 +536,7 @@ def forget(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> None:
     begin_again(m, i, 0)
 
 
-@njit(**OPTIONS)
+@compiled()
 def look_closer(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, i: int) -> bool:
     """Let a motion that came from afar settle again by the size of its cycle; False if that is
     known already.
@@ -569,9 +568,9 @@ def look_closer(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, 
     return True
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def measure_all(
-    e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array
+    e: Engine, m: Marks, rules: Rules, saved: Many[Lane], bench: Bench, found: Found, stop: IntVector
 ) -> None:
     """Measure all lanes that have settled, as far as they come without the host.
 
@@ -584,7 +583,7 @@ def measure_all(
         measure_lane(e, m, rules, saved, bench, found, stop, i)
 
 
-@njit(**INLINED)
+@compiled()
 def advance_lane(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array, i: int
 ) -> None:
@@ -608,7 +607,7 @@ def advance_lane(
     measure_lane(e, m, rules, saved, bench, found, stop, i)
 
 
-@njit(**INLINED)
+@compiled()
 def measure_lane(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array, i: int
 ) -> None:
@@ -634,7 +633,7 @@ def measure_lane(
             m.outcome[i] = NOT_SETTLED
 
 
-@njit(**OPTIONS)
+@compiled()
 def sums_of(s: Sums, i: int) -> Sums:
     """The sums of a lane."""
     return Sums(

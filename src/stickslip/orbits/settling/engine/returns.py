@@ -20,9 +20,7 @@ import math
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
 from stickslip.motion.engine.modes import copy
-from stickslip.motion.steps.arrays import INLINED, OPTIONS
 from stickslip.orbits.settling.engine.tables import (
     COUNT,
     FLOOR,
@@ -39,6 +37,7 @@ from stickslip.orbits.settling.engine.tables import (
     Marks,
     Rules,
 )
+from stickslip.translator import compiled
 
 _SURE = 1e-4  # of the tolerance: a miss that needs no factor
 _SHRUNK = 0.98  # of the least miss: a return that has come nearer
@@ -55,7 +54,7 @@ _FORETOLD = 0.25  # part of a return by which the recurrence of those before it 
 _WORTH = 24.0  # returns for which a motion rather waits than that its limit is proved
 
 
-@njit(**OPTIONS)
+@compiled()
 def remove_shift(v: Array, shifts: Array) -> None:
     """Take the parts along translations, which are orthogonal to each other, off a vector."""
     for j in range(len(shifts)):
@@ -68,7 +67,7 @@ def remove_shift(v: Array, shifts: Array) -> None:
                 v[i] -= along / size * shifts[j, i]
 
 
-@njit(**OPTIONS)
+@compiled()
 def bring_home(v: Array, m: Marks, rules: Rules, i: int) -> None:
     """Take translations and whole cells off a difference of states, or off a state.
 
@@ -91,7 +90,7 @@ def bring_home(v: Array, m: Marks, rules: Rules, i: int) -> None:
                 v[r] -= whole * m.cells[i, j, 0, r]
 
 
-@njit(**INLINED)
+@compiled()
 def gap(m: Marks, rules: Rules, i: int, j: int, t: float, y: Array, out: Array) -> None:
     """A state minus that of a mark, without frame, translation and cells.
 
@@ -112,7 +111,7 @@ def gap(m: Marks, rules: Rules, i: int, j: int, t: float, y: Array, out: Array) 
     bring_home(out, m, rules, i)
 
 
-@njit(**OPTIONS)
+@compiled()
 def miss(v: Array, size: Array, atol: float) -> float:
     """Largest component of a difference, relative to its size; what is below `atol` does not
     count."""
@@ -124,7 +123,7 @@ def miss(v: Array, size: Array, atol: float) -> float:
     return worst
 
 
-@njit(**INLINED)
+@compiled()
 def grow(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> None:
     """Keep the largest modulus of every component, as long as the size of a cycle is not known.
 
@@ -147,7 +146,7 @@ def grow(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> Non
         m.size[i, r] = max(m.size[i, r], abs(work[r]))
 
 
-@njit(**INLINED)
+@compiled()
 def remember(m: Marks, i: int, kind: int, word: int, t: float, y: Array) -> None:
     """Put a mark.
 
@@ -172,7 +171,7 @@ def remember(m: Marks, i: int, kind: int, word: int, t: float, y: Array) -> None
     numbers[TRUE] += 1
 
 
-@njit(**OPTIONS)
+@compiled()
 def begin_again(m: Marks, i: int, lag: int) -> None:
     """Look at returns over a lag from now on."""
     m.numbers[i, LAG] = lag
@@ -181,7 +180,7 @@ def begin_again(m: Marks, i: int, lag: int) -> None:
     m.real[i, LEAST] = np.inf
 
 
-@njit(**INLINED)
+@compiled()
 def distance(m: Marks, rules: Rules, i: int, back: int, work: Array) -> float:
     """How closely the last mark comes back to the one so many marks before it.
 
@@ -208,7 +207,7 @@ def distance(m: Marks, rules: Rules, i: int, back: int, work: Array) -> float:
     return miss(work, m.size[i], rules.real[4] * (_FINEST if m.numbers[i, LEAPT] > 0 else 1.0))
 
 
-@njit(**INLINED)
+@compiled()
 def same_kind(m: Marks, i: int, back: int) -> bool:
     """Whether the last mark is of the kind of the one so many marks before it."""
     here = m.numbers[i, COUNT] - 1
@@ -216,7 +215,7 @@ def same_kind(m: Marks, i: int, back: int) -> bool:
     return m.kind[i, (here - back) % ring] == m.kind[i, here % ring]
 
 
-@njit(**OPTIONS)
+@compiled()
 def likeliest_lag(m: Marks, i: int, longest: int) -> int:
     """The lag after which most of the last marks in a row have come back to their kinds, the least
     of these; 0 if the last one has not. (The least lag of all is none where a kind stands twice in
@@ -235,7 +234,7 @@ def likeliest_lag(m: Marks, i: int, longest: int) -> int:
     return found
 
 
-@njit(**INLINED)
+@compiled()
 def look_back(m: Marks, rules: Rules, i: int, work: Array) -> float:
     """How closely the last mark comes back after the lag, which changes where it has to; infinite
     if there is none."""
@@ -259,7 +258,7 @@ def look_back(m: Marks, rules: Rules, i: int, work: Array) -> float:
     return d
 
 
-@njit(**OPTIONS)
+@compiled()
 def look_wide(m: Marks, rules: Rules, i: int, work: Array) -> None:
     """Where returns have not shrunk for long, look at the shortest that is nearly as close as
     any."""
@@ -277,7 +276,7 @@ def look_wide(m: Marks, rules: Rules, i: int, work: Array) -> None:
     numbers[STALLED] = 0
 
 
-@njit(**INLINED)
+@compiled()
 def has_settled(m: Marks, rules: Rules, i: int, d: float) -> bool:
     """Whether what is still missing to the cycle, d + dq + dq² + …, seems to be below the
     tolerance."""
@@ -297,7 +296,7 @@ def has_settled(m: Marks, rules: Rules, i: int, d: float) -> bool:
     return returns > 0 and q < 1.0 and d <= (1.0 - q) * rules.real[3]
 
 
-@njit(**OPTIONS)
+@compiled()
 def extrapolate(
     m: Marks, rules: Rules, i: int, k: int, work: Array, fit: Array
 ) -> tuple[float, float]:
@@ -358,7 +357,7 @@ def extrapolate(
     return misfit, miss(work[8], size, 0.0)
 
 
-@njit(**INLINED)
+@compiled()
 def words_alike(m: Marks, i: int, lag: int, most: int) -> int:
     """How many marks in a row, at most so many, have the word of that a lag before them."""
     here = m.numbers[i, COUNT] - 1
@@ -370,7 +369,7 @@ def words_alike(m: Marks, i: int, lag: int, most: int) -> int:
     return same
 
 
-@njit(**OPTIONS)
+@compiled()
 def foretold(m: Marks, rules: Rules, i: int, work: Array, fit: Array) -> int:
     """The order of a linear recurrence of the returns that foretells the last one, and dies out.
 
@@ -433,7 +432,7 @@ def foretold(m: Marks, rules: Rules, i: int, work: Array, fit: Array) -> int:
     return 0
 
 
-@njit(**OPTIONS)
+@compiled()
 def largest_component(v: Array) -> float:
     """Largest modulus of a component."""
     size = 0.0
@@ -442,7 +441,7 @@ def largest_component(v: Array) -> float:
     return size
 
 
-@njit(**OPTIONS)
+@compiled()
 def fit_recurrence(work: Array, known: int, k: int, fit: Array) -> None:
     """The recurrence of order k that returns obey, all but the last, by Givens rotations.
 
@@ -481,7 +480,7 @@ def fit_recurrence(work: Array, known: int, k: int, fit: Array) -> None:
         fit[a, 3] = fit[a, 3] / fit[a, a] if abs(fit[a, a]) > _DEPENDENT * scale else 0.0
 
 
-@njit(**OPTIONS)
+@compiled()
 def dies_away(fit: Array, k: int) -> bool:
     """Whether all roots of zᵏ − Σ c_a zᵏ⁻ᵃ are within the unit circle (Schur and Cohn).
 
@@ -507,7 +506,7 @@ def dies_away(fit: Array, k: int) -> bool:
     return True
 
 
-@njit(**OPTIONS)
+@compiled()
 def norm(v: Array) -> float:
     """Euclidean norm."""
     total = 0.0
@@ -516,7 +515,7 @@ def norm(v: Array) -> float:
     return math.sqrt(total)
 
 
-@njit(**OPTIONS)
+@compiled()
 def remove_part(v: Array, unit: Array) -> float:
     """Take the part along a unit vector off a vector; how large it was."""
     part = 0.0
@@ -527,7 +526,7 @@ def remove_part(v: Array, unit: Array) -> float:
     return part
 
 
-@njit(**OPTIONS)
+@compiled()
 def told_apart(m: Marks, i: int) -> float:
     """Miss above which a return is none: what a polished cycle misses by says how well it is
     known."""
@@ -535,7 +534,7 @@ def told_apart(m: Marks, i: int) -> float:
     return max(_CLOSED, _TOLD_APART * floor, _DOUBLED * m.real[i, STRETCH] * max(floor, _EXACT))
 
 
-@njit(**OPTIONS)
+@compiled()
 def shortest_lag(m: Marks, rules: Rules, i: int, work: Array) -> int:
     """The least divisor of the lag over which the last mark of a polished cycle comes back, too."""
     lag = m.numbers[i, LAG]

@@ -25,8 +25,8 @@ from typing import cast
 
 import numpy as np
 
-from stickslip.arrays import Array
-from stickslip.machine_code.functions import entry_point, njit
+from stickslip.arrays import Array, IntVector, Many
+from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.event_loop import integrate
 from stickslip.motion.engine.guards import stands
 from stickslip.motion.engine.modes import copy, resolve
@@ -38,14 +38,11 @@ from stickslip.motion.steps.arrays import (
     FINISHED,
     FULL,
     HAPPENED,
-    INLINED,
-    INT_ZERO,
     LAST,
     LIMIT,
     LONG_AGO,
     NOW,
     OK,
-    OPTIONS,
     SERIES,
     SINCE,
     WORD,
@@ -110,6 +107,7 @@ from stickslip.orbits.settling.engine.tables import (
     Marks,
     Rules,
 )
+from stickslip.translator import compiled
 
 AT_REST = int(Outcome.AT_REST.code)
 PERIODIC = int(Outcome.PERIODIC.code)
@@ -138,13 +136,13 @@ _MOST_POLISHED = 24  # returns that polishing may take
 _WIDER = 1.25  # of a period: in which a smooth motion that is polished comes back
 
 
-@njit(**INLINED)
+@compiled()
 def own_flow(e: Engine, i: int) -> Flow:
     """The system with the numbers of a lane."""
     return flow_of(e.flow, e.group[i])
 
 
-@njit(**INLINED)
+@compiled()
 def follow_lane(
     e: Engine, i: int, end: float, max_events: int, recording: bool, record: Record
 ) -> int:
@@ -179,7 +177,7 @@ def follow_lane(
     return integrate(e.machine, e.flow, e.flight, e.forms, e.group[a:b], e.codes[a:b], lane, task)
 
 
-@njit(**OPTIONS)
+@compiled()
 def copy_lane(source: Lane, i: int, target: Lane, j: int) -> None:
     """Copy where a lane is."""
     copy(source.clock[i], target.clock[j])
@@ -191,7 +189,7 @@ def copy_lane(source: Lane, i: int, target: Lane, j: int) -> None:
     copy(source.counters[i], target.counters[j])
 
 
-@njit(**INLINED)
+@compiled()
 def dies_out(
     e: Engine, m: Marks, rules: Rules, i: int, tolerance: float, look: float, work: Array
 ) -> bool:
@@ -230,8 +228,8 @@ def dies_out(
 # -- the loop over marks ---------------------------------------------------------------------------
 
 
-@entry_point(**OPTIONS)
-def settle_all(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: Array) -> None:
+@entry_point()
+def settle_all(e: Engine, m: Marks, rules: Rules, saved: Many[Lane], bench: Bench, stop: IntVector) -> None:
     """Follow all lanes until they have settled, as far as they come without the host.
 
     Parameters
@@ -249,7 +247,7 @@ def settle_all(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, sto
             settle_lane(e, m, rules, saved, bench, stop, i)
 
 
-@njit(**OPTIONS)
+@compiled()
 def settle_lane(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: Array, i: int
 ) -> None:
@@ -273,7 +271,7 @@ def settle_lane(
     drive = m.drive[i]
     if numbers[LEAPT] < 0:
         take_back(m, s, saved, i)
-    known = INT_ZERO
+    known = 0
     for _ in range(rules.most[2]):
         if stop[0] != 0:
             return
@@ -326,14 +324,14 @@ def settle_lane(
             return
 
 
-@njit(**INLINED)
+@compiled()
 def next_mark(m: Marks, rules: Rules, i: int) -> float:
     """Time of the next mark of a driven motion."""
     count = m.numbers[i, COUNT]
     return rules.real[0] + (count if rules.timed else min(count, 1)) * m.drive[i]
 
 
-@njit(**INLINED)
+@compiled()
 def elapsed(m: Marks, rules: Rules, lanes: Lane, i: int) -> float:
     """The time, where the clock has not been set back."""
     set_back = (
@@ -342,7 +340,7 @@ def elapsed(m: Marks, rules: Rules, lanes: Lane, i: int) -> float:
     return lanes.clock[i, NOW] + set_back
 
 
-@njit(**INLINED)
+@compiled()
 def next_event(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> int:
     """Number of the event at which the next mark may be.
 
@@ -361,7 +359,7 @@ def next_event(m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int) -> int:
     return min(last, rules.most[1])
 
 
-@njit(**INLINED)
+@compiled()
 def next_stop(m: Marks, rules: Rules, i: int, t: float) -> float:
     """The next mark of a driven motion (or a look between its first ones); the next look at any
     other."""
@@ -384,7 +382,7 @@ def next_stop(m: Marks, rules: Rules, i: int, t: float) -> float:
     return target
 
 
-@njit(**INLINED)
+@compiled()
 def put_mark(
     m: Marks, rules: Rules, lanes: Lane, saved: Lane, i: int, happened: bool, work: Array
 ) -> bool:
@@ -436,7 +434,7 @@ def put_mark(
     return True
 
 
-@njit(**OPTIONS)
+@compiled()
 def begin_strides(m: Marks, i: int) -> None:
     """From now on marks are put only where the modes of a motion, which have been seen to repeat
     after a lag, begin again.
@@ -473,7 +471,7 @@ def begin_strides(m: Marks, i: int) -> None:
     begin_again(m, i, 1)
 
 
-@njit(**INLINED)
+@compiled()
 def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> int:
     """See whether a motion that has had no events for a while has come to an end, which the host
     has to prove.
@@ -524,7 +522,7 @@ def look_around(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i:
     return _SETTLED
 
 
-@njit(**INLINED)
+@compiled()
 def is_lost(m: Marks, rules: Rules, i: int, t: float) -> bool:
     """Whether a motion that is carried on by hand does not return: it may have been taken to where
     it comes to rest."""
@@ -537,7 +535,7 @@ def is_lost(m: Marks, rules: Rules, i: int, t: float) -> bool:
 # -- what a mark says ------------------------------------------------------------------------------
 
 
-@njit(**INLINED)
+@compiled()
 def consider(
     m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: Array, i: int
 ) -> int:
@@ -586,7 +584,7 @@ def consider(
     return _GO_ON
 
 
-@njit(**OPTIONS)
+@compiled()
 def leave(m: Marks, saved: Lane, i: int, d: float) -> None:
     """Keep where the motion itself is, before it is carried on by hand.
 
@@ -606,7 +604,7 @@ def leave(m: Marks, saved: Lane, i: int, d: float) -> None:
     real[REACH] = 0.0
 
 
-@njit(**OPTIONS)
+@compiled()
 def leap(
     m: Marks,
     rules: Rules,
@@ -649,7 +647,7 @@ def leap(
     return carry(m, lanes, saved, i, work[8])
 
 
-@njit(**OPTIONS)
+@compiled()
 def carry(m: Marks, lanes: Lane, saved: Lane, i: int, step: Array) -> int:
     """Carry a motion on by a step, at its last mark.
 
@@ -677,7 +675,7 @@ def carry(m: Marks, lanes: Lane, saved: Lane, i: int, step: Array) -> int:
     return _CARRIED
 
 
-@njit(**OPTIONS)
+@compiled()
 def put_back(m: Marks, lanes: Lane, saved: Lane, i: int, kept: Lane, count: int) -> int:
     """Put a motion back to where it was at a mark, which is the last one again.
 
@@ -710,7 +708,7 @@ def put_back(m: Marks, lanes: Lane, saved: Lane, i: int, kept: Lane, count: int)
     return _CARRIED
 
 
-@njit(**OPTIONS)
+@compiled()
 def take_back(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
     """Take a motion back to where it was before it was carried on by hand, and let it go on by
     itself."""
@@ -721,7 +719,7 @@ def take_back(m: Marks, lanes: Lane, saved: Lane, i: int) -> int:
     return put_back(m, lanes, saved, i, m.home, numbers[HOME])
 
 
-@njit(**OPTIONS)
+@compiled()
 def polish(
     m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, fit: Array, i: int, d: float
 ) -> int:
@@ -774,7 +772,7 @@ def polish(
     return _GO_ON
 
 
-@njit(**OPTIONS)
+@compiled()
 def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int, d: float) -> int:
     """Take the polished cycle for what the motion has settled on, if that was within the tolerance
     of it; if not, it has to be proved that it comes there.
@@ -823,7 +821,7 @@ def accept(m: Marks, rules: Rules, lanes: Lane, saved: Lane, work: Array, i: int
 # -- motions without events ------------------------------------------------------------------------
 
 
-@njit(**OPTIONS)
+@compiled()
 def put_plane(m: Marks, i: int, t: float, y: Array, work: Array) -> None:
     """Lay a plane through the present state across the motion, whose rates are in the work
     space.
@@ -848,7 +846,7 @@ def put_plane(m: Marks, i: int, t: float, y: Array, work: Array) -> None:
     begin_again(m, i, 0)
 
 
-@njit(**OPTIONS)
+@compiled()
 def height(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> float:
     """On which side of the plane a state is, and how far.
 
@@ -871,7 +869,7 @@ def height(m: Marks, rules: Rules, i: int, t: float, y: Array, work: Array) -> f
     return total
 
 
-@njit(**INLINED)
+@compiled()
 def cross_plane(
     e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int, count: int
 ) -> int:
@@ -945,7 +943,7 @@ def cross_plane(
     return verdict
 
 
-@njit(**OPTIONS)
+@compiled()
 def put_at(
     lanes: Lane, i: int, t: float, step: float, y: Array, mode: Array, region: Array
 ) -> None:
@@ -970,14 +968,14 @@ def put_at(
     copy(region, lanes.reg[i])
 
 
-@njit(**OPTIONS)
+@compiled()
 def point_on(W: Array, N: int, x: float, out: Array) -> None:
     """State on a Taylor step, after a time in the unit of its coefficients."""
     for r in range(len(out)):
         out[r] = horner(W[r], N, x)
 
 
-@njit(**OPTIONS)
+@compiled()
 def long_look(m: Marks, rules: Rules, i: int, t: float) -> float:
     """So many periods of the drive as a cycle may have, or the duration from the oldest mark of the
     same kind."""

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array
+from stickslip.arrays import Array, Array3, Array4, IntMatrix, IntVector, Many, Matrix, Vector
 from stickslip.motion.between.observers import Sums, make_sums
 from stickslip.motion.between.step_balance import Steps, Tally, make_steps, make_tally
 from stickslip.motion.engine.forms import ClosedForms, Flight
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     POWERS_MADE,
-    Flow,
+    FlowOfMany,
     Lane,
     Machine,
     Record,
@@ -67,12 +67,12 @@ class Engine(NamedTuple):
     :func:`stickslip.motion.engine.event_loop.integrate`."""
 
     machine: Machine
-    flow: Flow
+    flow: FlowOfMany
     flight: Flight
     forms: ClosedForms
-    group: Array
-    codes: Array
-    lanes: Lane
+    group: IntVector
+    codes: IntVector
+    lanes: Many[Lane]
 
 
 class Rules(NamedTuple):
@@ -101,10 +101,10 @@ class Rules(NamedTuple):
         Whether the frame of each lane is to be found in them.
     """
 
-    real: Array
-    most: Array
-    shifts: Array
-    fine: Array
+    real: Vector
+    most: IntVector
+    shifts: Matrix
+    fine: Vector
     closely: bool
     timed: bool
     leaping: bool
@@ -157,23 +157,23 @@ class Marks(NamedTuple):
         last such step.
     """
 
-    time: Array
-    state: Array
-    miss: Array
-    kind: Array
-    word: Array
-    events: Array
-    numbers: Array
-    real: Array
-    plane: Array
-    size: Array
-    felt: Array
-    drive: Array
-    frame: Array
-    cells: Array
-    outcome: Array
-    home: Lane
-    before: Lane
+    time: Matrix
+    state: Array3
+    miss: Matrix
+    kind: IntMatrix
+    word: IntMatrix
+    events: IntMatrix
+    numbers: IntMatrix
+    real: Matrix
+    plane: Array3
+    size: Matrix
+    felt: Vector
+    drive: Vector
+    frame: Matrix
+    cells: Array4
+    outcome: IntVector
+    home: Many[Lane]
+    before: Many[Lane]
 
 
 class Found(NamedTuple):
@@ -196,11 +196,11 @@ class Found(NamedTuple):
         Largest Lyapunov exponent.
     """
 
-    sums: Sums
-    audit: Array
-    moves: Array
-    shift: Array
-    exponent: Array
+    sums: Many[Sums]
+    audit: Matrix
+    moves: Vector
+    shift: Matrix
+    exponent: Vector
 
 
 class Bench(NamedTuple):
@@ -234,20 +234,20 @@ class Bench(NamedTuple):
         Forces and thresholds at the start and at the end.
     """
 
-    work: Array
-    fit: Array
+    work: Matrix
+    fit: Matrix
     record: Record
     steps: Steps
     tally: Tally
-    gaps: Array
-    ends: Array
-    balance: Array
-    residuals: Array
-    table: Array
-    value: Array
-    mode: Array
-    region: Array
-    felt: Array
+    gaps: Vector
+    ends: Matrix
+    balance: Vector
+    residuals: Vector
+    table: Matrix
+    value: Vector
+    mode: IntVector
+    region: IntVector
+    felt: Matrix
 
 
 def make_marks(

@@ -1,0 +1,106 @@
+"""A translator of a small part of Python to LLVM assembly.
+
+A function marked with :func:`compiled` is ordinary Python: called from Python, it runs as it stands.
+The translator writes it as LLVM assembly, once for each combination of argument types. It may
+contain the following.
+
+* **Values.** ``int`` (64 bits, wraps around), ``float``, ``bool``, ``complex``; NumPy arrays in C
+  order; tuples and named tuples of these; functions given by their address. Nothing is allocated.
+* **Variables.** A variable has one type. Where it is whole in one place and real in another it is
+  real; it cannot be real in one place and complex in another.
+* **Indices.** All indices of an entry, or the leading ones of a row, and at most one slice ``a:b`` in
+  the last place. An index must not be negative unless it is a constant.
+* **Statements.** Assignments (also to several targets and augmented), ``if``, ``while``, ``for`` over
+  ``range`` with a constant step, arrays and tuples, ``break``, ``continue``, ``pass``, ``return``.
+* **Expressions.** Arithmetic, comparisons (also chained, and ``in`` a tuple), ``and``, ``or``, ``not``
+  (of truth values), conditional expressions, attributes of named tuples, ``.shape``, ``.real``, ``.imag``.
+* **Calls.** Other compiled functions, named tuples, and what `functions.CALLS` lists: ``len``,
+  ``abs``, ``min``, ``max``, conversions, and functions of `math`, `cmath` and NumPy for one number.
+* **Constants.** Numbers, tuples and arrays of the module, or of a module it imports.
+
+Parameters of an *entry*, which Python calls, have types from `stickslip.arrays`; types of all others
+follow from their calls. ``int``, ``float`` and ``bool`` convert an argument or a result.
+
+No exception is raised: a real division by zero gives an infinity or NaN, as in C, a whole one zero.
+A power with a constant whole exponent is a product. Everything else is what Python computes.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from functools import update_wrapper
+from typing import Any
+
+CONTRACTED = ("contract",)
+"""A product and a sum may be one instruction."""
+RELAXED = ("contract", "nsz", "reassoc")
+"""Also, sums may be reordered, as in long dot products; NaN and infinity stay visible."""
+
+
+class Compiled:
+    """A function that the translator knows.
+
+    Attributes
+    ----------
+    python : callable
+        The function as it stands in the source.
+    relaxed : sequence of str
+        LLVM's fast-math flags of its arithmetic.
+    inline : bool
+        Whether every call of it has to be inlined.
+    """
+
+    def __init__(
+        self, function: Callable[..., Any], relaxed: Sequence[str] = (), inline: bool = False
+    ) -> None:
+        update_wrapper(self, function)
+        self.python = function
+        self.relaxed = tuple(sorted(relaxed))
+        self.inline = inline
+
+    def __call__(self, *arguments: Any, **named: Any) -> Any:
+        return self.python(*arguments, **named)
+
+    __name__: str
+
+
+def compiled(
+    *, relaxed: Sequence[str] = (), inline: bool = False
+) -> Callable[[Callable[..., Any]], Compiled]:
+    """Decorator of a function that compiled functions call; see :class:`Compiled`."""
+    return lambda function: Compiled(function, relaxed, inline)
+
+
+class FunctionAddress(int):
+    """The address of a function that was not translated.
+
+    A subclass has a static method ``signature`` whose annotations are the types of its arguments
+    and of its result.
+    """
+
+    signature: Callable[..., Any]
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Compiled functions alone do that.
+
+        Raises
+        ------
+        TypeError
+        """
+        raise TypeError(f"{type(self).__name__} is called by compiled functions alone")
+
+
+def fma(a: float, b: float, c: float) -> float:
+    """a·b + c, rounded once."""
+    if all(map(math.isfinite, (a, b, c))):
+        exact = Fraction(a) * Fraction(b) + Fraction(c)
+        return float(exact) if exact else a * b + c
+    return a * b + c
+
+
+def call_address(address: int, x: float) -> float:
+    """The value of a function of one number that stands at an address."""
+    return ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(address)(x)

@@ -1,0 +1,157 @@
+"""LLVM assembly of one function in the making: registers, blocks, instructions."""
+
+from __future__ import annotations
+
+import struct
+from typing import NamedTuple
+
+BIT, WHOLE, REAL, POINTER, NOTHING = "i1", "i64", "double", "ptr", "void"
+
+
+class Register(NamedTuple):
+    """What an instruction takes: a register, a global name or a literal.
+
+    Attributes
+    ----------
+    name : str
+    type : str
+        In LLVM's words.
+    """
+
+    name: str
+    type: str
+
+    def __str__(self) -> str:
+        return self.name
+
+    @property
+    def typed(self) -> str:
+        """The operand with its type in front."""
+        return f"{self.type} {self.name}"
+
+
+def real(x: float) -> Register:
+    """A literal real number, exactly."""
+    return Register(f"0x{struct.unpack('<Q', struct.pack('<d', x))[0]:016X}", REAL)
+
+
+def whole(n: int) -> Register:
+    """A literal whole number."""
+    return Register(str(n), WHOLE)
+
+
+class Assembly:
+    """A function in the making.
+
+    Attributes
+    ----------
+    lines : list of str
+        Instructions so far.
+    slots : list of str
+        Room on the stack, made where the function begins.
+    block : str
+        Label of the block that is being written.
+    ended : bool
+        Whether that block has its last instruction.
+    declared : dict
+        Declarations of what is called from outside, by name.
+    """
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self.slots: list[str] = []
+        self.declared: dict[str, str] = {}
+        self.block = "entry"
+        self.ended = False
+        self._count = 0
+
+    def text(self, head: str) -> str:
+        """The whole function."""
+        return "\n".join([f"{head} {{", "entry:", *self.slots, *self.lines, "}", ""])
+
+    def new(self, type_: str, instruction: str) -> Register:
+        """The register of an instruction's result."""
+        self._count += 1
+        self.lines.append(f"%v{self._count} = {instruction}")
+        return Register(f"%v{self._count}", type_)
+
+    def slot(self, type_: str) -> Register:
+        """Address of room for a value."""
+        self._count += 1
+        self.slots.append(f"%v{self._count} = alloca {type_}, align 16")
+        return Register(f"%v{self._count}", POINTER)
+
+    # -- memory ------------------------------------------------------------------------------------
+
+    def at(self, base: Register, index: Register | int, type_: str) -> Register:
+        """Address of an entry of a table."""
+        if index == 0:
+            return base
+        return self.new(POINTER, f"getelementptr inbounds {type_}, ptr {base}, i64 {index}")
+
+    def load(self, type_: str, address: Register, note: str = "") -> Register:
+        """What stands at an address."""
+        return self.new(type_, f"load {type_}, ptr {address}{note}")
+
+    def store(self, value: Register, address: Register, note: str = "") -> None:
+        """Put a value at an address."""
+        self.lines.append(f"store {value.typed}, ptr {address}{note}")
+
+    def extract(self, value: Register, k: int, type_: str) -> Register:
+        """One part of a structure."""
+        return self.new(type_, f"extractvalue {value.typed}, {k}")
+
+    def structure(self, type_: str, parts: list[Register]) -> Register:
+        """A structure of parts."""
+        made = Register("poison", type_)
+        for k, part in enumerate(parts):
+            made = self.new(type_, f"insertvalue {made.typed}, {part.typed}, {k}")
+        return made
+
+    # -- calls -------------------------------------------------------------------------------------
+
+    def call(
+        self, type_: str, function: str, *given: Register, flags: str = "", convention: str = ""
+    ) -> Register:
+        """The result of a function."""
+        operands = ", ".join(x.typed for x in given)
+        instruction = f"call{flags}{convention} {type_} {function}({operands})"
+        if type_ == NOTHING:
+            self.lines.append(instruction)
+            return Register("", NOTHING)
+        return self.new(type_, instruction)
+
+    def outside(self, type_: str, name: str, *given: Register, flags: str = "") -> Register:
+        """The result of one of LLVM's functions, or of the mathematical library of C."""
+        kinds = ", ".join(x.type for x in given)
+        group = "" if name.startswith("llvm.") or POINTER in kinds else " #1"
+        self.declared[name] = f"declare {type_} @{name}({kinds}){group}"
+        return self.call(type_, f"@{name}", *given, flags=flags)
+
+    # -- control -----------------------------------------------------------------------------------
+
+    def label(self, hint: str) -> str:
+        """A new label."""
+        self._count += 1
+        return f"{hint}{self._count}"
+
+    def begin(self, label: str) -> None:
+        """Begin a block; the one before leads there unless it has ended."""
+        self.go(label)
+        self.lines.append(f"{label}:")
+        self.block = label
+        self.ended = False
+
+    def end(self, instruction: str) -> None:
+        """End a block."""
+        if not self.ended:
+            self.lines.append(instruction)
+        self.ended = True
+
+    def go(self, label: str) -> None:
+        """End a block with a jump."""
+        self.end(f"br label %{label}")
+
+    def choose(self, test: Register, yes: str, no: str) -> None:
+        """End a block with one of two jumps."""
+        self.end(f"br i1 {test}, label %{yes}, label %{no}")

@@ -1,0 +1,797 @@
+"""From the syntax tree of a function to assembly: statements, expressions, calls."""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import cmath
+import inspect
+import math
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple, NoReturn
+
+import numpy as np
+
+from stickslip.translator import Compiled, call_address, fma
+from stickslip.translator.assembly import BIT, NOTHING, POINTER, REAL, WHOLE, Register, whole
+from stickslip.translator.values import (
+    BOOL,
+    COMPLEX,
+    FLOAT,
+    INT,
+    NAMED,
+    NONE,
+    PYTHON,
+    ArrayType,
+    FunctionType,
+    Index,
+    Refusal,
+    Scalar,
+    TupleType,
+    Type,
+    Value,
+    Values,
+    joined,
+    named,
+    words,
+)
+
+REAL_FUNCTIONS: dict[Any, str] = {
+    **{getattr(math, name): f"llvm.{name}.f64" for name in "exp log sin cos sqrt log2 log10".split()},
+    **{getattr(np, name): f"llvm.{name}.f64" for name in "sqrt floor ceil".split()},
+    **{getattr(math, name): name for name in "tan log1p expm1 sinh cosh tanh acos asin atan".split()},
+    **{getattr(math, name): name for name in "erf erfc acosh asinh atanh atan2 hypot fmod".split()},
+    **{math.fabs: "llvm.fabs.f64", math.copysign: "llvm.copysign.f64", fma: "llvm.fma.f64"},
+    **{np.power: "llvm.pow.f64", math.pow: "llvm.pow.f64"},
+}
+"""Functions of real numbers: what LLVM or the mathematical library of C calls them."""
+_MOST_ROUNDS = 12  # in which the types of variables have to settle
+_MOST_IN_REGISTERS = 4  # words of a tuple that is returned in registers
+_INSTEAD = {
+    ast.List: "Use a tuple, or an array that is passed in",
+    ast.ListComp: "Write a loop",
+    ast.GeneratorExp: "Write a loop",
+    ast.Try: "Return a status",
+    ast.Raise: "Return a status",
+    ast.Assert: "Return a status",
+    ast.With: "Do it in the function that calls",
+    ast.Lambda: "Write a function of its own",
+    ast.FunctionDef: "Write a function of its own",
+    ast.JoinedStr: "Return a number",
+    ast.Starred: "Name the parts",
+}
+
+
+class Signature(NamedTuple):
+    """How a function of the assembly is called."""
+
+    name: str
+    result: Type
+    arguments: tuple[Type, ...]
+
+    @property
+    def in_registers(self) -> bool:
+        """Whether the result is not written to memory."""
+        return not isinstance(self.result, TupleType) or fits_registers(self.result)
+
+
+def fits_registers(type_: Type) -> bool:
+    """Whether a tuple is returned in registers: a few numbers."""
+    return (
+        isinstance(type_, TupleType)
+        and words(type_) <= _MOST_IN_REGISTERS
+        and all(part in (INT, FLOAT, BOOL, COMPLEX) for part in type_.parts)
+    )
+
+
+def returned(type_: Type) -> str:
+    """LLVM's type of a result in registers."""
+    if isinstance(type_, TupleType):
+        return f"{{ {', '.join(map(returned, type_.parts))} }}"
+    return type_.llvm
+
+
+class Function(Values, ast.NodeVisitor):
+    """Translates one function for one combination of argument types.
+
+    Parameters
+    ----------
+    program : Program
+        Where other functions are found.
+    compiled : Compiled
+    node : ast.FunctionDef
+        What the source says.
+    arguments : tuple of Type
+    name : str
+        In the assembly.
+    """
+
+    def __init__(
+        self,
+        program: Any,
+        compiled: Compiled,
+        node: ast.FunctionDef,
+        arguments: tuple[Type, ...],
+        name: str,
+    ) -> None:
+        super().__init__()
+        self.program = program
+        self.compiled = compiled
+        self.node = node
+        self.arguments = arguments
+        self.name = name
+        self.called: set[str] = set()
+        self.flags = "".join(f" {flag}" for flag in compiled.relaxed)
+        self.types: dict[str, Type] = {}
+        self.result: Type | None = None
+        hint = node.returns and self.hint(node.returns)
+        self.promised = NAMED.get(hint)
+        stores = [x.id for x in ast.walk(node) if isinstance(x, ast.Name) and not _is_read(x)]
+        self.stores = {name: stores.count(name) for name in stores}
+        self.here: ast.AST = node
+
+    def hint(self, node: ast.expr) -> Any:
+        """What an annotation says, if it names a number or nothing."""
+        return {"int": int, "float": float, "bool": bool, "complex": complex, "None": type(None)}.get(
+            ast.unparse(node)
+        )
+
+    def refuse(self, what: str, remedy: str) -> NoReturn:
+        """Refuse, and say where."""
+        code = self.compiled.python.__code__
+        line = getattr(self.here, "lineno", self.node.lineno)
+        raise Refusal(f"{code.co_filename}:{line}: {self.node.name}: {what}. {remedy}")
+
+    def translated(self) -> tuple[Signature, str]:
+        """The function: how it is called, and its assembly."""
+        for _ in range(_MOST_ROUNDS):
+            self.changed = False
+            self.write()
+            if not self.changed:
+                break
+        else:
+            self.refuse("types of variables do not settle", "Annotate or rename them")
+        signature = Signature(self.name, self.result or NONE, self.arguments)
+        given = [] if signature.in_registers else ["ptr noalias writeonly captures(none) align 8 %out"]
+        for parameter, type_ in zip(self.node.args.args, self.arguments, strict=True):
+            note = "noalias readonly captures(none) align 8 " if isinstance(type_, TupleType) else ""
+            given.append(f"{_passed(type_)} {note}%{parameter.arg}")
+        result = returned(signature.result) if signature.in_registers else NOTHING
+        head = f'define internal fastcc {result} @"{self.name}"({", ".join(given)}) #0'
+        return signature, self.text(head + (" alwaysinline" if self.compiled.inline else ""))
+
+    def write(self) -> None:
+        """One round, with the types that are known."""
+        super().__init__()
+        self.called = set()
+        self.values: dict[str, Value] = {}
+        self.places: dict[str, Register] = {}
+        self.assigned: set[str] = set()
+        self.loops: list[tuple[str, str, list[set[str]]]] = []
+        for parameter, type_ in zip(self.node.args.args, self.arguments, strict=True):
+            register = Register(f"%{parameter.arg}", _passed(type_))
+            is_tuple = isinstance(type_, TupleType)
+            value = Value(type_, register, 0 if is_tuple else None, lasting=is_tuple)
+            if parameter.arg in self.stores:
+                self.assign_name(parameter.arg, value)
+            else:
+                self.values[parameter.arg] = value
+        self.body(self.node.body)
+        if not self.ended:
+            if self.result not in (None, NONE):
+                self.refuse("it may end without a result", "Return something at the end")
+            self.result = NONE
+            self.end("ret void")
+
+    # -- statements --------------------------------------------------------------------------------
+
+    def body(self, statements: list[ast.stmt]) -> None:
+        """Statements up to the first that leaves."""
+        for statement in statements:
+            if not self.ended:
+                self.here = statement
+                self.visit(statement)
+
+    def generic_visit(self, node: ast.AST) -> Any:
+        """Refuse what is not in the language."""
+        self.here = node if hasattr(node, "lineno") else self.here
+        remedy = _INSTEAD.get(type(node), "See stickslip.translator for what may be used")  # pyright: ignore[reportArgumentType, reportCallIssue]
+        self.refuse(f"{type(node).__name__} is not in the language", remedy)
+
+    def visit_Pass(self, node: ast.Pass) -> None:
+        """Nothing."""
+
+    def visit_Expr(self, node: ast.Expr) -> None:
+        """A call, or a docstring."""
+        if not isinstance(node.value, ast.Constant):
+            self.visit(node.value)
+
+    def visit_Assign(self, node: ast.Assign) -> None:
+        """``a = b = value``."""
+        value = self.settled(self.plain(self.visit(node.value)))
+        for target in node.targets:
+            self.assign(target, value)
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
+        """``a: float = value``."""
+        if node.value is None:
+            self.refuse("a variable without a value", "Assign one")
+        value = self.settled(self.plain(self.visit(node.value)))
+        said = NAMED.get(self.hint(node.annotation))
+        self.assign(node.target, self.cast(value, said) if said else value)
+
+    def visit_AugAssign(self, node: ast.AugAssign) -> None:
+        """``a += value``."""
+        operation = type(node.op).__name__
+        if isinstance(node.target, ast.Subscript):
+            array, address = self.entry_of(node.target)
+            old = self.read_entry(array, address)
+            self.write_entry(array, address, self.binary(operation, old, self.visit(node.value)))
+            return
+        old = self.visit(ast.copy_location(_as_read(node.target), node))
+        self.assign(node.target, self.binary(operation, old, self.visit(node.value)))
+
+    def assign(self, target: ast.expr, value: Value) -> None:
+        """Give a value to a variable, to an entry of an array, or its parts to several of them."""
+        if isinstance(target, ast.Name):
+            self.assign_name(target.id, value)
+        elif isinstance(target, ast.Subscript):
+            array, address = self.entry_of(target)
+            self.write_entry(array, address, value)
+        elif isinstance(target, ast.Tuple):
+            parts = self.parts(value)
+            if len(parts) != len(target.elts):
+                self.refuse(f"{len(parts)} values for {len(target.elts)} names", "Name each of them")
+            for inner, part in zip(target.elts, parts, strict=True):
+                self.assign(inner, part)
+        else:
+            self.refuse(f"an assignment to {ast.unparse(target)}", "Assign to a name or an entry")
+
+    def assign_name(self, name: str, value: Value) -> None:
+        """Give a value to a variable."""
+        self.assigned.add(name)
+        if value.lasting and self.stores.get(name) == 1 and value.offset is not None:
+            self.values[name] = value  # it may stay where it is: nothing writes there
+            return
+        known = self.types.get(name)
+        type_ = value.type if known is None else joined(known, value.type)
+        if type_ is None:
+            both = f"{named(known)} and {named(value.type)}"  # pyright: ignore[reportArgumentType]
+            self.refuse(f"{name} is {both}", "Use two names")
+        if type_ != known:
+            self.changed = self.changed or known is not None
+            self.types[name] = type_
+            self.places.pop(name, None)
+        if name not in self.places:
+            is_tuple = isinstance(type_, TupleType)
+            self.places[name] = self.room(type_) if is_tuple else self.slot(_passed(type_))
+        value = self.cast(value, type_)
+        if isinstance(type_, TupleType):
+            self.put(value, self.places[name], 0)
+        elif type_ != NONE:
+            self.store(self.in_register(value).register, self.places[name])
+
+    def entry_of(self, node: ast.Subscript) -> tuple[ArrayType, Register]:
+        """The entry of an array that is assigned to."""
+        array = self.visit(node.value)
+        given = self.indices(node.slice)
+        if not isinstance(array.type, ArrayType):
+            self.refuse(f"an assignment to a part of {named(array.type)}", "Make a new tuple")
+        places = [index.value for index in given if index.value is not None]
+        if len(places) != array.type.axes:
+            self.refuse("an assignment to several entries", "Write a loop")
+        return array.type, self.entry(array, places)
+
+    def visit_Return(self, node: ast.Return) -> None:
+        """The result; all of them have one type."""
+        value = Value(NONE) if node.value is None else self.plain(self.visit(node.value))
+        type_ = value.type if self.result is None else joined(self.result, value.type)
+        if self.promised is not None and isinstance(type_, Scalar):
+            type_ = self.promised
+        if type_ is None or (type_ == NONE) != (value.type == NONE):
+            self.refuse("results of several types", "Return the same type everywhere")
+        if type_ != self.result:
+            self.changed = self.changed or self.result is not None
+            self.result = type_
+        value = self.cast(value, type_)
+        if type_ == NONE:
+            self.end("ret void")
+        elif isinstance(type_, TupleType) and not fits_registers(type_):
+            self.put(value, Register("%out", POINTER), 0)
+            self.end("ret void")
+        else:
+            self.end(f"ret {self.packed(value).typed}")
+
+    def packed(self, value: Value) -> Register:
+        """A result in registers."""
+        if not isinstance(value.type, TupleType):
+            return self.in_register(value).register
+        parts = [self.packed(part) for part in self.parts(value)]
+        return self.structure(returned(value.type), parts)
+
+    # -- control -----------------------------------------------------------------------------------
+
+    def visit_If(self, node: ast.If) -> None:
+        """``if``, ``elif``, ``else``."""
+        then, otherwise, after = map(self.label, ("then", "else", "after"))
+        self.branch(node.test, then, otherwise)
+        before, ways = set(self.assigned), list[set[str]]()
+        for label, statements in ((then, node.body), (otherwise, node.orelse)):
+            self.ended = True
+            self.begin(label)
+            self.assigned = set(before)
+            self.body(statements)
+            if not self.ended:
+                ways.append(self.assigned)
+                self.go(after)
+        self.meet(after, ways)
+
+    def meet(self, after: str, ways: list[set[str]]) -> None:
+        """Go on where ways meet, if any leads there, with the variables that all have assigned."""
+        if ways:
+            self.begin(after)
+            self.assigned = set.intersection(*ways)
+
+    def visit_While(self, node: ast.While) -> None:
+        """``while``, for ever too."""
+        head, inside, after = map(self.label, ("while", "body", "after"))
+        endless = isinstance(node.test, ast.Constant) and bool(node.test.value)
+        self.begin(head)
+        if endless:
+            self.go(inside)
+        else:
+            self.branch(node.test, inside, after)
+        ways = [] if endless else [set(self.assigned)]
+        self.round(node, inside, head, after, ways)
+        self.go(head)
+        self.meet(after, ways)
+
+    def round(
+        self, node: ast.While | ast.For, inside: str, again: str, after: str, ways: list[set[str]]
+    ) -> None:
+        """The body of a loop."""
+        if node.orelse:
+            self.refuse("else of a loop", "Use a variable that says how it ended")
+        self.ended = True
+        self.begin(inside)
+        self.loops.append((again, after, ways))
+        self.body(node.body)
+        self.loops.pop()
+
+    def visit_Break(self, node: ast.Break) -> None:
+        """Leave a loop."""
+        self.loops[-1][2].append(set(self.assigned))
+        self.go(self.loops[-1][1])
+
+    def visit_Continue(self, node: ast.Continue) -> None:
+        """The next round of a loop."""
+        self.go(self.loops[-1][0])
+
+    def visit_For(self, node: ast.For) -> None:
+        """``for`` over a range, the entries or rows of an array, or the parts of a tuple."""
+        source = node.iter
+        if isinstance(source, ast.Call) and ast.unparse(source.func) == "range":
+            ends = [self.cast(self.visit(x), INT) for x in source.args]
+            step = ends.pop() if len(ends) == 3 else self.constant(1)
+            if not step.is_known or step.known == 0:
+                self.refuse("a range whose step is not constant", "Use while")
+            start = ends[0] if len(ends) == 2 else self.constant(0)
+            self.count(node, start, ends[-1], step.known, lambda i: i)
+            return
+        value = self.visit(source)
+        if isinstance(value.type, ArrayType):
+            value = self.in_register(value)
+            first = self.constant(0), self.length(value, 0)
+            self.count(node, *first, 1, lambda i: self.element(value, [Index(i)]))
+            return
+        after = self.label("after")
+        ways = list[set[str]]()
+        for part in map(self.settled, self.parts(value)):
+            if not self.ended:
+                inside, following = self.label("body"), self.label("next")
+                self.assign(node.target, part)
+                self.go(inside)
+                self.round(node, inside, following, after, ways)
+                self.begin(following)
+        if not self.ended:
+            ways.append(set(self.assigned))
+            self.go(after)
+        self.meet(after, ways)
+
+    def count(
+        self, node: ast.For, start: Value, stop: Value, step: int, item: Callable[[Value], Value]
+    ) -> None:
+        """A loop over whole numbers."""
+        place = self.slot(WHOLE)
+        self.store(start.register, place)
+        head, inside, following, after = map(self.label, ("for", "body", "next", "after"))
+        self.begin(head)
+        at = self.load(WHOLE, place)
+        test = self.new(BIT, f"icmp {'slt' if step > 0 else 'sgt'} i64 {at}, {stop.register}")
+        ways = [set(self.assigned)]
+        first = self.label("first")
+        self.choose(test, first, after)
+        self.begin(first)
+        self.assign(node.target, self.settled(item(Value(INT, at))))
+        self.go(inside)
+        self.round(node, inside, following, after, ways)
+        self.begin(following)
+        self.store(self.new(WHOLE, f"add nsw i64 {at}, {step}"), place)
+        self.go(head)
+        self.meet(after, ways)
+
+    def branch(self, test: ast.expr, yes: str, no: str) -> None:
+        """Go one of two ways; what decides nothing is not looked at."""
+        self.here = test
+        if isinstance(test, ast.BoolOp):
+            every = isinstance(test.op, ast.And)
+            for part in test.values[:-1]:
+                following = self.label("also")
+                self.branch(part, *((following, no) if every else (yes, following)))
+                self.begin(following)
+            self.branch(test.values[-1], yes, no)
+        elif isinstance(test, ast.UnaryOp) and isinstance(test.op, ast.Not):
+            self.branch(test.operand, no, yes)
+        else:
+            self.choose(self.truth(self.visit(test)).register, yes, no)
+
+    # -- expressions -------------------------------------------------------------------------------
+
+    def visit_Constant(self, node: ast.Constant) -> Value:
+        """A number."""
+        return self.constant(node.value)
+
+    def visit_Name(self, node: ast.Name) -> Value:
+        """A variable; else something of the module, or of Python."""
+        name = node.id
+        if name in self.stores and name not in self.assigned:
+            self.here = node
+            self.refuse(f"{name} may have no value yet", "Assign one before, on every way that leads here")
+        if name in self.values:
+            return self.values[name]
+        if name in self.places:
+            type_, place = self.types[name], self.places[name]
+            if isinstance(type_, TupleType):
+                return Value(type_, place, 0)
+            return Value(type_, None if type_ == NONE else self.load(_passed(type_), place))
+        space = self.compiled.python.__globals__
+        if name not in space and not hasattr(builtins, name):
+            self.refuse(f"{name} is not known", "Define or import it in the module")
+        return self.constant(space[name] if name in space else getattr(builtins, name))
+
+    def visit_Tuple(self, node: ast.Tuple) -> Value:
+        """``a, b``."""
+        return self.tuple_of(tuple, [self.visit(part) for part in node.elts])
+
+    def visit_Attribute(self, node: ast.Attribute) -> Value:
+        """A part of a named tuple, of a complex number, or of a module; the lengths of an array."""
+        value, name = self.visit(node.value), node.attr
+        type_ = value.type
+        if type_ == PYTHON:
+            return self.constant(getattr(value.known, name))
+        if type_ == COMPLEX and name in ("real", "imag"):
+            return Value(FLOAT, self.split(value)[name == "imag"])
+        if isinstance(type_, ArrayType) and name == "shape":
+            return self.tuple_of(tuple, [self.length(value, k) for k in range(type_.axes)])
+        fields = getattr(type_.kind, "_fields", ()) if isinstance(type_, TupleType) else ()
+        if name not in fields:
+            self.refuse(f"{named(type_)} has no {name}", "Name one of its parts")
+        return self.part(value, fields.index(name))
+
+    def visit_Subscript(self, node: ast.Subscript) -> Value:
+        """An entry, a row or a slice of an array; a part of a tuple."""
+        value, given = self.visit(node.value), self.indices(node.slice)
+        if isinstance(value.type, ArrayType):
+            return self.element(value, given)
+        index = given[0].value
+        if len(given) > 1 or index is None or not index.is_known:
+            self.refuse("a part of a tuple that is not a constant", "Unpack it, or use an array")
+        if value.type == PYTHON:
+            return self.constant(value.known[index.known])
+        return self.parts(value)[index.known]
+
+    def indices(self, node: ast.expr) -> list[Index]:
+        """What stands in brackets."""
+        found = list[Index]()
+        for part in node.elts if isinstance(node, ast.Tuple) else [node]:
+            if found and found[-1].slice is not None:
+                self.refuse("a slice that is not in the last place", "Write a loop")
+            if isinstance(part, ast.Slice):
+                if part.step is not None:
+                    self.refuse("a slice with a step", "Write a loop")
+                ends = [None if x is None else self.index(x) for x in (part.lower, part.upper)]
+                found.append(Index(None, (ends[0], ends[1])))
+            else:
+                found.append(Index(self.index(part)))
+        return found
+
+    def index(self, node: ast.expr) -> Value:
+        """An index."""
+        value = self.visit(node)
+        if value.type not in (INT, BOOL):
+            self.refuse(f"{named(value.type)} as an index", "Use a whole number")
+        if isinstance(node, ast.UnaryOp) and not value.is_known:
+            self.refuse("an index that is negative", "Subtract it from the length")
+        return self.cast(value, INT)
+
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> Value:
+        """``-a``, ``+a``, ``not a``."""
+        value = self.visit(node.operand)
+        if isinstance(node.op, ast.Not):
+            return self.inverted(self.truth(value))
+        if isinstance(node.op, ast.USub):
+            return self.negative(value)
+        if isinstance(node.op, ast.UAdd):
+            return value
+        return self.generic_visit(node.op)
+
+    def visit_BinOp(self, node: ast.BinOp) -> Value:
+        """Arithmetic."""
+        left, right = self.visit(node.left), self.visit(node.right)
+        return self.binary(type(node.op).__name__, left, right)
+
+    def visit_BoolOp(self, node: ast.BoolOp) -> Value:
+        """``a and b``, ``a or b``, of truth values."""
+        for part in node.values:
+            if (kind := self.type_of(part)) != BOOL:
+                self.refuse(f"and, or of {named(kind)} as a value", "Write comparisons")
+        place = self.slot(BIT)
+        yes, no, after = map(self.label, ("yes", "no", "after"))
+        self.branch(node, yes, no)
+        for label, value in ((yes, True), (no, False)):
+            self.ended = True
+            self.begin(label)
+            self.store(self.constant(value).register, place)
+            self.go(after)
+        self.begin(after)
+        return Value(BOOL, self.load(BIT, place))
+
+    def type_of(self, node: ast.expr) -> Type:
+        """The type of an expression, of which nothing is written."""
+        kept = len(self.lines), len(self.slots), self.block, self.ended
+        type_ = self.plain(self.visit(node)).type
+        del self.lines[kept[0] :], self.slots[kept[1] :]
+        _, _, self.block, self.ended = kept
+        return type_
+
+    def visit_IfExp(self, node: ast.IfExp) -> Value:
+        """``a if test else b``."""
+        kinds = self.type_of(node.body), self.type_of(node.orelse)
+        type_ = joined(*kinds)
+        if type_ is None:
+            self.refuse(f"either {named(kinds[0])} or {named(kinds[1])}", "Give both one type")
+        is_tuple = isinstance(type_, TupleType)
+        place = self.room(type_) if is_tuple else self.slot(_passed(type_))
+        then, otherwise, after = map(self.label, ("then", "else", "after"))
+        self.branch(node.test, then, otherwise)
+        for label, part in ((then, node.body), (otherwise, node.orelse)):
+            self.ended = True
+            self.begin(label)
+            value = self.cast(self.visit(part), type_)
+            if is_tuple:
+                self.put(value, place, 0)
+            else:
+                self.store(self.in_register(value).register, place)
+            self.go(after)
+        self.begin(after)
+        return Value(type_, place, 0) if is_tuple else Value(type_, self.load(_passed(type_), place))
+
+    def visit_Compare(self, node: ast.Compare) -> Value:
+        """Comparisons, one after the other; all of them are made."""
+        left, found = self.visit(node.left), None
+        for operation, right in zip(node.ops, node.comparators, strict=True):
+            value = self.visit(right)
+            if isinstance(operation, (ast.In, ast.NotIn)):
+                this = self.constant(False)
+                for part in self.parts(value):
+                    same = self.compare("Eq", left, part)
+                    this = self.bit(f"or i1 {this.register}, {same.register}")
+                this = self.inverted(this) if isinstance(operation, ast.NotIn) else this
+            else:
+                this = self.compare(type(operation).__name__, left, value)
+            left = value
+            found = this if found is None else self.both(found, this)
+        assert found is not None
+        return found
+
+    def both(self, a: Value, b: Value) -> Value:
+        """Whether two things hold."""
+        return self.bit(f"select i1 {a.register}, i1 {b.register}, i1 false")
+
+    # -- calls -------------------------------------------------------------------------------------
+
+    def visit_Call(self, node: ast.Call) -> Value:
+        """A call of something that the language knows."""
+        if isinstance(node.func, ast.Attribute) and node.func.attr == "conjugate":
+            re, im = self.split(self.visit(node.func.value))
+            return self.complex(re, self.real_op("fneg", im))
+        function = self.visit(node.func)
+        given = [self.visit(x) for x in node.args]
+        keywords = {x.arg: self.visit(x.value) for x in node.keywords if x.arg}
+        self.here = node
+        if isinstance(function.type, FunctionType):
+            return self.call_outside(function, function.type, given)
+        target: Any = function.known
+        if isinstance(target, Compiled):
+            names = list(inspect.signature(target.python).parameters)
+            return self.call_compiled(target, self.in_order(names, given, keywords))
+        if isinstance(target, type) and hasattr(target, "_fields"):
+            return self.tuple_of(target, self.in_order(target._fields, given, keywords))
+        try:
+            if target in REAL_FUNCTIONS:
+                reals = [self.cast(x, FLOAT).register for x in given]
+                name = REAL_FUNCTIONS[target]
+                return Value(FLOAT, self.outside(REAL, name, *reals, flags=self.flags))
+            make = CALLS.get(target)
+        except TypeError:  # it cannot be looked up
+            make = None
+        if make is None:
+            self.refuse(f"a call of {ast.unparse(node.func)}", "Mark it as compiled, or write it out")
+        return make(self, *given)
+
+    def in_order(self, names: Any, given: list[Value], keywords: dict[str, Value]) -> list[Value]:
+        """Arguments in the order of the parameters."""
+        left = list(names)[len(given) :]
+        if len(given) > len(names) or set(left) != set(keywords):
+            self.refuse(f"other arguments than {', '.join(names)}", "Give exactly these")
+        return [*given, *(keywords[name] for name in left)]
+
+    def call_compiled(self, target: Compiled, given: list[Value]) -> Value:
+        """Call another function of the language."""
+        given = [self.plain(x) for x in given]
+        try:
+            signature = self.program.signature(target, tuple(x.type for x in given))
+        except Refusal as error:
+            raise error
+        self.called.add(signature.name)
+        operands = list[Register]()
+        for value, type_ in zip(given, signature.arguments, strict=True):
+            value = self.cast(value, type_)
+            is_tuple = isinstance(type_, TupleType)
+            operands.append(self.in_memory(value) if is_tuple else self.in_register(value).register)
+        name = f'@"{signature.name}"'
+        if not signature.in_registers:
+            out = self.room(signature.result)
+            self.call(NOTHING, name, out, *operands, convention=" fastcc")
+            return Value(signature.result, out, 0)
+        made = self.call(returned(signature.result), name, *operands, convention=" fastcc")
+        return self.unpacked(signature.result, made)
+
+    def unpacked(self, type_: Type, made: Register) -> Value:
+        """A result that was in registers."""
+        if not isinstance(type_, TupleType):
+            return Value(type_, made)
+        kinds = [(part, returned(part)) for part in type_.parts]
+        parts = [Value(part, self.extract(made, k, llvm)) for k, (part, llvm) in enumerate(kinds)]
+        return Value(type_, parts=parts)
+
+    def call_outside(self, function: Value, type_: FunctionType, given: list[Value]) -> Value:
+        """Call a function by its address."""
+        if len(given) != len(type_.arguments):
+            self.refuse(f"{type_.name} takes {len(type_.arguments)} arguments", "Give as many")
+        pairs = zip(given, type_.arguments, strict=True)
+        operands = [self.in_register(self.cast(x, wanted)).register for x, (_, wanted) in pairs]
+        address = self.in_register(function).register
+        return Value(type_.result, self.call(type_.result.llvm, str(address), *operands))
+
+    def runtime(self, name: str, *given: Value) -> Value:
+        """Call what Python's operators mean where LLVM has no instruction for it."""
+        from stickslip.translator import runtime
+
+        return self.call_compiled(getattr(runtime, name), list(given))
+
+    def table(self, array: Any) -> Value:
+        """A constant array."""
+        name, type_ = self.program.table(array)
+        lengths = [whole(n) for n in array.shape]
+        return Value(type_, self.structure(type_.llvm, [Register(name, POINTER), *lengths]))
+
+
+def _passed(type_: Type) -> str:
+    """LLVM's type of an argument or variable."""
+    return POINTER if isinstance(type_, TupleType) else type_.llvm
+
+
+def _is_read(name: ast.Name) -> bool:
+    return isinstance(name.ctx, ast.Load)
+
+
+def _as_read(target: ast.expr) -> ast.expr:
+    assert isinstance(target, ast.Name)
+    return ast.Name(target.id, ast.Load())
+
+
+# -- functions of Python ---------------------------------------------------------------------------
+
+
+def _len(f: Function, value: Value) -> Value:
+    if isinstance(value.type, ArrayType):
+        return f.length(value, 0)
+    return f.constant(len(f.parts(value)))
+
+
+def _abs(f: Function, x: Value) -> Value:
+    if x.is_known:
+        return f.constant(abs(x.known))
+    if x.type == COMPLEX:
+        return Value(FLOAT, f.outside(REAL, "hypot", *f.split(x), flags=f.flags))
+    if x.type == FLOAT:
+        return Value(FLOAT, f.outside(REAL, "llvm.fabs.f64", x.register, flags=f.flags))
+    x = f.cast(x, INT)
+    return f.either(f.compare("Lt", x, f.constant(0)), f.negative(x), x)
+
+
+def _best(operation: str, f: Function, *given: Value) -> Value:
+    """The first that no other is better than, as Python has it."""
+    best, *others = given if len(given) > 1 else f.parts(given[0])
+    for other in others:
+        type_ = joined(best.type, other.type)
+        if type_ not in (BOOL, INT, FLOAT):
+            f.refuse(f"the largest of {named(best.type)} and {named(other.type)}", "Give numbers")
+        best, other = f.cast(best, type_), f.cast(other, type_)
+        best = f.either(f.compare(operation, other, best), other, best)
+    return best
+
+
+def _as(type_: Scalar, f: Function, *given: Value) -> Value:
+    if type_ == COMPLEX and len(given) == 2:
+        return f.complex(*(f.cast(x, FLOAT).register for x in given))
+    (x,) = given
+    if type_ == BOOL:
+        return f.truth(x)
+    return f.truncated(x) if (type_, x.type) == (INT, FLOAT) else f.cast(x, type_)
+
+
+def _rounded(name: str, f: Function, x: Value) -> Value:
+    """A whole number, as math.floor and math.ceil give it."""
+    return f.truncated(Value(FLOAT, f.outside(REAL, name, f.cast(x, FLOAT).register, flags=f.flags)))
+
+
+def _is_finite(f: Function, x: Value) -> Value:
+    register = f.cast(x, FLOAT).register
+    nothing = f.real_op("fsub", register, register)
+    return f.bit(f"fcmp{f.flags} ord double {nothing}, {nothing}")
+
+
+def _is_nan(f: Function, x: Value) -> Value:
+    register = f.cast(x, FLOAT).register
+    return f.bit(f"fcmp{f.flags} uno double {register}, {register}")
+
+
+def _frexp(f: Function, x: Value) -> Value:
+    place = f.slot("i32")
+    mantissa = f.outside(REAL, "frexp", f.cast(x, FLOAT).register, place)
+    exponent = f.new(WHOLE, f"sext {f.load('i32', place).typed} to i64")
+    return f.tuple_of(tuple, [Value(FLOAT, mantissa), Value(INT, exponent)])
+
+
+def _ldexp(f: Function, x: Value, n: Value) -> Value:
+    exponent = f.new("i32", f"trunc {f.cast(n, INT).register.typed} to i32")
+    return Value(FLOAT, f.outside(REAL, "ldexp", f.cast(x, FLOAT).register, exponent))
+
+
+def _call_address(f: Function, address: Value, x: Value) -> Value:
+    place = f.new(POINTER, f"inttoptr {address.register.typed} to ptr")
+    return Value(FLOAT, f.call(REAL, str(place), f.cast(x, FLOAT).register))
+
+
+CALLS: dict[Any, Callable[..., Value]] = {
+    len: _len,
+    abs: _abs,
+    np.abs: _abs,
+    max: partial(_best, "Gt"),
+    min: partial(_best, "Lt"),
+    **{kind: partial(_as, NAMED[kind]) for kind in (int, float, bool, complex)},
+    math.floor: partial(_rounded, "llvm.floor.f64"),
+    math.ceil: partial(_rounded, "llvm.ceil.f64"),
+    math.isfinite: _is_finite,
+    np.isfinite: _is_finite,
+    math.isnan: _is_nan,
+    np.isnan: _is_nan,
+    math.frexp: _frexp,
+    math.ldexp: _ldexp,
+    cmath.exp: lambda f, z: f.runtime("complex_exp", f.cast(z, COMPLEX)),
+    call_address: _call_address,
+}
+"""Functions of Python that are more than one instruction: what they become."""

@@ -1,0 +1,249 @@
+"""Compiled functions together: each for the types it is called with, as one module for each source
+file."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stickslip.translator import Compiled
+from stickslip.translator.assembly import WHOLE, Assembly, Register, real, whole
+from stickslip.translator.functions import Function, Signature, returned
+from stickslip.translator.values import (
+    BOOL,
+    ENTRIES,
+    METADATA,
+    NAMED,
+    ArrayType,
+    FunctionType,
+    Refusal,
+    TupleType,
+    Type,
+    Value,
+    Values,
+    entry_types,
+    joined,
+    named,
+    symbol_of,
+    words,
+)
+
+_FEW = 40  # lines of a function that other modules have copies of, to inline it
+_MANY = 150  # lines of a function that is not inlined
+_ATTRIBUTES = """
+attributes #0 = { nounwind nofree nosync }
+attributes #1 = { nounwind willreturn memory(none) }
+"""
+
+
+class Program:
+    """The functions that some entries need.
+
+    Parameters
+    ----------
+    entries : sequence of Compiled
+        What is called from outside: with the address of its arguments as words. A parameter has the
+        type of its annotation.
+
+    Attributes
+    ----------
+    symbols : dict
+        Names of the entries in the assembly, by the names of their functions.
+    """
+
+    def __init__(self, entries: Sequence[Compiled]) -> None:
+        self._signatures: dict[Any, Signature | None] = {}
+        self._texts: dict[str, str] = {}
+        self._files: dict[str, str] = {}
+        self._called: dict[str, set[str]] = {}
+        self._declared: dict[str, str] = {}
+        self._tables: dict[int, tuple[str, Any]] = {}
+        self._counts: dict[str, int] = {}
+        self._nodes: dict[str, dict[int, ast.FunctionDef]] = {}
+        for entry in entries:
+            self._enter(entry)
+
+    def signature(self, function: Compiled, given: tuple[Type, ...]) -> Signature:
+        """How a function is called with arguments of these types; translated at the first time.
+
+        Raises
+        ------
+        Refusal
+            If it is not in the language.
+        """
+        node = self._node(function)
+        hints = [x.annotation and ast.unparse(x.annotation) for x in node.args.args]
+        types = {kind.__name__: scalar for kind, scalar in NAMED.items()}
+        said = [types.get(hint or "") for hint in hints]
+        wanted = tuple(
+            promise if promise and joined(type_, promise) == promise else type_
+            for promise, type_ in zip(said, given, strict=True)
+        )
+        key = function, wanted
+        if key not in self._signatures:
+            self._signatures[key] = None
+            self._signatures[key] = self._translate(function, node, wanted)
+        found = self._signatures[key]
+        if found is None:
+            raise Refusal(f"{function.__name__} calls itself. Write a loop")
+        return found
+
+    def _translate(
+        self, function: Compiled, node: ast.FunctionDef, wanted: tuple[Type, ...]
+    ) -> Signature:
+        base = f"{function.__module__}.{function.__name__}"
+        self._counts[base] = self._counts.get(base, 0) + 1
+        name = base if self._counts[base] == 1 else f"{base}.{self._counts[base]}"
+        work = Function(self, function, node, wanted, name)
+        signature, self._texts[name] = work.translated()
+        self._files[name] = function.python.__code__.co_filename
+        self._called[name] = work.called
+        self._declared |= work.declared
+        return signature
+
+    def _node(self, function: Compiled) -> ast.FunctionDef:
+        """The syntax tree of a function."""
+        code = function.python.__code__
+        if code.co_filename not in self._nodes:
+            tree = ast.parse(Path(code.co_filename).read_text(encoding="utf-8"))
+            found = [x for x in ast.walk(tree) if isinstance(x, ast.FunctionDef)]
+            self._nodes[code.co_filename] = {
+                min([x.lineno, *(d.lineno for d in x.decorator_list)]): x for x in found
+            }
+        node = self._nodes[code.co_filename][code.co_firstlineno]
+        given = node.args
+        if given.vararg or given.kwarg or given.kwonlyargs or given.defaults:
+            place = f"{code.co_filename}:{node.lineno}: {node.name}"
+            raise Refusal(f"{place}: parameters with stars or defaults. Name all of them plainly")
+        return node
+
+    def table(self, array: Any) -> tuple[str, ArrayType]:
+        """A constant array: its name and type."""
+        if id(array) not in self._tables:
+            kept = np.ascontiguousarray(array)
+            self._tables[id(array)] = f"@table.{len(self._tables)}", kept
+        name, kept = self._tables[id(array)]
+        return name, ArrayType(f"{kept.dtype.kind}{kept.dtype.itemsize}", kept.ndim)
+
+    def _table_line(self, name: str, array: Any) -> str:
+        kind = ENTRIES[f"{array.dtype.kind}{array.dtype.itemsize}"][1]
+        literal = real if array.dtype.kind == "f" else lambda x: whole(int(x))
+        entries = ", ".join(f"{kind} {literal(x)}" for x in array.ravel().tolist())
+        return f"{name} = internal unnamed_addr constant [{array.size} x {kind}] [{entries}], align 16"
+
+    # -- entries -----------------------------------------------------------------------------------
+
+    def _enter(self, function: Compiled) -> None:
+        """Write the function that is called from outside."""
+        types, promised = entry_types(function)
+        signature = self.signature(function, types)
+        if signature.result != promised:
+            raise Refusal(f"{function.__name__} returns {named(signature.result)}. Annotate it so")
+        work = Values()
+        base = Register("%words", "ptr")
+        offset = 0
+        given = list[Register]()
+        for type_, wanted in zip(types, signature.arguments, strict=True):
+            value = Value(type_, base, offset)
+            if isinstance(type_, TupleType):
+                given.append(work.place(value))
+            else:
+                given.append(work.cast(work.in_register(value), wanted).register)
+            offset += words(type_)
+        symbol = symbol_of(function)
+        _finish(work, f'@"{signature.name}"', " fastcc", signature.result, given)
+        kind = "i8" if signature.result == BOOL else returned(signature.result)
+        self._texts[symbol] = work.text(f'define {kind} @"{symbol}"(ptr %words) #0')
+        self._called[symbol] = {signature.name}
+        self._files[symbol] = function.python.__code__.co_filename
+
+    # -- modules -----------------------------------------------------------------------------------
+
+    def modules(self) -> dict[str, str]:
+        """LLVM assembly by source file: its functions, and copies of small ones of other files.
+
+        A text is all that shapes its machine code.
+        """
+        return {file: self._module(file) for file in sorted(set(self._files.values()))}
+
+    def _module(self, file: str) -> str:
+        own = sorted(name for name in self._texts if self._files[name] == file)
+        copied, declared = set[str](), set[str]()
+        left = list(own)
+        while left:
+            for name in self._called[left.pop()] - copied - declared - set(own):
+                if self._is_small(name):
+                    copied.add(name)
+                    left.append(name)
+                else:
+                    declared.add(name)
+        lines = [self._with_linkage(name, "hidden") for name in own]
+        lines += [self._with_linkage(name, "available_externally hidden") for name in sorted(copied)]
+        lines += [_head(self._texts[name]) for name in sorted(declared)]
+        text = "\n".join(lines)
+        used = [line for name, line in sorted(self._declared.items()) if f"@{name}(" in text]
+        tables = [
+            self._table_line(*table) for table in self._tables.values() if f"{table[0]}," in text
+        ]
+        return "\n".join([*tables, *used, text, _ATTRIBUTES, METADATA])
+
+    def _is_small(self, name: str) -> bool:
+        text = self._texts[name]
+        return text.count("\n") <= _FEW or "alwaysinline" in text.partition("\n")[0]
+
+    def _with_linkage(self, name: str, linkage: str) -> str:
+        text = self._texts[name]
+        if text.count("\n") > _MANY:
+            text = text.replace("#0 {", "#0 noinline {", 1)
+        return text.replace("define internal", f"define {linkage}", 1)
+
+
+def _finish(
+    work: Assembly, callee: str, convention: str, result: Any, given: Sequence[Register]
+) -> None:
+    """Call a function and return what it returns; a truth value as a byte."""
+    made = work.call(returned(result), callee, *given, convention=convention)
+    if result == BOOL:
+        made = work.new("i8", f"zext {made.typed} to i8")
+    work.end(f"ret {made.typed}" if made.name else "ret void")
+
+
+def _head(text: str) -> str:
+    """The declaration of a function that is defined elsewhere."""
+    head = text.partition(" #0")[0].replace("define internal", "declare")
+    before, _, parameters = head.partition('"(')
+    kinds = [x.rpartition(" ")[0] for x in _split(parameters.removesuffix(")"))]
+    return f'{before}"({", ".join(kinds)}) #0'
+
+
+def _split(parameters: str) -> list[str]:
+    """Parameters of a head, apart; types may have commas in braces."""
+    found, depth = [""], 0
+    for character in parameters:
+        depth += {"{": 1, "}": -1}.get(character, 0)
+        if character == "," and depth == 0:
+            found.append("")
+        else:
+            found[-1] += character
+    return [x.strip() for x in found if x]
+
+
+def caller_of(function: FunctionType) -> str:
+    """Assembly of a function that is given words: an address of a function of this type, and its
+    arguments."""
+    work = Values()
+    base = Register("%words", "ptr")
+    address = work.load(WHOLE, base)
+    pointer = work.new("ptr", f"inttoptr {address.typed} to ptr")
+    offset = 1
+    given = list[Register]()
+    for _, type_ in function.arguments:
+        given.append(work.in_register(Value(type_, base, offset)).register)
+        offset += words(type_)
+    _finish(work, str(pointer), "", function.result, given)
+    kind = "i8" if function.result == BOOL else returned(function.result)
+    return work.text(f"define {kind} @call_{function.name}(ptr %words)").replace("!tbaa", "!ignored")
