@@ -1,7 +1,8 @@
 """Rate-independent evolutions by small steps: block descent on ½dᵀAd − rᵀd + Σ Ψ_g(d_g), and the
 scalar play by clamps.
 
-Times are dense where load and thresholds are narrow. Shares nothing with the library but how functions are compiled.
+Times are dense where load and thresholds are narrow. Shares nothing with the library but how
+functions are compiled.
 """
 
 from __future__ import annotations
@@ -137,7 +138,7 @@ def _follow(
 
 def follow(A: Array, loads: Array, low: Array, high: Array, discs: bool, z: Array) -> Array:
     """States after each load: boxes [low, high], or discs in the plane with the radii `high`."""
-    A, loads, low, high = (np.ascontiguousarray(x, dtype=float) for x in (A, loads, low, high))
+    A, loads, low, high = (np.require(x, float, "CAW") for x in (A, loads, low, high))
     states = np.empty(loads.shape)
     n = len(A)
     _follow(A, loads, low, high, discs, np.array(z, dtype=float), np.empty(n), np.empty(n), states)
