@@ -34,9 +34,7 @@ def _interval(a: float, r: float, low: float, high: float) -> float:
 
 
 @njit(**OPTIONS)
-def _disc(
-    p: float, q: float, s: float, r0: float, r1: float, radius: float
-) -> tuple[float, float]:
+def _disc(p: float, q: float, s: float, r0: float, r1: float, radius: float) -> tuple[float, float]:
     """Least of ½ dᵀ a d − rᵀ d + radius |d| in the plane, a = ((p, q), (q, s)): (a + λ) d = r with
     λ |d| = radius, by bisection in λ."""
     if math.hypot(r0, r1) <= radius:
@@ -138,7 +136,7 @@ def _follow(
 
 def follow(A: Array, loads: Array, low: Array, high: Array, discs: bool, z: Array) -> Array:
     """States after each load: boxes [low, high], or discs in the plane with the radii `high`."""
-    A, loads, low, high = (np.require(x, float, "CAW") for x in (A, loads, low, high))
+    A, loads, low, high = (np.require(x, float, ("C", "A", "W")) for x in (A, loads, low, high))
     states = np.empty(loads.shape)
     n = len(A)
     _follow(A, loads, low, high, discs, np.array(z, dtype=float), np.empty(n), np.empty(n), states)
