@@ -339,7 +339,7 @@ def stopped(b: Brute, mode: IntVector, t: float, y: Vector, sign: float, f: Vect
 def follow(
     b: Brute,
     mode: IntVector,
-    clock: Matrix,
+    clock: Vector,
     y: Vector,
     end: float,
     marks: Matrix,
