@@ -1,8 +1,9 @@
 """Brute force: motions followed by the method of Runge and Kutta until they repeat themselves.
 
-Nothing here is shared with the library but numba. Small steps of order four, cut where a guard
-vanishes (by halving), and marks: the periods of a drive, or the maxima of the first component. When
-the states at the last marks repeat, the smallest lag at which they do is the period.
+Nothing here is shared with the library but how functions are compiled. Small steps of order four,
+cut where a guard vanishes (by halving), and marks: the periods of a drive, or the maxima of the
+first component. When the states at the last marks repeat, the smallest lag at which they do is the
+period.
 """
 
 from __future__ import annotations
@@ -12,9 +13,9 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
-from stickslip.arrays import Array
+from stickslip.arrays import Array, IntVector, Matrix, Vector
+from stickslip.machine_code.functions import entry_point, njit
 
 MASSES = 0
 TOY = 1
@@ -27,7 +28,7 @@ INSIDE = 1e-14  # of its threshold: what comes to stick is held
 MOST_EVENTS = 4000  # in a call
 LAGS = 48
 # No array is owned in the loops, so that none has to be counted.
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "_nrt": False}
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
 # of its size: how near states at marks have to be to be the same, for steps that are not all the
 # same
 CLOSE = 2e-8
@@ -67,15 +68,15 @@ class Brute(NamedTuple):
     kind: int
     step: float
     period: float
-    mass: Array
-    stiffness: Array
-    damping: Array
+    mass: Vector
+    stiffness: Matrix
+    damping: Matrix
     hard: float
-    load: Array
-    wall: Array
-    dry: Array
-    dampers: Array
-    numbers: Array
+    load: Vector
+    wall: Vector
+    dry: Matrix
+    dampers: Matrix
+    numbers: Vector
 
 
 @njit(**OPTIONS)
@@ -85,7 +86,7 @@ def bump(b: Brute, t: float) -> float:
 
 
 @njit(**OPTIONS)
-def pull(b: Brute, t: float, y: Array, i: int) -> float:
+def pull(b: Brute, t: float, y: Vector, i: int) -> float:
     """Force on a mass, but for those of contacts."""
     n = len(b.mass)
     load = b.load
@@ -107,7 +108,7 @@ def pull(b: Brute, t: float, y: Array, i: int) -> float:
 
 
 @njit(**OPTIONS)
-def threshold(b: Brute, t: float, y: Array, c: int) -> float:
+def threshold(b: Brute, t: float, y: Vector, c: int) -> float:
     """Static threshold of a contact."""
     static = b.dry[c, 2]
     if b.dry[c, 6] != 0.0:
@@ -118,7 +119,7 @@ def threshold(b: Brute, t: float, y: Array, c: int) -> float:
 
 
 @njit(**OPTIONS)
-def kinetic(b: Brute, t: float, y: Array, c: int, speed: float) -> float:
+def kinetic(b: Brute, t: float, y: Vector, c: int, speed: float) -> float:
     """Sliding force of a contact."""
     row = b.dry[c]
     if row[7] != 0.0:
@@ -142,10 +143,14 @@ def toy_bound(b: Brute, psi: float, upper: bool) -> tuple[float, int]:
     if upper:
         a = P + c * psi + rho + right
         other = -P + c * psi + rho + left
-        return (a, 1) if a <= other else (other, -1)
+        if a <= other:
+            return a, 1
+        return other, -1
     a = P + c * psi - rho - right
     other = -P + c * psi - rho - left
-    return (a, 1) if a >= other else (other, -1)
+    if a >= other:
+        return a, 1
+    return other, -1
 
 
 @njit(**OPTIONS)
@@ -155,7 +160,7 @@ def toy_side(psi: float) -> int:
 
 
 @njit(**OPTIONS)
-def toy_push(b: Brute, mode: Array, rate: float) -> float:
+def toy_push(b: Brute, mode: IntVector, rate: float) -> float:
     """Rate at which the legs are pushed apart, on a side and by the bound of a leg."""
     grows = 0.5 * b.numbers[4] * mode[2] if mode[1] == 0 else 0.0
     return (b.numbers[2] + (grows if mode[0] < 0 else -grows)) * rate
@@ -168,7 +173,7 @@ def mu(alpha: float) -> float:
 
 
 @njit(**OPTIONS)
-def rates(b: Brute, mode: Array, t: float, y: Array, f: Array) -> None:
+def rates(b: Brute, mode: IntVector, t: float, y: Vector, f: Vector) -> None:
     """y' in a mode; the last component is the work of friction."""
     last = len(y) - 1
     f[last] = 0.0
@@ -188,7 +193,8 @@ def rates(b: Brute, mode: Array, t: float, y: Array, f: Array) -> None:
         right = b.numbers[4] / 2.0 * (1.0 + min(max(y[0], -1.0), 1.0))
         f[last] = (b.numbers[3] + (right if leg == 1 else b.numbers[4] - right)) * abs(pushed)
         return
-    n, contacts = len(b.mass), len(b.dry)
+    n = len(b.mass)
+    contacts = len(b.dry)
     for i in range(n):
         f[i] = y[n + i]
         f[n + i] = pull(b, t, y, i) / b.mass[i]
@@ -208,7 +214,7 @@ def rates(b: Brute, mode: Array, t: float, y: Array, f: Array) -> None:
 
 
 @njit(**OPTIONS)
-def broken(b: Brute, mode: Array, t: float, y: Array) -> int:
+def broken(b: Brute, mode: IntVector, t: float, y: Vector) -> int:
     """The first switch whose guard is negative, or −1."""
     if b.kind == SLIDER:
         excess = y[0] - mu(y[1])
@@ -223,7 +229,8 @@ def broken(b: Brute, mode: Array, t: float, y: Array) -> int:
         return (
             0 if y[2] > toy_bound(b, y[0], True)[0] or y[2] < toy_bound(b, y[0], False)[0] else -1
         )
-    n, contacts = len(b.mass), len(b.dry)
+    n = len(b.mass)
+    contacts = len(b.dry)
     for c in range(contacts):
         i = int(b.dry[c, 0])
         if mode[c] != 0:
@@ -242,23 +249,27 @@ def broken(b: Brute, mode: Array, t: float, y: Array) -> int:
 
 
 @njit(**OPTIONS)
-def switch(b: Brute, mode: Array, which: int, t: float, y: Array) -> None:
+def switch(b: Brute, mode: IntVector, which: int, t: float, y: Vector) -> None:
     """The mode and the state after a guard has vanished."""
     if b.kind == SLIDER:
         mode[0] = 1 - mode[0]
         return
     if b.kind == TOY:
         if which == 0 and mode[0] != 0:
-            low, high = toy_bound(b, y[0], False)[0], toy_bound(b, y[0], True)[0]
+            low = toy_bound(b, y[0], False)[0]
+            high = toy_bound(b, y[0], True)[0]
             y[2] = min(max(y[2], low + INSIDE * (high - low)), high - INSIDE * (high - low))
             mode[0] = 0
             return
         if mode[0] == 0:
             mode[0] = -1 if y[2] > toy_bound(b, y[0], True)[0] else 1
         mode[1] = toy_side(y[0])
-        y[2], mode[2] = toy_bound(b, y[0], mode[0] < 0)
+        bound, leg = toy_bound(b, y[0], mode[0] < 0)
+        y[2] = bound
+        mode[2] = leg
         return
-    n, contacts = len(b.mass), len(b.dry)
+    n = len(b.mass)
+    contacts = len(b.dry)
     if which >= contacts:
         d = which - contacts
         x = y[int(b.dampers[d, 0])]
@@ -277,7 +288,7 @@ def switch(b: Brute, mode: Array, which: int, t: float, y: Array) -> None:
 
 
 @njit(**OPTIONS)
-def length(b: Brute, t: float, y: Array, rate: float) -> float:
+def length(b: Brute, t: float, y: Vector, rate: float) -> float:
     """Step that sees all that is narrow."""
     h = b.step
     if b.hard > 0.0 and b.kind == MASSES:
@@ -301,7 +312,7 @@ def length(b: Brute, t: float, y: Array, rate: float) -> float:
 
 
 @njit(**OPTIONS)
-def step(b: Brute, mode: Array, t: float, y: Array, h: float, k: Array, out: Array) -> None:
+def step(b: Brute, mode: IntVector, t: float, y: Vector, h: float, k: Matrix, out: Vector) -> None:
     """One step of the classical method of order four."""
     n = len(y)
     rates(b, mode, t, y, k[0])
@@ -315,7 +326,7 @@ def step(b: Brute, mode: Array, t: float, y: Array, h: float, k: Array, out: Arr
 
 
 @njit(**OPTIONS)
-def stopped(b: Brute, mode: Array, t: float, y: Array, sign: float, f: Array) -> int:
+def stopped(b: Brute, mode: IntVector, t: float, y: Vector, sign: float, f: Vector) -> int:
     """A broken guard; −2 where the first component has turned; −1 otherwise."""
     which = broken(b, mode, t, y)
     if which >= 0:
@@ -324,17 +335,17 @@ def stopped(b: Brute, mode: Array, t: float, y: Array, sign: float, f: Array) ->
     return -2 if f[0] * sign < 0.0 else -1
 
 
-@njit(**OPTIONS)
+@entry_point(**OPTIONS)
 def follow(
     b: Brute,
-    mode: Array,
-    clock: Array,
-    y: Array,
+    mode: IntVector,
+    clock: Vector,
+    y: Vector,
     end: float,
-    marks: Array,
-    reach: Array,
-    k: Array,
-    out: Array,
+    marks: Matrix,
+    reach: Matrix,
+    k: Matrix,
+    out: Vector,
 ) -> int:
     """Follow a motion until a time, or until there is no room for marks.
 
@@ -386,19 +397,22 @@ def follow(
                 if found == -1:
                     first = middle
                 else:
-                    last, which = middle, found
+                    last = middle
+                    which = found
             h = last
             step(b, mode, t, y, h, k, out)
             events += 1
         stuck = True
-        for m in mode[: 1 if b.kind == TOY else len(mode)]:
-            stuck = stuck and m == 0
+        for c in range(1 if b.kind == TOY else len(mode)):
+            stuck = stuck and mode[c] == 0
         stick += h if stuck else 0.0
         for r in range(n):
             y[r] = out[r]
-            reach[0, r], reach[1, r] = min(reach[0, r], y[r]), max(reach[1, r], y[r])
+            reach[0, r] = min(reach[0, r], y[r])
+            reach[1, r] = max(reach[1, r], y[r])
         clock[0] = t + h
-        low, high = min(low, y[0]), max(high, y[0])
+        low = min(low, y[0])
+        high = max(high, y[0])
         if which >= 0:
             switch(b, mode, which, clock[0], y)
         if which == -2:
@@ -414,7 +428,7 @@ def follow(
             low = y[0]
             high = y[0]
             stick = 0.0
-            count = count + 1
+            count += 1
             clock[2] += 1.0
         if events > MOST_EVENTS:
             return -1

@@ -103,7 +103,7 @@ def masses(
     driven: bool = False,
 ) -> Brute:
     """Masses with contacts and dampers; see :class:`.brute.Brute`."""
-    K = np.array(stiffness)
+    K = np.array(stiffness, dtype=float)
     loads = (*load, *(0.0, 0.0, 1.0, 0.0, 0.0, 1.0)[len(load) - 3 :])
     stiff = K + np.diag([sum(d[1] for d in dampers if d[0] == i) for i in range(len(mass))])
     fastest = math.sqrt(np.max(np.linalg.eigvals(stiff / np.array(mass)[:, None]).real))
@@ -113,12 +113,12 @@ def masses(
         MASSES,
         step,
         period,
-        np.array(mass),
+        np.array(mass, dtype=float),
         K,
-        np.array(damping),
-        hard,
-        np.array(loads),
-        np.array(wall),
+        np.array(damping, dtype=float),
+        float(hard),
+        np.array(loads, dtype=float),
+        np.array(wall, dtype=float),
         np.array(dry, dtype=float).reshape(-1, 8),
         np.array(dampers, dtype=float).reshape(-1, 3),
         np.zeros(1),
@@ -128,7 +128,7 @@ def masses(
 def other(kind: int, step: float, *numbers: float) -> Brute:
     """The toy, or the slider."""
     empty = masses([1.0], [[1.0]], [[0.0]])
-    return empty._replace(kind=kind, step=step, numbers=np.array(numbers))
+    return empty._replace(kind=kind, step=step, numbers=np.array(numbers, dtype=float))
 
 
 def contact(

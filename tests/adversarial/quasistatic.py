@@ -1,26 +1,29 @@
 """Rate-independent evolutions by small steps: block descent on ½dᵀAd − rᵀd + Σ Ψ_g(d_g), and the
 scalar play by clamps.
 
-Times are dense where load and thresholds are narrow. Shares nothing with the library.
+Times are dense where load and thresholds are narrow. Shares nothing with the library but how
+functions are compiled.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from stickslip.arrays import Array, Matrix, Vector
+from stickslip.machine_code.functions import entry_point, njit
+
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
 SWEEPS = 400
 ENOUGH = 1e-13
 # of inserting the turning points of bounds: in the tail of a pulse they are far from parabolas
 ROUNDS = 40
 
 
-@njit
+@njit(**OPTIONS)
 def _interval(a: float, r: float, low: float, high: float) -> float:
     """Least of ½ a d² − r d + max(low d, high d)."""
     if r > high:
@@ -30,23 +33,23 @@ def _interval(a: float, r: float, low: float, high: float) -> float:
     return 0.0
 
 
-@njit
-def _disc(a: Array, r0: float, r1: float, radius: float, d: Array) -> None:
-    """Least of ½ dᵀ a d − rᵀ d + radius |d| in the plane: (a + λ) d = r with λ |d| = radius, by
-    bisection in λ."""
-    d[0] = d[1] = 0.0
+@njit(**OPTIONS)
+def _disc(p: float, q: float, s: float, r0: float, r1: float, radius: float) -> tuple[float, float]:
+    """Least of ½ dᵀ a d − rᵀ d + radius |d| in the plane, a = ((p, q), (q, s)): (a + λ) d = r with
+    λ |d| = radius, by bisection in λ."""
     if math.hypot(r0, r1) <= radius:
-        return
-    low, high = 0.0, 1.0
+        return 0.0, 0.0
+    low = 0.0
+    high = 1.0
     for _ in range(200):
-        x, y = _shifted(a, high, r0, r1)
+        x, y = _solved(p + high, q, s + high, r0, r1)
         if high * math.hypot(x, y) >= radius:
             break
         high *= 4.0
     if radius > 0.0:
         for _ in range(200):
             middle = 0.5 * (low + high)
-            x, y = _shifted(a, middle, r0, r1)
+            x, y = _solved(p + middle, q, s + middle, r0, r1)
             if middle * math.hypot(x, y) >= radius:
                 high = middle
             else:
@@ -55,30 +58,52 @@ def _disc(a: Array, r0: float, r1: float, radius: float, d: Array) -> None:
                 break
     else:
         high = 0.0
-    d[0], d[1] = _shifted(a, high, r0, r1)
+    return _solved(p + high, q, s + high, r0, r1)
 
 
-@njit
-def _shifted(a: Array, shift: float, r0: float, r1: float) -> tuple[float, float]:
-    p = a[0, 0] + shift
-    q = a[0, 1]
-    s = a[1, 1] + shift
+@njit(**OPTIONS)
+def _solved(p: float, q: float, s: float, r0: float, r1: float) -> tuple[float, float]:
+    """The solution of ((p, q), (q, s)) d = r."""
     det = p * s - q * q
     return (s * r0 - q * r1) / det, (p * r1 - q * r0) / det
 
 
-@njit
+@entry_point(**OPTIONS)
 def _follow(
-    A: Array, loads: Array, low: Array, high: Array, discs: bool, z: Array, states: Array
+    A: Matrix,
+    loads: Matrix,
+    low: Matrix,
+    high: Matrix,
+    discs: bool,
+    z: Vector,
+    r: Vector,
+    d: Vector,
+    states: Matrix,
 ) -> None:
+    """What :func:`follow` gives, in `states`.
+
+    Parameters
+    ----------
+    z : array
+        The state; changed.
+    r, d : arrays, shape (n,)
+        Work space.
+    """
     n = len(A)
-    d = np.zeros(len(A))
-    own = np.zeros(2)
     size = 2 if discs else 1
     for k in range(len(loads)):
-        r = loads[k] - A @ z
-        scale = np.abs(r).max() + np.abs(high[k]).max()
-        d[:] = 0.0
+        largest = 0.0
+        for i in range(n):
+            pulled = 0.0
+            for j in range(n):
+                pulled += A[i, j] * z[j]
+            r[i] = loads[k, i] - pulled
+            largest = max(largest, abs(r[i]))
+            d[i] = 0.0
+        bound = 0.0
+        for g in range(n // size):
+            bound = max(bound, abs(high[k, g]))
+        scale = largest + bound
         for _ in range(SWEEPS):
             change = 0.0
             for g in range(n // size):
@@ -86,7 +111,6 @@ def _follow(
                 before0 = d[i]
                 before1 = d[i + size - 1]
                 rest0 = r[i] + A[i, i] * d[i]
-                rest1 = 0.0
                 for j in range(n):
                     rest0 -= A[i, j] * d[j]
                 if discs:
@@ -94,23 +118,28 @@ def _follow(
                     rest1 = r[i + 1] + A[i + 1, i + 1] * d[i + 1] + A[i + 1, i] * d[i]
                     for j in range(n):
                         rest1 -= A[i + 1, j] * d[j]
-                    _disc(A[i : i + 2, i : i + 2], rest0, rest1, high[k, g], own)
-                    d[i], d[i + 1] = own[0], own[1]
-                    change = max(change, abs(d[i + 1] - before1) * A[i + 1, i + 1])
+                    own0, own1 = _disc(
+                        A[i, i], A[i, i + 1], A[i + 1, i + 1], rest0, rest1, high[k, g]
+                    )
+                    d[i] = own0
+                    d[i + 1] = own1
+                    change = max(change, abs(own1 - before1) * A[i + 1, i + 1])
                 else:
                     d[i] = _interval(A[i, i], rest0, low[k, i], high[k, i])
                 change = max(change, abs(d[i] - before0) * A[i, i])
             if change <= ENOUGH * scale:
                 break
-        z = z + d
-        states[k] = z
+        for i in range(n):
+            z[i] += d[i]
+            states[k, i] = z[i]
 
 
 def follow(A: Array, loads: Array, low: Array, high: Array, discs: bool, z: Array) -> Array:
     """States after each load: boxes [low, high], or discs in the plane with the radii `high`."""
-    states = np.empty_like(loads)
-    A, loads, low, high = (np.ascontiguousarray(x, dtype=float) for x in (A, loads, low, high))
-    _follow(A, loads, low, high, discs, np.array(z, dtype=float), states)
+    A, loads, low, high = (np.require(x, float, ("C", "A", "W")) for x in (A, loads, low, high))
+    states = np.empty(loads.shape)
+    n = len(A)
+    _follow(A, loads, low, high, discs, np.array(z, dtype=float), np.empty(n), np.empty(n), states)
     return states
 
 
@@ -149,10 +178,10 @@ def _vertices(t: Array, y: Array) -> Array:
     return tip[(tip > a) & (tip < c) & counts]
 
 
-@njit
 def _clamped(low: Array, high: Array, z: float) -> Array:
-    states = np.empty(len(low))
-    for k in range(len(low)):
-        z = min(max(z, low[k]), high[k])
-        states[k] = z
-    return states
+    """A number that stays between bounds by as little as it has to, after each pair of them."""
+    states = []
+    for least, most in zip(low.tolist(), high.tolist(), strict=True):
+        z = min(max(z, least), most)
+        states.append(z)
+    return np.array(states)

@@ -7,12 +7,15 @@ The force, threshold and surface speed enter as samples on a uniform grid of n s
 and row n at t = T.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
-from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from stickslip.arrays import Array, Matrix, Vector
+from stickslip.machine_code.functions import entry_point, njit
 
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
 TOLERANCE = 1e-12
 RELAXATION = 1.2
 SWEEPS = 100_000
@@ -78,9 +81,15 @@ def moreau(
             raise ValueError(f"{name} has the shape {np.shape(samples)}, expected {(n + 1, width)}")
     inverse = np.linalg.inv(M + h * C + h**2 * K)
     M, K, J, inverse, W = map(_dense, (M, K, J, inverse, J @ inverse @ np.transpose(J)))
-    samples = map(_dense, (force, threshold, surface_speed, q0, v0))
-    q, v, contact_force, solved = _steps(M, K, J, inverse, W, h, *samples)
-    if not solved:
+    force, threshold, surface_speed = map(_dense, (force, threshold, surface_speed))
+    q = np.empty((n + 1, d))
+    v = np.empty((n + 1, d))
+    contact_force = np.empty((n, c))
+    q[0], v[0] = q0, v0
+    work = Work(np.empty(d), np.empty(d), np.empty(c), np.empty(c), np.zeros(c))
+    if not _steps(
+        M, K, J, inverse, W, h, force, threshold, surface_speed, q, v, contact_force, work
+    ):
         raise RuntimeError(f"Gauss-Seidel did not converge in {SWEEPS} sweeps")
     return q, v, contact_force
 
@@ -137,49 +146,93 @@ def rate_independent(A: Array, load: Array, threshold: Array, z0: Array) -> Arra
     RuntimeError
         If Gauss-Seidel does not reach its tolerance.
     """
-    z, solved = _increments(*map(_dense, (A, load, threshold, z0)))
-    if not solved:
+    A, load, threshold = map(_dense, (A, load, threshold))
+    z = np.empty(load.shape)
+    z[0] = z0
+    if not _increments(A, load, threshold, z):
         raise RuntimeError(f"Gauss-Seidel did not converge in {SWEEPS} sweeps")
     return z
 
 
 def _dense(a: ArrayLike) -> Array:
     """The one memory layout that the kernels are compiled for."""
-    return np.ascontiguousarray(a, dtype=np.float64)
+    return np.require(a, np.float64, ("C", "A", "W"))
 
 
-@njit(cache=True)
+class Work(NamedTuple):
+    """Work space of a step.
+
+    Attributes
+    ----------
+    free, pull : arrays, shape (d,)
+        Velocity without contacts, and momenta.
+    slip, bound, impulse : arrays, shape (c,)
+        The impulse is kept from step to step as a start for the next.
+    """
+
+    free: Vector
+    pull: Vector
+    slip: Vector
+    bound: Vector
+    impulse: Vector
+
+
+@njit(**OPTIONS)
+def _dot(a: Vector, b: Vector) -> float:
+    """⟨a, b⟩."""
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total
+
+
+@entry_point(**OPTIONS)
 def _steps(
-    M: Array, K: Array, J: Array, inverse: Array, W: Array, h: float,
-    force: Array, threshold: Array, surface_speed: Array, q0: Array, v0: Array,
-) -> tuple[Array, Array, Array, bool]:  # fmt: skip
-    """Time loop of `moreau`, W = J(M + hC + h²K)⁻¹Jᵀ."""
-    steps, (c, d) = force.shape[0] - 1, J.shape
-    q = np.empty((steps + 1, d))
-    v = np.empty((steps + 1, d))
-    contact_force = np.empty((steps, c))
-    q[0], v[0] = q0, v0
-    impulse = np.zeros(c)  # kept from step to step as a start for the next
-    for i in range(steps):
-        free = inverse @ (M @ v[i] + h * (force[i + 1] - K @ q[i]))
-        if not _box(W, J @ free - surface_speed[i + 1], h * threshold[i + 1], impulse):
-            return q, v, contact_force, False
-        contact_force[i] = impulse / h
-        v[i + 1] = free + inverse @ (J.T @ impulse)
-        q[i + 1] = q[i] + h * v[i + 1]
-    return q, v, contact_force, True
+    M: Matrix, K: Matrix, J: Matrix, inverse: Matrix, W: Matrix, h: float, force: Matrix,
+    threshold: Matrix, surface_speed: Matrix, q: Matrix, v: Matrix, contact_force: Matrix,
+    work: Work,
+) -> bool:  # fmt: skip
+    """Time loop of `moreau`, W = J(M + hC + h²K)⁻¹Jᵀ: fills q and v after their first rows, and the
+    contact forces. Whether all steps are solved."""
+    free = work.free
+    pull = work.pull
+    impulse = work.impulse
+    c = len(J)
+    d = len(M)
+    for i in range(len(contact_force)):
+        for a in range(d):
+            pull[a] = _dot(M[a], v[i]) + h * (force[i + 1, a] - _dot(K[a], q[i]))
+        for a in range(d):
+            free[a] = _dot(inverse[a], pull)
+        for k in range(c):
+            work.slip[k] = _dot(J[k], free) - surface_speed[i + 1, k]
+            work.bound[k] = h * threshold[i + 1, k]
+        if not _box(W, work.slip, work.bound, impulse):
+            return False
+        for k in range(c):
+            contact_force[i, k] = impulse[k] / h
+        for a in range(d):
+            pull[a] = 0.0
+            for k in range(c):
+                pull[a] += J[k, a] * impulse[k]
+        for a in range(d):
+            v[i + 1, a] = free[a] + _dot(inverse[a], pull)
+            q[i + 1, a] = q[i, a] + h * v[i + 1, a]
+    return True
 
 
-@njit(cache=True)
-def _box(W: Array, u: Array, bound: Array, p: Array) -> bool:
+@njit(**OPTIONS)
+def _box(W: Matrix, u: Vector, bound: Vector, p: Vector) -> bool:
     """Minimise ½⟨Wp, p⟩ + ⟨u, p⟩ over |pᵢ| ≤ boundᵢ in place, by projected Gauss-Seidel with
     over-relaxation."""
-    p[:] = np.minimum(np.maximum(p, -bound), bound)
-    scale = np.max(bound)
+    scale = 0.0
+    for i in range(len(p)):
+        p[i] = min(max(p[i], -bound[i]), bound[i])
+        scale = max(scale, bound[i])
     for _ in range(SWEEPS):
         residual = 0.0
-        for i in range(p.size):
-            optimum = p[i] - (u[i] + W[i] @ p) / W[i, i]
+        for i in range(len(p)):
+            optimum = p[i] - (u[i] + _dot(W[i], p)) / W[i, i]
             # The residual is the unrelaxed move: relaxation must not hide how far the optimum is.
             residual = max(residual, abs(min(max(optimum, -bound[i]), bound[i]) - p[i]))
             p[i] = min(max(p[i] + RELAXATION * (optimum - p[i]), -bound[i]), bound[i])
@@ -188,24 +241,27 @@ def _box(W: Array, u: Array, bound: Array, p: Array) -> bool:
     return False
 
 
-@njit(cache=True)
-def _increments(A: Array, load: Array, threshold: Array, z0: Array) -> tuple[Array, bool]:
-    """Loop of `rate_independent`."""
-    z = np.empty_like(load)
-    z[0] = z0
-    for k in range(1, load.shape[0]):
-        z[k] = z[k - 1]
-        residual = np.inf
+@entry_point(**OPTIONS)
+def _increments(A: Matrix, load: Matrix, threshold: Matrix, z: Matrix) -> bool:
+    """Loop of `rate_independent`: fills z after its first row. Whether all steps are solved."""
+    d = len(A)
+    for k in range(1, len(load)):
+        for i in range(d):
+            z[k, i] = z[k - 1, i]
+        solved = False
         for _ in range(SWEEPS):
             residual = 0.0
-            for i in range(z0.size):
-                centre = z[k, i] + (load[k, i] - A[i] @ z[k]) / A[i, i]
+            size = 0.0
+            for i in range(d):
+                centre = z[k, i] + (load[k, i] - _dot(A[i], z[k])) / A[i, i]
                 radius = threshold[k, i] / A[i, i]
                 value = min(max(z[k - 1, i], centre - radius), centre + radius)
                 residual = max(residual, abs(value - z[k, i]))
                 z[k, i] = value
-            if residual <= TOLERANCE * (1 + np.max(np.abs(z[k]))):
+                size = max(size, abs(value))
+            if residual <= TOLERANCE * (1.0 + size):
+                solved = True
                 break
-        else:
-            return z, False
-    return z, True
+        if not solved:
+            return False
+    return True

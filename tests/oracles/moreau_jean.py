@@ -7,13 +7,15 @@ one in the step.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from stickslip.arrays import Array, Matrix, Vector
+from stickslip.machine_code.functions import entry_point, njit
+
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
 
 
 class Contacts(NamedTuple):
@@ -26,11 +28,38 @@ class Contacts(NamedTuple):
     offset, mu, e : arrays, shape (c,)
     """
 
-    normal: Array
-    tangent: Array
-    offset: Array
-    mu: Array
-    e: Array
+    normal: Matrix
+    tangent: Matrix
+    offset: Vector
+    mu: Vector
+    e: Vector
+
+
+class Work(NamedTuple):
+    """Work space.
+
+    Attributes
+    ----------
+    middle, new, pull : arrays, shape (d,)
+        Place at the middle of a step, velocity after it, momenta in it.
+    before, P, T : arrays, shape (c,)
+        Speeds of gaps before a step, and impulses in it.
+    along, across : arrays, shape (c, d)
+        What an impulse of one changes the velocities by.
+    give, slide : arrays, shape (c,)
+        … and the speed of its own gap, and its own slip.
+    """
+
+    middle: Vector
+    new: Vector
+    pull: Vector
+    before: Vector
+    P: Vector
+    T: Vector
+    along: Matrix
+    across: Matrix
+    give: Vector
+    slide: Vector
 
 
 def final_state(
@@ -55,55 +84,99 @@ def final_state(
     end : float
     steps : int
     """
-    inverse: Array = np.asarray(np.linalg.inv(M), np.float64)
-    return _stepped(inverse, C, K, push, contacts, start[0], start[1], end / steps, steps)
+    inverse, C, K, push = map(_dense, (np.linalg.inv(M), C, K, push))
+    contacts = Contacts(*map(_dense, contacts))
+    q = np.array(start[0], np.float64)
+    v = np.array(start[1], np.float64)
+    c, d = contacts.normal.shape
+    shapes = (d, d, d, c, c, c, (c, d), (c, d), c, c)
+    work = Work(*(np.zeros(shape) for shape in shapes))
+    _stepped(inverse, C, K, push, contacts, q, v, end / steps, steps, work)
+    return q, v
 
 
-@njit(cache=True)
+def _dense(a: Array) -> Array:
+    """The one memory layout that the kernels are compiled for."""
+    return np.require(a, np.float64, ("C", "A", "W"))
+
+
+@njit(**OPTIONS)
+def _dot(a: Vector, b: Vector) -> float:
+    """⟨a, b⟩."""
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i] * b[i]
+    return total
+
+
+@njit(**OPTIONS)
+def _struck(v: Vector, change: Vector, impulse: float) -> None:
+    """Velocities after one more impulse."""
+    for a in range(len(v)):
+        v[a] += change[a] * impulse
+
+
+@entry_point(**OPTIONS)
 def _stepped(
-    inverse: Array,
-    C: Array,
-    K: Array,
-    push: Array,
+    inverse: Matrix,
+    C: Matrix,
+    K: Matrix,
+    push: Matrix,
     contacts: Contacts,
-    q: Array,
-    v: Array,
+    q: Vector,
+    v: Vector,
     h: float,
     steps: int,
-) -> tuple[Array, Array]:
-    normal, tangent = contacts.normal, contacts.tangent
+    work: Work,
+) -> None:
+    """Follow the motion for so many steps of length h: changes q and v."""
+    normal = contacts.normal
+    tangent = contacts.tangent
+    middle = work.middle
+    new = work.new
+    pull = work.pull
+    before = work.before
+    P = work.P
+    T = work.T
+    d = len(q)
     c = len(normal)
-    q, v = q.copy(), v.copy()
-    P, T = np.zeros(c), np.zeros(c)
+    for i in range(c):
+        for a in range(d):
+            work.along[i, a] = _dot(inverse[a], normal[i])
+            work.across[i, a] = _dot(inverse[a], tangent[i])
+        work.give[i] = _dot(normal[i], work.along[i])
+        work.slide[i] = _dot(tangent[i], work.across[i])
     for k in range(steps):
-        middle = q + 0.5 * h * v
-        force = push[0] + push[1] * np.sin(push[2] * (k + 0.5) * h) - K @ middle - C @ v
-        new = v + inverse @ (h * force)
-        active = np.zeros(c, np.bool_)
+        for a in range(d):
+            middle[a] = q[a] + 0.5 * h * v[a]
+        for a in range(d):
+            force = push[0, a] + push[1, a] * math.sin(push[2, a] * (k + 0.5) * h)
+            pull[a] = h * (force - _dot(K[a], middle) - _dot(C[a], v))
+        for a in range(d):
+            new[a] = v[a] + _dot(inverse[a], pull)
         for i in range(c):
-            active[i] = normal[i] @ middle + contacts.offset[i] <= 0.0
-            P[i] = T[i] = 0.0
-        before = normal @ v
+            before[i] = _dot(normal[i], v)
+            P[i] = 0.0
+            T[i] = 0.0
         for _ in range(100_000):  # some pairs of contacts converge slowly
             moved = 0.0
             for i in range(c):
-                if not active[i]:
+                if _dot(normal[i], middle) + contacts.offset[i] > 0.0:
                     continue
-                own = normal[i] @ (inverse @ normal[i])
-                off = normal[i] @ new + contacts.e[i] * min(before[i], 0.0)
-                impulse = max(P[i] - off / own, 0.0)
-                new += inverse @ normal[i] * (impulse - P[i])
+                off = _dot(normal[i], new) + contacts.e[i] * min(before[i], 0.0)
+                impulse = max(P[i] - off / work.give[i], 0.0)
+                _struck(new, work.along[i], impulse - P[i])
                 moved = max(moved, abs(impulse - P[i]))
                 P[i] = impulse
                 if contacts.mu[i] > 0.0:
-                    own = tangent[i] @ (inverse @ tangent[i])
                     limit = contacts.mu[i] * P[i]
-                    impulse = min(max(T[i] - (tangent[i] @ new) / own, -limit), limit)
-                    new += inverse @ tangent[i] * (impulse - T[i])
+                    impulse = T[i] - _dot(tangent[i], new) / work.slide[i]
+                    impulse = min(max(impulse, -limit), limit)
+                    _struck(new, work.across[i], impulse - T[i])
                     moved = max(moved, abs(impulse - T[i]))
                     T[i] = impulse
             if moved <= 1e-14:
                 break
-        q = middle + 0.5 * h * new
-        v = new
-    return q, v
+        for a in range(d):
+            q[a] = middle[a] + 0.5 * h * new[a]
+            v[a] = new[a]
