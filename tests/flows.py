@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from stickslip import Internal, System
-from stickslip.arrays import Array
+from stickslip.arrays import Matrix
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.steps.arrays import Flow, Instant, Machine
 from stickslip.motion.steps.starting import coefficients
@@ -19,6 +19,6 @@ def flow(laws: dict[str, str], initial: dict[str, float] | None = None, **values
 
 
 @entry_point()
-def taylor_series(machine: Machine, flow: Flow, at: Instant, order: int, table: Array) -> int:
+def taylor_series(machine: Machine, flow: Flow, at: Instant, order: int, table: Matrix) -> int:
     """Taylor coefficients of all rows."""
     return coefficients(machine, flow, at, order, table)

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from stickslip.arrays import Array, IntVector, Matrix, Vector
-from stickslip.machine_code.functions import entry_point, njit
+from stickslip.machine_code.functions import entry_point
+from stickslip.translator import compiled
 
 MASSES = 0
 TOY = 1
@@ -27,8 +28,6 @@ HALVINGS = 60
 INSIDE = 1e-14  # of its threshold: what comes to stick is held
 MOST_EVENTS = 4000  # in a call
 LAGS = 48
-# No array is owned in the loops, so that none has to be counted.
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
 # of its size: how near states at marks have to be to be the same, for steps that are not all the
 # same
 CLOSE = 2e-8
@@ -79,13 +78,13 @@ class Brute(NamedTuple):
     numbers: Vector
 
 
-@njit(**OPTIONS)
+@compiled()
 def bump(b: Brute, t: float) -> float:
     """exp((cos(ωt − φ) − 1)/w²)."""
     return math.exp((math.cos(b.load[2] * t - b.load[4]) - 1.0) / b.load[5] ** 2)
 
 
-@njit(**OPTIONS)
+@compiled()
 def pull(b: Brute, t: float, y: Vector, i: int) -> float:
     """Force on a mass, but for those of contacts."""
     n = len(b.mass)
@@ -107,7 +106,7 @@ def pull(b: Brute, t: float, y: Vector, i: int) -> float:
     return total
 
 
-@njit(**OPTIONS)
+@compiled()
 def threshold(b: Brute, t: float, y: Vector, c: int) -> float:
     """Static threshold of a contact."""
     static = b.dry[c, 2]
@@ -118,7 +117,7 @@ def threshold(b: Brute, t: float, y: Vector, c: int) -> float:
     return static
 
 
-@njit(**OPTIONS)
+@compiled()
 def kinetic(b: Brute, t: float, y: Vector, c: int, speed: float) -> float:
     """Sliding force of a contact."""
     row = b.dry[c]
@@ -131,7 +130,7 @@ def kinetic(b: Brute, t: float, y: Vector, c: int, speed: float) -> float:
     return row[3]
 
 
-@njit(**OPTIONS)
+@compiled()
 def toy_bound(b: Brute, psi: float, upper: bool) -> tuple[float, int]:
     """Bound of the distance of the legs, and the leg (1 right, −1 left) that moves there."""
     P = b.numbers[1]
@@ -153,26 +152,26 @@ def toy_bound(b: Brute, psi: float, upper: bool) -> tuple[float, int]:
     return other, -1
 
 
-@njit(**OPTIONS)
+@compiled()
 def toy_side(psi: float) -> int:
     """Which leg carries all weight: 1 the right one, −1 the left one, 0 neither."""
     return 1 if psi >= 1.0 else (-1 if psi <= -1.0 else 0)
 
 
-@njit(**OPTIONS)
+@compiled()
 def toy_push(b: Brute, mode: IntVector, rate: float) -> float:
     """Rate at which the legs are pushed apart, on a side and by the bound of a leg."""
     grows = 0.5 * b.numbers[4] * mode[2] if mode[1] == 0 else 0.0
     return (b.numbers[2] + (grows if mode[0] < 0 else -grows)) * rate
 
 
-@njit(**OPTIONS)
+@compiled()
 def mu(alpha: float) -> float:
     """Friction of the slider."""
     return 2.0 / math.sqrt(alpha)
 
 
-@njit(**OPTIONS)
+@compiled()
 def rates(b: Brute, mode: IntVector, t: float, y: Vector, f: Vector) -> None:
     """y' in a mode; the last component is the work of friction."""
     last = len(y) - 1
@@ -213,7 +212,7 @@ def rates(b: Brute, mode: IntVector, t: float, y: Vector, f: Vector) -> None:
         f[last] += b.dampers[d, 2] * abs(f[2 * n + d])
 
 
-@njit(**OPTIONS)
+@compiled()
 def broken(b: Brute, mode: IntVector, t: float, y: Vector) -> int:
     """The first switch whose guard is negative, or −1."""
     if b.kind == SLIDER:
@@ -248,7 +247,7 @@ def broken(b: Brute, mode: IntVector, t: float, y: Vector) -> int:
     return -1
 
 
-@njit(**OPTIONS)
+@compiled()
 def switch(b: Brute, mode: IntVector, which: int, t: float, y: Vector) -> None:
     """The mode and the state after a guard has vanished."""
     if b.kind == SLIDER:
@@ -287,7 +286,7 @@ def switch(b: Brute, mode: IntVector, which: int, t: float, y: Vector) -> None:
         mode[which] = 0
 
 
-@njit(**OPTIONS)
+@compiled()
 def length(b: Brute, t: float, y: Vector, rate: float) -> float:
     """Step that sees all that is narrow."""
     h = b.step
@@ -311,7 +310,7 @@ def length(b: Brute, t: float, y: Vector, rate: float) -> float:
     return h
 
 
-@njit(**OPTIONS)
+@compiled()
 def step(b: Brute, mode: IntVector, t: float, y: Vector, h: float, k: Matrix, out: Vector) -> None:
     """One step of the classical method of order four."""
     n = len(y)
@@ -325,7 +324,7 @@ def step(b: Brute, mode: IntVector, t: float, y: Vector, h: float, k: Matrix, ou
         out[r] = y[r] + h / 6.0 * (k[0, r] + 2.0 * (k[1, r] + k[2, r]) + k[3, r])
 
 
-@njit(**OPTIONS)
+@compiled()
 def stopped(b: Brute, mode: IntVector, t: float, y: Vector, sign: float, f: Vector) -> int:
     """A broken guard; −2 where the first component has turned; −1 otherwise."""
     which = broken(b, mode, t, y)
@@ -335,7 +334,7 @@ def stopped(b: Brute, mode: IntVector, t: float, y: Vector, sign: float, f: Vect
     return -2 if f[0] * sign < 0.0 else -1
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def follow(
     b: Brute,
     mode: IntVector,

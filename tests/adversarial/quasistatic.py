@@ -9,21 +9,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 from stickslip.arrays import Array, Matrix, Vector
-from stickslip.machine_code.functions import entry_point, njit
+from stickslip.machine_code.functions import entry_point
+from stickslip.translator import compiled
 
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
 SWEEPS = 400
 ENOUGH = 1e-13
 # of inserting the turning points of bounds: in the tail of a pulse they are far from parabolas
 ROUNDS = 40
 
 
-@njit(**OPTIONS)
+@compiled()
 def _interval(a: float, r: float, low: float, high: float) -> float:
     """Least of ½ a d² − r d + max(low d, high d)."""
     if r > high:
@@ -33,7 +32,7 @@ def _interval(a: float, r: float, low: float, high: float) -> float:
     return 0.0
 
 
-@njit(**OPTIONS)
+@compiled()
 def _disc(p: float, q: float, s: float, r0: float, r1: float, radius: float) -> tuple[float, float]:
     """Least of ½ dᵀ a d − rᵀ d + radius |d| in the plane, a = ((p, q), (q, s)): (a + λ) d = r with
     λ |d| = radius, by bisection in λ."""
@@ -61,14 +60,14 @@ def _disc(p: float, q: float, s: float, r0: float, r1: float, radius: float) -> 
     return _solved(p + high, q, s + high, r0, r1)
 
 
-@njit(**OPTIONS)
+@compiled()
 def _solved(p: float, q: float, s: float, r0: float, r1: float) -> tuple[float, float]:
     """The solution of ((p, q), (q, s)) d = r."""
     det = p * s - q * q
     return (s * r0 - q * r1) / det, (p * r1 - q * r0) / det
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def _follow(
     A: Matrix,
     loads: Matrix,

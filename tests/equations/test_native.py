@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from stickslip.machine_code.kinds import MachineFunction
 
 from stickslip import (
     Contact,
@@ -26,7 +27,6 @@ from stickslip import (
     catalogue,
     simulate,
 )
-from stickslip.translator import compiled
 from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import Generated, Layout, generate
 from stickslip.equations.codegen.printer import source_of
@@ -36,7 +36,6 @@ from stickslip.equations.native.systems import assembly_of, compile_system
 from stickslip.machine_code import objects
 from stickslip.machine_code.functions import entry_point
 from stickslip.machine_code.interface import INTERFACE
-from stickslip.machine_code.kinds import MachineFunction
 from stickslip.machine_code.objects import addresses
 from stickslip.motion.engine.tables import run_setups
 from stickslip.motion.problem import pose

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from stickslip.machine_code.kinds import MachineFunction
 
 from stickslip import Internal, Parameter, System, catalogue
 from stickslip.equations.codegen import unroll
@@ -15,7 +16,6 @@ from stickslip.equations.codegen.generate import generate
 from stickslip.equations.codegen.printer import source_of
 from stickslip.equations.codegen.unroll import written_out
 from stickslip.equations.derive import derive
-from stickslip.machine_code.kinds import MachineFunction
 from stickslip.motion.engine.tables import run_setups
 from stickslip.motion.problem import pose
 from stickslip.motion.steps.arrays import Constants

@@ -10,7 +10,7 @@ import pytest
 from scipy.linalg import expm
 
 import stickslip as ss
-from stickslip.arrays import Array
+from stickslip.arrays import Array, IntMatrix, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.affine import orthogonalise
 from stickslip.motion.engine.closed_forms import make_form
@@ -18,12 +18,17 @@ from stickslip.motion.engine.eigenvalues import Eigenproblem, decompose, make_ei
 from stickslip.motion.engine.forms import AFFINE, SMOOTH, ClosedForms, Flight
 from stickslip.motion.engine.signals import rough_acos
 from stickslip.motion.problem import Problem, pose
-from stickslip.motion.steps.arrays import Constants, Flow, Machine
+from stickslip.motion.steps.arrays import Constants, FlowOfMany, Machine
 
 
 @entry_point()
 def fill(
-    machine: Machine, flow: Flow, T: ClosedForms, flight: Flight, mode: Array, reg: Array
+    machine: Machine,
+    flow: FlowOfMany,
+    T: ClosedForms,
+    flight: Flight,
+    mode: IntMatrix,
+    reg: IntMatrix,
 ) -> None:
     """The closed forms of modes, one slot for each."""
     for slot in range(len(mode)):
@@ -37,14 +42,14 @@ def eigen(p: Eigenproblem, n: int) -> bool:
 
 
 @entry_point()
-def singular(A: Array, axes: Array, lengths: Array) -> None:
+def singular(A: Matrix, axes: Matrix, lengths: Vector) -> None:
     """Singular values."""
     orthogonalise(A, axes, lengths)
 
 
 def test_the_rough_arc_cosine_is_one() -> None:
     x = np.linspace(-1.0, 1.0, 2001)
-    rough = np.array([rough_acos.py_func(value) for value in x])
+    rough = np.array([rough_acos.python(value) for value in x])
     np.testing.assert_allclose(rough, np.arccos(x), rtol=0.0, atol=7e-5)
 
 

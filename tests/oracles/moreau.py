@@ -7,15 +7,15 @@ The force, threshold and surface speed enter as samples on a uniform grid of n s
 and row n at t = T.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip.arrays import Array, Matrix, Vector
-from stickslip.machine_code.functions import entry_point, njit
+from stickslip.machine_code.functions import entry_point
+from stickslip.translator import compiled
 
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
 TOLERANCE = 1e-12
 RELAXATION = 1.2
 SWEEPS = 100_000
@@ -177,7 +177,7 @@ class Work(NamedTuple):
     impulse: Vector
 
 
-@njit(**OPTIONS)
+@compiled()
 def _dot(a: Vector, b: Vector) -> float:
     """⟨a, b⟩."""
     total = 0.0
@@ -186,7 +186,7 @@ def _dot(a: Vector, b: Vector) -> float:
     return total
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def _steps(
     M: Matrix, K: Matrix, J: Matrix, inverse: Matrix, W: Matrix, h: float, force: Matrix,
     threshold: Matrix, surface_speed: Matrix, q: Matrix, v: Matrix, contact_force: Matrix,
@@ -221,7 +221,7 @@ def _steps(
     return True
 
 
-@njit(**OPTIONS)
+@compiled()
 def _box(W: Matrix, u: Vector, bound: Vector, p: Vector) -> bool:
     """Minimise ½⟨Wp, p⟩ + ⟨u, p⟩ over |pᵢ| ≤ boundᵢ in place, by projected Gauss-Seidel with
     over-relaxation."""
@@ -241,7 +241,7 @@ def _box(W: Matrix, u: Vector, bound: Vector, p: Vector) -> bool:
     return False
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def _increments(A: Matrix, load: Matrix, threshold: Matrix, z: Matrix) -> bool:
     """Loop of `rate_independent`: fills z after its first row. Whether all steps are solved."""
     d = len(A)

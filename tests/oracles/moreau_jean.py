@@ -8,14 +8,13 @@ one in the step.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from stickslip.arrays import Array, Matrix, Vector
-from stickslip.machine_code.functions import entry_point, njit
-
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "_nrt": False}
+from stickslip.machine_code.functions import entry_point
+from stickslip.translator import compiled
 
 
 class Contacts(NamedTuple):
@@ -100,7 +99,7 @@ def _dense(a: Array) -> Array:
     return np.require(a, np.float64, ("C", "A", "W"))
 
 
-@njit(**OPTIONS)
+@compiled()
 def _dot(a: Vector, b: Vector) -> float:
     """⟨a, b⟩."""
     total = 0.0
@@ -109,14 +108,14 @@ def _dot(a: Vector, b: Vector) -> float:
     return total
 
 
-@njit(**OPTIONS)
+@compiled()
 def _struck(v: Vector, change: Vector, impulse: float) -> None:
     """Velocities after one more impulse."""
     for a in range(len(v)):
         v[a] += change[a] * impulse
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def _stepped(
     inverse: Matrix,
     C: Matrix,

@@ -95,7 +95,7 @@ block = chunk.Block(problem, table, states, chunk.Settings(), True)
 there = device.OnDevice(block, np.zeros(1, np.int64))
 given = there.engine, there.marks, there.rules, there.saved, there.bench, there.found, there.stop
 signature = numba_types.void(*map(typeof, given))
-code, _ = cuda.compile_ptx(there.kernels[0].py_func, signature, cc=(8, 0), opt=False)
+code, _ = cuda.compile_ptx(there.kernels[0].python, signature, cc=(8, 0), opt=False)
 assert ".visible .entry" in code and "fma.rn.f64" in code
 print("compiled")
 """

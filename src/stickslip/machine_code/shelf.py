@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import hashlib
 import importlib
+import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -59,8 +60,8 @@ ENTRIES = tuple(
     )
 )
 """Modules of the package with functions that Python calls."""
-_IMPORTED = re.compile(r"^(?:from|import) (stickslip[\w.]*)", re.MULTILINE)
-_PACKAGE = Path(__file__).parent.parent
+_IMPORTED = re.compile(rb"\n(?:from|import) ([\w.]+)(?: import (?:\(([^)]*)\)|([^\n]*)))?")
+_PACKAGE = str(Path(__file__).parent.parent)
 
 
 @cache
@@ -115,7 +116,7 @@ def _in_memory(library: Library) -> Any:
 def codes_of(library: Library) -> list[bytes]:
     """The machine code of a library: shipped, kept, or made now."""
     here, sources = target_of(level()), source_digest(library)
-    codes = shipped(library, level())
+    codes = shipped(library, level(), sources)
     if codes is None:
         codes = _listed(library, cache_folder(), digest(sources, here), ".o", False)
     if codes is not None:
@@ -126,9 +127,9 @@ def codes_of(library: Library) -> list[bytes]:
     return make(library, cache_folder(), here)
 
 
-def shipped(library: Library, level: str) -> list[bytes] | None:
+def shipped(library: Library, level: str, sources: str) -> list[bytes] | None:
     """The machine code that came with the package for this platform; None if none did."""
-    key = digest(source_digest(library), target_of(level))
+    key = digest(sources, target_of(level))
     return _listed(library, SHIPPED / level, key, ".o", True)
 
 
@@ -254,28 +255,40 @@ def entries_of(library: Library) -> list[Entry]:
 def source_digest(library: Library) -> str:
     """A name for all sources that may shape the machine code of a library: those of its modules and
     of what they import."""
-    known = dict[Path, bytes]()
-    left = [path for name in library.modules for path in _files_of(name)]
+    known = dict[str, bytes]()
+    left = [path for name in library.modules for path in _files_of(name, "")]
     while left:
         path = left.pop()
         if path not in known:
-            known[path] = path.read_bytes()
-            names = set(_IMPORTED.findall(known[path].decode("utf-8")))
-            left += [path for name in names for path in _files_of(name)]
+            with open(path, "rb") as file:
+                known[path] = file.read()
+            folder = os.path.dirname(path)
+            for module, several, few in _IMPORTED.findall(known[path]):
+                names = (several or few).decode().replace(",", " ").split()
+                left += _files_of(module.decode(), folder, names)
     content = hashlib.sha256()
     for path, text in sorted(known.items()):
-        name = path.relative_to(_PACKAGE).as_posix() if path.is_relative_to(_PACKAGE) else path.name
+        name = path.removeprefix(_PACKAGE).replace(os.sep, "/") or os.path.basename(path)
         content.update(f"{name}\n{len(text)}\n".encode())
         content.update(text)
     return content.hexdigest()
 
 
-def _files_of(name: str) -> list[Path]:
-    """The source files of a module, or of all modules of a room."""
-    if not name.startswith("stickslip."):
-        return [] if name == "stickslip" else [Path(str(sys.modules[name].__file__))]
-    place = _PACKAGE.joinpath(*name.split(".")[1:])
-    return sorted(place.glob("*.py")) if place.is_dir() else [place.with_suffix(".py")]
+def _files_of(name: str, folder: str, inside: Iterable[str] = ()) -> list[str]:
+    """The source files of a module of the package, or of what is imported from a room of it; of
+    others the file, if the module is loaded and stands in this folder."""
+    if name.partition(".")[0] == "stickslip":
+        place = os.path.join(_PACKAGE, *name.split(".")[1:])
+        if not os.path.isdir(place):
+            return [f"{place}.py"]
+        return [
+            path
+            for other in inside
+            for path in _files_of(f"{name}.{other}", "")
+            if os.path.exists(path)
+        ]
+    file = getattr(sys.modules.get(name), "__file__", None) or ""
+    return [file] if file.startswith(folder) and file.endswith(".py") else []
 
 
 @cache

@@ -26,11 +26,11 @@ from threading import RLock
 from filelock import FileLock
 from platformdirs import user_cache_path
 
-FORMAT = b"stickslip code 1\n"
+CODE_FORMAT = b"stickslip code 1\n"
 _DIGEST = 32  # bytes
 _LARGEST = 2**28  # bytes of a file
 # What a folder may hold of these files; those that were read last stay.
-_MOST_FILES, _MOST_BYTES, _CODE = 2000, 2**29, (".o", ".bc")
+_MOST_FILES, _MOST_BYTES, _CODE = 2000, 2**29, (".o", ".bc", ".list")
 _PASSING = "stickslip-"  # how names of locks and of unfinished files begin
 _PATIENCE = 600  # seconds, for a lock
 _HOUR, _DAY = 3600, 86400
@@ -44,7 +44,7 @@ def _flags(*names: str) -> int:
 
 
 _READING = _flags("O_RDONLY", "O_BINARY", "O_NONBLOCK", "O_NOCTTY")
-_WRITING = _flags("O_WRONLY", "O_BINARY", "O_CREAT", "O_EXCL", "O_NOFOLLOW")
+_WRITING = _flags("O_WRONLY", "O_BINARY", "O_CREAT", "O_EXCL")
 
 
 def cache_folder() -> Path:
@@ -78,13 +78,8 @@ def _folder(given: str | None) -> Path:
 
 
 def _claim(folder: Path) -> None:
-    """Make a folder this user's alone.
-
-    Raises
-    ------
-    OSError
-        If it cannot be that, or not be written; its text says why.
-    """
+    """Make a folder this user's alone; if it cannot be that, or not be written, an `OSError` says
+    why."""
     with suppress(FileExistsError):
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if _POSIX:
@@ -110,16 +105,8 @@ def _discard(folder: str, process: int) -> None:
 
 
 def stored(path: Path, key: str, *, trusted: bool = False) -> bytes | None:
-    """Code of a file; None if it holds none for this key.
-
-    Parameters
-    ----------
-    path : Path
-    key : str
-        All that the code depends on.
-    trusted : bool
-        Whether the file came with the package: it may then belong to anybody, and be a link.
-    """
+    """Code of a file; None if it holds none for this key. A trusted file came with the package: it
+    may belong to anybody, and be a link."""
     try:
         handle = os.open(path, _READING if trusted else _READING | _flags("O_NOFOLLOW"))
     except OSError:
@@ -130,7 +117,7 @@ def stored(path: Path, key: str, *, trusted: bool = False) -> bytes | None:
             return None
         with open(handle, "rb", closefd=False) as file:
             found = file.read(status.st_size)
-        code = found[len(FORMAT) + _DIGEST :]
+        code = found[len(CODE_FORMAT) + _DIGEST :]
         if found != _head(key, code) + code:
             return None
         if not trusted and abs(time.time() - status.st_mtime) > _DAY:
@@ -153,19 +140,11 @@ def _may_be_read(status: os.stat_result, trusted: bool) -> bool:
 def _head(key: str, code: bytes) -> bytes:
     """What stands in a file before its code."""
     bound = hashlib.sha256(key.encode("utf-8", "surrogatepass")).digest()
-    return FORMAT + hashlib.sha256(bound + code).digest()
+    return CODE_FORMAT + hashlib.sha256(bound + code).digest()
 
 
 def keep(path: Path, key: str, code: bytes) -> None:
-    """Keep code for :func:`stored`, whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-    key : str
-        All that the code depends on.
-    code : bytes
-    """
+    """Keep code for :func:`stored`, whole or not at all."""
     content = _head(key, code) + code
     if len(content) <= _LARGEST:
         with suppress(OSError):
@@ -219,11 +198,8 @@ def _tidy(latest: Path) -> None:
 
 @contextmanager
 def alone(path: Path) -> Iterator[None]:
-    """Keep other processes from making the same file.
-
-    Without a lock, where there can be none or it does not come free: code that is made twice is
-    the same code.
-    """
+    """Keep other processes from making the same file; but where there can be no lock, or it does
+    not come free, it is made twice."""
     place = path.with_name(f"{_PASSING}{path.name}.lock")
     with ExitStack() as stack:
         with suppress(OSError, NotImplementedError):

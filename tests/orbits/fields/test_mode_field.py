@@ -1,20 +1,19 @@
 """The symbolic field of a mode: the values of the compiled one, and derivatives that are exact."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from oracles.fields import function
 from stickslip import Contact, Internal, Parameter, System, Viscous, catalogue
-from stickslip.translator import compiled
+from stickslip.arrays import IntVector, Vector
 from stickslip.equations.derive import derive
 from stickslip.equations.field import Field, in_region, mode_field, solve
 from stickslip.machine_code.functions import entry_point
+from stickslip.machine_code.interface import Jets
 from stickslip.motion.engine.modes import resolve
 from stickslip.motion.problem import Problem, pose
-from stickslip.motion.steps.arrays import OK
+from stickslip.motion.steps.arrays import OK, Constants, Rows, Space
 from stickslip.orbits.fields.instructions import PointFunction
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
@@ -50,15 +49,15 @@ SYSTEMS["everything"] = System(
 
 @entry_point()
 def read(
-    jets: Any,
-    rows: Any,
-    k: Any,
-    space: Any,
-    mode: NDArray,
-    region: NDArray,
+    jets: Jets,
+    rows: Rows,
+    k: Constants,
+    space: Space,
+    mode: IntVector,
+    region: IntVector,
     t: float,
-    y: NDArray,
-    out: NDArray,
+    y: Vector,
+    out: Vector,
 ) -> bool:
     """Rates, then u, λ, s⁺, s⁻ and guards, of any mode, affine or not."""
     n = rows.sizes[0]

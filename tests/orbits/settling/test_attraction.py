@@ -126,7 +126,7 @@ def test_recurrences_that_die_away() -> None:
             fit = np.zeros((4, 4))
             fit[:k, 3] = rng.normal(size=k)
             roots = np.roots([1.0, *(-fit[:k, 3])])
-            assert dies_away.py_func(fit, k) == bool(np.all(np.abs(roots) < 1.0))
+            assert dies_away.python(fit, k) == bool(np.all(np.abs(roots) < 1.0))
     returns = [rng.normal(size=4) for _ in range(3)]
     wanted = np.array([0.9, -0.5, 0.2])
     while len(returns) < 8:
@@ -134,7 +134,7 @@ def test_recurrences_that_die_away() -> None:
     work = np.zeros((9, 4))
     work[:8] = returns[::-1]
     fit = np.zeros((4, 4))
-    fit_recurrence.py_func(work, 8, 3, fit)
+    fit_recurrence.python(work, 8, 3, fit)
     np.testing.assert_allclose(fit[:3, 3], wanted, rtol=1e-9)
 
 

@@ -375,9 +375,9 @@ class Instant(NamedTuple):
     """Where a motion is: time, state, mode of each contact and region of each kink."""
 
     t: float
-    y: Array
-    mode: Array
-    reg: Array
+    y: Vector
+    mode: IntVector
+    reg: IntVector
 
 
 @compiled()

@@ -213,7 +213,7 @@ def ported(function: Any) -> Any:
 
     Functions are found by the names that the code uses, in its own module or in a module it names.
     """
-    source = function.py_func if isinstance(function, Compiled) else function._pyfunc
+    source = function.python if isinstance(function, Compiled) else function._pyfunc
     names = source.__code__.co_names
     space = {name: _there(name, value, names) for name, value in source.__globals__.items()}
     return cuda.jit(device=True)(
