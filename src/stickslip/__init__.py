@@ -187,7 +187,7 @@ _MODULES = {
     "style": "figures.drawing.style",
 }
 # Where each public name lives, and what it is called there if that is something else. Nothing is
-# imported before it is asked for: numba and xarray take seconds.
+# imported before it is asked for: xarray takes half a second.
 _HOMES = {
     **dict.fromkeys(["VectorField", "vector_field"], "equations.vector_field"),
     **dict.fromkeys(["ConvergenceError", "DeclarationError", "StickslipError"], "errors"),

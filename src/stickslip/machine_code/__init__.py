@@ -1,2 +1,1 @@
-"""Compiled functions: what Python calls is machine code that was made before; numba makes it where
-it was not."""
+"""Machine code of compiled functions: made by LLVM, kept on disk, called from Python."""

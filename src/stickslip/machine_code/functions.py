@@ -38,8 +38,6 @@ class Entry(Compiled):
     __name__: str
 
 
-def entry_point(
-    *, relaxed: Sequence[str] = ()
-) -> Callable[[Callable[..., Any]], Entry]:
+def entry_point(*, relaxed: Sequence[str] = ()) -> Callable[[Callable[..., Any]], Entry]:
     """Decorator of a compiled function that Python calls; see :class:`Entry`."""
     return lambda function: Entry(function, relaxed)

@@ -223,7 +223,9 @@ def clean(library: Library, folder: Path, here: Processor) -> None:
     sources = source_digest(library)
     keys = digest(sources, here), digest(sources, "bitcode")
     lists = [_list_path(library, folder, key) for key in keys]
-    names = {line.split(" ")[0] for line in (stored(lists[0], keys[0]) or b"").decode().splitlines()}
+    names = {
+        line.split(" ")[0] for line in (stored(lists[0], keys[0]) or b"").decode().splitlines()
+    }
     wanted = {path.name for path in lists} | {_VERSION}
     wanted |= {f"{name}{kind}" for name in names for kind in (".o", ".bc")}
     for path in folder.iterdir():

@@ -288,7 +288,9 @@ def difference(type_: Any, value: Any, name: str) -> str:
         if isinstance(type_, ArrayType) and isinstance(value, np.ndarray):
             kind = f"{value.ndim} axes of {value.dtype}"
             layout = "" if value.flags.carray else ", not writable or not in C order"
-            return f"{name} is an array with {kind}{layout}; {type_.axes} of {type_.entries} expected"
+            return (
+                f"{name} is an array with {kind}{layout}; {type_.axes} of {type_.entries} expected"
+            )
         return f"{name} is {type(value).__name__}; {named(type_)} expected"
     if len(value) != len(type_.parts):
         return f"{name}: {len(value)} parts; {len(type_.parts)} expected"

@@ -38,9 +38,15 @@ from stickslip.translator.values import (
 )
 
 REAL_FUNCTIONS: dict[Any, str] = {
-    **{getattr(math, name): f"llvm.{name}.f64" for name in "exp log sin cos sqrt log2 log10".split()},
+    **{
+        getattr(math, name): f"llvm.{name}.f64"
+        for name in "exp log sin cos sqrt log2 log10".split()
+    },
     **{getattr(np, name): f"llvm.{name}.f64" for name in "sqrt floor ceil".split()},
-    **{getattr(math, name): name for name in "tan log1p expm1 sinh cosh tanh acos asin atan".split()},
+    **{
+        getattr(math, name): name
+        for name in "tan log1p expm1 sinh cosh tanh acos asin atan".split()
+    },
     **{getattr(math, name): name for name in "erf erfc acosh asinh atanh atan2 hypot fmod".split()},
     **{math.fabs: "llvm.fabs.f64", math.copysign: "llvm.copysign.f64", fma: "llvm.fma.f64"},
     **{np.power: "llvm.pow.f64", math.pow: "llvm.pow.f64"},
@@ -133,9 +139,13 @@ class Function(Values, ast.NodeVisitor):
 
     def hint(self, node: ast.expr) -> Any:
         """What an annotation says, if it names a number or nothing."""
-        return {"int": int, "float": float, "bool": bool, "complex": complex, "None": type(None)}.get(
-            ast.unparse(node)
-        )
+        return {
+            "int": int,
+            "float": float,
+            "bool": bool,
+            "complex": complex,
+            "None": type(None),
+        }.get(ast.unparse(node))
 
     def refuse(self, what: str, remedy: str) -> NoReturn:
         """Refuse, and say where."""
@@ -153,9 +163,13 @@ class Function(Values, ast.NodeVisitor):
         else:
             self.refuse("types of variables do not settle", "Annotate or rename them")
         signature = Signature(self.name, self.result or NONE, self.arguments)
-        given = [] if signature.in_registers else ["ptr noalias writeonly captures(none) align 8 %out"]
+        given = (
+            [] if signature.in_registers else ["ptr noalias writeonly captures(none) align 8 %out"]
+        )
         for parameter, type_ in zip(self.node.args.args, self.arguments, strict=True):
-            note = "noalias readonly captures(none) align 8 " if isinstance(type_, TupleType) else ""
+            note = (
+                "noalias readonly captures(none) align 8 " if isinstance(type_, TupleType) else ""
+            )
             given.append(f"{_passed(type_)} {note}%{parameter.arg}")
         result = returned(signature.result) if signature.in_registers else NOTHING
         head = f'define internal fastcc {result} @"{self.name}"({", ".join(given)}) #0'
@@ -242,7 +256,9 @@ class Function(Values, ast.NodeVisitor):
         elif isinstance(target, ast.Tuple):
             parts = self.parts(value)
             if len(parts) != len(target.elts):
-                self.refuse(f"{len(parts)} values for {len(target.elts)} names", "Name each of them")
+                self.refuse(
+                    f"{len(parts)} values for {len(target.elts)} names", "Name each of them"
+                )
             for inner, part in zip(target.elts, parts, strict=True):
                 self.assign(inner, part)
         else:
@@ -447,7 +463,9 @@ class Function(Values, ast.NodeVisitor):
         name = node.id
         if name in self.stores and name not in self.assigned:
             self.here = node
-            self.refuse(f"{name} may have no value yet", "Assign one before, on every way that leads here")
+            self.refuse(
+                f"{name} may have no value yet", "Assign one before, on every way that leads here"
+            )
         if name in self.values:
             return self.values[name]
         if name in self.places:
@@ -575,7 +593,9 @@ class Function(Values, ast.NodeVisitor):
                 self.store(self.in_register(value).register, place)
             self.go(after)
         self.begin(after)
-        return Value(type_, place, 0) if is_tuple else Value(type_, self.load(_passed(type_), place))
+        return (
+            Value(type_, place, 0) if is_tuple else Value(type_, self.load(_passed(type_), place))
+        )
 
     def visit_Compare(self, node: ast.Compare) -> Value:
         """Comparisons, one after the other; all of them are made."""
@@ -627,7 +647,9 @@ class Function(Values, ast.NodeVisitor):
         except TypeError:  # it cannot be looked up
             make = None
         if make is None:
-            self.refuse(f"a call of {ast.unparse(node.func)}", "Mark it as compiled, or write it out")
+            self.refuse(
+                f"a call of {ast.unparse(node.func)}", "Mark it as compiled, or write it out"
+            )
         return make(self, *given)
 
     def in_order(self, names: Any, given: list[Value], keywords: dict[str, Value]) -> list[Value]:
@@ -745,7 +767,9 @@ def _as(type_: Scalar, f: Function, *given: Value) -> Value:
 
 def _rounded(name: str, f: Function, x: Value) -> Value:
     """A whole number, as math.floor and math.ceil give it."""
-    return f.truncated(Value(FLOAT, f.outside(REAL, name, f.cast(x, FLOAT).register, flags=f.flags)))
+    return f.truncated(
+        Value(FLOAT, f.outside(REAL, name, f.cast(x, FLOAT).register, flags=f.flags))
+    )
 
 
 def _is_finite(f: Function, x: Value) -> Value:

@@ -133,7 +133,9 @@ class Program:
         kind = ENTRIES[f"{array.dtype.kind}{array.dtype.itemsize}"][1]
         literal = real if array.dtype.kind == "f" else lambda x: whole(int(x))
         entries = ", ".join(f"{kind} {literal(x)}" for x in array.ravel().tolist())
-        return f"{name} = internal unnamed_addr constant [{array.size} x {kind}] [{entries}], align 16"
+        return (
+            f"{name} = internal unnamed_addr constant [{array.size} x {kind}] [{entries}], align 16"
+        )
 
     # -- entries -----------------------------------------------------------------------------------
 
@@ -182,7 +184,9 @@ class Program:
                 else:
                     declared.add(name)
         lines = [self._with_linkage(name, "hidden") for name in own]
-        lines += [self._with_linkage(name, "available_externally hidden") for name in sorted(copied)]
+        lines += [
+            self._with_linkage(name, "available_externally hidden") for name in sorted(copied)
+        ]
         lines += [_head(self._texts[name]) for name in sorted(declared)]
         text = "\n".join(lines)
         used = [line for name, line in sorted(self._declared.items()) if f"@{name}(" in text]
@@ -246,4 +250,6 @@ def caller_of(function: FunctionType) -> str:
         offset += words(type_)
     _finish(work, str(pointer), "", function.result, given)
     kind = "i8" if function.result == BOOL else returned(function.result)
-    return work.text(f"define {kind} @call_{function.name}(ptr %words)").replace("!tbaa", "!ignored")
+    return work.text(f"define {kind} @call_{function.name}(ptr %words)").replace(
+        "!tbaa", "!ignored"
+    )

@@ -1,4 +1,5 @@
 """What Python's operators mean where LLVM has no instruction for it, in the subset itself."""
+
 from __future__ import annotations
 
 import math

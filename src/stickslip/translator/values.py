@@ -585,7 +585,9 @@ class Values(Assembly):
         if operation != "fmul":
             pairs = zip(a, b, strict=True)
             return self.complex(*(self.real_op(operation, x, y) for x, y in pairs))
-        ac, bd, ad, bc = (self.real_op("fmul", a[i], b[j]) for i, j in ((0, 0), (1, 1), (0, 1), (1, 0)))
+        ac, bd, ad, bc = (
+            self.real_op("fmul", a[i], b[j]) for i, j in ((0, 0), (1, 1), (0, 1), (1, 0))
+        )
         return self.complex(self.real_op("fsub", ac, bd), self.real_op("fadd", ad, bc))
 
     def divided(self, operation: str, a: Value, b: Value) -> Value:
@@ -694,4 +696,3 @@ class Values(Assembly):
         flags = self.flags if a.type == FLOAT else ""
         operands = f"i1 {test.register}, {register.typed}, {b.register.typed}"
         return Value(a.type, self.new(register.type, f"select{flags} {operands}"))
-

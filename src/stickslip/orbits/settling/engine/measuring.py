@@ -570,7 +570,13 @@ def look_closer(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, 
 
 @entry_point()
 def measure_all(
-    e: Engine, m: Marks, rules: Rules, saved: Many[Lane], bench: Bench, found: Found, stop: IntVector
+    e: Engine,
+    m: Marks,
+    rules: Rules,
+    saved: Many[Lane],
+    bench: Bench,
+    found: Found,
+    stop: IntVector,
 ) -> None:
     """Measure all lanes that have settled, as far as they come without the host.
 

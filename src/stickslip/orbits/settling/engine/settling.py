@@ -21,9 +21,7 @@ rates have died out, and whether it comes back through the plane across itself.
 from __future__ import annotations
 
 import math
-from typing import cast
 
-import numpy as np
 
 from stickslip.arrays import Array, IntVector, Many
 from stickslip.machine_code.functions import entry_point
@@ -114,9 +112,9 @@ PERIODIC = int(Outcome.PERIODIC.code)
 STEADY = int(Outcome.STEADY.code)
 NOT_SETTLED = int(Outcome.NOT_SETTLED.code)
 _NOTHING_YET = -1  # outcome of a motion whose fate the host is asked for
-# Of NumPy's type: numba would compile the event loop a second time for literals.
-RECORDED = cast(bool, np.bool_(True))
-UNRECORDED = cast(bool, np.bool_(False))
+
+RECORDED = True
+UNRECORDED = False
 
 _GO_ON = 0  # what is done after a mark
 _CARRIED = 1
@@ -229,7 +227,9 @@ def dies_out(
 
 
 @entry_point()
-def settle_all(e: Engine, m: Marks, rules: Rules, saved: Many[Lane], bench: Bench, stop: IntVector) -> None:
+def settle_all(
+    e: Engine, m: Marks, rules: Rules, saved: Many[Lane], bench: Bench, stop: IntVector
+) -> None:
     """Follow all lanes until they have settled, as far as they come without the host.
 
     Parameters
