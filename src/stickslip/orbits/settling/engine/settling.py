@@ -22,7 +22,6 @@ from __future__ import annotations
 
 import math
 
-
 from stickslip.arrays import Array, IntVector, Many
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.event_loop import integrate
