@@ -25,7 +25,7 @@ from stickslip.rate_independent.solvers.multigrid import (
     block_rows,
     lowest_along,
 )
-from stickslip.rate_independent.solvers.smoothing import minimise_block
+from stickslip.rate_independent.solvers.smoothing import BlockRows, make_block_space, relax
 
 clarabel: Any = import_module("clarabel")  # compiled, without types
 
@@ -167,8 +167,10 @@ def test_the_minimum_of_a_block_is_exact(seed: int, m: int) -> None:
     B = random_matrix(rng, m) * 10.0 ** rng.uniform(-6, 6)
     g = rng.normal(size=m)
     radius = np.linalg.norm(g) * rng.choice([0.0, 1e-9, 0.3, 1 - 1e-6, 1 - 1e-14, 1 + 1e-12])
-    x = np.full(m, np.nan)
-    minimise_block(B, g, radius, np.empty((m, m)), x, np.empty(m))
+    d = np.full((1, m), np.nan)
+    A = BlockRows(np.array([0, 1], np.int32), np.array([0], np.int32), B[None])
+    relax(A, g[None], np.array([-radius]), np.array([radius]), d, make_block_space(m))
+    (x,) = d
     if radius >= (1 - 1e-13) * np.linalg.norm(g):
         assert not x.any()
     else:

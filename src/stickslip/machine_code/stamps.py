@@ -23,6 +23,7 @@ _SHAPED_BY = {
     "orbits": (*_ENGINE, "orbits/fields/engine", "orbits/settling/engine"),
     "orbits/fields": (*_ENGINE, "orbits/fields/engine"),
     "rate_independent": (
+        "rate_independent/compiled.py",
         "rate_independent/signals",
         "rate_independent/solvers",
         "rate_independent/play",
