@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from stickslip.arrays import Array, Matrix, Vector
 from stickslip.errors import DeclarationError
 from stickslip.machine_code.functions import entry_point, njit
-from stickslip.rate_independent.compiled import COMPILED_INLINE, COMPILED, plain_array
+from stickslip.rate_independent.compiled import COMPILED, COMPILED_INLINE, plain_array
 
 
 @njit(**COMPILED_INLINE)

@@ -12,7 +12,7 @@ from stickslip.rate_independent.compiled import plain_array
 from stickslip.rate_independent.sets.stable_sets import Boxes, ConvexSets, Discs
 
 if TYPE_CHECKING:
-    from stickslip.rate_independent.solvers.active_set import Face, BoxSpace
+    from stickslip.rate_independent.solvers.active_set import BoxSpace, Face
 
 _ROUNDING = 1e-14  # of a force, relative to the largest of its parts
 _BLOCK = 400_000  # numbers in one array of a block of steps
@@ -28,7 +28,7 @@ class BoxSteps:
     """
 
     def __init__(self, A: Array) -> None:
-        from stickslip.rate_independent.solvers.active_set import make_face, make_box_space
+        from stickslip.rate_independent.solvers.active_set import make_box_space, make_face
 
         self.face: Face = make_face(A)
         self.space: BoxSpace = make_box_space(len(A))
