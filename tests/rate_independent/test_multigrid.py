@@ -450,6 +450,21 @@ def as_matrix(rows) -> sp.csr_array:
     return sp.csr_array(sp.bsr_array((rows.value, rows.column, rows.start), shape=(n, n)))
 
 
+def test_arrays_that_are_not_to_be_written_to() -> None:
+    """Read-only, strided or integer numbers are as good as any others, and stay as they are."""
+    solver, A, x, y = membrane_solver(20)
+    r, weight = wave(x, y, 0.0)
+    r, weight = np.round(9.0 * r), np.round(weight) + 1.0
+    expected = solver.step(r, -weight, weight)
+    assert expected.delta.any()
+    kept = A.copy()
+    for part in (kept.data, kept.indices, kept.indptr, given := r.copy()):
+        part.setflags(write=False)
+    result = Multigrid(kept).step(given, -weight.astype(int), np.repeat(weight, 2)[::2])
+    assert np.array_equal(result.delta, expected.delta)
+    assert np.array_equal(given, r)
+
+
 def test_a_good_start_is_kept_and_a_bad_one_does_no_harm() -> None:
     solver, _, x, y = membrane_solver(60)
     r, weight = wave(x, y, 0.4)

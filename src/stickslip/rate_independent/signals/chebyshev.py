@@ -145,8 +145,7 @@ def _restrict(
     for p in range(len(c)):
         for j in range(m):
             x = 0.5 * (start[p] + end[p]) + 0.5 * (end[p] - start[p]) * nodes[j]
-            value, _ = _value(c[p], x)
-            sampled[j] = value
+            sampled[j] = _value(c[p], x)
         for k in range(m):
             total = 0.0
             for j in range(m):
@@ -155,7 +154,14 @@ def _restrict(
 
 
 @njit(**COMPILED)
-def _value(c: Vector, x: float) -> tuple[float, float]:
+def _value(c: Vector, x: float) -> float:
+    """Value (Clenshaw)."""
+    value, _ = _value_and_slope(c, x)
+    return value
+
+
+@njit(**COMPILED)
+def _value_and_slope(c: Vector, x: float) -> tuple[float, float]:
     """Value and derivative (Clenshaw)."""
     value = 0.0
     before = 0.0
@@ -429,9 +435,7 @@ def _sign_changes(
     for p in range(len(c)):
         for k in range(m):
             stack[0, k] = c[p, k]
-        begin, _ = _value(stack[0], -1.0)
-        end, _ = _value(stack[0], 1.0)
-        _put(place, 0, 0.0, 1.0, begin, end)
+        _put(place, 0, 0.0, 1.0, _value(stack[0], -1.0), _value(stack[0], 1.0))
         depth = 0
         while depth >= 0:
             b = stack[depth]
@@ -476,7 +480,7 @@ def _halve(search: ZeroSearch, depth: int, halves: Array3) -> None:
             for j in range(m):
                 total += halves[1 - side, k, j] * whole[j]
             stack[depth + side, k] = total
-    between, _ = _value(whole, 0.0)
+    between = _value(whole, 0.0)
     middle = place[depth, _MIDDLE]
     half = 0.5 * place[depth, _HALF]
     begin = place[depth, _BEGIN]
@@ -497,12 +501,10 @@ def _put(place: Matrix, row: int, middle: float, half: float, begin: float, end:
 def _crossing(c: Vector, low: float, high: float) -> float:
     """The place between low and high at which a polynomial, monotone there, changes sign (Newton in
     a bracket)."""
-    at_low, _ = _value(c, low)
-    at_high, _ = _value(c, high)
-    rising = at_high > at_low
+    rising = _value(c, high) > _value(c, low)
     x = 0.5 * (low + high)
     for _ in range(100):
-        value, slope = _value(c, x)
+        value, slope = _value_and_slope(c, x)
         if value == 0.0:
             break
         if (value < 0.0) == rising:

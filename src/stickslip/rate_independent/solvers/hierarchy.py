@@ -36,7 +36,7 @@ class Level:
         H has the pattern of A.
     x, b, rest : array (nodes, m)
         Of a V-cycle: solution, right-hand side, b − H x.
-    place : array (nodes,) of int32
+    place : array (nodes,) of int
         Work space.
     space : BlockSpace
     """
@@ -58,7 +58,7 @@ class Level:
         self.x = np.zeros((n, m))
         self.b = np.zeros((n, m))
         self.rest = np.zeros((n, m))
-        self.place = np.zeros(n, np.int32)
+        self.place = np.zeros(n, np.int64)
         self.space = make_block_space(m)
 
     @property
@@ -235,5 +235,5 @@ def coarse_operator(fine: Level, transfer: Transfer, nodal: Any) -> BlockRows:
     # No row is copied: none of the fine ones is whole yet.
     every = fine.truncated._replace(H=fine.A, dirty=np.ones(len(fine.x), bool))
     made = Truncation(coarse, np.empty((n, m, m)), np.zeros(n, bool), np.zeros(n, bool))
-    galerkin(every, *transfer, coarse, made, np.zeros(n, np.int32), fine.space)
+    galerkin(every, *transfer, coarse, made, np.zeros(n, np.int64), fine.space)
     return coarse

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from stickslip.arrays import Array3, BoolVector, Int32Vector, Matrix, Vector
+from stickslip.arrays import Array3, BoolVector, IntVector, Matrix, Vector
 from stickslip.machine_code.functions import entry_point, njit
 from stickslip.rate_independent.compiled import COMPILED
 from stickslip.rate_independent.solvers.smoothing import (
@@ -152,7 +152,7 @@ def galerkin(
     R: NodeRows,
     A: BlockRows,
     coarse: Truncation,
-    place: Int32Vector,
+    place: IntVector,
     space: BlockSpace,
 ) -> None:
     """Rows of the coarse operator PᵀHP (R = Pᵀ) to which dirty rows of H contribute.
@@ -208,7 +208,7 @@ def mark(dirty: BoolVector, P: NodeRows, coarse: BoolVector) -> None:
 
 @njit(**COMPILED)
 def add_products(
-    H: BlockRows, i: int, weight: float, P: NodeRows, place: Int32Vector, coarse: BlockRows
+    H: BlockRows, i: int, weight: float, P: NodeRows, place: IntVector, coarse: BlockRows
 ) -> None:
     """Add weight times row i of H P to a coarse row whose columns stand at `place`.
 
