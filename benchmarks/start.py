@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from stickslip.machine_code.kinds import MachineFunction
 
 import stickslip as ss
 from stickslip.equations.codegen.compiled import source_module
@@ -30,7 +31,6 @@ from stickslip.equations.native import systems
 from stickslip.machine_code import shelf
 from stickslip.machine_code.functions import entry_point
 from stickslip.machine_code.interface import INTERFACE
-from stickslip.machine_code.kinds import MachineFunction
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.simulate_many import follow_all
 from stickslip.motion.steps.arrays import OPTIONS
