@@ -1,10 +1,10 @@
 """Where the machine code of compiled functions comes from: shipped with the package, kept from an
 earlier run, or made now.
 
-Entries that are compiled together are a *library*, an object for each source file. What is shipped is
-named by the sources it was made from and the processors it is for: machine code for the platform on
-which the package was built, and LLVM's bitcode for others. All processors of a level run the same
-code and have the same bits.
+Entries that are compiled together are a *library*, an object for each source file. What is shipped
+is named by the sources it was made from and the processors it is for: machine code for the platform
+on which the package was built, and LLVM's bitcode for others. All processors of a level run the
+same code and have the same bits.
 """
 
 from __future__ import annotations
@@ -310,12 +310,5 @@ def _files_of(name: str, folder: str, inside: Iterable[str] = ()) -> list[str]:
     return [file] if file.startswith(folder) and file.endswith(".py") else []
 
 
-@cache
-def _say() -> None:
-    """Say once what takes its time."""
-    if sys.stderr.isatty():
-        print("stickslip: compiling for this machine, once ...", file=sys.stderr)
-
-
-# Who is told before something is compiled, or waited for.
-listeners: list[Callable[[], None]] = [_say]
+listeners: list[Callable[[], None]] = []
+"""Who is told before something is compiled, or waited for."""
