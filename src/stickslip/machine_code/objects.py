@@ -82,7 +82,7 @@ def module_of(assembly: str, here: Processor, effort: int) -> Any:
 def optimise(module: Any, target: Any) -> None:
     """LLVM's usual passes. Vectors of straight code are left out: they make the closed forms of
     motions a tenth slower."""
-    options = llvm.create_pipeline_tuning_options(speed_level=2, size_level=0)
+    options = llvm.create_pipeline_tuning_options(speed_level=2)
     options.slp_vectorization = False
     options.loop_vectorization = True
     options.loop_interleaving = True
