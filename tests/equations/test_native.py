@@ -6,14 +6,17 @@ from __future__ import annotations
 import builtins
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from fractions import Fraction
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
-from oracles.tape import Interpreted
+from oracles.tape import ARITHMETIC, OTHERS, Interpreted
 from stickslip import (
     Contact,
     Inertial,
@@ -44,7 +47,8 @@ from stickslip.motion.steps.arrays import (
     Space,
     make_space,
 )
-from stickslip.symbolic.tape import Op
+from stickslip.symbolic.scalars import Scalar, Store, element
+from stickslip.symbolic.tape import Op, ParameterExpressions
 
 UNIT = 0.7  # of time, in which the series are
 TRIALS = 12
@@ -65,7 +69,10 @@ PIECES = System(
     "pieces",
     parameters={"T": Parameter(1.7), "w": Parameter(1.3)},
     internal={
-        "x": Internal("floor(3*x) + mod(t + x, T) + triangle(w*t) + sawtooth(2*x) + log1p(x**2)"),
+        "x": Internal(
+            "floor(3*x) + mod(t + x, T) + triangle(w*t) + sawtooth(2*x) + log1p(x**2)"
+            " + max(T - w, 0)*abs(T - 2)"
+        ),
         "y": Internal("sign(y)*square(w*t) + heaviside(x - y)*asin(y/3) + expm1(-x) + acos(x/9)"),
         "z": Internal("smoothstep(z, x, x + T)*mod(t, T) + floor(t/T)"),
     },
@@ -128,8 +135,8 @@ SYSTEMS["a long chain"] = catalogue.block_chain(N=40)
 
 @cache
 def generated_of(name: str) -> tuple[System, Generated]:
-    given = SYSTEMS[name]
-    system = catalogue.get(given) if isinstance(given, str) else given
+    named = SYSTEMS[name]
+    system = catalogue.get(named) if isinstance(named, str) else named
     return system, generate(derive(system.declaration))
 
 
@@ -204,6 +211,9 @@ def assert_same_series(one: Space, other: Space, layout: Layout, N: int) -> None
     N, limit = (min(N, 8), 1e-11) if stiff else (N, 1e-12)
     # Every order of a direction is divided by the speed, which spreads rounding errors.
     limit = 1e-8 if layout.planes else limit
+    for got, wanted in ((one.Rq, other.Rq), (one.Rz, other.Rz), (one.B, other.B)):
+        size = np.max(np.abs(wanted), initial=1.0)
+        np.testing.assert_allclose(got, wanted, rtol=1e-11, atol=1e-14 * size)
     pairs = [(one.W[layout.kept, :N], other.W[layout.kept, :N])]
     pairs.append((one.W[:n, : N + 1], other.W[:n, : N + 1]))
     for got, wanted in pairs:
@@ -236,21 +246,46 @@ def test_machine_code_is_what_the_tape_says(
         for N in (1, 8, 24) if i == 0 else (24,):
             for space in (one, other):
                 fill(space, generated, np.random.default_rng(i))
-            given = (0.3, y, mode, region, k.K)
-            result = call_jets(code["jets"], *given, one.Rq, one.Rz, N, one)
+            at = (0.3, y, mode, region, k.K)
+            result = call_jets(code["jets"], *at, one.Rq, one.Rz, N, one)
             o = other
-            assert result == oracle.jets(*given, o.Rq, o.Rz, N, o.W, o.A, o.B, o.mag)
+            assert result == oracle.jets(*at, o.Rq, o.Rz, N, o.W, o.A, o.B, o.mag)
             if result == 0:
                 assert_same_series(one, other, layout, N)
-        found, wanted = np.zeros(3), np.zeros(3)
-        call_powers(code["powers"], other.W, region, k.K, found)
-        oracle.powers(other.W, region, k.K, wanted)
-        np.testing.assert_allclose(found, wanted, rtol=1e-14)
+        landed = sum(len(places) for *_, places in layout.jumps)
+        for function, count in (("powers", 3), ("landings", landed)):
+            found, wanted = np.zeros(count), np.zeros(count)
+            call_powers(code[function], other.W, region, k.K, found)
+            getattr(oracle, function)(other.W, region, k.K, wanted)
+            np.testing.assert_allclose(found, wanted, rtol=1e-14)
         G, P = np.zeros((2, 2 * nr)), np.zeros((2, nr + 1, nr))
         call_residual(code["residual"], 0.3, y, mode, region, k.K, G[0], P[0])
         oracle.residual(0.3, y, mode, region, k.K, G[1], P[1])
         np.testing.assert_allclose(G[0], G[1], rtol=1e-14)
         np.testing.assert_allclose(P[0], P[1], rtol=1e-14)
+
+
+def test_every_operation_is_compared() -> None:
+    operations = set[Op]()
+    scalars = dict[Scalar, str]()
+
+    def visit(s: Scalar) -> None:
+        if s not in scalars:
+            scalars[s] = s.op
+            for part in s.args:
+                visit(part)
+
+    for name in SYSTEMS:
+        _, generated = generated_of(name)
+        tape = generated.layout.instructions
+        operations |= {i.op for i in tape}
+        g = generated
+        for store in [*g.setup, *g.sizes, *g.residual, *g.powers, *g.landings]:
+            visit(store.value)
+        for s in (s for i in tape for s in i.zero):
+            visit(s)
+    assert operations == set(Op)
+    assert {*scalars.values()} == ARITHMETIC.keys() | OTHERS.keys()
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
@@ -266,16 +301,61 @@ def test_sizes_begin_anew_with_each_call(name: str) -> None:
     solved = 0
     for y, mode, region in cases(system, layout):
         fill(space, generated, np.random.default_rng(0))
-        given = (0.3, y, mode, region, k.K, space.Rq, space.Rz, 8, space.W, space.A, space.B)
+        at = (0.3, y, mode, region, k.K, space.Rq, space.Rz, 8, space.W, space.A, space.B)
         sizes = []
         for before in (0.0, 1e30):
             space.mag[:] = before
-            if oracle.jets(*given, space.mag) == 0:
+            if oracle.jets(*at, space.mag) == 0:
                 sizes.append(space.mag[stored])
         if sizes:  # the mode, drawn at random, has a solution
             np.testing.assert_array_equal(*sizes)
             solved += 1
     assert solved > 0
+
+
+# -- long sums -------------------------------------------------------------------------------------
+
+PAIRS = 7
+
+
+@pytest.fixture(scope="module")
+def dot(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Sequence[float]], float]:
+    """The machine code of Σ aᵢbᵢ, of pairs that stand one after the other."""
+    pairs = Scalar("dot", tuple(element("K", i) for i in range(2 * PAIRS)))
+    layout = Layout([], {})
+    powers = [Store("out", (0,), pairs)]
+    generated = Generated(layout, ParameterExpressions([]), [], [], [], powers, [])
+    code = compiled_by_llvm(generated, tmp_path_factory.mktemp("dot"))["powers"]
+
+    def made(given: Sequence[float]) -> float:
+        K, out = np.zeros(2 * PAIRS), np.zeros(1)
+        K[: len(given)] = given
+        call_powers(code, np.zeros((1, 25)), np.zeros(0, np.int64), K, out)
+        return out.item()
+
+    return made
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.lists(st.tuples(*[st.floats(-1e9, 1e9)] * 2), min_size=1, max_size=PAIRS - 2),
+    st.floats(-1e-9, 1e-9),
+)
+def test_sum_in_which_large_terms_cancel(
+    dot: Callable[[Sequence[float]], float], pairs: list[tuple[float, float]], rest: float
+) -> None:
+    """Against rational numbers: a·b − a·b·(1 + ε) keeps its digits."""
+    a, b = pairs[0]
+    terms = [*pairs, (-a, b * (1.0 + 1e-13)), (rest, 1.0)]
+    exact = sum(Fraction(x) * Fraction(y) for x, y in terms)
+    size = sum(abs(Fraction(x) * Fraction(y)) for x, y in terms)
+    error = abs(Fraction(dot([x for pair in terms for x in pair])) - exact)
+    assert error <= 2.0**-52 * abs(exact) + 2.0**-96 * size + 1e-290
+
+
+def test_sum_of_what_overflows(dot: Callable[[Sequence[float]], float]) -> None:
+    assert dot((1e200, 1e200, 1.0, 1.0)) == np.inf
+    assert dot((1e305, 1.0, 1.0, 1.0)) == 1e305
 
 
 # -- machine code on disk --------------------------------------------------------------------------

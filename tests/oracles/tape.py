@@ -182,15 +182,15 @@ def value_of(s: Scalar, prepared: dict[Scalar, Value] | None = None) -> Value:
     prepared = {} if prepared is None else prepared
     if s not in prepared:
         args = [value_of(x, prepared) for x in s.args]
-        prepared[s] = _OTHERS[s.op](s, args) if s.op in _OTHERS else _of_numbers(s.op, args)
+        prepared[s] = OTHERS[s.op](s, args) if s.op in OTHERS else _of_numbers(s.op, args)
     return prepared[s]
 
 
 def _of_numbers(op: str, args: list[Value]) -> Value:
     """An operation that depends on its arguments alone."""
-    if op not in _ARITHMETIC:
+    if op not in ARITHMETIC:
         raise NotImplementedError(op)
-    operation = _ARITHMETIC[op]
+    operation = ARITHMETIC[op]
     return lambda c: operation(*(x(c) for x in args))
 
 
@@ -225,10 +225,10 @@ def dot(*pairs: float) -> float:
     try:
         return float(exact)
     except OverflowError:
-        return math.copysign(math.inf, exact)
+        return math.inf if exact > 0 else -math.inf
 
 
-_ARITHMETIC: dict[str, Callable[..., float]] = {
+ARITHMETIC: dict[str, Callable[..., float]] = {
     "sum": lambda *x: reduce(add, x),
     "product": lambda *x: math.prod(x),
     "quotient": ratio,
@@ -241,6 +241,7 @@ _ARITHMETIC: dict[str, Callable[..., float]] = {
     "first_power": first_power,
     "dot": dot,
 }
+"""Operations that depend on their arguments alone."""
 
 
 def _number(s: Scalar, _: list[Value]) -> Value:
@@ -295,7 +296,7 @@ def _spread(s: Scalar, _: list[Value]) -> Value:
     return value
 
 
-_OTHERS: dict[str, Callable[[Scalar, list[Value]], Value]] = {
+OTHERS: dict[str, Callable[[Scalar, list[Value]], Value]] = {
     "number": _number,
     "entry": _entry,
     "name": _name,
@@ -306,6 +307,7 @@ _OTHERS: dict[str, Callable[[Scalar, list[Value]], Value]] = {
     "sign": _sign,
     "spread": _spread,
 }
+"""Operations that depend on the arguments of the call."""
 
 
 # -- series ----------------------------------------------------------------------------------------
@@ -459,9 +461,7 @@ def _side(i: Instruction, _: Factor) -> Order:
     def order(c: Call, k: int) -> float:
         forwards, backwards = static if abs(c.mode(i.place)) == 2 else (plus, minus)
         W = c.W
-        return by_mode(
-            c, i.place, W.item(surface, k), -W.item(forwards, k), W.item(backwards, k)
-        )
+        return by_mode(c, i.place, W.item(surface, k), -W.item(forwards, k), W.item(backwards, k))
 
     return order
 
