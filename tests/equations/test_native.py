@@ -127,8 +127,23 @@ PRESSED = System(
     contacts={"foot": Unilateral("z - sin(w*t)/9", ("d_x", "d_x + d_y"), "mu", axes=(1.0, 0.6))},
     initial={"d_x": 0.4, "d_y": -0.2},
 )
+EDGES = System(
+    "on edges",  # a mass that may be negative, a root of rounding errors
+    coordinates={"q": Inertial()},
+    kinetic="(1 - 9*q**2)*d_q**2/2",
+    potential="q**2/2",
+    internal={"a": Internal("sqrt((a + q)**2 - a**2 - 2*a*q - q**2) - a")},
+    initial={"a": 1.0},
+)
+LOOSE = System(
+    "loose",  # a force without stiffness
+    coordinates={"r": RateIndependent()},
+    potential="-r*cos(t)",
+    contacts={"ground": Contact("d_r", "1")},
+)
 SYSTEMS = {name: name for name in catalogue.names()} | {
-    system.name: system for system in (EVERYTHING, PIECES, MIXED, COUPLED, RESISTED, PRESSED)
+    system.name: system
+    for system in (EVERYTHING, PIECES, MIXED, COUPLED, RESISTED, PRESSED, EDGES, LOOSE)
 }
 SYSTEMS["a long chain"] = catalogue.block_chain(N=40)
 
