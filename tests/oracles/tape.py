@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import reduce
-from operator import add, neg
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -232,9 +232,9 @@ ARITHMETIC: dict[str, Callable[..., float]] = {
     "sum": lambda *x: reduce(add, x),
     "product": lambda *x: math.prod(x),
     "quotient": ratio,
-    "negative": neg,
-    "modulus": abs,
-    "larger": max,
+    "negative": lambda x: -x,
+    "modulus": lambda x: abs(x),
+    "larger": lambda a, b: max(a, b),
     "over": lambda a, b: ratio(a, b) if b > 0.0 else 0.0,
     "reciprocal": lambda x: ratio(1.0, x),
     "real_power": power,
