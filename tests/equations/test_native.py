@@ -48,7 +48,7 @@ from stickslip.motion.steps.arrays import (
     make_space,
 )
 from stickslip.symbolic.scalars import Scalar, Store, element
-from stickslip.symbolic.tape import Op, ParameterExpressions
+from stickslip.symbolic.tape import DIRECTION_GIVEN, Op, ParameterExpressions
 
 UNIT = 0.7  # of time, in which the series are
 TRIALS = 12
@@ -195,9 +195,11 @@ def constants_of(system: System, generated: Generated) -> tuple[Array, Constants
 
 
 def fill(space: Space, generated: Generated, rng: np.random.Generator) -> None:
-    """Random inverses; nothing else."""
+    """Random inverses, and directions that may be given; nothing else."""
     for part in space:
         part[:] = 0
+    for _, _, first, *_ in generated.layout.planes:
+        space.W[first : first + 3] = rng.normal(size=(3, space.W.shape[1]))
     space.W[len(generated.layout.state), 1] = UNIT
     for inverse in (space.Rq, space.Rz):
         inverse[:] = rng.normal(size=inverse.shape)
@@ -206,9 +208,11 @@ def fill(space: Space, generated: Generated, rng: np.random.Generator) -> None:
 def cases(system: System, layout: Layout) -> Iterator[tuple[Array, Array, Array]]:
     rng = np.random.default_rng(3)
     start = np.array([float(system.initial.get(name, 0.0)) for name in layout.state])
-    for _ in range(TRIALS):
+    for i in range(TRIALS):
         y = start + 0.3 * rng.normal(size=len(start))
         mode = rng.integers(-2, 3, len(layout.u))
+        for first, second, *_ in layout.planes if i % 4 == 3 else []:
+            mode[[first, second]] = DIRECTION_GIVEN
         yield y, mode, rng.integers(0, 2, len(layout.kinks))
 
 
