@@ -117,11 +117,17 @@ LIBRARIES = (ENGINE, EVOLUTION_SOLVERS)
 
 def prepare(entry: Entry) -> Prepared:
     """An entry in memory."""
-    name = entry.__module__
-    own = Library(name, (name,))
-    library = next((known for known in LIBRARIES if name in known.modules), own)
-    address = _in_memory(library).get_function_address(symbol_of(entry))
+    library = next((x for x in LIBRARIES if entry.__module__ in x.modules), None)
+    engine = _alone(entry) if library is None else _in_memory(library)
+    address = engine.get_function_address(symbol_of(entry))
     return Prepared(entry.__name__, *entry_types(entry), address)
+
+
+def _alone(entry: Entry) -> Any:
+    """An entry that is not of the package, in memory: translated in each process, compiled once."""
+    find_functions(MATHEMATICS)
+    jobs = jobs_of([entry], cache_folder(), target_of(level()))
+    return loaded(make_all(jobs, entry.__name__))
 
 
 @cache
@@ -225,7 +231,7 @@ def make(library: Library, folder: Path, here: Processor, ship: bool = False) ->
         codes = None if ship else _listed(library, folder, digest(sources, here), ".o", False)
         if codes is not None:
             return codes
-        jobs = jobs_of(library, folder, here, ship)
+        jobs = jobs_of(entries_of(library), folder, here, ship)
         codes = make_all(jobs, library.name)
         parts = [(Path(job.place).name, job.key) for job in jobs]
         _keep_list(library, folder, digest(sources, here), parts)
@@ -251,13 +257,13 @@ def clean(folder: Path, here: Processor, libraries: Sequence[Library] = LIBRARIE
 
 
 def jobs_of(
-    library: Library, folder: Path, here: Processor, ship: bool = False
+    entries: Sequence[Entry], folder: Path, here: Processor, ship: bool = False
 ) -> list[Compilation]:
-    """What is to be compiled: a module for each source file."""
+    """What is to be compiled for some entries: a module for each source file."""
     from stickslip.translator.modules import Program
 
     jobs = list[Compilation]()
-    for file, text in Program(entries_of(library)).modules().items():
+    for file, text in Program(entries).modules().items():
         key = digest(text, here, LOOPS)
         place = folder / f"{Path(file).parent.name}.{Path(file).stem}.{key[:24]}"
         jobs.append(Compilation(text, str(place), key, here, ship))
