@@ -134,6 +134,7 @@ class Function(Values, ast.NodeVisitor):
         hint = node.returns and self.hint(node.returns)
         self.promised = NAMED.get(hint)
         stores = [x.id for x in ast.walk(node) if isinstance(x, ast.Name) and not _is_read(x)]
+        stores += [x.arg for x in node.args.args if x.arg in stores]
         self.stores = {name: stores.count(name) for name in stores}
         self.here: ast.AST = node
 
