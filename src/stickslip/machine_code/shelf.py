@@ -42,6 +42,16 @@ SHIPPED = Path(__file__).parent / "shipped"
 # vectors of four numbers (Intel since 2013, AMD since 2015), and all others.
 FAST, PORTABLE = "x86-64-v3", "portable"
 FEATURES = ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsave")
+_MAKERS = tuple(
+    f"stickslip.{name}"
+    for name in (
+        "machine_code.objects",
+        "translator.__init__",
+        "translator.modules",
+        "translator.runtime",
+    )
+)
+"""What makes machine code, with all that these modules import."""
 _IMPORTED = re.compile(rb"\n(?:from|import) ([\w.]+)(?: import (?:\(([^)]*)\)|([^\n]*)))?")
 _PACKAGE = str(Path(__file__).parent.parent)
 
@@ -280,10 +290,10 @@ def entries_of(library: Library) -> list[Entry]:
 
 
 def source_digest(library: Library) -> str:
-    """A name for all sources that may shape the machine code of a library: those of its modules and
-    of what they import."""
+    """A name for all sources that may shape the machine code of a library: those of its modules, of
+    what they import, and of the translator."""
     known = dict[str, bytes]()
-    left = [path for name in library.modules for path in _files_of(name, "")]
+    left = [path for name in (*library.modules, *_MAKERS) for path in _files_of(name, "")]
     while left:
         path = left.pop()
         if path not in known:
