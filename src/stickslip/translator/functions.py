@@ -82,6 +82,16 @@ class Signature(NamedTuple):
         return not isinstance(self.result, TupleType) or fits_registers(self.result)
 
 
+class Loop(NamedTuple):
+    """A loop around what is being written: where its next round begins and where it ends, and what
+    has been assigned wherever it is left or goes on."""
+
+    again: str
+    after: str
+    left: list[set[str]]
+    continued: list[set[str]]
+
+
 def fits_registers(type_: Type) -> bool:
     """Whether a tuple is returned in registers: a few numbers."""
     return (
@@ -183,7 +193,8 @@ class Function(Values, ast.NodeVisitor):
         self.values: dict[str, Value] = {}
         self.places: dict[str, Register] = {}
         self.assigned: set[str] = set()
-        self.loops: list[tuple[str, str, list[set[str]]]] = []
+        self.loops: list[Loop] = []
+        self.unrolled = 0  # loops around this place that are written round by round
         for parameter, type_ in zip(self.node.args.args, self.arguments, strict=True):
             register = Register(f"%{parameter.arg}", _passed(type_))
             is_tuple = isinstance(type_, TupleType)
@@ -268,7 +279,8 @@ class Function(Values, ast.NodeVisitor):
     def assign_name(self, name: str, value: Value) -> None:
         """Give a value to a variable."""
         self.assigned.add(name)
-        if value.lasting and self.stores.get(name) == 1 and value.offset is not None:
+        once = self.stores.get(name) == 1 and not self.unrolled
+        if value.lasting and once and value.offset is not None:
             self.values[name] = value  # it may stay where it is: nothing writes there
             return
         known = self.types.get(name)
@@ -350,6 +362,13 @@ class Function(Values, ast.NodeVisitor):
             self.begin(after)
             self.assigned = set.intersection(*ways)
 
+    def join(self, after: str, ways: list[set[str]]) -> None:
+        """The same, where the way from here leads there, too."""
+        if not self.ended:
+            ways.append(set(self.assigned))
+            self.go(after)
+        self.meet(after, ways)
+
     def visit_While(self, node: ast.While) -> None:
         """``while``, for ever too."""
         head, inside, after = map(self.label, ("while", "body", "after"))
@@ -360,30 +379,29 @@ class Function(Values, ast.NodeVisitor):
         else:
             self.branch(node.test, inside, after)
         ways = [] if endless else [set(self.assigned)]
-        self.round(node, inside, head, after, ways)
+        self.round(node, inside, Loop(head, after, ways, []))
         self.go(head)
         self.meet(after, ways)
 
-    def round(
-        self, node: ast.While | ast.For, inside: str, again: str, after: str, ways: list[set[str]]
-    ) -> None:
+    def round(self, node: ast.While | ast.For, inside: str, loop: Loop) -> None:
         """The body of a loop."""
         if node.orelse:
             self.refuse("else of a loop", "Use a variable that says how it ended")
         self.ended = True
         self.begin(inside)
-        self.loops.append((again, after, ways))
+        self.loops.append(loop)
         self.body(node.body)
         self.loops.pop()
 
     def visit_Break(self, node: ast.Break) -> None:
         """Leave a loop."""
-        self.loops[-1][2].append(set(self.assigned))
-        self.go(self.loops[-1][1])
+        self.loops[-1].left.append(set(self.assigned))
+        self.go(self.loops[-1].after)
 
     def visit_Continue(self, node: ast.Continue) -> None:
         """The next round of a loop."""
-        self.go(self.loops[-1][0])
+        self.loops[-1].continued.append(set(self.assigned))
+        self.go(self.loops[-1].again)
 
     def visit_For(self, node: ast.For) -> None:
         """``for`` over a range, the entries or rows of an array, or the parts of a tuple."""
@@ -402,19 +420,19 @@ class Function(Values, ast.NodeVisitor):
             first = self.constant(0), self.length(value, 0)
             self.count(node, *first, 1, lambda i: self.element(value, [Index(i)]))
             return
+        self.unrolled += 1
         after = self.label("after")
         ways = list[set[str]]()
-        for part in map(self.settled, self.parts(value)):
+        for part in [self.settled(part) for part in self.parts(value)]:
             if not self.ended:
                 inside, following = self.label("body"), self.label("next")
+                loop = Loop(following, after, ways, [])
                 self.assign(node.target, part)
                 self.go(inside)
-                self.round(node, inside, following, after, ways)
-                self.begin(following)
-        if not self.ended:
-            ways.append(set(self.assigned))
-            self.go(after)
-        self.meet(after, ways)
+                self.round(node, inside, loop)
+                self.join(following, loop.continued)
+        self.join(after, ways)
+        self.unrolled -= 1
 
     def count(
         self, node: ast.For, start: Value, stop: Value, step: int, item: Callable[[Value], Value]
@@ -432,7 +450,7 @@ class Function(Values, ast.NodeVisitor):
         self.begin(first)
         self.assign(node.target, self.settled(item(Value(INT, at))))
         self.go(inside)
-        self.round(node, inside, following, after, ways)
+        self.round(node, inside, Loop(following, after, ways, []))
         self.begin(following)
         self.store(self.new(WHOLE, f"add nsw i64 {at}, {step}"), place)
         self.go(head)
