@@ -57,7 +57,7 @@ def complex_exp(z: complex) -> complex:
 def power_whole(a: float, b: int) -> float:
     r = 1.0
     left = abs(b)
-    if left > 0x10000:
+    if left > 0x10000 or left < 0:  # the least number has no opposite
         return math.pow(a, float(b))
     while left != 0:
         if left & 1 != 0:
