@@ -572,6 +572,8 @@ class Values(Assembly):
         a, b = self.cast(a, type_), self.cast(b, type_)
         if type_ == INT and operation in ("FloorDiv", "Mod"):
             return self.divided(operation, a, b)
+        if type_ == INT and operation in ("LShift", "RShift"):
+            return self.shifted(instruction, a, b)
         if (operation, type_) in _RUNTIME:
             return self.runtime(_RUNTIME[operation, type_], a, b)
         if type_ in (INT, BOOL) and instruction:
@@ -619,6 +621,17 @@ class Values(Assembly):
             found = self.new(WHOLE, f"select i1 {minus}, i64 {opposite_number}, i64 {found}")
             found = self.new(WHOLE, f"select i1 {unsafe}, i64 0, i64 {found}")
         return Value(INT, found)
+
+    def shifted(self, instruction: str, a: Value, b: Value) -> Value:
+        """A number with its bits moved; by 64 places or more, too, which LLVM leaves undefined."""
+        if b.is_known and 0 <= b.known < 64:
+            return Value(INT, self.new(WHOLE, f"{instruction} i64 {a.register}, {b.register}"))
+        places = self.outside(WHOLE, "llvm.umin.i64", b.register, whole(63))
+        moved = self.new(WHOLE, f"{instruction} i64 {a.register}, {places}")
+        if instruction == "shl":
+            few = self.new(BIT, f"icmp ult i64 {b.register}, 64")
+            moved = self.new(WHOLE, f"select i1 {few}, i64 {moved}, i64 0")
+        return Value(INT, moved)
 
     def power(self, a: Value, b: Value) -> Value:
         """A power: with a constant whole exponent a product, by repeated squares."""
