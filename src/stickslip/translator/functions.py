@@ -810,7 +810,10 @@ def _frexp(f: Function, x: Value) -> Value:
 
 
 def _ldexp(f: Function, x: Value, n: Value) -> Value:
-    exponent = f.new("i32", f"trunc {f.cast(n, INT).register.typed} to i32")
+    # what lies beyond gives zero or an infinity in any case
+    few = f.outside(WHOLE, "llvm.smin.i64", f.cast(n, INT).register, whole(9999))
+    few = f.outside(WHOLE, "llvm.smax.i64", few, whole(-9999))
+    exponent = f.new("i32", f"trunc {few.typed} to i32")
     return Value(FLOAT, f.outside(REAL, "ldexp", f.cast(x, FLOAT).register, exponent))
 
 
