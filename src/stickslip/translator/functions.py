@@ -14,7 +14,16 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 
 from stickslip.translator import Compiled, call_address, fma
-from stickslip.translator.assembly import BIT, NOTHING, POINTER, REAL, WHOLE, Register, whole
+from stickslip.translator.assembly import (
+    BIT,
+    NOTHING,
+    POINTER,
+    REAL,
+    WHOLE,
+    Register,
+    real,
+    whole,
+)
 from stickslip.translator.values import (
     BOOL,
     COMPLEX,
@@ -786,15 +795,16 @@ def _as(type_: Scalar, f: Function, *given: Value) -> Value:
 
 def _rounded(name: str, f: Function, x: Value) -> Value:
     """A whole number, as math.floor and math.ceil give it."""
+    if x.type in (INT, BOOL):
+        return f.cast(x, INT)
     return f.truncated(
         Value(FLOAT, f.outside(REAL, name, f.cast(x, FLOAT).register, flags=f.flags))
     )
 
 
 def _is_finite(f: Function, x: Value) -> Value:
-    register = f.cast(x, FLOAT).register
-    nothing = f.real_op("fsub", register, register)
-    return f.bit(f"fcmp{f.flags} ord double {nothing}, {nothing}")
+    size = f.outside(REAL, "llvm.fabs.f64", f.cast(x, FLOAT).register)
+    return f.bit(f"fcmp one double {size}, {real(math.inf)}")
 
 
 def _is_nan(f: Function, x: Value) -> Value:
