@@ -190,7 +190,7 @@ class Function(Values, ast.NodeVisitor):
             note = (
                 "noalias readonly captures(none) align 8 " if isinstance(type_, TupleType) else ""
             )
-            given.append(f"{_passed(type_)} {note}%{parameter.arg}")
+            given.append(f"{_passed(type_)} {note}{_argument(parameter.arg)}")
         result = returned(signature.result) if signature.in_registers else NOTHING
         head = f'define internal fastcc {result} @"{self.name}"({", ".join(given)}) #0'
         return signature, self.text(head + (" alwaysinline" if self.compiled.inline else ""))
@@ -205,7 +205,7 @@ class Function(Values, ast.NodeVisitor):
         self.loops: list[Loop] = []
         self.unrolled = 0  # loops around this place that are written round by round
         for parameter, type_ in zip(self.node.args.args, self.arguments, strict=True):
-            register = Register(f"%{parameter.arg}", _passed(type_))
+            register = Register(_argument(parameter.arg), _passed(type_))
             is_tuple = isinstance(type_, TupleType)
             value = Value(type_, register, 0 if is_tuple else None, lasting=is_tuple)
             if parameter.arg in self.stores:
@@ -741,6 +741,11 @@ class Function(Values, ast.NodeVisitor):
 def _passed(type_: Type) -> str:
     """LLVM's type of an argument or variable."""
     return POINTER if isinstance(type_, TupleType) else type_.llvm
+
+
+def _argument(name: str) -> str:
+    """What a parameter is called in the assembly: like nothing else there."""
+    return f'%"{name}."'
 
 
 def _is_read(name: ast.Name) -> bool:
