@@ -301,13 +301,16 @@ class Function(Values, ast.NodeVisitor):
             self.changed = self.changed or known is not None
             self.types[name] = type_
             self.places.pop(name, None)
+        if type_ == NONE:
+            self.values[name] = value
+            return
         if name not in self.places:
             is_tuple = isinstance(type_, TupleType)
             self.places[name] = self.room(type_) if is_tuple else self.slot(_passed(type_))
         value = self.cast(value, type_)
         if isinstance(type_, TupleType):
             self.put(value, self.places[name], 0)
-        elif type_ != NONE:
+        else:
             self.store(self.in_register(value).register, self.places[name])
 
     def entry_of(self, node: ast.Subscript) -> tuple[ArrayType, Register]:
@@ -500,7 +503,7 @@ class Function(Values, ast.NodeVisitor):
             type_, place = self.types[name], self.places[name]
             if isinstance(type_, TupleType):
                 return Value(type_, place, 0)
-            return Value(type_, None if type_ == NONE else self.load(_passed(type_), place))
+            return Value(type_, self.load(_passed(type_), place))
         space = self.compiled.python.__globals__
         if name not in space and not hasattr(builtins, name):
             self.refuse(f"{name} is not known", "Define or import it in the module")
@@ -605,7 +608,7 @@ class Function(Values, ast.NodeVisitor):
         """``a if test else b``."""
         kinds = self.type_of(node.body), self.type_of(node.orelse)
         type_ = joined(*kinds)
-        if type_ is None:
+        if type_ in (None, NONE):
             self.refuse(f"either {named(kinds[0])} or {named(kinds[1])}", "Give both one type")
         is_tuple = isinstance(type_, TupleType)
         place = self.room(type_) if is_tuple else self.slot(_passed(type_))
@@ -690,10 +693,9 @@ class Function(Values, ast.NodeVisitor):
     def call_compiled(self, target: Compiled, given: list[Value]) -> Value:
         """Call another function of the language."""
         given = [self.plain(x) for x in given]
-        try:
-            signature = self.program.signature(target, tuple(x.type for x in given))
-        except Refusal as error:
-            raise error
+        if any(x.type == NONE for x in given):
+            self.refuse("None as an argument", "Use a number")
+        signature = self.program.signature(target, tuple(x.type for x in given))
         self.called.add(signature.name)
         operands = list[Register]()
         for value, type_ in zip(given, signature.arguments, strict=True):

@@ -330,6 +330,8 @@ class Values(Assembly):
     def tuple_of(self, kind: type, parts: Sequence[Value]) -> Value:
         """A tuple."""
         plain = [self.plain(part) for part in parts]
+        if any(part.type == NONE for part in plain):
+            self.refuse("None in a tuple", "Use a number")
         return Value(TupleType(kind, tuple(part.type for part in plain)), parts=plain)
 
     def cast(self, value: Value, type_: Type) -> Value:
