@@ -259,6 +259,8 @@ class Function(Values, ast.NodeVisitor):
     def visit_AugAssign(self, node: ast.AugAssign) -> None:
         """``a += value``."""
         operation = type(node.op).__name__
+        if isinstance(node.target, ast.Attribute):
+            self.refuse(f"an assignment to {ast.unparse(node.target)}", "Make a new tuple")
         if isinstance(node.target, ast.Subscript):
             array, address = self.entry_of(node.target)
             old = self.read_entry(array, address)
@@ -419,6 +421,8 @@ class Function(Values, ast.NodeVisitor):
         """``for`` over a range, the entries or rows of an array, or the parts of a tuple."""
         source = node.iter
         if isinstance(source, ast.Call) and ast.unparse(source.func) == "range":
+            if source.keywords or not 1 <= len(source.args) <= 3:
+                self.refuse("a range with such arguments", "Give one to three numbers")
             ends = [self.cast(self.visit(x), INT) for x in source.args]
             step = ends.pop() if len(ends) == 3 else self.constant(1)
             if not step.is_known or step.known == 0:
@@ -518,6 +522,8 @@ class Function(Values, ast.NodeVisitor):
         value, name = self.visit(node.value), node.attr
         type_ = value.type
         if type_ == PYTHON:
+            if not hasattr(value.known, name):
+                self.refuse(f"{ast.unparse(node)} is not known", "Define it, or name another")
             return self.constant(getattr(value.known, name))
         if type_ == COMPLEX and name in ("real", "imag"):
             return Value(FLOAT, self.split(value)[name == "imag"])
@@ -533,12 +539,14 @@ class Function(Values, ast.NodeVisitor):
         value, given = self.visit(node.value), self.indices(node.slice)
         if isinstance(value.type, ArrayType):
             return self.element(value, given)
-        index = given[0].value
-        if len(given) > 1 or index is None or not index.is_known:
+        index = given[0].value if len(given) == 1 else None
+        if index is None or not index.is_known:
             self.refuse("a part of a tuple that is not a constant", "Unpack it, or use an array")
-        if value.type == PYTHON:
-            return self.constant(value.known[index.known])
-        return self.parts(value)[index.known]
+        is_constant = value.type == PYTHON and isinstance(value.known, tuple)
+        parts = value.known if is_constant else self.parts(value)
+        if not -len(parts) <= index.known < len(parts):
+            self.refuse(f"part {index.known} of {len(parts)}", "Count from 0")
+        return self.constant(parts[index.known]) if is_constant else parts[index.known]
 
     def indices(self, node: ast.expr) -> list[Index]:
         """What stands in brackets."""
@@ -571,7 +579,9 @@ class Function(Values, ast.NodeVisitor):
             return self.inverted(self.truth(value))
         if isinstance(node.op, ast.USub):
             return self.negative(value)
-        if isinstance(node.op, ast.UAdd):
+        if isinstance(node.op, ast.UAdd) and value.type in (BOOL, INT):
+            return self.cast(value, INT)
+        if isinstance(node.op, ast.UAdd) and value.type in (FLOAT, COMPLEX):
             return value
         return self.generic_visit(node.op)
 
@@ -655,13 +665,15 @@ class Function(Values, ast.NodeVisitor):
     def visit_Call(self, node: ast.Call) -> Value:
         """A call of something that the language knows."""
         if isinstance(node.func, ast.Attribute) and node.func.attr == "conjugate":
-            re, im = self.split(self.visit(node.func.value))
-            return self.complex(re, self.real_op("fneg", im))
+            value = self.visit(node.func.value)
+            if value.type == COMPLEX and not node.args and not node.keywords:
+                re, im = self.split(value)
+                return self.complex(re, self.real_op("fneg", im))
         function = self.visit(node.func)
         given = [self.visit(x) for x in node.args]
         keywords = {x.arg: self.visit(x.value) for x in node.keywords if x.arg}
         self.here = node
-        if isinstance(function.type, FunctionType):
+        if isinstance(function.type, FunctionType) and not keywords:
             return self.call_outside(function, function.type, given)
         target: Any = function.known
         if isinstance(target, Compiled):
@@ -669,18 +681,17 @@ class Function(Values, ast.NodeVisitor):
             return self.call_compiled(target, self.in_order(names, given, keywords))
         if isinstance(target, type) and hasattr(target, "_fields"):
             return self.tuple_of(target, self.in_order(target._fields, given, keywords))
+        name = ast.unparse(node.func)
         try:
-            if target in REAL_FUNCTIONS:
-                reals = [self.cast(x, FLOAT).register for x in given]
-                name = REAL_FUNCTIONS[target]
-                return Value(FLOAT, self.outside(REAL, name, *reals, flags=self.flags))
-            make = CALLS.get(target)
+            make = REAL_CALLS.get(target) or CALLS.get(target)
         except TypeError:  # it cannot be looked up
             make = None
         if make is None:
-            self.refuse(
-                f"a call of {ast.unparse(node.func)}", "Mark it as compiled, or write it out"
-            )
+            self.refuse(f"a call of {name}", "Mark it as compiled, or write it out")
+        try:
+            inspect.signature(make).bind(self, *given, **keywords)
+        except TypeError:
+            self.refuse(f"a call of {name} with such arguments", "Give what it takes, in order")
         return make(self, *given)
 
     def in_order(self, names: Any, given: list[Value], keywords: dict[str, Value]) -> list[Value]:
@@ -762,13 +773,13 @@ def _as_read(target: ast.expr) -> ast.expr:
 # -- functions of Python ---------------------------------------------------------------------------
 
 
-def _len(f: Function, value: Value) -> Value:
+def _len(f: Function, value: Value, /) -> Value:
     if isinstance(value.type, ArrayType):
         return f.length(value, 0)
     return f.constant(len(f.parts(value)))
 
 
-def _abs(f: Function, x: Value) -> Value:
+def _abs(f: Function, x: Value, /) -> Value:
     if x.is_known:
         return f.constant(abs(x.known))
     if x.type == COMPLEX:
@@ -779,9 +790,9 @@ def _abs(f: Function, x: Value) -> Value:
     return f.either(f.compare("Lt", x, f.constant(0)), f.negative(x), x)
 
 
-def _best(operation: str, f: Function, *given: Value) -> Value:
+def _best(operation: str, f: Function, first: Value, /, *given: Value) -> Value:
     """The first that no other is better than, as Python has it."""
-    best, *others = given if len(given) > 1 else f.parts(given[0])
+    best, *others = (first, *given) if given else f.parts(first) or [Value(NONE)]
     for other in others:
         type_ = joined(best.type, other.type)
         if type_ not in (BOOL, INT, FLOAT):
@@ -791,16 +802,19 @@ def _best(operation: str, f: Function, *given: Value) -> Value:
     return best
 
 
-def _as(type_: Scalar, f: Function, *given: Value) -> Value:
-    if type_ == COMPLEX and len(given) == 2:
-        return f.complex(*(f.cast(x, FLOAT).register for x in given))
-    (x,) = given
+def _complex(f: Function, re: Value, im: Value | None = None, /) -> Value:
+    if im is None:
+        return f.cast(re, COMPLEX)
+    return f.complex(f.cast(re, FLOAT).register, f.cast(im, FLOAT).register)
+
+
+def _as(type_: Scalar, f: Function, x: Value, /) -> Value:
     if type_ == BOOL:
         return f.truth(x)
     return f.truncated(x) if (type_, x.type) == (INT, FLOAT) else f.cast(x, type_)
 
 
-def _rounded(name: str, f: Function, x: Value) -> Value:
+def _rounded(name: str, f: Function, x: Value, /) -> Value:
     """A whole number, as math.floor and math.ceil give it."""
     if x.type in (INT, BOOL):
         return f.cast(x, INT)
@@ -809,24 +823,24 @@ def _rounded(name: str, f: Function, x: Value) -> Value:
     )
 
 
-def _is_finite(f: Function, x: Value) -> Value:
+def _is_finite(f: Function, x: Value, /) -> Value:
     size = f.outside(REAL, "llvm.fabs.f64", f.cast(x, FLOAT).register)
     return f.bit(f"fcmp one double {size}, {real(math.inf)}")
 
 
-def _is_nan(f: Function, x: Value) -> Value:
+def _is_nan(f: Function, x: Value, /) -> Value:
     register = f.cast(x, FLOAT).register
     return f.bit(f"fcmp{f.flags} uno double {register}, {register}")
 
 
-def _frexp(f: Function, x: Value) -> Value:
+def _frexp(f: Function, x: Value, /) -> Value:
     place = f.slot("i32")
     mantissa = f.outside(REAL, "frexp", f.cast(x, FLOAT).register, place)
     exponent = f.new(WHOLE, f"sext {f.load('i32', place).typed} to i64")
     return f.tuple_of(tuple, [Value(FLOAT, mantissa), Value(INT, exponent)])
 
 
-def _ldexp(f: Function, x: Value, n: Value) -> Value:
+def _ldexp(f: Function, x: Value, n: Value, /) -> Value:
     # what lies beyond gives zero or an infinity in any case
     few = f.outside(WHOLE, "llvm.smin.i64", f.cast(n, INT).register, whole(9999))
     few = f.outside(WHOLE, "llvm.smax.i64", few, whole(-9999))
@@ -834,18 +848,45 @@ def _ldexp(f: Function, x: Value, n: Value) -> Value:
     return Value(FLOAT, f.outside(REAL, "ldexp", f.cast(x, FLOAT).register, exponent))
 
 
-def _call_address(f: Function, address: Value, x: Value) -> Value:
-    place = f.new(POINTER, f"inttoptr {address.register.typed} to ptr")
+def _call_address(f: Function, address: Value, x: Value, /) -> Value:
+    place = f.new(POINTER, f"inttoptr {f.cast(address, INT).register.typed} to ptr")
     return Value(FLOAT, f.call(REAL, str(place), f.cast(x, FLOAT).register))
 
 
+def _complex_exp(f: Function, z: Value, /) -> Value:
+    return f.runtime("complex_exp", f.cast(z, COMPLEX))
+
+
+def _real(name: str, f: Function, x: Value, /) -> Value:
+    return Value(FLOAT, f.outside(REAL, name, f.cast(x, FLOAT).register, flags=f.flags))
+
+
+def _real_of_two(name: str, f: Function, x: Value, y: Value, /) -> Value:
+    given = (f.cast(x, FLOAT).register, f.cast(y, FLOAT).register)
+    return Value(FLOAT, f.outside(REAL, name, *given, flags=f.flags))
+
+
+def _fma(f: Function, a: Value, b: Value, c: Value, /) -> Value:
+    given = (f.cast(x, FLOAT).register for x in (a, b, c))
+    return Value(FLOAT, f.outside(REAL, REAL_FUNCTIONS[fma], *given, flags=f.flags))
+
+
+_OF_TWO = (math.atan2, math.hypot, math.fmod, math.copysign, math.pow, np.power)
+REAL_CALLS: dict[Any, Callable[..., Value]] = {
+    **{
+        function: partial(_real_of_two if function in _OF_TWO else _real, name)
+        for function, name in REAL_FUNCTIONS.items()
+    },
+    fma: _fma,
+}
 CALLS: dict[Any, Callable[..., Value]] = {
     len: _len,
     abs: _abs,
     np.abs: _abs,
     max: partial(_best, "Gt"),
     min: partial(_best, "Lt"),
-    **{kind: partial(_as, NAMED[kind]) for kind in (int, float, bool, complex)},
+    **{kind: partial(_as, NAMED[kind]) for kind in (int, float, bool)},
+    complex: _complex,
     math.floor: partial(_rounded, "llvm.floor.f64"),
     math.ceil: partial(_rounded, "llvm.ceil.f64"),
     math.isfinite: _is_finite,
@@ -854,7 +895,7 @@ CALLS: dict[Any, Callable[..., Value]] = {
     np.isnan: _is_nan,
     math.frexp: _frexp,
     math.ldexp: _ldexp,
-    cmath.exp: lambda f, z: f.runtime("complex_exp", f.cast(z, COMPLEX)),
+    cmath.exp: _complex_exp,
     call_address: _call_address,
 }
 """Functions of Python that are more than one instruction: what they become."""

@@ -28,6 +28,7 @@ from stickslip.translator.values import (
     entry_types,
     joined,
     named,
+    place_of,
     symbol_of,
     words,
 )
@@ -89,7 +90,7 @@ class Program:
             self._signatures[key] = self._translate(function, node, wanted)
         found = self._signatures[key]
         if found is None:
-            raise Refusal(f"{function.__name__} calls itself. Write a loop")
+            raise Refusal(f"{place_of(function)}: it calls itself. Write a loop")
         return found
 
     def _translate(
@@ -114,11 +115,14 @@ class Program:
             self._nodes[code.co_filename] = {
                 min([x.lineno, *(d.lineno for d in x.decorator_list)]): x for x in found
             }
-        node = self._nodes[code.co_filename][code.co_firstlineno]
+        node = self._nodes[code.co_filename].get(code.co_firstlineno)
+        if node is None:
+            raise Refusal(f"{place_of(function)}: no function with a name. Write it with def")
         given = node.args
-        if given.vararg or given.kwarg or given.kwonlyargs or given.defaults:
-            place = f"{code.co_filename}:{node.lineno}: {node.name}"
-            raise Refusal(f"{place}: parameters with stars or defaults. Name all of them plainly")
+        plain = (given.vararg, given.kwarg, given.kwonlyargs, given.posonlyargs, given.defaults)
+        if any(plain):
+            what = "parameters with stars, slashes or defaults"
+            raise Refusal(f"{place_of(function)}: {what}. Name all of them plainly")
         return node
 
     def table(self, array: Any) -> tuple[str, ArrayType]:
@@ -144,7 +148,8 @@ class Program:
         types, promised = entry_types(function)
         signature = self.signature(function, types)
         if signature.result != promised:
-            raise Refusal(f"{function.__name__} returns {named(signature.result)}. Annotate it so")
+            what = f"it returns {named(signature.result)}, not {named(promised)}"
+            raise Refusal(f"{place_of(function)}: {what}. Annotate it so, or convert it")
         work = Values()
         base = Register("%words", "ptr")
         offset = 0

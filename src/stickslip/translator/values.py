@@ -11,7 +11,7 @@ import inspect
 import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, NoReturn, get_args, get_type_hints
+from typing import Any, NamedTuple, NoReturn, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -108,7 +108,7 @@ def declared_type(hint: Any) -> Type:
     if isinstance(base, type) and hasattr(base, "_fields"):
         parts = get_type_hints(base, include_extras=True).values()
         found = TupleType(base, tuple(map(declared_type, parts)))
-    elif get_args(hint) and not notes:
+    elif get_origin(hint) is tuple:
         found = TupleType(tuple, tuple(map(declared_type, get_args(hint))))
     elif isinstance(base, type) and issubclass(base, FunctionAddress):
         found = function_type(base)
@@ -143,12 +143,30 @@ def entry_types(function: Compiled) -> tuple[tuple[Type, ...], Type]:
     hints = get_type_hints(function.python, include_extras=True)
     missing = {*inspect.signature(function.python).parameters, "return"} - hints.keys()
     if missing:
-        raise TypeError(f"{function.__name__}: annotate {', '.join(sorted(missing))}")
+        raise TypeError(f"{place_of(function)}: annotate {', '.join(sorted(missing))}")
     types = {name: declared_type(hint) for name, hint in hints.items()}
     result = types.pop("return")
     if result not in (NONE, INT, FLOAT, BOOL):
-        raise TypeError(f"{function.__name__} returns {named(result)}: Python takes a number")
+        what = f"it returns {named(result)}. Return a number, or write to an array"
+        raise TypeError(f"{place_of(function)}: {what}")
+    for name, type_ in types.items():
+        if other := _not_from_python(type_):
+            what = f"{name} with {named(other)} as an argument from Python. Give real numbers"
+            raise TypeError(f"{place_of(function)}: {what}")
     return tuple(types.values()), result
+
+
+def _not_from_python(type_: Type) -> Type | None:
+    """What of a type no argument of an entry can be."""
+    if isinstance(type_, TupleType):
+        return next(filter(None, map(_not_from_python, type_.parts)), None)
+    return type_ if type_ in (COMPLEX, NONE) else None
+
+
+def place_of(function: Compiled) -> str:
+    """Where a function stands, and its name."""
+    code = function.python.__code__
+    return f"{code.co_filename}:{code.co_firstlineno}: {function.__name__}"
 
 
 def symbol_of(function: Compiled) -> str:
