@@ -323,6 +323,8 @@ class Values(Assembly):
         if isinstance(x, (bool, np.bool_)):
             return Value(BOOL, Register(str(bool(x)).lower(), BIT), known=bool(x))
         if isinstance(x, (int, np.integer)):
+            if not -(2**63) <= x < 2**64:
+                self.refuse(f"{x} has more than 64 bits", "Write a real number")
             wrapped = (int(x) + 2**63) % 2**64 - 2**63
             return Value(INT, whole(wrapped), known=wrapped)
         if isinstance(x, (float, np.floating)):
@@ -357,7 +359,7 @@ class Values(Assembly):
         value = self.plain(value)
         if value.type == type_:
             return value
-        if value.is_known and type_ in (INT, FLOAT, COMPLEX):
+        if value.is_known and promoted(value.type, type_) == type_:
             return self.constant({INT: int, FLOAT: float, COMPLEX: complex}[type_](value.known))
         if isinstance(type_, TupleType) and joined(value.type, type_) == type_:
             parts = zip(self.parts(value), type_.parts, strict=True)
@@ -584,7 +586,8 @@ class Values(Assembly):
         if type_ == BOOL and not operation.startswith("Bit"):
             type_ = INT
         if by_python and a.is_known and b.is_known and type_ != COMPLEX:
-            return self.constant(by_python(a.known, b.known))
+            found = by_python(a.known, b.known)
+            return self.constant(found % 2**64 if type_ == INT else found)
         if operation == "Pow":
             return self.power(a, b)
         if operation == "Div" and type_ == INT:
