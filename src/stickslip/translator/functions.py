@@ -27,6 +27,7 @@ from stickslip.translator.assembly import (
 from stickslip.translator.values import (
     BOOL,
     COMPLEX,
+    ENTRIES,
     FLOAT,
     INT,
     NAMED,
@@ -319,12 +320,21 @@ class Function(Values, ast.NodeVisitor):
         """The entry of an array that is assigned to."""
         array = self.visit(node.value)
         given = self.indices(node.slice)
+        if self.is_constant(node):
+            self.refuse("an assignment to an entry of a constant", "Pass the array in")
         if not isinstance(array.type, ArrayType):
             self.refuse(f"an assignment to a part of {named(array.type)}", "Make a new tuple")
         places = [index.value for index in given if index.value is not None]
         if len(places) != array.type.axes:
             self.refuse("an assignment to several entries", "Write a loop")
         return array.type, self.entry(array, places)
+
+    def is_constant(self, node: ast.expr) -> bool:
+        """Whether something is a part of what the module has."""
+        while isinstance(node, (ast.Subscript, ast.Attribute)):
+            node = node.value
+        known = isinstance(node, ast.Name) and (node.id in self.stores or node.id in self.values)
+        return isinstance(node, ast.Name) and not known
 
     def visit_Return(self, node: ast.Return) -> None:
         """The result; all of them have one type."""
@@ -746,6 +756,8 @@ class Function(Values, ast.NodeVisitor):
 
     def table(self, array: Any) -> Value:
         """A constant array."""
+        if f"{array.dtype.kind}{array.dtype.itemsize}" not in ENTRIES:
+            self.refuse(f"a constant array of {array.dtype}", "Convert its entries")
         name, type_ = self.program.table(array)
         lengths = [whole(n) for n in array.shape]
         return Value(type_, self.structure(type_.llvm, [Register(name, POINTER), *lengths]))

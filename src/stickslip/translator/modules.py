@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from stickslip.translator import Compiled
-from stickslip.translator.assembly import WHOLE, Assembly, Register, real, whole
+from stickslip.translator.assembly import WHOLE, Assembly, Register, imaginary, real, whole
 from stickslip.translator.functions import Function, Signature, returned
 from stickslip.translator.values import (
     BOOL,
@@ -128,14 +128,14 @@ class Program:
     def table(self, array: Any) -> tuple[str, ArrayType]:
         """A constant array: its name and type."""
         if id(array) not in self._tables:
-            kept = np.ascontiguousarray(array)
+            kept = np.asarray(array, order="C")
             self._tables[id(array)] = f"@table.{len(self._tables)}", kept
         name, kept = self._tables[id(array)]
         return name, ArrayType(f"{kept.dtype.kind}{kept.dtype.itemsize}", kept.ndim)
 
     def _table_line(self, name: str, array: Any) -> str:
         kind = ENTRIES[f"{array.dtype.kind}{array.dtype.itemsize}"][1]
-        literal = real if array.dtype.kind == "f" else lambda x: whole(int(x))
+        literal = {"f": real, "c": imaginary}.get(array.dtype.kind, lambda x: whole(int(x)))
         entries = ", ".join(f"{kind} {literal(x)}" for x in array.ravel().tolist())
         return (
             f"{name} = internal unnamed_addr constant [{array.size} x {kind}] [{entries}], align 16"

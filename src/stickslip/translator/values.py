@@ -16,7 +16,17 @@ from typing import Any, NamedTuple, NoReturn, get_args, get_origin, get_type_hin
 import numpy as np
 
 from stickslip.translator import Compiled, FunctionAddress
-from stickslip.translator.assembly import BIT, POINTER, REAL, WHOLE, Assembly, Register, real, whole
+from stickslip.translator.assembly import (
+    BIT,
+    POINTER,
+    REAL,
+    WHOLE,
+    Assembly,
+    Register,
+    imaginary,
+    real,
+    whole,
+)
 
 
 class Refusal(Exception):
@@ -330,8 +340,7 @@ class Values(Assembly):
         if isinstance(x, (float, np.floating)):
             return Value(FLOAT, real(float(x)), known=float(x))
         if isinstance(x, complex):
-            literal = f"{{ {real(x.real).typed}, {real(x.imag).typed} }}"
-            return Value(COMPLEX, Register(literal, COMPLEX.llvm), known=x)
+            return Value(COMPLEX, imaginary(x), known=x)
         if isinstance(x, np.ndarray):
             return self.table(x)
         return Value(PYTHON, known=x)
