@@ -340,7 +340,7 @@ class Function(Values, ast.NodeVisitor):
         """The result; all of them have one type."""
         value = Value(NONE) if node.value is None else self.plain(self.visit(node.value))
         type_ = value.type if self.result is None else joined(self.result, value.type)
-        if self.promised is not None and isinstance(type_, Scalar):
+        if self.promised is not None and isinstance(value.type, Scalar):
             type_ = self.promised
         if type_ is None or (type_ == NONE) != (value.type == NONE):
             self.refuse("results of several types", "Return the same type everywhere")
