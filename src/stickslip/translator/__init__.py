@@ -97,7 +97,10 @@ def fma(a: float, b: float, c: float) -> float:
     """a·b + c, rounded once."""
     if all(map(math.isfinite, (a, b, c))):
         exact = Fraction(a) * Fraction(b) + Fraction(c)
-        return float(exact) if exact else a * b + c
+        try:
+            return float(exact) if exact else a * b + c
+        except OverflowError:
+            return math.inf if exact > 0 else -math.inf
     return a * b + c
 
 

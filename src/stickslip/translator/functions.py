@@ -62,6 +62,7 @@ REAL_FUNCTIONS: dict[Any, str] = {
     **{np.power: "llvm.pow.f64", math.pow: "llvm.pow.f64"},
 }
 """Functions of real numbers: what LLVM or the mathematical library of C calls them."""
+_RUNTIME_MODULE = "stickslip.translator.runtime"
 _MOST_ROUNDS = 12  # in which the types of variables have to settle
 _MOST_IN_REGISTERS = 4  # words of a tuple that is returned in registers
 _INSTEAD = {
@@ -148,6 +149,7 @@ class Function(Values, ast.NodeVisitor):
         self.arguments = arguments
         self.name = name
         self.called: set[str] = set()
+        self.calls = 0  # of functions that may do something
         self.flags = "".join(f" {flag}" for flag in compiled.relaxed)
         self.types: dict[str, Type] = {}
         self.result: Type | None = None
@@ -652,7 +654,10 @@ class Function(Values, ast.NodeVisitor):
         """Comparisons, one after the other; all of them are made."""
         left, found = self.visit(node.left), None
         for operation, right in zip(node.ops, node.comparators, strict=True):
+            calls = self.calls
             value = self.visit(right)
+            if found is not None and self.calls > calls:
+                self.refuse("a call that Python may leave out", "Call it before the comparison")
             if isinstance(operation, (ast.In, ast.NotIn)):
                 this = self.constant(False)
                 for part in self.parts(value):
@@ -716,6 +721,7 @@ class Function(Values, ast.NodeVisitor):
         given = [self.plain(x) for x in given]
         if any(x.type == NONE for x in given):
             self.refuse("None as an argument", "Use a number")
+        self.calls += target.__module__ != _RUNTIME_MODULE
         signature = self.program.signature(target, tuple(x.type for x in given))
         self.called.add(signature.name)
         operands = list[Register]()
@@ -743,6 +749,7 @@ class Function(Values, ast.NodeVisitor):
         """Call a function by its address."""
         if len(given) != len(type_.arguments):
             self.refuse(f"{type_.name} takes {len(type_.arguments)} arguments", "Give as many")
+        self.calls += 1
         pairs = zip(given, type_.arguments, strict=True)
         operands = [self.in_register(self.cast(x, wanted)).register for x, (_, wanted) in pairs]
         address = self.in_register(function).register
