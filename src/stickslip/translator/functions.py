@@ -751,7 +751,7 @@ class Function(Values, ast.NodeVisitor):
             self.refuse(f"{type_.name} takes {len(type_.arguments)} arguments", "Give as many")
         self.calls += 1
         pairs = zip(given, type_.arguments, strict=True)
-        operands = [self.in_register(self.cast(x, wanted)).register for x, (_, wanted) in pairs]
+        operands = [self.outward(self.cast(x, wanted)) for x, (_, wanted) in pairs]
         address = self.in_register(function).register
         return Value(type_.result, self.call(type_.result.llvm, str(address), *operands))
 

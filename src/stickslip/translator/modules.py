@@ -251,7 +251,7 @@ def caller_of(function: FunctionType) -> str:
     offset = 1
     given = list[Register]()
     for _, type_ in function.arguments:
-        given.append(work.in_register(Value(type_, base, offset)).register)
+        given.append(work.outward(Value(type_, base, offset)))
         offset += words(type_)
     _finish(work, str(pointer), "", function.result, given)
     kind = "i8" if function.result == BOOL else returned(function.result)

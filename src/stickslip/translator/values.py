@@ -428,6 +428,11 @@ class Values(Assembly):
             found = self.new(BIT, f"trunc {found.typed} to i1")
         return Value(value.type, found)
 
+    def outward(self, value: Value) -> Register:
+        """The same as C takes it: a truth value is a byte."""
+        register: Register = self.in_register(value).register
+        return self.new("i8", f"zext {register.typed} to i8") if value.type == BOOL else register
+
     def in_memory(self, value: Value) -> Register:
         """Address of a tuple."""
         if value.offset is not None:
