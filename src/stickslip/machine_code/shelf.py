@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib
+import inspect
 import os
 import re
 import sys
@@ -130,7 +131,8 @@ def prepare(entry: Entry) -> Prepared:
     library = next((x for x in LIBRARIES if entry.__module__ in x.modules), None)
     engine = _alone(entry) if library is None else _in_memory(library)
     address = engine.get_function_address(symbol_of(entry))
-    return Prepared(entry.__name__, *entry_types(entry), address)
+    names = tuple(inspect.signature(entry.python).parameters)
+    return Prepared(entry.__name__, names, *entry_types(entry), address)
 
 
 def _alone(entry: Entry) -> Any:

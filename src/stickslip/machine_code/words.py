@@ -13,7 +13,7 @@ import operator
 import struct
 import sys
 import sysconfig
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import cache
 from typing import Any
@@ -205,16 +205,25 @@ class Prepared:
     ----------
     name : str
         In messages.
-    types : tuple of Type
+    names : sequence of str
         Of its arguments.
+    types : tuple of Type
+        Theirs.
     result : Type
     address : int
         Of the function that takes the address of its arguments as words.
     """
 
-    def __init__(self, name: str, types: tuple[Type, ...], result: Any, address: int) -> None:
+    def __init__(
+        self,
+        name: str,
+        names: Sequence[str],
+        types: tuple[Type, ...],
+        result: Any,
+        address: int,
+    ) -> None:
         self._name = name
-        self._type = TupleType(tuple, types)
+        self._type = TupleType(type("Arguments", (tuple,), {"_fields": names}), types)
         self._plan = np.array(_plan(self._type), np.int64)
         self._plan_at: int = self._plan.ctypes.data
         self._room = ctypes.c_int64 * max(words(self._type), 1)
