@@ -184,6 +184,7 @@ class Function(Values, ast.NodeVisitor):
             if not self.changed:
                 break
         else:
+            self.here = self.node
             self.refuse("types of variables do not settle", "Annotate or rename them")
         signature = Signature(self.name, self.result or NONE, self.arguments)
         given = (
@@ -218,6 +219,7 @@ class Function(Values, ast.NodeVisitor):
         self.body(self.node.body)
         if not self.ended:
             if self.result not in (None, NONE):
+                self.here = self.node.body[-1]
                 self.refuse("it may end without a result", "Return something at the end")
             self.result = NONE
             self.end("ret void")

@@ -131,7 +131,7 @@ def declared_type(hint: Any) -> Type:
             entries, axes = note.split(":")
             found = ArrayType(entries, int(axes))
     if found is None:
-        raise TypeError(f"compiled functions take no {hint}")
+        raise TypeError(f"compiled functions take no {inspect.formatannotation(hint)}")
     return found
 
 
@@ -154,7 +154,10 @@ def entry_types(function: Compiled) -> tuple[tuple[Type, ...], Type]:
     missing = {*inspect.signature(function.python).parameters, "return"} - hints.keys()
     if missing:
         raise TypeError(f"{place_of(function)}: annotate {', '.join(sorted(missing))}")
-    types = {name: declared_type(hint) for name, hint in hints.items()}
+    try:
+        types = {name: declared_type(hint) for name, hint in hints.items()}
+    except TypeError as error:
+        raise TypeError(f"{place_of(function)}: {error}") from None
     result = types.pop("return")
     if result not in (NONE, INT, FLOAT, BOOL):
         what = f"it returns {named(result)}. Return a number, or write to an array"
