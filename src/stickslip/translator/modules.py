@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -110,11 +111,8 @@ class Program:
         """The syntax tree of a function."""
         code = function.python.__code__
         if code.co_filename not in self._nodes:
-            tree = ast.parse(Path(code.co_filename).read_text(encoding="utf-8"))
-            found = [x for x in ast.walk(tree) if isinstance(x, ast.FunctionDef)]
-            self._nodes[code.co_filename] = {
-                min([x.lineno, *(d.lineno for d in x.decorator_list)]): x for x in found
-            }
+            text = Path(code.co_filename).read_text(encoding="utf-8")
+            self._nodes[code.co_filename] = _functions_of(text)
         node = self._nodes[code.co_filename].get(code.co_firstlineno)
         if node is None:
             raise Refusal(f"{place_of(function)}: no function with a name. Write it with def")
@@ -209,6 +207,13 @@ class Program:
         if text.count("\n") > _MANY:
             text = text.replace("#0 {", "#0 noinline {", 1)
         return text.replace("define internal", f"define {linkage}", 1)
+
+
+@lru_cache(maxsize=100)
+def _functions_of(text: str) -> dict[int, ast.FunctionDef]:
+    """All functions of a source, by their first lines."""
+    found = [x for x in ast.walk(ast.parse(text)) if isinstance(x, ast.FunctionDef)]
+    return {min([x.lineno, *(d.lineno for d in x.decorator_list)]): x for x in found}
 
 
 def _finish(
