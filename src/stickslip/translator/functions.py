@@ -8,7 +8,7 @@ import cmath
 import inspect
 import math
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
@@ -694,7 +694,7 @@ class Function(Values, ast.NodeVisitor):
             return self.call_outside(function, function.type, given)
         target: Any = function.known
         if isinstance(target, Compiled):
-            names = list(inspect.signature(target.python).parameters)
+            names = _signature(target.python).parameters
             return self.call_compiled(target, self.in_order(names, given, keywords))
         if isinstance(target, type) and hasattr(target, "_fields"):
             return self.tuple_of(target, self.in_order(target._fields, given, keywords))
@@ -706,7 +706,7 @@ class Function(Values, ast.NodeVisitor):
         if make is None:
             self.refuse(f"a call of {name}", "Mark it as compiled, or write it out")
         try:
-            inspect.signature(make).bind(self, *given, **keywords)
+            _signature(make).bind(self, *given, **keywords)
         except TypeError:
             self.refuse(f"a call of {name} with such arguments", "Give what it takes, in order")
         return make(self, *given)
@@ -770,6 +770,11 @@ class Function(Values, ast.NodeVisitor):
         name, type_ = self.program.table(array)
         lengths = [whole(n) for n in array.shape]
         return Value(type_, self.structure(type_.llvm, [Register(name, POINTER), *lengths]))
+
+
+@cache
+def _signature(function: Callable[..., Any]) -> inspect.Signature:
+    return inspect.signature(function)
 
 
 def _passed(type_: Type) -> str:
