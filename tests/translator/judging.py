@@ -6,7 +6,6 @@ import ast
 import importlib.util
 import itertools
 import math
-import random
 import struct
 import sys
 from collections.abc import Iterator
@@ -17,15 +16,6 @@ from typing import Any
 import numpy as np
 
 from stickslip.machine_code.functions import Entry
-from stickslip.translator.values import (
-    BOOL,
-    COMPLEX,
-    ENTRIES,
-    FLOAT,
-    ArrayType,
-    TupleType,
-    entry_types,
-)
 
 HEAD = """
 from __future__ import annotations
@@ -37,9 +27,8 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import *
-from stickslip.arrays import Annotated
 from stickslip.machine_code.functions import entry_point
-from stickslip.translator import FunctionAddress, call_address, compiled, fma
+from stickslip.translator import compiled, fma
 
 """
 _COUNT = itertools.count()
@@ -95,20 +84,13 @@ class _Products(ast.NodeTransformer):
         return node
 
 
-def product(x: float, n: Any) -> float:
+def product(x: float, n: int) -> float:
     """A power by repeated squares."""
-    if not isinstance(n, int):
-        return x**n
-    square, found, left = x, None, abs(n)
-    while left:
-        if left & 1:
-            found = square if found is None else found * square
-        left >>= 1
-        square = square * square
-    found = 1.0 if found is None else found
-    if n < 0:
-        return 1.0 / found if found else math.copysign(math.inf, found)
-    return found
+    found = 1.0
+    for k in range(abs(n).bit_length()):
+        found = found * x if abs(n) >> k & 1 else found
+        x = x * x
+    return found if n >= 0 else 1.0 / found if found else math.copysign(math.inf, found)
 
 
 def by_python(module: ModuleType) -> dict[str, Any]:
@@ -160,44 +142,3 @@ def differences(entry: Entry, reference: Any, arguments: tuple[Any, ...]) -> str
         if bits(got) != bits(expected):
             return f"argument {k}: {got!r} for {expected!r}"
     return ""
-
-
-def entries_of(space: dict[str, Any]) -> list[Entry]:
-    """The entries of a test's module."""
-    return [value for value in space.values() if isinstance(value, Entry)]
-
-
-LENGTHS = (3, 4, 2, 5)
-_SPECIAL = (0.0, -0.0, 1.0, -1.0, 2.0, 1e300, math.inf, math.nan)
-
-
-def drawn(type_: Any, rng: random.Random) -> Any:
-    """A random argument of a type; arrays have `LENGTHS`."""
-    if isinstance(type_, TupleType):
-        parts = [drawn(part, rng) for part in type_.parts]
-        return type_.kind(*parts) if hasattr(type_.kind, "_fields") else tuple(parts)
-    if isinstance(type_, ArrayType):
-        kind, _ = ENTRIES[type_.entries]
-        shape = LENGTHS[: type_.axes]
-        entries = [drawn(kind, rng) for _ in range(math.prod(shape))]
-        return np.array(entries, type_.entries).reshape(shape)
-    if type_ == COMPLEX:
-        return complex(rng.gauss(0, 2), rng.gauss(0, 2))
-    if type_ == FLOAT:
-        return rng.choice(_SPECIAL) if rng.random() < 0.2 else rng.gauss(0, 3)
-    return rng.random() < 0.5 if type_ == BOOL else rng.randint(-5, 5)
-
-
-def disagreements(entry: Entry, times: int = 60) -> list[str]:
-    """Where an entry and Python differ, for random arguments.
-
-    Parameters
-    ----------
-    entry : Entry
-    times : int
-        How many of them.
-    """
-    rng = random.Random(entry.__name__)
-    types, _ = entry_types(entry)
-    given = [tuple(drawn(type_, rng) for type_ in types) for _ in range(times)]
-    return [found for arguments in given if (found := differences(entry, entry.python, arguments))]

@@ -11,7 +11,15 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from stickslip.arrays import Array3, BoolVector, ByteMatrix, ComplexVector, IntVector, Matrix, Vector
+from stickslip.arrays import (
+    Array3,
+    BoolVector,
+    ByteMatrix,
+    ComplexVector,
+    IntVector,
+    Matrix,
+    Vector,
+)
 from stickslip.machine_code import words
 from stickslip.machine_code.functions import entry_point
 from stickslip.machine_code.interface import Jets, Setup
@@ -43,7 +51,9 @@ def outer(rng: random.Random) -> Outer:
     """One, with arrays of several lengths."""
     sizes = (rng.randrange(4), rng.randrange(4))
     matrix = np.array([rng.gauss(0, 1) for _ in range(sizes[0] * sizes[1])]).reshape(sizes)
-    inner = Inner(matrix, rng.choice((-1.0, -0.0, 0.5, float("nan"))), rng.choice((-1, 0, 2**63 - 1)))
+    inner = Inner(
+        matrix, rng.choice((-1.0, -0.0, 0.5, float("nan"))), rng.choice((-1, 0, 2**63 - 1))
+    )
     other = Inner(np.ones((2, 0)), np.float64(2.5), np.int32(7))  # pyright: ignore[reportArgumentType]
     return Outer(inner, np.zeros(3, bool), (0.5, other), rng.random() < 0.5, Jets(2**40))
 
@@ -118,19 +128,40 @@ OTHER = {
     "a part less": (ARGUMENTS[:-1], "4 parts; 5 expected"),
     "a part more": ((*ARGUMENTS, 1), "6 parts; 5 expected"),
     "a number for a tuple": ((1.0, *ARGUMENTS[1:]), "arguments.outer is float; a tuple"),
-    "a list for a tuple": ((list(ARGUMENTS[0]), *ARGUMENTS[1:]), "arguments.outer is list; a tuple"),
+    "a list for a tuple": (
+        (list(ARGUMENTS[0]), *ARGUMENTS[1:]),
+        "arguments.outer is list; a tuple",
+    ),
     "a tuple of another length": (changed(both=(0.5,)), "outer.both: 1 parts; 2 expected"),
-    "entries of another type": (changed(flags=np.zeros(3)), "flags is an array with 1 axes of float64"),
-    "entries of another size": (inside(matrix=MATRIX.astype("f4")), "matrix is an array with 2 axes of f"),
-    "unsigned entries": ((*ARGUMENTS[:1], np.zeros((2, 2), np.uint8), *ARGUMENTS[2:]), "codes is an array"),
-    "another number of axes": (changed(flags=np.zeros((3, 1), bool)), "with 2 axes of bool; 1 of b1"),
+    "entries of another type": (
+        changed(flags=np.zeros(3)),
+        "flags is an array with 1 axes of float64",
+    ),
+    "entries of another size": (
+        inside(matrix=MATRIX.astype("f4")),
+        "matrix is an array with 2 axes of f",
+    ),
+    "unsigned entries": (
+        (*ARGUMENTS[:1], np.zeros((2, 2), np.uint8), *ARGUMENTS[2:]),
+        "codes is an array",
+    ),
+    "another number of axes": (
+        changed(flags=np.zeros((3, 1), bool)),
+        "with 2 axes of bool; 1 of b1",
+    ),
     "not an array": (changed(flags=[True, False]), "flags is list; an array of 1 axes expected"),
     "nothing": (changed(flags=None), "flags is NoneType"),
     "columns": (inside(matrix=MATRIX[:, :2]), "inner.matrix is .* not in C order"),
     "Fortran's order": (inside(matrix=MATRIX[:, :3].T), "not in C order"),
     "backwards": (changed(flags=np.zeros(3, bool)[::-1]), "flags .* not in C order"),
-    "not at a multiple of its size": ((*ARGUMENTS[:2], UNALIGNED, *ARGUMENTS[3:]), "turns is an array"),
-    "bytes the other way round": (inside(matrix=MATRIX.astype(OTHER_ORDER)), "matrix is .* of [<>]f8"),
+    "not at a multiple of its size": (
+        (*ARGUMENTS[:2], UNALIGNED, *ARGUMENTS[3:]),
+        "turns is an array",
+    ),
+    "bytes the other way round": (
+        inside(matrix=MATRIX.astype(OTHER_ORDER)),
+        "matrix is .* of [<>]f8",
+    ),
     "not to be written to": (changed(flags=READ_ONLY), "flags .* not writable"),
     "a real number for a whole one": (inside(number=1.5), "inner.number is float; int expected"),
     "too large": (inside(number=2**70), "number is too large; int expected"),
@@ -143,7 +174,7 @@ OTHER = {
     "truth of several": (changed(yes=np.zeros(2)), "yes is ndarray; bool expected"),
     "a number for a function": (changed(jets=2**40), "jets is int; Jets expected"),
     "a function of another class": (changed(jets=Setup(2**40)), "jets is Setup; Jets expected"),
-    "a part of a part": (changed(both=(0.5, Inner(MATRIX, 0.5, None))), r"both\.1\.number is None"),
+    "a part of a part": (changed(both=(0.5, (MATRIX, 0.5, None))), r"both\.1\.number is None"),
 }
 
 
@@ -152,7 +183,9 @@ def test_other_arguments_are_refused(what: str) -> None:
     """A wrong address would be a crash: whatever is of another kind is refused, by either way."""
     arguments, said = OTHER[what]
     assert both(arguments) == (None, None)
-    with pytest.raises(TypeError, match=rf"^taken: arguments.*(?<=[ .]){said.removeprefix('arguments.')}"):
+    with pytest.raises(
+        TypeError, match=rf"^taken: arguments.*(?<=[ .]){said.removeprefix('arguments.')}"
+    ):
         taken(*arguments)
     assert both(ARGUMENTS)[0] is not None
 
@@ -233,5 +266,5 @@ def test_results_are_those_of_python() -> None:
     assert type(constant()) is int and type(taken(*ARGUMENTS)) is float
     with pytest.raises(TypeError, match="constant: arguments: 1 parts; 0 expected"):
         constant(1)
-    with pytest.raises(TypeError, match="is_large: arguments.x is str"):
+    with pytest.raises(TypeError, match=r"is_large: arguments\.x is str"):
         is_large("2")

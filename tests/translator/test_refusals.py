@@ -13,8 +13,8 @@ from stickslip.translator.values import Refusal
 
 from .judging import module_of
 
-# What is said, and the lines of an entry ``f(n: int, x: float, v: Vector, m: Matrix) -> float``. One
-# of them ends in ``#``: that is where it stands.
+# What is said, and the lines of an entry ``f(n: int, x: float, v: Vector, m: Matrix) -> float``.
+# One of them ends in ``#``: that is where it stands.
 BODIES = {
     "List is not in the language. Use a tuple, or an array": "y = [x, 1.0]  #",
     "ListComp is not in the language. Write a loop": "y = [a for a in v]  #",
@@ -74,7 +74,9 @@ BODIES = {
     "it may end without a result": "if n > 0:  #\n    return x",
     "y may have no value yet. Assign one before": "if n > 0:\n    y = x\nreturn y  #",
     "i may have no value yet": "for i in range(n):\n    x += i\nreturn i  #",
-    "k may have no value yet": "for a in (x, 1.0):\n    if n > 0:\n        continue\n    k = a\nreturn k  #",
+    "k may have no value yet": (
+        "for a in (x, 1.0):\n    if n > 0:\n        continue\n    k = a\nreturn k  #"
+    ),
     "unheard_of is not known. Define or import it": "return unheard_of + x  #",
     "math.unheard_of is not known": "return math.unheard_of(x)  #",
     "a tuple (float, float) has no c": "return Pair(x, x).c  #",
@@ -173,13 +175,15 @@ def test_entries_that_are_refused(what: str, tmp_path: Path) -> None:
 
 def test_a_result_of_another_type_than_annotated(tmp_path: Path) -> None:
     for note, body in {"int": "x", "bool": "1", "None": "x", "float": "(x, x)"}.items():
-        module = module_of(f"@entry_point()\ndef f(x: float) -> {note}:\n    return {body}\n", tmp_path)
+        module = module_of(
+            f"@entry_point()\ndef f(x: float) -> {note}:\n    return {body}\n", tmp_path
+        )
         with pytest.raises(Refusal, match=rf"{module.__name__}\.py:\d+: f: .*\. .*"):
             Program([module.f])
 
 
 def test_types_that_take_many_rounds_to_settle(tmp_path: Path) -> None:
-    """Each round of the translation finds one more variable to be real: at some length it gives up."""
+    """Each round of the translation finds one more variable to be real; at last it gives up."""
     names = [f"a{k}" for k in range(14)]
     steps = "".join(f"        {a} = {b} + 1\n" for a, b in pairwise(names))
     body = f"    {' = '.join(names)} = 0\n    for i in range(9):\n{steps}        {names[-1]} = x\n"
