@@ -17,11 +17,11 @@ import sys
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from llvmlite import binding as llvm
 
-from stickslip.machine_code.functions import Entry
+from stickslip.machine_code.functions import Entry, Kernel
 from stickslip.machine_code.making import Job, make_all
 from stickslip.machine_code.objects import (
     LOOPS,
@@ -37,6 +37,7 @@ from stickslip.machine_code.store import alone, cache_folder, keep, stored
 from stickslip.machine_code.words import Prepared
 from stickslip.translator.values import entry_types, symbol_of
 
+_F = TypeVar("_F", Entry, Kernel)
 SHIPPED = Path(__file__).parent / "shipped"
 # Levels of processors that the engine is built for: 64-bit x86 with fused multiplication and
 # vectors of four numbers (Intel since 2013, AMD since 2015), and all others.
@@ -45,6 +46,7 @@ FEATURES = ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsav
 ENTRIES = tuple(
     f"stickslip.{name}"
     for name in (
+        "equations.native.kernels",
         "motion.between.dense",
         "motion.between.step_balance",
         "motion.between.trace",
@@ -59,7 +61,7 @@ ENTRIES = tuple(
         "orbits.settling.engine.settling",
     )
 )
-"""Modules of the package with functions that Python calls."""
+"""Modules of the package with functions that Python or the machine code of systems calls."""
 _IMPORTED = re.compile(rb"\n(?:from|import) ([\w.]+)(?: import (?:\(([^)]*)\)|([^\n]*)))?")
 _PACKAGE = str(Path(__file__).parent.parent)
 
@@ -105,6 +107,11 @@ def prepare(entry: Entry) -> Prepared:
     library = ENGINE if name in ENTRIES else Library(name, (name,))
     address = _in_memory(library).get_function_address(symbol_of(entry))
     return Prepared(entry.__name__, *entry_types(entry), address)
+
+
+def engine() -> Any:
+    """The engine in memory, where LLVM knows the addresses of its functions."""
+    return _in_memory(ENGINE)
 
 
 @cache
@@ -238,19 +245,21 @@ def jobs_of(library: Library, folder: Path, here: Processor, ship: bool = False)
     from stickslip.translator.modules import Program
 
     jobs = list[Job]()
-    for file, text in Program(entries_of(library)).modules().items():
+    kernels = {kernel.symbol: kernel for kernel in functions_of(library, Kernel)}
+    program = Program(functions_of(library, Entry), kernels)
+    for file, text in program.modules().items():
         key = digest(text, here, LOOPS)
         place = folder / f"{Path(file).parent.name}.{Path(file).stem}.{key[:24]}"
         jobs.append(Job(text, str(place), key, here, ship))
     return jobs
 
 
-def entries_of(library: Library) -> list[Entry]:
-    """The entries of a library."""
-    found = list[Entry]()
+def functions_of(library: Library, kind: type[_F]) -> list[_F]:
+    """The functions of a library that are called from outside in one way."""
+    found = list[_F]()
     for name in library.modules:
         module = sys.modules.get(name) or importlib.import_module(name)
-        found += [x for x in vars(module).values() if isinstance(x, Entry) and x.__module__ == name]
+        found += [x for x in vars(module).values() if isinstance(x, kind) and x.__module__ == name]
     return found
 
 

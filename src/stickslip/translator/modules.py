@@ -4,7 +4,7 @@ file."""
 from __future__ import annotations
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,7 @@ from stickslip.translator.values import (
     entry_types,
     joined,
     named,
+    plain_types,
     symbol_of,
     words,
 )
@@ -48,14 +49,13 @@ class Program:
     entries : sequence of Compiled
         What is called from outside: with the address of its arguments as words. A parameter has the
         type of its annotation.
-
-    Attributes
-    ----------
-    symbols : dict
-        Names of the entries in the assembly, by the names of their functions.
+    plain : mapping of str to Compiled, optional
+        What other assembly calls, by symbol; its arguments are as `values.plain_types` has them.
     """
 
-    def __init__(self, entries: Sequence[Compiled]) -> None:
+    def __init__(
+        self, entries: Sequence[Compiled], plain: Mapping[str, Compiled] | None = None
+    ) -> None:
         self._signatures: dict[Any, Signature | None] = {}
         self._texts: dict[str, str] = {}
         self._files: dict[str, str] = {}
@@ -66,6 +66,8 @@ class Program:
         self._nodes: dict[str, dict[int, ast.FunctionDef]] = {}
         for entry in entries:
             self._enter(entry)
+        for symbol, function in (plain or {}).items():
+            self._enter_plainly(symbol, function)
 
     def signature(self, function: Compiled, given: tuple[Type, ...]) -> Signature:
         """How a function is called with arguments of these types; translated at the first time.
@@ -141,10 +143,7 @@ class Program:
 
     def _enter(self, function: Compiled) -> None:
         """Write the function that is called from outside."""
-        types, promised = entry_types(function)
-        signature = self.signature(function, types)
-        if signature.result != promised:
-            raise Refusal(f"{function.__name__} returns {named(signature.result)}. Annotate it so")
+        types, signature = self._promised(function)
         work = Values()
         base = Register("%words", "ptr")
         offset = 0
@@ -156,10 +155,49 @@ class Program:
             else:
                 given.append(work.cast(work.in_register(value), wanted).register)
             offset += words(type_)
-        symbol = symbol_of(function)
+        self._close(symbol_of(function), function, signature, work, given, [base])
+
+    def _enter_plainly(self, symbol: str, function: Compiled) -> None:
+        """Write the function that other assembly calls.
+
+        It knows no length of a first axis, by which nothing is found: there it is 0.
+        """
+        types, signature = self._promised(function)
+        work = Values()
+        plain, _ = plain_types(function)
+        parameters = [Register(f"%x{i}", kind) for i, kind in enumerate(plain)]
+        left = iter(parameters)
+        given = list[Register]()
+        for type_ in types:
+            x = next(left)
+            if isinstance(type_, ArrayType):
+                lengths = [next(left) for _ in range(type_.axes - 1)]
+                x = work.structure(type_.llvm, [x, whole(0), *lengths])
+            given.append(x)
+        self._close(symbol, function, signature, work, given, parameters)
+
+    def _promised(self, function: Compiled) -> tuple[tuple[Type, ...], Signature]:
+        """The types in the annotations of an entry, and how it is called with them."""
+        types, promised = entry_types(function)
+        signature = self.signature(function, types)
+        if signature.result != promised:
+            raise Refusal(f"{function.__name__} returns {named(signature.result)}. Annotate it so")
+        return types, signature
+
+    def _close(
+        self,
+        symbol: str,
+        function: Compiled,
+        signature: Signature,
+        work: Assembly,
+        given: Sequence[Register],
+        parameters: Sequence[Register],
+    ) -> None:
+        """Let a function that is called from outside call the one that it stands for."""
         _finish(work, f'@"{signature.name}"', " fastcc", signature.result, given)
         kind = "i8" if signature.result == BOOL else returned(signature.result)
-        self._texts[symbol] = work.text(f'define {kind} @"{symbol}"(ptr %words) #0')
+        listed = ", ".join(x.typed for x in parameters)
+        self._texts[symbol] = work.text(f'define {kind} @"{symbol}"({listed}) #0')
         self._called[symbol] = {signature.name}
         self._files[symbol] = function.python.__code__.co_filename
 
@@ -196,12 +234,19 @@ class Program:
         return "\n".join([*tables, *used, text, _ATTRIBUTES, METADATA])
 
     def _is_small(self, name: str) -> bool:
-        text = self._texts[name]
-        return text.count("\n") <= _FEW or "alwaysinline" in text.partition("\n")[0]
+        return self._is_inlined(name) or self._length(name) <= _FEW
+
+    def _is_inlined(self, name: str) -> bool:
+        return "alwaysinline" in self._texts[name].partition("\n")[0]
+
+    def _length(self, name: str) -> int:
+        """Lines of a function and of what is inlined into it."""
+        inside = sum(self._length(x) for x in self._called[name] if self._is_inlined(x))
+        return self._texts[name].count("\n") + inside
 
     def _with_linkage(self, name: str, linkage: str) -> str:
         text = self._texts[name]
-        if text.count("\n") > _MANY:
+        if self._length(name) > _MANY:
             text = text.replace("#0 {", "#0 noinline {", 1)
         return text.replace("define internal", f"define {linkage}", 1)
 

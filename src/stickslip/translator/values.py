@@ -11,12 +11,23 @@ import inspect
 import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any, NamedTuple, NoReturn, get_args, get_type_hints
 
 import numpy as np
 
 from stickslip.translator import Compiled, FunctionAddress
-from stickslip.translator.assembly import BIT, POINTER, REAL, WHOLE, Assembly, Register, real, whole
+from stickslip.translator.assembly import (
+    BIT,
+    POINTER,
+    REAL,
+    WHOLE,
+    Assembly,
+    Register,
+    bit,
+    real,
+    whole,
+)
 
 
 class Refusal(Exception):
@@ -149,6 +160,26 @@ def entry_types(function: Compiled) -> tuple[tuple[Type, ...], Type]:
 def symbol_of(function: Compiled) -> str:
     """The name of an entry in the assembly."""
     return f"entry.{function.__module__}.{function.__name__}"
+
+
+@cache
+def plain_types(function: Compiled) -> tuple[tuple[str, ...], str]:
+    """LLVM's types of the arguments of an entry, and of its result, for other assembly that calls
+    it: an array is its address and the lengths of all its axes but the first.
+
+    Raises
+    ------
+    TypeError
+        If there is a tuple or a truth value among them.
+    """
+    types, result = entry_types(function)
+    if result == BOOL or any(isinstance(x, TupleType) or x == BOOL for x in types):
+        raise TypeError(f"{function.__name__}: use numbers and arrays where assembly calls it")
+    plain = [
+        [POINTER, *[WHOLE] * (type_.axes - 1)] if isinstance(type_, ArrayType) else [type_.llvm]  # pyright: ignore[reportAttributeAccessIssue]
+        for type_ in types
+    ]
+    return tuple(kind for kinds in plain for kind in kinds), result.llvm  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def with_axis(type_: Any, part: str = "") -> Any:
@@ -298,7 +329,7 @@ class Values(Assembly):
     def constant(self, x: Any) -> Value:
         """A number, an array or another object of Python that is known now."""
         if isinstance(x, (bool, np.bool_)):
-            return Value(BOOL, Register(str(bool(x)).lower(), BIT), known=bool(x))
+            return Value(BOOL, bit(bool(x)), known=bool(x))
         if isinstance(x, (int, np.integer)):
             wrapped = (int(x) + 2**63) % 2**64 - 2**63
             return Value(INT, whole(wrapped), known=wrapped)
@@ -363,7 +394,11 @@ class Values(Assembly):
     def place(self, value: Value, offset: int = 0) -> Register:
         """Address of a word of a value in memory."""
         assert value.offset is not None
-        return self.at(value.register, value.offset + offset, WHOLE)
+        return self.word(value.register, value.offset + offset)
+
+    def word(self, base: Register, offset: int) -> Register:
+        """Address of a word, so many behind another."""
+        return self.at(base, offset, WHOLE) if offset else base
 
     def part(self, value: Value, k: int) -> Value:
         """One part of a tuple."""
@@ -411,7 +446,7 @@ class Values(Assembly):
                 self.put(part, base, offset)
                 offset += words(part.type)
             return
-        address = self.at(base, offset, WHOLE)
+        address = self.word(base, offset)
         if isinstance(value.type, TupleType):
             size = words(value.type)
             if size:
