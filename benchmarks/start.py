@@ -1,11 +1,10 @@
 """How soon a new declaration moves, and how fast: ``python benchmarks/start.py``.
 
-The machine code of a system comes from LLVM alone, written from the tape; before, numba compiled
-Python source printed from the same tape, as it does for a GPU now. Both roads in turn in one run:
-seconds from a declaration that no cache knows to its first Trajectory (the engine is compiled
-already), in this process and as a whole new one; nanoseconds for a Taylor series; seconds of a
-motion. And the first process after an installation, by what the package came with. Minima of the
-rounds go to ``benchmarks/results/start.md`` with the machine named.
+The machine code of a system comes from LLVM alone, written from the tape: seconds from a
+declaration that no cache knows to its first Trajectory (the engine is compiled already), in this
+process and as a whole new one; nanoseconds for a Taylor series; seconds of a motion. And the first
+process after an installation, by what the package came with. Minima of the rounds go to
+``benchmarks/results/start.md`` with the machine named.
 """
 
 from __future__ import annotations
@@ -23,14 +22,8 @@ from typing import Any
 import numpy as np
 
 import stickslip as ss
-from stickslip.equations.codegen.compiled import source_module
-from stickslip.equations.codegen.generate import generate
-from stickslip.equations.derive import derive
-from stickslip.equations.native import systems
 from stickslip.machine_code import shelf
 from stickslip.machine_code.functions import entry_point
-from stickslip.machine_code.interface import INTERFACE
-from stickslip.machine_code.kinds import MachineFunction
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.simulate_many import follow_all
 from stickslip.motion.steps.arrays import OPTIONS
@@ -52,8 +45,6 @@ NEW: dict[str, Callable[[float], ss.System]] = {
     "chain of 40 blocks": lambda x: ss.catalogue.block_chain(N=40, belt=f"V + {x}*sin(t)"),
 }
 """By a number that no cache knows."""
-LARGE = "chain of 40 blocks"
-"""Takes numba minutes: now alone."""
 KNOWN: dict[str, tuple[ss.System, float]] = {
     "spring slider": (ss.catalogue.spring_slider(), 5000.0),
     "scaled slider": (ss.catalogue.scaled_slider(), 5000.0),
@@ -66,34 +57,17 @@ KNOWN: dict[str, tuple[ss.System, float]] = {
 }
 
 
-def by_numba(system: ss.System) -> systems.CompiledSystem:
-    """A system as it was compiled before."""
-    equations = derive(system.declaration)
-    generated = generate(equations)
-    code = source_module(generated)
-    functions = {name: MachineFunction(getattr(code, name).address, name) for name in INTERFACE}
-    return systems.CompiledSystem(equations, generated, **functions)
-
-
-ROADS: dict[str, Callable[[ss.System], systems.CompiledSystem]] = {
-    "before": by_numba,
-    "now": systems.compile_system,
-}
-
-
-def first_motion(declared: Callable[[float], ss.System], road: str) -> float:
+def first_motion(declared: Callable[[float], ss.System]) -> float:
     """Seconds from a declaration to its first Trajectory."""
     number = round(float(np.random.default_rng().uniform(0.3, 0.4)), 12)
     begun = time.perf_counter()
-    system = declared(number)
-    systems.compile_system = ROADS[road]
-    ss.simulate(system, SPAN)
+    ss.simulate(declared(number), SPAN)
     return time.perf_counter() - begun
 
 
-def whole_process(name: str, road: str) -> float:
+def whole_process(name: str) -> float:
     """Seconds of a process that imports, declares, moves and stops."""
-    script = f"import start; start.first_motion(start.NEW[{name!r}], {road!r})"
+    script = f"import start; start.first_motion(start.NEW[{name!r}])"
     with tempfile.TemporaryDirectory() as folder:
         env = {**os.environ, "STICKSLIP_CACHE": folder}
         begun = time.perf_counter()
@@ -110,13 +84,6 @@ def many_series(
     """The same series again and again."""
     for _ in range(count):
         jets(t, y, mode, region, K, space.Rq, space.Rz, N, space.W, space.A, space.B, space.mag)
-
-
-def posed(system: ss.System, road: str) -> Problem:
-    """A problem with the machine code of a road, for Taylor steps."""
-    problem = pose(system, exact=False)
-    problem.__dict__["compiled"] = ROADS[road](system)
-    return problem
 
 
 def series(problem: Problem) -> float:
@@ -142,53 +109,27 @@ def motion(problem: Problem, end: float) -> float:
     return time.perf_counter() - begun
 
 
-def in_turn(rounds: int, measure: Callable[[str], float]) -> tuple[float, float]:
-    """Least seconds of both roads."""
-    found = [[measure(road) for road in ROADS] for _ in range(rounds)]
-    before, now = np.min(found, axis=0)
-    return float(before), float(now)
-
-
 def starts() -> list[str]:
     """From a declaration to its first Trajectory."""
     ss.simulate(ss.catalogue.rocking_toy(), SPAN)  # the engine
     ss.simulate(ss.catalogue.spring_slider(), SPAN)
-    lines = [
-        "| a new declaration → its first Trajectory | before, s | now, s | ratio | whole process "
-        "before, s | now, s |",
-        "|---|---|---|---|---|---|",
-    ]
+    lines = ["| a new declaration → its first Trajectory | s | whole process, s |", "|---|---|---|"]
     for name, declared in NEW.items():
-        if name == LARGE:
-            now = min(first_motion(declared, "now") for _ in range(ROUNDS))
-            process = min(whole_process(name, "now") for _ in range(ROUNDS))
-            lines.append(f"| {name} | minutes | {now:.3f} | | minutes | {process:.2f} |")
-            continue
-        before, now = in_turn(ROUNDS, lambda road, f=declared: first_motion(f, road))
-        whole = in_turn(ROUNDS, lambda road, name=name: whole_process(name, road))
-        lines.append(
-            f"| {name} | {before:.2f} | {now:.3f} | {now / before:.3f} | {whole[0]:.2f} | "
-            f"{whole[1]:.2f} |"
-        )
+        first = min(first_motion(declared) for _ in range(ROUNDS))
+        whole = min(whole_process(name) for _ in range(ROUNDS))
+        lines.append(f"| {name} | {first:.3f} | {whole:.2f} |")
         print(lines[-1], flush=True)
     return lines
 
 
 def speeds() -> list[str]:
     """Series and motions."""
-    lines = [
-        "| Taylor steps | series before, ns | now, ns | ratio | motion before, ms | now, ms | "
-        "ratio |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    lines = ["| Taylor steps | series, ns | motion, ms |", "|---|---|---|"]
     for name, (system, end) in KNOWN.items():
-        problems = {road: posed(system, road) for road in ROADS}
-        a, b = in_turn(20, lambda road, p=problems: series(p[road]))
-        c, d = in_turn(25, lambda road, p=problems, end=end: motion(p[road], end))
-        lines.append(
-            f"| {name}, t = {end:g} | {1e9 * a:.0f} | {1e9 * b:.0f} | {b / a:.2f} | {1e3 * c:.2f} "
-            f"| {1e3 * d:.2f} | {d / c:.2f} |"
-        )
+        problem = pose(system, exact=False)
+        one = min(series(problem) for _ in range(20))
+        whole = min(motion(problem, end) for _ in range(25))
+        lines.append(f"| {name}, t = {end:g} | {1e9 * one:.0f} | {1e3 * whole:.2f} |")
         print(lines[-1], flush=True)
     return lines
 

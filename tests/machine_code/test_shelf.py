@@ -198,7 +198,7 @@ def test_what_is_shipped_no_more_is_removed(
         small.load()
         shelf.make(small.library, place, here, ship=True)
     assert len(list(place.glob("*.o"))) == 4
-    shelf.clean(small.library, place, here)
+    shelf.clean(place, here, [small.library])
     assert len(list(place.glob("*.o"))) == len(list(place.glob("*.bc"))) == 2
     assert len(list(place.glob("*.list"))) == 2
 
@@ -256,7 +256,7 @@ def test_all_entries_of_the_package_are_in_its_library() -> None:
         for name, path in MODULES.items()
         if "\n@entry_point" in path.read_text(encoding="utf-8")
     }
-    assert with_entries == set(shelf.ENTRIES)
+    assert with_entries == {name for library in shelf.LIBRARIES for name in library.modules}
 
 
 def test_all_sources_of_the_engine_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -273,7 +273,7 @@ def test_all_sources_of_the_engine_are_looked_at(monkeypatch: pytest.MonkeyPatch
     shelf.source_digest(shelf.ENGINE)
     code = (
         "import importlib, sys; from stickslip.machine_code import shelf; before = set(sys.modules)\n"
-        "[importlib.import_module(name) for name in shelf.ENTRIES]\n"
+        "[importlib.import_module(name) for name in shelf.ENGINE.modules]\n"
         "new = [m for n, m in sys.modules.items() if n.startswith('stickslip.') and n not in before]\n"
         "print(*(m.__file__ for m in new), sep='\\n')"
     )

@@ -1,6 +1,6 @@
 """The functions of a system, as the engine calls them."""
 
-from __future__ import annotations
+# Annotations are what they name, not text: nothing is evaluated to read a signature.
 
 from functools import cache
 from typing import Any
@@ -29,9 +29,9 @@ def _caller(kind: type[SystemFunction]) -> Any:
     from stickslip.machine_code.objects import addresses
     from stickslip.machine_code.words import Prepared
     from stickslip.translator.modules import caller_of
-    from stickslip.translator.values import declared_type
+    from stickslip.translator.values import function_type
 
-    function = declared_type(kind)
+    function = function_type(kind)
     types = tuple(type_ for _, type_ in function.arguments)
     (address,) = addresses(caller_of(function), [f"call_{function.name}"])
     return Prepared(function.name, (function, *types), function.result, address)

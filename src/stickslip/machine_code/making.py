@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from stickslip.machine_code.objects import LOOPS, Processor, emitted, module_of
 from stickslip.machine_code.store import keep, stored
-from stickslip.progress import watched
+from stickslip.progress import PATIENCE, watched
 
 _FEW = 200_000  # characters for which another process is not worth its start
 
@@ -68,12 +68,16 @@ def make_all(jobs: list[Job], what: str) -> list[bytes]:
     left.sort(key=lambda i: -len(jobs[i].text))
     helper = _helper([jobs[i] for i in left[1::2]])
     mine = left if helper is None else left[0::2]
-    with watched(f"compiling {what}", patience=0.5) as show:
-        for count, i in enumerate(mine):
-            show(count / len(mine), Path(jobs[i].place).name.rpartition(".")[0])
-            codes[i] = make_one(jobs[i])
+    try:
+        with watched(f"compiling: {what}", patience=PATIENCE) as show:
+            for count, i in enumerate(mine):
+                show(count / len(mine), Path(jobs[i].place).name.rpartition(".")[0])
+                codes[i] = make_one(jobs[i])
+            if helper is not None:
+                helper.wait()
+    finally:
         if helper is not None:
-            helper.wait()
+            helper.terminate()
     # what the other process could not keep is made here
     return [code or jobs[i].done() or make_one(jobs[i]) for i, code in enumerate(codes)]
 

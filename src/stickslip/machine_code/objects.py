@@ -16,8 +16,8 @@ from llvmlite import binding as llvm
 
 from stickslip.machine_code.store import cache_folder, keep, stored
 
-# How hard LLVM's code generation works. Loops are optimised first. Straight code, as of a system, is
-# no faster for it; where it is long, anything but 0 would take longer than most motions.
+# How hard LLVM's code generation works. Loops are optimised first. Straight code, as of a system,
+# is no faster for it; where it is long, anything but 0 would take longer than most motions.
 LOOPS, STRAIGHT, LONG = 2, 1, 0
 _LONG = 400_000  # characters without tables, of straight code
 # What compiled functions may call of C's mathematical library.
@@ -82,9 +82,7 @@ def module_of(assembly: str, here: Processor, effort: int) -> Any:
 def optimise(module: Any, target: Any) -> None:
     """LLVM's usual passes. Vectors of straight code are left out: they make the closed forms of
     motions a tenth slower."""
-    options = llvm.create_pipeline_tuning_options()
-    options.speed_level = 2
-    options.size_level = 0
+    options = llvm.create_pipeline_tuning_options(speed_level=2)
     options.slp_vectorization = False
     options.loop_vectorization = True
     options.loop_interleaving = True

@@ -159,6 +159,8 @@ class Routine(Arithmetic):
                 return self.by_mode_of(s.index[0], *x)
             case "region":
                 return self.select(self.is_above(s.index[0]), *x)
+            case "sign":
+                return self.select(self.test("oge", x[0], 0.0), *x[1:])
             case "real_power":
                 return self._power(*x)
             case "first_power":

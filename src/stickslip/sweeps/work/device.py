@@ -94,7 +94,7 @@ class OnDevice:
         self.block = block
         self.count: int = len(block.lanes.codes)
         here = block.engine(block.lanes)
-        source = block.problem.compiled.by_numba
+        source: Any = block.problem.compiled.by_numba  # pyright: ignore[reportAttributeAccessIssue]
         self.kernels: tuple[Any, Any] = _kernels(
             source.jets, source.residual, source.powers, source.landings
         )
