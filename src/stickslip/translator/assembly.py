@@ -141,6 +141,8 @@ class Assembly:
 
     def extract(self, value: Register, k: int, type_: str) -> Register:
         """One part of a structure."""
+        if not value.type.startswith("{"):
+            raise WrongType(f"{value.typed} has no parts")
         return self.new(type_, f"extractvalue {value.typed}, {k}")
 
     def structure(self, type_: str, parts: list[Register]) -> Register:

@@ -295,6 +295,5 @@ def caller_of(function: FunctionType) -> str:
         offset += words(type_)
     _finish(work, str(pointer), "", function.result, given)
     kind = "i8" if function.result == BOOL else returned(function.result)
-    return work.text(f"define {kind} @call_{function.name}(ptr %words)").replace(
-        "!tbaa", "!ignored"
-    )
+    text = work.text(f"define {kind} @call_{function.name}(ptr %words)")
+    return f"{text}\n{METADATA}"
