@@ -24,10 +24,10 @@ import numpy as np
 import stickslip as ss
 from stickslip.machine_code import shelf
 from stickslip.machine_code.functions import entry_point
+from stickslip.machine_code.shipping import is_complete
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.simulate_many import follow_all
 from stickslip.motion.steps.arrays import OPTIONS
-from stickslip.shipping import is_complete
 
 RESULTS = Path(__file__).parent / "results" / "start.md"
 ROUNDS = 3

@@ -36,7 +36,13 @@ from stickslip.equations.native import orders
 from stickslip.equations.native.systems import assembly_of, compile_system
 from stickslip.machine_code import objects
 from stickslip.machine_code.functions import entry_point
-from stickslip.machine_code.interface import INTERFACE, Jets, Powers, Residual, SystemFunction
+from stickslip.machine_code.interface import (
+    INTERFACE,
+    Jets,
+    Powers,
+    ResidualFunction,
+    SystemFunction,
+)
 from stickslip.machine_code.objects import addresses
 from stickslip.motion.engine.tables import run_setups
 from stickslip.motion.problem import pose
@@ -168,7 +174,7 @@ def compiled_by_llvm(generated: Generated, folder: Path) -> dict[str, SystemFunc
 
 @entry_point()
 def call_residual(
-    f: Residual,
+    f: ResidualFunction,
     t: float,
     y: Vector,
     mode: IntVector,

@@ -102,7 +102,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     names = list[str]()
     make = making.make_one
 
-    def noted(job: making.Job) -> bytes:
+    def noted(job: making.Compilation) -> bytes:
         names.append(Path(job.place).name.split(".")[1].split("_of_")[0])
         return make(job)
 
@@ -273,10 +273,12 @@ def test_all_sources_of_the_engine_are_looked_at(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(shelf, "_files_of", noted)
     shelf.source_digest(shelf.ENGINE)
     code = (
-        "import importlib, sys; from stickslip.machine_code import shelf; before = set(sys.modules)\n"
+        "import importlib, sys; from stickslip.machine_code import shelf\n"
+        "before = set(sys.modules)\n"
         "[importlib.import_module(name) for name in shelf.ENGINE.modules]\n"
-        "new = [m for n, m in sys.modules.items() if n.startswith('stickslip.') and n not in before]\n"
-        "print(*(m.__file__ for m in new), sep='\\n')"
+        "new = [name for name in sys.modules if name not in before]\n"
+        "new = [sys.modules[name] for name in new if name.startswith('stickslip.')]\n"
+        "print(*(module.__file__ for module in new), sep='\\n')"
     )
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     loaded = {Path(line).resolve() for line in said.stdout.splitlines()}

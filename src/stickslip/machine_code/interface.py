@@ -67,7 +67,7 @@ class Jets(SystemFunction):
         ...
 
 
-class Residual(SystemFunction):
+class ResidualFunction(SystemFunction):
     """Residual of the rate-independent coordinates."""
 
     @staticmethod
@@ -90,6 +90,10 @@ class Landings(Powers):
 
 
 INTERFACE: dict[str, type[SystemFunction]] = {
-    kind.__name__.lower(): kind for kind in (Setup, Jets, Residual, Powers, Landings)
+    "setup": Setup,
+    "jets": Jets,
+    "residual": ResidualFunction,
+    "powers": Powers,
+    "landings": Landings,
 }
 """By name in the machine code of a system."""

@@ -17,7 +17,7 @@ from stickslip.progress import PATIENCE, watched
 _FEW = 200_000  # characters for which another process is not worth its start
 
 
-class Job(NamedTuple):
+class Compilation(NamedTuple):
     """A module to be compiled.
 
     Attributes
@@ -50,7 +50,7 @@ class Job(NamedTuple):
         return None if missing else stored(self.path, self.key)
 
 
-def make_one(job: Job) -> bytes:
+def make_one(job: Compilation) -> bytes:
     """The machine code of a module, which is kept."""
     module = module_of(job.text, job.here, LOOPS)
     if job.bitcode:
@@ -60,7 +60,7 @@ def make_one(job: Job) -> bytes:
     return code
 
 
-def make_all(jobs: list[Job], what: str) -> list[bytes]:
+def make_all(jobs: list[Compilation], what: str) -> list[bytes]:
     """The machine code of modules, from disk or new."""
     codes = [job.done() for job in jobs]
     left = [i for i, code in enumerate(codes) if code is None]
@@ -82,7 +82,7 @@ def make_all(jobs: list[Job], what: str) -> list[bytes]:
     return [code or jobs[i].done() or make_one(jobs[i]) for i, code in enumerate(codes)]
 
 
-def _helper(jobs: list[Job]) -> subprocess.Popen[bytes] | None:
+def _helper(jobs: list[Compilation]) -> subprocess.Popen[bytes] | None:
     """Another process that makes and keeps some modules; None if there is none."""
     if sum(len(job.text) for job in jobs) < _FEW or (os.cpu_count() or 1) < 2:
         return None

@@ -26,7 +26,8 @@ MATHEMATICS: Sequence[str] = (
     "fmod frexp hypot ilogb ldexp log log10 log1p log2 pow round sin sinh sqrt tan tanh trunc"
 ).split()
 _LOCK = RLock()
-_kept: dict[str, Any] = {}  # what has been loaded, as long as the process lives
+_kept: dict[str, Any] = {}  # what has been loaded, by its assembly
+_in_memory: list[Any] = []  # everything that has been loaded: addresses of it are everywhere
 
 
 class Processor(NamedTuple):
@@ -135,6 +136,7 @@ def loaded(codes: Iterable[bytes]) -> Any:
     for code in codes:
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
+    _in_memory.append(engine)
     return engine
 
 

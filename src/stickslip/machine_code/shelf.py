@@ -22,7 +22,7 @@ from typing import Any, NamedTuple, TypeVar
 from llvmlite import binding as llvm
 
 from stickslip.machine_code.functions import Entry, Kernel
-from stickslip.machine_code.making import Job, make_all
+from stickslip.machine_code.making import Compilation, make_all
 from stickslip.machine_code.objects import (
     LOOPS,
     MATHEMATICS,
@@ -97,7 +97,7 @@ ENGINE = Library(
         )
     ),
 )
-EVOLUTIONS = Library(
+EVOLUTION_SOLVERS = Library(
     "evolutions",
     tuple(
         f"stickslip.rate_independent.{name}"
@@ -110,7 +110,7 @@ EVOLUTIONS = Library(
         )
     ),
 )
-LIBRARIES = (ENGINE, EVOLUTIONS)
+LIBRARIES = (ENGINE, EVOLUTION_SOLVERS)
 """All modules of the package with functions that Python, or the machine code of systems, calls."""
 
 
@@ -257,17 +257,19 @@ def clean(folder: Path, here: Processor, libraries: Sequence[Library] = LIBRARIE
             path.unlink()
 
 
-def jobs_of(library: Library, folder: Path, here: Processor, ship: bool = False) -> list[Job]:
+def jobs_of(
+    library: Library, folder: Path, here: Processor, ship: bool = False
+) -> list[Compilation]:
     """What is to be compiled: a module for each source file."""
     from stickslip.translator.modules import Program
 
-    jobs = list[Job]()
+    jobs = list[Compilation]()
     kernels = {kernel.symbol: kernel for kernel in functions_of(library, Kernel)}
     program = Program(functions_of(library, Entry), kernels)
     for file, text in program.modules().items():
         key = digest(text, here, LOOPS)
         place = folder / f"{Path(file).parent.name}.{Path(file).stem}.{key[:24]}"
-        jobs.append(Job(text, str(place), key, here, ship))
+        jobs.append(Compilation(text, str(place), key, here, ship))
     return jobs
 
 

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stickslip.arrays import Array
-from stickslip.arrays import plain_array
+from stickslip.arrays import Array, plain_array
 from stickslip.rate_independent.sets.stable_sets import Boxes, ConvexSets, Discs
 
 if TYPE_CHECKING:

@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array
+from stickslip.arrays import Array, plain_array
 from stickslip.errors import need
-from stickslip.arrays import plain_array
 from stickslip.rate_independent.solvers.smoothing import (
     BlockRows,
     BlockSpace,

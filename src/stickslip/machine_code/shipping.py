@@ -1,6 +1,7 @@
-"""The machine code of the package, made before anybody needs it: ``python -m stickslip.shipping``.
+"""The machine code of the package, made before anybody needs it.
 
-What is up to date is not made again.
+``python -m stickslip.machine_code.shipping`` makes what is not up to date, for this machine; with
+``all``, for every level of processors.
 """
 
 from __future__ import annotations
