@@ -157,7 +157,19 @@ class Assembly:
     def call(
         self, type_: str, function: str, *given: Register, flags: str = "", convention: str = ""
     ) -> Register:
-        """The result of a function."""
+        """The result of a function.
+
+        Parameters
+        ----------
+        type_ : str
+            Of the result.
+        function : str
+            Its name with @, or the register of its address.
+        given : Register
+        flags, convention : str
+            Fast-math flags, and how it is called if not as functions of C are; each with a space in
+            front.
+        """
         operands = ", ".join(x.typed for x in given)
         instruction = f"call{flags}{convention} {type_} {function}({operands})"
         if type_ == NOTHING:

@@ -219,7 +219,7 @@ class Arithmetic(Assembly):
         operands = f"{of_type(BIT, test).typed}, double {_real(a)}, double {_real(b)}"
         return self._aged(self.new(REAL, f"select {operands}"), a, b)
 
-    # -- whole numbers, memory, control --------------------------------------------------------------
+    # -- whole numbers, memory, control ------------------------------------------------------------
 
     def count(self, operation: str, a: Count, b: Count) -> Register:
         """Arithmetic of whole numbers."""

@@ -21,7 +21,7 @@ _GIVEN = frozenset({"p", "y", "mode", "reg", "K", "Rq", "Rz"})
 """Arrays that a function only reads."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
 class InRegister(Scalar):
     """A value that is made already.
 
@@ -30,7 +30,7 @@ class InRegister(Scalar):
     register : Register
     """
 
-    register: Register = Register("poison", REAL)
+    register: Register
 
 
 def in_register(register: Register) -> Scalar:
