@@ -1,15 +1,17 @@
-"""How soon a new declaration moves, and how fast: ``python benchmarks/start.py``.
+"""How soon a new declaration moves, and how fast: ``python benchmarks/start.py [BEFORE]``.
 
-The machine code of a system comes from LLVM alone, written from the tape: seconds from a
-declaration that no cache knows to its first Trajectory (the engine is compiled already), in this
-process and as a whole new one; nanoseconds for a Taylor series; seconds of a motion. And the first
-process after an installation, by what the package came with. Minima of the rounds go to
-``benchmarks/results/start.md`` with the machine named.
+Seconds from a declaration that no cache knows to its first Trajectory (the engine is compiled
+already), in this process and as a whole new one; nanoseconds for a Taylor series; seconds of a
+motion; the first process after an installation, by what the package came with. And what it takes to
+compile the engine, from nothing and after edits, beside an earlier version if BEFORE is a checkout
+of one with its own ``.venv``. Minima of the rounds go to ``benchmarks/results/start.md`` with the
+machine named.
 """
 
 from __future__ import annotations
 
 import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -17,17 +19,18 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 import stickslip as ss
+from stickslip.arrays import IntVector, Vector
 from stickslip.machine_code import shelf
 from stickslip.machine_code.functions import entry_point
+from stickslip.machine_code.interface import Jets
 from stickslip.machine_code.shipping import is_complete
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.simulate_many import follow_all
-from stickslip.motion.steps.arrays import OPTIONS
+from stickslip.motion.steps.arrays import Space
 
 RESULTS = Path(__file__).parent / "results" / "start.md"
 ROUNDS = 3
@@ -77,9 +80,17 @@ def whole_process(name: str) -> float:
         return time.perf_counter() - begun
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def many_series(
-    jets: Any, t: float, y: Any, mode: Any, region: Any, K: Any, space: Any, N: int, count: int
+    jets: Jets,
+    t: float,
+    y: Vector,
+    mode: IntVector,
+    region: IntVector,
+    K: Vector,
+    space: Space,
+    N: int,
+    count: int,
 ) -> None:
     """The same series again and again."""
     for _ in range(count):
@@ -145,6 +156,7 @@ SCIPY = (
 )
 HIDDEN = """
 from pathlib import Path
+from stickslip.arrays import IntVector, Vector
 from stickslip.machine_code import shelf
 shelf.SHIPPED = Path({folder!r})
 """
@@ -160,18 +172,19 @@ def process(script: str, folder: str) -> float:
 
 def fresh_installations() -> list[str]:
     """The first process after an installation, by what came with it, and a second one."""
-    if not is_complete(shelf.SHIPPED / shelf.level()):
+    if not is_complete(shelf.level()):
         raise SystemExit("make machine-code first: the engine is not compiled ahead of time")
     lines = [
         "| a fresh installation: import, declare, one motion | machine code shipped, s | bitcode "
-        "shipped, s | by numba, s | second process, s | times SciPy |",
+        "shipped, s | compiled here, s | second process, s | times SciPy |",
         "|---|---|---|---|---|---|",
     ]
     with tempfile.TemporaryDirectory() as place:
         bitcode = Path(place) / "bitcode" / shelf.level()
         bitcode.mkdir(parents=True)
-        for file in (shelf.SHIPPED / shelf.level()).glob("*.bc"):
-            shutil.copy(file, bitcode)
+        for file in (shelf.SHIPPED / shelf.level()).iterdir():
+            if file.suffix != ".o":
+                shutil.copy(file, bitcode)
         for name, script in FIRST.items():
             seconds = []
             for shipped in (str(shelf.SHIPPED), str(bitcode.parent), place):
@@ -188,12 +201,76 @@ def fresh_installations() -> list[str]:
     return lines
 
 
+# What an edit changes: the file, what stands there, and what stands there afterwards.
+EDITS = {
+    "an edit of a comment": ("motion/engine/event_loop.py", "\n# ", "\n# Really: "),
+    "of a constant of one file": ("motion/steps/stiff.py", "\n_", "\n_NEW = 1\n_"),
+    "of a function of one file": (
+        "motion/engine/roots.py",
+        "        s = s * x + c[k]\n",
+        "        s = c[k] + s * x\n",
+    ),
+    "of a constant that many read": ("motion/steps/arrays.py", "ROUNDING = 64", "ROUNDING = 65"),
+}
+
+
+def compiled(python: str, module: str, source: Path) -> tuple[float, float, float]:
+    """Compile the engine of some sources: seconds of processors, of a clock, and the memory of the
+    largest process in MB."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    begun = time.perf_counter()
+    env = {**os.environ, "PYTHONPATH": str(source), "STICKSLIP_CACHE": str(source / "cache")}
+    subprocess.run([python, "-m", module], env=env, check=True, stderr=subprocess.DEVNULL)
+    wall = time.perf_counter() - begun
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+    return spent, wall, after.ru_maxrss / 1024.0
+
+
+def compilers(before: Path | None) -> list[str]:
+    """The engine from nothing and after edits."""
+    lines = [
+        "| compiling the engine | processor time, s | wall clock, s | memory of a process, MB |",
+        "|---|---|---|---|",
+    ]
+
+    def add(what: str, measured: tuple[float, float, float]) -> None:
+        lines.append(f"| {what} | {measured[0]:.1f} | {measured[1]:.1f} | {measured[2]:.0f} |")
+        print(lines[-1], flush=True)
+
+    def copied(package: Path, place: Path) -> Path:
+        ignored = shutil.ignore_patterns("__pycache__", "shipped")
+        shutil.copytree(package, place / "stickslip", ignore=ignored)
+        return place
+
+    with tempfile.TemporaryDirectory() as folder:
+        source = copied(Path(ss.__file__).parent, Path(folder) / "now")
+        module = "stickslip.machine_code.shipping"
+        add("from nothing", compiled(sys.executable, module, source))
+        add("nothing edited", compiled(sys.executable, module, source))
+        for what, (file, old, new) in EDITS.items():
+            path = source / "stickslip" / file
+            text = path.read_text(encoding="utf-8")
+            assert old in text
+            path.write_text(text.replace(old, new, 1), encoding="utf-8")
+            add(f"after {what}", compiled(sys.executable, module, source))
+        if before is not None:  # its memory is that of the larger
+            source = copied(before / "src" / "stickslip", Path(folder) / "before")
+            python = str(before / ".venv" / "bin" / "python")
+            add("before: from nothing, and after any edit", compiled(python, MODULE_BEFORE, source))
+    return lines
+
+
+MODULE_BEFORE = "stickslip.shipping"
+
+
 def main() -> None:
     """Run everything, print it and keep it."""
     from motion import machine  # here, so that a new process does not import all rivals
 
     lines = ["# How soon a new declaration moves", "", machine(), ""]
-    lines += [*fresh_installations(), "", *starts(), "", *speeds(), ""]
+    before = Path(sys.argv[1]) if len(sys.argv) > 1 else None
+    lines += [*compilers(before), "", *fresh_installations(), "", *starts(), "", *speeds(), ""]
     print("\n".join(lines))
     RESULTS.write_text("\n".join(lines), encoding="utf-8")
 

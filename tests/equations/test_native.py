@@ -40,7 +40,7 @@ from stickslip.machine_code.interface import (
     INTERFACE,
     Jets,
     Powers,
-    ResidualFunction,
+    Residuals,
     SystemFunction,
 )
 from stickslip.machine_code.objects import addresses
@@ -174,7 +174,7 @@ def compiled_by_llvm(generated: Generated, folder: Path) -> dict[str, SystemFunc
 
 @entry_point()
 def call_residual(
-    f: ResidualFunction,
+    f: Residuals,
     t: float,
     y: Vector,
     mode: IntVector,

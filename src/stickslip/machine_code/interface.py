@@ -67,7 +67,7 @@ class Jets(SystemFunction):
         ...
 
 
-class ResidualFunction(SystemFunction):
+class Residuals(SystemFunction):
     """Residual of the rate-independent coordinates."""
 
     @staticmethod
@@ -92,7 +92,7 @@ class Landings(Powers):
 INTERFACE: dict[str, type[SystemFunction]] = {
     "setup": Setup,
     "jets": Jets,
-    "residual": ResidualFunction,
+    "residual": Residuals,
     "powers": Powers,
     "landings": Landings,
 }

@@ -17,7 +17,7 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from llvmlite import binding as llvm
 
@@ -37,7 +37,6 @@ from stickslip.machine_code.store import alone, cache_folder, keep, stored
 from stickslip.machine_code.words import Prepared
 from stickslip.translator.values import entry_types, symbol_of
 
-_F = TypeVar("_F", Entry, Kernel)
 SHIPPED = Path(__file__).parent / "shipped"
 # Levels of processors that the engine is built for: 64-bit x86 with fused multiplication and
 # vectors of four numbers (Intel since 2013, AMD since 2015), and all others.
@@ -119,16 +118,22 @@ LIBRARIES = (ENGINE, EVOLUTION_SOLVERS)
 
 def prepare(entry: Entry) -> Prepared:
     """An entry in memory."""
-    name = entry.__module__
-    own = Library(name, (name,))
-    library = next((known for known in LIBRARIES if name in known.modules), own)
-    address = _in_memory(library).get_function_address(symbol_of(entry))
+    library = next((x for x in LIBRARIES if entry.__module__ in x.modules), None)
+    engine = _alone(entry) if library is None else _in_memory(library)
+    address = engine.get_function_address(symbol_of(entry))
     return Prepared(entry.__name__, *entry_types(entry), address)
 
 
 def engine() -> Any:
     """The engine in memory, where LLVM knows the addresses of its functions."""
     return _in_memory(ENGINE)
+
+
+def _alone(entry: Entry) -> Any:
+    """An entry that is not of the package, in memory: translated in each process, compiled once."""
+    find_functions(MATHEMATICS)
+    jobs = jobs_of([entry], cache_folder(), target_of(level()))
+    return loaded(make_all(jobs, entry.__name__))
 
 
 @cache
@@ -232,7 +237,7 @@ def make(library: Library, folder: Path, here: Processor, ship: bool = False) ->
         codes = None if ship else _listed(library, folder, digest(sources, here), ".o", False)
         if codes is not None:
             return codes
-        jobs = jobs_of(library, folder, here, ship)
+        jobs = jobs_of(entries_of(library), folder, here, ship)
         codes = make_all(jobs, library.name)
         parts = [(Path(job.place).name, job.key) for job in jobs]
         _keep_list(library, folder, digest(sources, here), parts)
@@ -258,14 +263,14 @@ def clean(folder: Path, here: Processor, libraries: Sequence[Library] = LIBRARIE
 
 
 def jobs_of(
-    library: Library, folder: Path, here: Processor, ship: bool = False
+    entries: Sequence[Entry | Kernel], folder: Path, here: Processor, ship: bool = False
 ) -> list[Compilation]:
-    """What is to be compiled: a module for each source file."""
+    """What is to be compiled for some entries: a module for each source file."""
     from stickslip.translator.modules import Program
 
     jobs = list[Compilation]()
-    kernels = {kernel.symbol: kernel for kernel in functions_of(library, Kernel)}
-    program = Program(functions_of(library, Entry), kernels)
+    kernels = {x.symbol: x for x in entries if isinstance(x, Kernel)}
+    program = Program([x for x in entries if isinstance(x, Entry)], kernels)
     for file, text in program.modules().items():
         key = digest(text, here, LOOPS)
         place = folder / f"{Path(file).parent.name}.{Path(file).stem}.{key[:24]}"
@@ -273,12 +278,13 @@ def jobs_of(
     return jobs
 
 
-def functions_of(library: Library, kind: type[_F]) -> list[_F]:
-    """The functions of a library that are called from outside in one way."""
-    found = list[_F]()
+def entries_of(library: Library) -> list[Entry | Kernel]:
+    """The functions of a library that are called from outside."""
+    found = list[Entry | Kernel]()
     for name in library.modules:
         module = sys.modules.get(name) or importlib.import_module(name)
-        found += [x for x in vars(module).values() if isinstance(x, kind) and x.__module__ == name]
+        own = [x for x in vars(module).values() if isinstance(x, Entry | Kernel)]
+        found += [x for x in own if x.__module__ == name]
     return found
 
 
