@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from stickslip.translator import Compiled
 
 if TYPE_CHECKING:
@@ -25,7 +27,8 @@ class Entry(Compiled):
 
     def __call__(self, *arguments: Any) -> Any:
         if AS_PYTHON:
-            return self.python(*arguments)
+            with np.errstate(all="ignore"):  # compiled code goes on without a word, too
+                return self.python(*arguments)
         return self.prepared(*arguments)
 
     @cached_property

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib
+import inspect
 import os
 import re
 import sys
@@ -42,6 +43,16 @@ SHIPPED = Path(__file__).parent / "shipped"
 # vectors of four numbers (Intel since 2013, AMD since 2015), and all others.
 FAST, PORTABLE = "x86-64-v3", "portable"
 FEATURES = ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsave")
+_MAKERS = tuple(
+    f"stickslip.{name}"
+    for name in (
+        "machine_code.objects",
+        "translator.__init__",
+        "translator.modules",
+        "translator.runtime",
+    )
+)
+"""What makes machine code, with all that these modules import."""
 _IMPORTED = re.compile(rb"\n(?:from|import) ([\w.]+)(?: import (?:\(([^)]*)\)|([^\n]*)))?")
 _PACKAGE = str(Path(__file__).parent.parent)
 
@@ -121,7 +132,8 @@ def prepare(entry: Entry) -> Prepared:
     library = next((x for x in LIBRARIES if entry.__module__ in x.modules), None)
     engine = _alone(entry) if library is None else _in_memory(library)
     address = engine.get_function_address(symbol_of(entry))
-    return Prepared(entry.__name__, *entry_types(entry), address)
+    names = tuple(inspect.signature(entry.python).parameters)
+    return Prepared(entry.__name__, names, *entry_types(entry), address)
 
 
 def engine() -> Any:
@@ -289,10 +301,10 @@ def entries_of(library: Library) -> list[Entry | Kernel]:
 
 
 def source_digest(library: Library) -> str:
-    """A name for all sources that may shape the machine code of a library: those of its modules and
-    of what they import."""
+    """A name for all sources that may shape the machine code of a library: those of its modules, of
+    what they import, and of the translator."""
     known = dict[str, bytes]()
-    left = [path for name in library.modules for path in _files_of(name, "")]
+    left = [path for name in (*library.modules, *_MAKERS) for path in _files_of(name, "")]
     while left:
         path = left.pop()
         if path not in known:

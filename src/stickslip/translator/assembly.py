@@ -43,6 +43,11 @@ def real(x: float) -> Register:
     return Register(f"0x{struct.unpack('<Q', struct.pack('<d', x))[0]:016X}", REAL)
 
 
+def imaginary(z: complex) -> Register:
+    """A literal complex number, exactly."""
+    return Register(f"{{ {real(z.real).typed}, {real(z.imag).typed} }}", "{ double, double }")
+
+
 def whole(n: int) -> Register:
     """A literal whole number."""
     return Register(str(n), WHOLE)

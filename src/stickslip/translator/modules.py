@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from stickslip.translator import Compiled
-from stickslip.translator.assembly import WHOLE, Assembly, Register, real, whole
+from stickslip.translator.assembly import WHOLE, Assembly, Register, imaginary, real, whole
 from stickslip.translator.functions import Function, Signature, returned
 from stickslip.translator.values import (
     BOOL,
@@ -28,6 +28,7 @@ from stickslip.translator.values import (
     entry_types,
     joined,
     named,
+    place_of,
     plain_types,
     symbol_of,
     words,
@@ -91,7 +92,7 @@ class Program:
             self._signatures[key] = self._translate(function, node, wanted)
         found = self._signatures[key]
         if found is None:
-            raise Refusal(f"{function.__name__} calls itself. Write a loop")
+            raise Refusal(f"{place_of(function)}: it calls itself. Write a loop")
         return found
 
     def _translate(
@@ -116,24 +117,27 @@ class Program:
             self._nodes[code.co_filename] = {
                 min([x.lineno, *(d.lineno for d in x.decorator_list)]): x for x in found
             }
-        node = self._nodes[code.co_filename][code.co_firstlineno]
+        node = self._nodes[code.co_filename].get(code.co_firstlineno)
+        if node is None:
+            raise Refusal(f"{place_of(function)}: no function with a name. Write it with def")
         given = node.args
-        if given.vararg or given.kwarg or given.kwonlyargs or given.defaults:
-            place = f"{code.co_filename}:{node.lineno}: {node.name}"
-            raise Refusal(f"{place}: parameters with stars or defaults. Name all of them plainly")
+        plain = (given.vararg, given.kwarg, given.kwonlyargs, given.posonlyargs, given.defaults)
+        if any(plain):
+            what = "parameters with stars, slashes or defaults"
+            raise Refusal(f"{place_of(function)}: {what}. Name all of them plainly")
         return node
 
     def table(self, array: Any) -> tuple[str, ArrayType]:
         """A constant array: its name and type."""
         if id(array) not in self._tables:
-            kept = np.ascontiguousarray(array)
+            kept = np.asarray(array, order="C")
             self._tables[id(array)] = f"@table.{len(self._tables)}", kept
         name, kept = self._tables[id(array)]
         return name, ArrayType(f"{kept.dtype.kind}{kept.dtype.itemsize}", kept.ndim)
 
     def _table_line(self, name: str, array: Any) -> str:
         kind = ENTRIES[f"{array.dtype.kind}{array.dtype.itemsize}"][1]
-        literal = real if array.dtype.kind == "f" else lambda x: whole(int(x))
+        literal = {"f": real, "c": imaginary}.get(array.dtype.kind, lambda x: whole(int(x)))
         entries = ", ".join(f"{kind} {literal(x)}" for x in array.ravel().tolist())
         return (
             f"{name} = internal unnamed_addr constant [{array.size} x {kind}] [{entries}], align 16"
@@ -181,7 +185,8 @@ class Program:
         types, promised = entry_types(function)
         signature = self.signature(function, types)
         if signature.result != promised:
-            raise Refusal(f"{function.__name__} returns {named(signature.result)}. Annotate it so")
+            what = f"it returns {named(signature.result)}, not {named(promised)}"
+            raise Refusal(f"{place_of(function)}: {what}. Annotate it so, or convert it")
         return types, signature
 
     def _close(
@@ -291,7 +296,7 @@ def caller_of(function: FunctionType) -> str:
     offset = 1
     given = list[Register]()
     for _, type_ in function.arguments:
-        given.append(work.in_register(Value(type_, base, offset)).register)
+        given.append(work.outward(Value(type_, base, offset)))
         offset += words(type_)
     _finish(work, str(pointer), "", function.result, given)
     kind = "i8" if function.result == BOOL else returned(function.result)
