@@ -12,7 +12,7 @@ import numpy as np
 
 from stickslip.translator import Compiled
 from stickslip.translator.assembly import WHOLE, Assembly, Register, imaginary, real, whole
-from stickslip.translator.functions import Function, Signature, returned
+from stickslip.translator.functions import Definition, Function, Signature
 from stickslip.translator.values import (
     BOOL,
     ENTRIES,
@@ -58,9 +58,8 @@ class Program:
         self, entries: Sequence[Compiled], plain: Mapping[str, Compiled] | None = None
     ) -> None:
         self._signatures: dict[Any, Signature | None] = {}
-        self._texts: dict[str, str] = {}
-        self._files: dict[str, str] = {}
-        self._called: dict[str, set[str]] = {}
+        self._functions: dict[str, Definition] = {}
+        self._outside: set[str] = set()  # names of what is called from outside
         self._declared: dict[str, str] = {}
         self._tables: dict[int, tuple[str, Any]] = {}
         self._counts: dict[str, int] = {}
@@ -102,9 +101,7 @@ class Program:
         self._counts[base] = self._counts.get(base, 0) + 1
         name = base if self._counts[base] == 1 else f"{base}.{self._counts[base]}"
         work = Function(self, function, node, wanted, name)
-        signature, self._texts[name] = work.translated()
-        self._files[name] = function.python.__code__.co_filename
-        self._called[name] = work.called
+        signature, self._functions[name] = work.translated()
         self._declared |= work.declared
         return signature
 
@@ -199,12 +196,12 @@ class Program:
         parameters: Sequence[Register],
     ) -> None:
         """Let a function that is called from outside call the one that it stands for."""
-        _finish(work, f'@"{signature.name}"', " fastcc", signature.result, given)
-        kind = "i8" if signature.result == BOOL else returned(signature.result)
-        listed = ", ".join(x.typed for x in parameters)
-        self._texts[symbol] = work.text(f'define {kind} @"{symbol}"({listed}) #0')
-        self._called[symbol] = {signature.name}
-        self._files[symbol] = function.python.__code__.co_filename
+        kind = _finish(work, f'@"{signature.name}"', " fastcc", signature.result, given)
+        pairs = [(x.type, x.name) for x in parameters]
+        file = function.python.__code__.co_filename
+        called = {signature.name}
+        self._outside.add(symbol)
+        self._functions[symbol] = Definition(symbol, kind, pairs, work.body(), file, False, called)
 
     # -- modules -----------------------------------------------------------------------------------
 
@@ -213,24 +210,26 @@ class Program:
 
         A text is all that shapes its machine code.
         """
-        return {file: self._module(file) for file in sorted(set(self._files.values()))}
+        return {
+            file: self._module(file) for file in sorted({x.file for x in self._functions.values()})
+        }
 
     def _module(self, file: str) -> str:
-        own = sorted(name for name in self._texts if self._files[name] == file)
+        own = sorted(name for name, function in self._functions.items() if function.file == file)
         copied, declared = set[str](), set[str]()
         left = list(own)
         while left:
-            for name in self._called[left.pop()] - copied - declared - set(own):
-                if self._is_small(name):
+            for name in self._functions[left.pop()].called - copied - declared - set(own):
+                if self._functions[name].inline or self._length(name) <= _FEW:
                     copied.add(name)
                     left.append(name)
                 else:
                     declared.add(name)
-        lines = [self._with_linkage(name, "hidden") for name in own]
-        lines += [
-            self._with_linkage(name, "available_externally hidden") for name in sorted(copied)
+        lines = [
+            *(self._text(name, "hidden" if name not in self._outside else "") for name in own),
+            *(self._text(name, "available_externally hidden") for name in sorted(copied)),
+            *(self._functions[name].declaration for name in sorted(declared)),
         ]
-        lines += [_head(self._texts[name]) for name in sorted(declared)]
         text = "\n".join(lines)
         used = [line for name, line in sorted(self._declared.items()) if f"@{name}(" in text]
         tables = [
@@ -238,52 +237,26 @@ class Program:
         ]
         return "\n".join([*tables, *used, text, _ATTRIBUTES, METADATA])
 
-    def _is_small(self, name: str) -> bool:
-        return self._is_inlined(name) or self._length(name) <= _FEW
-
-    def _is_inlined(self, name: str) -> bool:
-        return "alwaysinline" in self._texts[name].partition("\n")[0]
-
     def _length(self, name: str) -> int:
         """Lines of a function and of what is inlined into it."""
-        inside = sum(self._length(x) for x in self._called[name] if self._is_inlined(x))
-        return self._texts[name].count("\n") + inside
+        function = self._functions[name]
+        inside = (self._length(x) for x in function.called if self._functions[x].inline)
+        return function.length + sum(inside)
 
-    def _with_linkage(self, name: str, linkage: str) -> str:
-        text = self._texts[name]
-        if self._length(name) > _MANY:
-            text = text.replace("#0 {", "#0 noinline {", 1)
-        return text.replace("define internal", f"define {linkage}", 1)
+    def _text(self, name: str, linkage: str) -> str:
+        note = " noinline" if self._length(name) > _MANY else ""
+        return self._functions[name].text(linkage, note)
 
 
 def _finish(
     work: Assembly, callee: str, convention: str, result: Any, given: Sequence[Register]
-) -> None:
-    """Call a function and return what it returns; a truth value as a byte."""
-    made = work.call(returned(result), callee, *given, convention=convention)
+) -> str:
+    """Call a function and return what it returns; a truth value as a byte. What that is for LLVM."""
+    made = work.call(result.llvm, callee, *given, convention=convention)
     if result == BOOL:
         made = work.new("i8", f"zext {made.typed} to i8")
     work.end(f"ret {made.typed}" if made.name else "ret void")
-
-
-def _head(text: str) -> str:
-    """The declaration of a function that is defined elsewhere."""
-    head = text.partition(" #0")[0].replace("define internal", "declare")
-    before, _, parameters = head.partition('"(')
-    kinds = [x.rpartition(" ")[0] for x in _split(parameters.removesuffix(")"))]
-    return f'{before}"({", ".join(kinds)}) #0'
-
-
-def _split(parameters: str) -> list[str]:
-    """Parameters of a head, apart; types may have commas in braces."""
-    found, depth = [""], 0
-    for character in parameters:
-        depth += {"{": 1, "}": -1}.get(character, 0)
-        if character == "," and depth == 0:
-            found.append("")
-        else:
-            found[-1] += character
-    return [x.strip() for x in found if x]
+    return made.type
 
 
 def caller_of(function: FunctionType) -> str:
@@ -298,7 +271,6 @@ def caller_of(function: FunctionType) -> str:
     for _, type_ in function.arguments:
         given.append(work.outward(Value(type_, base, offset)))
         offset += words(type_)
-    _finish(work, str(pointer), "", function.result, given)
-    kind = "i8" if function.result == BOOL else returned(function.result)
-    text = work.text(f"define {kind} @call_{function.name}(ptr %words)")
-    return f"{text}\n{METADATA}"
+    kind = _finish(work, str(pointer), "", function.result, given)
+    head = f"define {kind} @call_{function.name}(ptr %words)"
+    return f"{head} {{\n{work.body()}}}\n{METADATA}"
