@@ -41,6 +41,21 @@ class Entry(Compiled):
     __name__: str
 
 
+class Kernel(Compiled):
+    """A function of the engine that the machine code of systems calls, as
+    :func:`stickslip.translator.values.plain_types` says.
+
+    Its arguments are numbers and arrays, as annotated. It must not ask how many rows an array has.
+    """
+
+    @property
+    def symbol(self) -> str:
+        """Its name in machine code."""
+        return f"kernel.{self.__module__}.{self.__name__}"
+
+    __name__: str
+
+
 def entry_point(*, relaxed: Sequence[str] = ()) -> Callable[[Callable[..., Any]], Entry]:
     """Decorator of a compiled function that Python calls; see :class:`Entry`."""
     return lambda function: Entry(function, relaxed)

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 from llvmlite import binding as llvm
 
-from stickslip.machine_code.functions import Entry
+from stickslip.machine_code.functions import Entry, Kernel
 from stickslip.machine_code.making import Compilation, make_all
 from stickslip.machine_code.objects import (
     LOOPS,
@@ -91,6 +91,7 @@ ENGINE = Library(
     tuple(
         f"stickslip.{name}"
         for name in (
+            "equations.native.kernels",
             "motion.between.dense",
             "motion.between.step_balance",
             "motion.between.trace",
@@ -120,7 +121,7 @@ EVOLUTION_SOLVERS = Library(
     ),
 )
 LIBRARIES = (ENGINE, EVOLUTION_SOLVERS)
-"""All modules of the package with functions that Python calls."""
+"""All modules of the package with functions that Python, or the machine code of systems, calls."""
 
 
 # -- loading ---------------------------------------------------------------------------------------
@@ -133,6 +134,11 @@ def prepare(entry: Entry) -> Prepared:
     address = engine.get_function_address(symbol_of(entry))
     names = tuple(inspect.signature(entry.python).parameters)
     return Prepared(entry.__name__, names, *entry_types(entry), address)
+
+
+def engine() -> Any:
+    """The engine in memory, where LLVM knows the addresses of its functions."""
+    return _in_memory(ENGINE)
 
 
 def _alone(entry: Entry) -> Any:
@@ -269,25 +275,28 @@ def clean(folder: Path, here: Processor, libraries: Sequence[Library] = LIBRARIE
 
 
 def jobs_of(
-    entries: Sequence[Entry], folder: Path, here: Processor, ship: bool = False
+    entries: Sequence[Entry | Kernel], folder: Path, here: Processor, ship: bool = False
 ) -> list[Compilation]:
     """What is to be compiled for some entries: a module for each source file."""
     from stickslip.translator.modules import Program
 
     jobs = list[Compilation]()
-    for file, text in Program(entries).modules().items():
+    kernels = {x.symbol: x for x in entries if isinstance(x, Kernel)}
+    program = Program([x for x in entries if isinstance(x, Entry)], kernels)
+    for file, text in program.modules().items():
         key = digest(text, here, LOOPS)
         place = folder / f"{Path(file).parent.name}.{Path(file).stem}.{key[:24]}"
         jobs.append(Compilation(text, str(place), key, here, ship))
     return jobs
 
 
-def entries_of(library: Library) -> list[Entry]:
-    """The entries of a library."""
-    found = list[Entry]()
+def entries_of(library: Library) -> list[Entry | Kernel]:
+    """The functions of a library that are called from outside."""
+    found = list[Entry | Kernel]()
     for name in library.modules:
         module = sys.modules.get(name) or importlib.import_module(name)
-        found += [x for x in vars(module).values() if isinstance(x, Entry) and x.__module__ == name]
+        own = [x for x in vars(module).values() if isinstance(x, Entry | Kernel)]
+        found += [x for x in own if x.__module__ == name]
     return found
 
 

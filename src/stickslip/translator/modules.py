@@ -4,7 +4,7 @@ file."""
 from __future__ import annotations
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 
 from stickslip.translator import Compiled
 from stickslip.translator.assembly import WHOLE, Assembly, Register, imaginary, real, whole
-from stickslip.translator.functions import Function, Signature, returned
+from stickslip.translator.functions import Definition, Function, Signature
 from stickslip.translator.values import (
     BOOL,
     ENTRIES,
@@ -30,6 +30,7 @@ from stickslip.translator.values import (
     joined,
     named,
     place_of,
+    plain_types,
     symbol_of,
     words,
 )
@@ -50,24 +51,24 @@ class Program:
     entries : sequence of Compiled
         What is called from outside: with the address of its arguments as words. A parameter has the
         type of its annotation.
-
-    Attributes
-    ----------
-    symbols : dict
-        Names of the entries in the assembly, by the names of their functions.
+    plain : mapping of str to Compiled, optional
+        What other assembly calls, by symbol; its arguments are as `values.plain_types` has them.
     """
 
-    def __init__(self, entries: Sequence[Compiled]) -> None:
+    def __init__(
+        self, entries: Sequence[Compiled], plain: Mapping[str, Compiled] | None = None
+    ) -> None:
         self._signatures: dict[Any, Signature | None] = {}
-        self._texts: dict[str, str] = {}
-        self._files: dict[str, str] = {}
-        self._called: dict[str, set[str]] = {}
+        self._functions: dict[str, Definition] = {}
+        self._outside: set[str] = set()  # names of what is called from outside
         self._declared: dict[str, str] = {}
         self._tables: dict[int, tuple[str, Any]] = {}
         self._counts: dict[str, int] = {}
         self._nodes: dict[str, dict[int, ast.FunctionDef]] = {}
         for entry in entries:
             self._enter(entry)
+        for symbol, function in (plain or {}).items():
+            self._enter_plainly(symbol, function)
 
     def signature(self, function: Compiled, given: tuple[Type, ...]) -> Signature:
         """How a function is called with arguments of these types; translated at the first time.
@@ -101,9 +102,7 @@ class Program:
         self._counts[base] = self._counts.get(base, 0) + 1
         name = base if self._counts[base] == 1 else f"{base}.{self._counts[base]}"
         work = Function(self, function, node, wanted, name)
-        signature, self._texts[name] = work.translated()
-        self._files[name] = function.python.__code__.co_filename
-        self._called[name] = work.called
+        signature, self._functions[name] = work.translated()
         self._declared |= work.declared
         return signature
 
@@ -143,11 +142,7 @@ class Program:
 
     def _enter(self, function: Compiled) -> None:
         """Write the function that is called from outside."""
-        types, promised = entry_types(function)
-        signature = self.signature(function, types)
-        if signature.result != promised:
-            what = f"it returns {named(signature.result)}, not {named(promised)}"
-            raise Refusal(f"{place_of(function)}: {what}. Annotate it so, or convert it")
+        types, signature = self._promised(function)
         work = Values()
         base = Register("%words", "ptr")
         offset = 0
@@ -159,12 +154,52 @@ class Program:
             else:
                 given.append(work.cast(work.in_register(value), wanted).register)
             offset += words(type_)
-        symbol = symbol_of(function)
-        _finish(work, f'@"{signature.name}"', " fastcc", signature.result, given)
-        kind = "i8" if signature.result == BOOL else returned(signature.result)
-        self._texts[symbol] = work.text(f'define {kind} @"{symbol}"(ptr %words) #0')
-        self._called[symbol] = {signature.name}
-        self._files[symbol] = function.python.__code__.co_filename
+        self._close(symbol_of(function), function, signature, work, given, [base])
+
+    def _enter_plainly(self, symbol: str, function: Compiled) -> None:
+        """Write the function that other assembly calls.
+
+        It knows no length of a first axis, by which nothing is found: there it is 0.
+        """
+        types, signature = self._promised(function)
+        work = Values()
+        plain, _ = plain_types(function)
+        parameters = [Register(f"%x{i}", kind) for i, kind in enumerate(plain)]
+        left = iter(parameters)
+        given = list[Register]()
+        for type_ in types:
+            x = next(left)
+            if isinstance(type_, ArrayType):
+                lengths = [next(left) for _ in range(type_.axes - 1)]
+                x = work.structure(type_.llvm, [x, whole(0), *lengths])
+            given.append(x)
+        self._close(symbol, function, signature, work, given, parameters)
+
+    def _promised(self, function: Compiled) -> tuple[tuple[Type, ...], Signature]:
+        """The types in the annotations of an entry, and how it is called with them."""
+        types, promised = entry_types(function)
+        signature = self.signature(function, types)
+        if signature.result != promised:
+            what = f"it returns {named(signature.result)}, not {named(promised)}"
+            raise Refusal(f"{place_of(function)}: {what}. Annotate it so, or convert it")
+        return types, signature
+
+    def _close(
+        self,
+        symbol: str,
+        function: Compiled,
+        signature: Signature,
+        work: Assembly,
+        given: Sequence[Register],
+        parameters: Sequence[Register],
+    ) -> None:
+        """Let a function that is called from outside call the one that it stands for."""
+        kind = _finish(work, f'@"{signature.name}"', " fastcc", signature.result, given)
+        pairs = [(x.type, x.name) for x in parameters]
+        file = function.python.__code__.co_filename
+        called = {signature.name}
+        self._outside.add(symbol)
+        self._functions[symbol] = Definition(symbol, kind, pairs, work.body(), file, False, called)
 
     # -- modules -----------------------------------------------------------------------------------
 
@@ -173,24 +208,26 @@ class Program:
 
         A text is all that shapes its machine code.
         """
-        return {file: self._module(file) for file in sorted(set(self._files.values()))}
+        return {
+            file: self._module(file) for file in sorted({x.file for x in self._functions.values()})
+        }
 
     def _module(self, file: str) -> str:
-        own = sorted(name for name in self._texts if self._files[name] == file)
+        own = sorted(name for name, function in self._functions.items() if function.file == file)
         copied, declared = set[str](), set[str]()
         left = list(own)
         while left:
-            for name in self._called[left.pop()] - copied - declared - set(own):
-                if self._is_small(name):
+            for name in self._functions[left.pop()].called - copied - declared - set(own):
+                if self._functions[name].inline or self._length(name) <= _FEW:
                     copied.add(name)
                     left.append(name)
                 else:
                     declared.add(name)
-        lines = [self._with_linkage(name, "hidden") for name in own]
-        lines += [
-            self._with_linkage(name, "available_externally hidden") for name in sorted(copied)
+        lines = [
+            *(self._text(name, "hidden" if name not in self._outside else "") for name in own),
+            *(self._text(name, "available_externally hidden") for name in sorted(copied)),
+            *(self._functions[name].declaration for name in sorted(declared)),
         ]
-        lines += [_head(self._texts[name]) for name in sorted(declared)]
         text = "\n".join(lines)
         used = [line for name, line in sorted(self._declared.items()) if f"@{name}(" in text]
         tables = [
@@ -198,15 +235,15 @@ class Program:
         ]
         return "\n".join([*tables, *used, text, _ATTRIBUTES, METADATA])
 
-    def _is_small(self, name: str) -> bool:
-        text = self._texts[name]
-        return text.count("\n") <= _FEW or "alwaysinline" in text.partition("\n")[0]
+    def _length(self, name: str) -> int:
+        """Lines of a function and of what is inlined into it."""
+        function = self._functions[name]
+        inside = (self._length(x) for x in function.called if self._functions[x].inline)
+        return function.length + sum(inside)
 
-    def _with_linkage(self, name: str, linkage: str) -> str:
-        text = self._texts[name]
-        if text.count("\n") > _MANY:
-            text = text.replace("#0 {", "#0 noinline {", 1)
-        return text.replace("define internal", f"define {linkage}", 1)
+    def _text(self, name: str, linkage: str) -> str:
+        note = " noinline" if self._length(name) > _MANY else ""
+        return self._functions[name].text(linkage, note)
 
 
 @lru_cache(maxsize=100)
@@ -218,32 +255,13 @@ def _functions_of(text: str) -> dict[int, ast.FunctionDef]:
 
 def _finish(
     work: Assembly, callee: str, convention: str, result: Any, given: Sequence[Register]
-) -> None:
-    """Call a function and return what it returns; a truth value as a byte."""
-    made = work.call(returned(result), callee, *given, convention=convention)
+) -> str:
+    """Call a function and return what it returns; a truth value as a byte. What that is for LLVM."""
+    made = work.call(result.llvm, callee, *given, convention=convention)
     if result == BOOL:
         made = work.new("i8", f"zext {made.typed} to i8")
     work.end(f"ret {made.typed}" if made.name else "ret void")
-
-
-def _head(text: str) -> str:
-    """The declaration of a function that is defined elsewhere."""
-    head = text.partition(" #0")[0].replace("define internal", "declare")
-    before, _, parameters = head.partition('"(')
-    kinds = [x.rpartition(" ")[0] for x in _split(parameters.removesuffix(")"))]
-    return f'{before}"({", ".join(kinds)}) #0'
-
-
-def _split(parameters: str) -> list[str]:
-    """Parameters of a head, apart; types may have commas in braces."""
-    found, depth = [""], 0
-    for character in parameters:
-        depth += {"{": 1, "}": -1}.get(character, 0)
-        if character == "," and depth == 0:
-            found.append("")
-        else:
-            found[-1] += character
-    return [x.strip() for x in found if x]
+    return made.type
 
 
 def caller_of(function: FunctionType) -> str:
@@ -258,7 +276,6 @@ def caller_of(function: FunctionType) -> str:
     for _, type_ in function.arguments:
         given.append(work.outward(Value(type_, base, offset)))
         offset += words(type_)
-    _finish(work, str(pointer), "", function.result, given)
-    kind = "i8" if function.result == BOOL else returned(function.result)
-    text = work.text(f"define {kind} @call_{function.name}(ptr %words)")
-    return f"{text}\n{METADATA}"
+    kind = _finish(work, str(pointer), "", function.result, given)
+    head = f"define {kind} @call_{function.name}(ptr %words)"
+    return f"{head} {{\n{work.body()}}}\n{METADATA}"

@@ -11,6 +11,7 @@ import inspect
 import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any, NamedTuple, NoReturn, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -23,6 +24,7 @@ from stickslip.translator.assembly import (
     WHOLE,
     Assembly,
     Register,
+    bit,
     imaginary,
     real,
     whole,
@@ -187,6 +189,26 @@ def symbol_of(function: Compiled) -> str:
     return f"entry.{function.__module__}.{function.__name__}"
 
 
+@cache
+def plain_types(function: Compiled) -> tuple[tuple[str, ...], str]:
+    """LLVM's types of the arguments of an entry, and of its result, for other assembly that calls
+    it: an array is its address and the lengths of all its axes but the first.
+
+    Raises
+    ------
+    TypeError
+        If there is a tuple or a truth value among them.
+    """
+    types, result = entry_types(function)
+    if result == BOOL or any(isinstance(x, TupleType) or x == BOOL for x in types):
+        raise TypeError(f"{function.__name__}: use numbers and arrays where assembly calls it")
+    plain = [
+        [POINTER, *[WHOLE] * (type_.axes - 1)] if isinstance(type_, ArrayType) else [type_.llvm]  # pyright: ignore[reportAttributeAccessIssue]
+        for type_ in types
+    ]
+    return tuple(kind for kinds in plain for kind in kinds), result.llvm  # pyright: ignore[reportAttributeAccessIssue]
+
+
 def with_axis(type_: Any, part: str = "") -> Any:
     """A type whose arrays, or those of one part, have one more axis in front."""
     if isinstance(type_, ArrayType):
@@ -198,6 +220,11 @@ def with_axis(type_: Any, part: str = "") -> Any:
     return TupleType(
         type_.kind, tuple(with_axis(x) if part in ("", name) else x for name, x in parts)
     )
+
+
+def passed(type_: Type) -> str:
+    """LLVM's type of an argument: a tuple is passed by its address."""
+    return POINTER if isinstance(type_, TupleType) else type_.llvm
 
 
 def words(type_: Type) -> int:
@@ -334,7 +361,7 @@ class Values(Assembly):
     def constant(self, x: Any) -> Value:
         """A number, an array or another object of Python that is known now."""
         if isinstance(x, (bool, np.bool_)):
-            return Value(BOOL, Register(str(bool(x)).lower(), BIT), known=bool(x))
+            return Value(BOOL, bit(bool(x)), known=bool(x))
         if isinstance(x, (int, np.integer)):
             if not -(2**63) <= x < 2**64:
                 self.refuse(f"{x} has more than 64 bits", "Write a real number")
@@ -402,7 +429,11 @@ class Values(Assembly):
     def place(self, value: Value, offset: int = 0) -> Register:
         """Address of a word of a value in memory."""
         assert value.offset is not None
-        return self.at(value.register, value.offset + offset, WHOLE)
+        return self.word(value.register, value.offset + offset)
+
+    def word(self, base: Register, offset: int) -> Register:
+        """Address of a word, so many behind another."""
+        return self.at(base, offset, WHOLE) if offset else base
 
     def part(self, value: Value, k: int) -> Value:
         """One part of a tuple."""
@@ -445,8 +476,22 @@ class Values(Assembly):
         return address
 
     def room(self, type_: Type) -> Register:
-        """A slot for a value as words."""
-        return self.slot(f"[{max(words(type_), 1)} x i64]")
+        """A slot for a value: words for a tuple."""
+        is_tuple = isinstance(type_, TupleType)
+        return self.slot(f"[{max(words(type_), 1)} x i64]" if is_tuple else type_.llvm)
+
+    def keep(self, value: Value, place: Register) -> None:
+        """Put a value into its slot."""
+        if isinstance(value.type, TupleType):
+            self.put(value, place, 0)
+        else:
+            self.store(self.in_register(value).register, place)
+
+    def kept(self, type_: Type, place: Register) -> Value:
+        """The value in a slot."""
+        if isinstance(type_, TupleType):
+            return Value(type_, place, 0)
+        return Value(type_, self.load(type_.llvm, place))
 
     def put(self, value: Value, base: Register, offset: int) -> None:
         """Write a value to memory as words."""
@@ -455,7 +500,7 @@ class Values(Assembly):
                 self.put(part, base, offset)
                 offset += words(part.type)
             return
-        address = self.at(base, offset, WHOLE)
+        address = self.word(base, offset)
         if isinstance(value.type, TupleType):
             size = words(value.type)
             if size:
