@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from stickslip.arrays import Many, Matrix, Vector
+from stickslip.arrays import IntVector, Many, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.machine_code.interface import SystemFunction
 from stickslip.translator import RELAXED, FunctionAddress, call_address, compiled
@@ -198,3 +198,15 @@ def test_one_array_may_be_given_twice() -> None:
             found = written(k, *given(*here), Lane(here[1], 2))
             wanted = written.python(k, *given(*there), Lane(there[1], 2))
             assert (found, *map(bits, here)) == (wanted, *map(bits, there))
+
+
+@entry_point()
+def stored(x: float, k: IntVector) -> int:
+    k[0] = x
+    return k[0]
+
+
+def test_real_numbers_in_whole_entries() -> None:
+    """They lose what is behind the point; what is too large becomes the nearest there is."""
+    wanted = {2.9: 2, -2.9: -2, 1e300: 2**63 - 1, -math.inf: -(2**63), math.nan: 0}
+    assert {x: stored(x, np.zeros(1, np.int64)) for x in wanted} == wanted
