@@ -57,6 +57,7 @@ ENTRIES = tuple(
         "orbits.settling.engine.exponents",
         "orbits.settling.engine.measuring",
         "orbits.settling.engine.settling",
+        "orbits.settling.engine.threads",
     )
 )
 """Modules of the package with functions that Python calls."""

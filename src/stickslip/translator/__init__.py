@@ -15,7 +15,8 @@ contain the following.
 * **Expressions.** Arithmetic, comparisons (also chained, and ``in`` a tuple), ``and``, ``or``, ``not``
   (of truth values), conditional expressions, attributes of named tuples, ``.shape``, ``.real``, ``.imag``.
 * **Calls.** Other compiled functions, named tuples, and what `functions.CALLS` lists: ``len``,
-  ``abs``, ``min``, ``max``, conversions, and functions of `math`, `cmath` and NumPy for one number.
+  ``abs``, ``min``, ``max``, conversions, functions of `math`, `cmath` and NumPy for one number, and
+  :func:`row_of`.
 * **Constants.** Numbers, tuples and arrays of the module, or of a module it imports.
 
 Parameters of an *entry*, which Python calls, have types from `stickslip.arrays`; types of all others
@@ -32,8 +33,9 @@ import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import update_wrapper
-from typing import Any
+from typing import Any, TypeVar, cast
 
+_T = TypeVar("_T")
 CONTRACTED = ("contract",)
 """A product and a sum may be one instruction."""
 RELAXED = ("contract", "nsz", "reassoc")
@@ -99,6 +101,14 @@ def fma(a: float, b: float, c: float) -> float:
         exact = Fraction(a) * Fraction(b) + Fraction(c)
         return float(exact) if exact else a * b + c
     return a * b + c
+
+
+def row_of(part: _T, i: int) -> _T:
+    """A tuple whose arrays, and those of tuples inside, are indexed by i; numbers stay."""
+    if isinstance(part, tuple):
+        inner = [row_of(x, i) for x in cast("tuple[Any, ...]", part)]
+        return type(part)(*inner) if hasattr(part, "_fields") else cast(_T, tuple(inner))
+    return cast(Any, part)[i] if getattr(part, "shape", ()) else part
 
 
 def call_address(address: int, x: float) -> float:

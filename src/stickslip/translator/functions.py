@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from stickslip.translator import Compiled, call_address, fma
+from stickslip.translator import Compiled, call_address, fma, row_of
 from stickslip.translator.assembly import BIT, NOTHING, POINTER, REAL, WHOLE, Register, whole
 from stickslip.translator.values import (
     BOOL,
@@ -689,11 +689,14 @@ class Function(Values, ast.NodeVisitor):
         return Value(type_, parts=parts)
 
     def call_outside(self, function: Value, type_: FunctionType, given: list[Value]) -> Value:
-        """Call a function by its address."""
+        """Call a function by its address, or by its name if the program knows one."""
         if len(given) != len(type_.arguments):
             self.refuse(f"{type_.name} takes {len(type_.arguments)} arguments", "Give as many")
         pairs = zip(given, type_.arguments, strict=True)
         operands = [self.in_register(self.cast(x, wanted)).register for x, (_, wanted) in pairs]
+        if type_.kind in self.program.direct:
+            name = self.program.direct[type_.kind]
+            return Value(type_.result, self.outside(type_.result.llvm, name, *operands))
         address = self.in_register(function).register
         return Value(type_.result, self.call(type_.result.llvm, str(address), *operands))
 
@@ -795,6 +798,12 @@ def _ldexp(f: Function, x: Value, n: Value) -> Value:
     return Value(FLOAT, f.outside(REAL, "ldexp", f.cast(x, FLOAT).register, exponent))
 
 
+def _row_of(f: Function, value: Value, i: Value) -> Value:
+    if isinstance(value.type, TupleType):
+        return f.tuple_of(value.type.kind, [_row_of(f, part, i) for part in f.parts(value)])
+    return f.element(value, [Index(f.cast(i, INT))]) if isinstance(value.type, ArrayType) else value
+
+
 def _call_address(f: Function, address: Value, x: Value) -> Value:
     place = f.new(POINTER, f"inttoptr {address.register.typed} to ptr")
     return Value(FLOAT, f.call(REAL, str(place), f.cast(x, FLOAT).register))
@@ -816,6 +825,7 @@ CALLS: dict[Any, Callable[..., Value]] = {
     math.frexp: _frexp,
     math.ldexp: _ldexp,
     cmath.exp: lambda f, z: f.runtime("complex_exp", f.cast(z, COMPLEX)),
+    row_of: _row_of,
     call_address: _call_address,
 }
 """Functions of Python that are more than one instruction: what they become."""

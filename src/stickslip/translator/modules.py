@@ -4,14 +4,15 @@ file."""
 from __future__ import annotations
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from stickslip.translator import Compiled
-from stickslip.translator.assembly import WHOLE, Assembly, Register, real, whole
+from stickslip.translator.assembly import BIT, WHOLE, Assembly, Register, real, whole
 from stickslip.translator.functions import Function, Signature, returned
 from stickslip.translator.values import (
     BOOL,
@@ -48,14 +49,20 @@ class Program:
     entries : sequence of Compiled
         What is called from outside: with the address of its arguments as words. A parameter has the
         type of its annotation.
-
-    Attributes
-    ----------
-    symbols : dict
-        Names of the entries in the assembly, by the names of their functions.
+    kernels : sequence of Compiled
+        What threads of a GPU run: from the address of all arguments but the last, and the number of
+        threads. The last argument is the number of the thread.
+    direct : mapping of type to str
+        Functions that are called by their names, not by their addresses: by the class of these.
     """
 
-    def __init__(self, entries: Sequence[Compiled]) -> None:
+    def __init__(
+        self,
+        entries: Sequence[Compiled],
+        kernels: Sequence[Compiled] = (),
+        direct: Mapping[type, str] = MappingProxyType({}),
+    ) -> None:
+        self.direct = direct
         self._signatures: dict[Any, Signature | None] = {}
         self._texts: dict[str, str] = {}
         self._files: dict[str, str] = {}
@@ -66,6 +73,8 @@ class Program:
         self._nodes: dict[str, dict[int, ast.FunctionDef]] = {}
         for entry in entries:
             self._enter(entry)
+        for kernel in kernels:
+            self._launch(kernel)
 
     def signature(self, function: Compiled, given: tuple[Type, ...]) -> Signature:
         """How a function is called with arguments of these types; translated at the first time.
@@ -146,20 +155,35 @@ class Program:
         if signature.result != promised:
             raise Refusal(f"{function.__name__} returns {named(signature.result)}. Annotate it so")
         work = Values()
-        base = Register("%words", "ptr")
-        offset = 0
-        given = list[Register]()
-        for type_, wanted in zip(types, signature.arguments, strict=True):
-            value = Value(type_, base, offset)
-            if isinstance(type_, TupleType):
-                given.append(work.place(value))
-            else:
-                given.append(work.cast(work.in_register(value), wanted).register)
-            offset += words(type_)
-        symbol = symbol_of(function)
+        given = _from_words(work, types, signature.arguments)
         _finish(work, f'@"{signature.name}"', " fastcc", signature.result, given)
         kind = "i8" if signature.result == BOOL else returned(signature.result)
-        self._texts[symbol] = work.text(f'define {kind} @"{symbol}"(ptr %words) #0')
+        symbol = symbol_of(function)
+        self._keep(function, symbol, signature, work.text(f'define {kind} @"{symbol}"(ptr %words) #0'))
+
+    def _launch(self, function: Compiled) -> None:
+        """Write the function that a GPU calls in each of its threads."""
+        types, _ = entry_types(function)
+        signature = self.signature(function, types)
+        work = Values()
+        block, width, place = (
+            work.new(WHOLE, f"zext {work.outside('i32', f'llvm.nvvm.read.ptx.sreg.{name}').typed} to i64")
+            for name in ("ctaid.x", "ntid.x", "tid.x")
+        )
+        before = work.new(WHOLE, f"mul nuw nsw i64 {block}, {width}")
+        thread = work.new(WHOLE, f"add nuw nsw i64 {before}, {place}")
+        work.choose(work.new(BIT, f"icmp slt i64 {thread}, %count"), "busy", "idle")
+        work.begin("idle")
+        work.end("ret void")
+        work.begin("busy")
+        given = _from_words(work, types[:-1], signature.arguments[:-1])
+        _finish(work, f'@"{signature.name}"', " fastcc", signature.result, [*given, thread])
+        head = f"define ptx_kernel void @{function.__name__}(ptr noalias readonly %words, i64 %count) #0"
+        self._declared |= work.declared
+        self._keep(function, function.__name__, signature, work.text(head))
+
+    def _keep(self, function: Compiled, symbol: str, signature: Signature, text: str) -> None:
+        self._texts[symbol] = text
         self._called[symbol] = {signature.name}
         self._files[symbol] = function.python.__code__.co_filename
 
@@ -171,6 +195,10 @@ class Program:
         A text is all that shapes its machine code.
         """
         return {file: self._module(file) for file in sorted(set(self._files.values()))}
+
+    def whole(self) -> str:
+        """LLVM assembly of all files together."""
+        return self._joined([self._with_linkage(name, "internal") for name in sorted(self._texts)])
 
     def _module(self, file: str) -> str:
         own = sorted(name for name in self._texts if self._files[name] == file)
@@ -188,6 +216,10 @@ class Program:
             self._with_linkage(name, "available_externally hidden") for name in sorted(copied)
         ]
         lines += [_head(self._texts[name]) for name in sorted(declared)]
+        return self._joined(lines)
+
+    def _joined(self, lines: list[str]) -> str:
+        """Functions with what they need."""
         text = "\n".join(lines)
         used = [line for name, line in sorted(self._declared.items()) if f"@{name}(" in text]
         tables = [
@@ -204,6 +236,21 @@ class Program:
         if text.count("\n") > _MANY:
             text = text.replace("#0 {", "#0 noinline {", 1)
         return text.replace("define internal", f"define {linkage}", 1)
+
+
+def _from_words(
+    work: Values, types: Sequence[Type], wanted: Sequence[Type], offset: int = 0
+) -> list[Register]:
+    """Arguments that stand at an address as words."""
+    given = list[Register]()
+    for type_, other in zip(types, wanted, strict=True):
+        value = Value(type_, Register("%words", "ptr"), offset)
+        if isinstance(type_, TupleType):
+            given.append(work.place(value))
+        else:
+            given.append(work.cast(work.in_register(value), other).register)
+        offset += words(type_)
+    return given
 
 
 def _finish(
@@ -243,11 +290,8 @@ def caller_of(function: FunctionType) -> str:
     base = Register("%words", "ptr")
     address = work.load(WHOLE, base)
     pointer = work.new("ptr", f"inttoptr {address.typed} to ptr")
-    offset = 1
-    given = list[Register]()
-    for _, type_ in function.arguments:
-        given.append(work.in_register(Value(type_, base, offset)).register)
-        offset += words(type_)
+    types = [type_ for _, type_ in function.arguments]
+    given = _from_words(work, types, types, offset=1)
     _finish(work, str(pointer), "", function.result, given)
     kind = "i8" if function.result == BOOL else returned(function.result)
     return work.text(f"define {kind} @call_{function.name}(ptr %words)").replace(
