@@ -61,6 +61,7 @@ ENTRIES = tuple(
     )
 )
 """Modules of the package with functions that Python calls."""
+_WRITERS = ("stickslip.translator.modules", "stickslip.translator.runtime")
 _IMPORTED = re.compile(rb"\n(?:from|import) ([\w.]+)(?: import (?:\(([^)]*)\)|([^\n]*)))?")
 _PACKAGE = str(Path(__file__).parent.parent)
 
@@ -256,10 +257,10 @@ def entries_of(library: Library) -> list[Entry]:
 
 
 def source_digest(library: Library) -> str:
-    """A name for all sources that may shape the machine code of a library: those of its modules and
-    of what they import."""
+    """A name for all sources that may shape the machine code of a library: those of its modules,
+    of the translator, and of what these import."""
     known = dict[str, bytes]()
-    left = [path for name in library.modules for path in _files_of(name, "")]
+    left = [path for name in (*library.modules, *_WRITERS) for path in _files_of(name, "")]
     while left:
         path = left.pop()
         if path not in known:
