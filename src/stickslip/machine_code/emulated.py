@@ -31,9 +31,14 @@ class Emulated:
         self.launches = 0
         self._memory: dict[int, Array] = {}
 
+    @property
+    def taken(self) -> int:
+        """Bytes that are not free."""
+        return sum(len(room) for room in self._memory.values())
+
     def free(self) -> int:
         """Bytes that are free."""
-        return _FREE
+        return _FREE - self.taken
 
     def allocate(self, size: int) -> int:
         """Address of so many bytes."""

@@ -17,8 +17,10 @@ from stickslip.translator.functions import Function, Signature, returned
 from stickslip.translator.values import (
     BOOL,
     ENTRIES,
+    INT,
     METADATA,
     NAMED,
+    NONE,
     ArrayType,
     FunctionType,
     Refusal,
@@ -159,30 +161,32 @@ class Program:
         _finish(work, f'@"{signature.name}"', " fastcc", signature.result, given)
         kind = "i8" if signature.result == BOOL else returned(signature.result)
         symbol = symbol_of(function)
-        self._keep(function, symbol, signature, work.text(f'define {kind} @"{symbol}"(ptr %words) #0'))
+        text = work.text(f'define {kind} @"{symbol}"(ptr %words) #0')
+        self._keep(function, symbol, signature, text)
 
     def _launch(self, function: Compiled) -> None:
-        """Write the function that a GPU calls in each of its threads."""
-        types, _ = entry_types(function)
+        """Write the kernel that each thread of a GPU runs."""
+        types, promised = entry_types(function)
+        name = function.__name__
+        if promised != NONE or types[-1:] != (INT,):
+            raise Refusal(
+                f"{name}: a kernel takes the number of its thread last, and returns nothing"
+            )
         signature = self.signature(function, types)
         work = Values()
-        block, width, place = (
-            work.new(WHOLE, f"zext {work.outside('i32', f'llvm.nvvm.read.ptx.sreg.{name}').typed} to i64")
-            for name in ("ctaid.x", "ntid.x", "tid.x")
-        )
-        before = work.new(WHOLE, f"mul nuw nsw i64 {block}, {width}")
-        thread = work.new(WHOLE, f"add nuw nsw i64 {before}, {place}")
+        thread = _number_of_thread(work)
         work.choose(work.new(BIT, f"icmp slt i64 {thread}, %count"), "busy", "idle")
-        work.begin("idle")
-        work.end("ret void")
         work.begin("busy")
         given = _from_words(work, types[:-1], signature.arguments[:-1])
-        _finish(work, f'@"{signature.name}"', " fastcc", signature.result, [*given, thread])
-        head = f"define ptx_kernel void @{function.__name__}(ptr noalias readonly %words, i64 %count) #0"
+        _finish(work, f'@"{signature.name}"', " fastcc", NONE, [*given, thread])
+        work.begin("idle")
+        work.end("ret void")
         self._declared |= work.declared
-        self._keep(function, function.__name__, signature, work.text(head))
+        head = f"define ptx_kernel void @{name}(ptr noalias readonly %words, i64 %count) #0"
+        self._keep(function, name, signature, work.text(head))
 
     def _keep(self, function: Compiled, symbol: str, signature: Signature, text: str) -> None:
+        """Keep the text of what calls a function from outside."""
         self._texts[symbol] = text
         self._called[symbol] = {signature.name}
         self._files[symbol] = function.python.__code__.co_filename
@@ -236,6 +240,17 @@ class Program:
         if text.count("\n") > _MANY:
             text = text.replace("#0 {", "#0 noinline {", 1)
         return text.replace("define internal", f"define {linkage}", 1)
+
+
+def _number_of_thread(work: Assembly) -> Register:
+    """The number of a thread of a GPU among those of all blocks."""
+    own = [
+        work.outside("i32", f"llvm.nvvm.read.ptx.sreg.{name}.x")
+        for name in ("ctaid", "ntid", "tid")
+    ]
+    block, width, place = (work.new(WHOLE, f"zext {number.typed} to i64") for number in own)
+    before = work.new(WHOLE, f"mul nuw nsw i64 {block}, {width}")
+    return work.new(WHOLE, f"add nuw nsw i64 {before}, {place}")
 
 
 def _from_words(
