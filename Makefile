@@ -44,7 +44,7 @@ docs: .venv/ready-for-docs machine-code
 
 # The engine's machine code for this machine, made once and again after its sources have changed.
 machine-code:
-	@$(BIN)/python -m stickslip.shipping
+	@$(BIN)/python -m stickslip.machine_code.shipping
 
 wheel: .venv/ready
 	$(BIN)/python -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir dist .

@@ -24,7 +24,7 @@ class MachineCode(BuildHookInterface):
         if version == "standard" and levels != "none":
             paths = [str(SOURCE), *filter(None, [os.environ.get("PYTHONPATH")])]
             subprocess.run(
-                [sys.executable, "-m", "stickslip.shipping", levels],
+                [sys.executable, "-m", "stickslip.machine_code.shipping", levels],
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
                 check=True,
             )

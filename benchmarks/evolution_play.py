@@ -12,18 +12,18 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from rivals import time_interleaved
-from stickslip.arrays import Array
+from stickslip.arrays import Array, Vector
+from stickslip.machine_code.functions import entry_point
 from stickslip.rate_independent.play.clamp import clamp_samples, prandtl_ishlinskii
 from stickslip.rate_independent.play.operator import play
 
 SIZES = (10**7, 10**8)
 
 
-@njit
-def triad(y: Array, L: Array, U: Array, z: Array) -> None:
+@entry_point()
+def triad(y: Vector, L: Vector, U: Vector, z: Vector) -> None:
     """The play without its recurrence."""
     for k in range(len(L)):
         v = y[k]

@@ -1,16 +1,17 @@
-"""How soon a new declaration moves, and how fast: ``python benchmarks/start.py``.
+"""How soon a new declaration moves, and how fast: ``python benchmarks/start.py [BEFORE]``.
 
-The machine code of a system comes from LLVM alone, written from the tape; before, numba compiled
-Python source printed from the same tape, as it does for a GPU now. Both roads in turn in one run:
-seconds from a declaration that no cache knows to its first Trajectory (the engine is compiled
+Seconds from a declaration that no cache knows to its first Trajectory (the engine is compiled
 already), in this process and as a whole new one; nanoseconds for a Taylor series; seconds of a
-motion. And the first process after an installation, by what the package came with. Minima of the
-rounds go to ``benchmarks/results/start.md`` with the machine named.
+motion; the first process after an installation, by what the package came with. And what it takes to
+compile the engine, from nothing and after edits, beside an earlier version if BEFORE is a checkout
+of one with its own ``.venv``. Minima of the rounds go to ``benchmarks/results/start.md`` with the
+machine named.
 """
 
 from __future__ import annotations
 
 import os
+import resource
 import shutil
 import subprocess
 import sys
@@ -18,23 +19,18 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 import stickslip as ss
-from stickslip.equations.codegen.compiled import source_module
-from stickslip.equations.codegen.generate import generate
-from stickslip.equations.derive import derive
-from stickslip.equations.native import systems
+from stickslip.arrays import IntVector, Vector
 from stickslip.machine_code import shelf
 from stickslip.machine_code.functions import entry_point
-from stickslip.machine_code.interface import INTERFACE
-from stickslip.machine_code.kinds import MachineFunction
+from stickslip.machine_code.interface import Jets
+from stickslip.machine_code.shipping import is_complete
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.simulate_many import follow_all
-from stickslip.motion.steps.arrays import OPTIONS
-from stickslip.shipping import is_complete
+from stickslip.motion.steps.arrays import Space
 
 RESULTS = Path(__file__).parent / "results" / "start.md"
 ROUNDS = 3
@@ -52,8 +48,6 @@ NEW: dict[str, Callable[[float], ss.System]] = {
     "chain of 40 blocks": lambda x: ss.catalogue.block_chain(N=40, belt=f"V + {x}*sin(t)"),
 }
 """By a number that no cache knows."""
-LARGE = "chain of 40 blocks"
-"""Takes numba minutes: now alone."""
 KNOWN: dict[str, tuple[ss.System, float]] = {
     "spring slider": (ss.catalogue.spring_slider(), 5000.0),
     "scaled slider": (ss.catalogue.scaled_slider(), 5000.0),
@@ -66,34 +60,17 @@ KNOWN: dict[str, tuple[ss.System, float]] = {
 }
 
 
-def by_numba(system: ss.System) -> systems.CompiledSystem:
-    """A system as it was compiled before."""
-    equations = derive(system.declaration)
-    generated = generate(equations)
-    code = source_module(generated)
-    functions = {name: MachineFunction(getattr(code, name).address, name) for name in INTERFACE}
-    return systems.CompiledSystem(equations, generated, **functions)
-
-
-ROADS: dict[str, Callable[[ss.System], systems.CompiledSystem]] = {
-    "before": by_numba,
-    "now": systems.compile_system,
-}
-
-
-def first_motion(declared: Callable[[float], ss.System], road: str) -> float:
+def first_motion(declared: Callable[[float], ss.System]) -> float:
     """Seconds from a declaration to its first Trajectory."""
     number = round(float(np.random.default_rng().uniform(0.3, 0.4)), 12)
     begun = time.perf_counter()
-    system = declared(number)
-    systems.compile_system = ROADS[road]
-    ss.simulate(system, SPAN)
+    ss.simulate(declared(number), SPAN)
     return time.perf_counter() - begun
 
 
-def whole_process(name: str, road: str) -> float:
+def whole_process(name: str) -> float:
     """Seconds of a process that imports, declares, moves and stops."""
-    script = f"import start; start.first_motion(start.NEW[{name!r}], {road!r})"
+    script = f"import start; start.first_motion(start.NEW[{name!r}])"
     with tempfile.TemporaryDirectory() as folder:
         env = {**os.environ, "STICKSLIP_CACHE": folder}
         begun = time.perf_counter()
@@ -103,20 +80,21 @@ def whole_process(name: str, road: str) -> float:
         return time.perf_counter() - begun
 
 
-@entry_point(**OPTIONS)
+@entry_point()
 def many_series(
-    jets: Any, t: float, y: Any, mode: Any, region: Any, K: Any, space: Any, N: int, count: int
+    jets: Jets,
+    t: float,
+    y: Vector,
+    mode: IntVector,
+    region: IntVector,
+    K: Vector,
+    space: Space,
+    N: int,
+    count: int,
 ) -> None:
     """The same series again and again."""
     for _ in range(count):
         jets(t, y, mode, region, K, space.Rq, space.Rz, N, space.W, space.A, space.B, space.mag)
-
-
-def posed(system: ss.System, road: str) -> Problem:
-    """A problem with the machine code of a road, for Taylor steps."""
-    problem = pose(system, exact=False)
-    problem.__dict__["compiled"] = ROADS[road](system)
-    return problem
 
 
 def series(problem: Problem) -> float:
@@ -142,53 +120,27 @@ def motion(problem: Problem, end: float) -> float:
     return time.perf_counter() - begun
 
 
-def in_turn(rounds: int, measure: Callable[[str], float]) -> tuple[float, float]:
-    """Least seconds of both roads."""
-    found = [[measure(road) for road in ROADS] for _ in range(rounds)]
-    before, now = np.min(found, axis=0)
-    return float(before), float(now)
-
-
 def starts() -> list[str]:
     """From a declaration to its first Trajectory."""
     ss.simulate(ss.catalogue.rocking_toy(), SPAN)  # the engine
     ss.simulate(ss.catalogue.spring_slider(), SPAN)
-    lines = [
-        "| a new declaration → its first Trajectory | before, s | now, s | ratio | whole process "
-        "before, s | now, s |",
-        "|---|---|---|---|---|---|",
-    ]
+    lines = ["| a new declaration → its first Trajectory | s | whole process, s |", "|---|---|---|"]
     for name, declared in NEW.items():
-        if name == LARGE:
-            now = min(first_motion(declared, "now") for _ in range(ROUNDS))
-            process = min(whole_process(name, "now") for _ in range(ROUNDS))
-            lines.append(f"| {name} | minutes | {now:.3f} | | minutes | {process:.2f} |")
-            continue
-        before, now = in_turn(ROUNDS, lambda road, f=declared: first_motion(f, road))
-        whole = in_turn(ROUNDS, lambda road, name=name: whole_process(name, road))
-        lines.append(
-            f"| {name} | {before:.2f} | {now:.3f} | {now / before:.3f} | {whole[0]:.2f} | "
-            f"{whole[1]:.2f} |"
-        )
+        first = min(first_motion(declared) for _ in range(ROUNDS))
+        whole = min(whole_process(name) for _ in range(ROUNDS))
+        lines.append(f"| {name} | {first:.3f} | {whole:.2f} |")
         print(lines[-1], flush=True)
     return lines
 
 
 def speeds() -> list[str]:
     """Series and motions."""
-    lines = [
-        "| Taylor steps | series before, ns | now, ns | ratio | motion before, ms | now, ms | "
-        "ratio |",
-        "|---|---|---|---|---|---|---|",
-    ]
+    lines = ["| Taylor steps | series, ns | motion, ms |", "|---|---|---|"]
     for name, (system, end) in KNOWN.items():
-        problems = {road: posed(system, road) for road in ROADS}
-        a, b = in_turn(20, lambda road, p=problems: series(p[road]))
-        c, d = in_turn(25, lambda road, p=problems, end=end: motion(p[road], end))
-        lines.append(
-            f"| {name}, t = {end:g} | {1e9 * a:.0f} | {1e9 * b:.0f} | {b / a:.2f} | {1e3 * c:.2f} "
-            f"| {1e3 * d:.2f} | {d / c:.2f} |"
-        )
+        problem = pose(system, exact=False)
+        one = min(series(problem) for _ in range(20))
+        whole = min(motion(problem, end) for _ in range(25))
+        lines.append(f"| {name}, t = {end:g} | {1e9 * one:.0f} | {1e3 * whole:.2f} |")
         print(lines[-1], flush=True)
     return lines
 
@@ -204,6 +156,7 @@ SCIPY = (
 )
 HIDDEN = """
 from pathlib import Path
+from stickslip.arrays import IntVector, Vector
 from stickslip.machine_code import shelf
 shelf.SHIPPED = Path({folder!r})
 """
@@ -219,18 +172,19 @@ def process(script: str, folder: str) -> float:
 
 def fresh_installations() -> list[str]:
     """The first process after an installation, by what came with it, and a second one."""
-    if not is_complete(shelf.SHIPPED / shelf.level()):
+    if not is_complete(shelf.level()):
         raise SystemExit("make machine-code first: the engine is not compiled ahead of time")
     lines = [
         "| a fresh installation: import, declare, one motion | machine code shipped, s | bitcode "
-        "shipped, s | by numba, s | second process, s | times SciPy |",
+        "shipped, s | compiled here, s | second process, s | times SciPy |",
         "|---|---|---|---|---|---|",
     ]
     with tempfile.TemporaryDirectory() as place:
         bitcode = Path(place) / "bitcode" / shelf.level()
         bitcode.mkdir(parents=True)
-        for file in (shelf.SHIPPED / shelf.level()).glob("*.bc"):
-            shutil.copy(file, bitcode)
+        for file in (shelf.SHIPPED / shelf.level()).iterdir():
+            if file.suffix != ".o":
+                shutil.copy(file, bitcode)
         for name, script in FIRST.items():
             seconds = []
             for shipped in (str(shelf.SHIPPED), str(bitcode.parent), place):
@@ -247,12 +201,76 @@ def fresh_installations() -> list[str]:
     return lines
 
 
+# What an edit changes: the file, what stands there, and what stands there afterwards.
+EDITS = {
+    "an edit of a comment": ("motion/engine/event_loop.py", "\n# ", "\n# Really: "),
+    "of a constant of one file": ("motion/steps/stiff.py", "\n_", "\n_NEW = 1\n_"),
+    "of a function of one file": (
+        "motion/engine/roots.py",
+        "        s = s * x + c[k]\n",
+        "        s = c[k] + s * x\n",
+    ),
+    "of a constant that many read": ("motion/steps/arrays.py", "ROUNDING = 64", "ROUNDING = 65"),
+}
+
+
+def compiled(python: str, module: str, source: Path) -> tuple[float, float, float]:
+    """Compile the engine of some sources: seconds of processors, of a clock, and the memory of the
+    largest process in MB."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    begun = time.perf_counter()
+    env = {**os.environ, "PYTHONPATH": str(source), "STICKSLIP_CACHE": str(source / "cache")}
+    subprocess.run([python, "-m", module], env=env, check=True, stderr=subprocess.DEVNULL)
+    wall = time.perf_counter() - begun
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+    return spent, wall, after.ru_maxrss / 1024.0
+
+
+def compilers(before: Path | None) -> list[str]:
+    """The engine from nothing and after edits."""
+    lines = [
+        "| compiling the engine | processor time, s | wall clock, s | memory of a process, MB |",
+        "|---|---|---|---|",
+    ]
+
+    def add(what: str, measured: tuple[float, float, float]) -> None:
+        lines.append(f"| {what} | {measured[0]:.1f} | {measured[1]:.1f} | {measured[2]:.0f} |")
+        print(lines[-1], flush=True)
+
+    def copied(package: Path, place: Path) -> Path:
+        ignored = shutil.ignore_patterns("__pycache__", "shipped")
+        shutil.copytree(package, place / "stickslip", ignore=ignored)
+        return place
+
+    with tempfile.TemporaryDirectory() as folder:
+        source = copied(Path(ss.__file__).parent, Path(folder) / "now")
+        module = "stickslip.machine_code.shipping"
+        add("from nothing", compiled(sys.executable, module, source))
+        add("nothing edited", compiled(sys.executable, module, source))
+        for what, (file, old, new) in EDITS.items():
+            path = source / "stickslip" / file
+            text = path.read_text(encoding="utf-8")
+            assert old in text
+            path.write_text(text.replace(old, new, 1), encoding="utf-8")
+            add(f"after {what}", compiled(sys.executable, module, source))
+        if before is not None:  # its memory is that of the larger
+            source = copied(before / "src" / "stickslip", Path(folder) / "before")
+            python = str(before / ".venv" / "bin" / "python")
+            add("before: from nothing, and after any edit", compiled(python, MODULE_BEFORE, source))
+    return lines
+
+
+MODULE_BEFORE = "stickslip.shipping"
+
+
 def main() -> None:
     """Run everything, print it and keep it."""
     from motion import machine  # here, so that a new process does not import all rivals
 
     lines = ["# How soon a new declaration moves", "", machine(), ""]
-    lines += [*fresh_installations(), "", *starts(), "", *speeds(), ""]
+    before = Path(sys.argv[1]) if len(sys.argv) > 1 else None
+    lines += [*compilers(before), "", *fresh_installations(), "", *starts(), "", *speeds(), ""]
     print("\n".join(lines))
     RESULTS.write_text("\n".join(lines), encoding="utf-8")
 

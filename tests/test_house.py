@@ -137,10 +137,11 @@ def defined_in(source: str) -> set[str]:
 
 
 def test_a_public_name_has_one_home() -> None:
-    """What is called by one name in two modules is either one thing, or deserves two names."""
+    """What is called by one name in two modules is either one thing, or deserves two names; the
+    translator knows nothing of the library, and could be lifted out with names of its own."""
     homes: dict[str, list[str]] = {}
     for module, path in MODULES.items():
-        if path.is_relative_to(SOURCE):
+        if path.is_relative_to(SOURCE) and not module.startswith("stickslip.translator"):
             for name in defined_in(path.read_text(encoding="utf-8")):
                 homes.setdefault(name, []).append(module)
     assert {name: places for name, places in homes.items() if len(places) > 1} == {}
@@ -159,6 +160,7 @@ def test_a_second_home_is_found() -> None:
 SHARED_TABLES = (
     "stickslip.equations.codegen",
     "stickslip.equations.native",
+    "stickslip.machine_code.interface",
     "stickslip.motion.steps.arrays",
 )
 MANY = 5

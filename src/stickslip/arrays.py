@@ -1,10 +1,11 @@
-"""The types of arrays in signatures."""
+"""Arrays: their types in signatures, and as compiled functions take them."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 Array = np.ndarray
 AnyArray = Any
@@ -19,6 +20,7 @@ Array4 = Annotated[np.ndarray, "f8:4"]
 IntVector = Annotated[np.ndarray, "i8:1"]
 IntMatrix = Annotated[np.ndarray, "i8:2"]
 IntArray3 = Annotated[np.ndarray, "i8:3"]
+Int32Vector = Annotated[np.ndarray, "i4:1"]
 ComplexVector = Annotated[np.ndarray, "c16:1"]
 ComplexMatrix = Annotated[np.ndarray, "c16:2"]
 ComplexArray3 = Annotated[np.ndarray, "c16:3"]
@@ -28,3 +30,17 @@ ByteMatrix = Annotated[np.ndarray, "i1:2"]
 _T = TypeVar("_T")
 Many = Annotated[_T, "many"]
 """``Many[Lane]`` is a ``Lane`` whose arrays all have one more axis, in front."""
+
+
+def plain_array(given: ArrayLike, kind: Any = float) -> Array:
+    """An array as compiled functions take it: in C order, aligned and writeable; it is the given
+    one where that is all this.
+
+    Parameters
+    ----------
+    given : array_like
+    kind : dtype
+        Of the entries.
+    """
+    array = np.ascontiguousarray(given, kind)
+    return array if array.flags.carray else array.copy()

@@ -1,2 +1,2 @@
-"""Independent oracles: closed forms and simple schemes that know nothing of the package under
-test."""
+"""Independent oracles: closed forms, simple schemes and interpreters, which share no code with what
+they judge."""

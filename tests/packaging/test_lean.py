@@ -10,7 +10,6 @@ from pathlib import Path
 import pytest
 
 from stickslip.errors import MissingPackageError, StickslipError, need
-from stickslip.machine_code import objects
 
 WITHOUT = """
 import sys
@@ -88,9 +87,3 @@ def test_what_is_missing_is_named() -> None:
     with pytest.raises(MissingPackageError, match=r'"stickslip\[maps\]"') as caught:
         need("a_package_that_nobody_has", "maps")
     assert isinstance(caught.value, StickslipError) and isinstance(caught.value, ImportError)
-
-
-def test_machine_code_is_kept_elsewhere_where_its_place_cannot_be_written(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("in the way", encoding="utf-8")
-    elsewhere = objects._folder(str(tmp_path / "file"))
-    assert elsewhere.is_dir() and not elsewhere.is_relative_to(tmp_path)

@@ -24,7 +24,9 @@ from stickslip.rate_independent.evolution.evolution import Evolution
 from stickslip.rate_independent.evolution.evolve import evolve
 from stickslip.rate_independent.evolution.history import History
 from stickslip.rate_independent.evolution.outcome import EvolutionOutcome
+from stickslip.rate_independent.sets.stable_sets import Boxes
 from stickslip.rate_independent.solvers.choose import choose_solver
+from stickslip.rate_independent.solvers.dense import BoxSteps
 
 STIFF = np.array([[2.0, 0.5, 0.0], [0.5, 1.5, -0.3], [0.0, -0.3, 1.0]])
 LOADS = ["3*sin(2*t)", "2*t", "-2*sin(3*t)"]
@@ -459,6 +461,25 @@ def test_every_kind_of_potential(kind: str) -> None:
     # ξ is the projection: ⟨A⁻¹(r − ξ), η − ξ⟩ ≤ 0 for every η in K, that is, Ψ(d) ≤ ⟨ξ, d⟩.
     d = np.linalg.solve(A, pulled - held)
     assert psi.value(0.0, d) - held @ d < 1e-7 * np.abs(d).max()
+
+
+def test_loads_and_bounds_in_any_form() -> None:
+    """Read-only, by columns or whole numbers: the steps are the same, and nothing of it changes."""
+    rng = np.random.default_rng(2)
+    loads = rng.integers(-9, 9, (40, 3)).astype(float)
+    upper = np.ones((1, 3))
+    states, effort = BoxSteps(STIFF).advance(np.zeros(3), loads, Boxes(-upper, upper))
+    assert effort.any()
+    columns = np.asfortranarray(loads)
+    columns.setflags(write=False)
+    start = np.zeros(3, int)
+    same = BoxSteps(np.asfortranarray(STIFF)).advance(
+        start, columns, Boxes(np.broadcast_to(-1.0, (1, 3)), np.ones((1, 3), int))
+    )
+    np.testing.assert_array_equal(same[0], states)
+    np.testing.assert_array_equal(same[1], effort)
+    np.testing.assert_array_equal(columns, loads)
+    assert not start.any()
 
 
 def test_which_solver_takes_what() -> None:

@@ -25,7 +25,7 @@ from stickslip.rate_independent.solvers.multigrid import (
     block_rows,
     lowest_along,
 )
-from stickslip.rate_independent.solvers.smoothing import minimise_block
+from stickslip.rate_independent.solvers.smoothing import BlockRows, make_block_space, relax
 
 clarabel: Any = import_module("clarabel")  # compiled, without types
 
@@ -167,8 +167,10 @@ def test_the_minimum_of_a_block_is_exact(seed: int, m: int) -> None:
     B = random_matrix(rng, m) * 10.0 ** rng.uniform(-6, 6)
     g = rng.normal(size=m)
     radius = np.linalg.norm(g) * rng.choice([0.0, 1e-9, 0.3, 1 - 1e-6, 1 - 1e-14, 1 + 1e-12])
-    x = np.full(m, np.nan)
-    minimise_block(B, g, radius, np.empty((m, m)), x, np.empty(m))
+    d = np.full((1, m), np.nan)
+    A = BlockRows(np.array([0, 1], np.int32), np.array([0], np.int32), B[None])
+    relax(A, g[None], np.array([-radius]), np.array([radius]), d, make_block_space(m))
+    (x,) = d
     if radius >= (1 - 1e-13) * np.linalg.norm(g):
         assert not x.any()
     else:
@@ -446,6 +448,21 @@ def test_operators_follow_the_moving_nodes(groups: int) -> None:
 def as_matrix(rows) -> sp.csr_array:
     n = (len(rows.start) - 1) * rows.value.shape[1]
     return sp.csr_array(sp.bsr_array((rows.value, rows.column, rows.start), shape=(n, n)))
+
+
+def test_arrays_that_are_not_to_be_written_to() -> None:
+    """Read-only, strided or integer numbers are as good as any others, and stay as they are."""
+    solver, A, x, y = membrane_solver(20)
+    r, weight = wave(x, y, 0.0)
+    r, weight = np.round(9.0 * r), np.round(weight) + 1.0
+    expected = solver.step(r, -weight, weight)
+    assert expected.delta.any()
+    kept = A.copy()
+    for part in (kept.data, kept.indices, kept.indptr, given := r.copy()):
+        part.setflags(write=False)
+    result = Multigrid(kept).step(given, -weight.astype(int), np.repeat(weight, 2)[::2])
+    assert np.array_equal(result.delta, expected.delta)
+    assert np.array_equal(given, r)
 
 
 def test_a_good_start_is_kept_and_a_bad_one_does_no_harm() -> None:

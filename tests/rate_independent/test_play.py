@@ -56,6 +56,8 @@ def test_clamp_writes_where_it_is_told() -> None:
     out = np.empty(50)
     assert clamp(L, L + 1, 0.0, out) is out
     assert np.array_equal(out, stepwise(L, L + 1, 0.0))
+    assert clamp(L, out, 0.0, out) is out  # over what it reads
+    assert np.array_equal(out, stepwise(L, stepwise(L, L + 1, 0.0), 0.0))
     assert np.array_equal(clamp([0.0, 1.0, -3.0], [np.inf, np.inf, -2.0], 0.5), [0.5, 1.0, -2.0])
 
 
@@ -75,6 +77,50 @@ def test_plays_are_clamps() -> None:
     assert start.sum() == 17  # the caller's positions are not moved
 
 
+def read_only(x: Array) -> Array:
+    x = x.copy()
+    x.setflags(write=False)
+    return x
+
+
+def misaligned(x: Array) -> Array:
+    memory = np.zeros(x.nbytes + 1, np.uint8)[1:]
+    memory[:] = x.view(np.uint8)
+    return memory.view(x.dtype)
+
+
+@pytest.mark.parametrize(
+    "kept",
+    [
+        read_only,
+        misaligned,
+        lambda x: np.repeat(x, 2)[::2],
+        lambda x: x[::-1].copy()[::-1],
+        lambda x: x.astype(x.dtype.newbyteorder()),
+        lambda x: x.astype(np.int32),
+        lambda x: x.tolist(),
+    ],
+    ids=["read-only", "misaligned", "strided", "backwards", "other bytes", "integers", "list"],
+)
+def test_however_numbers_are_kept(kept: Callable[[Array], Any]) -> None:
+    """Compiled functions take arrays in one form; what a user gives in another is the same."""
+    rng = np.random.default_rng(3)
+    load, low = rng.integers(-9, 9, (2, 51)).astype(float)
+    radii = rng.integers(0, 5, 6).astype(float)
+    weights = rng.integers(-5, 5, 6).astype(float)
+    high = low + 2.0
+    before = load.copy()
+    assert np.array_equal(clamp(kept(low), kept(high), 0.0), clamp(low, high, 0.0))
+    assert np.array_equal(
+        plays(kept(load), kept(radii), kept(weights)), plays(load, radii, weights)
+    )
+    assert np.array_equal(
+        prandtl_ishlinskii(kept(load), kept(radii), kept(weights), initial=kept(radii)),
+        prandtl_ishlinskii(load, radii, weights, initial=radii),
+    )
+    assert np.array_equal(load, before)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -87,6 +133,8 @@ def test_plays_are_clamps() -> None:
         (lambda: clamp([0], [1], np.nan), "initial: nan is no position"),
         (lambda: clamp([0], [1], 0.0, np.empty(2)), "out: .*shape"),
         (lambda: clamp([0], [1], 0.0, np.empty(1, np.float32)), "out: .*float32"),
+        (lambda: clamp([0, 0], [1, 1], 0.0, np.empty(4)[::2]), "out: .*contiguous and writeable"),
+        (lambda: clamp([0], [1], 0.0, read_only(np.empty(1))), "out: .*contiguous and writeable"),
         (lambda: plays([0, np.inf], [1]), "load: sample 1 is inf"),
         (lambda: plays([0, 1], [1, -2]), "radii: entry 1 is negative"),
         (lambda: plays([0, 1], [1, 2, 3], [0, 0]), "initial: there are 2, but 3 radii"),
@@ -100,6 +148,27 @@ def test_bad_arrays(call: Callable[[], object], message: str) -> None:
 
 
 # --- Polynomials on panels ------------------------------------------------------------------------
+
+
+def test_coefficients_in_any_order() -> None:
+    """Of the rows or of the columns first, and kept from change."""
+    rng = np.random.default_rng(5)
+    c = rng.normal(size=(9, 30)) * 0.5 ** np.arange(9)[:, None]
+    start, end = np.sort(rng.uniform(-1.0, 1.0, (2, 30)), axis=0)
+    other = np.asfortranarray(c)
+    other.setflags(write=False)
+    for call in (
+        lambda c: panels.sign_changes(c, 0.0),
+        lambda c: panels.restrict(c, start, end),
+        lambda c: panels.first_crossings(c, start, end),
+    ):
+        np.testing.assert_array_equal(call(c), call(np.asfortranarray(c)))
+        np.testing.assert_array_equal(call(c), call(other))
+    x = np.linspace(-1.0, 1.0, 7)[:, None]
+    within = start + 0.5 * (x + 1.0) * (end - start)
+    np.testing.assert_allclose(
+        panels.values(panels.restrict(c, start, end), x), panels.values(c, within), atol=1e-14
+    )
 
 
 def test_every_sign_change_is_found() -> None:

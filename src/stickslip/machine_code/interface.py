@@ -1,6 +1,6 @@
 """The functions of a system, as the engine calls them."""
 
-from __future__ import annotations
+# Annotations are what they name, not text: nothing is evaluated to read a signature.
 
 from functools import cache
 from typing import Any
@@ -29,9 +29,9 @@ def _caller(kind: type[SystemFunction]) -> Any:
     from stickslip.machine_code.objects import addresses
     from stickslip.machine_code.words import Prepared
     from stickslip.translator.modules import caller_of
-    from stickslip.translator.values import declared_type
+    from stickslip.translator.values import function_type
 
-    function = declared_type(kind)
+    function = function_type(kind)
     types = tuple(type_ for _, type_ in function.arguments)
     (address,) = addresses(caller_of(function), [f"call_{function.name}"])
     return Prepared(function.name, (function, *types), function.result, address)
@@ -67,7 +67,7 @@ class Jets(SystemFunction):
         ...
 
 
-class Residual(SystemFunction):
+class Residuals(SystemFunction):
     """Residual of the rate-independent coordinates."""
 
     @staticmethod
@@ -90,6 +90,10 @@ class Landings(Powers):
 
 
 INTERFACE: dict[str, type[SystemFunction]] = {
-    kind.__name__.lower(): kind for kind in (Setup, Jets, Residual, Powers, Landings)
+    "setup": Setup,
+    "jets": Jets,
+    "residual": Residuals,
+    "powers": Powers,
+    "landings": Landings,
 }
 """By name in the machine code of a system."""

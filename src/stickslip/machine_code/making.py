@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 
 from stickslip.machine_code.objects import LOOPS, Processor, emitted, module_of
 from stickslip.machine_code.store import keep, stored
-from stickslip.progress import watched
+from stickslip.progress import PATIENCE, watched
 
 _FEW = 200_000  # characters for which another process is not worth its start
 
 
-class Job(NamedTuple):
+class Compilation(NamedTuple):
     """A module to be compiled.
 
     Attributes
@@ -50,7 +50,7 @@ class Job(NamedTuple):
         return None if missing else stored(self.path, self.key)
 
 
-def make_one(job: Job) -> bytes:
+def make_one(job: Compilation) -> bytes:
     """The machine code of a module, which is kept."""
     module = module_of(job.text, job.here, LOOPS)
     if job.bitcode:
@@ -60,7 +60,7 @@ def make_one(job: Job) -> bytes:
     return code
 
 
-def make_all(jobs: list[Job], what: str) -> list[bytes]:
+def make_all(jobs: list[Compilation], what: str) -> list[bytes]:
     """The machine code of modules, from disk or new."""
     codes = [job.done() for job in jobs]
     left = [i for i, code in enumerate(codes) if code is None]
@@ -68,17 +68,21 @@ def make_all(jobs: list[Job], what: str) -> list[bytes]:
     left.sort(key=lambda i: -len(jobs[i].text))
     helper = _helper([jobs[i] for i in left[1::2]])
     mine = left if helper is None else left[0::2]
-    with watched(f"compiling {what}", patience=0.5) as show:
-        for count, i in enumerate(mine):
-            show(count / len(mine), Path(jobs[i].place).name.rpartition(".")[0])
-            codes[i] = make_one(jobs[i])
+    try:
+        with watched(f"compiling: {what}", patience=PATIENCE) as show:
+            for count, i in enumerate(mine):
+                show(count / len(mine), Path(jobs[i].place).name.rpartition(".")[0])
+                codes[i] = make_one(jobs[i])
+            if helper is not None:
+                helper.wait()
+    finally:
         if helper is not None:
-            helper.wait()
+            helper.terminate()
     # what the other process could not keep is made here
     return [code or jobs[i].done() or make_one(jobs[i]) for i, code in enumerate(codes)]
 
 
-def _helper(jobs: list[Job]) -> subprocess.Popen[bytes] | None:
+def _helper(jobs: list[Compilation]) -> subprocess.Popen[bytes] | None:
     """Another process that makes and keeps some modules; None if there is none."""
     if sum(len(job.text) for job in jobs) < _FEW or (os.cpu_count() or 1) < 2:
         return None

@@ -16,8 +16,8 @@ from llvmlite import binding as llvm
 
 from stickslip.machine_code.store import cache_folder, keep, stored
 
-# How hard LLVM's code generation works. Loops are optimised first. Straight code, as of a system, is
-# no faster for it; where it is long, anything but 0 would take longer than most motions.
+# How hard LLVM's code generation works. Loops are optimised first. Straight code, as of a system,
+# is no faster for it; where it is long, anything but 0 would take longer than most motions.
 LOOPS, STRAIGHT, LONG = 2, 1, 0
 _LONG = 400_000  # characters without tables, of straight code
 # What compiled functions may call of C's mathematical library.
@@ -26,7 +26,8 @@ MATHEMATICS: Sequence[str] = (
     "fmod frexp hypot ilogb ldexp log log10 log1p log2 pow round sin sinh sqrt tan tanh trunc"
 ).split()
 _LOCK = RLock()
-_kept: dict[str, Any] = {}  # what has been loaded, as long as the process lives
+_kept: dict[str, Any] = {}  # what has been loaded, by its assembly
+_in_memory: list[Any] = []  # everything that has been loaded: addresses of it are everywhere
 
 
 class Processor(NamedTuple):
@@ -91,9 +92,7 @@ def optimise(module: Any, target: Any, *, loops: bool = True, inlined: int = 225
     inlined : int
         Largest cost of a call that is inlined, as LLVM counts it.
     """
-    options = llvm.create_pipeline_tuning_options()
-    options.speed_level = 2
-    options.size_level = 0
+    options = llvm.create_pipeline_tuning_options(speed_level=2)
     options.inlining_threshold = inlined
     options.slp_vectorization = False
     options.loop_vectorization = loops
@@ -147,6 +146,7 @@ def loaded(codes: Iterable[bytes]) -> Any:
     for code in codes:
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
+    _in_memory.append(engine)
     return engine
 
 

@@ -1,10 +1,10 @@
 """Where the machine code of compiled functions comes from: shipped with the package, kept from an
 earlier run, or made now.
 
-All entries of the package are one *library*, an object for each source file. What is shipped is
-named by the sources it was made from and the processors it is for: machine code for the platform on
-which the package was built, and LLVM's bitcode for others. All processors of a level run the same
-code and have the same bits.
+Entries that are compiled together are a *library*, an object for each source file. What is shipped
+is named by the sources it was made from and the processors it is for: machine code for the platform
+on which the package was built, and LLVM's bitcode for others. All processors of a level run the
+same code and have the same bits.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import importlib
 import os
 import re
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 from llvmlite import binding as llvm
 
 from stickslip.machine_code.functions import Entry
-from stickslip.machine_code.making import Job, make_all
+from stickslip.machine_code.making import Compilation, make_all
 from stickslip.machine_code.objects import (
     LOOPS,
     MATHEMATICS,
@@ -42,25 +42,7 @@ SHIPPED = Path(__file__).parent / "shipped"
 # vectors of four numbers (Intel since 2013, AMD since 2015), and all others.
 FAST, PORTABLE = "x86-64-v3", "portable"
 FEATURES = ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsave")
-ENTRIES = tuple(
-    f"stickslip.{name}"
-    for name in (
-        "motion.between.dense",
-        "motion.between.step_balance",
-        "motion.between.trace",
-        "motion.engine.event_loop",
-        "motion.engine.flights",
-        "motion.engine.tables",
-        "orbits.fields.engine.interpreter",
-        "orbits.fields.engine.variations",
-        "orbits.settling.engine.attraction",
-        "orbits.settling.engine.exponents",
-        "orbits.settling.engine.measuring",
-        "orbits.settling.engine.settling",
-        "orbits.settling.engine.threads",
-    )
-)
-"""Modules of the package with functions that Python calls."""
+# What writes assembly, and is part of it.
 _WRITERS = ("stickslip.translator.modules", "stickslip.translator.runtime")
 _IMPORTED = re.compile(rb"\n(?:from|import) ([\w.]+)(?: import (?:\(([^)]*)\)|([^\n]*)))?")
 _PACKAGE = str(Path(__file__).parent.parent)
@@ -95,7 +77,42 @@ class Library(NamedTuple):
     modules: tuple[str, ...]
 
 
-ENGINE = Library("engine", ENTRIES)
+ENGINE = Library(
+    "engine",
+    tuple(
+        f"stickslip.{name}"
+        for name in (
+            "motion.between.dense",
+            "motion.between.step_balance",
+            "motion.between.trace",
+            "motion.engine.event_loop",
+            "motion.engine.flights",
+            "motion.engine.tables",
+            "orbits.fields.engine.interpreter",
+            "orbits.fields.engine.variations",
+            "orbits.settling.engine.attraction",
+            "orbits.settling.engine.exponents",
+            "orbits.settling.engine.measuring",
+            "orbits.settling.engine.settling",
+            "orbits.settling.engine.threads",
+        )
+    ),
+)
+EVOLUTION_SOLVERS = Library(
+    "evolutions",
+    tuple(
+        f"stickslip.rate_independent.{name}"
+        for name in (
+            "play.clamp",
+            "signals.chebyshev",
+            "solvers.active_set",
+            "solvers.smoothing",
+            "solvers.truncation",
+        )
+    ),
+)
+LIBRARIES = (ENGINE, EVOLUTION_SOLVERS)
+"""All modules of the package with functions that Python calls."""
 
 
 # -- loading ---------------------------------------------------------------------------------------
@@ -103,10 +120,17 @@ ENGINE = Library("engine", ENTRIES)
 
 def prepare(entry: Entry) -> Prepared:
     """An entry in memory."""
-    name = entry.__module__
-    library = ENGINE if name in ENTRIES else Library(name, (name,))
-    address = _in_memory(library).get_function_address(symbol_of(entry))
+    library = next((x for x in LIBRARIES if entry.__module__ in x.modules), None)
+    engine = _alone(entry) if library is None else _in_memory(library)
+    address = engine.get_function_address(symbol_of(entry))
     return Prepared(entry.__name__, *entry_types(entry), address)
+
+
+def _alone(entry: Entry) -> Any:
+    """An entry that is not of the package, in memory: translated in each process, compiled once."""
+    find_functions(MATHEMATICS)
+    jobs = jobs_of([entry], cache_folder(), target_of(level()))
+    return loaded(make_all(jobs, entry.__name__))
 
 
 @cache
@@ -210,7 +234,7 @@ def make(library: Library, folder: Path, here: Processor, ship: bool = False) ->
         codes = None if ship else _listed(library, folder, digest(sources, here), ".o", False)
         if codes is not None:
             return codes
-        jobs = jobs_of(library, folder, here, ship)
+        jobs = jobs_of(entries_of(library), folder, here, ship)
         codes = make_all(jobs, library.name)
         parts = [(Path(job.place).name, job.key) for job in jobs]
         _keep_list(library, folder, digest(sources, here), parts)
@@ -220,30 +244,32 @@ def make(library: Library, folder: Path, here: Processor, ship: bool = False) ->
     return codes
 
 
-def clean(library: Library, folder: Path, here: Processor) -> None:
-    """Remove from a folder of shipped code what does not belong to a library."""
-    sources = source_digest(library)
-    keys = digest(sources, here), digest(sources, "bitcode")
-    lists = [_list_path(library, folder, key) for key in keys]
-    names = {
-        line.split(" ")[0] for line in (stored(lists[0], keys[0]) or b"").decode().splitlines()
-    }
-    wanted = {path.name for path in lists} | {_VERSION}
-    wanted |= {f"{name}{kind}" for name in names for kind in (".o", ".bc")}
+def clean(folder: Path, here: Processor, libraries: Sequence[Library] = LIBRARIES) -> None:
+    """Remove from a folder of shipped code what does not belong to the libraries."""
+    wanted = {_VERSION}
+    for library in libraries:
+        sources = source_digest(library)
+        for key in (digest(sources, here), digest(sources, "bitcode")):
+            path = _list_path(library, folder, key)
+            lines = (stored(path, key, trusted=True) or b"").decode().splitlines()
+            names = [line.split(" ")[0] for line in lines]
+            wanted |= {path.name, *(f"{name}{kind}" for name in names for kind in (".o", ".bc"))}
     for path in folder.iterdir():
         if path.name not in wanted:
             path.unlink()
 
 
-def jobs_of(library: Library, folder: Path, here: Processor, ship: bool = False) -> list[Job]:
-    """What is to be compiled: a module for each source file."""
+def jobs_of(
+    entries: Sequence[Entry], folder: Path, here: Processor, ship: bool = False
+) -> list[Compilation]:
+    """What is to be compiled for some entries: a module for each source file."""
     from stickslip.translator.modules import Program
 
-    jobs = list[Job]()
-    for file, text in Program(entries_of(library)).modules().items():
+    jobs = list[Compilation]()
+    for file, text in Program(entries).modules().items():
         key = digest(text, here, LOOPS)
         place = folder / f"{Path(file).parent.name}.{Path(file).stem}.{key[:24]}"
-        jobs.append(Job(text, str(place), key, here, ship))
+        jobs.append(Compilation(text, str(place), key, here, ship))
     return jobs
 
 
@@ -295,12 +321,5 @@ def _files_of(name: str, folder: str, inside: Iterable[str] = ()) -> list[str]:
     return [file] if file.startswith(folder) and file.endswith(".py") else []
 
 
-@cache
-def _say() -> None:
-    """Say once what takes its time."""
-    if sys.stderr.isatty():
-        print("stickslip: compiling for this machine, once ...", file=sys.stderr)
-
-
-# Who is told before something is compiled, or waited for.
-listeners: list[Callable[[], None]] = [_say]
+listeners: list[Callable[[], None]] = []
+"""Who is told before something is compiled, or waited for."""

@@ -246,7 +246,7 @@ class Prepared:
         """
         found = self.words(arguments)
         if found is None:
-            raise TypeError(f"{self._name}: {difference(self._type, arguments, 'arguments')}")
+            raise TypeError(f"{self._name}: {mismatch(self._type, arguments, 'arguments')}")
         return self.run(found)
 
     def words(self, arguments: tuple[Any, ...]) -> Any:
@@ -301,7 +301,7 @@ def _fits(array: Any, kind: ArrayType) -> bool:
     return same and (isinstance(array, Elsewhere) or array.flags.carray)
 
 
-def difference(type_: Any, value: Any, name: str) -> str:
+def mismatch(type_: Any, value: Any, name: str) -> str:
     """Where a value is not of a type, in words."""
     if not isinstance(type_, TupleType) or not isinstance(value, tuple):
         if isinstance(type_, ArrayType) and isinstance(value, np.ndarray):
@@ -316,7 +316,7 @@ def difference(type_: Any, value: Any, name: str) -> str:
     names = getattr(type_.kind, "_fields", range(len(value)))
     for part, inner, key in zip(value, type_.parts, names, strict=True):
         if by_python(TupleType(tuple, (inner,)), (part,)) is None:
-            return difference(inner, part, f"{name}.{key}")
+            return mismatch(inner, part, f"{name}.{key}")
     return f"{name} cannot be taken"
 
 

@@ -573,10 +573,6 @@ class TableRow(Function):
         """From piece to piece."""
         return True
 
-    def compiled(self, argument: str) -> str:
-        """Samples have machine code of their own, on this processor alone."""
-        raise DeclarationError("samples", "they cannot be moved to a GPU", "Leave out --device gpu")
-
     def enclosed(self, a: Interval) -> Interval:
         """What its values lie in, exactly."""
         return self.pieces.bounds(a, self.side, self.order)

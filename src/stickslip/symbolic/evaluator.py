@@ -17,7 +17,7 @@ from stickslip.arrays import Array
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
-from stickslip.symbolic.scalars import SourceText, element
+from stickslip.symbolic.scalars import Scalar, element
 from stickslip.symbolic.tape import scalars_of
 
 NumericFunction = Callable[[ArrayLike], Array]
@@ -54,8 +54,8 @@ def _evaluator(
     expressions: tuple[Expr, ...], names: tuple[str, ...], strict: bool
 ) -> NumericFunction:
     values = scalars_of(expressions, {name: element("v", i) for i, name in enumerate(names)})
-    written = SourceText(arrays=True)
-    results = [written.text(values[e]) for e in expressions]
+    written = _Text()
+    results = [written.of(values[e]) for e in expressions]
     lines = written.lines
     if strict:
         lines = ["{} = finite({})".format(*line.split(" = ", 1)) for line in lines]
@@ -74,6 +74,49 @@ def _evaluator(
             return fill(v, np.empty((count, *v.shape[1:])))
 
     return function
+
+
+class _Text:
+    """Values as source text: of numbers, entries of an array, and what formulas are made of.
+
+    Attributes
+    ----------
+    lines : list of str
+        Statements so far.
+    """
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+        self._variables: dict[Scalar, str] = {}
+
+    def of(self, s: Scalar) -> str:
+        """Text of a value; what is kept gets a variable before."""
+        match s.op:
+            case "number":
+                return repr(s.value)
+            case "entry":
+                return f"{s.name}[{', '.join(map(str, s.index))}]"
+            case "kept":
+                return self._variable(s)
+            case "sum":
+                return " + ".join(map(self._part, s.args))
+            case "product":
+                return "*".join(map(self._part, s.args))
+            case "sign":
+                guard, above, below = map(self.of, s.args)
+                return f"where({guard} >= 0.0, {above}, {below})"
+        return f"{s.name or s.op}({', '.join(map(self.of, s.args))})"
+
+    def _part(self, s: Scalar) -> str:
+        """Text of an operand, in brackets where it is a sum."""
+        return f"({self.of(s)})" if s.op == "sum" else self.of(s)
+
+    def _variable(self, s: Scalar) -> str:
+        if s not in self._variables:
+            text = self.of(s.args[0])
+            self._variables[s] = f"s{len(self._variables)}"
+            self.lines.append(f"{self._variables[s]} = {text}")
+        return self._variables[s]
 
 
 def _finite(values: Array) -> Array:

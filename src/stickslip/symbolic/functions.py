@@ -17,7 +17,6 @@ their own. Whatever is not of this table is structure, not a function: sums and 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,7 +27,6 @@ if TYPE_CHECKING:
     from stickslip.symbolic.expressions import Expr
     from stickslip.symbolic.intervals import Interval
 
-_NAME = re.compile(r"\b[A-Za-z_]\w*")
 ARGUMENT = "'x"
 """The argument in the formula of a derivative: no formula of a user can name it."""
 _QUARTER = math.pi / 2.0
@@ -161,14 +159,6 @@ class Function:
 
         made = evaluator([self.made_of], [ARGUMENT])
         return lambda x: made(np.asarray(x)[None])[0]
-
-    def compiled(self, argument: str) -> str:
-        """Source text of its value for numba, from that of the argument."""
-        if not self.formula:
-            return f"math.{self.name}({argument})"
-        inside = {"x": f"({argument})"}
-        text = _NAME.sub(lambda name: inside.get(name[0], f"math.{name[0]}"), self.formula)
-        return f"({text})"
 
     @property
     def in_latex(self) -> str:

@@ -5,8 +5,7 @@ k-th coefficient from coefficients of order at most k of earlier rows. A value t
 parameters only is a constant ``K[i]``.
 
 The tape is data, made from the expression tree alone. It is written down as machine code
-(:mod:`stickslip.equations.native`) and as Python source
-(:mod:`stickslip.equations.codegen.printer`), and packed into arrays
+(:mod:`stickslip.equations.native`), and packed into arrays
 (:mod:`stickslip.equations.codegen.program`), which the engine interprets where it asks other
 questions of the same equations: how large can a row become, is it affine? What is needed at one
 instant alone is lowered to scalars.
@@ -25,7 +24,7 @@ from stickslip.symbolic.enclosures import slope_of_function
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS, Function
 from stickslip.symbolic.intervals import FLOATS
-from stickslip.symbolic.scalars import Scalar, Store, added, element, literal, numeral
+from stickslip.symbolic.scalars import Scalar, Store, added, element, numeral
 
 ORIGIN = "t'0"
 """The time at which the clock starts, as a parameter: no formula can name it."""
@@ -155,10 +154,6 @@ class ParameterExpressions:
     def scalar(self, e: Expr) -> Scalar:
         """A constant as a number or as ``K[i]``."""
         return numeral(ex.number(e)) if e.op == "num" else element("K", self.slot(e))
-
-    def code(self, e: Expr) -> str:
-        """Text of a constant: a literal or ``K[i]``."""
-        return literal(ex.number(e)) if e.op == "num" else f"K[{self.slot(e)}]"
 
     def is_constant(self, e: Expr) -> bool:
         """Whether the expression depends on parameters only."""

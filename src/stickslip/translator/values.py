@@ -111,9 +111,7 @@ def declared_type(hint: Any) -> Type:
     elif get_args(hint) and not notes:
         found = TupleType(tuple, tuple(map(declared_type, get_args(hint))))
     elif isinstance(base, type) and issubclass(base, FunctionAddress):
-        hints = get_type_hints(base.signature, include_extras=True)
-        kinds = {name: declared_type(kind) for name, kind in hints.items()}
-        found = FunctionType(base, kinds.pop("return"), tuple(kinds.items()))
+        found = function_type(base)
     for note in notes:
         if note == "many":
             found = with_axis(found)
@@ -125,6 +123,13 @@ def declared_type(hint: Any) -> Type:
     if found is None:
         raise TypeError(f"compiled functions take no {hint}")
     return found
+
+
+def function_type(kind: type[FunctionAddress]) -> FunctionType:
+    """The type of a function outside, by its signature."""
+    hints = get_type_hints(kind.signature, include_extras=True)
+    types = {name: declared_type(hint) for name, hint in hints.items()}
+    return FunctionType(kind, types.pop("return"), tuple(types.items()))
 
 
 def entry_types(function: Compiled) -> tuple[tuple[Type, ...], Type]:

@@ -1,1 +1,1 @@
-"""Equations of one mode as source text, written out and compiled."""
+"""What the functions of a system compute, as data."""

@@ -1,2 +1,2 @@
 """The functions of a system as machine code: LLVM's assembly language, written from the tape and
-from the routines, and compiled without a detour through Python source."""
+from the routines."""

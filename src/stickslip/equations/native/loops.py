@@ -172,10 +172,8 @@ def _invert() -> Assembly:
 
 
 def _definite() -> Assembly:
-    """Whether the leading n×n block of A is positive definite; R is work space.
-
-    The same steps as :func:`stickslip.equations.codegen.series.definite`.
-    """
+    """Whether the leading n×n block of a symmetric A is positive definite: the pivots of
+    elimination, in R, are positive and no rounding errors."""
     f = Assembly("definite", "ptr %A, i64 %a, i64 %n, ptr %R, i64 %r", WHOLE, inside=True)
 
     def entry(name: str, i: str, j: str) -> str:

@@ -1,8 +1,8 @@
 """Operations of the tape as machine code: order k of every row from lower orders.
 
-The mathematics is that of :mod:`stickslip.equations.codegen.series`. Written out, each coefficient
-is a register, and what is zero is not there; where that would be too long, coefficients stand in
-memory and a loop runs over the orders, up to four times as slowly.
+W[row, k] is the k-th Taylor coefficient of a row (Jorba & Zou 2005, section 2). Written out, each
+coefficient is a register, and what is zero is not there; where that would be too long, coefficients
+stand in memory and a loop runs over the orders, up to four times as slowly.
 """
 
 from __future__ import annotations
@@ -14,15 +14,7 @@ from typing import Any
 
 from stickslip.equations.codegen.generate import ORDERS, Generated
 from stickslip.equations.codegen.program import rows_made, rows_read
-from stickslip.equations.codegen.series import (
-    FARTHEST,
-    INDEFINITE,
-    MOST_TURNS,
-    NEAR,
-    NEAREST,
-    SINGULAR,
-    SPREAD,
-)
+from stickslip.equations.codegen.series import INDEFINITE, SINGULAR
 from stickslip.equations.native.assembly import REAL, Operand, Pair, constant
 from stickslip.equations.native.routines import Routine
 from stickslip.equations.native.tables import (
@@ -41,6 +33,12 @@ _OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
 _NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a speed is zero
 _SMALL = 8  # rows of a matrix up to this length are written out
 _MOST_PRODUCTS = 4000  # that are written out; beyond, compiling them would take too long
+# Where a search for a zero begins: the largest number, and the least that has all its digits.
+_FARTHEST = 1.7976931348623157e308
+_NEAREST = 2.2250738585072014e-308
+_MOST_TURNS = 240  # of the search for a zero: enough for bisection down to rounding
+_SPREAD = 16.0  # ratio of the ends of a bracket from which Newton's method is tried
+_NEAR = 1e-9  # relative step of Newton's method behind which rounding comes
 Order = int | str
 """A number, or the register of the loop."""
 
@@ -494,15 +492,34 @@ def _implicit(s: Series, i: Instruction, k: Order) -> None:
         g, slope = map(s.scalar, i.zero)
         return list(_closer(s, (low, high, last, v), g, slope))
 
-    first = ((REAL, -FARTHEST), (REAL, FARTHEST), (REAL, math.inf), (REAL, 0.0), ("i1", 1))
-    *_, v, going = s.loop(0, MOST_TURNS, step, *first, going=4)
+    first = ((REAL, -_FARTHEST), (REAL, _FARTHEST), (REAL, math.inf), (REAL, 0.0), ("i1", 1))
+    *_, v, going = s.loop(0, _MOST_TURNS, step, *first, going=4)
     s.put(i.row, 0, s.choose(going, math.nan, v))
 
 
 def _closer(
     s: Series, carried: tuple[Operand, Operand, Operand, Operand], g: Operand, slope: Operand
 ) -> tuple[Operand, ...]:
-    """A step towards a zero, as :func:`stickslip.equations.codegen.series.closer` has it."""
+    """A step towards the zero of an increasing function.
+
+    Rates may have any order of magnitude: a bracket is halved in ln|v| until its ends are of one
+    sign and near each other. Then Newton's steps follow, as long as each halves the function.
+
+    Parameters
+    ----------
+    s : Series
+    carried : tuple of Operand
+        The bracket, the whole line at the start; the modulus of the function before, if that was a
+        step of Newton's, or infinity; and where the function was asked, 0 at the start.
+    g, slope : Operand
+        The function and its slope there.
+
+    Returns
+    -------
+    tuple of Operand
+        The same for the next step, and whether there is one. Where the function is NaN, or where it
+        falls, the next place is NaN.
+    """
     low, high, last, v = carried
 
     def either(a: str, b: str) -> str:
@@ -515,17 +532,17 @@ def _closer(
     high = s.choose(s.test("ogt", g, 0.0), v, high)
     a, b = s.modulus(low), s.modulus(high)
     most = greater(a, b)
-    least = greater(s.choose(s.test("ogt", a, b), b, a), NEAREST)
+    least = greater(s.choose(s.test("ogt", a, b), b, a), _NEAREST)
     apart = s.both(s.test("olt", low, 0.0), s.test("ogt", high, 0.0))
     root = s.times(s.call("llvm.sqrt.f64", least), s.call("llvm.sqrt.f64", most))
     signed = s.choose(s.test("olt", low, 0.0), s.negative(root), root)
     middle = s.choose(apart, 0.0, signed)
-    close = s.test("ole", most, s.times(SPREAD, least))
+    close = s.test("ole", most, s.times(_SPREAD, least))
     narrow = s.both(s.new(f"xor i1 {apart}, true"), close)
     step = s.negative(s.over(g, slope))
     newton = s.add(v, step)
     there = s.test("oeq", g, 0.0)
-    near = s.both(narrow, s.test("ole", s.modulus(step), s.times(NEAR, s.modulus(v))))
+    near = s.both(narrow, s.test("ole", s.modulus(step), s.times(_NEAR, s.modulus(v))))
     size = s.modulus(g)
     inside = s.both(s.test("olt", low, newton), s.test("olt", newton, high))
     good = s.both(s.both(narrow, inside), s.test("ole", size, s.times(0.5, last)))

@@ -134,6 +134,8 @@ class Routine(Assembly):
                 return self.by_mode_of(s.index[0], *x)
             case "region":
                 return self.choose(self.is_above(s.index[0]), *x)
+            case "sign":
+                return self.choose(self.test("oge", x[0], 0.0), *x[1:])
             case "real_power":
                 return self._power(*x)
             case "first_power":

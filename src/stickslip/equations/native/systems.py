@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -47,13 +46,6 @@ class CompiledSystem:
     def layout(self) -> Layout:
         """Where the engine finds things."""
         return self.generated.layout
-
-    @cached_property
-    def by_numba(self) -> Any:
-        """The same functions as numba compiles them from Python source."""
-        from stickslip.equations.codegen.compiled import source_module
-
-        return source_module(self.generated)
 
 
 _compiled: WeakKeyDictionary[Declaration, CompiledSystem] = WeakKeyDictionary()

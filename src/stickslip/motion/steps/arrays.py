@@ -9,7 +9,7 @@ import numpy as np
 
 from stickslip.arrays import Array, ByteMatrix, IntMatrix, IntVector, Matrix, Vector
 from stickslip.equations.codegen.program import Program
-from stickslip.machine_code.interface import Jets, Landings, Powers, Residual
+from stickslip.machine_code.interface import Jets, Landings, Powers, Residuals
 from stickslip.translator import compiled, row_of
 
 # Codes of motion.outcome.Outcome, and one that asks to be called again with a new record.
@@ -339,7 +339,7 @@ class Machine(NamedTuple):
     """
 
     jets: Jets
-    residual: Residual
+    residual: Residuals
     powers: Powers
     landings: Landings
 

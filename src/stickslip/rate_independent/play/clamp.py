@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip.arrays import Array
+from stickslip.arrays import Array, Matrix, Vector, plain_array
 from stickslip.errors import DeclarationError
-from stickslip.machine_code.functions import njit
+from stickslip.machine_code.functions import entry_point
+from stickslip.translator import compiled
 
 
-@njit(cache=True, inline="always")
+@compiled(inline=True)
 def _clamped(y: float, low: float, high: float) -> float:
     # Two selections without a branch: where loads are noisy, a branch would be guessed wrong most
     # of the time.
@@ -25,45 +26,24 @@ def _clamped(y: float, low: float, high: float) -> float:
     return high if y > high else y
 
 
-@njit(cache=True)
-def _two_by_two(
-    L: Array, U: Array, M: Array, V: Array, z: Array, w: Array, y: float
-) -> tuple[float, int]:
-    """Samples (L, U) and (M, V) in turn, with states z and w: the last state, and how many have no
-    L <= U.
-
-    Parameters
-    ----------
-    L, U, M, V : array, shape (k,)
-        Bounds at every other sample, and at those that follow them.
-    z, w : array, shape (k,)
-        Written.
-    y : float
-        State before the first sample.
-    """
-    wrong = 0
-    for k in range(len(L)):
-        low = L[k]
-        high = U[k]
-        next_low = M[k]
-        next_high = V[k]
-        z[k] = _clamped(y, low, high)
-        w[k] = y = _clamped(
-            y, _clamped(low, next_low, next_high), _clamped(high, next_low, next_high)
-        )
-        wrong += (not low <= high) | (not next_low <= next_high)
-    return y, wrong
-
-
-@njit(cache=True)
-def clamp_samples(L: Array, U: Array, y: float, z: Array) -> int:
+@entry_point()
+def clamp_samples(L: Vector, U: Vector, y: float, z: Vector) -> int:
     """Write the states to z (shapes (n,)), starting from y; return how many pairs of samples have
     no L <= U."""
-    n = len(L) // 2 * 2
-    y, wrong = _two_by_two(L[0:n:2], U[0:n:2], L[1:n:2], U[1:n:2], z[0:n:2], z[1:n:2], y)
-    if n < len(L):
-        z[n] = _clamped(y, L[n], U[n])
-        wrong += not L[n] <= U[n]
+    wrong = 0
+    for k in range(0, len(L) - 1, 2):
+        low = L[k]
+        high = U[k]
+        next_low = L[k + 1]
+        next_high = U[k + 1]
+        z[k] = _clamped(y, low, high)
+        y = _clamped(y, _clamped(low, next_low, next_high), _clamped(high, next_low, next_high))
+        z[k + 1] = y
+        wrong += int(not low <= high or not next_low <= next_high)
+    if len(L) % 2 == 1:
+        last = len(L) - 1
+        z[last] = _clamped(y, L[last], U[last])
+        wrong += int(not L[last] <= U[last])
     return wrong
 
 
@@ -80,7 +60,7 @@ def clamp(lower: ArrayLike, upper: ArrayLike, initial: float, out: Array | None 
     initial : float
         z before the first sample.
     out : array, shape (n,), optional
-        Where to write; contiguous float64.
+        Where to write; contiguous, aligned and writeable float64.
 
     Returns
     -------
@@ -100,9 +80,11 @@ def clamp(lower: ArrayLike, upper: ArrayLike, initial: float, out: Array | None 
     if not np.isfinite(initial):
         raise DeclarationError("initial", f"{initial} is no position", "Give a finite number")
     z = np.empty_like(L) if out is None else out
-    if z.shape != L.shape or z.dtype != np.float64 or not z.flags.c_contiguous:
+    if z.shape != L.shape or z.dtype != np.float64 or not z.flags.carray:
         raise DeclarationError(
-            "out", f"it has the shape {z.shape}, type {z.dtype}", f"Give {L.shape} numbers float64"
+            "out",
+            f"it has the shape {z.shape}, type {z.dtype}",
+            f"Give {L.shape} numbers float64, contiguous and writeable",
         )
     if clamp_samples(L, U, float(initial), z):
         k = int(np.argmax(~(L <= U)))
@@ -118,8 +100,8 @@ def clamp(lower: ArrayLike, upper: ArrayLike, initial: float, out: Array | None 
     return z
 
 
-@njit(cache=True, fastmath={"reassoc", "nsz"})
-def _weighted_sum(load: Array, r: Array, w: Array, z: Array, out: Array) -> None:
+@entry_point(relaxed=("nsz", "reassoc"))
+def _weighted_sum(load: Vector, r: Vector, w: Vector, z: Vector, out: Vector) -> None:
     """Σ wᵢ zᵢ at every sample, for many plays under one load.
 
     Parameters
@@ -134,17 +116,21 @@ def _weighted_sum(load: Array, r: Array, w: Array, z: Array, out: Array) -> None
         x = load[k]
         total = 0.0
         for i in range(len(r)):
-            z[i] = y = _clamped(z[i], x - r[i], x + r[i])
+            y = _clamped(z[i], x - r[i], x + r[i])
+            z[i] = y
             total += w[i] * y
         out[k] = total
 
 
-@njit(cache=True)
-def _each(load: Array, r: Array, z: Array, out: Array) -> None:
+@entry_point()
+def _each(load: Vector, r: Vector, z: Vector, out: Matrix) -> None:
+    """The plays themselves: row k of `out` has their positions at sample k."""
     for k in range(len(load)):
         x = load[k]
         for i in range(len(r)):
-            out[k, i] = z[i] = _clamped(z[i], x - r[i], x + r[i])
+            y = _clamped(z[i], x - r[i], x + r[i])
+            z[i] = y
+            out[k, i] = y
 
 
 def plays(load: ArrayLike, radii: ArrayLike, initial: ArrayLike = 0.0) -> Array:
@@ -240,7 +226,7 @@ def _bank(load: ArrayLike, radii: ArrayLike, initial: ArrayLike) -> tuple[Array,
 
 
 def samples(given: Any, where: str, finite: bool = False) -> Array:
-    """The numbers as a contiguous array of shape (n,).
+    """The numbers as an array of shape (n,) that compiled functions take.
 
     Raises
     ------
@@ -248,7 +234,7 @@ def samples(given: Any, where: str, finite: bool = False) -> Array:
         If they are no numbers, or (if asked) one is not finite; its index is named.
     """
     try:
-        values = np.ascontiguousarray(given, dtype=np.float64)
+        values = plain_array(given)
     except (TypeError, ValueError):
         raise DeclarationError(
             where, f"a {type(given).__name__} of something is no array of numbers", "Give numbers"

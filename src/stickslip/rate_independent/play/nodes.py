@@ -228,7 +228,7 @@ def _walk(bounds: PlayBounds, start: Array, end: Array, last: Last) -> tuple[Nod
     low, high = _joined(panel, x, L, U, last, noise)
     z = np.empty(len(x) + 1)
     z[0] = last.z
-    clamp_samples(low, high, last.z, z[1:])
+    clamp_samples(low, high, float(last.z), z[1:])
     # Interval k ends at place k. It lies in one panel, or it is an edge, of no duration, at which z
     # may jump.
     begin = np.concatenate([start[:1], _time(x, panel, start, end)[:-1]])

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebval, chebvander
 
-from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
+from stickslip.arrays import Array, Array3, IntVector, Matrix, Vector, plain_array
+from stickslip.machine_code.functions import entry_point
+from stickslip.translator import compiled
 
 Growth = Callable[[Array, Array, Array], Array]
 
@@ -35,6 +37,9 @@ _SAME = 2.0**-40  # distance of two corners in parts of the whole, below which t
 _CLUSTER = 250  # panels that gather around one corner, at most
 _PASSES = 6
 _MOST_HALVINGS = 52  # of a panel, in search of zeros
+_SMALLEST_HALF = 2.0**-_MOST_HALVINGS  # half the width of what is left then
+# Columns of ZeroSearch.place.
+_MIDDLE, _HALF, _BEGIN, _END = range(4)
 # radii of discs around panels, in units of half their width, that may show what a fit can miss
 _REACHES = (8.0, 4.0)
 # How close to an end a fit is checked, as long as corners are known roughly, and afterwards.
@@ -98,23 +103,49 @@ def derivatives(c: Array) -> Array:
 def restrict(c: Array, start: Array, end: Array) -> Array:
     """The polynomials on subintervals [start, end] of [−1, 1], in their own coordinate from −1 to
     1."""
+    m = len(c)
     out = np.empty(c.shape)
-    _restrict(np.ascontiguousarray(c), start, end, nodes(len(c)), transform(len(c)), out)
+    _restrict(
+        plain_array(c.T),
+        plain_array(start),
+        plain_array(end),
+        nodes(m),
+        transform(m),
+        np.empty(m),
+        out,
+    )
     return out
 
 
-@njit(cache=True)
+@entry_point()
 def _restrict(
-    c: Array, start: Array, end: Array, nodes: Array, transform: Array, out: Array
+    c: Matrix,
+    start: Vector,
+    end: Vector,
+    nodes: Vector,
+    transform: Matrix,
+    sampled: Vector,
+    out: Matrix,
 ) -> None:
-    m = len(c)
-    own, sampled = np.empty(m), np.empty(m)
-    for p in range(c.shape[1]):
-        own[:] = c[:, p]
+    """Restrict polynomials.
+
+    Parameters
+    ----------
+    c : array, shape (panels, m)
+        Their coefficients, one row per panel.
+    start, end : array, shape (panels,)
+    nodes, transform : array, shapes (m,), (m, m)
+        See the functions of these names.
+    sampled : array, shape (m,)
+        Work space.
+    out : array, shape (m, panels)
+        Written.
+    """
+    m = len(nodes)
+    for p in range(len(c)):
         for j in range(m):
-            sampled[j] = _value(
-                own, 0.5 * (start[p] + end[p]) + 0.5 * (end[p] - start[p]) * nodes[j]
-            )[0]
+            x = 0.5 * (start[p] + end[p]) + 0.5 * (end[p] - start[p]) * nodes[j]
+            sampled[j] = _value(c[p], x)
         for k in range(m):
             total = 0.0
             for j in range(m):
@@ -122,16 +153,27 @@ def _restrict(
             out[k, p] = total
 
 
-@njit(cache=True)
-def _value(c: Array, x: float) -> tuple[float, float]:
+@compiled()
+def _value(c: Vector, x: float) -> float:
+    """Value (Clenshaw)."""
+    value, _ = _value_and_slope(c, x)
+    return value
+
+
+@compiled()
+def _value_and_slope(c: Vector, x: float) -> tuple[float, float]:
     """Value and derivative (Clenshaw)."""
     value = 0.0
     before = 0.0
     slope = 0.0
     slope_before = 0.0
     for k in range(len(c) - 1, 0, -1):
-        slope, slope_before = 2.0 * value + 2.0 * x * slope - slope_before, slope
-        value, before = c[k] + 2.0 * x * value - before, value
+        next_slope = 2.0 * value + 2.0 * x * slope - slope_before
+        slope_before = slope
+        slope = next_slope
+        next_value = c[k] + 2.0 * x * value - before
+        before = value
+        value = next_value
     return c[0] + x * value - before, value + x * slope - slope_before
 
 
@@ -329,29 +371,77 @@ def sign_changes(c: Array, negligible: float) -> tuple[Array, Array]:
         In order.
     """
     m, count = c.shape
-    panel = np.empty(m * count, np.intp)
+    panel = np.empty(m * count, np.int64)
     x = np.empty(m * count)
-    found = _sign_changes(np.ascontiguousarray(c), _halves(m), negligible, panel, x) if m > 1 else 0
+    found = (
+        _sign_changes(plain_array(c.T), _halves(m), negligible, _zero_search(m), panel, x)
+        if m > 1
+        else 0
+    )
     return panel[:found].copy(), x[:found].copy()
 
 
-@njit(cache=True)
-def _sign_changes(c: Array, halves: Array, negligible: float, panel: Array, x: Array) -> int:
-    m = len(c)
+class ZeroSearch(NamedTuple):
+    """Work space of a search for changes of sign: what is still to be looked at.
+
+    Attributes
+    ----------
+    stack : array, shape (depth, m)
+        Polynomials.
+    place : array, shape (depth, 4)
+        MIDDLE and HALF the width of their intervals, and the values where these BEGIN and END:
+        neighbours share them, so that no change of sign falls between two.
+    whole : array, shape (m,)
+        The polynomial that is being halved.
+    """
+
+    stack: Matrix
+    place: Matrix
+    whole: Vector
+
+
+def _zero_search(m: int) -> ZeroSearch:
+    """Work space for polynomials with m coefficients."""
+    depth = _MOST_HALVINGS + 2
+    return ZeroSearch(np.empty((depth, m)), np.empty((depth, 4)), np.empty(m))
+
+
+@entry_point()
+def _sign_changes(
+    c: Matrix, halves: Array3, negligible: float, search: ZeroSearch, panel: IntVector, x: Vector
+) -> int:
+    """Find the changes of sign.
+
+    Parameters
+    ----------
+    c : array, shape (panels, m)
+        Coefficients, one row per panel.
+    halves : array, shape (2, m, m)
+        See the function of this name.
+    negligible : float
+    search : ZeroSearch
+    panel, x : array, shape (m panels,)
+        Written.
+
+    Returns
+    -------
+    int
+        How many there are.
+    """
+    m = c.shape[1]
+    stack = search.stack
+    place = search.place
     found = 0
-    # What is still to be looked at: polynomials with middle and half width of their intervals, and
-    # values at the ends, which neighbours share, so that no sign change falls between them.
-    stack = np.empty((_MOST_HALVINGS + 2, m))
-    place = np.empty((_MOST_HALVINGS + 2, 4))
-    whole = np.empty(m)
-    for p in range(c.shape[1]):
-        stack[0] = c[:, p]
-        place[0] = 0.0, 1.0, _value(stack[0], -1.0)[0], _value(stack[0], 1.0)[0]
+    for p in range(len(c)):
+        for k in range(m):
+            stack[0, k] = c[p, k]
+        _put(place, 0, 0.0, 1.0, _value(stack[0], -1.0), _value(stack[0], 1.0))
         depth = 0
         while depth >= 0:
             b = stack[depth]
-            middle, half, begin, end = place[depth]
-            rest, bend = 0.0, 0.0
+            half = place[depth, _HALF]
+            rest = 0.0
+            bend = 0.0
             for k in range(1, m):
                 rest += abs(b[k])
                 bend += k * k * abs(b[k]) if k > 1 else 0.0
@@ -360,36 +450,61 @@ def _sign_changes(c: Array, halves: Array, negligible: float, panel: Array, x: A
             elif (
                 abs(b[1]) >= bend
                 or (abs(b[0]) + rest) * half <= negligible
-                or half <= 2.0**-_MOST_HALVINGS
+                or half <= _SMALLEST_HALF
             ):
-                if (begin < 0.0) != (end < 0.0) and found < len(x):
+                changes = (place[depth, _BEGIN] < 0.0) != (place[depth, _END] < 0.0)
+                if changes and found < len(x):
                     panel[found] = p
-                    x[found] = middle + half * _crossing(b, -1.0, 1.0)
+                    x[found] = place[depth, _MIDDLE] + half * _crossing(b, -1.0, 1.0)
                     found += 1
                 depth -= 1
             else:
-                whole[:] = b
-                between = _value(whole, 0.0)[0]
-                for side in range(2):  # the left half is looked at first
-                    for k in range(m):
-                        total = 0.0
-                        for j in range(m):
-                            total += halves[1 - side, k, j] * whole[j]
-                        stack[depth + side, k] = total
-                place[depth] = middle + 0.5 * half, 0.5 * half, between, end
-                place[depth + 1] = middle - 0.5 * half, 0.5 * half, begin, between
+                _halve(search, depth, halves)
                 depth += 1
     return found
 
 
-@njit(cache=True)
-def _crossing(c: Array, low: float, high: float) -> float:
+@compiled()
+def _halve(search: ZeroSearch, depth: int, halves: Array3) -> None:
+    """Put the two halves of an interval where it is on the stack: the left one, which is looked at
+    first, on top."""
+    stack = search.stack
+    place = search.place
+    whole = search.whole
+    m = len(whole)
+    for k in range(m):
+        whole[k] = stack[depth, k]
+    for side in range(2):
+        for k in range(m):
+            total = 0.0
+            for j in range(m):
+                total += halves[1 - side, k, j] * whole[j]
+            stack[depth + side, k] = total
+    between = _value(whole, 0.0)
+    middle = place[depth, _MIDDLE]
+    half = 0.5 * place[depth, _HALF]
+    begin = place[depth, _BEGIN]
+    _put(place, depth, middle + half, half, between, place[depth, _END])
+    _put(place, depth + 1, middle - half, half, begin, between)
+
+
+@compiled()
+def _put(place: Matrix, row: int, middle: float, half: float, begin: float, end: float) -> None:
+    """Write a row of ZeroSearch.place."""
+    place[row, _MIDDLE] = middle
+    place[row, _HALF] = half
+    place[row, _BEGIN] = begin
+    place[row, _END] = end
+
+
+@compiled()
+def _crossing(c: Vector, low: float, high: float) -> float:
     """The place between low and high at which a polynomial, monotone there, changes sign (Newton in
     a bracket)."""
-    rising = _value(c, high)[0] > _value(c, low)[0]
+    rising = _value(c, high) > _value(c, low)
     x = 0.5 * (low + high)
     for _ in range(100):
-        value, slope = _value(c, x)
+        value, slope = _value_and_slope(c, x)
         if value == 0.0:
             break
         if (value < 0.0) == rising:
@@ -407,14 +522,14 @@ def _crossing(c: Array, low: float, high: float) -> float:
 
 def first_crossings(c: Array, low: Array, high: Array) -> Array:
     """The place between low and high at which each polynomial, monotone there, changes sign."""
-    return _crossings(np.ascontiguousarray(c), low, high)
-
-
-@njit(cache=True)
-def _crossings(c: Array, low: Array, high: Array) -> Array:
     x = np.empty(c.shape[1])
-    own = np.empty(len(c))
-    for p in range(c.shape[1]):
-        own[:] = c[:, p]
-        x[p] = _crossing(own, low[p], high[p])
+    _crossings(plain_array(c.T), plain_array(low), plain_array(high), x)
     return x
+
+
+@entry_point()
+def _crossings(c: Matrix, low: Vector, high: Vector, x: Vector) -> None:
+    """Write the places of :func:`first_crossings` to x (panels,); c (panels, m) has one row per
+    panel."""
+    for p in range(len(c)):
+        x[p] = _crossing(c[p], low[p], high[p])

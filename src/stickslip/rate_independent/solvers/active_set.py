@@ -19,8 +19,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
+from stickslip.arrays import Array, IntVector, Matrix, Vector
+from stickslip.machine_code.functions import entry_point
+from stickslip.translator import compiled
 
 _ROUNDING = 16 * 2.2e-16  # of a sum of forces, relative to its largest terms
 _FRESH = 200  # changes, besides ten per component, after which the factor is made anew
@@ -45,23 +46,44 @@ class Face(NamedTuple):
         Number of MOVING components, and how many have CHANGED since the factor was made.
     """
 
-    A: Array
-    L: Array
-    order: Array
-    sign: Array
-    counts: Array
+    A: Matrix
+    L: Matrix
+    order: IntVector
+    sign: IntVector
+    counts: IntVector
+
+
+class BoxSpace(NamedTuple):
+    """Work space of a step.
+
+    Attributes
+    ----------
+    r : array, shape (n,)
+        Force at rest.
+    d, x : array, shape (n,)
+        The increment, and the minimiser on a face.
+    """
+
+    r: Vector
+    d: Vector
+    x: Vector
 
 
 def make_face(A: Array) -> Face:
     """Nothing moves yet."""
     n = len(A)
-    whole = np.array(A, order="C")
+    whole = np.array(A, float, order="C")
     order = np.zeros(n, np.int64)
     return Face(whole, np.zeros((n, n)), order, np.zeros(n, np.int64), np.zeros(2, np.int64))
 
 
-@njit(cache=True)
-def enter(A: Array, L: Array, order: Array, m: int, k: int) -> None:
+def make_box_space(n: int) -> BoxSpace:
+    """Work space for n components."""
+    return BoxSpace(np.empty(n), np.empty(n), np.empty(n))
+
+
+@compiled()
+def enter(A: Matrix, L: Matrix, order: IntVector, m: int, k: int) -> None:
     """Let component k move: a new last row of the factor.
 
     Parameters
@@ -85,8 +107,8 @@ def enter(A: Array, L: Array, order: Array, m: int, k: int) -> None:
     order[m] = k
 
 
-@njit(cache=True)
-def leave_face(L: Array, order: Array, m: int, k: int) -> None:
+@compiled()
+def leave_face(L: Matrix, order: IntVector, m: int, k: int) -> None:
     """Let component k rest: a row of the factor goes, and rotations make it triangular again."""
     p = 0
     while order[p] != k:
@@ -106,8 +128,8 @@ def leave_face(L: Array, order: Array, m: int, k: int) -> None:
             L[j, i + 1] = c * y - s * x
 
 
-@njit(cache=True)
-def target(face: Face, r: Array, lower: Array, upper: Array, x: Array) -> None:
+@compiled()
+def target(face: Face, r: Vector, lower: Vector, upper: Vector, x: Vector) -> None:
     """The minimiser x on the face of the given signs, 0 on resting components.
 
     Parameters
@@ -133,8 +155,8 @@ def target(face: Face, r: Array, lower: Array, upper: Array, x: Array) -> None:
             x[order[j]] -= L[i, j] * x[order[i]]
 
 
-@njit(cache=True)
-def walk_face(face: Face, d: Array, x: Array) -> float:
+@compiled()
+def walk_face(face: Face, d: Vector, x: Vector) -> float:
     """Go from d towards the minimiser x until components come to rest, which then do; what part of
     the way that is."""
     sign = face.sign
@@ -145,7 +167,8 @@ def walk_face(face: Face, d: Array, x: Array) -> float:
     for i in range(len(d)):
         if share < 1.0 and sign[i] * x[i] < 0.0 and d[i] / (d[i] - x[i]) <= share:
             leave_face(face.L, face.order, face.counts[_MOVING], i)
-            d[i] = x[i] = 0.0
+            d[i] = 0.0
+            x[i] = 0.0
             sign[i] = 0
             face.counts[_MOVING] -= 1
             face.counts[_CHANGED] += 1
@@ -154,8 +177,8 @@ def walk_face(face: Face, d: Array, x: Array) -> float:
     return share
 
 
-@njit(cache=True)
-def release(face: Face, r: Array, lower: Array, upper: Array, noise: float, x: Array) -> None:
+@compiled()
+def release(face: Face, r: Vector, lower: Vector, upper: Vector, noise: float, x: Vector) -> None:
     """Let the resting components move whose forces are out of bounds at the minimiser of a face.
 
     Parameters
@@ -188,9 +211,9 @@ def release(face: Face, r: Array, lower: Array, upper: Array, noise: float, x: A
             face.counts[_CHANGED] += 1
 
 
-@njit(cache=True)
+@compiled()
 def solve_face(
-    face: Face, r: Array, lower: Array, upper: Array, noise: float, d: Array, x: Array
+    face: Face, r: Vector, lower: Vector, upper: Vector, noise: float, d: Vector, x: Vector
 ) -> int:
     """One step in a box: the increment d, and the factor and the signs that belong to it.
 
@@ -213,7 +236,8 @@ def solve_face(
     count = face.counts
     changes = 0
     for i in range(n):
-        d[i] = x[i] = 0.0
+        d[i] = 0.0
+        x[i] = 0.0
     while changes <= 1000 + 50 * n:
         if count[_CHANGED] > _FRESH + 10 * n:
             for i in range(count[_MOVING]):
@@ -232,15 +256,16 @@ def solve_face(
     return -1
 
 
-@njit(cache=True)
+@entry_point()
 def advance_boxes(
     face: Face,
-    z: Array,
-    loads: Array,
-    lower: Array,
-    upper: Array,
-    states: Array,
-    effort: Array,
+    z: Vector,
+    loads: Matrix,
+    lower: Matrix,
+    upper: Matrix,
+    states: Matrix,
+    effort: IntVector,
+    space: BoxSpace,
 ) -> int:
     """Steps from z through the loads, one row each; returns how many were done.
 
@@ -258,12 +283,12 @@ def advance_boxes(
         Written.
     effort : array of int, shape (steps,)
         Written: changes of the signs in each step.
+    space : BoxSpace
     """
     A = face.A
     n = len(z)
-    r = np.empty(n)
-    d = np.empty(n)
-    x = np.empty(n)
+    r = space.r
+    d = space.d
     for k in range(len(loads)):
         b = k if len(lower) > 1 else 0
         size = 0.0
@@ -274,7 +299,7 @@ def advance_boxes(
                 r[i] -= A[i, j] * z[j]
                 terms += abs(A[i, j] * z[j])
             size = max(size, terms)
-        effort[k] = solve_face(face, r, lower[b], upper[b], _ROUNDING * size, d, x)
+        effort[k] = solve_face(face, r, lower[b], upper[b], _ROUNDING * size, d, space.x)
         if effort[k] < 0:
             return k
         for i in range(n):

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stickslip.arrays import Array
+from stickslip.arrays import Array, plain_array
 from stickslip.rate_independent.sets.stable_sets import Boxes, ConvexSets, Discs
 
 if TYPE_CHECKING:
-    from stickslip.rate_independent.solvers.active_set import Face
+    from stickslip.rate_independent.solvers.active_set import BoxSpace, Face
 
 _ROUNDING = 1e-14  # of a force, relative to the largest of its parts
 _BLOCK = 400_000  # numbers in one array of a block of steps
@@ -27,22 +27,21 @@ class BoxSteps:
     """
 
     def __init__(self, A: Array) -> None:
-        from stickslip.rate_independent.solvers.active_set import make_face
+        from stickslip.rate_independent.solvers.active_set import make_box_space, make_face
 
         self.face: Face = make_face(A)
+        self.space: BoxSpace = make_box_space(len(A))
         self.block: int = max(1, min(4096, _BLOCK // len(A)))
 
     def advance(self, z: Array, loads: Array, sets: Boxes) -> tuple[Array, Array]:
         """States after each load (as far as the solver came), and the changes of sign each took."""
         from stickslip.rate_independent.solvers.active_set import advance_boxes
 
-        states = np.empty_like(loads)
+        states = np.empty(loads.shape)
         effort = np.zeros(len(loads), np.int64)
-        # Arrays of one kind (contiguous, writeable): the loop is compiled once.
-        loads, lower, upper = (
-            np.require(table, requirements=["C", "W"]) for table in (loads, sets.lower, sets.upper)
-        )
-        done = advance_boxes(self.face, z.copy(), loads, lower, upper, states, effort)
+        loads, lower, upper = (plain_array(table) for table in (loads, sets.lower, sets.upper))
+        z = np.array(z, float)
+        done = advance_boxes(self.face, z, loads, lower, upper, states, effort, self.space)
         return states[:done], effort[:done]
 
 

@@ -8,10 +8,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array
+from stickslip.arrays import Array, plain_array
 from stickslip.errors import need
-from stickslip.rate_independent.solvers.smoothing import BlockRows, defect, gauss_seidel_sweep
-from stickslip.rate_independent.solvers.truncation import galerkin, gather, truncate
+from stickslip.rate_independent.solvers.smoothing import (
+    BlockRows,
+    BlockSpace,
+    NodeRows,
+    defect,
+    gauss_seidel_sweep,
+    make_block_space,
+)
+from stickslip.rate_independent.solvers.truncation import Truncation, galerkin, gather, truncate
 
 _DENSE = 300  # unknowns up to which the last level is solved by a dense factorisation
 _RIDGE = 1e-12  # added to a unit diagonal there: truncation can make coarse operators singular
@@ -23,41 +30,57 @@ class Level:
 
     Attributes
     ----------
-    A, H : Rows
-        Of the same pattern, values (entries, m, m).
-    inverse : array (nodes, m, m)
-        Inverses of the diagonal blocks of H, zero in empty rows.
-    whole : array (nodes,) of uint8
-        Which rows of H are those of A.
+    A : BlockRows
+    truncated : Truncation
+        H has the pattern of A.
     x, b, rest : array (nodes, m)
         Of a V-cycle: solution, right-hand side, b − H x.
+    place : array (nodes,) of int
+        Work space.
+    space : BlockSpace
     """
 
     A: BlockRows
-    H: BlockRows = field(init=False)
-    inverse: Array = field(init=False)
-    whole: Array = field(init=False)
+    truncated: Truncation = field(init=False)
     x: Array = field(init=False)
     b: Array = field(init=False)
     rest: Array = field(init=False)
+    place: Array = field(init=False)
+    space: BlockSpace = field(init=False)
 
     def __post_init__(self) -> None:
         n = len(self.A.start) - 1
         m = self.A.value.shape[1]
-        self.H = self.A._replace(value=np.zeros_like(self.A.value))
-        self.inverse = np.zeros((n, m, m))
-        self.whole = np.zeros(n, np.uint8)
+        H = self.A._replace(value=np.zeros_like(self.A.value))
+        inverse = np.zeros((n, m, m))
+        self.truncated = Truncation(H, inverse, np.zeros(n, bool), np.zeros(n, bool))
         self.x = np.zeros((n, m))
         self.b = np.zeros((n, m))
         self.rest = np.zeros((n, m))
+        self.place = np.zeros(n, np.int64)
+        self.space = make_block_space(m)
+
+    @property
+    def H(self) -> BlockRows:
+        """A without the nodes at rest."""
+        return self.truncated.H
+
+    @property
+    def inverse(self) -> Array:
+        """Inverses of the diagonal blocks of H, zero in empty rows."""
+        return self.truncated.inverse
+
+    def sweep(self, backward: bool) -> None:
+        """One sweep of block Gauss–Seidel for H x = b."""
+        gauss_seidel_sweep(self.H, self.inverse, self.b, self.x, backward, self.space)
 
 
 class Transfer(NamedTuple):
     """Interpolation P from a level to the finer one, the same for every component, and its
     transpose R."""
 
-    P: BlockRows
-    R: BlockRows
+    P: NodeRows
+    R: NodeRows
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +132,7 @@ class Hierarchy:
 
     Parameters
     ----------
-    A : Rows
+    A : BlockRows
         The operator on the finest level.
     nodal : scipy.sparse.csr_array (nodes, nodes)
         One number for every pair of nodes, from which the levels are made (classical Ruge–Stüben
@@ -146,15 +169,13 @@ class Hierarchy:
     def truncate(self, top: int, upper: Array, d: Array) -> None:
         """Make the operators from level `top` on the Hessian at d and its Galerkin products."""
         fine = self.levels[top]
-        dirty = np.full(len(d), top != self.top, np.uint8)
+        fine.truncated.dirty[:] = top != self.top
         self.top = top
-        truncate(fine.A, upper, d, fine.H, fine.inverse, fine.whole, dirty)
+        truncate(fine.A, upper, d, fine.truncated, fine.space)
         for (P, R), coarse in zip(self.transfers[top:], self.levels[top + 1 :], strict=True):
-            dirty = galerkin(
-                fine.H, P, R, fine.whole, dirty, coarse.A, coarse.H, coarse.inverse, coarse.whole
-            )
+            galerkin(fine.truncated, P, R, coarse.A, coarse.truncated, coarse.place, coarse.space)
             fine = coarse
-        if dirty.any() and fine.x.size <= _DENSE:
+        if fine.truncated.dirty.any() and fine.x.size <= _DENSE:
             self.factor = Factor.of(fine)
 
     def cycle(self, top: int, b: Array) -> Array:
@@ -164,7 +185,7 @@ class Hierarchy:
         levels[0].b = b
         for (_, R), level, coarse in zip(transfers, levels, levels[1:], strict=False):
             level.x[:] = 0.0
-            gauss_seidel_sweep(level.H, level.inverse, level.b, level.x, False)
+            level.sweep(backward=False)
             defect(level.H, level.inverse, level.b, level.x, level.rest)
             coarse.b = np.zeros_like(coarse.x)
             gather(R, coarse.inverse, level.rest, coarse.b)
@@ -173,7 +194,7 @@ class Hierarchy:
             transfers[::-1], levels[-2::-1], levels[:0:-1], strict=True
         ):
             gather(P, level.inverse, coarse.x, level.x)
-            gauss_seidel_sweep(level.H, level.inverse, level.b, level.x, True)
+            level.sweep(backward=True)
         return levels[0].x
 
     def solve_last(self, last: Level) -> None:
@@ -182,16 +203,25 @@ class Hierarchy:
             last.x[:] = self.factor.solve(last.b)
         else:
             last.x[:] = 0.0
-            gauss_seidel_sweep(last.H, last.inverse, last.b, last.x, False)
-            gauss_seidel_sweep(last.H, last.inverse, last.b, last.x, True)
+            last.sweep(backward=False)
+            last.sweep(backward=True)
 
 
-def rows(matrix: Any) -> BlockRows:
-    """A scipy matrix in CSR or BSR format in the types the kernels are compiled for."""
+def rows(matrix: Any) -> NodeRows:
+    """A scipy matrix in CSR format in the types the kernels are compiled for."""
+    return NodeRows(
+        plain_array(matrix.indptr, np.int32),
+        plain_array(matrix.indices, np.int32),
+        plain_array(matrix.data),
+    )
+
+
+def blocks(matrix: Any, m: int) -> BlockRows:
+    """The same for one in BSR format, or for m = 1 in CSR format."""
     return BlockRows(
-        np.require(matrix.indptr, np.int32, ("C", "W")),
-        np.require(matrix.indices, np.int32, ("C", "W")),
-        np.require(matrix.data, np.float64, ("C", "W")),
+        plain_array(matrix.indptr, np.int32),
+        plain_array(matrix.indices, np.int32),
+        plain_array(matrix.data).reshape(-1, m, m),
     )
 
 
@@ -199,9 +229,10 @@ def coarse_operator(fine: Level, transfer: Transfer, nodal: Any) -> BlockRows:
     """PᵀAP on the pattern of the nodal operator."""
     n = nodal.shape[0]
     m = fine.A.value.shape[1]
-    coarse = rows(nodal)._replace(value=np.zeros((nodal.nnz, m, m)))
-    every = np.ones(len(fine.x), np.uint8)
-    inverse = np.empty((n, m, m))
-    whole = np.zeros(n, np.uint8)
-    galerkin(fine.A, transfer.P, transfer.R, fine.whole, every, coarse, coarse, inverse, whole)
+    pattern = rows(nodal)
+    coarse = BlockRows(pattern.start, pattern.column, np.zeros((nodal.nnz, m, m)))
+    # No row is copied: none of the fine ones is whole yet.
+    every = fine.truncated._replace(H=fine.A, dirty=np.ones(len(fine.x), bool))
+    made = Truncation(coarse, np.empty((n, m, m)), np.zeros(n, bool), np.zeros(n, bool))
+    galerkin(every, *transfer, coarse, made, np.zeros(n, np.int64), fine.space)
     return coarse

@@ -25,9 +25,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array
+from stickslip.arrays import Array, Matrix, Vector
 from stickslip.errors import ConvergenceError, DeclarationError
-from stickslip.rate_independent.solvers.hierarchy import Hierarchy, rows
+from stickslip.rate_independent.solvers.hierarchy import Hierarchy, Level, blocks
 from stickslip.rate_independent.solvers.matrix import checked_matrix
 from stickslip.rate_independent.solvers.smoothing import (
     SUM_ROUNDING,
@@ -95,9 +95,9 @@ class Law(NamedTuple):
     """What is minimised on one level besides ½ dᵀA d: −rᵀd and the weights of the dissipation, of
     shape (nodes,)."""
 
-    r: Array
-    lower: Array
-    upper: Array
+    r: Matrix
+    lower: Vector
+    upper: Vector
 
 
 class Multigrid:
@@ -192,8 +192,8 @@ class Multigrid:
         finest = self.hierarchy.levels[0]
         if given is not None:
             d = checked_vector(given, "start", law.r.size).reshape(law.r.shape).copy()
-            at_start, _ = forces(finest.A, *law, d, finest.rest)
-            at_rest, _ = forces(finest.A, *law, np.zeros_like(d), finest.rest)
+            at_start, _ = distances(finest, law, d, finest.rest)
+            at_rest, _ = distances(finest, law, np.zeros_like(d), finest.rest)
             if at_start <= _GOOD_START * at_rest:
                 return d
         return self._from_below(0, law)
@@ -215,7 +215,7 @@ class Multigrid:
         inner = Law(R @ law.r, weights @ law.lower, weights @ law.upper)
         # Roughly: only to a part of what is wrong where nothing moves.
         d = self._from_below(depth + 1, inner)
-        at_rest, _ = forces(coarse.A, *inner, np.zeros_like(d), coarse.rest)
+        at_rest, _ = distances(coarse, inner, np.zeros_like(d), coarse.rest)
         self._descend(depth + 1, inner, d, _NESTED * at_rest, _NESTED_CYCLES)
         return R.T @ d
 
@@ -248,8 +248,8 @@ class Multigrid:
         residual = np.inf
         while True:
             before = residual
-            relax(level.A, *law, d)
-            residual, beyond_rounding = forces(level.A, *law, d, b)
+            relax(level.A, *law, d, level.space)
+            residual, beyond_rounding = distances(level, law, d, b)
             if residual <= target:
                 return residual, cycles, StepOutcome.CONVERGED
             if beyond_rounding <= target and residual > 0.5 * before:
@@ -387,6 +387,14 @@ def lowest_along(derivative: Callable[[float], float], start: float) -> tuple[fl
     return left, low
 
 
+def distances(level: Level, law: Law, d: Array, b: Array) -> tuple[float, float]:
+    """The distances of :func:`forces`, which writes −∇J to b where d ≠ 0, and 0 elsewhere."""
+    found = np.empty(2)
+    forces(level.A, *law, d, b, found)
+    worst, beyond = found.tolist()
+    return worst, beyond
+
+
 def max_norm(v: Array) -> float:
     """max |v|, without a copy."""
     return max(float(v.max()), -float(v.min()))
@@ -396,8 +404,8 @@ def checked_vector(given: Any, name: str, size: int) -> Array:
     """An array of finite numbers of that size."""
     if given is None:
         raise DeclarationError(name, "it is missing", f"Give {size} numbers")
-    # read-only arrays have a type of their own for numba
-    array = np.require(given, float, ("C", "W"))
+    # compiled functions take no array that they could not write to
+    array = np.require(given, float, ("C", "A", "W"))
     if array.shape != (size,):
         raise DeclarationError(name, f"its shape is {array.shape}", f"Give {size} numbers")
     if not np.all(np.isfinite(array)):
@@ -421,8 +429,7 @@ def block_rows(A: Any, groups: int) -> tuple[BlockRows, Any]:
         A = A.copy()
         A.sum_duplicates()
     if groups == 1:
-        blocks = rows(A)
-        return blocks._replace(value=blocks.value.reshape(-1, 1, 1)), A
-    blocks = rows(A.tobsr((groups, groups)))
-    trace = np.trace(blocks.value, axis1=1, axis2=2) / groups
-    return blocks, csr_array((trace, blocks.column, blocks.start), shape=(n // groups,) * 2)
+        return blocks(A, 1), A
+    made = blocks(A.tobsr((groups, groups)), groups)
+    trace = np.trace(made.value, axis1=1, axis2=2) / groups
+    return made, csr_array((trace, made.column, made.start), shape=(n // groups,) * 2)

@@ -1,7 +1,7 @@
 """Compiled sweeps over block rows: exact minimisation node by node, linear smoothing, forces, line
 search.
 
-A matrix is `Rows(start, column, value)` with m × m blocks, a vector has shape (nodes, m). The
+A matrix is `BlockRows(start, column, value)` with m × m blocks, a vector has shape (nodes, m). The
 dissipation of node i is max(lowerᵢ d, upperᵢ d) for m = 1 and upperᵢ |d|₂ for m > 1. The scalar
 case has a branch of its own wherever that pays.
 """
@@ -9,17 +9,17 @@ case has a branch of its own wherever that pays.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
+from stickslip.arrays import Array3, Int32Vector, Matrix, Vector
+from stickslip.machine_code.functions import entry_point
+from stickslip.translator import compiled
 
 SUM_ROUNDING = 8 * 2.220446049250313e-16  # of the magnitudes a force is the sum of
 # times the radius: a group that barely moves would have a curvature radius/|d| beyond all others
 _HELD = 1.0 + 1e-12
-COMPILED: dict[str, Any] = {"cache": True, "error_model": "numpy", "nogil": True}
 
 
 class BlockRows(NamedTuple):
@@ -29,25 +29,53 @@ class BlockRows(NamedTuple):
     ----------
     start : array (nodes + 1,) of int32
     column : array (entries,) of int32
-    value : array (entries, m, m), or (entries,) where the same number acts on every component
+    value : array (entries, m, m)
     """
 
-    start: Array
-    column: Array
-    value: Array
+    start: Int32Vector
+    column: Int32Vector
+    value: Array3
 
 
-@njit(**COMPILED)
-def may_move(d: Array, i: int) -> bool:
+class NodeRows(NamedTuple):
+    """The same where one number acts alike on every component of a node: `value` has the shape
+    (entries,)."""
+
+    start: Int32Vector
+    column: Int32Vector
+    value: Vector
+
+
+class BlockSpace(NamedTuple):
+    """Work space for the equations of one node.
+
+    Attributes
+    ----------
+    g, y : arrays (m,)
+    L : array (m, m)
+    """
+
+    g: Vector
+    y: Vector
+    L: Matrix
+
+
+def make_block_space(m: int) -> BlockSpace:
+    """Work space for blocks of that size."""
+    return BlockSpace(np.empty(m), np.empty(m), np.empty((m, m)))
+
+
+@compiled()
+def may_move(d: Matrix, i: int) -> bool:
     """Whether node i has an increment."""
     moving = False
     for c in range(d.shape[1]):
-        moving |= d[i, c] != 0.0
+        moving = moving or d[i, c] != 0.0
     return moving
 
 
-@njit(**COMPILED)
-def block_norm(v: Array, i: int) -> float:
+@compiled()
+def block_norm(v: Matrix, i: int) -> float:
     """|vᵢ|₂."""
     total = 0.0
     for c in range(v.shape[1]):
@@ -55,8 +83,8 @@ def block_norm(v: Array, i: int) -> float:
     return math.sqrt(total)
 
 
-@njit(**COMPILED)
-def solve_shifted(B: Array, shift: float, g: Array, L: Array, x: Array) -> None:
+@compiled()
+def solve_shifted(B: Matrix, shift: float, g: Vector, L: Matrix, x: Vector) -> None:
     """Solve (B + shift I) x = g for a small positive definite B by Cholesky; L is work space.
 
     Parameters
@@ -85,8 +113,8 @@ def solve_shifted(B: Array, shift: float, g: Array, L: Array, x: Array) -> None:
         x[c] /= L[c, c]
 
 
-@njit(**COMPILED)
-def minimise_block(B: Array, g: Array, radius: float, L: Array, x: Array, y: Array) -> None:
+@compiled()
+def minimise_block(B: Matrix, g: Vector, radius: float, L: Matrix, x: Vector, y: Vector) -> None:
     """Minimise ½ xᵀBx − gᵀx + radius |x|₂ into x; L (m, m) and y (m,) are work space.
 
     x(λ) = (B + λI)⁻¹g with λ|x(λ)| = radius. Since 1/|x(λ)| is concave and at most (tr B + λ)/|g|,
@@ -105,19 +133,22 @@ def minimise_block(B: Array, g: Array, radius: float, L: Array, x: Array, y: Arr
     y : array, shape (m,)
     """
     m = len(g)
-    size, trace = 0.0, 0.0
+    size = 0.0
+    trace = 0.0
     for c in range(m):
         size += g[c] * g[c]
         trace += B[c, c]
     size = math.sqrt(size)
     if size <= radius * _HELD:
-        x[:] = 0.0
+        for c in range(m):
+            x[c] = 0.0
         return
     shift = radius * trace / (size - radius)
     for _ in range(50):
         solve_shifted(B, shift, g, L, x)
         solve_shifted(B, shift, x, L, y)
-        square, product = 0.0, 0.0
+        square = 0.0
+        product = 0.0
         for c in range(m):
             square += x[c] * x[c]
             product += x[c] * y[c]
@@ -131,8 +162,10 @@ def minimise_block(B: Array, g: Array, radius: float, L: Array, x: Array, y: Arr
         shift = max(following, 0.0)
 
 
-@njit(**COMPILED)
-def relax(A: BlockRows, r: Array, lower: Array, upper: Array, d: Array) -> None:
+@entry_point()
+def relax(
+    A: BlockRows, r: Matrix, lower: Vector, upper: Vector, d: Matrix, space: BlockSpace
+) -> None:
     """One sweep of nonlinear Gauss–Seidel: every node in turn takes its exact minimiser.
 
     Parameters
@@ -144,12 +177,13 @@ def relax(A: BlockRows, r: Array, lower: Array, upper: Array, d: Array) -> None:
         Bounds of the force; if m > 1, `upper` is the radius.
     d : array, shape (nodes, m)
         Written.
+    space : BlockSpace
     """
-    start, column, value = A
+    start = A.start
+    column = A.column
+    value = A.value
     m = d.shape[1]
-    g = np.empty(m)
-    y = np.empty(m)
-    L = np.empty((m, m))
+    g = space.g
     for i in range(len(d)):
         here = start[i]
         if m == 1:
@@ -172,18 +206,21 @@ def relax(A: BlockRows, r: Array, lower: Array, upper: Array, d: Array) -> None:
                     for c in range(m):
                         for e in range(m):
                             g[c] -= value[k, c, e] * d[j, e]
-            minimise_block(value[here], g, upper[i], L, d[i], y)
+            minimise_block(value[here], g, upper[i], space.L, d[i], space.y)
 
 
-@njit(**COMPILED)
+@entry_point()
 def forces(
-    A: BlockRows, r: Array, lower: Array, upper: Array, d: Array, b: Array
-) -> tuple[float, float]:
+    A: BlockRows,
+    r: Matrix,
+    lower: Vector,
+    upper: Vector,
+    d: Matrix,
+    b: Matrix,
+    distances: Vector,
+) -> None:
     """Distance of ξ = r − A d to the subdifferential of the dissipation at d: b = −∇J where d ≠ 0,
     and 0 elsewhere.
-
-    Returns the largest distance, also of the nodes at rest, and the largest that exceeds what
-    rounding does to ξ.
 
     Parameters
     ----------
@@ -195,10 +232,16 @@ def forces(
     d : array, shape (nodes, m)
     b : array, shape (nodes, m)
         Written.
+    distances : array, shape (2,)
+        Written: the largest distance, also of the nodes at rest, and the largest that exceeds what
+        rounding does to ξ.
     """
-    start, column, value = A
+    start = A.start
+    column = A.column
+    value = A.value
     m = d.shape[1]
-    worst, beyond = 0.0, 0.0
+    worst = 0.0
+    beyond = 0.0
     for i in range(len(d)):
         if m == 1:
             force = r[i, 0]
@@ -234,11 +277,14 @@ def forces(
             if math.isnan(excess):
                 break
         beyond = max(beyond, excess - SUM_ROUNDING * terms)
-    return worst, beyond
+    distances[0] = worst
+    distances[1] = beyond
 
 
-@njit(**COMPILED)
-def gauss_seidel_sweep(H: BlockRows, inverse: Array, b: Array, x: Array, backward: bool) -> None:
+@entry_point()
+def gauss_seidel_sweep(
+    H: BlockRows, inverse: Array3, b: Matrix, x: Matrix, backward: bool, space: BlockSpace
+) -> None:
     """One sweep of block Gauss–Seidel for H x = b over the rows that are not empty.
 
     Parameters
@@ -251,10 +297,14 @@ def gauss_seidel_sweep(H: BlockRows, inverse: Array, b: Array, x: Array, backwar
         Written.
     backward : bool
         From the last row to the first.
+    space : BlockSpace
     """
-    start, column, value = H
-    n, m = x.shape
-    g = np.empty(m)
+    start = H.start
+    column = H.column
+    value = H.value
+    n = len(x)
+    m = x.shape[1]
+    g = space.g
     for number in range(n):
         i = n - 1 - number if backward else number
         if inverse[i, 0, 0] == 0.0:
@@ -275,8 +325,8 @@ def gauss_seidel_sweep(H: BlockRows, inverse: Array, b: Array, x: Array, backwar
                     x[i, c] += inverse[i, c, e] * g[e]
 
 
-@njit(**COMPILED)
-def defect(H: BlockRows, inverse: Array, b: Array, x: Array, out: Array) -> float:
+@entry_point()
+def defect(H: BlockRows, inverse: Array3, b: Matrix, x: Matrix, out: Matrix) -> float:
     """out = b − H x, zero in empty rows; returns xᵀH x.
 
     Parameters
@@ -288,7 +338,9 @@ def defect(H: BlockRows, inverse: Array, b: Array, x: Array, out: Array) -> floa
     out : array, shape (nodes, m)
         Written.
     """
-    start, column, value = H
+    start = H.start
+    column = H.column
+    value = H.value
     m = x.shape[1]
     total = 0.0
     for i in range(len(x)):
@@ -312,8 +364,8 @@ def defect(H: BlockRows, inverse: Array, b: Array, x: Array, out: Array) -> floa
     return total
 
 
-@njit(**COMPILED)
-def project(d: Array, p: Array) -> int:
+@entry_point()
+def project(d: Matrix, p: Matrix) -> int:
     """Stop at rest the nodes that the correction p would carry through the kink; returns how
     many."""
     stopped = 0
@@ -328,8 +380,8 @@ def project(d: Array, p: Array) -> int:
     return stopped
 
 
-@njit(**COMPILED)
-def slope_along(lower: Array, upper: Array, d: Array, p: Array, t: float) -> float:
+@entry_point()
+def slope_along(lower: Vector, upper: Vector, d: Matrix, p: Matrix, t: float) -> float:
     """Derivative in t, from the left, of the dissipation of d + t p.
 
     Parameters

@@ -8,37 +8,68 @@ rest need the triple product.
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
 
-from stickslip.arrays import Array
-from stickslip.machine_code.functions import njit
+from stickslip.arrays import Array3, BoolVector, IntVector, Matrix, Vector
+from stickslip.machine_code.functions import entry_point
 from stickslip.rate_independent.solvers.smoothing import (
-    COMPILED,
     BlockRows,
+    BlockSpace,
+    NodeRows,
     block_norm,
     may_move,
     solve_shifted,
 )
+from stickslip.translator import compiled
 
 
-@njit(**COMPILED)
-def invert_blocks(block: Array, inverse: Array) -> None:
+class Truncation(NamedTuple):
+    """The operator of a level without the nodes at rest.
+
+    Attributes
+    ----------
+    H : BlockRows
+        With empty rows and columns where a node rests.
+    inverse : array (nodes, m, m)
+        Inverses of the diagonal blocks of H, 0 in empty rows.
+    whole : array (nodes,) of bool
+        Which rows of H are those of the full operator.
+    dirty : array (nodes,) of bool
+        Which rows have changed.
+    """
+
+    H: BlockRows
+    inverse: Array3
+    whole: BoolVector
+    dirty: BoolVector
+
+
+@compiled()
+def invert_block(block: Matrix, inverse: Matrix, space: BlockSpace) -> None:
     """Invert the diagonal block of a row; that of an empty row has the inverse 0."""
     m = len(block)
     if block[0, 0] == 0.0:
-        inverse[:] = 0.0
+        clear_block(inverse)
     elif m == 1:
         inverse[0, 0] = 1.0 / block[0, 0]
     else:
-        L = np.empty((m, m))
+        unit = space.g
         for c in range(m):
-            unit = np.zeros(m)
-            unit[c] = 1.0
-            solve_shifted(block, 0.0, unit, L, inverse[c])
+            for e in range(m):
+                unit[e] = 1.0 if e == c else 0.0
+            solve_shifted(block, 0.0, unit, space.L, inverse[c])
 
 
-@njit(**COMPILED)
-def add_curvature(block: Array, weight: float, d: Array, i: int) -> None:
+@compiled()
+def clear_block(block: Matrix) -> None:
+    """Make a block 0."""
+    for c in range(len(block)):
+        for e in range(len(block)):
+            block[c, e] = 0.0
+
+
+@compiled()
+def add_curvature(block: Matrix, weight: float, d: Matrix, i: int) -> None:
     """Add the Hessian (I − e eᵀ) weight/|d|, e = d/|d|, of weight |d|₂ at dᵢ."""
     length = block_norm(d, i)
     for c in range(d.shape[1]):
@@ -47,14 +78,11 @@ def add_curvature(block: Array, weight: float, d: Array, i: int) -> None:
             block[c, e] -= weight / length * (d[i, c] / length) * (d[i, e] / length)
 
 
-@njit(**COMPILED)
+@entry_point()
 def truncate(
-    A: BlockRows, upper: Array, d: Array, H: BlockRows, inverse: Array, whole: Array, dirty: Array
+    A: BlockRows, upper: Vector, d: Matrix, truncated: Truncation, space: BlockSpace
 ) -> None:
-    """Write the Hessian of J at d into H, with empty rows and columns where d = 0.
-
-    `inverse` tells on entry which rows were empty before; `dirty` tells on entry which rows to
-    write in any case and on return which were written.
+    """Write the Hessian of J at d, with empty rows and columns where d = 0.
 
     Parameters
     ----------
@@ -62,106 +90,125 @@ def truncate(
     upper : array, shape (nodes,)
         Upper bounds of the force, or radii.
     d : array, shape (nodes, m)
-    H : BlockRows
-        With the pattern of A; its values are written.
-    inverse : array, shape (nodes, m, m)
-        Written: inverses of the diagonal blocks, 0 in empty rows.
-    whole : array of bool, shape (nodes,)
-        Written: which rows are those of A.
-    dirty : array of bool, shape (nodes,)
+    truncated : Truncation
+        H has the pattern of A. On entry, `inverse` tells which rows were empty before, and `dirty`
+        which rows to write in any case; on return, `dirty` tells which were written.
+    space : BlockSpace
     """
-    start, column, value = A
+    start = A.start
+    column = A.column
+    inverse = truncated.inverse
+    dirty = truncated.dirty
     m = d.shape[1]
     for i in range(len(d)):
         moving = may_move(d, i)
         if moving != (inverse[i, 0, 0] != 0.0) or (m > 1 and moving):
             for k in range(start[i], start[i + 1]):
-                dirty[column[k]] = 1
+                dirty[column[k]] = True
     for i in range(len(d)):
-        if dirty[i] == 0:
-            continue
-        moving = may_move(d, i)
-        whole[i] = moving and m == 1
-        inverse[i] = 0.0
-        for k in range(start[i], start[i + 1]):
-            j = column[k]
-            kept = moving and may_move(d, j)
-            for c in range(m):
-                for e in range(m):
-                    H.value[k, c, e] = value[k, c, e] if kept else 0.0
-            if not kept:
-                whole[i] = 0
-            if kept and j == i:
-                if m > 1:
-                    add_curvature(H.value[k], upper[i], d, i)
-                invert_blocks(H.value[k], inverse[i])
+        if dirty[i]:
+            clear_block(inverse[i])
+            truncate_row(A, upper, d, i, truncated, space)
 
 
-@njit(**COMPILED)
-def galerkin(
-    H: BlockRows,
-    P: BlockRows,
-    R: BlockRows,
-    whole: Array,
-    dirty: Array,
-    A: BlockRows,
-    coarse: BlockRows,
-    inverse: Array,
-    coarse_whole: Array,
-) -> Array:
-    """Rows of the coarse operator PᵀHP (R = Pᵀ) to which dirty rows of H contribute; returns which
-    these are.
-
-    A is the coarse operator without truncation: rows made of whole rows only are copied from it.
+@compiled()
+def truncate_row(
+    A: BlockRows, upper: Vector, d: Matrix, i: int, truncated: Truncation, space: BlockSpace
+) -> None:
+    """Write row i of the Hessian; see :func:`truncate`.
 
     Parameters
     ----------
-    H : BlockRows
-        The fine operator.
-    P, R : BlockRows
-        Prolongation and its transpose; one number for all components of a node.
-    whole, dirty : array of bool, shape (fine nodes,)
-        Which rows of H are not truncated, and which have changed.
     A : BlockRows
-    coarse : BlockRows
-        With the pattern of A; its values are written.
-    inverse : array, shape (nodes, m, m)
-        Written: inverses of its diagonal blocks.
-    coarse_whole : array of bool, shape (nodes,)
-        Written: which rows are made of whole rows only.
+    upper : array, shape (nodes,)
+    d : array, shape (nodes, m)
+    i : int
+    truncated : Truncation
+        Its inverse in this row is 0.
+    space : BlockSpace
     """
-    n = len(inverse)
+    value = truncated.H.value
+    m = d.shape[1]
+    moving = may_move(d, i)
+    whole = moving and m == 1
+    for k in range(A.start[i], A.start[i + 1]):
+        j = A.column[k]
+        kept = moving and may_move(d, j)
+        for c in range(m):
+            for e in range(m):
+                value[k, c, e] = A.value[k, c, e] if kept else 0.0
+        whole = whole and kept
+        if kept and j == i:
+            if m > 1:
+                add_curvature(value[k], upper[i], d, i)
+            invert_block(value[k], truncated.inverse[i], space)
+    truncated.whole[i] = whole
+
+
+@entry_point()
+def galerkin(
+    fine: Truncation,
+    P: NodeRows,
+    R: NodeRows,
+    A: BlockRows,
+    coarse: Truncation,
+    place: IntVector,
+    space: BlockSpace,
+) -> None:
+    """Rows of the coarse operator PᵀHP (R = Pᵀ) to which dirty rows of H contribute.
+
+    Parameters
+    ----------
+    fine : Truncation
+    P, R : NodeRows
+        Prolongation and its transpose.
+    A : BlockRows
+        The coarse operator without truncation: rows made of whole rows only are copied from it.
+    coarse : Truncation
+        Written, with the pattern of A. Whole are the rows made of whole rows only; `dirty` tells
+        on return which rows were made.
+    place : array of int, shape (coarse nodes,)
+        Work space.
+    space : BlockSpace
+    """
+    H = coarse.H
     m = H.value.shape[1]
-    marked = np.zeros(n, np.uint8)
-    for i in range(len(dirty)):
-        if dirty[i] != 0:
-            for k in range(P.start[i], P.start[i + 1]):
-                marked[P.column[k]] = 1
-    place = np.empty(n, np.int32)
-    for row in range(n):
-        if marked[row] == 0:
+    mark(fine.dirty, P, coarse.dirty)
+    for row in range(len(coarse.inverse)):
+        if not coarse.dirty[row]:
             continue
-        coarse_whole[row] = 1
+        whole = True
         for s in range(R.start[row], R.start[row + 1]):
-            coarse_whole[row] &= whole[R.column[s]]
+            whole = whole and fine.whole[R.column[s]]
+        coarse.whole[row] = whole
         here = 0
-        for k in range(coarse.start[row], coarse.start[row + 1]):
-            place[coarse.column[k]] = k
-            if coarse.column[k] == row:
+        for k in range(H.start[row], H.start[row + 1]):
+            place[H.column[k]] = k
+            if H.column[k] == row:
                 here = k
             for c in range(m):
                 for e in range(m):
-                    coarse.value[k, c, e] = A.value[k, c, e] if coarse_whole[row] else 0.0
-        if not coarse_whole[row]:
+                    H.value[k, c, e] = A.value[k, c, e] if whole else 0.0
+        if not whole:
             for s in range(R.start[row], R.start[row + 1]):
-                add_products(H, R.column[s], R.value[s], P, place, coarse)
-        invert_blocks(coarse.value[here], inverse[row])
-    return marked
+                add_products(fine.H, R.column[s], R.value[s], P, place, H)
+        invert_block(H.value[here], coarse.inverse[row], space)
 
 
-@njit(**COMPILED)
+@compiled()
+def mark(dirty: BoolVector, P: NodeRows, coarse: BoolVector) -> None:
+    """Tell the coarse nodes with which dirty ones are interpolated."""
+    for row in range(len(coarse)):
+        coarse[row] = False
+    for i in range(len(dirty)):
+        if dirty[i]:
+            for k in range(P.start[i], P.start[i + 1]):
+                coarse[P.column[k]] = True
+
+
+@compiled()
 def add_products(
-    H: BlockRows, i: int, weight: float, P: BlockRows, place: Array, coarse: BlockRows
+    H: BlockRows, i: int, weight: float, P: NodeRows, place: IntVector, coarse: BlockRows
 ) -> None:
     """Add weight times row i of H P to a coarse row whose columns stand at `place`.
 
@@ -170,7 +217,7 @@ def add_products(
     H : BlockRows
     i : int
     weight : float
-    P : BlockRows
+    P : NodeRows
     place : array of int, shape (coarse nodes,)
         Entry of the row for each column.
     coarse : BlockRows
@@ -192,9 +239,9 @@ def add_products(
                         coarse.value[p, c, e] += weight * P.value[q] * H.value[k, c, e]
 
 
-@njit(**COMPILED)
-def gather(M: BlockRows, inverse: Array, x: Array, y: Array) -> None:
-    """Add M x to y in the rows that are not empty; M acts alike on every component."""
+@entry_point()
+def gather(M: NodeRows, inverse: Array3, x: Matrix, y: Matrix) -> None:
+    """Add M x to y in the rows that are not empty."""
     for i in range(len(y)):
         if inverse[i, 0, 0] != 0.0:
             for c in range(y.shape[1]):

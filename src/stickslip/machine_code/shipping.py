@@ -1,6 +1,7 @@
-"""The machine code of the package, made before anybody needs it: ``python -m stickslip.shipping``.
+"""The machine code of the package, made before anybody needs it.
 
-What is up to date is not made again.
+``python -m stickslip.machine_code.shipping`` makes what is not up to date, for this machine; with
+``all``, for every level of processors.
 """
 
 from __future__ import annotations
@@ -25,16 +26,19 @@ def ship(levels: Sequence[str]) -> None:
         if is_complete(level):
             continue
         place.mkdir(parents=True, exist_ok=True)
-        print(f"stickslip: compiling the engine for {level} processors", file=sys.stderr)
-        shelf.make(shelf.ENGINE, place, here, ship=True)
-        shelf.clean(shelf.ENGINE, place, here)
+        for library in shelf.LIBRARIES:
+            shelf.make(library, place, here, ship=True)
+        shelf.clean(place, here)
         for path in place.iterdir():
             path.chmod(0o644)  # whoever uses the package reads them
 
 
 def is_complete(level: str) -> bool:
     """Whether the machine code of a level is all there, of the sources as they are now."""
-    return shelf.shipped(shelf.ENGINE, level, shelf.source_digest(shelf.ENGINE)) is not None
+    return all(
+        shelf.shipped(library, level, shelf.source_digest(library)) is not None
+        for library in shelf.LIBRARIES
+    )
 
 
 def from_command_line(arguments: Sequence[str]) -> None:
