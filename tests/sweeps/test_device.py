@@ -38,7 +38,8 @@ def emulated(monkeypatch: pytest.MonkeyPatch) -> Emulated:
     return made
 
 
-CASES: Sequence[tuple[str, dict[str, Any], dict[str, float], list[str], ss.Settings]] = [
+Case = tuple[str, dict[str, Any], dict[str, float], Sequence[str], ss.Settings]
+CASES: Sequence[Case] = [
     (
         "scaled_slider_limit",
         {"b": [0.5, 1.5], "nu": [0.005, 0.01]},
@@ -60,9 +61,7 @@ CASES: Sequence[tuple[str, dict[str, Any], dict[str, float], list[str], ss.Setti
 
 @pytest.mark.parametrize("case", CASES, ids=[case[0] for case in CASES])
 def test_small_maps_are_those_of_the_processor(
-    emulated: Emulated,
-    monkeypatch: pytest.MonkeyPatch,
-    case: tuple[str, dict[str, Any], dict[str, float], list[str], ss.Settings],
+    emulated: Emulated, monkeypatch: pytest.MonkeyPatch, case: Case
 ) -> None:
     name, over, initial, measures, settings = case
     monkeypatch.setattr(sweep, "DEVICE_LANES", 3)  # several chunks in a task, and several tasks

@@ -32,7 +32,7 @@ class Body(NamedTuple):
 @compiled()
 def added(body: Body) -> float:
     total = body.point.weight * body.point.x[1] + body.point.flags[0]
-    return total + body.pair[0][1, 0] + body.pair[1][-1]
+    return float(total + body.pair[0][1, 0] + body.pair[1][-1])
 
 
 @entry_point()
@@ -43,7 +43,7 @@ def sum_of_row(bodies: Many[Body], i: int) -> float:
 @entry_point()
 def sum_of_numbers(pair: tuple[Vector, IntVector], i: int) -> float:
     row = row_of(pair, i)
-    return row[0] + 10.0 * row[1] + row_of(pair[0], 0)
+    return float(row[0] + 10.0 * row[1] + row_of(pair[0], 0))
 
 
 @entry_point()

@@ -24,7 +24,7 @@ _LOG = 8192  # characters of what the assembler says
 _PTX, _LOG_PLACE, _LOG_SIZE = 1, 5, 6  # a kind of code, and options of its assembler
 _MAJOR, _MINOR = 75, 76  # attributes of a GPU
 _NO_MEMORY, _NO_DEVICE = 2, 100  # errors
-# The arguments of the driver's functions: pointers, addresses on the GPU, sizes, whole numbers, texts.
+# Arguments of the driver's functions: pointers, addresses on the GPU, sizes, whole numbers, texts.
 _KINDS = {"p": c_void_p, "a": c_uint64, "n": c_size_t, "i": c_int, "u": c_uint, "s": c_char_p}
 _TAKES = {
     "cuInit": "u",

@@ -33,7 +33,7 @@ import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import update_wrapper
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 _T = TypeVar("_T")
 CONTRACTED = ("contract",)
@@ -105,10 +105,13 @@ def fma(a: float, b: float, c: float) -> float:
 
 def row_of(part: _T, i: int) -> _T:
     """A tuple whose arrays, and those of tuples inside, are indexed by i; numbers stay."""
+    row: Any = part
     if isinstance(part, tuple):
-        inner = [row_of(x, i) for x in cast("tuple[Any, ...]", part)]
-        return type(part)(*inner) if hasattr(part, "_fields") else cast(_T, tuple(inner))
-    return cast(Any, part)[i] if getattr(part, "shape", ()) else part
+        parts = [row_of(x, i) for x in part]
+        row = type(part)(*parts) if hasattr(part, "_fields") else tuple(parts)
+    elif getattr(part, "shape", ()):
+        row = row[i]
+    return row
 
 
 def call_address(address: int, x: float) -> float:
