@@ -9,6 +9,7 @@ from contextlib import suppress
 from ctypes import addressof, byref, c_char_p, c_int, c_int64, c_size_t, c_uint, c_uint64, c_void_p
 from functools import cache
 from hashlib import sha256
+from threading import Lock
 from typing import Any
 
 from stickslip.arrays import Array
@@ -82,7 +83,8 @@ class Cuda:
             reason = f"{self.name} has compute capability {said}; {least} is needed"
             raise DeclarationError("device", reason, "Leave the work to the cpu")
         self._call("cuDevicePrimaryCtxRetain", byref(self._context), device)
-        self._kernels: dict[Any, Any] = {}
+        self._kernels: dict[Any, list[Any]] = {}
+        self._lock = Lock()
 
     def _call(self, name: str, *given: Any) -> None:
         """Call the driver, in this GPU's context: threads come and go."""
@@ -147,14 +149,18 @@ class Cuda:
             LLVM assembly of its functions.
         """
         key = tuple(entries), system
-        if key not in self._kernels:
-            module = c_void_p()
-            self._call("cuModuleLoadData", byref(module), self._code(ptx_of(entries, system)))
-            found = [c_void_p() for _ in entries]
-            for place, entry in zip(found, entries, strict=True):
-                self._call("cuModuleGetFunction", byref(place), module, entry.__name__.encode())
-            self._kernels[key] = found
-        return self._kernels[key]
+        with self._lock:
+            if key not in self._kernels:
+                self._kernels[key] = self._loaded(entries, system)
+            return self._kernels[key]
+
+    def _loaded(self, entries: Sequence[Entry], system: str) -> list[Any]:
+        module = c_void_p()
+        self._call("cuModuleLoadData", byref(module), self._code(ptx_of(entries, system)))
+        found = [c_void_p() for _ in entries]
+        for place, entry in zip(found, entries, strict=True):
+            self._call("cuModuleGetFunction", byref(place), module, entry.__name__.encode())
+        return found
 
     def _code(self, ptx: bytes) -> bytes:
         """Machine code for this GPU, from disk or new."""

@@ -27,7 +27,7 @@ from stickslip.machine_code.objects import (
     module_of,
     optimise,
 )
-from stickslip.machine_code.shelf import Library, source_digest
+from stickslip.machine_code.shelf import Library, listeners, source_digest
 from stickslip.machine_code.store import cache_folder, keep, stored
 
 # The oldest GPUs whose threads go their own ways (since 2017); all later ones take the same code.
@@ -67,6 +67,8 @@ def ptx_of(kernels: Sequence[Entry], system: str) -> bytes:
     path = cache_folder() / f"gpu.{key[:24]}.ptx"
     made = stored(path, key)
     if made is None:
+        for tell in listeners:
+            tell()
         made = _made(kernels, system, mathematics)
         keep(path, key, made)
     return made
@@ -124,7 +126,7 @@ def _made(kernels: Sequence[Entry], system: str, mathematics: bytes) -> bytes:
         if part.is_declaration and not part.name.startswith("llvm.")
     ]
     if missing:
-        reason = f"{', '.join(missing)} cannot be called on a GPU"
+        reason = f"a table of samples ({', '.join(missing)}) cannot be called on a GPU"
         raise DeclarationError("device", reason, "Leave the work to the cpu")
     return target.emit_assembly(module).encode()
 

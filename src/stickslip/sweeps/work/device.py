@@ -6,7 +6,6 @@ What a motion has come to stays on the GPU until all are done.
 from __future__ import annotations
 
 import os
-import sys
 import weakref
 from collections.abc import Callable, Sequence
 from functools import cache, partial
@@ -172,8 +171,6 @@ class OnDevice:
         self.block = block
         self.device: Device = find_device()
         self.count: int = len(block.lanes.codes)
-        if sys.stderr.isatty():
-            print("stickslip: compiling this system for the GPU ...", file=sys.stderr)
         system = assembly_of(block.problem.compiled.generated)
         self.kernels: Sequence[Any] = self.device.kernels(_KERNELS, system)
         memory = self.memory = Memory(self.device)
