@@ -59,25 +59,37 @@ CASES: Sequence[Case] = [
 ]
 
 
+def compare(case: Case) -> None:
+    """Have a map of the processor and of the GPU the same numbers."""
+    name, over, initial, measures, settings = case
+    system = ss.catalogue.get(name)
+    here = ss.sweep(system, over, measures, initial=initial, settings=settings)
+    there = ss.sweep(system, over, measures, initial=initial, settings=settings, device="gpu")
+    assert np.all(here["outcome"] == there["outcome"])
+    assert np.any(here["outcome"] == 10)
+    for variable in map(str, here.dataset.data_vars):
+        # What is about 1e-7 apart has rounding errors of 1e-9 of that distance.
+        allowed = 1e-8 if variable == "lyapunov" else 1e-12
+        np.testing.assert_allclose(there[variable], here[variable], rtol=allowed, atol=allowed)
+
+
 @pytest.mark.parametrize("case", CASES, ids=[case[0] for case in CASES])
 def test_small_maps_are_those_of_the_processor(
     emulated: Emulated, monkeypatch: pytest.MonkeyPatch, case: Case
 ) -> None:
-    name, over, initial, measures, settings = case
     monkeypatch.setattr(sweep, "DEVICE_LANES", 3)  # several chunks in a task, and several tasks
-    system = ss.catalogue.get(name)
-    here = ss.sweep(system, over, measures, initial=initial, settings=settings)
-    assert emulated.launches == 0
-    there = ss.sweep(system, over, measures, initial=initial, settings=settings, device="gpu")
+    compare(case)
     assert emulated.launches > 0
-    assert np.all(here["outcome"] == there["outcome"])
-    assert np.any(here["outcome"] == 10)
-    for variable in here.dataset.data_vars:
-        # What is about 1e-7 apart has rounding errors of 1e-9 of that distance.
-        allowed = 1e-8 if variable == "lyapunov" else 1e-12
-        np.testing.assert_allclose(
-            there[str(variable)], here[str(variable)], rtol=allowed, atol=allowed
-        )
+
+
+@pytest.mark.parametrize("case", CASES, ids=[case[0] for case in CASES])
+def test_small_maps_on_a_gpu(monkeypatch: pytest.MonkeyPatch, case: Case) -> None:
+    monkeypatch.delenv("STICKSLIP_EMULATE_GPU", raising=False)
+    try:
+        device.check_device()
+    except DeclarationError as error:
+        pytest.skip(error.reason)
+    compare(case)
 
 
 def test_its_memory_is_given_back(emulated: Emulated) -> None:

@@ -60,10 +60,10 @@ def ptx_of(kernels: Sequence[Entry], system: str) -> bytes:
         GPU.
     """
     mathematics = find_mathematics().read_bytes()
-    library = Library("gpu", tuple(sorted({kernel.__module__ for kernel in kernels})))
+    library = Library("gpu", (__name__, *sorted({kernel.__module__ for kernel in kernels})))
     names = [kernel.__name__ for kernel in kernels]
     content = sha256(mathematics).hexdigest()
-    key = digest(source_digest(library), names, system, content, _INLINED, _target())
+    key = digest(source_digest(library), names, system, content, _target())
     path = cache_folder() / f"gpu.{key[:24]}.ptx"
     made = stored(path, key)
     if made is None:

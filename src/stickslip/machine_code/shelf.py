@@ -42,8 +42,12 @@ SHIPPED = Path(__file__).parent / "shipped"
 # vectors of four numbers (Intel since 2013, AMD since 2015), and all others.
 FAST, PORTABLE = "x86-64-v3", "portable"
 FEATURES = ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsave")
-# What writes assembly, and is part of it.
-_WRITERS = ("stickslip.translator.modules", "stickslip.translator.runtime")
+# What writes assembly, or is part of it, and what LLVM makes of it.
+_WRITERS = (
+    "stickslip.machine_code.objects",
+    "stickslip.translator.modules",
+    "stickslip.translator.runtime",
+)
 _IMPORTED = re.compile(rb"\n(?:from|import) ([\w.]+)(?: import (?:\(([^)]*)\)|([^\n]*)))?")
 _PACKAGE = str(Path(__file__).parent.parent)
 
