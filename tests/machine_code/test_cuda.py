@@ -21,7 +21,7 @@ from stickslip.orbits.settling.engine.threads import advance_thread, grow_thread
 from stickslip.sweeps.work import device
 from stickslip.translator.values import ArrayType, TupleType
 
-KERNELS = advance_thread, grow_thread
+ENTRIES = advance_thread, grow_thread
 
 
 class Driver:
@@ -102,21 +102,21 @@ class Driver:
         assert code == b"machine code"
 
     def on_cuModuleGetFunction(self, place: Any, module: Any, name: bytes) -> None:
-        names = [kernel.__name__.encode() for kernel in KERNELS]
+        names = [entry.__name__.encode() for entry in ENTRIES]
         place._obj.value = 1 + names.index(name)
 
-    def on_cuLaunchKernel(self, kernel: Any, *given: Any) -> None:
+    def on_cuLaunchKernel(self, function: Any, *given: Any) -> None:
         *grid, shared, stream, addresses, _ = given
         assert grid[1:] == [1, 1, 64, 1, 1] and not shared and not stream
         place, count = (ctypes.c_int64.from_address(address).value for address in addresses)
         assert grid[0] * 64 - 64 < count <= grid[0] * 64
         words = self.gpu._memory[place].view(np.int64)
-        self.gpu.launch(KERNELS[kernel.value - 1], words, count)
+        self.gpu.launch(ENTRIES[function.value - 1], words, count)
 
 
 @pytest.fixture
 def driver(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Driver:
-    """A stand-in; no kernel is really translated."""
+    """A stand-in; nothing is really translated."""
     made = Driver()
     monkeypatch.setattr(cuda, "_driver", lambda: made)
     monkeypatch.setattr(cuda, "ptx_of", lambda entries, system: b"some PTX")
@@ -136,15 +136,15 @@ def test_a_map_by_the_driver(driver: Driver, monkeypatch: pytest.MonkeyPatch) ->
 
 def test_machine_code_is_kept(driver: Driver) -> None:
     """By GPU and by driver."""
-    Cuda().kernels(KERNELS, "a system")
+    Cuda().load(ENTRIES, "a system")
     assert driver.calls.count("cuLinkComplete") == 1
     gpu = Cuda()
-    first = gpu.kernels(KERNELS, "a system")
-    assert first is gpu.kernels(KERNELS, "a system")
-    assert [kernel.value for kernel in first] == [1, 2]
+    first = gpu.load(ENTRIES, "a system")
+    assert first is gpu.load(ENTRIES, "a system")
+    assert [function.value for function in first] == [1, 2]
     assert driver.calls.count("cuLinkComplete") == 1
     driver.capability[75] = 9
-    Cuda().kernels(KERNELS, "a system")
+    Cuda().load(ENTRIES, "a system")
     assert driver.calls.count("cuLinkComplete") == 2
 
 
@@ -162,8 +162,8 @@ def test_it_says_what_fails(driver: Driver, function: str, error: int, said: str
     driver.fails[function] = error
     with pytest.raises(StickslipError, match=said.replace(".", "\\.")):
         gpu = Cuda()
-        kernel, _ = gpu.kernels(KERNELS, "a system")
-        gpu.launch(kernel, np.zeros(0, np.int64), 0)
+        function, _ = gpu.load(ENTRIES, "a system")
+        gpu.launch(function, np.zeros(0, np.int64), 0)
     assert driver.gpu.taken == 0
     assert driver.calls.count("cuLinkCreate_v2") == driver.calls.count("cuLinkDestroy")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -270,7 +271,7 @@ def test_all_entries_of_the_package_are_in_its_library() -> None:
     with_entries = {
         name
         for name, path in MODULES.items()
-        if "\n@entry_point" in path.read_text(encoding="utf-8")
+        if re.search("\n@(entry_point|Kernel)", path.read_text(encoding="utf-8"))
     }
     assert with_entries == {name for library in shelf.LIBRARIES for name in library.modules}
 

@@ -26,7 +26,7 @@ from stickslip.sweeps.work.chunk import measure_chunk
 
 LOOSE = ss.Settings(tolerance=1e-3)
 SHORT = ss.Settings(tolerance=1e-2, max_time=80.0)
-KERNELS = advance_thread, grow_thread
+ENTRIES = advance_thread, grow_thread
 
 
 @pytest.fixture
@@ -150,24 +150,24 @@ def system_text(system: ss.System) -> str:
     return assembly_of(compile_system(system).generated)
 
 
-def test_the_kernels_compile_without_a_gpu(
+def test_it_compiles_without_a_gpu(
     mathematics: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It also tests that they are kept: the next process makes nothing again."""
     system = system_text(ss.catalogue.scaled_slider_limit())
-    code = ptx.ptx_of(KERNELS, system)
+    code = ptx.ptx_of(ENTRIES, system)
     text = code.decode()
     for name in ("advance_thread", "grow_thread"):
         assert f".visible .entry {name}(" in text
     assert "fma.rn.f64" in text and "div.rn.f64" in text and "sqrt.rn.f64" in text
     assert not re.search(r"\.extern|div\.(full|approx)|sqrt\.approx\.(?!ftz)|mul\.ftz", text)
     monkeypatch.setattr(ptx, "_made", None)
-    assert ptx.ptx_of(KERNELS, system) == code
+    assert ptx.ptx_of(ENTRIES, system) == code
     with pytest.raises(TypeError):
-        ptx.ptx_of(KERNELS, f"{system}\n; another system")
+        ptx.ptx_of(ENTRIES, f"{system}\n; another system")
     if shutil.which("ptxas") is None:
         pytest.skip("no ptxas, NVIDIA's assembler, on the path; what it would be given looks right")
-    place = tmp_path / "kernels.ptx"
+    place = tmp_path / "entries.ptx"
     place.write_bytes(code)
     given = ["ptxas", "--compile-only", "--gpu-name=sm_80", str(place), "-o", str(tmp_path / "o")]
     assert subprocess.run(given, capture_output=True, check=False).stderr == b""
@@ -184,7 +184,7 @@ def test_a_table_of_samples_is_refused(mathematics: Path) -> None:
         span=(0, 10),
     )
     with pytest.raises(DeclarationError, match=r"a table of samples \(.*\) cannot be called"):
-        ptx.ptx_of(KERNELS, system_text(system))
+        ptx.ptx_of(ENTRIES, system_text(system))
 
 
 # -- without a GPU ---------------------------------------------------------------------------------

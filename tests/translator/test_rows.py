@@ -93,9 +93,9 @@ def test_a_function_is_called_by_its_name() -> None:
     assert "@law(" not in Program([apply_law]).whole()
 
 
-def test_a_kernel_knows_its_thread() -> None:
-    text = Program((), [apply_law]).whole()
-    head = text[text.index("define ptx_kernel void @apply_law(ptr") :]
+def test_a_thread_knows_its_number() -> None:
+    text = Program((), threads=[apply_law]).whole()
+    head = text[text.index('define ptx_kernel void @"apply_law"(ptr') :]
     assert "icmp slt i64" in head and "%count" in head and "tid.x" in head
 
 
@@ -104,6 +104,6 @@ def no_thread(row: Vector) -> None:
     row[0] = 1.0
 
 
-def test_a_kernel_needs_a_number_for_its_thread() -> None:
-    with pytest.raises(Refusal, match="no_thread: a kernel takes the number of its thread last"):
-        Program((), [no_thread])
+def test_a_thread_needs_its_number() -> None:
+    with pytest.raises(Refusal, match="no_thread: what a thread runs takes its number last"):
+        Program((), threads=[no_thread])

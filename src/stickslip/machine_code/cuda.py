@@ -83,7 +83,7 @@ class Cuda:
             reason = f"{self.name} has compute capability {said}; {least} is needed"
             raise DeclarationError("device", reason, "Leave the work to the cpu")
         self._call("cuDevicePrimaryCtxRetain", byref(self._context), device)
-        self._kernels: dict[Any, list[Any]] = {}
+        self._known: dict[Any, list[Any]] = {}
         self._lock = Lock()
 
     def _call(self, name: str, *given: Any) -> None:
@@ -137,10 +137,10 @@ class Cuda:
         """Copy bytes within the GPU."""
         self._call("cuMemcpyDtoD_v2", target, source, size)
 
-    # -- kernels -----------------------------------------------------------------------------------
+    # -- functions ---------------------------------------------------------------------------------
 
-    def kernels(self, entries: Sequence[Entry], system: str) -> list[Any]:
-        """Entries as kernels that call the functions of a system.
+    def load(self, entries: Sequence[Entry], system: str) -> list[Any]:
+        """Entries on the GPU, which call the functions of a system.
 
         Parameters
         ----------
@@ -150,9 +150,9 @@ class Cuda:
         """
         key = tuple(entries), system
         with self._lock:
-            if key not in self._kernels:
-                self._kernels[key] = self._loaded(entries, system)
-            return self._kernels[key]
+            if key not in self._known:
+                self._known[key] = self._loaded(entries, system)
+            return self._known[key]
 
     def _loaded(self, entries: Sequence[Entry], system: str) -> list[Any]:
         module = c_void_p()
@@ -197,12 +197,12 @@ class Cuda:
         finally:
             self._call("cuLinkDestroy", linker)
 
-    def launch(self, kernel: Any, words: Array, count: int) -> None:
-        """Run a kernel in so many threads, and wait for all of them.
+    def launch(self, function: Any, words: Array, count: int) -> None:
+        """Run what was loaded in so many threads, and wait for all of them.
 
         Parameters
         ----------
-        kernel
+        function
         words : array of int
             All arguments but the last.
         count : int
@@ -214,7 +214,7 @@ class Cuda:
             addresses = (c_void_p * len(given))(*map(addressof, given))
             blocks = -(-count // _THREADS)
             grid = blocks, 1, 1, _THREADS, 1, 1
-            self._call("cuLaunchKernel", kernel, *grid, 0, None, addresses, None)
+            self._call("cuLaunchKernel", function, *grid, 0, None, addresses, None)
             self._call("cuCtxSynchronize")
         finally:
             self.release(place)

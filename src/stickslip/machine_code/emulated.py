@@ -17,7 +17,7 @@ _GARBAGE = 0xFF  # a byte of memory that nobody has written to: no numbers
 class Emulated:
     """Its memory is apart; its threads run one after the other.
 
-    What a kernel calls of a system stands where its arguments say, as for all entries.
+    What an entry calls of a system stands where its arguments say, as on the processor.
 
     Attributes
     ----------
@@ -62,16 +62,16 @@ class Emulated:
         """Copy bytes within the device."""
         ctypes.memmove(target, source, size)
 
-    def kernels(self, entries: Sequence[Entry], system: str) -> list[Entry]:
-        """Entries as kernels."""
+    def load(self, entries: Sequence[Entry], system: str) -> list[Entry]:
+        """Entries on the device."""
         return list(entries)
 
-    def launch(self, kernel: Entry, words: Array, count: int) -> None:
-        """Run a kernel in so many threads.
+    def launch(self, function: Entry, words: Array, count: int) -> None:
+        """Run what was loaded in so many threads.
 
         Parameters
         ----------
-        kernel
+        function : Entry
         words : array of int
             All arguments but the last.
         count : int
@@ -80,4 +80,4 @@ class Emulated:
         own = np.append(words, 0)
         for thread in range(count):
             own[-1] = thread
-            kernel.prepared.run(own.ctypes.data)
+            function.prepared.run(own.ctypes.data)

@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from stickslip.translator import Compiled
 
 if TYPE_CHECKING:
@@ -25,7 +27,8 @@ class Entry(Compiled):
 
     def __call__(self, *arguments: Any) -> Any:
         if AS_PYTHON:
-            return self.python(*arguments)
+            with np.errstate(all="ignore"):  # compiled code goes on without a word, too
+                return self.python(*arguments)
         return self.prepared(*arguments)
 
     @cached_property
@@ -34,6 +37,21 @@ class Entry(Compiled):
         from stickslip.machine_code.shelf import prepare
 
         return prepare(self)
+
+    __name__: str
+
+
+class Kernel(Compiled):
+    """A function of the engine that the machine code of systems calls, as
+    :func:`stickslip.translator.values.plain_types` says.
+
+    Its arguments are numbers and arrays, as annotated. It must not ask how many rows an array has.
+    """
+
+    @property
+    def symbol(self) -> str:
+        """Its name in machine code."""
+        return f"kernel.{self.__module__}.{self.__name__}"
 
     __name__: str
 

@@ -32,9 +32,10 @@ def _caller(kind: type[SystemFunction]) -> Any:
     from stickslip.translator.values import function_type
 
     function = function_type(kind)
-    types = tuple(type_ for _, type_ in function.arguments)
+    names, types = zip(*function.arguments, strict=True)
     (address,) = addresses(caller_of(function), [f"call_{function.name}"])
-    return Prepared(function.name, (function, *types), function.result, address)
+    given = (("address", *names), (function, *types))
+    return Prepared(function.name, *given, function.result, address)
 
 
 class Setup(SystemFunction):

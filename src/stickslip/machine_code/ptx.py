@@ -1,5 +1,5 @@
-"""PTX, NVIDIA's assembly for GPUs: functions of the engine as kernels, with the functions of a
-system and NVIDIA's mathematical library inside."""
+"""PTX, NVIDIA's assembly for GPUs: what threads run, with the functions of a system and NVIDIA's
+mathematical library inside."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from typing import Any
 from llvmlite import binding as llvm
 
 from stickslip.errors import DeclarationError
-from stickslip.machine_code.functions import Entry
+from stickslip.machine_code.functions import Entry, Kernel
 from stickslip.machine_code.interface import INTERFACE
 from stickslip.machine_code.objects import (
     LOOPS,
@@ -27,7 +27,13 @@ from stickslip.machine_code.objects import (
     module_of,
     optimise,
 )
-from stickslip.machine_code.shelf import Library, listeners, source_digest
+from stickslip.machine_code.shelf import (
+    ENGINE,
+    Library,
+    entries_of,
+    listeners,
+    source_digest,
+)
 from stickslip.machine_code.store import cache_folder, keep, stored
 
 # The oldest GPUs whose threads go their own ways (since 2017); all later ones take the same code.
@@ -43,13 +49,13 @@ _NAMES = re.compile(rf"@(?:({'|'.join(MATHEMATICS)})|llvm\.({'|'.join(_MISSING)}
 _INLINED = 20
 
 
-def ptx_of(kernels: Sequence[Entry], system: str) -> bytes:
-    """Kernels for a system, from disk or new.
+def ptx_of(entries: Sequence[Entry], system: str) -> bytes:
+    """Entries for a system, from disk or new.
 
     Parameters
     ----------
-    kernels : sequence of Entry
-        Each thread gets its number as the last argument.
+    entries : sequence of Entry
+        What threads run; each gets its number as the last argument.
     system : str
         LLVM assembly of the functions of the system.
 
@@ -60,16 +66,16 @@ def ptx_of(kernels: Sequence[Entry], system: str) -> bytes:
         GPU.
     """
     mathematics = find_mathematics().read_bytes()
-    library = Library("gpu", (__name__, *sorted({kernel.__module__ for kernel in kernels})))
-    names = [kernel.__name__ for kernel in kernels]
-    content = sha256(mathematics).hexdigest()
-    key = digest(source_digest(library), names, system, content, _target())
+    modules = {__name__, *(x.__module__ for x in (*entries, *_kernels_in(system)))}
+    sources = source_digest(Library("gpu", tuple(sorted(modules))))
+    names = [entry.__name__ for entry in entries]
+    key = digest(sources, names, system, sha256(mathematics).hexdigest(), _target())
     path = cache_folder() / f"gpu.{key[:24]}.ptx"
     made = stored(path, key)
     if made is None:
         for tell in listeners:
             tell()
-        made = _made(kernels, system, mathematics)
+        made = _made(entries, system, mathematics)
         keep(path, key, made)
     return made
 
@@ -105,14 +111,20 @@ def _target() -> Processor:
     return Processor("nvptx64-nvidia-cuda", _OLDEST, _FEATURES, version)
 
 
-def _made(kernels: Sequence[Entry], system: str, mathematics: bytes) -> bytes:
+def _kernels_in(system: str) -> list[Kernel]:
+    """Functions of the engine that a system calls."""
+    return [x for x in entries_of(ENGINE) if isinstance(x, Kernel) and x.symbol in system]
+
+
+def _made(entries: Sequence[Entry], system: str, mathematics: bytes) -> bytes:
     from stickslip.translator.modules import Program
 
+    called = {kernel.symbol: kernel for kernel in _kernels_in(system)}
     direct = {kind: name for name, kind in INTERFACE.items()}
-    module = _module(Program((), kernels, direct).whole())
+    module = _module(Program((), called, threads=entries, direct=direct).whole())
     module.link_in(_module(system))
     module.link_in(_mathematics(mathematics))
-    names = {kernel.__name__ for kernel in kernels}
+    names = {entry.__name__ for entry in entries}
     # LLVM makes names that PTX can have of those which are known inside alone.
     for part in (*module.functions, *module.global_variables):
         if not part.is_declaration and part.name not in names:

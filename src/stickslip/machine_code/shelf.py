@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib
+import inspect
 import os
 import re
 import sys
@@ -21,7 +22,7 @@ from typing import Any, NamedTuple
 
 from llvmlite import binding as llvm
 
-from stickslip.machine_code.functions import Entry
+from stickslip.machine_code.functions import Entry, Kernel
 from stickslip.machine_code.making import Compilation, make_all
 from stickslip.machine_code.objects import (
     LOOPS,
@@ -42,12 +43,16 @@ SHIPPED = Path(__file__).parent / "shipped"
 # vectors of four numbers (Intel since 2013, AMD since 2015), and all others.
 FAST, PORTABLE = "x86-64-v3", "portable"
 FEATURES = ("avx", "avx2", "bmi", "bmi2", "f16c", "fma", "lzcnt", "movbe", "xsave")
-# What writes assembly, or is part of it, and what LLVM makes of it.
-_WRITERS = (
-    "stickslip.machine_code.objects",
-    "stickslip.translator.modules",
-    "stickslip.translator.runtime",
+_MAKERS = tuple(
+    f"stickslip.{name}"
+    for name in (
+        "machine_code.objects",
+        "translator.__init__",
+        "translator.modules",
+        "translator.runtime",
+    )
 )
+"""What makes machine code, with all that these modules import."""
 _IMPORTED = re.compile(rb"\n(?:from|import) ([\w.]+)(?: import (?:\(([^)]*)\)|([^\n]*)))?")
 _PACKAGE = str(Path(__file__).parent.parent)
 
@@ -86,6 +91,7 @@ ENGINE = Library(
     tuple(
         f"stickslip.{name}"
         for name in (
+            "equations.native.kernels",
             "motion.between.dense",
             "motion.between.step_balance",
             "motion.between.trace",
@@ -116,7 +122,7 @@ EVOLUTION_SOLVERS = Library(
     ),
 )
 LIBRARIES = (ENGINE, EVOLUTION_SOLVERS)
-"""All modules of the package with functions that Python calls."""
+"""All modules of the package with functions that Python, or the machine code of systems, calls."""
 
 
 # -- loading ---------------------------------------------------------------------------------------
@@ -127,7 +133,13 @@ def prepare(entry: Entry) -> Prepared:
     library = next((x for x in LIBRARIES if entry.__module__ in x.modules), None)
     engine = _alone(entry) if library is None else _in_memory(library)
     address = engine.get_function_address(symbol_of(entry))
-    return Prepared(entry.__name__, *entry_types(entry), address)
+    names = tuple(inspect.signature(entry.python).parameters)
+    return Prepared(entry.__name__, names, *entry_types(entry), address)
+
+
+def engine() -> Any:
+    """The engine in memory, where LLVM knows the addresses of its functions."""
+    return _in_memory(ENGINE)
 
 
 def _alone(entry: Entry) -> Any:
@@ -264,33 +276,36 @@ def clean(folder: Path, here: Processor, libraries: Sequence[Library] = LIBRARIE
 
 
 def jobs_of(
-    entries: Sequence[Entry], folder: Path, here: Processor, ship: bool = False
+    entries: Sequence[Entry | Kernel], folder: Path, here: Processor, ship: bool = False
 ) -> list[Compilation]:
     """What is to be compiled for some entries: a module for each source file."""
     from stickslip.translator.modules import Program
 
     jobs = list[Compilation]()
-    for file, text in Program(entries).modules().items():
+    kernels = {x.symbol: x for x in entries if isinstance(x, Kernel)}
+    program = Program([x for x in entries if isinstance(x, Entry)], kernels)
+    for file, text in program.modules().items():
         key = digest(text, here, LOOPS)
         place = folder / f"{Path(file).parent.name}.{Path(file).stem}.{key[:24]}"
         jobs.append(Compilation(text, str(place), key, here, ship))
     return jobs
 
 
-def entries_of(library: Library) -> list[Entry]:
-    """The entries of a library."""
-    found = list[Entry]()
+def entries_of(library: Library) -> list[Entry | Kernel]:
+    """The functions of a library that are called from outside."""
+    found = list[Entry | Kernel]()
     for name in library.modules:
         module = sys.modules.get(name) or importlib.import_module(name)
-        found += [x for x in vars(module).values() if isinstance(x, Entry) and x.__module__ == name]
+        own = [x for x in vars(module).values() if isinstance(x, Entry | Kernel)]
+        found += [x for x in own if x.__module__ == name]
     return found
 
 
 def source_digest(library: Library) -> str:
-    """A name for all sources that may shape the machine code of a library: those of its modules,
-    of the translator, and of what these import."""
+    """A name for all sources that may shape the machine code of a library: those of its modules, of
+    what they import, and of the translator."""
     known = dict[str, bytes]()
-    left = [path for name in (*library.modules, *_WRITERS) for path in _files_of(name, "")]
+    left = [path for name in (*library.modules, *_MAKERS) for path in _files_of(name, "")]
     while left:
         path = left.pop()
         if path not in known:

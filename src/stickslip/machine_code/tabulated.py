@@ -7,7 +7,6 @@ milliseconds.
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -21,6 +20,7 @@ from stickslip.machine_code.objects import (
     processor,
     provide,
 )
+from stickslip.translator.assembly import real
 
 
 def provide_table(
@@ -76,12 +76,12 @@ def _assembly(
 declare double @llvm.floor.f64(double)
 define internal i64 @find(double %x) {{
 entry:
-  %away = fsub double %x, {_real(first)}
-  %guess = fmul double %away, {_real(density)}
+  %away = fsub double %x, {real(first)}
+  %guess = fmul double %away, {real(density)}
   %under = fcmp olt double %guess, 0.0
   %above = select i1 %under, double 0.0, double %guess
-  %over = fcmp ogt double %above, {_real(float(m - 1))}
-  %bounded = select i1 %over, double {_real(float(m - 1))}, double %above
+  %over = fcmp ogt double %above, {real(float(m - 1))}
+  %bounded = select i1 %over, double {real(float(m - 1))}, double %above
   %known = fcmp ord double %bounded, 0.0
   %inside = select i1 %known, double %bounded, double 0.0
   %g = fptosi double %inside to i64
@@ -123,11 +123,6 @@ done:
     return "\n".join([finding, *places, *values])
 
 
-def _real(x: float) -> str:
-    """A number in assembly, exactly."""
-    return f"0x{struct.unpack('>Q', struct.pack('>d', x))[0]:016X}"
-
-
 def _place(
     side: str, m: int, first: float, last: float, period: float, near: float, table: str
 ) -> str:
@@ -138,14 +133,14 @@ def _place(
     """
     lines = [f"define internal {{ i64, double }} @{side}(double %given) {{"]
     if period > 0.0:
-        lines.append(f"""  %since = fsub double %given, {_real(first)}
-  %share = fdiv double %since, {_real(period)}
+        lines.append(f"""  %since = fsub double %given, {real(first)}
+  %share = fdiv double %since, {real(period)}
   %turns = call double @llvm.floor.f64(double %share)
-  %gone = fmul double %turns, {_real(period)}
+  %gone = fmul double %turns, {real(period)}
   %x = fsub double %given, %gone""")
     else:
-        lines.append(f"""  %late = fcmp ole double %given, {_real(last + near)}
-  %early = fcmp oge double %given, {_real(first - near)}
+        lines.append(f"""  %late = fcmp ole double %given, {real(last + near)}
+  %early = fcmp oge double %given, {real(first - near)}
   %within = and i1 %late, %early
   %x = select i1 %within, double %given, double 0x7FF8000000000000""")
     lines.append(f"""  %i = call i64 @find(double %x)
@@ -158,7 +153,7 @@ def _place(
   %right = fsub double %high, %x
   %before = sub i64 %i, 1""")
     if side == "gate":
-        lines.append(f"""  %begins = fcmp ole double %right, {_real(near)}
+        lines.append(f"""  %begins = fcmp ole double %right, {real(near)}
   %k = select i1 %begins, i64 %next, i64 %i""")
     else:
         lines.append(f"""  %parity = urem i64 %i, 2
@@ -168,11 +163,11 @@ def _place(
   %k = select i1 %own, i64 %i, i64 %other""")
     if period > 0.0:
         lines.append(f"""  %past = icmp eq i64 %k, {m}
-  %less = fsub double %x, {_real(period)}
+  %less = fsub double %x, {real(period)}
   %x1 = select i1 %past, double %less, double %x
   %k1 = select i1 %past, i64 0, i64 %k
   %ahead = icmp slt i64 %k, 0
-  %more = fadd double %x, {_real(period)}
+  %more = fadd double %x, {real(period)}
   %x2 = select i1 %ahead, double %more, double %x1
   %k2 = select i1 %ahead, i64 {m - 1}, i64 %k1""")
     else:  # at the ends the piece on the other side has that parity, if there is one
@@ -212,7 +207,7 @@ def _value(name: str, side: str, factors: Sequence[float], table: Any, breaks: s
             f"  %place{j} = add i64 %row, {skipped + j}",
             f"  %at{j} = getelementptr double, ptr {base}, i64 %place{j}",
             f"  %c{j} = load double, ptr %at{j}",
-            f"  %term{j} = fmul double %c{j}, {_real(factors[j])}",
+            f"  %term{j} = fmul double %c{j}, {real(factors[j])}",
             f"  %high{j} = fmul double {total}, %u",
             f"  %sum{j} = fadd double %high{j}, %term{j}",
         ]

@@ -9,12 +9,12 @@ does it.
 from __future__ import annotations
 
 import ctypes
-import math
 import operator
 import struct
 import sys
 import sysconfig
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -220,16 +220,25 @@ class Prepared:
     ----------
     name : str
         In messages.
-    types : tuple of Type
+    names : sequence of str
         Of its arguments.
+    types : tuple of Type
+        Theirs.
     result : Type
     address : int
         Of the function that takes the address of its arguments as words.
     """
 
-    def __init__(self, name: str, types: tuple[Type, ...], result: Any, address: int) -> None:
+    def __init__(
+        self,
+        name: str,
+        names: Sequence[str],
+        types: tuple[Type, ...],
+        result: Any,
+        address: int,
+    ) -> None:
         self._name = name
-        self._type = TupleType(tuple, types)
+        self._type = TupleType(type("Arguments", (tuple,), {"_fields": names}), types)
         self._plan = np.array(_plan(self._type), np.int64)
         self._plan_at: int = self._plan.ctypes.data
         self._room = ctypes.c_int64 * max(words(self._type), 1)
@@ -251,13 +260,12 @@ class Prepared:
 
     def words(self, arguments: tuple[Any, ...]) -> Any:
         """The words of these arguments; None if they are of another type."""
-        if self._walk is None:
-            return by_python(self._type, arguments)
         made = self._room()
-        try:
-            return None if self._walk(arguments, self._plan_at, made) else made
-        except (TypeError, OverflowError):
-            return None
+        # The walk looks at what is usual; Python decides about the rest.
+        with suppress(TypeError, ValueError, OverflowError):
+            if self._walk is not None and not self._walk(arguments, self._plan_at, made):
+                return made
+        return by_python(self._type, arguments)
 
 
 def by_python(type_: Type, arguments: tuple[Any, ...]) -> Any:
@@ -276,8 +284,8 @@ def by_python(type_: Type, arguments: tuple[Any, ...]) -> Any:
             away = isinstance(value, Elsewhere)
             made.extend([value.address if away else value.ctypes.data, *value.shape])
         elif kind == FLOAT:
-            # `fsum` takes whatever is a number, and no text
-            made.extend(struct.unpack("q", struct.pack("d", math.fsum([value]))))
+            # `struct` takes whatever is a number, and no text
+            made.extend(struct.unpack("q", struct.pack("d", value)))
         else:
             if isinstance(kind, FunctionType) and not isinstance(value, kind.kind):
                 raise TypeError
@@ -310,6 +318,8 @@ def mismatch(type_: Any, value: Any, name: str) -> str:
             return (
                 f"{name} is an array with {kind}{layout}; {type_.axes} of {type_.entries} expected"
             )
+        if isinstance(value, int) and type_ in (INT, FLOAT):
+            return f"{name} is too large; {named(type_)} expected"
         return f"{name} is {type(value).__name__}; {named(type_)} expected"
     if len(value) != len(type_.parts):
         return f"{name}: {len(value)} parts; {len(type_.parts)} expected"

@@ -97,10 +97,15 @@ class FunctionAddress(int):
 
 def fma(a: float, b: float, c: float) -> float:
     """a·b + c, rounded once."""
-    if all(map(math.isfinite, (a, b, c))):
-        exact = Fraction(a) * Fraction(b) + Fraction(c)
+    if not (math.isfinite(a) and math.isfinite(b)):
+        return a * b + c
+    if not math.isfinite(c):
+        return c
+    exact = Fraction(a) * Fraction(b) + Fraction(c)
+    try:
         return float(exact) if exact else a * b + c
-    return a * b + c
+    except OverflowError:
+        return math.inf if exact > 0 else -math.inf
 
 
 def row_of(part: _T, i: int) -> _T:

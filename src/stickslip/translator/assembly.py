@@ -1,4 +1,8 @@
-"""LLVM assembly of one function in the making: registers, blocks, instructions."""
+"""LLVM assembly of one function in the making: registers, blocks, instructions.
+
+Every register has a type, and what takes one looks at it. So a number is never an address, and a
+mistake shows where it is made, not where LLVM reads it.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,10 @@ import struct
 from typing import NamedTuple
 
 BIT, WHOLE, REAL, POINTER, NOTHING = "i1", "i64", "double", "ptr", "void"
+
+
+class WrongType(TypeError):
+    """An operand of another type than an instruction takes: a mistake in what writes assembly."""
 
 
 class Register(NamedTuple):
@@ -35,9 +43,43 @@ def real(x: float) -> Register:
     return Register(f"0x{struct.unpack('<Q', struct.pack('<d', x))[0]:016X}", REAL)
 
 
+def imaginary(z: complex) -> Register:
+    """A literal complex number, exactly."""
+    return Register(f"{{ {real(z.real).typed}, {real(z.imag).typed} }}", "{ double, double }")
+
+
 def whole(n: int) -> Register:
     """A literal whole number."""
     return Register(str(n), WHOLE)
+
+
+def bit(x: bool) -> Register:
+    """A literal truth value."""
+    return Register("true" if x else "false", BIT)
+
+
+def operand(x: Register | float) -> Register:
+    """A register, or a number as a literal."""
+    if isinstance(x, Register):
+        return x
+    if isinstance(x, float):
+        return real(x)
+    if isinstance(x, int):
+        return bit(x) if isinstance(x, bool) else whole(x)
+    raise WrongType(f"{x!r} is neither a register nor a number")
+
+
+def of_type(type_: str, x: Register | float) -> Register:
+    """An operand of a certain type.
+
+    Raises
+    ------
+    WrongType
+    """
+    found = x if isinstance(x, Register) else operand(x)
+    if found.type != type_:
+        raise WrongType(f"{found.typed} where there has to be {type_}")
+    return found
 
 
 class Assembly:
@@ -55,7 +97,11 @@ class Assembly:
         Whether that block has its last instruction.
     declared : dict
         Declarations of what is called from outside, by name.
+    promises, within : str
+        What LLVM may assume of functions of numbers from outside, and of addresses of entries.
     """
+
+    promises, within = " #1", "inbounds "
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -85,20 +131,23 @@ class Assembly:
 
     def at(self, base: Register, index: Register | int, type_: str) -> Register:
         """Address of an entry of a table."""
-        if index == 0:
-            return base
-        return self.new(POINTER, f"getelementptr inbounds {type_}, ptr {base}, i64 {index}")
+        base = of_type(POINTER, base)
+        place = of_type(WHOLE, index).typed
+        return self.new(POINTER, f"getelementptr {self.within}{type_}, {base.typed}, {place}")
 
     def load(self, type_: str, address: Register, note: str = "") -> Register:
         """What stands at an address."""
-        return self.new(type_, f"load {type_}, ptr {address}{note}")
+        return self.new(type_, f"load {type_}, {of_type(POINTER, address).typed}{note}")
 
     def store(self, value: Register, address: Register, note: str = "") -> None:
         """Put a value at an address."""
-        self.lines.append(f"store {value.typed}, ptr {address}{note}")
+        place = of_type(POINTER, address).typed
+        self.lines.append(f"store {value.typed}, {place}{note}")
 
     def extract(self, value: Register, k: int, type_: str) -> Register:
         """One part of a structure."""
+        if not value.type.startswith("{"):
+            raise WrongType(f"{value.typed} has no parts")
         return self.new(type_, f"extractvalue {value.typed}, {k}")
 
     def structure(self, type_: str, parts: list[Register]) -> Register:
@@ -113,7 +162,19 @@ class Assembly:
     def call(
         self, type_: str, function: str, *given: Register, flags: str = "", convention: str = ""
     ) -> Register:
-        """The result of a function."""
+        """The result of a function.
+
+        Parameters
+        ----------
+        type_ : str
+            Of the result.
+        function : str
+            Its name with @, or the register of its address.
+        given : Register
+        flags, convention : str
+            Fast-math flags, and how it is called if not as functions of C are; each with a space in
+            front.
+        """
         operands = ", ".join(x.typed for x in given)
         instruction = f"call{flags}{convention} {type_} {function}({operands})"
         if type_ == NOTHING:
@@ -124,8 +185,10 @@ class Assembly:
     def outside(self, type_: str, name: str, *given: Register, flags: str = "") -> Register:
         """The result of one of LLVM's functions, or of the mathematical library of C."""
         kinds = ", ".join(x.type for x in given)
-        group = "" if name.startswith("llvm.") or POINTER in kinds else " #1"
-        self.declared[name] = f"declare {type_} @{name}({kinds}){group}"
+        group = "" if name.startswith("llvm.") or POINTER in kinds else self.promises
+        declaration = f"declare {type_} @{name}({kinds}){group}"
+        if self.declared.setdefault(name, declaration) != declaration:
+            raise WrongType(f"{declaration}, which is a {self.declared[name]}")
         return self.call(type_, f"@{name}", *given, flags=flags)
 
     # -- control -----------------------------------------------------------------------------------
@@ -154,4 +217,4 @@ class Assembly:
 
     def choose(self, test: Register, yes: str, no: str) -> None:
         """End a block with one of two jumps."""
-        self.end(f"br i1 {test}, label %{yes}, label %{no}")
+        self.end(f"br {of_type(BIT, test).typed}, label %{yes}, label %{no}")

@@ -14,10 +14,20 @@ from typing import Any, NamedTuple, NoReturn
 import numpy as np
 
 from stickslip.translator import Compiled, call_address, fma, row_of
-from stickslip.translator.assembly import BIT, NOTHING, POINTER, REAL, WHOLE, Register, whole
+from stickslip.translator.assembly import (
+    BIT,
+    NOTHING,
+    POINTER,
+    REAL,
+    WHOLE,
+    Register,
+    real,
+    whole,
+)
 from stickslip.translator.values import (
     BOOL,
     COMPLEX,
+    ENTRIES,
     FLOAT,
     INT,
     NAMED,
@@ -52,6 +62,7 @@ REAL_FUNCTIONS: dict[Any, str] = {
     **{np.power: "llvm.pow.f64", math.pow: "llvm.pow.f64"},
 }
 """Functions of real numbers: what LLVM or the mathematical library of C calls them."""
+_RUNTIME_MODULE = "stickslip.translator.runtime"
 _MOST_ROUNDS = 12  # in which the types of variables have to settle
 _MOST_IN_REGISTERS = 4  # words of a tuple that is returned in registers
 _INSTEAD = {
@@ -80,6 +91,16 @@ class Signature(NamedTuple):
     def in_registers(self) -> bool:
         """Whether the result is not written to memory."""
         return not isinstance(self.result, TupleType) or fits_registers(self.result)
+
+
+class Loop(NamedTuple):
+    """A loop around what is being written: where its next round begins and where it ends, and what
+    has been assigned wherever it is left or goes on."""
+
+    again: str
+    after: str
+    left: list[set[str]]
+    continued: list[set[str]]
 
 
 def fits_registers(type_: Type) -> bool:
@@ -128,12 +149,14 @@ class Function(Values, ast.NodeVisitor):
         self.arguments = arguments
         self.name = name
         self.called: set[str] = set()
+        self.calls = 0  # of functions that may do something
         self.flags = "".join(f" {flag}" for flag in compiled.relaxed)
         self.types: dict[str, Type] = {}
         self.result: Type | None = None
         hint = node.returns and self.hint(node.returns)
         self.promised = NAMED.get(hint)
         stores = [x.id for x in ast.walk(node) if isinstance(x, ast.Name) and not _is_read(x)]
+        stores += [x.arg for x in node.args.args if x.arg in stores]
         self.stores = {name: stores.count(name) for name in stores}
         self.here: ast.AST = node
 
@@ -161,6 +184,7 @@ class Function(Values, ast.NodeVisitor):
             if not self.changed:
                 break
         else:
+            self.here = self.node
             self.refuse("types of variables do not settle", "Annotate or rename them")
         signature = Signature(self.name, self.result or NONE, self.arguments)
         given = (
@@ -170,7 +194,7 @@ class Function(Values, ast.NodeVisitor):
             note = (
                 "noalias readonly captures(none) align 8 " if isinstance(type_, TupleType) else ""
             )
-            given.append(f"{_passed(type_)} {note}%{parameter.arg}")
+            given.append(f"{_passed(type_)} {note}{_argument(parameter.arg)}")
         result = returned(signature.result) if signature.in_registers else NOTHING
         head = f'define internal fastcc {result} @"{self.name}"({", ".join(given)}) #0'
         return signature, self.text(head + (" alwaysinline" if self.compiled.inline else ""))
@@ -182,9 +206,10 @@ class Function(Values, ast.NodeVisitor):
         self.values: dict[str, Value] = {}
         self.places: dict[str, Register] = {}
         self.assigned: set[str] = set()
-        self.loops: list[tuple[str, str, list[set[str]]]] = []
+        self.loops: list[Loop] = []
+        self.unrolled = 0  # loops around this place that are written round by round
         for parameter, type_ in zip(self.node.args.args, self.arguments, strict=True):
-            register = Register(f"%{parameter.arg}", _passed(type_))
+            register = Register(_argument(parameter.arg), _passed(type_))
             is_tuple = isinstance(type_, TupleType)
             value = Value(type_, register, 0 if is_tuple else None, lasting=is_tuple)
             if parameter.arg in self.stores:
@@ -194,6 +219,7 @@ class Function(Values, ast.NodeVisitor):
         self.body(self.node.body)
         if not self.ended:
             if self.result not in (None, NONE):
+                self.here = self.node.body[-1]
                 self.refuse("it may end without a result", "Return something at the end")
             self.result = NONE
             self.end("ret void")
@@ -238,6 +264,8 @@ class Function(Values, ast.NodeVisitor):
     def visit_AugAssign(self, node: ast.AugAssign) -> None:
         """``a += value``."""
         operation = type(node.op).__name__
+        if isinstance(node.target, ast.Attribute):
+            self.refuse(f"an assignment to {ast.unparse(node.target)}", "Make a new tuple")
         if isinstance(node.target, ast.Subscript):
             array, address = self.entry_of(node.target)
             old = self.read_entry(array, address)
@@ -267,7 +295,8 @@ class Function(Values, ast.NodeVisitor):
     def assign_name(self, name: str, value: Value) -> None:
         """Give a value to a variable."""
         self.assigned.add(name)
-        if value.lasting and self.stores.get(name) == 1 and value.offset is not None:
+        once = self.stores.get(name) == 1 and not self.unrolled
+        if value.lasting and once and value.offset is not None:
             self.values[name] = value  # it may stay where it is: nothing writes there
             return
         known = self.types.get(name)
@@ -279,19 +308,24 @@ class Function(Values, ast.NodeVisitor):
             self.changed = self.changed or known is not None
             self.types[name] = type_
             self.places.pop(name, None)
+        if type_ == NONE:
+            self.values[name] = value
+            return
         if name not in self.places:
             is_tuple = isinstance(type_, TupleType)
             self.places[name] = self.room(type_) if is_tuple else self.slot(_passed(type_))
         value = self.cast(value, type_)
         if isinstance(type_, TupleType):
             self.put(value, self.places[name], 0)
-        elif type_ != NONE:
+        else:
             self.store(self.in_register(value).register, self.places[name])
 
     def entry_of(self, node: ast.Subscript) -> tuple[ArrayType, Register]:
         """The entry of an array that is assigned to."""
         array = self.visit(node.value)
         given = self.indices(node.slice)
+        if self.is_constant(node):
+            self.refuse("an assignment to an entry of a constant", "Pass the array in")
         if not isinstance(array.type, ArrayType):
             self.refuse(f"an assignment to a part of {named(array.type)}", "Make a new tuple")
         places = [index.value for index in given if index.value is not None]
@@ -299,11 +333,18 @@ class Function(Values, ast.NodeVisitor):
             self.refuse("an assignment to several entries", "Write a loop")
         return array.type, self.entry(array, places)
 
+    def is_constant(self, node: ast.expr) -> bool:
+        """Whether something is a part of what the module has."""
+        while isinstance(node, (ast.Subscript, ast.Attribute)):
+            node = node.value
+        known = isinstance(node, ast.Name) and (node.id in self.stores or node.id in self.values)
+        return isinstance(node, ast.Name) and not known
+
     def visit_Return(self, node: ast.Return) -> None:
         """The result; all of them have one type."""
         value = Value(NONE) if node.value is None else self.plain(self.visit(node.value))
         type_ = value.type if self.result is None else joined(self.result, value.type)
-        if self.promised is not None and isinstance(type_, Scalar):
+        if self.promised is not None and isinstance(value.type, Scalar):
             type_ = self.promised
         if type_ is None or (type_ == NONE) != (value.type == NONE):
             self.refuse("results of several types", "Return the same type everywhere")
@@ -349,6 +390,13 @@ class Function(Values, ast.NodeVisitor):
             self.begin(after)
             self.assigned = set.intersection(*ways)
 
+    def join(self, after: str, ways: list[set[str]]) -> None:
+        """The same, where the way from here leads there, too."""
+        if not self.ended:
+            ways.append(set(self.assigned))
+            self.go(after)
+        self.meet(after, ways)
+
     def visit_While(self, node: ast.While) -> None:
         """``while``, for ever too."""
         head, inside, after = map(self.label, ("while", "body", "after"))
@@ -359,35 +407,36 @@ class Function(Values, ast.NodeVisitor):
         else:
             self.branch(node.test, inside, after)
         ways = [] if endless else [set(self.assigned)]
-        self.round(node, inside, head, after, ways)
+        self.round(node, inside, Loop(head, after, ways, []))
         self.go(head)
         self.meet(after, ways)
 
-    def round(
-        self, node: ast.While | ast.For, inside: str, again: str, after: str, ways: list[set[str]]
-    ) -> None:
+    def round(self, node: ast.While | ast.For, inside: str, loop: Loop) -> None:
         """The body of a loop."""
         if node.orelse:
             self.refuse("else of a loop", "Use a variable that says how it ended")
         self.ended = True
         self.begin(inside)
-        self.loops.append((again, after, ways))
+        self.loops.append(loop)
         self.body(node.body)
         self.loops.pop()
 
     def visit_Break(self, node: ast.Break) -> None:
         """Leave a loop."""
-        self.loops[-1][2].append(set(self.assigned))
-        self.go(self.loops[-1][1])
+        self.loops[-1].left.append(set(self.assigned))
+        self.go(self.loops[-1].after)
 
     def visit_Continue(self, node: ast.Continue) -> None:
         """The next round of a loop."""
-        self.go(self.loops[-1][0])
+        self.loops[-1].continued.append(set(self.assigned))
+        self.go(self.loops[-1].again)
 
     def visit_For(self, node: ast.For) -> None:
         """``for`` over a range, the entries or rows of an array, or the parts of a tuple."""
         source = node.iter
         if isinstance(source, ast.Call) and ast.unparse(source.func) == "range":
+            if source.keywords or not 1 <= len(source.args) <= 3:
+                self.refuse("a range with such arguments", "Give one to three numbers")
             ends = [self.cast(self.visit(x), INT) for x in source.args]
             step = ends.pop() if len(ends) == 3 else self.constant(1)
             if not step.is_known or step.known == 0:
@@ -401,19 +450,19 @@ class Function(Values, ast.NodeVisitor):
             first = self.constant(0), self.length(value, 0)
             self.count(node, *first, 1, lambda i: self.element(value, [Index(i)]))
             return
+        self.unrolled += 1
         after = self.label("after")
         ways = list[set[str]]()
-        for part in map(self.settled, self.parts(value)):
+        for part in [self.settled(part) for part in self.parts(value)]:
             if not self.ended:
                 inside, following = self.label("body"), self.label("next")
+                loop = Loop(following, after, ways, [])
                 self.assign(node.target, part)
                 self.go(inside)
-                self.round(node, inside, following, after, ways)
-                self.begin(following)
-        if not self.ended:
-            ways.append(set(self.assigned))
-            self.go(after)
-        self.meet(after, ways)
+                self.round(node, inside, loop)
+                self.join(following, loop.continued)
+        self.join(after, ways)
+        self.unrolled -= 1
 
     def count(
         self, node: ast.For, start: Value, stop: Value, step: int, item: Callable[[Value], Value]
@@ -431,7 +480,7 @@ class Function(Values, ast.NodeVisitor):
         self.begin(first)
         self.assign(node.target, self.settled(item(Value(INT, at))))
         self.go(inside)
-        self.round(node, inside, following, after, ways)
+        self.round(node, inside, Loop(following, after, ways, []))
         self.begin(following)
         self.store(self.new(WHOLE, f"add nsw i64 {at}, {step}"), place)
         self.go(head)
@@ -472,7 +521,7 @@ class Function(Values, ast.NodeVisitor):
             type_, place = self.types[name], self.places[name]
             if isinstance(type_, TupleType):
                 return Value(type_, place, 0)
-            return Value(type_, None if type_ == NONE else self.load(_passed(type_), place))
+            return Value(type_, self.load(_passed(type_), place))
         space = self.compiled.python.__globals__
         if name not in space and not hasattr(builtins, name):
             self.refuse(f"{name} is not known", "Define or import it in the module")
@@ -487,6 +536,8 @@ class Function(Values, ast.NodeVisitor):
         value, name = self.visit(node.value), node.attr
         type_ = value.type
         if type_ == PYTHON:
+            if not hasattr(value.known, name):
+                self.refuse(f"{ast.unparse(node)} is not known", "Define it, or name another")
             return self.constant(getattr(value.known, name))
         if type_ == COMPLEX and name in ("real", "imag"):
             return Value(FLOAT, self.split(value)[name == "imag"])
@@ -502,12 +553,14 @@ class Function(Values, ast.NodeVisitor):
         value, given = self.visit(node.value), self.indices(node.slice)
         if isinstance(value.type, ArrayType):
             return self.element(value, given)
-        index = given[0].value
-        if len(given) > 1 or index is None or not index.is_known:
+        index = given[0].value if len(given) == 1 else None
+        if index is None or not index.is_known:
             self.refuse("a part of a tuple that is not a constant", "Unpack it, or use an array")
-        if value.type == PYTHON:
-            return self.constant(value.known[index.known])
-        return self.parts(value)[index.known]
+        is_constant = value.type == PYTHON and isinstance(value.known, tuple)
+        parts = value.known if is_constant else self.parts(value)
+        if not -len(parts) <= index.known < len(parts):
+            self.refuse(f"part {index.known} of {len(parts)}", "Count from 0")
+        return self.constant(parts[index.known]) if is_constant else parts[index.known]
 
     def indices(self, node: ast.expr) -> list[Index]:
         """What stands in brackets."""
@@ -540,7 +593,9 @@ class Function(Values, ast.NodeVisitor):
             return self.inverted(self.truth(value))
         if isinstance(node.op, ast.USub):
             return self.negative(value)
-        if isinstance(node.op, ast.UAdd):
+        if isinstance(node.op, ast.UAdd) and value.type in (BOOL, INT):
+            return self.cast(value, INT)
+        if isinstance(node.op, ast.UAdd) and value.type in (FLOAT, COMPLEX):
             return value
         return self.generic_visit(node.op)
 
@@ -577,7 +632,7 @@ class Function(Values, ast.NodeVisitor):
         """``a if test else b``."""
         kinds = self.type_of(node.body), self.type_of(node.orelse)
         type_ = joined(*kinds)
-        if type_ is None:
+        if type_ in (None, NONE):
             self.refuse(f"either {named(kinds[0])} or {named(kinds[1])}", "Give both one type")
         is_tuple = isinstance(type_, TupleType)
         place = self.room(type_) if is_tuple else self.slot(_passed(type_))
@@ -601,7 +656,10 @@ class Function(Values, ast.NodeVisitor):
         """Comparisons, one after the other; all of them are made."""
         left, found = self.visit(node.left), None
         for operation, right in zip(node.ops, node.comparators, strict=True):
+            calls = self.calls
             value = self.visit(right)
+            if found is not None and self.calls > calls:
+                self.refuse("a call that Python may leave out", "Call it before the comparison")
             if isinstance(operation, (ast.In, ast.NotIn)):
                 this = self.constant(False)
                 for part in self.parts(value):
@@ -624,13 +682,15 @@ class Function(Values, ast.NodeVisitor):
     def visit_Call(self, node: ast.Call) -> Value:
         """A call of something that the language knows."""
         if isinstance(node.func, ast.Attribute) and node.func.attr == "conjugate":
-            re, im = self.split(self.visit(node.func.value))
-            return self.complex(re, self.real_op("fneg", im))
+            value = self.visit(node.func.value)
+            if value.type == COMPLEX and not node.args and not node.keywords:
+                re, im = self.split(value)
+                return self.complex(re, self.real_op("fneg", im))
         function = self.visit(node.func)
         given = [self.visit(x) for x in node.args]
         keywords = {x.arg: self.visit(x.value) for x in node.keywords if x.arg}
         self.here = node
-        if isinstance(function.type, FunctionType):
+        if isinstance(function.type, FunctionType) and not keywords:
             return self.call_outside(function, function.type, given)
         target: Any = function.known
         if isinstance(target, Compiled):
@@ -638,18 +698,17 @@ class Function(Values, ast.NodeVisitor):
             return self.call_compiled(target, self.in_order(names, given, keywords))
         if isinstance(target, type) and hasattr(target, "_fields"):
             return self.tuple_of(target, self.in_order(target._fields, given, keywords))
+        name = ast.unparse(node.func)
         try:
-            if target in REAL_FUNCTIONS:
-                reals = [self.cast(x, FLOAT).register for x in given]
-                name = REAL_FUNCTIONS[target]
-                return Value(FLOAT, self.outside(REAL, name, *reals, flags=self.flags))
-            make = CALLS.get(target)
+            make = REAL_CALLS.get(target) or CALLS.get(target)
         except TypeError:  # it cannot be looked up
             make = None
         if make is None:
-            self.refuse(
-                f"a call of {ast.unparse(node.func)}", "Mark it as compiled, or write it out"
-            )
+            self.refuse(f"a call of {name}", "Mark it as compiled, or write it out")
+        try:
+            inspect.signature(make).bind(self, *given, **keywords)
+        except TypeError:
+            self.refuse(f"a call of {name} with such arguments", "Give what it takes, in order")
         return make(self, *given)
 
     def in_order(self, names: Any, given: list[Value], keywords: dict[str, Value]) -> list[Value]:
@@ -662,10 +721,10 @@ class Function(Values, ast.NodeVisitor):
     def call_compiled(self, target: Compiled, given: list[Value]) -> Value:
         """Call another function of the language."""
         given = [self.plain(x) for x in given]
-        try:
-            signature = self.program.signature(target, tuple(x.type for x in given))
-        except Refusal as error:
-            raise error
+        if any(x.type == NONE for x in given):
+            self.refuse("None as an argument", "Use a number")
+        self.calls += target.__module__ != _RUNTIME_MODULE
+        signature = self.program.signature(target, tuple(x.type for x in given))
         self.called.add(signature.name)
         operands = list[Register]()
         for value, type_ in zip(given, signature.arguments, strict=True):
@@ -692,8 +751,9 @@ class Function(Values, ast.NodeVisitor):
         """Call a function by its address, or by its name if the program knows one."""
         if len(given) != len(type_.arguments):
             self.refuse(f"{type_.name} takes {len(type_.arguments)} arguments", "Give as many")
+        self.calls += 1
         pairs = zip(given, type_.arguments, strict=True)
-        operands = [self.in_register(self.cast(x, wanted)).register for x, (_, wanted) in pairs]
+        operands = [self.outward(self.cast(x, wanted)) for x, (_, wanted) in pairs]
         if type_.kind in self.program.direct:
             name = self.program.direct[type_.kind]
             return Value(type_.result, self.outside(type_.result.llvm, name, *operands))
@@ -708,6 +768,8 @@ class Function(Values, ast.NodeVisitor):
 
     def table(self, array: Any) -> Value:
         """A constant array."""
+        if f"{array.dtype.kind}{array.dtype.itemsize}" not in ENTRIES:
+            self.refuse(f"a constant array of {array.dtype}", "Convert its entries")
         name, type_ = self.program.table(array)
         lengths = [whole(n) for n in array.shape]
         return Value(type_, self.structure(type_.llvm, [Register(name, POINTER), *lengths]))
@@ -716,6 +778,11 @@ class Function(Values, ast.NodeVisitor):
 def _passed(type_: Type) -> str:
     """LLVM's type of an argument or variable."""
     return POINTER if isinstance(type_, TupleType) else type_.llvm
+
+
+def _argument(name: str) -> str:
+    """What a parameter is called in the assembly: like nothing else there."""
+    return f'%"{name}."'
 
 
 def _is_read(name: ast.Name) -> bool:
@@ -730,13 +797,13 @@ def _as_read(target: ast.expr) -> ast.expr:
 # -- functions of Python ---------------------------------------------------------------------------
 
 
-def _len(f: Function, value: Value) -> Value:
+def _len(f: Function, value: Value, /) -> Value:
     if isinstance(value.type, ArrayType):
         return f.length(value, 0)
     return f.constant(len(f.parts(value)))
 
 
-def _abs(f: Function, x: Value) -> Value:
+def _abs(f: Function, x: Value, /) -> Value:
     if x.is_known:
         return f.constant(abs(x.known))
     if x.type == COMPLEX:
@@ -747,9 +814,9 @@ def _abs(f: Function, x: Value) -> Value:
     return f.either(f.compare("Lt", x, f.constant(0)), f.negative(x), x)
 
 
-def _best(operation: str, f: Function, *given: Value) -> Value:
+def _best(operation: str, f: Function, first: Value, /, *given: Value) -> Value:
     """The first that no other is better than, as Python has it."""
-    best, *others = given if len(given) > 1 else f.parts(given[0])
+    best, *others = (first, *given) if given else f.parts(first) or [Value(NONE)]
     for other in others:
         type_ = joined(best.type, other.type)
         if type_ not in (BOOL, INT, FLOAT):
@@ -759,63 +826,97 @@ def _best(operation: str, f: Function, *given: Value) -> Value:
     return best
 
 
-def _as(type_: Scalar, f: Function, *given: Value) -> Value:
-    if type_ == COMPLEX and len(given) == 2:
-        return f.complex(*(f.cast(x, FLOAT).register for x in given))
-    (x,) = given
+def _complex(f: Function, re: Value, im: Value | None = None, /) -> Value:
+    if im is None:
+        return f.cast(re, COMPLEX)
+    return f.complex(f.cast(re, FLOAT).register, f.cast(im, FLOAT).register)
+
+
+def _as(type_: Scalar, f: Function, x: Value, /) -> Value:
     if type_ == BOOL:
         return f.truth(x)
     return f.truncated(x) if (type_, x.type) == (INT, FLOAT) else f.cast(x, type_)
 
 
-def _rounded(name: str, f: Function, x: Value) -> Value:
+def _rounded(name: str, f: Function, x: Value, /) -> Value:
     """A whole number, as math.floor and math.ceil give it."""
+    if x.type in (INT, BOOL):
+        return f.cast(x, INT)
     return f.truncated(
         Value(FLOAT, f.outside(REAL, name, f.cast(x, FLOAT).register, flags=f.flags))
     )
 
 
-def _is_finite(f: Function, x: Value) -> Value:
-    register = f.cast(x, FLOAT).register
-    nothing = f.real_op("fsub", register, register)
-    return f.bit(f"fcmp{f.flags} ord double {nothing}, {nothing}")
+def _is_finite(f: Function, x: Value, /) -> Value:
+    size = f.outside(REAL, "llvm.fabs.f64", f.cast(x, FLOAT).register)
+    return f.bit(f"fcmp one double {size}, {real(math.inf)}")
 
 
-def _is_nan(f: Function, x: Value) -> Value:
+def _is_nan(f: Function, x: Value, /) -> Value:
     register = f.cast(x, FLOAT).register
     return f.bit(f"fcmp{f.flags} uno double {register}, {register}")
 
 
-def _frexp(f: Function, x: Value) -> Value:
+def _frexp(f: Function, x: Value, /) -> Value:
     place = f.slot("i32")
     mantissa = f.outside(REAL, "frexp", f.cast(x, FLOAT).register, place)
     exponent = f.new(WHOLE, f"sext {f.load('i32', place).typed} to i64")
     return f.tuple_of(tuple, [Value(FLOAT, mantissa), Value(INT, exponent)])
 
 
-def _ldexp(f: Function, x: Value, n: Value) -> Value:
-    exponent = f.new("i32", f"trunc {f.cast(n, INT).register.typed} to i32")
+def _ldexp(f: Function, x: Value, n: Value, /) -> Value:
+    # what lies beyond gives zero or an infinity in any case
+    few = f.outside(WHOLE, "llvm.smin.i64", f.cast(n, INT).register, whole(9999))
+    few = f.outside(WHOLE, "llvm.smax.i64", few, whole(-9999))
+    exponent = f.new("i32", f"trunc {few.typed} to i32")
     return Value(FLOAT, f.outside(REAL, "ldexp", f.cast(x, FLOAT).register, exponent))
 
 
-def _row_of(f: Function, value: Value, i: Value) -> Value:
+def _row_of(f: Function, value: Value, i: Value, /) -> Value:
     if isinstance(value.type, TupleType):
         return f.tuple_of(value.type.kind, [_row_of(f, part, i) for part in f.parts(value)])
     return f.element(value, [Index(f.cast(i, INT))]) if isinstance(value.type, ArrayType) else value
 
 
-def _call_address(f: Function, address: Value, x: Value) -> Value:
-    place = f.new(POINTER, f"inttoptr {address.register.typed} to ptr")
+def _call_address(f: Function, address: Value, x: Value, /) -> Value:
+    place = f.new(POINTER, f"inttoptr {f.cast(address, INT).register.typed} to ptr")
     return Value(FLOAT, f.call(REAL, str(place), f.cast(x, FLOAT).register))
 
 
+def _complex_exp(f: Function, z: Value, /) -> Value:
+    return f.runtime("complex_exp", f.cast(z, COMPLEX))
+
+
+def _real(name: str, f: Function, x: Value, /) -> Value:
+    return Value(FLOAT, f.outside(REAL, name, f.cast(x, FLOAT).register, flags=f.flags))
+
+
+def _real_of_two(name: str, f: Function, x: Value, y: Value, /) -> Value:
+    given = (f.cast(x, FLOAT).register, f.cast(y, FLOAT).register)
+    return Value(FLOAT, f.outside(REAL, name, *given, flags=f.flags))
+
+
+def _fma(f: Function, a: Value, b: Value, c: Value, /) -> Value:
+    given = (f.cast(x, FLOAT).register for x in (a, b, c))
+    return Value(FLOAT, f.outside(REAL, REAL_FUNCTIONS[fma], *given, flags=f.flags))
+
+
+_OF_TWO = (math.atan2, math.hypot, math.fmod, math.copysign, math.pow, np.power)
+REAL_CALLS: dict[Any, Callable[..., Value]] = {
+    **{
+        function: partial(_real_of_two if function in _OF_TWO else _real, name)
+        for function, name in REAL_FUNCTIONS.items()
+    },
+    fma: _fma,
+}
 CALLS: dict[Any, Callable[..., Value]] = {
     len: _len,
     abs: _abs,
     np.abs: _abs,
     max: partial(_best, "Gt"),
     min: partial(_best, "Lt"),
-    **{kind: partial(_as, NAMED[kind]) for kind in (int, float, bool, complex)},
+    **{kind: partial(_as, NAMED[kind]) for kind in (int, float, bool)},
+    complex: _complex,
     math.floor: partial(_rounded, "llvm.floor.f64"),
     math.ceil: partial(_rounded, "llvm.ceil.f64"),
     math.isfinite: _is_finite,
@@ -824,7 +925,7 @@ CALLS: dict[Any, Callable[..., Value]] = {
     np.isnan: _is_nan,
     math.frexp: _frexp,
     math.ldexp: _ldexp,
-    cmath.exp: lambda f, z: f.runtime("complex_exp", f.cast(z, COMPLEX)),
+    cmath.exp: _complex_exp,
     row_of: _row_of,
     call_address: _call_address,
 }

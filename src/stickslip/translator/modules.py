@@ -6,13 +6,20 @@ from __future__ import annotations
 import ast
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from stickslip.translator import Compiled
-from stickslip.translator.assembly import BIT, WHOLE, Assembly, Register, real, whole
+from stickslip.translator.assembly import (
+    BIT,
+    WHOLE,
+    Assembly,
+    Register,
+    imaginary,
+    real,
+    whole,
+)
 from stickslip.translator.functions import Function, Signature, returned
 from stickslip.translator.values import (
     BOOL,
@@ -31,12 +38,15 @@ from stickslip.translator.values import (
     entry_types,
     joined,
     named,
+    place_of,
+    plain_types,
     symbol_of,
     words,
 )
 
 _FEW = 40  # lines of a function that other modules have copies of, to inline it
 _MANY = 150  # lines of a function that is not inlined
+_WORDS = Register("%words", "ptr")
 _ATTRIBUTES = """
 attributes #0 = { nounwind nofree nosync }
 attributes #1 = { nounwind willreturn memory(none) }
@@ -51,20 +61,24 @@ class Program:
     entries : sequence of Compiled
         What is called from outside: with the address of its arguments as words. A parameter has the
         type of its annotation.
-    kernels : sequence of Compiled
-        What threads of a GPU run: from the address of all arguments but the last, and the number of
-        threads. The last argument is the number of the thread.
-    direct : mapping of type to str
+    plain : mapping of str to Compiled, optional
+        What other assembly calls, by symbol; its arguments are as `values.plain_types` has them.
+    threads : sequence of Compiled
+        What each thread of a GPU runs: from the address of all arguments but the last, and the
+        number of threads. The last argument is the number of the thread.
+    direct : mapping of type to str, optional
         Functions that are called by their names, not by their addresses: by the class of these.
     """
 
     def __init__(
         self,
         entries: Sequence[Compiled],
-        kernels: Sequence[Compiled] = (),
-        direct: Mapping[type, str] = MappingProxyType({}),
+        plain: Mapping[str, Compiled] | None = None,
+        *,
+        threads: Sequence[Compiled] = (),
+        direct: Mapping[type, str] | None = None,
     ) -> None:
-        self.direct = direct
+        self.direct: Mapping[type, str] = direct or {}
         self._signatures: dict[Any, Signature | None] = {}
         self._texts: dict[str, str] = {}
         self._files: dict[str, str] = {}
@@ -75,8 +89,10 @@ class Program:
         self._nodes: dict[str, dict[int, ast.FunctionDef]] = {}
         for entry in entries:
             self._enter(entry)
-        for kernel in kernels:
-            self._launch(kernel)
+        for symbol, function in (plain or {}).items():
+            self._enter_plainly(symbol, function)
+        for function in threads:
+            self._launch(function)
 
     def signature(self, function: Compiled, given: tuple[Type, ...]) -> Signature:
         """How a function is called with arguments of these types; translated at the first time.
@@ -100,7 +116,7 @@ class Program:
             self._signatures[key] = self._translate(function, node, wanted)
         found = self._signatures[key]
         if found is None:
-            raise Refusal(f"{function.__name__} calls itself. Write a loop")
+            raise Refusal(f"{place_of(function)}: it calls itself. Write a loop")
         return found
 
     def _translate(
@@ -125,24 +141,27 @@ class Program:
             self._nodes[code.co_filename] = {
                 min([x.lineno, *(d.lineno for d in x.decorator_list)]): x for x in found
             }
-        node = self._nodes[code.co_filename][code.co_firstlineno]
+        node = self._nodes[code.co_filename].get(code.co_firstlineno)
+        if node is None:
+            raise Refusal(f"{place_of(function)}: no function with a name. Write it with def")
         given = node.args
-        if given.vararg or given.kwarg or given.kwonlyargs or given.defaults:
-            place = f"{code.co_filename}:{node.lineno}: {node.name}"
-            raise Refusal(f"{place}: parameters with stars or defaults. Name all of them plainly")
+        plain = (given.vararg, given.kwarg, given.kwonlyargs, given.posonlyargs, given.defaults)
+        if any(plain):
+            what = "parameters with stars, slashes or defaults"
+            raise Refusal(f"{place_of(function)}: {what}. Name all of them plainly")
         return node
 
     def table(self, array: Any) -> tuple[str, ArrayType]:
         """A constant array: its name and type."""
         if id(array) not in self._tables:
-            kept = np.ascontiguousarray(array)
+            kept = np.asarray(array, order="C")
             self._tables[id(array)] = f"@table.{len(self._tables)}", kept
         name, kept = self._tables[id(array)]
         return name, ArrayType(f"{kept.dtype.kind}{kept.dtype.itemsize}", kept.ndim)
 
     def _table_line(self, name: str, array: Any) -> str:
         kind = ENTRIES[f"{array.dtype.kind}{array.dtype.itemsize}"][1]
-        literal = real if array.dtype.kind == "f" else lambda x: whole(int(x))
+        literal = {"f": real, "c": imaginary}.get(array.dtype.kind, lambda x: whole(int(x)))
         entries = ", ".join(f"{kind} {literal(x)}" for x in array.ravel().tolist())
         return (
             f"{name} = internal unnamed_addr constant [{array.size} x {kind}] [{entries}], align 16"
@@ -152,42 +171,73 @@ class Program:
 
     def _enter(self, function: Compiled) -> None:
         """Write the function that is called from outside."""
-        types, promised = entry_types(function)
-        signature = self.signature(function, types)
-        if signature.result != promised:
-            raise Refusal(f"{function.__name__} returns {named(signature.result)}. Annotate it so")
+        types, signature = self._promised(function)
         work = Values()
         given = _from_words(work, types, signature.arguments)
-        _finish(work, f'@"{signature.name}"', " fastcc", signature.result, given)
-        kind = "i8" if signature.result == BOOL else returned(signature.result)
-        symbol = symbol_of(function)
-        text = work.text(f'define {kind} @"{symbol}"(ptr %words) #0')
-        self._keep(function, symbol, signature, text)
+        self._close(symbol_of(function), function, signature, work, given, [_WORDS])
 
     def _launch(self, function: Compiled) -> None:
-        """Write the kernel that each thread of a GPU runs."""
-        types, promised = entry_types(function)
-        name = function.__name__
-        if promised != NONE or types[-1:] != (INT,):
-            raise Refusal(
-                f"{name}: a kernel takes the number of its thread last, and returns nothing"
-            )
-        signature = self.signature(function, types)
+        """Write what a GPU runs in each of its threads."""
+        types, signature = self._promised(function)
+        if signature.result != NONE or types[-1:] != (INT,):
+            what = "what a thread runs takes its number last, and returns nothing"
+            raise Refusal(f"{place_of(function)}: {what}. Write to an array")
         work = Values()
         thread = _number_of_thread(work)
         work.choose(work.new(BIT, f"icmp slt i64 {thread}, %count"), "busy", "idle")
-        work.begin("busy")
-        given = _from_words(work, types[:-1], signature.arguments[:-1])
-        _finish(work, f'@"{signature.name}"', " fastcc", NONE, [*given, thread])
         work.begin("idle")
         work.end("ret void")
+        work.begin("busy")
+        given = _from_words(work, types[:-1], signature.arguments[:-1])
+        parameters = [_WORDS._replace(type="ptr noalias readonly"), Register("%count", WHOLE)]
         self._declared |= work.declared
-        head = f"define ptx_kernel void @{name}(ptr noalias readonly %words, i64 %count) #0"
-        self._keep(function, name, signature, work.text(head))
+        given.append(thread)
+        name = function.__name__
+        self._close(name, function, signature, work, given, parameters, " ptx_kernel")
 
-    def _keep(self, function: Compiled, symbol: str, signature: Signature, text: str) -> None:
-        """Keep the text of what calls a function from outside."""
-        self._texts[symbol] = text
+    def _enter_plainly(self, symbol: str, function: Compiled) -> None:
+        """Write the function that other assembly calls.
+
+        It knows no length of a first axis, by which nothing is found: there it is 0.
+        """
+        types, signature = self._promised(function)
+        work = Values()
+        plain, _ = plain_types(function)
+        parameters = [Register(f"%x{i}", kind) for i, kind in enumerate(plain)]
+        left = iter(parameters)
+        given = list[Register]()
+        for type_ in types:
+            x = next(left)
+            if isinstance(type_, ArrayType):
+                lengths = [next(left) for _ in range(type_.axes - 1)]
+                x = work.structure(type_.llvm, [x, whole(0), *lengths])
+            given.append(x)
+        self._close(symbol, function, signature, work, given, parameters)
+
+    def _promised(self, function: Compiled) -> tuple[tuple[Type, ...], Signature]:
+        """The types in the annotations of an entry, and how it is called with them."""
+        types, promised = entry_types(function)
+        signature = self.signature(function, types)
+        if signature.result != promised:
+            what = f"it returns {named(signature.result)}, not {named(promised)}"
+            raise Refusal(f"{place_of(function)}: {what}. Annotate it so, or convert it")
+        return types, signature
+
+    def _close(
+        self,
+        symbol: str,
+        function: Compiled,
+        signature: Signature,
+        work: Assembly,
+        given: Sequence[Register],
+        parameters: Sequence[Register],
+        convention: str = "",
+    ) -> None:
+        """Let a function that is called from outside call the one that it stands for."""
+        _finish(work, f'@"{signature.name}"', " fastcc", signature.result, given)
+        kind = "i8" if signature.result == BOOL else returned(signature.result)
+        listed = ", ".join(x.typed for x in parameters)
+        self._texts[symbol] = work.text(f'define{convention} {kind} @"{symbol}"({listed}) #0')
         self._called[symbol] = {signature.name}
         self._files[symbol] = function.python.__code__.co_filename
 
@@ -232,12 +282,19 @@ class Program:
         return "\n".join([*tables, *used, text, _ATTRIBUTES, METADATA])
 
     def _is_small(self, name: str) -> bool:
-        text = self._texts[name]
-        return text.count("\n") <= _FEW or "alwaysinline" in text.partition("\n")[0]
+        return self._is_inlined(name) or self._length(name) <= _FEW
+
+    def _is_inlined(self, name: str) -> bool:
+        return "alwaysinline" in self._texts[name].partition("\n")[0]
+
+    def _length(self, name: str) -> int:
+        """Lines of a function and of what is inlined into it."""
+        inside = sum(self._length(x) for x in self._called[name] if self._is_inlined(x))
+        return self._texts[name].count("\n") + inside
 
     def _with_linkage(self, name: str, linkage: str) -> str:
         text = self._texts[name]
-        if text.count("\n") > _MANY:
+        if self._length(name) > _MANY:
             text = text.replace("#0 {", "#0 noinline {", 1)
         return text.replace("define internal", f"define {linkage}", 1)
 
@@ -253,13 +310,12 @@ def _number_of_thread(work: Assembly) -> Register:
     return work.new(WHOLE, f"add nuw nsw i64 {before}, {place}")
 
 
-def _from_words(
-    work: Values, types: Sequence[Type], wanted: Sequence[Type], offset: int = 0
-) -> list[Register]:
+def _from_words(work: Values, types: Sequence[Type], wanted: Sequence[Type]) -> list[Register]:
     """Arguments that stand at an address as words."""
     given = list[Register]()
+    offset = 0
     for type_, other in zip(types, wanted, strict=True):
-        value = Value(type_, Register("%words", "ptr"), offset)
+        value = Value(type_, _WORDS, offset)
         if isinstance(type_, TupleType):
             given.append(work.place(value))
         else:
@@ -305,10 +361,12 @@ def caller_of(function: FunctionType) -> str:
     base = Register("%words", "ptr")
     address = work.load(WHOLE, base)
     pointer = work.new("ptr", f"inttoptr {address.typed} to ptr")
-    types = [type_ for _, type_ in function.arguments]
-    given = _from_words(work, types, types, offset=1)
+    offset = 1
+    given = list[Register]()
+    for _, type_ in function.arguments:
+        given.append(work.outward(Value(type_, base, offset)))
+        offset += words(type_)
     _finish(work, str(pointer), "", function.result, given)
     kind = "i8" if function.result == BOOL else returned(function.result)
-    return work.text(f"define {kind} @call_{function.name}(ptr %words)").replace(
-        "!tbaa", "!ignored"
-    )
+    text = work.text(f"define {kind} @call_{function.name}(ptr %words)")
+    return f"{text}\n{METADATA}"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from stickslip.translator import compiled
 
 NAN = math.nan
@@ -55,7 +57,7 @@ def complex_exp(z: complex) -> complex:
 def power_whole(a: float, b: int) -> float:
     r = 1.0
     left = abs(b)
-    if left > 0x10000:
+    if left > 0x10000 or left < 0:  # the least number has no opposite
         return math.pow(a, float(b))
     while left != 0:
         if left & 1 != 0:
@@ -84,6 +86,6 @@ def real_floordiv(a: float, b: float) -> float:
     if m != 0.0 and (b < 0.0) != (m < 0.0):
         div -= 1.0
     if div != 0.0:
-        f = math.floor(div)
-        return f + 1.0 if div - f > 0.5 else float(f)
+        f = np.floor(div)
+        return f + 1.0 if div - f > 0.5 else f
     return math.copysign(0.0, a / b)

@@ -11,12 +11,24 @@ import inspect
 import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, NoReturn, get_args, get_type_hints
+from functools import cache
+from typing import Any, NamedTuple, NoReturn, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from stickslip.translator import Compiled, FunctionAddress
-from stickslip.translator.assembly import BIT, POINTER, REAL, WHOLE, Assembly, Register, real, whole
+from stickslip.translator.assembly import (
+    BIT,
+    POINTER,
+    REAL,
+    WHOLE,
+    Assembly,
+    Register,
+    bit,
+    imaginary,
+    real,
+    whole,
+)
 
 
 class Refusal(Exception):
@@ -108,7 +120,7 @@ def declared_type(hint: Any) -> Type:
     if isinstance(base, type) and hasattr(base, "_fields"):
         parts = get_type_hints(base, include_extras=True).values()
         found = TupleType(base, tuple(map(declared_type, parts)))
-    elif get_args(hint) and not notes:
+    elif get_origin(hint) is tuple:
         found = TupleType(tuple, tuple(map(declared_type, get_args(hint))))
     elif isinstance(base, type) and issubclass(base, FunctionAddress):
         found = function_type(base)
@@ -121,7 +133,7 @@ def declared_type(hint: Any) -> Type:
             entries, axes = note.split(":")
             found = ArrayType(entries, int(axes))
     if found is None:
-        raise TypeError(f"compiled functions take no {hint}")
+        raise TypeError(f"compiled functions take no {inspect.formatannotation(hint)}")
     return found
 
 
@@ -143,17 +155,58 @@ def entry_types(function: Compiled) -> tuple[tuple[Type, ...], Type]:
     hints = get_type_hints(function.python, include_extras=True)
     missing = {*inspect.signature(function.python).parameters, "return"} - hints.keys()
     if missing:
-        raise TypeError(f"{function.__name__}: annotate {', '.join(sorted(missing))}")
-    types = {name: declared_type(hint) for name, hint in hints.items()}
+        raise TypeError(f"{place_of(function)}: annotate {', '.join(sorted(missing))}")
+    try:
+        types = {name: declared_type(hint) for name, hint in hints.items()}
+    except TypeError as error:
+        raise TypeError(f"{place_of(function)}: {error}") from None
     result = types.pop("return")
     if result not in (NONE, INT, FLOAT, BOOL):
-        raise TypeError(f"{function.__name__} returns {named(result)}: Python takes a number")
+        what = f"it returns {named(result)}. Return a number, or write to an array"
+        raise TypeError(f"{place_of(function)}: {what}")
+    for name, type_ in types.items():
+        if other := _not_from_python(type_):
+            what = f"{name} with {named(other)} as an argument from Python. Give real numbers"
+            raise TypeError(f"{place_of(function)}: {what}")
     return tuple(types.values()), result
+
+
+def _not_from_python(type_: Type) -> Type | None:
+    """What of a type no argument of an entry can be."""
+    if isinstance(type_, TupleType):
+        return next(filter(None, map(_not_from_python, type_.parts)), None)
+    return type_ if type_ in (COMPLEX, NONE) else None
+
+
+def place_of(function: Compiled) -> str:
+    """Where a function stands, and its name."""
+    code = function.python.__code__
+    return f"{code.co_filename}:{code.co_firstlineno}: {function.__name__}"
 
 
 def symbol_of(function: Compiled) -> str:
     """The name of an entry in the assembly."""
     return f"entry.{function.__module__}.{function.__name__}"
+
+
+@cache
+def plain_types(function: Compiled) -> tuple[tuple[str, ...], str]:
+    """LLVM's types of the arguments of an entry, and of its result, for other assembly that calls
+    it: an array is its address and the lengths of all its axes but the first.
+
+    Raises
+    ------
+    TypeError
+        If there is a tuple or a truth value among them.
+    """
+    types, result = entry_types(function)
+    if result == BOOL or any(isinstance(x, TupleType) or x == BOOL for x in types):
+        raise TypeError(f"{function.__name__}: use numbers and arrays where assembly calls it")
+    plain = [
+        [POINTER, *[WHOLE] * (type_.axes - 1)] if isinstance(type_, ArrayType) else [type_.llvm]  # pyright: ignore[reportAttributeAccessIssue]
+        for type_ in types
+    ]
+    return tuple(kind for kinds in plain for kind in kinds), result.llvm  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def with_axis(type_: Any, part: str = "") -> Any:
@@ -303,15 +356,16 @@ class Values(Assembly):
     def constant(self, x: Any) -> Value:
         """A number, an array or another object of Python that is known now."""
         if isinstance(x, (bool, np.bool_)):
-            return Value(BOOL, Register(str(bool(x)).lower(), BIT), known=bool(x))
+            return Value(BOOL, bit(bool(x)), known=bool(x))
         if isinstance(x, (int, np.integer)):
+            if not -(2**63) <= x < 2**64:
+                self.refuse(f"{x} has more than 64 bits", "Write a real number")
             wrapped = (int(x) + 2**63) % 2**64 - 2**63
             return Value(INT, whole(wrapped), known=wrapped)
         if isinstance(x, (float, np.floating)):
             return Value(FLOAT, real(float(x)), known=float(x))
         if isinstance(x, complex):
-            literal = f"{{ {real(x.real).typed}, {real(x.imag).typed} }}"
-            return Value(COMPLEX, Register(literal, COMPLEX.llvm), known=x)
+            return Value(COMPLEX, imaginary(x), known=x)
         if isinstance(x, np.ndarray):
             return self.table(x)
         return Value(PYTHON, known=x)
@@ -330,6 +384,8 @@ class Values(Assembly):
     def tuple_of(self, kind: type, parts: Sequence[Value]) -> Value:
         """A tuple."""
         plain = [self.plain(part) for part in parts]
+        if any(part.type == NONE for part in plain):
+            self.refuse("None in a tuple", "Use a number")
         return Value(TupleType(kind, tuple(part.type for part in plain)), parts=plain)
 
     def cast(self, value: Value, type_: Type) -> Value:
@@ -337,7 +393,7 @@ class Values(Assembly):
         value = self.plain(value)
         if value.type == type_:
             return value
-        if value.is_known and type_ in (INT, FLOAT, COMPLEX):
+        if value.is_known and promoted(value.type, type_) == type_:
             return self.constant({INT: int, FLOAT: float, COMPLEX: complex}[type_](value.known))
         if isinstance(type_, TupleType) and joined(value.type, type_) == type_:
             parts = zip(self.parts(value), type_.parts, strict=True)
@@ -368,7 +424,11 @@ class Values(Assembly):
     def place(self, value: Value, offset: int = 0) -> Register:
         """Address of a word of a value in memory."""
         assert value.offset is not None
-        return self.at(value.register, value.offset + offset, WHOLE)
+        return self.word(value.register, value.offset + offset)
+
+    def word(self, base: Register, offset: int) -> Register:
+        """Address of a word, so many behind another."""
+        return self.at(base, offset, WHOLE) if offset else base
 
     def part(self, value: Value, k: int) -> Value:
         """One part of a tuple."""
@@ -397,6 +457,11 @@ class Values(Assembly):
             found = self.new(BIT, f"trunc {found.typed} to i1")
         return Value(value.type, found)
 
+    def outward(self, value: Value) -> Register:
+        """The same as C takes it: a truth value is a byte."""
+        register: Register = self.in_register(value).register
+        return self.new("i8", f"zext {register.typed} to i8") if value.type == BOOL else register
+
     def in_memory(self, value: Value) -> Register:
         """Address of a tuple."""
         if value.offset is not None:
@@ -416,7 +481,7 @@ class Values(Assembly):
                 self.put(part, base, offset)
                 offset += words(part.type)
             return
-        address = self.at(base, offset, WHOLE)
+        address = self.word(base, offset)
         if isinstance(value.type, TupleType):
             size = words(value.type)
             if size:
@@ -564,7 +629,8 @@ class Values(Assembly):
         if type_ == BOOL and not operation.startswith("Bit"):
             type_ = INT
         if by_python and a.is_known and b.is_known and type_ != COMPLEX:
-            return self.constant(by_python(a.known, b.known))
+            found = by_python(a.known, b.known)
+            return self.constant(found % 2**64 if type_ == INT else found)
         if operation == "Pow":
             return self.power(a, b)
         if operation == "Div" and type_ == INT:
@@ -572,6 +638,8 @@ class Values(Assembly):
         a, b = self.cast(a, type_), self.cast(b, type_)
         if type_ == INT and operation in ("FloorDiv", "Mod"):
             return self.divided(operation, a, b)
+        if type_ == INT and operation in ("LShift", "RShift"):
+            return self.shifted(instruction, a, b)
         if (operation, type_) in _RUNTIME:
             return self.runtime(_RUNTIME[operation, type_], a, b)
         if type_ in (INT, BOOL) and instruction:
@@ -619,6 +687,17 @@ class Values(Assembly):
             found = self.new(WHOLE, f"select i1 {minus}, i64 {opposite_number}, i64 {found}")
             found = self.new(WHOLE, f"select i1 {unsafe}, i64 0, i64 {found}")
         return Value(INT, found)
+
+    def shifted(self, instruction: str, a: Value, b: Value) -> Value:
+        """A number with its bits moved; by 64 places or more, too, which LLVM leaves undefined."""
+        if b.is_known and 0 <= b.known < 64:
+            return Value(INT, self.new(WHOLE, f"{instruction} i64 {a.register}, {b.register}"))
+        places = self.outside(WHOLE, "llvm.umin.i64", b.register, whole(63))
+        moved = self.new(WHOLE, f"{instruction} i64 {a.register}, {places}")
+        if instruction == "shl":
+            few = self.new(BIT, f"icmp ult i64 {b.register}, 64")
+            moved = self.new(WHOLE, f"select i1 {few}, i64 {moved}, i64 0")
+        return Value(INT, moved)
 
     def power(self, a: Value, b: Value) -> Value:
         """A power: with a constant whole exponent a product, by repeated squares."""

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.translator import compiled
+from stickslip.translator import compiled, fma
 
 # What ``jets`` returns: a linear problem has no solution, or a mass matrix is not definite.
 SINGULAR = 1
@@ -25,10 +25,32 @@ def balance(A: Array, n: int, row: int, by_rows: bool) -> float:
     return math.ldexp(1.0, -math.frexp(largest)[1]) if 0.0 < largest < np.inf else 0.0
 
 
+@compiled(inline=True)
+def less(a: float, factor: float, b: float, fused: bool) -> float:
+    """a − factor·b, rounded once or twice."""
+    return fma(-factor, b, a) if fused else a - factor * b
+
+
 @compiled()
 def invert(A: Array, n: int, R: Array) -> bool:
+    """Inverse R of the leading n×n block of A (destroyed, with the row below); False if it is
+    singular."""
+    return eliminated(A, n, R, False)
+
+
+@compiled(inline=True)
+def eliminated(A: Array, n: int, R: Array, fused: bool) -> bool:
     """Inverse R of the leading n×n block of A (destroyed, with the row below) by Gauss-Jordan
     elimination.
+
+    Parameters
+    ----------
+    A : array
+    n : int
+    R : array
+    fused : bool
+        Whether products are not rounded before they are subtracted. The machine code of systems
+        always had it so, the engine never.
 
     Returns
     -------
@@ -72,8 +94,8 @@ def invert(A: Array, n: int, R: Array) -> bool:
             if i != c and A[i, c] != 0.0:
                 factor = A[i, c]
                 for j in range(n):
-                    A[i, j] -= factor * A[c, j]
-                    R[i, j] -= factor * R[c, j]
+                    A[i, j] = less(A[i, j], factor, A[c, j], fused)
+                    R[i, j] = less(R[i, j], factor, R[c, j], fused)
     for i in range(n):
         for j in range(n):
             R[i, j] *= A[n, i]

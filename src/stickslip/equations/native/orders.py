@@ -15,7 +15,15 @@ from typing import Any
 from stickslip.equations.codegen.generate import ORDERS, Generated
 from stickslip.equations.codegen.program import rows_made, rows_read
 from stickslip.equations.codegen.series import INDEFINITE, SINGULAR
-from stickslip.equations.native.assembly import REAL, Operand, Pair, constant
+from stickslip.equations.native.arithmetic import Count, Operand, Pair
+from stickslip.equations.native.kernels import (
+    applied,
+    cauchy,
+    chained,
+    inverted,
+    is_definite,
+    powered,
+)
 from stickslip.equations.native.routines import Routine
 from stickslip.equations.native.tables import (
     FEWEST_REPETITIONS,
@@ -25,9 +33,11 @@ from stickslip.equations.native.tables import (
     grouped,
     pattern_of_instruction,
 )
+from stickslip.machine_code.functions import Kernel
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.scalars import Scalar
 from stickslip.symbolic.tape import DIRECTION_GIVEN, OUTPUTS, Instruction, Op, Scaled
+from stickslip.translator.assembly import REAL, Register
 
 _OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
 _NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a speed is zero
@@ -39,7 +49,7 @@ _NEAREST = 2.2250738585072014e-308
 _MOST_TURNS = 240  # of the search for a zero: enough for bisection down to rounding
 _SPREAD = 16.0  # ratio of the ends of a bracket from which Newton's method is tried
 _NEAR = 1e-9  # relative step of Newton's method behind which rounding comes
-Order = int | str
+Order = Count
 """A number, or the register of the loop."""
 
 
@@ -51,32 +61,31 @@ class Series(Routine):
         layout = generated.layout
         self.generated = generated
         self.layout = layout
-        self.slots = generated.constants
+        self.constants = generated.constants
         self.clock = len(layout.state)
         self.kept = frozenset(layout.kept)
-        self.known: dict[tuple[int, Order], Operand] = {}
-        self.ready: set[str] = set()
+        self.known: dict[tuple[Count, Order], Operand] = {}
+        self.ready: set[Register] = set()
 
-    def written(self) -> str:
-        """The function."""
+    def all_orders(self) -> None:
+        """Write the whole function."""
         *checkpoints, last = ORDERS
-        unit = self.load(self.place("W", self.clock, 1))
-        self.begin(unit)
+        unit = self.load(REAL, self.place("W", self.clock, 1))
+        self.start(unit)
         for k in range(last):
             self.order(k)
             self.integrate(k, self.times(unit, 1.0 / (k + 1)))
             if k == 0:
                 self.statements(self.generated.sizes)
             if k + 1 in (1, *checkpoints):
-                self.leave(self.whole("icmp eq", "%N", k + 1), 0)
-        self.lines.append("ret i64 0")
-        return self.text()
+                self.leave(self.compare("eq", self.arguments["N"], k + 1), 0)
+        self.end("ret i64 0")
 
-    def begin(self, unit: Operand) -> None:
+    def start(self, unit: Operand) -> None:
         """Order 0 of the state, and time."""
         for i in range(self.clock):
             self.put(i, 0, self.entry("y", i))
-        self.put(self.clock, 0, "%t")
+        self.put(self.clock, 0, self.arguments["t"])
         self.known[self.clock, 1] = unit
 
     def order(self, k: Order) -> None:
@@ -97,18 +106,18 @@ class Series(Routine):
 
     def put(self, row: int, k: Order, value: Operand) -> None:
         """Make a coefficient known; rows that are read are stored, too."""
-        if isinstance(value, str) and value not in self.ready:
+        if isinstance(value, Register) and value not in self.ready:
             self.known_now(value)
             self.ready.add(value)
         self.known[row, k] = value
         if k == 0 or row in self.kept:
-            self.store(value, self.place("W", row, int(k)))
+            self.write(value, self.place("W", row, k))
 
     def stored(self, row: int, k: Order) -> Operand:
         """What the table holds before a coefficient is put there."""
-        return self.load(self.place("W", row, int(k)))
+        return self.load(REAL, self.place("W", row, k))
 
-    def entry(self, name: str, *index: int) -> Operand:
+    def entry(self, name: str, *index: Count) -> Operand:
         """An entry of an array; coefficients of order 0 are known."""
         if name == "W" and (index[0], 0) in self.known:
             return self.known[index[0], 0]
@@ -117,7 +126,7 @@ class Series(Routine):
     def factor(self, part: Scaled) -> Operand:
         """The factor of a term."""
         factor = part.factor
-        return self.scalar(self.slots.scalar(factor) if isinstance(factor, Expr) else factor)
+        return self.scalar(self.constants.scalar(factor) if isinstance(factor, Expr) else factor)
 
     def linear(self, parts: tuple[Scaled, ...], k: Order) -> Operand:
         """Order k of a linear combination."""
@@ -167,7 +176,7 @@ class Series(Routine):
     def _multiple(self, factor: float, x: Operand) -> Operand:
         if isinstance(x, float):
             return factor * x
-        return self.once((factor, x), lambda: str(self.times(factor, x)))
+        return self.once((factor, x), lambda: self.times(factor, x))
 
     def chain(self, a: int, slope: int, k: Order) -> Operand:
         """Order k ≥ 1 of y with y′ = g·a′; the newest coefficient comes last, in one multiplication
@@ -203,9 +212,9 @@ class Series(Routine):
         """(above − Σ terms)/b₀; nothing where b has overflowed."""
         b = self.get(below, 0)
         rest = self.total([(above, 1.0), *((self.negative(x), y) for x, y in terms)])
-        return self.choose(self.overflown(b), 0.0, self.over(rest, b))
+        return self.select(self.overflown(b), 0.0, self.over(rest, b))
 
-    def overflown(self, b: Operand) -> str:
+    def overflown(self, b: Operand) -> Register:
         """Whether a value is infinite."""
         return self.once(("inf", b), lambda: self.test("oeq", self.modulus(b), math.inf))
 
@@ -237,11 +246,11 @@ class Series(Routine):
         """
         return [(self.inverse(matrix, i, j), self.get(first + j, k)) for j in range(n)]
 
-    def inverse(self, matrix: str, i: int, j: int) -> Operand:
+    def inverse(self, matrix: str, i: Count, j: int) -> Operand:
         """An entry of an inverse."""
-        return self.once(("inverse", matrix, i, j), lambda: str(Routine.entry(self, matrix, i, j)))
+        return self.once(("inverse", matrix, i, j), lambda: Routine.entry(self, matrix, i, j))
 
-    def spread(self, matrix: str, i: int, n: int, base: int) -> Operand:
+    def spread(self, matrix: str, i: Count, n: int, base: Any) -> Operand:
         """Σⱼ |Rᵢⱼ| mag[base + j]."""
         if n > _SMALL:
             return super().spread(matrix, i, n, base)
@@ -254,7 +263,7 @@ class Series(Routine):
     def first_exp(self, x: Operand) -> Operand:
         """exp x, infinite before its derivatives overflow: what is divided by it then is zero, and
         so are they."""
-        return self.choose(self.test("olt", x, _OVERFLOW), self.call("exp", x), math.inf)
+        return self.select(self.test("olt", x, _OVERFLOW), self.function("exp", x), math.inf)
 
 
 # -- the operations --------------------------------------------------------------------------------
@@ -292,7 +301,7 @@ def _power(s: Series, i: Instruction, k: Order) -> None:
     y = s.get(i.row, 0)
     there = s.once(("there", y), lambda: s.test("une", y, 0.0))
     next_one = s.over(s.total(s.powered(a, i.row, p, k)), s.by(first, k))
-    s.put(i.row, k, s.choose(there, next_one, 0.0))
+    s.put(i.row, k, s.select(there, next_one, 0.0))
 
 
 def _exp(s: Series, i: Instruction, k: Order) -> None:
@@ -304,7 +313,7 @@ def _log(s: Series, i: Instruction, k: Order) -> None:
     (a,) = i.inputs
     first = s.get(a, 0)
     if k == 0:
-        s.put(i.row, 0, s.call("log", first))
+        s.put(i.row, 0, s.function("log", first))
         return
     rest = s.per(s.total(s.weighted(i.row, a, k)), k)
     s.put(i.row, k, s.over(s.total([(s.get(a, k), 1.0), (s.negative(rest), 1.0)]), first))
@@ -315,8 +324,8 @@ def _rotation(s: Series, i: Instruction, k: Order) -> None:
     sine, cosine = i.row, i.row + 1
     x = s.get(a, 0)
     if k == 0:
-        s.put(sine, 0, s.call("sin", x))
-        s.put(cosine, 0, s.call("cos", x))
+        s.put(sine, 0, s.function("sin", x))
+        s.put(cosine, 0, s.function("cos", x))
         return
     if i.op is Op.STEADY:
         turn = s.per(s.get(a, 1), k)
@@ -337,7 +346,7 @@ def _hyperbolic(s: Series, i: Instruction, k: Order) -> None:
         up = s.times(0.5, s.first_exp(x))
         down = s.times(0.5, s.first_exp(s.negative(x)))
         large = s.test("ogt", s.modulus(x), 1.0)
-        s.put(sine, 0, s.choose(large, s.add(up, s.negative(down)), s.call("sinh", x)))
+        s.put(sine, 0, s.select(large, s.add(up, s.negative(down)), s.function("sinh", x)))
         s.put(cosine, 0, s.add(up, down))
         return
     up = s.chain(a, cosine, k)
@@ -348,14 +357,14 @@ def _hyperbolic(s: Series, i: Instruction, k: Order) -> None:
 
 def _chain(s: Series, i: Instruction, k: Order) -> None:
     a, slope = i.inputs
-    s.put(i.row, k, s.function(i.function, s.get(a, 0)) if k == 0 else s.chain(a, slope, k))
+    s.put(i.row, k, s.formula(i.function, s.get(a, 0)) if k == 0 else s.chain(a, slope, k))
 
 
 def _tangent(s: Series, i: Instruction, k: Order) -> None:
     """The slope 1 ± y² is a row of its own, one order behind y."""
     (a,) = i.inputs
     y, slope = i.row, i.row + 1
-    s.put(y, k, s.function(i.function, s.get(a, 0)) if k == 0 else s.chain(a, slope, k))
+    s.put(y, k, s.formula(i.function, s.get(a, 0)) if k == 0 else s.chain(a, slope, k))
     square = s.square(y, k)
     signed = square if i.op is Op.TAN else s.negative(square)
     s.put(slope, k, s.add(1.0, signed) if k == 0 else signed)
@@ -363,7 +372,7 @@ def _tangent(s: Series, i: Instruction, k: Order) -> None:
 
 def _select(s: Series, i: Instruction, k: Order) -> None:
     above, below = (s.linear((part,), k) for part in i.parts)
-    s.put(i.row, k, s.choose(s.is_above(i.place), above, below) if above != below else above)
+    s.put(i.row, k, s.select(s.is_above(i.place), above, below) if above != below else above)
 
 
 def _size(s: Series, i: Instruction, k: Order) -> None:
@@ -381,13 +390,13 @@ def _side(s: Series, i: Instruction, k: Order) -> None:
             ("breaks", i.place),
             lambda: s.either(s.is_mode(i.place, "eq", 2), s.is_mode(i.place, "eq", -2)),
         )
-        plus, minus = (s.choose(breaks, x, y) for x, y in zip(static, (plus, minus), strict=True))
+        plus, minus = (s.select(breaks, x, y) for x, y in zip(static, (plus, minus), strict=True))
     s.put(i.row, k, s.by_mode_of(i.place, surface, s.negative(plus), minus))
 
 
 def _speed(s: Series, i: Instruction, k: Order) -> None:
     mode = s.which("mode", i.place)
-    sign = s.once(("sign", i.place), lambda: s.new(f"sitofp i64 {mode} to double"))
+    sign = s.once(("sign", i.place), lambda: s.as_real(mode))
     s.put(i.row, k, s.times(sign, s.get(i.inputs[0], k)))
 
 
@@ -399,19 +408,19 @@ def _direction(s: Series, i: Instruction, k: Order) -> None:
     free = s.is_free(i.place, i.pressed)
     if k == 0:
         u, v = s.get(a, 0), s.get(b, 0)
-        speed = s.call("llvm.sqrt.f64", s.total([(u, u), (v, v)]))
+        speed = s.function("llvm.sqrt.f64", s.total([(u, u), (v, v)]))
         still = s.test("ole", speed, s.times(_NOTHING, s.get(size, 0)))
-        own = s.choose(is_given, s.stored(r, 0), s.choose(still, 0.0, speed))
-        s.put(r, 0, s.choose(free, 0.0, own))
+        own = s.select(is_given, s.stored(r, 0), s.select(still, 0.0, speed))
+        s.put(r, 0, s.select(free, 0.0, own))
     first = s.get(r, 0)
 
     def put(row: int, made: Operand) -> None:
         kept = s.once(
             ("kept", i.row),
-            lambda: s.new(f"or i1 {is_given}, {s.test('oeq', first, 0.0)}"),
+            lambda: s.either(is_given, s.test("oeq", first, 0.0)),
         )
-        slips = s.choose(kept, s.stored(row, k), made)
-        s.put(row, k, s.choose(free, 0.0, slips))
+        slips = s.select(kept, s.stored(row, k), made)
+        s.put(row, k, s.select(free, 0.0, slips))
 
     if k != 0:
         squares = s.add(s.square(a, k), s.square(b, k))
@@ -452,10 +461,10 @@ def _rates(s: Series, i: Instruction, k: Order) -> None:
                 own, stiffness, plus, minus = map(s.factor, entry.parts)
                 slips = s.add(stiffness, plus), s.add(stiffness, s.negative(minus))
                 x = s.by_mode_of(entry.place, own, *slips)
-            s.store(x, s.place("A", j // n, j % n))
+            s.write(x, s.place("A", j // n, j % n))
         if i.definite:
-            s.leave(_fails(s, "definite", i, i.definite), INDEFINITE)
-        s.leave(_fails(s, "invert", i, n), SINGULAR)
+            s.leave(_fails(s, is_definite, i, i.definite), INDEFINITE)
+        s.leave(_fails(s, inverted, i, n), SINGULAR)
     else:
         for line in range(n):
             terms = [
@@ -470,12 +479,12 @@ def _rates(s: Series, i: Instruction, k: Order) -> None:
     s.solved(i.matrix, i.place, right, i.row, n, k)
 
 
-def _fails(s: Series, loop: str, i: Instruction, n: int) -> str:
-    """Whether a loop over a matrix of n rows, and the inverse that an instruction fills, says 0."""
+def _fails(s: Series, kernel: Kernel, i: Instruction, n: int) -> Register:
+    """Whether a kernel says 0 of a matrix of n rows, and of the inverse that an instruction
+    fills."""
     across, along = (s.stride(name) for name in ("A", i.matrix))
     inverse = s.row(i.matrix, i.place)
-    matrices = f"ptr {s.data('A')}, i64 {across}, i64 {n}, ptr {inverse}, i64 {along}"
-    return s.whole("icmp eq", s.new(f"call i64 @{loop}({matrices})"), 0)
+    return s.compare("eq", s.kernel(kernel, s.data("A"), across, n, inverse, along), 0)
 
 
 def _implicit(s: Series, i: Instruction, k: Order) -> None:
@@ -486,15 +495,15 @@ def _implicit(s: Series, i: Instruction, k: Order) -> None:
         return
     s.prepare(i.zero, i.row)
 
-    def step(_: str, *carried: str) -> list[Operand | int]:
+    def step(_: Register, *carried: Register) -> list[Operand | Count]:
         low, high, last, v, _ = carried
         s.known[i.row, 0] = v
         g, slope = map(s.scalar, i.zero)
         return list(_closer(s, (low, high, last, v), g, slope))
 
-    first = ((REAL, -_FARTHEST), (REAL, _FARTHEST), (REAL, math.inf), (REAL, 0.0), ("i1", 1))
+    first = (-_FARTHEST, _FARTHEST, math.inf, 0.0, True)
     *_, v, going = s.loop(0, _MOST_TURNS, step, *first, going=4)
-    s.put(i.row, 0, s.choose(going, math.nan, v))
+    s.put(i.row, 0, s.select(going, math.nan, v))
 
 
 def _closer(
@@ -522,23 +531,20 @@ def _closer(
     """
     low, high, last, v = carried
 
-    def either(a: str, b: str) -> str:
-        return s.new(f"or i1 {a}, {b}")
-
     def greater(a: Operand, b: Operand) -> Operand:
-        return s.choose(s.test("ogt", a, b), a, b)
+        return s.select(s.test("ogt", a, b), a, b)
 
-    low = s.choose(s.test("olt", g, 0.0), v, low)
-    high = s.choose(s.test("ogt", g, 0.0), v, high)
+    low = s.select(s.test("olt", g, 0.0), v, low)
+    high = s.select(s.test("ogt", g, 0.0), v, high)
     a, b = s.modulus(low), s.modulus(high)
     most = greater(a, b)
-    least = greater(s.choose(s.test("ogt", a, b), b, a), _NEAREST)
+    least = greater(s.select(s.test("ogt", a, b), b, a), _NEAREST)
     apart = s.both(s.test("olt", low, 0.0), s.test("ogt", high, 0.0))
-    root = s.times(s.call("llvm.sqrt.f64", least), s.call("llvm.sqrt.f64", most))
-    signed = s.choose(s.test("olt", low, 0.0), s.negative(root), root)
-    middle = s.choose(apart, 0.0, signed)
+    root = s.times(s.function("llvm.sqrt.f64", least), s.function("llvm.sqrt.f64", most))
+    signed = s.select(s.test("olt", low, 0.0), s.negative(root), root)
+    middle = s.select(apart, 0.0, signed)
     close = s.test("ole", most, s.times(_SPREAD, least))
-    narrow = s.both(s.new(f"xor i1 {apart}, true"), close)
+    narrow = s.both(s.fails(apart), close)
     step = s.negative(s.over(g, slope))
     newton = s.add(v, step)
     there = s.test("oeq", g, 0.0)
@@ -547,10 +553,10 @@ def _closer(
     inside = s.both(s.test("olt", low, newton), s.test("olt", newton, high))
     good = s.both(s.both(narrow, inside), s.test("ole", size, s.times(0.5, last)))
     known = s.both(s.test("oeq", g, g), s.test("uge", slope, 0.0))
-    last = s.choose(good, size, math.inf)
-    following = s.choose(there, v, s.choose(either(near, good), newton, middle))
-    ended = s.new(f"xor i1 {either(there, near)}, true")
-    return low, high, last, s.choose(known, following, math.nan), s.both(known, ended)
+    last = s.select(good, size, math.inf)
+    following = s.select(there, v, s.select(s.either(near, good), newton, middle))
+    on = s.fails(s.either(there, near))
+    return low, high, last, s.select(known, following, math.nan), s.both(known, on)
 
 
 class LoopedSeries(Tabled, Series):
@@ -558,42 +564,41 @@ class LoopedSeries(Tabled, Series):
     repeated."""
 
     unit: Operand
-    after: str
-    real: str
+    after: Register
+    real: Register
 
-    def written(self) -> str:
-        """The function: order 0, which is another matter, and the loop."""
-        self.unit = self.load(self.place("W", self.clock, 1))
+    def all_orders(self) -> None:
+        """Write the function: order 0, which is another matter, and the loop."""
+        self.unit = self.load(REAL, self.place("W", self.clock, 1))
         self.loop(0, self.clock, self._start)
-        self.put(self.clock, 0, "%t")
+        self.put(self.clock, 0, self.arguments["t"])
         self.order(0)
         self._integrate(0, 1, self.unit)
         self.statements(self.generated.sizes)
         start = {place: x for place, x in self.known.items() if place[1] == 0}
 
-        def body(k: str) -> None:
+        def body(k: Register) -> None:
             self.known = dict(start)
-            self.after = self.whole("add", k, 1)
-            self.real = self.new(f"sitofp i64 {k} to double")
-            following = self.new(f"sitofp i64 {self.after} to double")
+            self.after = self.count("add", k, 1)
+            self.real = self.as_real(k)
+            following = self.as_real(self.after)
             self.order(k)
             self._integrate(k, self.after, self.over(self.unit, following))
 
-        self.loop(1, "%N", body)
-        self.lines.append("ret i64 0")
-        return self.text()
+        self.loop(1, self.arguments["N"], body)
+        self.end("ret i64 0")
 
-    def _start(self, i: str) -> None:
+    def _start(self, i: Register) -> None:
         """Order 0 of the state."""
-        value = self.load(self.at(self.data("y"), i))
-        self.store(value, self.at(self.row("W", i), 0))
+        value = self.read(self.data("y"), i)
+        self.write(value, self.row("W", i))
 
     @cached_property
     def groups(self) -> list[tuple[Instruction, list[Pattern]]]:
         """Instructions that do not need each other: one for all that differ in numbers alone, with
         these; few are left alone."""
         tape = self.layout.instructions
-        patterns = [pattern_of_instruction(i, self.slots, self.clock) for i in tape]
+        patterns = [pattern_of_instruction(i, self.constants, self.clock) for i in tape]
         known = dict[int, int]()
         levels = list[int]()
         for i in tape:
@@ -630,11 +635,11 @@ class LoopedSeries(Tabled, Series):
         self.repeat([Pattern(None, [i, row], []) for i, row in rows], body)
 
     def loop(
-        self, low: Any, high: Any, body: Any, *carried: Any, going: int | None = None
-    ) -> list[str]:
+        self, low: Any, high: Any, body: Any, *first: Any, going: int | None = None
+    ) -> list[Register]:
         """A loop; coefficients that are made inside are in memory after it."""
         known = dict(self.known)
-        values = super().loop(low, high, body, *carried, going=going)
+        values = super().loop(low, high, body, *first, going=going)
         self.known = known
         return values
 
@@ -642,50 +647,47 @@ class LoopedSeries(Tabled, Series):
         """A coefficient: just made, of order 0, or from memory; of time, one is not zero."""
         if (row, k) not in self.known:
             if row == self.clock:
-                return self.choose(self.whole("icmp eq", k, 1), self.unit, 0.0)
-            self.known[row, k] = self.load(self.at(self.row("W", row), k))
+                return self.select(self.compare("eq", k, 1), self.unit, 0.0)
+            self.known[row, k] = self.read(self.row("W", row), k)
         return self.known[row, k]
 
     def put(self, row: int, k: Order, value: Operand) -> None:
         """Make a coefficient known, in memory too."""
         self.known[row, k] = value
-        self.store(value, self.at(self.row("W", row), k))
+        self.write(value, self.at(self.row("W", row), k, REAL))
 
     def stored(self, row: int, k: Order) -> Operand:
         """What the table holds before a coefficient is put there."""
-        return self.load(self.at(self.row("W", row), k))
+        return self.read(self.row("W", row), k)
 
     def before(self, k: Order) -> Order:
         """k − 1."""
-        return self.whole("sub", k, 1)
+        return self.count("sub", k, 1)
 
     def along(
-        self, sum_of: str, a: int, b: int, k: str, limits: tuple[int, str], p: str = ""
-    ) -> str:
+        self, sum_of: Kernel, a: int, b: int, k: Register, limits: tuple[int, Register], *p: Operand
+    ) -> Register:
         """A sum over orders from memory.
 
         Parameters
         ----------
-        sum_of : str
-            Which loop.
+        sum_of : Kernel
         a, b : int
             Rows.
-        k : str
+        k : Register
             Order of the sum.
-        limits : (int, str)
+        limits : (int, Register)
             First order of a, and the one after the last.
-        p : str
-            More arguments of the loop.
+        p : Operand
+            More arguments of the kernel.
         """
-        low, high = limits
-        rows = f"ptr {self.row('W', a)}, ptr {self.row('W', b)}"
-        return self.new(f"call double @{sum_of}({rows}, i64 {k}, i64 {low}, i64 {high}{p})")
+        return self.kernel(sum_of, self.row("W", a), self.row("W", b), k, *limits, *p)
 
     def convolution(self, a: int, b: int, k: Order, low: int) -> list[Pair]:
         """Σ aⱼ bₖ₋ⱼ for low ≤ j ≤ k."""
         if isinstance(k, int):
             return super().convolution(a, b, k, low)
-        return [(self.along("cauchy", a, b, k, (low, self.after)), 1.0)]
+        return [(self.along(cauchy, a, b, k, (low, self.after)), 1.0)]
 
     def square(self, a: int, k: Order) -> Operand:
         """Order k of a²."""
@@ -693,14 +695,13 @@ class LoopedSeries(Tabled, Series):
 
     def weighted(self, a: int, b: int, k: Order) -> list[Pair]:
         """Σ j aⱼ bₖ₋ⱼ for 1 ≤ j < k."""
-        assert isinstance(k, str)
-        return [(self.along("chained", a, b, k, (1, k)), 1.0)]
+        assert isinstance(k, Register)
+        return [(self.along(chained, a, b, k, (1, k)), 1.0)]
 
     def powered(self, a: int, y: int, p: Operand, k: Order) -> list[Pair]:
         """Σ (j p − (k − j)) aⱼ yₖ₋ⱼ for 1 ≤ j ≤ k."""
-        assert isinstance(k, str)
-        exponent = f", double {constant(p)}"
-        return [(self.along("powered", a, y, k, (1, self.after), exponent), 1.0)]
+        assert isinstance(k, Register)
+        return [(self.along(powered, a, y, k, (1, self.after), p), 1.0)]
 
     def per(self, s: Operand, k: Order) -> Operand:
         """s/k."""
@@ -715,9 +716,8 @@ class LoopedSeries(Tabled, Series):
             super().solved(matrix, place, first, solution, n, k)
         else:
             for i in range(n):
-                row, column = self.row(matrix, place + i), self.at(self.row("W", first), k)
-                arguments = f"ptr {row}, ptr {column}, i64 {self.stride('W')}, i64 {n}"
-                self.put(solution + i, k, self.new(f"call double @applied({arguments})"))
+                row, column = self.row(matrix, place + i), self.at(self.row("W", first), k, REAL)
+                self.put(solution + i, k, self.kernel(applied, row, column, self.stride("W"), n))
 
 
 def is_long(generated: Generated) -> bool:
@@ -725,9 +725,11 @@ def is_long(generated: Generated) -> bool:
     return sum(map(_products, generated.layout.instructions)) > _MOST_PRODUCTS
 
 
-def series_of(generated: Generated) -> str:
+def series_of(generated: Generated) -> Series:
     """The function ``jets``, written out unless it is too long for that."""
-    return (LoopedSeries if is_long(generated) else Series)(generated).written()
+    series = LoopedSeries(generated) if is_long(generated) else Series(generated)
+    series.all_orders()
+    return series
 
 
 def _products(i: Instruction) -> int:

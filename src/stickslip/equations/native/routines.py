@@ -3,71 +3,98 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import partial
+from dataclasses import dataclass
+from functools import cache, partial, reduce
+from typing import Any
 
-from stickslip.equations.native.assembly import WHOLE, Assembly, Operand, constant
+from stickslip.equations.native.arithmetic import Arithmetic, Count, Operand
+from stickslip.equations.native.kernels import reached
 from stickslip.machine_code.interface import INTERFACE
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS
 from stickslip.symbolic.scalars import Scalar, Store, numeral
 from stickslip.symbolic.tape import scalars_of
-from stickslip.translator.values import declared_type
+from stickslip.translator.assembly import POINTER, REAL, WHOLE, Register, of_type
+from stickslip.translator.values import FunctionType, declared_type
 
 _NOTHING = 64 * 2.220446049250313e-16  # part of its terms below which a difference may be zero
 _GIVEN = frozenset({"p", "y", "mode", "reg", "K", "Rq", "Rz"})
 """Arrays that a function only reads."""
 
 
-class Routine(Assembly):
+@dataclass(frozen=True, eq=False, slots=True, kw_only=True)
+class InRegister(Scalar):
+    """A value that is made already.
+
+    Attributes
+    ----------
+    register : Register
+    """
+
+    register: Register
+
+
+def in_register(register: Register) -> Scalar:
+    """A real in a register, as a value."""
+    return InRegister("register", register=of_type(REAL, register))
+
+
+@cache
+def _arguments(name: str) -> tuple[list[Register], str]:
+    """The arguments of a function of a system, and the type of its result."""
+    function = declared_type(INTERFACE[name])
+    assert isinstance(function, FunctionType)
+    arguments = [Register(f"%{name}", kind.llvm) for name, kind in function.arguments]
+    return arguments, function.result.llvm
+
+
+class Routine(Arithmetic):
     """One of the functions of a system."""
 
     def __init__(self, name: str) -> None:
-        function = declared_type(INTERFACE[name])
-        arguments = ", ".join(f"{kind.llvm} %{name}" for name, kind in function.arguments)
-        super().__init__(name, arguments, function.result.llvm)
-        self._kinds = {name: kind.llvm for name, kind in function.arguments}
+        super().__init__(name, *_arguments(name))
 
     # -- arguments ---------------------------------------------------------------------------------
 
-    def data(self, name: str) -> str:
+    def data(self, name: str) -> Register:
         """Address of an array's first entry."""
-        kind = self._kinds[name]
-        return self.once(("data", name), lambda: self.new(f"extractvalue {kind} %{name}, 0"))
+        array = self.arguments[name]
+        return self.once(("data", name), lambda: self.extract(array, 0, POINTER))
 
-    def stride(self, name: str) -> str:
+    def stride(self, name: str) -> Register:
         """From a row to the next, in numbers."""
-        kind = self._kinds[name]
-        return self.once(("stride", name), lambda: self.new(f"extractvalue {kind} %{name}, 2"))
+        array = self.arguments[name]
+        return self.once(("stride", name), lambda: self.extract(array, 2, WHOLE))
 
-    def row(self, name: str, i: int | str) -> str:
+    def row(self, name: str, i: Count) -> Register:
         """Address of a row of a matrix."""
 
-        def make() -> str:
-            return self.at(self.data(name), self.whole("mul", self.stride(name), i))
+        def make() -> Register:
+            return self.at(self.data(name), self.count("mul", self.stride(name), i), REAL)
 
         return self.once(("row", name, i), make)
 
-    def place(self, name: str, *index: int) -> str:
+    def place(self, name: str, *index: Count) -> Register:
         """Address of an entry of an array."""
         if len(index) == 2:
-            return self.at(self.row(name, index[0]), index[1])
-        return self.at(self.data(name), index[0])
+            return self.at(self.row(name, index[0]), index[1], REAL)
+        return self.at(self.data(name), index[0], REAL)
 
-    def entry(self, name: str, *index: int) -> Operand:
+    def entry(self, name: str, *index: Count) -> Operand:
         """An entry of an array; of what is only read, once."""
         if name not in _GIVEN:
-            return self.load(self.place(name, *index))
-        return self.once((name, *index), lambda: self.load(self.place(name, *index)))
+            return self.load(REAL, self.place(name, *index))
+        return self.once((name, *index), lambda: self.load(REAL, self.place(name, *index)))
 
-    def which(self, name: str, i: int) -> str:
+    def which(self, name: str, i: Count) -> Register:
         """The mode of a contact or the region of a kink."""
-        return self.once((name, i), lambda: self.load(self.at(self.data(name), i), WHOLE))
+        return self.once((name, i), lambda: self.load(WHOLE, self.at(self.data(name), i, WHOLE)))
 
-    def is_mode(self, i: int, how: str, number: int) -> str:
+    def is_mode(self, i: Count, how: str, number: int) -> Register:
         """A test of the mode of a contact."""
         mode = self.which("mode", i)
-        return self.once((how, i, number), lambda: self.whole(f"icmp {how}", mode, number))
+        return self.once((how, i, number), lambda: self.compare(how, mode, number))
 
-    def is_free(self, i: int, pressed: tuple[int, ...]) -> str:
+    def is_free(self, i: Count, pressed: tuple[int, ...]) -> Register:
         """Whether a contact sticks, or a contact that presses it is open."""
         found = self.is_mode(i, "eq", 0)
         for normal in pressed:
@@ -75,19 +102,15 @@ class Routine(Assembly):
             found = self.once(("free", i, normal), partial(self.either, *tests))
         return found
 
-    def either(self, a: str, b: str) -> str:
-        """Whether one of two tests holds."""
-        return self.new(f"or i1 {a}, {b}")
-
-    def is_above(self, i: int) -> str:
+    def is_above(self, i: Count) -> Register:
         """Whether a kink is in its upper region."""
         region = self.which("reg", i)
-        return self.once(("above", i), lambda: self.whole("icmp eq", region, 1))
+        return self.once(("above", i), lambda: self.compare("eq", region, 1))
 
-    def by_mode_of(self, i: int, stick: Operand, plus: Operand, minus: Operand) -> Operand:
+    def by_mode_of(self, i: Count, stick: Operand, plus: Operand, minus: Operand) -> Operand:
         """What depends on the mode of a contact."""
-        slip = self.choose(self.is_mode(i, "sgt", 0), plus, minus) if plus != minus else plus
-        return self.choose(self.is_mode(i, "eq", 0), stick, slip) if stick != slip else slip
+        slip = self.select(self.is_mode(i, "sgt", 0), plus, minus) if plus != minus else plus
+        return self.select(self.is_mode(i, "eq", 0), stick, slip) if stick != slip else slip
 
     # -- scalars -----------------------------------------------------------------------------------
 
@@ -95,19 +118,21 @@ class Routine(Assembly):
         """Write statements."""
         for name, place, value, adding in stores:
             x = self.scalar(value)
-            self.store(
+            self.write(
                 self.add(self.entry(name, *place), x) if adding else x, self.place(name, *place)
             )
 
     def scalar(self, s: Scalar) -> Operand:
         """A value; what has been made once is known."""
-        if s.op in ("number", "name"):
-            return s.value if s.op == "number" else f"%{s.name}"
+        if s.op == "number":
+            return s.value
         if s.op == "entry":
             return self.entry(s.name, *s.index)
-        if s not in self._once:
-            self._once[s] = self._scalar(s)
-        return self._once[s]
+        if s.op == "name":
+            return self.arguments[s.name]
+        if isinstance(s, InRegister):
+            return s.register
+        return self.once(s, lambda: self._scalar(s))
 
     def _scalar(self, s: Scalar) -> Operand:
         x = [self.scalar(part) for part in s.args]
@@ -115,9 +140,9 @@ class Routine(Assembly):
             case "kept":
                 return x[0]
             case "sum":
-                return self._in_turn("fadd", x)
+                return reduce(partial(self.plainly, "fadd"), x)
             case "product":
-                return self._in_turn("fmul", x)
+                return reduce(self._product, x)
             case "quotient":
                 return self.over(*x)
             case "reciprocal":
@@ -127,15 +152,15 @@ class Routine(Assembly):
             case "modulus":
                 return self.modulus(x[0])
             case "larger":
-                return self.choose(self.test("ogt", *x), *x)
+                return self.select(self.test("ogt", *x), *x)
             case "over":
-                return self.choose(self.test("ogt", x[1], 0.0), self.over(*x), 0.0)
+                return self.select(self.test("ogt", x[1], 0.0), self.over(*x), 0.0)
             case "mode":
                 return self.by_mode_of(s.index[0], *x)
             case "region":
-                return self.choose(self.is_above(s.index[0]), *x)
+                return self.select(self.is_above(s.index[0]), *x)
             case "sign":
-                return self.choose(self.test("oge", x[0], 0.0), *x[1:])
+                return self.select(self.test("oge", x[0], 0.0), *x[1:])
             case "real_power":
                 return self._power(*x)
             case "first_power":
@@ -145,56 +170,47 @@ class Routine(Assembly):
             case "spread":
                 return self.spread(s.name, *s.index)
             case "call":
-                return self.function(s.name, x[0])
+                return self.formula(s.name, x[0])
         raise NotImplementedError(s.op)
 
-    def _in_turn(self, operation: str, values: list[Operand]) -> Operand:
-        """A sum or a product, in the order in which it stands, each operation rounded."""
-        result, *others = values
-        for x in others:
-            result = self._plainly(operation, result, x)
-        return result
-
-    def _plainly(self, operation: str, a: Operand, b: Operand) -> Operand:
-        """One operation, as it stands."""
-        if operation == "fmul" and 1.0 in (a, b):
-            return b if a == 1.0 else a
-        return self.new(f"{operation} double {constant(a)}, {constant(b)}", a, b)
+    def _product(self, a: Operand, b: Operand) -> Operand:
+        """a·b, which is rounded before it is added to anything."""
+        return self.times(a, b) if 1.0 in (a, b) else self.plainly("fmul", a, b)
 
     def modulus(self, x: Operand) -> Operand:
         """|x|."""
-        return abs(x) if isinstance(x, float) else self.call("llvm.fabs.f64", x)
+        return abs(x) if isinstance(x, float) else self.function("llvm.fabs.f64", x)
 
-    def function(self, name: str, x: Operand) -> Operand:
+    def formula(self, name: str, x: Operand) -> Operand:
         """The value of a function of formulas."""
         formula = FUNCTIONS[name].made_of
         if formula is None:
-            return self.call(name, x)
-        argument = Scalar("name", name=x[1:]) if isinstance(x, str) else numeral(x)
+            return self.function(name, x)
+        argument = in_register(x) if isinstance(x, Register) else numeral(x)
         return self.scalar(scalars_of([formula], {ARGUMENT: argument})[formula])
 
     def _power(self, x: Operand, p: Operand) -> Operand:
         if p == 2.0:
             return self.times(x, x)
-        return self.over(1.0, x) if p == -1.0 else self.call("pow", x, p)
+        return self.over(1.0, x) if p == -1.0 else self.function("pow", x, p)
 
     def first_power(self, a: Operand, p: Operand, size: Operand) -> Operand:
         """aᵖ, where a is known up to the rounding error of terms of a size: what may be 0 is 0."""
-        power: Operand = self.call("llvm.sqrt.f64", a) if p == 0.5 else self.call("pow", a, p)
+        root = "llvm.sqrt.f64"
+        power: Operand = self.function(root, a) if p == 0.5 else self.function("pow", a, p)
         if not isinstance(p, float):
             rooted = self.both(self.test("oeq", p, 0.5), self.test("oge", a, 0.0))
-            power = self.choose(rooted, self.call("llvm.sqrt.f64", a), power)
+            power = self.select(rooted, self.function(root, a), power)
         elif p <= 0.0:
             return power
         small = self.test("ole", self.modulus(a), self.times(_NOTHING, size))
         if not isinstance(p, float):
             small = self.both(small, self.test("ogt", p, 0.0))
-        return self.choose(small, 0.0, power)
+        return self.select(small, 0.0, power)
 
-    def spread(self, matrix: str, i: int, n: int, base: int) -> Operand:
+    def spread(self, matrix: str, i: Count, n: int, base: Any) -> Operand:
         """Σⱼ |Rᵢⱼ| mag[base + j]."""
-        first, last = self.place(matrix, i, 0), self.place("mag", base)
-        return self.new(f"call double @spread(ptr {first}, ptr {last}, i64 {n})")
+        return self.kernel(reached, self.place(matrix, i, 0), self.place("mag", base), n)
 
     def _dot(self, x: list[Operand]) -> Operand:
         """Σ aᵢbᵢ as if computed with twice as many digits: the algorithm Dot2 of Ogita, Rump and
@@ -202,14 +218,14 @@ class Routine(Assembly):
         total: Operand = 0.0
         lost: Operand = 0.0
         for a, b in zip(x[::2], x[1::2], strict=True):
-            product = self._plainly("fmul", a, b)
+            product = self._product(a, b)
             error = self.fused(a, b, self.negative(product))
-            higher = self._plainly("fadd", total, product)
-            part = self._plainly("fsub", higher, total)
-            left = self._plainly("fsub", total, self._plainly("fsub", higher, part))
-            right = self._plainly("fsub", product, part)
-            carried = self._plainly("fadd", left, right)
-            lost = self._in_turn("fadd", [lost, carried, error])
+            higher = self.plainly("fadd", total, product)
+            part = self.plainly("fsub", higher, total)
+            left = self.plainly("fsub", total, self.plainly("fsub", higher, part))
+            right = self.plainly("fsub", product, part)
+            carried = self.plainly("fadd", left, right)
+            lost = self.plainly("fadd", self.plainly("fadd", lost, carried), error)
             total = higher
         finite = self.test("olt", self.modulus(lost), float("inf"))
-        return self.choose(finite, self._plainly("fadd", total, lost), total)
+        return self.select(finite, self.plainly("fadd", total, lost), total)

@@ -8,26 +8,18 @@ from weakref import WeakKeyDictionary
 
 from stickslip.equations.codegen.generate import Generated, Layout, generate
 from stickslip.equations.derive import MotionEquations, derive
-from stickslip.equations.native.loops import LOOPS
+from stickslip.equations.native import kernels
 from stickslip.equations.native.orders import is_long, series_of
 from stickslip.equations.native.routines import Routine
 from stickslip.equations.native.tables import Tabled
+from stickslip.machine_code import shelf
+from stickslip.machine_code.functions import Kernel
 from stickslip.machine_code.interface import INTERFACE
-from stickslip.machine_code.objects import addresses
+from stickslip.machine_code.objects import addresses, provide
 from stickslip.model.declaration import Declaration
 from stickslip.model.system import System
-from stickslip.symbolic.functions import FUNCTIONS
 
-_CALLED = {
-    "llvm.fabs.f64": "double @llvm.fabs.f64(double)",
-    "llvm.sqrt.f64": "double @llvm.sqrt.f64(double)",
-    "llvm.fma.f64": "double @llvm.fma.f64(double, double, double)",
-    "pow": "double @pow(double, double)",
-    "ilogb": "i32 @ilogb(double)",
-    "ldexp": "double @ldexp(double, i32)",
-}
-"""Functions from outside, beside those of formulas, which the mathematical library has under the
-same names."""
+provide([x.symbol for x in vars(kernels).values() if isinstance(x, Kernel)], shelf.engine)
 
 
 @dataclass(frozen=True)
@@ -66,16 +58,12 @@ def compile_system(system: System) -> CompiledSystem:
 
 def assembly_of(generated: Generated) -> str:
     """The functions of a system as LLVM assembly."""
-    functions = [series_of(generated)]
     long = is_long(generated)
+    functions: list[Routine] = [series_of(generated)]
     for name in ("setup", "residual", "powers", "landings"):
         routine = Tabled(name) if long else Routine(name)
         routine.statements(getattr(generated, name))
-        routine.lines.append("ret void")
-        functions.append(routine.text())
-    text = "\n".join(functions)
-    helpers = [loop for name, loop in LOOPS.items() if f"@{name}(" in text]
-    text = "\n".join([text, *helpers])
-    called = _CALLED | {name: f"double @{name}(double)" for name in FUNCTIONS}
-    declared = [f"declare {line}" for name, line in called.items() if f"@{name}(" in text]
-    return "\n".join([*declared, text])
+        routine.end("ret void")
+        functions.append(routine)
+    declared = {name: line for f in functions for name, line in f.declared.items()}
+    return "\n".join([*declared.values(), *(f.definition() for f in functions)])

@@ -14,40 +14,55 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from stickslip.equations.native.assembly import REAL, WHOLE, Assembly, Operand
-from stickslip.equations.native.routines import Routine
+from stickslip.arrays import Array
+from stickslip.equations.native.arithmetic import Arithmetic, Count, Operand
+from stickslip.equations.native.routines import InRegister, Routine, in_register
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.scalars import Scalar, Store, element
 from stickslip.symbolic.tape import Instruction, Op, ParameterExpressions, Scaled
+from stickslip.translator.assembly import POINTER, WHOLE, Register, WrongType, of_type
 
 FEWEST_REPETITIONS = 16  # repetitions that a loop is made for: fewer are as quick side by side
 _LONG_SUM = 32  # terms of a sum from which they are added up in groups
 
 
-class Whole(str):
+class Whole(Register):
     """A whole number in a register, to which numbers can be added."""
 
-    inside: Assembly
+    inside: Arithmetic
 
     @classmethod
-    def loaded(cls, f: Assembly, register: str) -> Whole:
+    def loaded(cls, f: Arithmetic, register: Register) -> Whole:
         """That of a register of a function."""
-        made = cls(register)
+        made = cls(*of_type(WHOLE, register))
         made.inside = f
         return made
 
-    def __add__(self, other: int) -> Whole:  # type: ignore[override]
+    def __add__(self, other: int) -> Whole:  # pyright: ignore[reportIncompatibleMethodOverride]
         if other == 0:
             return self
-        return Whole.loaded(self.inside, self.inside.whole("add", self, other))
+        return Whole.loaded(self.inside, self.inside.count("add", self, other))
 
 
 class Pattern(NamedTuple):
     """What is the same in all repetitions, and the numbers that tell one from the others."""
 
     key: Hashable
-    wholes: list[int]
-    reals: list[float]
+    wholes: list[Count]
+    reals: list[Operand]
+
+    @property
+    def is_known(self) -> bool:
+        """Whether the numbers are known now. Inside another repetition they are in registers, and
+        no table can hold them."""
+        return not any(isinstance(x, Register) for x in (*self.wholes, *self.reals))
+
+
+class Progression(NamedTuple):
+    """Whole numbers that grow by the same step."""
+
+    first: int
+    step: int
 
 
 class Tabled(Routine):
@@ -59,26 +74,26 @@ class Tabled(Routine):
         return bytearray()
 
     @property
-    def _table(self) -> str:
-        return f"@{self.name}.table"
+    def _table(self) -> Register:
+        return Register(f"@{self.name}.table", POINTER)
 
-    def text(self) -> str:
+    def definition(self) -> str:
         """The table and the whole function."""
         if not self._bytes:
-            return super().text()
+            return super().definition()
         numbers = "\\" + self._bytes.hex("\\")
         size = len(self._bytes)
         table = f'{self._table} = internal constant [{size} x i8] c"{numbers}", align 8'
-        return f"{table}\n{super().text()}"
+        return f"{table}\n{super().definition()}"
 
     # -- loops over a table ------------------------------------------------------------------------
 
     def repeat(
         self,
         repetitions: Sequence[Pattern],
-        body: Callable[..., Sequence[Operand | int] | None],
-        *carried: tuple[str, Operand | int],
-    ) -> list[str]:
+        body: Callable[..., Sequence[Operand | Count] | None],
+        *first: Operand | Count,
+    ) -> list[Register]:
         """Follow a body for all repetitions of a pattern.
 
         Parameters
@@ -87,49 +102,62 @@ class Tabled(Routine):
         body : callable
             Takes the whole numbers and the reals of a repetition, each a number where it is always
             the same, and the carried values; returns their new ones.
-        carried : tuples (type, first value)
+        first : numbers, registers
+            The carried values at the beginning.
+
+        Raises
+        ------
+        WrongType
+            If numbers of a repetition are in registers.
         """
+        if not all(p.is_known for p in repetitions):
+            raise WrongType("a table holds numbers, not registers")
         wholes = list(zip(*(p.wholes for p in repetitions), strict=True))
         reals = list(zip(*(p.reals for p in repetitions), strict=True))
-        own_wholes = [self._column(column, np.int32) for column in wholes]
-        own_reals = [self._column(column, np.float64) for column in reals]
+        own_wholes = [self._whole_column(column) for column in wholes]
+        own_reals = [self._real_column(column) for column in reals]
 
-        def step(i: str, *values: str) -> Sequence[Operand | int] | None:
+        def step(i: Register, *values: Register) -> Sequence[Operand | Count] | None:
             numbers = [self._whole(column, i) for column in own_wholes]
-            constants = [
-                column if isinstance(column, float) else self.load(self.at(column, i))
-                for column in own_reals
-            ]
+            constants = [self.read(x, i) if isinstance(x, Register) else x for x in own_reals]
             return body(numbers, constants, *values)
 
-        return self.loop(0, len(repetitions), step, *carried)
+        return self.loop(0, len(repetitions), step, *first)
 
-    def _column(self, numbers: Sequence[float], kind: type) -> Any:
-        """The number that is always the same, first and difference of a progression, or the address
-        of a column of the table."""
+    def _real_column(self, numbers: Sequence[Any]) -> Operand:
+        """The number that is always the same, or the address of a column of the table."""
         if all(number == numbers[0] for number in numbers):
             return numbers[0]
-        if kind is np.int32:
-            values = np.array(numbers)
-            steps = np.diff(values)
-            if np.all(steps == steps[0]):
-                return int(values[0]), int(steps[0])
+        return self._column(np.array(numbers, dtype=np.float64))
+
+    def _whole_column(self, numbers: Sequence[Any]) -> int | Progression | Register:
+        """The number that is always the same, a progression, or the address of a column of the
+        table."""
+        if all(number == numbers[0] for number in numbers):
+            return numbers[0]
+        values = np.array(numbers)
+        steps = np.diff(values)
+        if np.all(steps == steps[0]):
+            return Progression(int(values[0]), int(steps[0]))
+        return self._column(values.astype(np.int32))
+
+    def _column(self, numbers: Array) -> Register:
+        """The address of a new column of the table."""
         self._bytes += bytes(-len(self._bytes) % 8)
         place = len(self._bytes)
-        self._bytes += np.array(numbers, dtype=kind).tobytes()
+        self._bytes += numbers.tobytes()
         return self.at(self._table, place, "i8")
 
-    def _whole(self, column: int | tuple[int, int] | str, i: str) -> int | Whole:
+    def _whole(self, column: int | Progression | Register, i: Register) -> int | Whole:
         """A whole number of a repetition."""
-        match column:
-            case int():
-                return column
-            case first, step:
-                register = self.whole("add", self.whole("mul", i, step), first)
-            case _:
-                number = self.load(self.at(str(column), i, "i32"), "i32")
-                register = self.new(f"sext i32 {number} to {WHOLE}")
-        return Whole.loaded(self, register)
+        if isinstance(column, int):
+            return column
+        if isinstance(column, Progression):
+            found = self.count("add", self.count("mul", i, column.step), column.first)
+        else:
+            number = self.load("i32", self.at(column, i, "i32"))
+            found = self.new(WHOLE, f"sext {number.typed} to {WHOLE}")
+        return Whole.loaded(self, found)
 
     # -- statements --------------------------------------------------------------------------------
 
@@ -158,19 +186,19 @@ class Tabled(Routine):
         patterns = [_pattern_of(term) for term in s.args]
         total: Operand = 0.0
         for group in grouped(patterns, [0] * len(patterns)):
-            if len(group) < FEWEST_REPETITIONS:
+            if len(group) < FEWEST_REPETITIONS or not all(patterns[i].is_known for i in group):
                 for i in group:
                     total = self.add(total, self.scalar(s.args[i]))
                 continue
             pattern = s.args[group[0]]
 
             def body(
-                wholes: list[Any], reals: list[Any], sum_so_far: str, pattern: Scalar = pattern
-            ) -> list[Operand | int]:
+                wholes: list[Any], reals: list[Any], sum_so_far: Register, pattern: Scalar = pattern
+            ) -> list[Operand | Count]:
                 term = self.scalar(_Filling(wholes, reals).scalar(pattern))
                 return [self.add(sum_so_far, term)]
 
-            (total,) = self.repeat([patterns[i] for i in group], body, (REAL, total))
+            (total,) = self.repeat([patterns[i] for i in group], body, total)
         return total
 
 
@@ -197,6 +225,8 @@ def _pattern_of(thing: Store | Scalar) -> Pattern:
         length = 0
         if s.op == "number":
             found.reals.append(s.value)
+        elif isinstance(s, InRegister):
+            found.reals.append(s.register)
         elif s.op == "spread":
             place, length, base = s.index
             found.wholes.extend((place, base))
@@ -230,16 +260,21 @@ class _Filling:
         """The value with these numbers."""
         if id(s) in self._made:
             return self._made[id(s)]
-        value, index = s.value, s.index
         if s.op == "number":
-            value = self.real()
-        elif s.op == "spread":
-            index = (self.whole(), s.index[1], self.whole())
+            made = _known(self.real())
         else:
-            index = tuple(self.whole() for _ in s.index)
-        args = tuple(map(self.scalar, s.args))
-        self._made[id(s)] = Scalar(s.op, args, s.name, index, value)
-        return self._made[id(s)]
+            if s.op == "spread":
+                index = (self.whole(), s.index[1], self.whole())
+            else:
+                index = tuple(self.whole() for _ in s.index)
+            made = Scalar(s.op, tuple(map(self.scalar, s.args)), s.name, index)
+        self._made[id(s)] = made
+        return made
+
+
+def _known(x: Operand) -> Scalar:
+    """A number, or one in a register, as a value."""
+    return in_register(x) if isinstance(x, Register) else Scalar("number", value=x)
 
 
 def _levels(stores: list[Store]) -> list[int]:
@@ -290,8 +325,8 @@ def pattern_of_instruction(i: Instruction, slots: ParameterExpressions, clock: i
         The row of time, which is a pattern of its own.
     """
     rows = [i.row, *i.inputs, *(part.row for part in i.parts if part.row is not None)]
-    wholes = [*rows, i.place]
-    reals = list[float]()
+    wholes: list[Count] = [*rows, i.place]
+    reals = list[Operand]()
     factors = list[Hashable]()
     for part in i.parts:
         known = part.factor.op == "num"
@@ -334,7 +369,7 @@ def filled_instruction(i: Instruction, wholes: list[Any], reals: list[Any]) -> I
         if part.factor.op != "num":
             factor = element("K", next(numbers))
         elif i.op is not Op.POWER:
-            factor = Scalar("number", value=next(constants))
+            factor = _known(next(constants))
         parts.append(Scaled(cast(Any, factor), own))
     return Instruction(
         i.op, row, inputs, tuple(parts), place, i.size, i.matrix, i.function, i.entries

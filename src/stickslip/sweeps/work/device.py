@@ -35,11 +35,11 @@ _ROOM = 16  # knots that are measured at a time
 _TURNS = 256  # marks after which a motion lets the host look whether to go on
 _SHARE = 0.5  # of the free memory that motions may take
 _EMULATED = "STICKSLIP_EMULATE_GPU"
-_KERNELS = advance_thread, grow_thread
+_ENTRIES = advance_thread, grow_thread
 
 
 class Device(Protocol):
-    """A machine with memory of its own, where kernels run."""
+    """A machine with memory of its own, where threads run."""
 
     name: str
 
@@ -67,13 +67,13 @@ class Device(Protocol):
         """Copy bytes within the device."""
         ...
 
-    def kernels(self, entries: Sequence[Entry], system: str) -> Sequence[Any]:
-        """Entries as kernels that call the functions of a system, given as LLVM assembly."""
+    def load(self, entries: Sequence[Entry], system: str) -> Sequence[Any]:
+        """Entries on the device, which call the functions of a system, given as LLVM assembly."""
         ...
 
-    def launch(self, kernel: Any, words: Array, count: int) -> None:
-        """Run a kernel in so many threads, and wait for all of them; the words are all arguments
-        but the last, which is the number of the thread."""
+    def launch(self, function: Any, words: Array, count: int) -> None:
+        """Run what was loaded in so many threads, and wait for all of them; the words are all
+        arguments but the last, which is the number of the thread."""
         ...
 
 
@@ -172,7 +172,7 @@ class OnDevice:
         self.device: Device = find_device()
         self.count: int = len(block.lanes.codes)
         system = assembly_of(block.problem.compiled.generated)
-        self.kernels: Sequence[Any] = self.device.kernels(_KERNELS, system)
+        self.functions: Sequence[Any] = self.device.load(_ENTRIES, system)
         memory = self.memory = Memory(self.device)
         most = np.array([*block.rules.most[:2], _TURNS, block.rules.most[3]])
         self.engine: Any = each(memory.put, block.engine(block.lanes))
@@ -224,7 +224,7 @@ class OnDevice:
         self.ask()
         self._fetch(self.block.found, self.found)
 
-    def _launch(self, kernel: int, involved: list[tuple[Lanes, Any]]) -> None:
+    def _launch(self, number: int, involved: list[tuple[Lanes, Any]]) -> None:
         """Send what the host has changed, let all motions go on, and bring back what the host looks
         at."""
         looked_at = [(lanes.codes, there.codes) for lanes, there in involved]
@@ -232,8 +232,8 @@ class OnDevice:
         for here, there in looked_at:
             self._send(here, there)
         given = *(there for _, there in involved), *self.shared
-        words = words_of(_KERNELS[kernel], given)
-        self.device.launch(self.kernels[kernel], words, self.count)
+        words = words_of(_ENTRIES[number], given)
+        self.device.launch(self.functions[number], words, self.count)
         for here, there in looked_at:
             self._fetch(here, there)
 
@@ -244,9 +244,9 @@ class OnDevice:
         each_pair(lambda array, place: self.device.fetch(place.address, array), here, there)
 
 
-def words_of(kernel: Entry, given: tuple[Any, ...]) -> Array:
-    """All arguments of a kernel but the last, as words."""
-    found = by_python(TupleType(tuple, entry_types(kernel)[0][:-1]), given)
+def words_of(entry: Entry, given: tuple[Any, ...]) -> Array:
+    """All arguments of an entry but the last, as words."""
+    found = by_python(TupleType(tuple, entry_types(entry)[0][:-1]), given)
     assert found is not None
     return np.array(found, np.int64)
 

@@ -1,0 +1,138 @@
+"""What the machine code of systems calls: bit for bit what its Python says, and an inverse."""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stickslip.arrays import Array
+from stickslip.equations.codegen.series import invert
+from stickslip.equations.native import kernels
+from stickslip.machine_code import shelf
+from stickslip.machine_code.functions import Kernel
+from stickslip.translator.assembly import POINTER, REAL, WHOLE
+from stickslip.translator.values import plain_types
+
+KERNELS = {name: x for name, x in vars(kernels).items() if isinstance(x, Kernel)}
+NUMBERS = {POINTER: ctypes.c_void_p, WHOLE: ctypes.c_int64, REAL: ctypes.c_double}
+reals = st.floats(-1e3, 1e3) | st.sampled_from([0.0, -0.0, 1e90, 5e-324, float("inf")])
+
+
+@cache
+def _function(kernel: Kernel) -> Any:
+    types, result = plain_types(kernel)
+    kind = ctypes.CFUNCTYPE(NUMBERS[result], *(NUMBERS[x] for x in types))
+    return kind(shelf.engine().get_function_address(kernel.symbol))
+
+
+def compiled(kernel: Kernel, *given: Any) -> float:
+    """What the machine code says."""
+    plain = list[Any]()
+    for x in given:
+        if isinstance(x, np.ndarray):
+            plain += [x.ctypes.data, *(side // 8 for side in x.strides[:-1])]
+        else:
+            plain.append(x)
+    return _function(kernel)(*plain)
+
+
+def same(a: Any, b: Any) -> bool:
+    """Whether numbers have the same bits, but for those of NaN."""
+    a, b = np.asarray(a, float), np.asarray(b, float)
+    bits = a.view(np.int64) == b.view(np.int64)
+    return bool(np.all(bits | (np.isnan(a) & np.isnan(b))))
+
+
+def test_all_are_in_the_engine() -> None:
+    assert len(KERNELS) == 7
+    assert all(shelf.engine().get_function_address(k.symbol) for k in KERNELS.values())
+
+
+@settings(deadline=None, max_examples=300)
+@given(st.lists(reals, min_size=8, max_size=8), st.lists(reals, min_size=8, max_size=8), st.data())
+def test_sums(a: list[float], b: list[float], data: st.DataObject) -> None:
+    x, y = np.array(a), np.array(b)
+    k = data.draw(st.integers(0, 7))
+    low, high = data.draw(st.integers(0, k + 1)), data.draw(st.integers(0, k + 1))
+    orders = x, y, k, low, high
+    p, n = data.draw(reals), data.draw(st.integers(0, 8))
+    with np.errstate(all="ignore"):
+        for kernel in (kernels.cauchy, kernels.chained):
+            assert same(compiled(kernel, *orders), kernel(*orders))
+        assert same(compiled(kernels.powered, *orders, p), kernels.powered(*orders, p))
+        assert same(compiled(kernels.reached, x, y, n), kernels.reached(x, y, n))
+        W = np.outer(y, [1.0, 2.0, 3.0])[:, 1:]
+        assert same(compiled(kernels.applied, x, W, n), kernels.applied(x, W, n))
+
+
+def problem(n: int, kind: str) -> Array:
+    """A matrix with one row more, and columns more, than are asked about."""
+    A = np.random.default_rng(n).normal(size=(n + 1, n + 2))
+    if kind == "scaled":
+        A *= 10.0 ** np.arange(n + 1)[:, None] * 10.0 ** -np.arange(n + 2)
+    elif kind == "definite":
+        A[:n, :n] = A[:n, :n] @ A[:n, :n].T + np.eye(n)
+    elif kind == "singular":
+        A[0] = A[n - 1] if n > 1 else 0.0
+    elif kind == "sparse":
+        A[np.abs(A) < 0.7] = 0.0
+    elif kind == "undefined":
+        A[n // 2, n // 3] = np.nan
+    return A
+
+
+KINDS = ("any", "scaled", "definite", "singular", "sparse", "undefined")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_elimination(kind: str) -> None:
+    for n in (1, 2, 3, 5, 8, 13):
+        for kernel in (kernels.inverted, kernels.is_definite):
+            (A, R), (B, S) = ((problem(n, kind), np.zeros((n + 2, n + 1))) for _ in range(2))
+            with np.errstate(all="ignore"):
+                assert compiled(kernel, A, n, R) == kernel(B, n, S)
+            assert same(A, B)
+            assert same(R, S)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_inverse_is_one(kind: str) -> None:
+    """Rounded once or twice: as exact as NumPy's."""
+    for n in (1, 2, 3, 8, 21, 40):
+        given = problem(n, kind)
+        wanted = kind not in ("singular", "undefined")
+        R = np.zeros((n, n))
+        found = compiled(kernels.inverted, given.copy(), n, R)
+        if kind != "sparse":
+            assert found == wanted
+        if found:
+            A = given[:n, :n]
+            error = np.abs(R @ A - np.eye(n)).max()
+            assert error <= 1e-13 * n * np.abs(R @ np.diag(np.abs(A).max(1))).max()
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 12])
+def test_definite_matrices(n: int) -> None:
+    rng = np.random.default_rng(n)
+    V = np.linalg.qr(rng.normal(size=(n, n)))[0]
+    for least in (1.0, 1e-6, 0.0, -1e-6, -1.0):
+        A = np.zeros((n, n))
+        A[:] = V @ np.diag(np.append(np.linspace(1.0, 3.0, n - 1), least)) @ V.T
+        assert compiled(kernels.is_definite, A, n, np.zeros((n, n))) == (least > 0.0)
+
+
+def test_the_engine_inverts_as_it_did() -> None:
+    """Its products are rounded before they are subtracted."""
+    n = 6
+    A, R = problem(n, "any"), np.zeros((n, n))
+    B, S = A.copy(), np.zeros((n, n))
+    assert invert(A, n, R)
+    assert kernels.inverted(B, n, S)
+    assert not same(R, S)
+    np.testing.assert_allclose(R, S, rtol=1e-11)
