@@ -10,11 +10,11 @@ once (``diffrax_slider.py``).
 it has settled to 1e-8, measured and certified; and the same map stored by ``sweep``, whose overhead
 is the time beyond that.
 
-*GPU*: the same map, and (3.3) by Taylor steps, with the share of the peak in double precision that
-the products of its series alone take. Where there is none, a line says so.
-
 All times are medians of rounds in which the tools take turns. The tables go to
 ``benchmarks/results/sweep.md``.
+
+*GPU*: ``python benchmarks/sweep.py gpu [--small]`` computes 1e5 points of (4.2) and of (3.6) on the
+GPU and on all cores, and compares both; its table goes to ``benchmarks/results/gpu.md``.
 """
 
 from __future__ import annotations
@@ -41,9 +41,6 @@ from motion import machine
 from reference_values import PROBLEMS
 from rivals import RIVALS
 from stickslip.arrays import Array
-from stickslip.equations.codegen.generate import generate
-from stickslip.equations.derive import derive
-from stickslip.errors import DeclarationError
 from stickslip.motion.ensemble import Lanes
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.simulate_many import (
@@ -55,13 +52,11 @@ from stickslip.motion.simulate_many import (
 )
 from stickslip.motion.steps.arrays import FULL
 from stickslip.orbits.settling.engine import measuring, settling
-from stickslip.orbits.settling.engine.tables import DEVICE_LANES
-from stickslip.orbits.settling.motions import Block, Settings
+from stickslip.orbits.settling.motions import Settings
 from stickslip.sweeps.sweep import sweep
 from stickslip.sweeps.work.chunk import measure_chunk
-from stickslip.symbolic.tape import Op
 
-RESULTS = Path(__file__).parent / "results" / "sweep.md"
+RESULTS = Path(__file__).parent / "results"
 CORES = os.cpu_count() or 1
 SLIDER = ss.catalogue.scaled_slider_limit()
 TOY = ss.catalogue.rocking_toy()
@@ -71,10 +66,6 @@ PUSH = {"psi": 0.0, "d_psi": 1.8, "x_R": 0.0}
 SAMPLE = 16
 VMAP = 1024  # points that diffrax follows at once
 VMAP_TOLERANCE = 3e-14  # the loosest with which its error is below 1e-10
-# in double precision; 2 for the others
-LANES_OF_SM = {(6, 0): 32, (7, 0): 32, (8, 0): 32, (9, 0): 64, (10, 0): 64}
-SUMS = frozenset({Op.PRODUCT, Op.QUOTIENT, Op.RECIPROCAL, Op.POWER, Op.EXP, Op.LOG})
-"""Operations whose k-th coefficient is a sum of about k products."""
 WARM_UP = 0.8  # of a cycle, until every motion has seen both its modes
 
 
@@ -280,77 +271,86 @@ def map_table(side: int, rounds: int) -> list[str]:
 
 
 def device_table(side: int) -> list[str]:
-    """Table of a GPU, or why there is none."""
-    from stickslip.sweeps.work.device import OnDevice, check_device
+    """Table of a GPU beside the cores of this machine, on the same maps.
 
-    try:
-        check_device()
-    except DeclarationError as error:
-        return [f"GPU not measured: {error.reason}."]
-    from numba import cuda
+    Raises
+    ------
+    DeclarationError
+        If there is no GPU.
+    """
+    from stickslip.sweeps.work.device import check_device, find_device
 
-    given = grid(side)
-    slider = ss.catalogue.spring_slider()
-    count = min(side * side, DEVICE_LANES)
-    start = {name: np.full(side * side, value) for name, value in PUSH.items()}
-    table = parameter_table(slider, {"V": np.linspace(0.1, 0.3, count)}, count)
-    problem = replace(pose_all(slider, {"V"}, 1e-10, 1e-12), exact=False)
-    steps = [0]
-
-    def walking() -> float:
-        began = time.perf_counter()
-        measure_chunk(TOY, start, given, ("speed",), Settings(), "gpu")
-        return side * side / (time.perf_counter() - began)
-
-    def sliding() -> float:
-        block = Block(problem, table, initial_states(slider, {}, count), Settings(), False)
-        began = time.perf_counter()
-        block.run(OnDevice, False, np.zeros(1, np.int64))
-        steps[0] = int(block.lanes.now.counters[:, 4].sum())
-        return count / (time.perf_counter() - began)
-
-    rates = in_turn({"(4.2), closed forms": walking, "(3.3), Taylor steps": sliding}, 3)
-    tape = generate(derive(slider.declaration)).layout.instructions
-    recurrences = sum(instruction.op in SUMS for instruction in tape)
-    work = (
-        recurrences
-        * (problem.order + 1)
-        * (problem.order + 2)
-        * steps[0]
-        * rates["(3.3), Taylor steps"]
-        / count
-    )
-    gpu = cuda.get_current_device()
-    wide = LANES_OF_SM.get(gpu.compute_capability, 2) * gpu.MULTIPROCESSOR_COUNT
-    share = work / (2.0 * wide * 1e3 * gpu.CLOCK_RATE)
-    lines = [f"| {gpu.name} | trajectories per second |", "|---|---|"]
-    lines += [f"| {name} | {rate:,.0f} |" for name, rate in rates.items()]
-    return [
-        *lines,
-        "",
-        f"The products of the series of (3.3) take {100.0 * share:.2g} % of the peak in double "
-        "precision.",
+    check_device()
+    places = f"{CORES} cores", find_device().name
+    lines = [
+        f"| {side * side:,} points | {places[0]}, points per second | {places[1]}, points per "
+        "second | first map there, s | other outcomes | largest relative difference | "
+        "differences above 1e-12 |",
+        "|---|---|---|---|---|---|---|",
     ]
+    for name, (measures, sweep_on) in device_maps(side).items():
+        first, _ = timed(partial(sweep_on, device="gpu"))  # which waits for the compilation
+        slow, here = timed(partial(sweep_on, device="cpu"))
+        fast, there = timed(partial(sweep_on, device="gpu"))
+        same = np.asarray(here["outcome"] == there["outcome"])
+        apart = np.concatenate([relative(here[m], there[m])[same] for m in measures])
+        lines.append(
+            f"| {name} | {side * side / slow:,.0f} | {side * side / fast:,.0f} | {first:.1f} | "
+            f"{np.sum(~same):,} | {np.max(apart):.1e} | {np.sum(apart > 1e-12):,} |"
+        )
+    return lines
+
+
+def relative(here: Any, there: Any) -> Array:
+    """Relative differences; 0 where both are the same or nothing."""
+    a, b = np.asarray(here), np.asarray(there)
+    return np.nan_to_num(np.abs(b - a) / np.where(a == 0.0, 1.0, np.abs(a)))
+
+
+def device_maps(side: int) -> dict[str, tuple[list[str], Callable[..., Any]]]:
+    """Maps that a device, or the cores, compute, with their measures."""
+    plane = {
+        "P": np.linspace(0.8, 1.6, side).tolist(),
+        "delta": np.linspace(0.01, 0.2, side).tolist(),
+    }
+    other = {
+        "b": np.linspace(0.3, 1.2, side).tolist(),
+        "nu": np.geomspace(1e-3, 1e-2, side).tolist(),
+    }
+    toy, slider = ["period", "speed"], ["period", "amplitude"]
+    return {
+        "(4.2), over (P, δ)": (toy, partial(ss.sweep, TOY, plane, toy, initial=PUSH)),
+        "(3.6), over (b, ν)": (slider, partial(ss.sweep, SLIDER, other, slider)),
+    }
+
+
+def timed(run: Callable[[], Any]) -> tuple[float, Any]:
+    """Wall time of a call, and its result."""
+    began = time.perf_counter()
+    found = run()
+    return time.perf_counter() - began, found
 
 
 def main() -> None:
     """Run everything, print it and keep it."""
     parser = argparse.ArgumentParser(description="Speed of parameter maps.")
+    parser.add_argument(
+        "part", nargs="?", choices=["gpu"], help="what a GPU does, and nothing else"
+    )
     parser.add_argument("--small", action="store_true", help="a tenth of everything, nothing kept")
-    small = parser.parse_args().small
-    # first, so that its memory is not that of the rivals
-    toy = map_table(40 if small else 300, 1 if small else 2)
-    cycles = cycles_table(10_000 if small else 100_000, 3)
-    gpu = device_table(100 if small else 300)
-    parts = [
-        "# Parameter maps: cycles and points per second",
-        machine(),
-        *map("\n".join, (cycles, toy, gpu)),
-    ]
+    given = parser.parse_args()
+    if given.part == "gpu":
+        parts = ["# Maps on a GPU", machine(), "\n".join(device_table(30 if given.small else 317))]
+    else:
+        # first, so that its memory is not that of the rivals
+        toy = map_table(40 if given.small else 300, 1 if given.small else 2)
+        cycles = cycles_table(10_000 if given.small else 100_000, 3)
+        title = "# Parameter maps: cycles and points per second"
+        parts = [title, machine(), *map("\n".join, (cycles, toy))]
     text = "\n\n".join(parts) + "\n"
-    if not small:
-        RESULTS.parent.mkdir(exist_ok=True)
-        RESULTS.write_text(text)
+    if not given.small:
+        RESULTS.mkdir(exist_ok=True)
+        (RESULTS / f"{given.part or 'sweep'}.md").write_text(text)
     print(text)
 
 

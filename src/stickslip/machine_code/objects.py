@@ -80,14 +80,24 @@ def module_of(assembly: str, here: Processor, effort: int) -> Any:
     return module
 
 
-def optimise(module: Any, target: Any) -> None:
+def optimise(module: Any, target: Any, *, loops: bool = True, inlined: int = 225) -> None:
     """LLVM's usual passes. Vectors of straight code are left out: they make the closed forms of
-    motions a tenth slower."""
+    motions a tenth slower.
+
+    Parameters
+    ----------
+    module, target
+    loops : bool
+        Whether loops may be written out, and their rounds put side by side.
+    inlined : int
+        Largest cost of a call that is inlined, as LLVM counts it.
+    """
     options = llvm.create_pipeline_tuning_options(speed_level=2)
+    options.inlining_threshold = inlined
     options.slp_vectorization = False
-    options.loop_vectorization = True
-    options.loop_interleaving = True
-    options.loop_unrolling = True
+    options.loop_vectorization = loops
+    options.loop_interleaving = loops
+    options.loop_unrolling = loops
     passes = llvm.create_pass_builder(target, options)
     passes.getModulePassManager().run(module, passes)
 

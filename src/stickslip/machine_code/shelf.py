@@ -104,6 +104,7 @@ ENGINE = Library(
             "orbits.settling.engine.exponents",
             "orbits.settling.engine.measuring",
             "orbits.settling.engine.settling",
+            "orbits.settling.engine.threads",
         )
     ),
 )

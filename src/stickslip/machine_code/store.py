@@ -30,7 +30,8 @@ CODE_FORMAT = b"stickslip code 1\n"
 _DIGEST = 32  # bytes
 _LARGEST = 2**28  # bytes of a file
 # What a folder may hold of these files; those that were read last stay.
-_MOST_FILES, _MOST_BYTES, _CODE = 2000, 2**29, (".o", ".bc", ".list")
+_MOST_FILES, _MOST_BYTES = 2000, 2**29
+_CODE = (".o", ".bc", ".list", ".ptx", ".cubin")
 _PASSING = "stickslip-"  # how names of locks and of unfinished files begin
 _PATIENCE = 600  # seconds, for a lock
 _HOUR, _DAY = 3600, 86400

@@ -15,6 +15,7 @@ import sys
 import sysconfig
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -198,8 +199,22 @@ define i32 @walk(ptr %value, ptr %plan, ptr %words) {{
 """
 
 
+@dataclass(frozen=True)
+class Elsewhere:
+    """An array that is not in the memory of this process, but of a device."""
+
+    address: int
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+
+
 class Prepared:
     """A compiled function in memory.
+
+    Attributes
+    ----------
+    run : callable
+        Takes the address of the arguments as words.
 
     Parameters
     ----------
@@ -227,7 +242,7 @@ class Prepared:
         self._plan = np.array(_plan(self._type), np.int64)
         self._plan_at: int = self._plan.ctypes.data
         self._room = ctypes.c_int64 * max(words(self._type), 1)
-        self._run = ctypes.CFUNCTYPE(_RESULTS[result], ctypes.c_void_p)(address)
+        self.run = ctypes.CFUNCTYPE(_RESULTS[result], ctypes.c_void_p)(address)
         self._walk = _walk()
 
     def __call__(self, *arguments: Any) -> Any:
@@ -241,7 +256,7 @@ class Prepared:
         found = self.words(arguments)
         if found is None:
             raise TypeError(f"{self._name}: {mismatch(self._type, arguments, 'arguments')}")
-        return self._run(found)
+        return self.run(found)
 
     def words(self, arguments: tuple[Any, ...]) -> Any:
         """The words of these arguments; None if they are of another type."""
@@ -264,9 +279,10 @@ def by_python(type_: Type, arguments: tuple[Any, ...]) -> Any:
             for part, inner in zip(value, kind.parts, strict=True):
                 take(part, inner)
         elif isinstance(kind, ArrayType):
-            if not (isinstance(value, np.ndarray) and _fits(value, kind)):
+            if not _fits(value, kind):
                 raise TypeError
-            made.extend([value.ctypes.data, *value.shape])
+            away = isinstance(value, Elsewhere)
+            made.extend([value.address if away else value.ctypes.data, *value.shape])
         elif kind == FLOAT:
             # `struct` takes whatever is a number, and no text
             made.extend(struct.unpack("q", struct.pack("d", value)))
@@ -285,9 +301,12 @@ def by_python(type_: Type, arguments: tuple[Any, ...]) -> Any:
 
 
 def _fits(array: Any, kind: ArrayType) -> bool:
-    """Whether an array has these entries and axes, and lies in memory as it has to."""
-    same = f"{array.dtype.kind}{array.dtype.itemsize}:{array.ndim}" == f"{kind.entries}:{kind.axes}"
-    return bool(same and array.flags.carray and array.dtype.isnative)
+    """Whether this is an array with these entries and axes, that lies in memory as it has to."""
+    if not isinstance(array, (np.ndarray, Elsewhere)):
+        return False
+    entries = f"{array.dtype.kind}{array.dtype.itemsize}"
+    same = entries == kind.entries and len(array.shape) == kind.axes and array.dtype.isnative
+    return same and (isinstance(array, Elsewhere) or array.flags.carray)
 
 
 def mismatch(type_: Any, value: Any, name: str) -> str:

@@ -1,25 +1,29 @@
 """A translator of a small part of Python to LLVM assembly.
 
-A function marked with :func:`compiled` is ordinary Python: called from Python, it runs as it stands.
-The translator writes it as LLVM assembly, once for each combination of argument types. It may
-contain the following.
+A function marked with :func:`compiled` is ordinary Python: called from Python, it runs as it
+stands. The translator writes it as LLVM assembly, once for each combination of argument types. It
+may contain the following.
 
 * **Values.** ``int`` (64 bits, wraps around), ``float``, ``bool``, ``complex``; NumPy arrays in C
   order; tuples and named tuples of these; functions given by their address. Nothing is allocated.
 * **Variables.** A variable has one type. Where it is whole in one place and real in another it is
-  real; it cannot be real in one place and complex in another.
-* **Indices.** All indices of an entry, or the leading ones of a row, and at most one slice ``a:b`` in
-  the last place. An index must not be negative unless it is a constant.
-* **Statements.** Assignments (also to several targets and augmented), ``if``, ``while``, ``for`` over
-  ``range`` with a constant step, arrays and tuples, ``break``, ``continue``, ``pass``, ``return``.
-* **Expressions.** Arithmetic, comparisons (also chained, and ``in`` a tuple), ``and``, ``or``, ``not``
-  (of truth values), conditional expressions, attributes of named tuples, ``.shape``, ``.real``, ``.imag``.
-* **Calls.** Other compiled functions, named tuples, and what `functions.CALLS` lists: ``len``,
-  ``abs``, ``min``, ``max``, conversions, and functions of `math`, `cmath` and NumPy for one number.
+  real; it cannot be real in one place and complex in another. It has to have a value on every way
+  that leads to where it is read.
+* **Indices.** All indices of an entry, or the leading ones of a row, and at most one slice ``a:b``
+  in the last place. An index must not be negative unless it is a constant.
+* **Statements.** Assignments (also to several targets, and augmented), ``if``, ``while``, ``for``
+  over ``range`` with a constant step, arrays and tuples, ``break``, ``continue``, ``pass``,
+  ``return``.
+* **Expressions.** Arithmetic, comparisons (also chained, and ``in`` a tuple), ``and``, ``or``,
+  ``not`` of truth values, conditional expressions, attributes of named tuples, ``.shape``,
+  ``.real``, ``.imag``, ``.conjugate()``.
+* **Calls.** Other compiled functions, named tuples, and what `calls.CALLS` lists: ``len``, ``abs``,
+  ``min``, ``max``, conversions, functions of `math`, `cmath` and NumPy for one number, and
+  :func:`row_of`.
 * **Constants.** Numbers, tuples and arrays of the module, or of a module it imports.
 
-Parameters of an *entry*, which Python calls, have types from `stickslip.arrays`; types of all others
-follow from their calls. ``int``, ``float`` and ``bool`` convert an argument or a result.
+Parameters of an *entry*, which Python calls, have types from `stickslip.arrays`; types of all
+others follow from their calls. ``int``, ``float`` and ``bool`` convert an argument or a result.
 
 No exception is raised: a real division by zero gives an infinity or NaN, as in C, a whole one zero.
 A power with a constant whole exponent is a product. Everything else is what Python computes.
@@ -32,8 +36,9 @@ import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from functools import update_wrapper
-from typing import Any
+from typing import Any, TypeVar
 
+_T = TypeVar("_T")
 CONTRACTED = ("contract",)
 """A product and a sum may be one instruction."""
 RELAXED = ("contract", "nsz", "reassoc")
@@ -104,6 +109,17 @@ def fma(a: float, b: float, c: float) -> float:
         return float(exact) if exact else a * b + c
     except OverflowError:
         return math.inf if exact > 0 else -math.inf
+
+
+def row_of(part: _T, i: int) -> _T:
+    """A tuple whose arrays, and those of tuples inside, are indexed by i; numbers stay."""
+    row: Any = part
+    if isinstance(part, tuple):
+        parts = [row_of(x, i) for x in part]
+        row = type(part)(*parts) if hasattr(part, "_fields") else tuple(parts)
+    elif getattr(part, "shape", ()):
+        row = row[i]
+    return row
 
 
 def call_address(address: int, x: float) -> float:

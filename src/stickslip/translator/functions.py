@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 
-from stickslip.translator import Compiled, call_address, fma
+from stickslip.translator import Compiled, call_address, fma, row_of
 from stickslip.translator.assembly import (
     BIT,
     NOTHING,
@@ -64,7 +64,7 @@ REAL_FUNCTIONS: dict[Any, str] = {
 """Functions of real numbers: what LLVM or the mathematical library of C calls them."""
 _RUNTIME_MODULE = "stickslip.translator.runtime"
 _MOST_ROUNDS = 12  # in which the types of variables have to settle
-_INSTEAD = {
+_INSTEAD: dict[Any, str] = {
     ast.List: "Use a tuple, or an array that is passed in",
     ast.ListComp: "Write a loop",
     ast.GeneratorExp: "Write a loop",
@@ -264,7 +264,7 @@ class Function(Values, ast.NodeVisitor):
     def generic_visit(self, node: ast.AST) -> Any:
         """Refuse what is not in the language."""
         self.here = node if hasattr(node, "lineno") else self.here
-        remedy = _INSTEAD.get(type(node), "See stickslip.translator for what may be used")  # pyright: ignore[reportArgumentType, reportCallIssue]
+        remedy = _INSTEAD.get(type(node), "See stickslip.translator for what may be used")
         self.refuse(f"{type(node).__name__} is not in the language", remedy)
 
     def visit_Pass(self, node: ast.Pass) -> None:
@@ -746,12 +746,15 @@ class Function(Values, ast.NodeVisitor):
         return Value(signature.result, made)
 
     def call_outside(self, function: Value, type_: FunctionType, given: list[Value]) -> Value:
-        """Call a function by its address."""
+        """Call a function by its address, or by its name if the program knows one."""
         if len(given) != len(type_.arguments):
             self.refuse(f"{type_.name} takes {len(type_.arguments)} arguments", "Give as many")
         self.calls += 1
         pairs = zip(given, type_.arguments, strict=True)
         operands = [self.outward(self.cast(x, wanted)) for x, (_, wanted) in pairs]
+        if type_.kind in self.program.direct:
+            name = self.program.direct[type_.kind]
+            return Value(type_.result, self.outside(type_.result.llvm, name, *operands))
         address = self.in_register(function).register
         return Value(type_.result, self.call(type_.result.llvm, str(address), *operands))
 
@@ -867,6 +870,12 @@ def _ldexp(f: Function, x: Value, n: Value, /) -> Value:
     return Value(FLOAT, f.outside(REAL, "ldexp", f.cast(x, FLOAT).register, exponent))
 
 
+def _row_of(f: Function, value: Value, i: Value, /) -> Value:
+    if isinstance(value.type, TupleType):
+        return f.tuple_of(value.type.kind, [_row_of(f, part, i) for part in f.parts(value)])
+    return f.element(value, [Index(f.cast(i, INT))]) if isinstance(value.type, ArrayType) else value
+
+
 def _call_address(f: Function, address: Value, x: Value, /) -> Value:
     place = f.new(POINTER, f"inttoptr {f.cast(address, INT).register.typed} to ptr")
     return Value(FLOAT, f.call(REAL, str(place), f.cast(x, FLOAT).register))
@@ -915,6 +924,7 @@ CALLS: dict[Any, Callable[..., Value]] = {
     math.frexp: _frexp,
     math.ldexp: _ldexp,
     cmath.exp: _complex_exp,
+    row_of: _row_of,
     call_address: _call_address,
 }
 """Functions of Python that are more than one instruction: what they become."""

@@ -12,13 +12,23 @@ from typing import Any
 import numpy as np
 
 from stickslip.translator import Compiled
-from stickslip.translator.assembly import WHOLE, Assembly, Register, imaginary, real, whole
+from stickslip.translator.assembly import (
+    BIT,
+    WHOLE,
+    Assembly,
+    Register,
+    imaginary,
+    real,
+    whole,
+)
 from stickslip.translator.functions import Definition, Function, Signature
 from stickslip.translator.values import (
     BOOL,
     ENTRIES,
+    INT,
     METADATA,
     NAMED,
+    NONE,
     ArrayType,
     FunctionType,
     Refusal,
@@ -37,6 +47,7 @@ from stickslip.translator.values import (
 
 _FEW = 40  # lines of a function that other modules have copies of, to inline it
 _MANY = 150  # lines of a function that is not inlined
+_WORDS = Register("%words", "ptr")
 _ATTRIBUTES = """
 attributes #0 = { nounwind nofree nosync }
 attributes #1 = { nounwind willreturn memory(none) }
@@ -53,11 +64,22 @@ class Program:
         type of its annotation.
     plain : mapping of str to Compiled, optional
         What other assembly calls, by symbol; its arguments are as `values.plain_types` has them.
+    threads : sequence of Compiled
+        What each thread of a GPU runs: from the address of all arguments but the last, and the
+        number of threads. The last argument is the number of the thread.
+    direct : mapping of type to str, optional
+        Functions that are called by their names, not by their addresses: by the class of these.
     """
 
     def __init__(
-        self, entries: Sequence[Compiled], plain: Mapping[str, Compiled] | None = None
+        self,
+        entries: Sequence[Compiled],
+        plain: Mapping[str, Compiled] | None = None,
+        *,
+        threads: Sequence[Compiled] = (),
+        direct: Mapping[type, str] | None = None,
     ) -> None:
+        self.direct: Mapping[type, str] = direct or {}
         self._signatures: dict[Any, Signature | None] = {}
         self._functions: dict[str, Definition] = {}
         self._outside: set[str] = set()  # names of what is called from outside
@@ -69,6 +91,8 @@ class Program:
             self._enter(entry)
         for symbol, function in (plain or {}).items():
             self._enter_plainly(symbol, function)
+        for function in threads:
+            self._launch(function)
 
     def signature(self, function: Compiled, given: tuple[Type, ...]) -> Signature:
         """How a function is called with arguments of these types; translated at the first time.
@@ -144,17 +168,27 @@ class Program:
         """Write the function that is called from outside."""
         types, signature = self._promised(function)
         work = Values()
-        base = Register("%words", "ptr")
-        offset = 0
-        given = list[Register]()
-        for type_, wanted in zip(types, signature.arguments, strict=True):
-            value = Value(type_, base, offset)
-            if isinstance(type_, TupleType):
-                given.append(work.place(value))
-            else:
-                given.append(work.cast(work.in_register(value), wanted).register)
-            offset += words(type_)
-        self._close(symbol_of(function), function, signature, work, given, [base])
+        given = _from_words(work, types, signature.arguments)
+        self._close(symbol_of(function), function, signature, work, given, [_WORDS])
+
+    def _launch(self, function: Compiled) -> None:
+        """Write what a GPU runs in each of its threads."""
+        types, signature = self._promised(function)
+        if signature.result != NONE or types[-1:] != (INT,):
+            what = "what a thread runs takes its number last, and returns nothing"
+            raise Refusal(f"{place_of(function)}: {what}. Write to an array")
+        work = Values()
+        thread = _number_of_thread(work)
+        work.choose(work.new(BIT, f"icmp slt i64 {thread}, %count"), "busy", "idle")
+        work.begin("idle")
+        work.end("ret void")
+        work.begin("busy")
+        given = _from_words(work, types[:-1], signature.arguments[:-1])
+        parameters = [_WORDS._replace(type="ptr noalias readonly"), Register("%count", WHOLE)]
+        self._declared |= work.declared
+        given.append(thread)
+        name = function.__name__
+        self._close(name, function, signature, work, given, parameters, "ptx_kernel")
 
     def _enter_plainly(self, symbol: str, function: Compiled) -> None:
         """Write the function that other assembly calls.
@@ -192,14 +226,17 @@ class Program:
         work: Assembly,
         given: Sequence[Register],
         parameters: Sequence[Register],
+        convention: str = "",
     ) -> None:
         """Let a function that is called from outside call the one that it stands for."""
         kind = _finish(work, f'@"{signature.name}"', " fastcc", signature.result, given)
         pairs = [(x.type, x.name) for x in parameters]
         file = function.python.__code__.co_filename
-        called = {signature.name}
+        result = f"{convention} {kind}".strip()
         self._outside.add(symbol)
-        self._functions[symbol] = Definition(symbol, kind, pairs, work.body(), file, False, called)
+        self._functions[symbol] = Definition(
+            symbol, result, pairs, work.body(), file, False, {signature.name}
+        )
 
     # -- modules -----------------------------------------------------------------------------------
 
@@ -211,6 +248,13 @@ class Program:
         return {
             file: self._module(file) for file in sorted({x.file for x in self._functions.values()})
         }
+
+    def whole(self) -> str:
+        """LLVM assembly of all files together."""
+        names = sorted(self._functions)
+        return self._joined(
+            [self._text(x, "" if x in self._outside else "internal") for x in names]
+        )
 
     def _module(self, file: str) -> str:
         own = sorted(name for name, function in self._functions.items() if function.file == file)
@@ -228,6 +272,10 @@ class Program:
             *(self._text(name, "available_externally hidden") for name in sorted(copied)),
             *(self._functions[name].declaration for name in sorted(declared)),
         ]
+        return self._joined(lines)
+
+    def _joined(self, lines: list[str]) -> str:
+        """Functions with what they need."""
         text = "\n".join(lines)
         used = [line for name, line in sorted(self._declared.items()) if f"@{name}(" in text]
         tables = [
@@ -253,10 +301,35 @@ def _functions_of(text: str) -> dict[int, ast.FunctionDef]:
     return {min([x.lineno, *(d.lineno for d in x.decorator_list)]): x for x in found}
 
 
+def _number_of_thread(work: Assembly) -> Register:
+    """The number of a thread of a GPU among those of all blocks."""
+    own = [
+        work.outside("i32", f"llvm.nvvm.read.ptx.sreg.{name}.x")
+        for name in ("ctaid", "ntid", "tid")
+    ]
+    block, width, place = (work.new(WHOLE, f"zext {number.typed} to i64") for number in own)
+    before = work.new(WHOLE, f"mul nuw nsw i64 {block}, {width}")
+    return work.new(WHOLE, f"add nuw nsw i64 {before}, {place}")
+
+
+def _from_words(work: Values, types: Sequence[Type], wanted: Sequence[Type]) -> list[Register]:
+    """Arguments that stand at an address as words."""
+    given = list[Register]()
+    offset = 0
+    for type_, other in zip(types, wanted, strict=True):
+        value = Value(type_, _WORDS, offset)
+        if isinstance(type_, TupleType):
+            given.append(work.place(value))
+        else:
+            given.append(work.cast(work.in_register(value), other).register)
+        offset += words(type_)
+    return given
+
+
 def _finish(
     work: Assembly, callee: str, convention: str, result: Any, given: Sequence[Register]
 ) -> str:
-    """Call a function and return what it returns; a truth value as a byte. What that is for LLVM."""
+    """Call a function and return what it returns, a truth value as a byte: LLVM's type of that."""
     made = work.call(result.llvm, callee, *given, convention=convention)
     if result == BOOL:
         made = work.new("i8", f"zext {made.typed} to i8")

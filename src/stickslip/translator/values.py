@@ -233,7 +233,7 @@ def words(type_: Type) -> int:
         return sum(map(words, type_.parts))
     if isinstance(type_, ArrayType):
         return 1 + type_.axes
-    return {COMPLEX: 2, NONE: 0}.get(type_, 1)  # pyright: ignore[reportArgumentType]
+    return 2 if type_ == COMPLEX else int(type_ != NONE)
 
 
 def promoted(a: Type, b: Type) -> Any:
@@ -399,14 +399,15 @@ class Values(Assembly):
         if value.type == type_:
             return value
         if value.is_known and promoted(value.type, type_) == type_:
-            return self.constant({INT: int, FLOAT: float, COMPLEX: complex}[type_](value.known))
+            convert: Any = {INT: int, FLOAT: float, COMPLEX: complex}[type_]  # pyright: ignore[reportArgumentType]
+            return self.constant(convert(value.known))
         if isinstance(type_, TupleType) and joined(value.type, type_) == type_:
             parts = zip(self.parts(value), type_.parts, strict=True)
             return Value(type_, parts=[self.cast(part, wanted) for part, wanted in parts])
         if type_ == COMPLEX and value.type in _RANKS:
             return self.complex(self.cast(value, FLOAT).register, real(0.0))
         step = {(BOOL, INT): "zext", (BOOL, FLOAT): "uitofp", (INT, FLOAT): "sitofp"}
-        how = step.get((value.type, type_))  # pyright: ignore[reportArgumentType, reportCallIssue]
+        how = step.get((value.type, type_))  # pyright: ignore[reportArgumentType]
         if how is None:
             return self.refuse(
                 f"{named(value.type)} where there should be {named(type_)}",
@@ -684,13 +685,11 @@ class Values(Assembly):
 
     def divided(self, operation: str, a: Value, b: Value) -> Value:
         """Quotient and remainder of whole numbers as Python rounds them; zero by zero."""
-        by: Register = b.register
-        if not (b.is_known and b.known > 0):
-            # LLVM leaves undefined what division by 0, and of the least number by −1, would give.
-            unsafe = self.new(BIT, f"icmp eq i64 {by}, 0")
-            minus = self.new(BIT, f"icmp eq i64 {by}, -1")
-            either = self.new(BIT, f"or i1 {unsafe}, {minus}")
-            by = self.new(WHOLE, f"select i1 {either}, i64 1, i64 {by}")
+        # LLVM leaves undefined what division by 0, and of the least number by −1, would give.
+        none = self.new(BIT, f"icmp eq i64 {b.register}, 0")
+        minus = self.new(BIT, f"icmp eq i64 {b.register}, -1")
+        either = self.new(BIT, f"or i1 {none}, {minus}")
+        by = self.new(WHOLE, f"select i1 {either}, i64 1, i64 {b.register}")
         quotient = self.new(WHOLE, f"sdiv i64 {a.register}, {by}")
         rest = self.new(WHOLE, f"srem i64 {a.register}, {by}")
         opposite = self.new(BIT, f"icmp slt i64 {self.new(WHOLE, f'xor i64 {rest}, {by}')}, 0")
@@ -701,11 +700,9 @@ class Values(Assembly):
             return Value(INT, self.new(WHOLE, f"add i64 {rest}, {more}"))
         less = self.new(WHOLE, f"zext i1 {below} to i64")
         found = self.new(WHOLE, f"sub i64 {quotient}, {less}")
-        if by is not b.register:
-            opposite_number = self.new(WHOLE, f"sub i64 0, {a.register}")
-            found = self.new(WHOLE, f"select i1 {minus}, i64 {opposite_number}, i64 {found}")
-            found = self.new(WHOLE, f"select i1 {unsafe}, i64 0, i64 {found}")
-        return Value(INT, found)
+        negative = self.new(WHOLE, f"sub i64 0, {a.register}")
+        found = self.new(WHOLE, f"select i1 {minus}, i64 {negative}, i64 {found}")
+        return Value(INT, self.new(WHOLE, f"select i1 {none}, i64 0, i64 {found}"))
 
     def shifted(self, instruction: str, a: Value, b: Value) -> Value:
         """A number with its bits moved; by 64 places or more, too, which LLVM leaves undefined."""

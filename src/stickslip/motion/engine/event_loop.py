@@ -105,13 +105,12 @@ from stickslip.motion.steps.arrays import (
     Task,
     flow_of,
     is_component,
-    lane_of,
     remember_gaps,
 )
 from stickslip.motion.steps.jumps import due_jump, fires, make_jump, passed_jumps
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import fill_powers
-from stickslip.translator import compiled
+from stickslip.translator import compiled, row_of
 
 _ZENO_EVENTS = 200
 _TOGETHER = 1e-12  # of the time that a motion may last: events that coincide
@@ -175,7 +174,7 @@ def integrate(
         if codes[i] < FULL:
             continue
         own = flow_of(flow, group[i])
-        lane = lane_of(lanes, i)
+        lane = row_of(lanes, i)
         own.space.known[-1] = 1
         code = NOWHERE
         while code < 0:

@@ -10,7 +10,7 @@ import numpy as np
 from stickslip.arrays import Array, ByteMatrix, IntMatrix, IntVector, Matrix, Vector
 from stickslip.equations.codegen.program import Program
 from stickslip.machine_code.interface import Jets, Landings, Powers, Residuals
-from stickslip.translator import compiled
+from stickslip.translator import compiled, row_of
 
 # Codes of motion.outcome.Outcome, and one that asks to be called again with a new record.
 FINISHED = 0
@@ -381,30 +381,9 @@ class Instant(NamedTuple):
 
 
 @compiled()
-def constants_of(k: Constants, g: int) -> Constants:
-    """The constants of one of many sets of parameters."""
-    return Constants(k.K[g], k.M[g], k.C[g], k.J[g], k.omega[g])
-
-
-@compiled()
 def flow_of(flow: Flow, g: int) -> Flow:
     """The same for one of many sets of parameters."""
-    k = constants_of(flow.k, g)
-    return Flow(flow.rows, k, flow.space, flow.order, flow.tol, flow.atol)
-
-
-@compiled()
-def lane_of(lanes: Lane, i: int) -> Lane:
-    """One of many lanes."""
-    return Lane(
-        lanes.clock[i],
-        lanes.y[i],
-        lanes.seen[i],
-        lanes.mode[i],
-        lanes.settled[i],
-        lanes.reg[i],
-        lanes.counters[i],
-    )
+    return Flow(flow.rows, row_of(flow.k, g), flow.space, flow.order, flow.tol, flow.atol)
 
 
 @compiled()

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from stickslip.arrays import Array
+from stickslip.arrays import Array, plain_array
 from stickslip.errors import DeclarationError
 from stickslip.motion.between.observers import LASTED, STUCK, Sums
 from stickslip.motion.ensemble import Lanes
@@ -229,7 +229,7 @@ class Block:
         rules = make_rules(problem, settings, closely)
         if known is not None:
             most = np.array([*rules.most[:2], _TURNS, *rules.most[3:]])
-            rules = rules._replace(shifts=known.shifts, most=most, framed=False)
+            rules = rules._replace(shifts=plain_array(known.shifts), most=most, framed=False)
         over = lattice(problem, table) if known is None else None
         if over is not None and over.moved:
             rules = rules._replace(framed=False)

@@ -89,7 +89,7 @@ from stickslip.orbits.settling.engine.tables import (
     Marks,
     Rules,
 )
-from stickslip.translator import compiled
+from stickslip.translator import compiled, row_of
 
 _AWRY = 1e-6  # a cycle that fails to close by more is none
 _FELT = 1e-4  # … and neither is one, or a rest, in which the forces change by more
@@ -123,7 +123,7 @@ def measure(
     record = bench.record
     carried = 0
     real = m.real[i]
-    sums = sums_of(found.sums, i)
+    sums = row_of(found.sums, i)
     audit = found.audit[i]
     for r in range(bench.ends.shape[1]):
         bench.ends[0, r] = np.inf
@@ -637,18 +637,3 @@ def measure_lane(
             forget(m, rules, e.lanes, saved, i)
             numbers[PHASE] = SETTLING if elapsed(m, rules, e.lanes, i) < m.real[i, LATEST] else DONE
             m.outcome[i] = NOT_SETTLED
-
-
-@compiled()
-def sums_of(s: Sums, i: int) -> Sums:
-    """The sums of a lane."""
-    return Sums(
-        s.low[i],
-        s.high[i],
-        s.stick[i],
-        s.work[i],
-        s.peak[i],
-        s.impulse[i],
-        s.total[i],
-        s.switches[i],
-    )
