@@ -25,8 +25,10 @@ may contain the following.
 Parameters of an *entry*, which Python calls, have types from `stickslip.arrays`; types of all
 others follow from their calls. ``int``, ``float`` and ``bool`` convert an argument or a result.
 
-No exception is raised: a real division by zero gives an infinity or NaN, as in C, a whole one zero.
-A power with a constant whole exponent is a product. Everything else is what Python computes.
+No exception is raised: a real division by zero gives an infinity or NaN, as in C, a whole one zero;
+``int`` of what is too large gives the nearest there is, of NaN zero. A whole number meets a real
+one as a real number, which rounds beyond 2**53. A power with a whole exponent is a product. All
+comparisons of a chain are made. Everything else is what Python computes.
 """
 
 from __future__ import annotations
