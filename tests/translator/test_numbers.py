@@ -69,7 +69,8 @@ TABLES: dict[str, tuple[str, str, str]] = {
         min(b, a, 0.0); max(-0.0, a, b); math.fabs(a); math.copysign(a, b); math.copysign(1, b)
         np.floor(a); np.ceil(a); a if a < b else b; b if not a <= b else a; float(a > b); a + 3
         2 * b; b / 3; 1 / a; 7 // b; a % 3; a + (b > 0.0); math.frexp(a)[0]; float(a); np.abs(a)
-        a + 1.5 * 2.0 - 0.5; (a > b) / 2; True / 3; math.pi * a; a ** 0; a ** 1; a ** 2""",
+        a + 1.5 * 2.0 - 0.5; (a > b) / 2; True / 3; math.pi * a; a ** 0; a ** 1; a ** 2
+        max(-3.0, min(a, 3.0)) % max(b, 0.5); math.fmod(-0.0, max(b, 0.5)); 0.0 % max(b, 2)""",
     ),
     "mixed": (
         "a: int, b: float",

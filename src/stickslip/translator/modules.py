@@ -48,9 +48,10 @@ from stickslip.translator.values import (
 _FEW = 40  # lines of a function that other modules have copies of, to inline it
 _MANY = 150  # lines of a function that is not inlined
 _WORDS = Register("%words", "ptr")
+# Of functions of C, LLVM is to assume no more than this: it takes fmod(0, NaN) for 0.
 _ATTRIBUTES = """
 attributes #0 = { nounwind nofree nosync }
-attributes #1 = { nounwind willreturn memory(none) }
+attributes #1 = { nobuiltin nounwind willreturn memory(none) }
 """
 
 
