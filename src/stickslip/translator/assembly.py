@@ -111,9 +111,9 @@ class Assembly:
         self.ended = False
         self._count = 0
 
-    def text(self, head: str) -> str:
-        """The whole function."""
-        return "\n".join([f"{head} {{", "entry:", *self.slots, *self.lines, "}", ""])
+    def body(self) -> str:
+        """What stands in the braces."""
+        return "\n".join(["entry:", *self.slots, *self.lines, ""])
 
     def new(self, type_: str, instruction: str) -> Register:
         """The register of an instruction's result."""

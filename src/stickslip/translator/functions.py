@@ -44,7 +44,7 @@ from stickslip.translator.values import (
     Values,
     joined,
     named,
-    words,
+    passed,
 )
 
 REAL_FUNCTIONS: dict[Any, str] = {
@@ -64,7 +64,6 @@ REAL_FUNCTIONS: dict[Any, str] = {
 """Functions of real numbers: what LLVM or the mathematical library of C calls them."""
 _RUNTIME_MODULE = "stickslip.translator.runtime"
 _MOST_ROUNDS = 12  # in which the types of variables have to settle
-_MOST_IN_REGISTERS = 4  # words of a tuple that is returned in registers
 _INSTEAD = {
     ast.List: "Use a tuple, or an array that is passed in",
     ast.ListComp: "Write a loop",
@@ -88,9 +87,55 @@ class Signature(NamedTuple):
     arguments: tuple[Type, ...]
 
     @property
-    def in_registers(self) -> bool:
-        """Whether the result is not written to memory."""
-        return not isinstance(self.result, TupleType) or fits_registers(self.result)
+    def returned(self) -> str:
+        """LLVM's type of the result; a tuple is written to memory."""
+        return NOTHING if isinstance(self.result, TupleType) else self.result.llvm
+
+
+class Definition(NamedTuple):
+    """A function in the assembly.
+
+    Attributes
+    ----------
+    name : str
+    result : str
+        With the calling convention.
+    parameters : list of (str, str)
+        Types with what is known of them, and names.
+    body : str
+    file : str
+        The source.
+    inline : bool
+        Whether it is inlined wherever it is called.
+    called : set of str
+        Names of what it calls.
+    """
+
+    name: str
+    result: str
+    parameters: list[tuple[str, str]]
+    body: str
+    file: str
+    inline: bool
+    called: set[str]
+
+    def text(self, linkage: str, note: str = "") -> str:
+        """The definition."""
+        given = ", ".join(f"{kind} {name}" for kind, name in self.parameters)
+        note = " alwaysinline" if self.inline else note
+        head = f'define {linkage} {self.result} @"{self.name}"({given}) #0{note}'
+        return f"{head} {{\n{self.body}}}\n"
+
+    @property
+    def declaration(self) -> str:
+        """What other modules know of it."""
+        kinds = ", ".join(kind for kind, _ in self.parameters)
+        return f'declare {self.result} @"{self.name}"({kinds}) #0'
+
+    @property
+    def length(self) -> int:
+        """Lines."""
+        return self.body.count("\n")
 
 
 class Loop(NamedTuple):
@@ -101,22 +146,6 @@ class Loop(NamedTuple):
     after: str
     left: list[set[str]]
     continued: list[set[str]]
-
-
-def fits_registers(type_: Type) -> bool:
-    """Whether a tuple is returned in registers: a few numbers."""
-    return (
-        isinstance(type_, TupleType)
-        and words(type_) <= _MOST_IN_REGISTERS
-        and all(part in (INT, FLOAT, BOOL, COMPLEX) for part in type_.parts)
-    )
-
-
-def returned(type_: Type) -> str:
-    """LLVM's type of a result in registers."""
-    if isinstance(type_, TupleType):
-        return f"{{ {', '.join(map(returned, type_.parts))} }}"
-    return type_.llvm
 
 
 class Function(Values, ast.NodeVisitor):
@@ -176,8 +205,8 @@ class Function(Values, ast.NodeVisitor):
         line = getattr(self.here, "lineno", self.node.lineno)
         raise Refusal(f"{code.co_filename}:{line}: {self.node.name}: {what}. {remedy}")
 
-    def translated(self) -> tuple[Signature, str]:
-        """The function: how it is called, and its assembly."""
+    def translated(self) -> tuple[Signature, Definition]:
+        """How the function is called, and what it is."""
         for _ in range(_MOST_ROUNDS):
             self.changed = False
             self.write()
@@ -187,17 +216,16 @@ class Function(Values, ast.NodeVisitor):
             self.here = self.node
             self.refuse("types of variables do not settle", "Annotate or rename them")
         signature = Signature(self.name, self.result or NONE, self.arguments)
-        given = (
-            [] if signature.in_registers else ["ptr noalias writeonly captures(none) align 8 %out"]
-        )
+        given = [("ptr noalias writeonly captures(none) align 8", "%out")]
+        given = given if isinstance(signature.result, TupleType) else []
         for parameter, type_ in zip(self.node.args.args, self.arguments, strict=True):
-            note = (
-                "noalias readonly captures(none) align 8 " if isinstance(type_, TupleType) else ""
-            )
-            given.append(f"{_passed(type_)} {note}{_argument(parameter.arg)}")
-        result = returned(signature.result) if signature.in_registers else NOTHING
-        head = f'define internal fastcc {result} @"{self.name}"({", ".join(given)}) #0'
-        return signature, self.text(head + (" alwaysinline" if self.compiled.inline else ""))
+            is_tuple = isinstance(type_, TupleType)
+            note = " noalias readonly captures(none) align 8" if is_tuple else ""
+            given.append((f"{passed(type_)}{note}", _argument(parameter.arg)))
+        file, inline = self.compiled.python.__code__.co_filename, self.compiled.inline
+        return signature, Definition(
+            self.name, f"fastcc {signature.returned}", given, self.body(), file, inline, self.called
+        )
 
     def write(self) -> None:
         """One round, with the types that are known."""
@@ -209,14 +237,14 @@ class Function(Values, ast.NodeVisitor):
         self.loops: list[Loop] = []
         self.unrolled = 0  # loops around this place that are written round by round
         for parameter, type_ in zip(self.node.args.args, self.arguments, strict=True):
-            register = Register(_argument(parameter.arg), _passed(type_))
+            register = Register(_argument(parameter.arg), passed(type_))
             is_tuple = isinstance(type_, TupleType)
             value = Value(type_, register, 0 if is_tuple else None, lasting=is_tuple)
             if parameter.arg in self.stores:
                 self.assign_name(parameter.arg, value)
             else:
                 self.values[parameter.arg] = value
-        self.body(self.node.body)
+        self.statements(self.node.body)
         if not self.ended:
             if self.result not in (None, NONE):
                 self.here = self.node.body[-1]
@@ -226,7 +254,7 @@ class Function(Values, ast.NodeVisitor):
 
     # -- statements --------------------------------------------------------------------------------
 
-    def body(self, statements: list[ast.stmt]) -> None:
+    def statements(self, statements: list[ast.stmt]) -> None:
         """Statements up to the first that leaves."""
         for statement in statements:
             if not self.ended:
@@ -312,13 +340,8 @@ class Function(Values, ast.NodeVisitor):
             self.values[name] = value
             return
         if name not in self.places:
-            is_tuple = isinstance(type_, TupleType)
-            self.places[name] = self.room(type_) if is_tuple else self.slot(_passed(type_))
-        value = self.cast(value, type_)
-        if isinstance(type_, TupleType):
-            self.put(value, self.places[name], 0)
-        else:
-            self.store(self.in_register(value).register, self.places[name])
+            self.places[name] = self.room(type_)
+        self.keep(self.cast(value, type_), self.places[name])
 
     def entry_of(self, node: ast.Subscript) -> tuple[ArrayType, Register]:
         """The entry of an array that is assigned to."""
@@ -354,18 +377,11 @@ class Function(Values, ast.NodeVisitor):
         value = self.cast(value, type_)
         if type_ == NONE:
             self.end("ret void")
-        elif isinstance(type_, TupleType) and not fits_registers(type_):
+        elif isinstance(type_, TupleType):
             self.put(value, Register("%out", POINTER), 0)
             self.end("ret void")
         else:
-            self.end(f"ret {self.packed(value).typed}")
-
-    def packed(self, value: Value) -> Register:
-        """A result in registers."""
-        if not isinstance(value.type, TupleType):
-            return self.in_register(value).register
-        parts = [self.packed(part) for part in self.parts(value)]
-        return self.structure(returned(value.type), parts)
+            self.end(f"ret {self.in_register(value).register.typed}")
 
     # -- control -----------------------------------------------------------------------------------
 
@@ -378,7 +394,7 @@ class Function(Values, ast.NodeVisitor):
             self.ended = True
             self.begin(label)
             self.assigned = set(before)
-            self.body(statements)
+            self.statements(statements)
             if not self.ended:
                 ways.append(self.assigned)
                 self.go(after)
@@ -418,7 +434,7 @@ class Function(Values, ast.NodeVisitor):
         self.ended = True
         self.begin(inside)
         self.loops.append(loop)
-        self.body(node.body)
+        self.statements(node.body)
         self.loops.pop()
 
     def visit_Break(self, node: ast.Break) -> None:
@@ -518,10 +534,7 @@ class Function(Values, ast.NodeVisitor):
         if name in self.values:
             return self.values[name]
         if name in self.places:
-            type_, place = self.types[name], self.places[name]
-            if isinstance(type_, TupleType):
-                return Value(type_, place, 0)
-            return Value(type_, self.load(_passed(type_), place))
+            return self.kept(self.types[name], self.places[name])
         space = self.compiled.python.__globals__
         if name not in space and not hasattr(builtins, name):
             self.refuse(f"{name} is not known", "Define or import it in the module")
@@ -634,23 +647,16 @@ class Function(Values, ast.NodeVisitor):
         type_ = joined(*kinds)
         if type_ in (None, NONE):
             self.refuse(f"either {named(kinds[0])} or {named(kinds[1])}", "Give both one type")
-        is_tuple = isinstance(type_, TupleType)
-        place = self.room(type_) if is_tuple else self.slot(_passed(type_))
+        place = self.room(type_)
         then, otherwise, after = map(self.label, ("then", "else", "after"))
         self.branch(node.test, then, otherwise)
         for label, part in ((then, node.body), (otherwise, node.orelse)):
             self.ended = True
             self.begin(label)
-            value = self.cast(self.visit(part), type_)
-            if is_tuple:
-                self.put(value, place, 0)
-            else:
-                self.store(self.in_register(value).register, place)
+            self.keep(self.cast(self.visit(part), type_), place)
             self.go(after)
         self.begin(after)
-        return (
-            Value(type_, place, 0) if is_tuple else Value(type_, self.load(_passed(type_), place))
-        )
+        return self.kept(type_, place)
 
     def visit_Compare(self, node: ast.Compare) -> Value:
         """Comparisons, one after the other; all of them are made."""
@@ -732,20 +738,12 @@ class Function(Values, ast.NodeVisitor):
             is_tuple = isinstance(type_, TupleType)
             operands.append(self.in_memory(value) if is_tuple else self.in_register(value).register)
         name = f'@"{signature.name}"'
-        if not signature.in_registers:
+        if isinstance(signature.result, TupleType):
             out = self.room(signature.result)
             self.call(NOTHING, name, out, *operands, convention=" fastcc")
             return Value(signature.result, out, 0)
-        made = self.call(returned(signature.result), name, *operands, convention=" fastcc")
-        return self.unpacked(signature.result, made)
-
-    def unpacked(self, type_: Type, made: Register) -> Value:
-        """A result that was in registers."""
-        if not isinstance(type_, TupleType):
-            return Value(type_, made)
-        kinds = [(part, returned(part)) for part in type_.parts]
-        parts = [Value(part, self.extract(made, k, llvm)) for k, (part, llvm) in enumerate(kinds)]
-        return Value(type_, parts=parts)
+        made = self.call(signature.returned, name, *operands, convention=" fastcc")
+        return Value(signature.result, made)
 
     def call_outside(self, function: Value, type_: FunctionType, given: list[Value]) -> Value:
         """Call a function by its address, or by its name if the program knows one."""
@@ -773,11 +771,6 @@ class Function(Values, ast.NodeVisitor):
         name, type_ = self.program.table(array)
         lengths = [whole(n) for n in array.shape]
         return Value(type_, self.structure(type_.llvm, [Register(name, POINTER), *lengths]))
-
-
-def _passed(type_: Type) -> str:
-    """LLVM's type of an argument or variable."""
-    return POINTER if isinstance(type_, TupleType) else type_.llvm
 
 
 def _argument(name: str) -> str:

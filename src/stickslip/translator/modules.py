@@ -20,7 +20,7 @@ from stickslip.translator.assembly import (
     real,
     whole,
 )
-from stickslip.translator.functions import Function, Signature, returned
+from stickslip.translator.functions import Definition, Function, Signature
 from stickslip.translator.values import (
     BOOL,
     ENTRIES,
@@ -80,9 +80,8 @@ class Program:
     ) -> None:
         self.direct: Mapping[type, str] = direct or {}
         self._signatures: dict[Any, Signature | None] = {}
-        self._texts: dict[str, str] = {}
-        self._files: dict[str, str] = {}
-        self._called: dict[str, set[str]] = {}
+        self._functions: dict[str, Definition] = {}
+        self._outside: set[str] = set()  # names of what is called from outside
         self._declared: dict[str, str] = {}
         self._tables: dict[int, tuple[str, Any]] = {}
         self._counts: dict[str, int] = {}
@@ -126,9 +125,7 @@ class Program:
         self._counts[base] = self._counts.get(base, 0) + 1
         name = base if self._counts[base] == 1 else f"{base}.{self._counts[base]}"
         work = Function(self, function, node, wanted, name)
-        signature, self._texts[name] = work.translated()
-        self._files[name] = function.python.__code__.co_filename
-        self._called[name] = work.called
+        signature, self._functions[name] = work.translated()
         self._declared |= work.declared
         return signature
 
@@ -193,7 +190,7 @@ class Program:
         self._declared |= work.declared
         given.append(thread)
         name = function.__name__
-        self._close(name, function, signature, work, given, parameters, " ptx_kernel")
+        self._close(name, function, signature, work, given, parameters, "ptx_kernel ")
 
     def _enter_plainly(self, symbol: str, function: Compiled) -> None:
         """Write the function that other assembly calls.
@@ -234,12 +231,14 @@ class Program:
         convention: str = "",
     ) -> None:
         """Let a function that is called from outside call the one that it stands for."""
-        _finish(work, f'@"{signature.name}"', " fastcc", signature.result, given)
-        kind = "i8" if signature.result == BOOL else returned(signature.result)
-        listed = ", ".join(x.typed for x in parameters)
-        self._texts[symbol] = work.text(f'define{convention} {kind} @"{symbol}"({listed}) #0')
-        self._called[symbol] = {signature.name}
-        self._files[symbol] = function.python.__code__.co_filename
+        kind = convention + _finish(
+            work, f'@"{signature.name}"', " fastcc", signature.result, given
+        )
+        pairs = [(x.type, x.name) for x in parameters]
+        file = function.python.__code__.co_filename
+        called = {signature.name}
+        self._outside.add(symbol)
+        self._functions[symbol] = Definition(symbol, kind, pairs, work.body(), file, False, called)
 
     # -- modules -----------------------------------------------------------------------------------
 
@@ -248,28 +247,30 @@ class Program:
 
         A text is all that shapes its machine code.
         """
-        return {file: self._module(file) for file in sorted(set(self._files.values()))}
+        return {
+            file: self._module(file) for file in sorted({x.file for x in self._functions.values()})
+        }
 
     def whole(self) -> str:
         """LLVM assembly of all files together."""
-        return self._joined([self._with_linkage(name, "internal") for name in sorted(self._texts)])
+        return self._joined([self._linked(name, "internal") for name in sorted(self._functions)])
 
     def _module(self, file: str) -> str:
-        own = sorted(name for name in self._texts if self._files[name] == file)
+        own = sorted(name for name, function in self._functions.items() if function.file == file)
         copied, declared = set[str](), set[str]()
         left = list(own)
         while left:
-            for name in self._called[left.pop()] - copied - declared - set(own):
-                if self._is_small(name):
+            for name in self._functions[left.pop()].called - copied - declared - set(own):
+                if self._functions[name].inline or self._length(name) <= _FEW:
                     copied.add(name)
                     left.append(name)
                 else:
                     declared.add(name)
-        lines = [self._with_linkage(name, "hidden") for name in own]
-        lines += [
-            self._with_linkage(name, "available_externally hidden") for name in sorted(copied)
+        lines = [
+            *(self._linked(name, "hidden") for name in own),
+            *(self._linked(name, "available_externally hidden") for name in sorted(copied)),
+            *(self._functions[name].declaration for name in sorted(declared)),
         ]
-        lines += [_head(self._texts[name]) for name in sorted(declared)]
         return self._joined(lines)
 
     def _joined(self, lines: list[str]) -> str:
@@ -281,22 +282,16 @@ class Program:
         ]
         return "\n".join([*tables, *used, text, _ATTRIBUTES, METADATA])
 
-    def _is_small(self, name: str) -> bool:
-        return self._is_inlined(name) or self._length(name) <= _FEW
-
-    def _is_inlined(self, name: str) -> bool:
-        return "alwaysinline" in self._texts[name].partition("\n")[0]
-
     def _length(self, name: str) -> int:
         """Lines of a function and of what is inlined into it."""
-        inside = sum(self._length(x) for x in self._called[name] if self._is_inlined(x))
-        return self._texts[name].count("\n") + inside
+        function = self._functions[name]
+        inside = (self._length(x) for x in function.called if self._functions[x].inline)
+        return function.length + sum(inside)
 
-    def _with_linkage(self, name: str, linkage: str) -> str:
-        text = self._texts[name]
-        if self._length(name) > _MANY:
-            text = text.replace("#0 {", "#0 noinline {", 1)
-        return text.replace("define internal", f"define {linkage}", 1)
+    def _linked(self, name: str, linkage: str) -> str:
+        """A function that only what is linked knows, unless it is called from outside."""
+        note = " noinline" if self._length(name) > _MANY else ""
+        return self._functions[name].text("" if name in self._outside else linkage, note)
 
 
 def _number_of_thread(work: Assembly) -> Register:
@@ -326,32 +321,13 @@ def _from_words(work: Values, types: Sequence[Type], wanted: Sequence[Type]) -> 
 
 def _finish(
     work: Assembly, callee: str, convention: str, result: Any, given: Sequence[Register]
-) -> None:
-    """Call a function and return what it returns; a truth value as a byte."""
-    made = work.call(returned(result), callee, *given, convention=convention)
+) -> str:
+    """Call a function and return what it returns; a truth value as a byte. What that is for LLVM."""
+    made = work.call(result.llvm, callee, *given, convention=convention)
     if result == BOOL:
         made = work.new("i8", f"zext {made.typed} to i8")
     work.end(f"ret {made.typed}" if made.name else "ret void")
-
-
-def _head(text: str) -> str:
-    """The declaration of a function that is defined elsewhere."""
-    head = text.partition(" #0")[0].replace("define internal", "declare")
-    before, _, parameters = head.partition('"(')
-    kinds = [x.rpartition(" ")[0] for x in _split(parameters.removesuffix(")"))]
-    return f'{before}"({", ".join(kinds)}) #0'
-
-
-def _split(parameters: str) -> list[str]:
-    """Parameters of a head, apart; types may have commas in braces."""
-    found, depth = [""], 0
-    for character in parameters:
-        depth += {"{": 1, "}": -1}.get(character, 0)
-        if character == "," and depth == 0:
-            found.append("")
-        else:
-            found[-1] += character
-    return [x.strip() for x in found if x]
+    return made.type
 
 
 def caller_of(function: FunctionType) -> str:
@@ -366,7 +342,6 @@ def caller_of(function: FunctionType) -> str:
     for _, type_ in function.arguments:
         given.append(work.outward(Value(type_, base, offset)))
         offset += words(type_)
-    _finish(work, str(pointer), "", function.result, given)
-    kind = "i8" if function.result == BOOL else returned(function.result)
-    text = work.text(f"define {kind} @call_{function.name}(ptr %words)")
-    return f"{text}\n{METADATA}"
+    kind = _finish(work, str(pointer), "", function.result, given)
+    head = f"define {kind} @call_{function.name}(ptr %words)"
+    return f"{head} {{\n{work.body()}}}\n{METADATA}"

@@ -222,6 +222,11 @@ def with_axis(type_: Any, part: str = "") -> Any:
     )
 
 
+def passed(type_: Type) -> str:
+    """LLVM's type of an argument: a tuple is passed by its address."""
+    return POINTER if isinstance(type_, TupleType) else type_.llvm
+
+
 def words(type_: Type) -> int:
     """Words in memory."""
     if isinstance(type_, TupleType):
@@ -471,8 +476,22 @@ class Values(Assembly):
         return address
 
     def room(self, type_: Type) -> Register:
-        """A slot for a value as words."""
-        return self.slot(f"[{max(words(type_), 1)} x i64]")
+        """A slot for a value: words for a tuple."""
+        is_tuple = isinstance(type_, TupleType)
+        return self.slot(f"[{max(words(type_), 1)} x i64]" if is_tuple else type_.llvm)
+
+    def keep(self, value: Value, place: Register) -> None:
+        """Put a value into its slot."""
+        if isinstance(value.type, TupleType):
+            self.put(value, place, 0)
+        else:
+            self.store(self.in_register(value).register, place)
+
+    def kept(self, type_: Type, place: Register) -> Value:
+        """The value in a slot."""
+        if isinstance(type_, TupleType):
+            return Value(type_, place, 0)
+        return Value(type_, self.load(type_.llvm, place))
 
     def put(self, value: Value, base: Register, offset: int) -> None:
         """Write a value to memory as words."""

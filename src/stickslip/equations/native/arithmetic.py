@@ -74,7 +74,7 @@ class Arithmetic(Assembly):
 
     def definition(self) -> str:
         """The whole function."""
-        return self.text(self._head)
+        return f"{self._head} {{\n{self.body()}}}\n"
 
     def once(self, key: Hashable, make: Callable[[], _T]) -> _T:
         """What is made where it is first needed, and then known."""
