@@ -88,7 +88,7 @@ class Small:
         entry: Entry = self.load().total
         engine = objects.loaded(shelf.codes_of(self.library))
         address = engine.get_function_address(symbol_of(entry))
-        return Prepared("total", *entry_types(entry), address)(np.array([1.0, 2.0]))
+        return Prepared("total", ("x",), *entry_types(entry), address)(np.array([1.0, 2.0]))
 
 
 @pytest.fixture
@@ -250,7 +250,7 @@ def test_portable_code_is_the_same_function(small: Small) -> None:
     jobs = shelf.jobs_of(shelf.entries_of(small.library), small.folder, here)
     engine = objects.loaded([making.make_one(job) for job in jobs])
     address = engine.get_function_address(symbol_of(entry))
-    assert Prepared("total", *entry_types(entry), address)(np.array([4.0, 2.0])) == 8.0
+    assert Prepared("total", ("x",), *entry_types(entry), address)(np.array([4.0, 2.0])) == 8.0
 
 
 def test_two_processes_share_the_work(

@@ -95,7 +95,7 @@ def test_a_function_is_called_by_its_name() -> None:
 
 def test_a_thread_knows_its_number() -> None:
     text = Program((), threads=[apply_law]).whole()
-    head = text[text.index('define ptx_kernel void @"apply_law"(ptr') :]
+    head = text[text.index('ptx_kernel void @"apply_law"(ptr') :]
     assert "icmp slt i64" in head and "%count" in head and "tid.x" in head
 
 

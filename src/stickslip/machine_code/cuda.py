@@ -95,7 +95,7 @@ class Cuda:
             reason = "no CUDA device was found on this machine"
             raise DeclarationError("device", reason, "Leave the work to the cpu")
         if code == _NO_MEMORY:
-            raise StickslipError(f"{self.name}: its memory is full. Compute fewer points together")
+            raise StickslipError(f"{self.name}: its memory is full. Close what else uses it")
         if code:
             said = c_char_p()
             self._driver.cuGetErrorName(code, byref(said))

@@ -252,10 +252,7 @@ class Program:
 
     def whole(self) -> str:
         """LLVM assembly of all files together."""
-        names = sorted(self._functions)
-        return self._joined(
-            [self._text(x, "" if x in self._outside else "internal") for x in names]
-        )
+        return self._joined([self._linked(name, "internal") for name in sorted(self._functions)])
 
     def _module(self, file: str) -> str:
         own = sorted(name for name, function in self._functions.items() if function.file == file)
@@ -269,8 +266,8 @@ class Program:
                 else:
                     declared.add(name)
         lines = [
-            *(self._text(name, "hidden" if name not in self._outside else "") for name in own),
-            *(self._text(name, "available_externally hidden") for name in sorted(copied)),
+            *(self._linked(name, "hidden") for name in own),
+            *(self._linked(name, "available_externally hidden") for name in sorted(copied)),
             *(self._functions[name].declaration for name in sorted(declared)),
         ]
         return self._joined(lines)
@@ -290,9 +287,10 @@ class Program:
         inside = (self._length(x) for x in function.called if self._functions[x].inline)
         return function.length + sum(inside)
 
-    def _text(self, name: str, linkage: str) -> str:
+    def _linked(self, name: str, linkage: str) -> str:
+        """A function that only what is linked knows, unless it is called from outside."""
         note = " noinline" if self._length(name) > _MANY else ""
-        return self._functions[name].text(linkage, note)
+        return self._functions[name].text("" if name in self._outside else linkage, note)
 
 
 @lru_cache(maxsize=100)
