@@ -423,11 +423,11 @@ class Function(Values, ast.NodeVisitor):
         else:
             self.branch(node.test, inside, after)
         ways = [] if endless else [set(self.assigned)]
-        self.round(node, inside, Loop(head, after, ways, []))
+        self._round(node, inside, Loop(head, after, ways, []))
         self.go(head)
         self.meet(after, ways)
 
-    def round(self, node: ast.While | ast.For, inside: str, loop: Loop) -> None:
+    def _round(self, node: ast.While | ast.For, inside: str, loop: Loop) -> None:
         """The body of a loop."""
         if node.orelse:
             self.refuse("else of a loop", "Use a variable that says how it ended")
@@ -458,13 +458,13 @@ class Function(Values, ast.NodeVisitor):
             if not step.is_known or step.known == 0:
                 self.refuse("a range whose step is not constant", "Use while")
             start = ends[0] if len(ends) == 2 else self.constant(0)
-            self.count(node, start, ends[-1], step.known, lambda i: i)
+            self._loop_of(node, start, ends[-1], step.known, lambda i: i)
             return
         value = self.visit(source)
         if isinstance(value.type, ArrayType):
             value = self.in_register(value)
             first = self.constant(0), self.length(value, 0)
-            self.count(node, *first, 1, lambda i: self.element(value, [Index(i)]))
+            self._loop_of(node, *first, 1, lambda i: self.element(value, [Index(i)]))
             return
         self.unrolled += 1
         after = self.label("after")
@@ -475,12 +475,12 @@ class Function(Values, ast.NodeVisitor):
                 loop = Loop(following, after, ways, [])
                 self.assign(node.target, part)
                 self.go(inside)
-                self.round(node, inside, loop)
+                self._round(node, inside, loop)
                 self.join(following, loop.continued)
         self.join(after, ways)
         self.unrolled -= 1
 
-    def count(
+    def _loop_of(
         self, node: ast.For, start: Value, stop: Value, step: int, item: Callable[[Value], Value]
     ) -> None:
         """A loop over whole numbers."""
@@ -496,7 +496,7 @@ class Function(Values, ast.NodeVisitor):
         self.begin(first)
         self.assign(node.target, self.settled(item(Value(INT, at))))
         self.go(inside)
-        self.round(node, inside, Loop(following, after, ways, []))
+        self._round(node, inside, Loop(following, after, ways, []))
         self.begin(following)
         self.store(self.new(WHOLE, f"add nsw i64 {at}, {step}"), place)
         self.go(head)
