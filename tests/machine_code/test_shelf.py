@@ -109,7 +109,7 @@ def made(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     make = making.make_one
 
     def noted(job: making.Compilation) -> bytes:
-        names.append(Path(job.place).name.split(".")[1].split("_of_")[0])
+        names.append(Path(job.place).name.split("_of_")[0].removeprefix("modules_"))
         return make(job)
 
     monkeypatch.setattr(making, "make_one", noted)
@@ -167,7 +167,7 @@ def test_swapped_code_is_made_again(small: Small, made: list[str], tmp_path: Pat
     small.total()
     made.clear()
     folder = tmp_path / "cache" / "stickslip"
-    first, second = sorted(folder.glob(f"modules.numbers_of_{small.name}.*.o"))
+    first, second = sorted(folder.glob(f"modules_numbers_of_{small.name}.*.o"))
     code = first.read_bytes(), second.read_bytes()
     first.write_bytes(code[1])
     second.write_bytes(code[0])

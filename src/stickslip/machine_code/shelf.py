@@ -286,7 +286,8 @@ def jobs_of(
     program = Program([x for x in entries if isinstance(x, Entry)], kernels)
     for file, text in program.modules().items():
         key = digest(text, here, LOOPS)
-        place = folder / f"{Path(file).parent.name}.{Path(file).stem}.{key[:24]}"
+        name = re.sub(r"\W+", "_", f"{Path(file).parent.name} {Path(file).stem}")
+        place = folder / f"{name}.{key[:24]}"
         jobs.append(Compilation(text, str(place), key, here, ship))
     return jobs
 

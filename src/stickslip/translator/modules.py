@@ -4,9 +4,9 @@ file."""
 from __future__ import annotations
 
 import ast
+import linecache
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -135,11 +135,14 @@ class Program:
         """The syntax tree of a function."""
         code = function.python.__code__
         if code.co_filename not in self._nodes:
-            text = Path(code.co_filename).read_text(encoding="utf-8")
+            linecache.checkcache(code.co_filename)  # the file may have been edited
+            # which also knows the cells of notebooks
+            text = "".join(linecache.getlines(code.co_filename))
             self._nodes[code.co_filename] = _functions_of(text)
         node = self._nodes[code.co_filename].get(code.co_firstlineno)
         if node is None:
-            raise Refusal(f"{place_of(function)}: no function with a name. Write it with def")
+            what = "no source of a function with a name. Write it with def, in a file or a notebook"
+            raise Refusal(f"{place_of(function)}: {what}")
         given = node.args
         plain = (given.vararg, given.kwarg, given.kwonlyargs, given.posonlyargs, given.defaults)
         if any(plain):
