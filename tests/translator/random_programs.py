@@ -83,7 +83,7 @@ WAYS = {
         max({x}, {x}, 0.5); float({i}); float({b}); {z}.real; {z}.imag; abs({z}); math.sin({n})
         math.cos({n}); math.tan({n}); math.atan({x}); math.exp({n}); math.tanh({x}); math.erf({x})
         math.sqrt(abs({x})); math.log(abs({n}) + 0.25); math.log1p(abs({n})); math.fabs({x})
-        math.atan2({x}, {x}); math.copysign({x}, {x}); np.floor({x}); np.ceil({x}); math.sinh({n})
+        math.atan2({x}, {x}); math.copysign({x}, {n}); np.floor({x}); np.ceil({x}); math.sinh({n})
         math.fmod({n}, max({x}, 0.5)); math.ldexp({n}, {i} & 7); math.frexp({x})[0]; ({b} * {x})
         fma({n}, {n}, {i}); {in f8:1}; {in f8:2}; float({any}); float(({any} + {any}))""",
     "bool": """({i} < {i}); ({x} <= {x}); ({i} > {x}); ({x} >= {i}); ({i} == {i}); ({x} != {x})

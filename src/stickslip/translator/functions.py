@@ -123,7 +123,8 @@ class Definition(NamedTuple):
         """The definition."""
         given = ", ".join(f"{kind} {name}" for kind, name in self.parameters)
         note = " alwaysinline" if self.inline else note
-        head = f'define {linkage} {self.result} @"{self.name}"({given}) #0{note}'
+        kind = f"{linkage} {self.result}".strip()
+        head = f'define {kind} @"{self.name}"({given}) #0{note}'
         return f"{head} {{\n{self.body}}}\n"
 
     @property
@@ -483,7 +484,16 @@ class Function(Values, ast.NodeVisitor):
     def _loop_of(
         self, node: ast.For, start: Value, stop: Value, step: int, item: Callable[[Value], Value]
     ) -> None:
-        """A loop over whole numbers."""
+        """A loop over whole numbers.
+
+        Parameters
+        ----------
+        node : ast.For
+        start, stop : Value
+        step : int
+        item : callable
+            From the number to what the target gets.
+        """
         place = self.slot(WHOLE)
         self.store(start.register, place)
         head, inside, following, after = map(self.label, ("for", "body", "next", "after"))
