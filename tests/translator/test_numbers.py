@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from stickslip.translator import fma
-from stickslip.translator.functions import REAL_FUNCTIONS
+from stickslip.translator.calls import REAL_FUNCTIONS
 
 from .judging import bits, module_of
 

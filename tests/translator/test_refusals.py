@@ -124,7 +124,7 @@ WHOLES = {
     "parameters with stars, slashes or defaults": "@compiled()\ndef g(a=1):  #\n    return a\n",
     "parameters with stars, slashes": "@compiled()\ndef g(*a):  #\n    return a[0]\n",
     "stars, slashes or defaults. Name all": "@compiled()\ndef g(a, /):  #\n    return a\n",
-    "no source of a function with a name. Write it with def, in a file or a notebook": "g = compiled()(lambda a: a)  #\n",
+    "no source of a function with a name. Write it": "g = compiled()(lambda a: a)  #\n",
 }
 HEADS = {
     "annotate x": "def f(x) -> float:\n    return x",
