@@ -14,14 +14,25 @@ SCRIPT = """
 import json, sys
 import stickslip as ss
 from stickslip.machine_code import functions, shelf
-motions = []
-for name, flow in (("belt_block", "auto"), ("rocking_toy", "taylor"), ("block_chain", "auto")):
-    motion = ss.simulate(ss.catalogue.get(name), (0.0, 12.0), flow=flow)
+motions = {}
+# In Python, an index beyond the end of an array is an error: compiled code read such an entry where
+# the components of a plane move different coordinates, as in the last two.
+for name, flow, end in (
+    ("belt_block", "auto", 12.0),
+    ("rocking_toy", "taylor", 12.0),
+    ("block_chain", "auto", 12.0),
+    ("conveyor", "auto", 2.0),
+    ("puck", "auto", 2.0),
+):
+    motion = ss.simulate(ss.catalogue.get(name), (0.0, end), flow=flow)
     knots = motion.knots
-    motions.append([knots.clock.tolist(), knots.state.tolist(), knots.mode.tolist()])
+    motions[name] = [knots.clock.tolist(), knots.state.tolist(), knots.mode.tolist()]
 compiled = any("prepared" in vars(entry) for entry in shelf.entries_of(shelf.ENGINE))
 json.dump([functions.AS_PYTHON, compiled, motions], sys.stdout)
 """
+KNOTS_ALIKE = ("belt_block", "rocking_toy", "block_chain")
+# How long the many steps before the end of a slip in a plane are, rounding errors decide.
+ENDS_ALIKE = ("conveyor", "puck")
 
 
 def motions(**environment: str) -> list[Any]:
@@ -38,7 +49,12 @@ def test_a_motion_as_python() -> None:
     here, there = motions(STICKSLIP_AS_PYTHON=""), motions(STICKSLIP_AS_PYTHON="1")
     assert here[:2] == [False, True]
     assert there[:2] == [True, False]
-    for compiled, python in zip(here[2], there[2], strict=True):
+    assert here[2].keys() == there[2].keys() == {*KNOTS_ALIKE, *ENDS_ALIKE}
+    for name, compiled in here[2].items():
+        python = there[2][name]
         assert len(compiled[0]) > 5
-        for found, wanted in zip(python, compiled, strict=True):
+        pairs = [(python[1][-1], compiled[1][-1])]
+        if name in KNOTS_ALIKE:
+            pairs += zip(python, compiled, strict=True)
+        for found, wanted in pairs:
             np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12)

@@ -274,3 +274,18 @@ def test_lyapunov_exponent_of_two_neighbours() -> None:
         start = {name: one[name] for name in names}
     # The neighbour is put back along x each time, which loses some growth; the order is the same.
     assert np.mean(growth) / 10.0 == pytest.approx(found.value, abs=0.06)
+
+
+@pytest.mark.parametrize("n", [2, 3, 5])
+def test_what_may_be_moved_along_several_axes_is_settled(n: int) -> None:
+    """The shifts that leave it unchanged came as columns, which compiled code does not take."""
+    names = [f"x{i}" for i in range(n)]
+    sum_of_all = " + ".join(names)
+    system = System(
+        "held together",
+        coordinates={name: Inertial() for name in names},
+        kinetic=" + ".join(f"d_{name}**2/2" for name in names),
+        potential=f"({sum_of_all})**2",
+    )
+    with pytest.raises(ConvergenceError, match="the motion comes to rest"):
+        find_cycle(system, simulate(system, (0.0, 20.0)))

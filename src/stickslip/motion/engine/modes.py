@@ -332,9 +332,12 @@ def stop(flow: Flow, table: Array, y: Array, c: int) -> None:
         q = rows.sizes[INERTIAL] + rows.members[rows.parts[part, MEMBERS] + i]
         y[q] -= R[first + i, rows.homes[c, SEAT] - first] * u
         if len(rows.planes) > 0:
-            # What is left of rounding errors, of either component, is nothing.
-            size = abs(R[first + i, rows.homes[one, SEAT] - first])
-            size += abs(R[first + i, rows.homes[two, SEAT] - first])
+            # What is left of rounding errors, of either component, is nothing. The other one may move
+            # coordinates of another part only.
+            size = 0.0
+            for d in (one, two):
+                if rows.homes[d, PART] == part:
+                    size += abs(R[first + i, rows.homes[d, SEAT] - first])
             size *= abs(table[rows.u[one], 0]) + abs(table[rows.u[two], 0])
             if abs(y[q]) <= ROUNDING * size:
                 y[q] = 0.0
