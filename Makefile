@@ -1,15 +1,20 @@
-# Two commands for a fresh machine with Python, make and git: `make demo` and `make test`.
+# Commands for a fresh machine with Python, make and git: `make demo`, `make test`, `make test-fast`.
 
 PYTHON ?= python3
 BIN    := .venv/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --prefer-binary --constraint constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test docs wheel machine-code clean
+.PHONY: help demo test test-fast docs wheel machine-code clean
+
+# What is tested in a minute: formulas and models, the translator, machine code, equations, the rules of
+# the house, and one motion of each system of the catalogue.
+FAST := tests/test_house.py tests/symbolic tests/model tests/translator tests/machine_code tests/catalogue
 
 help:
 	@echo "make demo   make the environment, run three examples and the paper, say where the pictures are"
 	@echo "make test   make the environment, check style and types, run the tests"
+	@echo "make test-fast   check style, and a part of the tests: a minute"
 	@echo "make docs   build the documentation: docs/_build/html/index.html"
 	@echo "make wheel  build the package with the engine's machine code: dist/"
 	@echo "make clean  remove what these have made"
@@ -31,6 +36,10 @@ test: .venv/ready-for-tests machine-code
 	$(BIN)/ruff check .
 	$(BIN)/pyright
 	$(BIN)/pytest -n 2
+
+test-fast: .venv/ready-for-tests machine-code
+	$(BIN)/ruff check .
+	$(BIN)/pytest -q -n 2 $(FAST)
 
 docs: .venv/ready-for-docs machine-code
 	$(BIN)/sphinx-build -W --keep-going -E -q -j 2 -b html docs docs/_build/html

@@ -72,9 +72,19 @@ def private(code: str) -> list[str]:
     return found
 
 
+# The engine's language is shown to those who add to the engine.
+LANGUAGE = {
+    "stickslip.arrays",
+    "stickslip.machine_code.functions",
+    "stickslip.translator",
+    "stickslip.translator.values",
+}
+INSIDE = ("docs/design.md", "docs/extending.md")
+
+
 @pytest.mark.parametrize("place", OUTSIDE)
 def test_who_lives_outside_knows_public_names_alone(place: str) -> None:
-    assert private(OUTSIDE[place]) == []
+    assert set(private(OUTSIDE[place])) <= (LANGUAGE if place in INSIDE else set())
 
 
 def test_what_is_private_is_found() -> None:

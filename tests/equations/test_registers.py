@@ -60,7 +60,7 @@ TAKES: dict[str, tuple[Any, ...]] = {
 """What each method takes: types, and arguments that are none."""
 APART = {"total", "store", "choose"}
 """Methods that are looked at apart."""
-FREE = {"once", "age", "definition", "text", "new", "slot", "structure", "call", "outside"}
+FREE = {"once", "age", "definition", "body", "new", "slot", "structure", "call", "outside"}
 FREE |= {"label", "begin", "end", "go"}
 """Methods that take no operand, or operands of any type."""
 

@@ -132,6 +132,8 @@ class Assembly:
     def at(self, base: Register, index: Register | int, type_: str) -> Register:
         """Address of an entry of a table."""
         base = of_type(POINTER, base)
+        if index == 0:
+            return base
         place = of_type(WHOLE, index).typed
         return self.new(POINTER, f"getelementptr {self.within}{type_}, {base.typed}, {place}")
 

@@ -230,7 +230,7 @@ explorer.showPending = (head) => {
 
 // No machine code came with the package for this processor.
 explorer.showCompiling = () => {
-  if (explorer.motion !== null) return explorer.toast("Compiling for this machine, once: some minutes.")
+  if (explorer.motion !== null) return explorer.toast("Compiling for this machine, once: some seconds.")
   document.body.classList.add("loading", "compiling", "still")
   explorer.$("verdict").dataset.state = "busy"
   explorer.$("verdict-text").textContent = "compiling"
