@@ -204,13 +204,21 @@ def fresh_installations() -> list[str]:
 # What an edit changes: the file, what stands there, and what stands there afterwards.
 EDITS = {
     "an edit of a comment": ("motion/engine/event_loop.py", "\n# ", "\n# Really: "),
-    "of a constant of one file": ("motion/steps/stiff.py", "\n_", "\n_NEW = 1\n_"),
-    "of a function of one file": (
+    "an edit of a constant of one file": (
+        "motion/engine/roots.py",
+        "_HALVINGS = 60",
+        "_HALVINGS = 61",
+    ),
+    "an edit of a function of one file": (
         "motion/engine/roots.py",
         "        s = s * x + c[k]\n",
         "        s = c[k] + s * x\n",
     ),
-    "of a constant that many read": ("motion/steps/arrays.py", "ROUNDING = 64", "ROUNDING = 65"),
+    "an edit of a constant that many read": (
+        "motion/steps/arrays.py",
+        "ROUNDING = 64",
+        "ROUNDING = 65",
+    ),
 }
 
 
@@ -257,7 +265,10 @@ def compilers(before: Path | None) -> list[str]:
         if before is not None:  # its memory is that of the larger
             source = copied(before / "src" / "stickslip", Path(folder) / "before")
             python = str(before / ".venv" / "bin" / "python")
-            add("before: from nothing, and after any edit", compiled(python, MODULE_BEFORE, source))
+            add(
+                "an earlier version: from nothing, and after any edit",
+                compiled(python, MODULE_BEFORE, source),
+            )
     return lines
 
 
