@@ -48,6 +48,8 @@ class Kernel(Compiled):
     Its arguments are numbers and arrays, as annotated. It must not ask how many rows an array has.
     """
 
+    brief = True
+
     @property
     def symbol(self) -> str:
         """Its name in machine code."""

@@ -58,7 +58,11 @@ class Compiled:
         LLVM's fast-math flags of its arithmetic.
     inline : bool
         Whether every call of it has to be inlined.
+    brief : bool
+        Whether its loops have few rounds, so that they are neither unrolled nor made of vectors.
     """
+
+    brief = False
 
     def __init__(
         self, function: Callable[..., Any], relaxed: Sequence[str] = (), inline: bool = False

@@ -89,6 +89,8 @@ class Definition(NamedTuple):
         Whether it is inlined wherever it is called.
     called : set of str
         Names of what it calls.
+    brief : bool
+        Whether its loops have few rounds.
     """
 
     name: str
@@ -98,11 +100,12 @@ class Definition(NamedTuple):
     file: str
     inline: bool
     called: set[str]
+    brief: bool = False
 
     def text(self, linkage: str, note: str = "") -> str:
         """The definition."""
         given = ", ".join(f"{kind} {name}" for kind, name in self.parameters)
-        note = " alwaysinline" if self.inline else note
+        note = (" alwaysinline" if self.inline else note) + " optsize" * self.brief
         kind = f"{linkage} {self.result}".strip()
         head = f'define {kind} @"{self.name}"({given}) #0{note}'
         return f"{head} {{\n{self.body}}}\n"
@@ -203,9 +206,15 @@ class Function(Values, ast.NodeVisitor):
             is_tuple = isinstance(type_, TupleType)
             note = " noalias readonly captures(none) align 8" if is_tuple else ""
             given.append((f"{passed(type_)}{note}", _argument(parameter.arg)))
-        file, inline = self.compiled.python.__code__.co_filename, self.compiled.inline
         return signature, Definition(
-            self.name, f"fastcc {signature.returned}", given, self.body(), file, inline, self.called
+            self.name,
+            f"fastcc {signature.returned}",
+            given,
+            self.body(),
+            self.compiled.python.__code__.co_filename,
+            self.compiled.inline,
+            self.called,
+            self.compiled.brief,
         )
 
     def write(self) -> None:

@@ -332,8 +332,8 @@ def stop(flow: Flow, table: Array, y: Array, c: int) -> None:
         q = rows.sizes[INERTIAL] + rows.members[rows.parts[part, MEMBERS] + i]
         y[q] -= R[first + i, rows.homes[c, SEAT] - first] * u
         if len(rows.planes) > 0:
-            # What is left of rounding errors, of either component, is nothing. The other one may move
-            # coordinates of another part only.
+            # What is left of rounding errors, of either component, is nothing. The other one may
+            # move coordinates of another part only.
             size = 0.0
             for d in (one, two):
                 if rows.homes[d, PART] == part:
