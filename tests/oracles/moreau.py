@@ -178,7 +178,7 @@ class Work(NamedTuple):
 
 
 @compiled()
-def _dot(a: Vector, b: Vector) -> float:
+def dot_product(a: Vector, b: Vector) -> float:
     """⟨a, b⟩."""
     total = 0.0
     for i in range(len(a)):
@@ -201,11 +201,11 @@ def _steps(
     d = len(M)
     for i in range(len(contact_force)):
         for a in range(d):
-            pull[a] = _dot(M[a], v[i]) + h * (force[i + 1, a] - _dot(K[a], q[i]))
+            pull[a] = dot_product(M[a], v[i]) + h * (force[i + 1, a] - dot_product(K[a], q[i]))
         for a in range(d):
-            free[a] = _dot(inverse[a], pull)
+            free[a] = dot_product(inverse[a], pull)
         for k in range(c):
-            work.slip[k] = _dot(J[k], free) - surface_speed[i + 1, k]
+            work.slip[k] = dot_product(J[k], free) - surface_speed[i + 1, k]
             work.bound[k] = h * threshold[i + 1, k]
         if not _box(W, work.slip, work.bound, impulse):
             return False
@@ -216,7 +216,7 @@ def _steps(
             for k in range(c):
                 pull[a] += J[k, a] * impulse[k]
         for a in range(d):
-            v[i + 1, a] = free[a] + _dot(inverse[a], pull)
+            v[i + 1, a] = free[a] + dot_product(inverse[a], pull)
             q[i + 1, a] = q[i, a] + h * v[i + 1, a]
     return True
 
@@ -232,7 +232,7 @@ def _box(W: Matrix, u: Vector, bound: Vector, p: Vector) -> bool:
     for _ in range(SWEEPS):
         residual = 0.0
         for i in range(len(p)):
-            optimum = p[i] - (u[i] + _dot(W[i], p)) / W[i, i]
+            optimum = p[i] - (u[i] + dot_product(W[i], p)) / W[i, i]
             # The residual is the unrelaxed move: relaxation must not hide how far the optimum is.
             residual = max(residual, abs(min(max(optimum, -bound[i]), bound[i]) - p[i]))
             p[i] = min(max(p[i] + RELAXATION * (optimum - p[i]), -bound[i]), bound[i])
@@ -253,7 +253,7 @@ def _increments(A: Matrix, load: Matrix, threshold: Matrix, z: Matrix) -> bool:
             residual = 0.0
             size = 0.0
             for i in range(d):
-                centre = z[k, i] + (load[k, i] - _dot(A[i], z[k])) / A[i, i]
+                centre = z[k, i] + (load[k, i] - dot_product(A[i], z[k])) / A[i, i]
                 radius = threshold[k, i] / A[i, i]
                 value = min(max(z[k - 1, i], centre - radius), centre + radius)
                 residual = max(residual, abs(value - z[k, i]))

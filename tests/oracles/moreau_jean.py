@@ -16,6 +16,8 @@ from stickslip.arrays import Array, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.translator import compiled
 
+from .moreau import dot_product
+
 
 class Contacts(NamedTuple):
     """Contacts with linear gaps.
@@ -100,15 +102,6 @@ def _dense(a: Array) -> Array:
 
 
 @compiled()
-def _dot(a: Vector, b: Vector) -> float:
-    """⟨a, b⟩."""
-    total = 0.0
-    for i in range(len(a)):
-        total += a[i] * b[i]
-    return total
-
-
-@compiled()
 def _struck(v: Vector, change: Vector, impulse: float) -> None:
     """Velocities after one more impulse."""
     for a in range(len(v)):
@@ -141,35 +134,35 @@ def _stepped(
     c = len(normal)
     for i in range(c):
         for a in range(d):
-            work.along[i, a] = _dot(inverse[a], normal[i])
-            work.across[i, a] = _dot(inverse[a], tangent[i])
-        work.give[i] = _dot(normal[i], work.along[i])
-        work.slide[i] = _dot(tangent[i], work.across[i])
+            work.along[i, a] = dot_product(inverse[a], normal[i])
+            work.across[i, a] = dot_product(inverse[a], tangent[i])
+        work.give[i] = dot_product(normal[i], work.along[i])
+        work.slide[i] = dot_product(tangent[i], work.across[i])
     for k in range(steps):
         for a in range(d):
             middle[a] = q[a] + 0.5 * h * v[a]
         for a in range(d):
             force = push[0, a] + push[1, a] * math.sin(push[2, a] * (k + 0.5) * h)
-            pull[a] = h * (force - _dot(K[a], middle) - _dot(C[a], v))
+            pull[a] = h * (force - dot_product(K[a], middle) - dot_product(C[a], v))
         for a in range(d):
-            new[a] = v[a] + _dot(inverse[a], pull)
+            new[a] = v[a] + dot_product(inverse[a], pull)
         for i in range(c):
-            before[i] = _dot(normal[i], v)
+            before[i] = dot_product(normal[i], v)
             P[i] = 0.0
             T[i] = 0.0
         for _ in range(100_000):  # some pairs of contacts converge slowly
             moved = 0.0
             for i in range(c):
-                if _dot(normal[i], middle) + contacts.offset[i] > 0.0:
+                if dot_product(normal[i], middle) + contacts.offset[i] > 0.0:
                     continue
-                off = _dot(normal[i], new) + contacts.e[i] * min(before[i], 0.0)
+                off = dot_product(normal[i], new) + contacts.e[i] * min(before[i], 0.0)
                 impulse = max(P[i] - off / work.give[i], 0.0)
                 _struck(new, work.along[i], impulse - P[i])
                 moved = max(moved, abs(impulse - P[i]))
                 P[i] = impulse
                 if contacts.mu[i] > 0.0:
                     limit = contacts.mu[i] * P[i]
-                    impulse = T[i] - _dot(tangent[i], new) / work.slide[i]
+                    impulse = T[i] - dot_product(tangent[i], new) / work.slide[i]
                     impulse = min(max(impulse, -limit), limit)
                     _struck(new, work.across[i], impulse - T[i])
                     moved = max(moved, abs(impulse - T[i]))
