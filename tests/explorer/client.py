@@ -50,6 +50,8 @@ class Page:
         request = HTTPRequest(
             f"ws://{parts.netloc}{parts.path}ws",
             headers={"Origin": origin or f"http://{parts.netloc}"},
+            connect_timeout=90.0,  # of a machine that is busy with other tests
+            request_timeout=90.0,
         )
         self._connection = await websocket_connect(
             request, subprotocols=["bokeh", found[1]], max_message_size=10**9

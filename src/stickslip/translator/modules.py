@@ -6,7 +6,6 @@ from __future__ import annotations
 import ast
 import linecache
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -296,7 +295,6 @@ class Program:
         return self._functions[name].text("" if name in self._outside else linkage, note)
 
 
-@lru_cache(maxsize=100)
 def _functions_of(text: str) -> dict[int, ast.FunctionDef]:
     """All functions of a source, by their first lines."""
     found = [x for x in ast.walk(ast.parse(text)) if isinstance(x, ast.FunctionDef)]
