@@ -48,7 +48,8 @@ class Kernel(Compiled):
     Its arguments are numbers and arrays, as annotated. It must not ask how many rows an array has.
     """
 
-    brief = True
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function, brief=True)
 
     @property
     def symbol(self) -> str:

@@ -92,7 +92,7 @@ def optimise(module: Any, target: Any, *, loops: bool = True, inlined: int = 225
     inlined : int
         Largest cost of a call that is inlined, as LLVM counts it.
     """
-    options = llvm.create_pipeline_tuning_options(speed_level=2)
+    options = llvm.create_pipeline_tuning_options(speed_level=3)
     options.inlining_threshold = inlined
     options.slp_vectorization = False
     options.loop_vectorization = loops

@@ -62,15 +62,18 @@ class Compiled:
         Whether its loops have few rounds, so that they are neither unrolled nor made of vectors.
     """
 
-    brief = False
-
     def __init__(
-        self, function: Callable[..., Any], relaxed: Sequence[str] = (), inline: bool = False
+        self,
+        function: Callable[..., Any],
+        relaxed: Sequence[str] = (),
+        inline: bool = False,
+        brief: bool = False,
     ) -> None:
         update_wrapper(self, function)
         self.python = function
         self.relaxed = tuple(sorted(relaxed))
         self.inline = inline
+        self.brief = brief
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
         return self.python(*arguments, **named)
@@ -79,10 +82,10 @@ class Compiled:
 
 
 def compiled(
-    *, relaxed: Sequence[str] = (), inline: bool = False
+    *, relaxed: Sequence[str] = (), inline: bool = False, brief: bool = False
 ) -> Callable[[Callable[..., Any]], Compiled]:
     """Decorator of a function that compiled functions call; see :class:`Compiled`."""
-    return lambda function: Compiled(function, relaxed, inline)
+    return lambda function: Compiled(function, relaxed, inline, brief)
 
 
 class FunctionAddress(int):

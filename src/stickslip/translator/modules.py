@@ -44,8 +44,8 @@ from stickslip.translator.values import (
     words,
 )
 
-_FEW = 40  # lines of a function that other modules have copies of, to inline it
-_MANY = 150  # lines of a function that is not inlined
+_FEW = 400  # lines of a function that other modules have copies of, to inline it
+_MANY = 1000  # lines of a function that is not inlined
 _WORDS = Register("%words", "ptr")
 # Of functions of C, LLVM is to assume no more than this: it takes fmod(0, NaN) for 0.
 _ATTRIBUTES = """

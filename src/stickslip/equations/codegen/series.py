@@ -15,7 +15,7 @@ INDEFINITE = 6
 LEAST_PIVOT = 1e-13  # of a matrix of size 1: what is smaller is zero
 
 
-@compiled()
+@compiled(brief=True)
 def balance(A: Array, n: int, row: int, by_rows: bool) -> float:
     """A power of two near the reciprocal of the largest entry of a row (or column); 0 if there is
     none."""
@@ -31,7 +31,7 @@ def less(a: float, factor: float, b: float, fused: bool) -> float:
     return fma(-factor, b, a) if fused else a - factor * b
 
 
-@compiled()
+@compiled(brief=True)
 def invert(A: Array, n: int, R: Array) -> bool:
     """Inverse R of the leading n×n block of A (destroyed, with the row below); False if it is
     singular."""
