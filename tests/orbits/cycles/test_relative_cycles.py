@@ -74,10 +74,10 @@ def certified(cycle: Cycle) -> Cycle:
 def test_slow_tip_has_the_friction_of_its_jumps() -> None:
     """The mean force comes to what is lost in a jump, and exceeds it by V^(2/3)."""
     slow = oracle.friction(**LATTICE)
-    supports = np.linspace(10.0, 10.5, 20001)
+    supports = np.linspace(10.0, 10.5, 4001)
     x = oracle.quasistatic(supports, **LATTICE)
     assert slow == pytest.approx(np.mean(supports[1:] - x[1:]), rel=1e-3)
-    speeds = [1e-2, 1e-3, 1e-4]
+    speeds = [1e-2, 3e-3, 1e-3]
     excess = []
     for V in speeds:
         cycle = certified(find_cycle(TIP, parameters={"V": V}))
@@ -91,7 +91,7 @@ def test_slow_tip_has_the_friction_of_its_jumps() -> None:
         assert cycle.energy_per_distance == pytest.approx(force, rel=1e-9)
         excess.append(force - slow)
     assert 0.0 < excess[2] < 1e-3 * slow
-    orders = np.log(np.divide(excess[:-1], excess[1:])) / math.log(10.0)
+    orders = np.diff(np.log(excess)) / np.diff(np.log(speeds))
     assert orders == pytest.approx(2 / 3, abs=0.03)
 
 

@@ -13,6 +13,7 @@ import secrets
 from collections.abc import Iterable
 from typing import Any
 from urllib.parse import urlsplit
+from weakref import WeakSet
 
 from bokeh.server.tornado import BokehTornado
 from bokeh.server.views.ws import WSHandler
@@ -121,14 +122,18 @@ class Guarded(BokehTornado):
         super().__init__(*args, prefix=doors.token, **kwargs)
         self.doors = doors
         self.most_pages = most_pages
+        # Requests of pages that are being made: their sessions do not exist yet.
+        self._opening = WeakSet[HTTPServerRequest]()
 
     def find_handler(self, request: HTTPServerRequest, **kwargs: Any) -> Any:
         """Who answers a request: every one passes here."""
-        room = sum(map(len, map(self.get_sessions, self.app_paths))) < self.most_pages
-        refused = self.doors.refusal(request, room)
+        pages = sum(map(len, map(self.get_sessions, self.app_paths))) + len(self._opening)
+        refused = self.doors.refusal(request, pages < self.most_pages)
         if refused is not None:
             status, reason = refused
             return self.get_handler_delegate(request, Refused, {"status": status, "reason": reason})
+        if "/" not in request.path.strip("/"):
+            self._opening.add(request)
         return super().find_handler(request, **kwargs)
 
     def get_handler_delegate(
@@ -139,4 +144,5 @@ class Guarded(BokehTornado):
         return super().get_handler_delegate(request, chosen, *args, **kw)
 
     def log_request(self, handler: RequestHandler) -> None:
-        """Requests are nobody's business."""
+        """Called when a request is answered. Nothing is logged: requests are nobody's business."""
+        self._opening.discard(handler.request)

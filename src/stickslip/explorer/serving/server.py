@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 
 HERE = "127.0.0.1"
+_WAITING = 4096  # connections that wait to be accepted; the system may allow fewer
 _PORT = 5106  # tried first, so that links in a notebook or a lecture stay the same
 _KEEP = 4_000  # ms that the work of a page whose connection broke is kept
 _CHECK = 1_500  # ms
@@ -71,7 +72,7 @@ class Listening:
         reason = ""
         for port in wanted:
             try:
-                self.sockets = bind_sockets(port, self.host)
+                self.sockets = bind_sockets(port, self.host, backlog=_WAITING)
                 break
             except OSError as error:
                 reason = error.strerror or str(error)
