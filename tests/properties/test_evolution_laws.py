@@ -53,7 +53,7 @@ def random_problem(seed: int) -> Evolution:
     return Evolution.settled(*problem, epsilon=float(rng.uniform(0.1, 2.0)))
 
 
-@settings(max_examples=500, deadline=None, derandomize=True)
+@settings(max_examples=200, deadline=None, derandomize=True)
 @given(seeds)
 def test_stability_and_energy_balance(seed: int) -> None:
     """(S) and (E) of [M] (2.2), looked at with nothing but the states."""
