@@ -41,11 +41,13 @@ class Page:
         self.serial = 0
         self._connection: WebSocketClientConnection | None = None
 
-    async def open(self, origin: str | None = None) -> Page:
-        """Load the page, connect, and find the wire."""
-        _, text = await asyncio.to_thread(get, self.address)
-        found = TOKEN.search(text)
-        assert found is not None, "the page has no token"
+    async def open(self, origin: str | None = None, token: str = "") -> Page:
+        """Load the page unless its token is known, connect, and find the wire."""
+        if not token:
+            _, text = await asyncio.to_thread(get, self.address)
+            found = TOKEN.search(text)
+            assert found is not None, "the page has no token"
+            token = found[1]
         parts = urlsplit(self.address)
         request = HTTPRequest(
             f"ws://{parts.netloc}{parts.path}ws",
@@ -54,7 +56,7 @@ class Page:
             request_timeout=90.0,
         )
         self._connection = await websocket_connect(
-            request, subprotocols=["bokeh", found[1]], max_message_size=10**9
+            request, subprotocols=["bokeh", token], max_message_size=10**9
         )
         await self.message()  # ACK
         await self.send("PULL-DOC-REQ", {})
@@ -73,7 +75,10 @@ class Page:
         self.connection.close()
         with suppress(TimeoutError):
             async with asyncio.timeout(5.0):
-                while await self.connection.read_message() is not None:
+                while (
+                    self.connection.close_code is None
+                    and await self.connection.read_message() is not None
+                ):
                     pass
 
     async def send(self, kind: str, content: Any) -> None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 MOST_MESSAGE = 4_000_000  # bytes from a page in one go: a long CSV file
+MOST_LEVELS = 8  # of lists and tables in each other
 MOST_TEXT = 200_000  # characters of a model file
 MOST_NAMES = 2_000  # values that a page may give
+MOST_LANES = 30  # questions of a page that wait
 EVENTS_OF_A_PAGE = 200_000  # of a motion
 MOST_MEMORY = 3 * 2**30  # bytes of a worker's data
 MOST_PAGES = 60  # at a time

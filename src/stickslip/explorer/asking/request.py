@@ -15,7 +15,7 @@ from typing import Any
 from urllib.parse import parse_qsl, unquote
 
 from stickslip.errors import DeclarationError, short
-from stickslip.explorer.asking.limits import MOST_MESSAGE, MOST_NAMES, MOST_TEXT
+from stickslip.explorer.asking.limits import MOST_LEVELS, MOST_MESSAGE, MOST_NAMES, MOST_TEXT
 
 GIVEN = "given"  # the model that was named when the explorer was opened
 FIRST_MODEL = "rocking_toy"  # the one that is shown if none is named
@@ -94,6 +94,10 @@ def read_request(text: str) -> Request:
         raise DeclarationError("message", f"it has {len(text):,} characters", "Send less at a time")
     try:
         table = json.loads(text)
+        if "\\u" in text:
+            json.dumps(table, ensure_ascii=False).encode()  # halves of characters cannot be sent on
+        if _is_deep(table):
+            raise ValueError
         said = _table(table, "message")
         about = _table(said.get("setting", {}), "setting")
         serial, lane, what = said["serial"], said["lane"], said["what"]
@@ -110,6 +114,15 @@ def read_request(text: str) -> Request:
         _setting(about),
         _table(said.get("options", {}), "options"),
     )
+
+
+def _is_deep(table: Any) -> bool:
+    """Whether lists and tables stand in each other more deeply than any question has them."""
+    level = [[table]]
+    for _ in range(MOST_LEVELS):
+        inside = [x for parts in level for x in parts if isinstance(x, dict | list)]
+        level = [x.values() if isinstance(x, dict) else x for x in inside]
+    return bool(level)
 
 
 def read_state(text: str) -> PageSetting:

@@ -22,7 +22,7 @@ from stickslip.explorer.panels.phase_plane import phase_plane
 from stickslip.explorer.panels.plots import models_of
 from stickslip.explorer.serving.pool import WorkerPool
 from stickslip.explorer.serving.session import Session
-from stickslip.explorer.serving.wire import Wire
+from stickslip.explorer.serving.wire import WIRE, Wire
 
 _FILES = Path(__file__).parents[1] / "page"
 # In the order in which they need each other.
@@ -53,7 +53,7 @@ def page_maker(pool: WorkerPool, given: str) -> Callable[[Document], None]:
 
     def make(document: Document) -> None:
         models = models_of([make_panel() for make_panel in PANELS])
-        wire = Wire(name="wire")
+        wire = Wire(name=WIRE)
         plots = [model for model in models.values() if isinstance(model, Plot)]
         plots[0].tags = [wire]  # which makes it part of the document
         with document.models.freeze():  # to look at all of them once

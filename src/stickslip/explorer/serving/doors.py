@@ -10,18 +10,29 @@ from __future__ import annotations
 import hmac
 import re
 import secrets
+import time
 from collections.abc import Iterable
 from typing import Any
 from urllib.parse import urlsplit
 from weakref import WeakSet
 
+from bokeh.application.handlers.document_lifecycle import DocumentLifecycleHandler
+from bokeh.document import Document
+from bokeh.protocol.message import Message
 from bokeh.server.tornado import BokehTornado
 from bokeh.server.views.ws import WSHandler
+from bokeh.util.token import get_session_id
 from tornado.httputil import HTTPServerRequest
 from tornado.web import RequestHandler
 
+from stickslip.explorer.asking.limits import MOST_MESSAGE
+from stickslip.explorer.serving.wire import WIRE
+
 LOOPBACK = ("localhost", "127.0.0.1", "[::1]")
 _ROUTES = re.compile(r"(/|/ws|/static/js/bokeh[a-z-]*\.min\.js|/favicon\.ico)\Z")
+_FULL = "Too many pages are open. Close some of them, and reload this one."
+# characters of a message: a question, quoted, and what stands around it
+_MOST_RECEIVED = 2 * MOST_MESSAGE + 10_000
 _PAGE = """<!doctype html><html lang="en"><meta charset="utf-8">
 <meta name="viewport" content="width=device-width"><title>stickslip</title>
 <style>body{{font:16px/1.5 system-ui,sans-serif;max-width:34em;margin:18vh auto;padding:0 1.5em}}
@@ -68,7 +79,7 @@ class Doors:
         if request.method != "GET":
             return 405, "There is nothing to be sent here."
         if rest == "" and not room:
-            return 503, "Too many pages are open. Close some of them, and reload this one."
+            return 503, _FULL
         return None
 
 
@@ -103,16 +114,100 @@ class Refused(RequestHandler):
 
 
 class Prompt(WSHandler):
-    """A connection whose messages go out at once.
+    """A connection over which a page asks, and nothing else.
 
-    Otherwise the second of the small pieces that a message has waits until the first is
-    acknowledged, for which the other end takes its time: 40 ms for every answer.
+    Bokeh's protocol lets a page change the document that the server has of it: make objects there,
+    some of which read files, or let it grow. Here only the text of a question passes.
+
+    Messages go out at once. Otherwise the second of the small pieces that a message has waits until
+    the first is acknowledged, for which the other end takes its time: 40 ms for every answer.
     """
+
+    _received = 0  # characters and bytes since the last complete message
 
     def open(self) -> None:
         """Begin."""
         self.set_nodelay(True)
         super().open()
+
+    async def _async_open(self, token: str) -> None:
+        """Begin the session, unless the page has left long ago or there is no room."""
+        assert isinstance(self.application, Guarded)
+        reason = self.application.entry(get_session_id(token))
+        if reason:
+            self.close(4000, reason)
+        else:
+            await super()._async_open(token)
+
+    async def _receive(self, fragment: str | bytes) -> Message[Any] | None:
+        """A message, if this piece completes it."""
+        self._received += len(fragment)
+        if self._received > _MOST_RECEIVED or isinstance(fragment, bytes):
+            self._protocol_error("")
+            return None
+        message = await super()._receive(fragment)
+        self._received = 0 if message else self._received
+        return message
+
+    async def _handle(self, message: Message[Any]) -> Message[Any] | None:
+        """What is said to a message."""
+        connection = self.connection
+        assert connection is not None
+        if message.msgtype == "PATCH-DOC":
+            document = connection.session.document
+            message.content = {"events": questions_in(message.content, document)}
+            if not message.content["events"]:
+                return connection.ok(message)  # as of ranges, which the server need not know
+        elif message.msgtype not in ("PULL-DOC-REQ", "SERVER-INFO-REQ"):
+            return connection.error(message, "A page may ask questions, and nothing else.")
+        reply = await super()._handle(message)
+        if reply is not None and reply.msgtype == "ERROR":
+            return connection.error(message, "This message cannot be read.")
+        return reply
+
+    def _internal_error(self, message: str) -> None:
+        """End the connection; why it failed is nothing for the page."""
+        self.close(4001, "This message cannot be answered.")
+
+    def _protocol_error(self, message: str) -> None:
+        """End the connection."""
+        self.close(4002, "This message cannot be read.")
+
+
+def questions_in(content: Any, document: Document) -> list[dict[str, Any]]:
+    """Of the changes that a page sends, those of the text that it asks.
+
+    Parameters
+    ----------
+    content : object
+        Of a message, as it came.
+    document : Document
+    """
+    wire = document.get_model_by_name(WIRE)
+    assert wire is not None
+    found = list[dict[str, Any]]()
+    events = content.get("events") if isinstance(content, dict) else None
+    asked = {"kind": "ModelChanged", "model": {"id": wire.id}, "attr": "asked"}
+    for event in events if isinstance(events, list) else []:
+        if isinstance(event, dict) and isinstance(event.get("new"), str):
+            found += [event] if event == asked | {"new": event["new"]} else []
+    return found
+
+
+class Leaving(DocumentLifecycleHandler):
+    """What happens when a page is closed. Bokeh would also look through all memory for garbage, and
+    answer nobody meanwhile."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._on_session_destroyed = _leave
+
+
+def _leave(context: Any) -> None:
+    document = context._document
+    callbacks, document.session_destroyed_callbacks = document.session_destroyed_callbacks, set()
+    for callback in callbacks:
+        callback(context)
 
 
 class Guarded(BokehTornado):
@@ -124,11 +219,40 @@ class Guarded(BokehTornado):
         self.most_pages = most_pages
         # Requests of pages that are being made: their sessions do not exist yet.
         self._opening = WeakSet[HTTPServerRequest]()
+        # When pages connected, as long as their tokens are valid.
+        self._entered = dict[str, float]()
+
+    @property
+    def has_room(self) -> bool:
+        """Whether one more page may be opened."""
+        return len(self._sessions()) + len(self._opening) < self.most_pages
+
+    def _sessions(self) -> set[str]:
+        return {x.id for path in self.app_paths for x in self.get_sessions(path)}
+
+    def entry(self, session: str) -> str:
+        """Why a page may not connect, in words; empty if it may. A token serves once: who comes
+        back to a session that has ended loads the page again.
+
+        Parameters
+        ----------
+        session : str
+            Name of the session of the page.
+        """
+        now = time.monotonic()
+        valid = self.session_token_expiration
+        self._entered = {x: t for x, t in self._entered.items() if now - t < valid}
+        if session not in self._sessions():
+            if session in self._entered:
+                return "This page was left. Reload it."
+            if not self.has_room:
+                return _FULL
+        self._entered[session] = now
+        return ""
 
     def find_handler(self, request: HTTPServerRequest, **kwargs: Any) -> Any:
         """Who answers a request: every one passes here."""
-        pages = sum(map(len, map(self.get_sessions, self.app_paths))) + len(self._opening)
-        refused = self.doors.refusal(request, pages < self.most_pages)
+        refused = self.doors.refusal(request, self.has_room)
         if refused is not None:
             status, reason = refused
             return self.get_handler_delegate(request, Refused, {"status": status, "reason": reason})

@@ -27,7 +27,7 @@ from stickslip.explorer.asking.answer import (
     refusal,
     send_frame,
 )
-from stickslip.explorer.asking.limits import COMPILING, LONGEST, SECONDS
+from stickslip.explorer.asking.limits import COMPILING, LONGEST, MOST_LANES, MOST_MESSAGE, SECONDS
 from stickslip.explorer.asking.request import Request
 
 _GRACE = 2.0  # seconds that a worker may take to give something up
@@ -40,11 +40,13 @@ InLoop = Callable[[Callable[[], None]], Any]
 
 @dataclass
 class Job:
-    """A question, whose it is, and who is told the answer: its parts, then None and True."""
+    """A question, whose it is, who is told the answer (its parts, then None and True), and how many
+    characters it has."""
 
     page: Hashable
     request: Request
     reply: Reply
+    size: int = 0
 
     @property
     def lane(self) -> tuple[Hashable, str]:
@@ -112,8 +114,11 @@ class Worker:
 
     def _send(self, thing: object) -> None:
         assert self.process.stdin is not None
-        with suppress(OSError, ValueError):  # it has ended, which its listener says
+        try:
             send_frame(self.process.stdin, thing)
+        except Exception:
+            # It has ended or cannot be told, and would wait for ever. Its listener sees the end.
+            self.end()
 
     def _listen(self) -> None:
         source = self.process.stdout
@@ -157,6 +162,10 @@ class WorkerPool:
     def ask(self, job: Job) -> None:
         """Have a question answered as soon as a worker is free."""
         self._waiting.pop(job.lane, None)
+        others = [x for x in self._waiting.values() if x.page == job.page]
+        if len(others) >= MOST_LANES or sum(x.size for x in others) + job.size > MOST_MESSAGE:
+            job.reply(refusal(StickslipError("this page asks for too much at a time")), True)
+            return
         self._waiting[job.lane] = job
         for worker in self.workers:
             if worker.job is not None and (
@@ -197,8 +206,10 @@ class WorkerPool:
         return Worker(self._call, self._heard)
 
     def _distribute(self) -> None:
-        """Give waiting questions to workers that are free: first to those that know the page."""
-        for lane, job in list(self._waiting.items()):
+        """Give waiting questions to workers that are free, to those that know the page if possible;
+        first those of pages for which the fewest workers have worked last."""
+        last = [worker.last_page for worker in self.workers]
+        for lane, job in sorted(self._waiting.items(), key=lambda item: last.count(item[1].page)):
             free = [w for w in self.workers if w.job is None and w.ready]
             slow = job.request.what != _QUICK
             if not free or (slow and len(free) == 1 and self._size > 1 and self._one_is_slow()):

@@ -192,7 +192,7 @@ def _application(place: Listening, pool: WorkerPool):
     from bokeh.application.handlers.function import FunctionHandler
 
     from stickslip.explorer.serving.document import page_maker
-    from stickslip.explorer.serving.doors import Doors, Guarded
+    from stickslip.explorer.serving.doors import Doors, Guarded, Leaving
 
     logging.getLogger("bokeh").setLevel(logging.CRITICAL)
     for name in ("tornado.access", "tornado.application", "tornado.general"):
@@ -202,7 +202,7 @@ def _application(place: Listening, pool: WorkerPool):
     make = page_maker(pool, place.given)
     port = place.sockets[0].getsockname()[1]
     application = Guarded(
-        {"/": Application(FunctionHandler(make))},
+        {"/": Application(FunctionHandler(make), Leaving())},
         doors=doors,
         most_pages=place.most_pages,
         extra_websocket_origins=[f"{name}:{port}" for name in doors.names],

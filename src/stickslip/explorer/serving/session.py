@@ -57,7 +57,7 @@ class Session:
             return
         if request.setting.model == GIVEN:
             request = request.about(self._given)
-        self._pool.ask(Job(self, request, self._reply_to(request)))
+        self._pool.ask(Job(self, request, self._reply_to(request), len(new)))
 
     def _reply_to(self, request: Request) -> Callable[[Answer | None, bool], None]:
         about = {"serial": request.serial, "lane": request.lane, "what": request.what}
