@@ -75,6 +75,17 @@ class Compiled:
     def __call__(self, *arguments: Any, **named: Any) -> Any:
         return self.python(*arguments, **named)
 
+    @property
+    def symbol(self) -> str:
+        """Its name in machine code."""
+        return f"{self.__module__}.{self.__name__}"
+
+    @property
+    def place(self) -> str:
+        """Where it stands, and its name."""
+        code = self.python.__code__
+        return f"{code.co_filename}:{code.co_firstlineno}: {self.__name__}"
+
     __name__: str
 
 

@@ -10,6 +10,8 @@ import struct
 from typing import NamedTuple
 
 BIT, WHOLE, REAL, POINTER, NOTHING = "i1", "i64", "double", "ptr", "void"
+FASTCC = " fastcc"
+"""How functions of the language are called; those of C are called otherwise."""
 
 
 class WrongType(TypeError):
@@ -127,6 +129,30 @@ class Assembly:
         self.slots.append(f"%v{self._count} = alloca {type_}, align 16")
         return Register(f"%v{self._count}", POINTER)
 
+    # -- numbers -----------------------------------------------------------------------------------
+
+    def op(self, instruction: str, a: Register, b: Register) -> Register:
+        """What an instruction makes of two operands of one type; a truth value if it compares."""
+        type_ = BIT if instruction[1:4] == "cmp" else a.type
+        return self.new(type_, f"{instruction} {a.typed}, {of_type(a.type, b)}")
+
+    def pick(self, test: Register, a: Register, b: Register, flags: str = "") -> Register:
+        """One of two operands of one type, without a branch."""
+        operands = f"{of_type(BIT, test).typed}, {a.typed}, {of_type(a.type, b).typed}"
+        return self.new(a.type, f"select{flags} {operands}")
+
+    def converted(self, x: Register, type_: str) -> Register:
+        """A whole number or truth value as a real number, or with more or fewer bits."""
+        if x.type == type_:
+            return x
+        bits, wanted = (int(t[1:]) if t[0] == "i" else 0 for t in (x.type, type_))
+        if not bits or not (wanted or type_ == REAL):
+            raise WrongType(f"{x.typed} where there has to be {type_}")
+        how = ("uitofp", "zext") if x.type == BIT else ("sitofp", "sext")
+        return self.new(
+            type_, f"{'trunc' if 0 < wanted < bits else how[wanted > 0]} {x.typed} to {type_}"
+        )
+
     # -- memory ------------------------------------------------------------------------------------
 
     def at(self, base: Register, index: Register | int, type_: str) -> Register:
@@ -184,14 +210,17 @@ class Assembly:
             return Register("", NOTHING)
         return self.new(type_, instruction)
 
-    def outside(self, type_: str, name: str, *given: Register, flags: str = "") -> Register:
-        """The result of one of LLVM's functions, or of the mathematical library of C."""
+    def outside(
+        self, type_: str, name: str, *given: Register, flags: str = "", convention: str = ""
+    ) -> Register:
+        """The result of a function of another module, of LLVM, or of the mathematical library of
+        C; as :meth:`call`."""
         kinds = ", ".join(x.type for x in given)
         group = "" if name.startswith("llvm.") or POINTER in kinds else self.promises
-        declaration = f"declare {type_} @{name}({kinds}){group}"
+        declaration = f"declare{convention} {type_} @{name}({kinds}){group}"
         if self.declared.setdefault(name, declaration) != declaration:
             raise WrongType(f"{declaration}, which is a {self.declared[name]}")
-        return self.call(type_, f"@{name}", *given, flags=flags)
+        return self.call(type_, f"@{name}", *given, flags=flags, convention=convention)
 
     # -- control -----------------------------------------------------------------------------------
 
@@ -207,16 +236,21 @@ class Assembly:
         self.block = label
         self.ended = False
 
-    def end(self, instruction: str) -> None:
-        """End a block."""
+    def end(self, instruction: str, *labels: str) -> None:
+        """End a block, unless it has ended: where that leads."""
         if not self.ended:
             self.lines.append(instruction)
+            for label in labels:
+                self.leads(label)
         self.ended = True
+
+    def leads(self, label: str) -> None:
+        """This place leads to a block: for those who want to know."""
 
     def go(self, label: str) -> None:
         """End a block with a jump."""
-        self.end(f"br label %{label}")
+        self.end(f"br label %{label}", label)
 
     def choose(self, test: Register, yes: str, no: str) -> None:
         """End a block with one of two jumps."""
-        self.end(f"br {of_type(BIT, test).typed}, label %{yes}, label %{no}")
+        self.end(f"br {of_type(BIT, test).typed}, label %{yes}, label %{no}", yes, no)
