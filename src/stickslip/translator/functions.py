@@ -280,7 +280,7 @@ class Function(Values, ast.NodeVisitor):
         if value.lasting and once and value.offset is not None:
             self.values[name] = value  # it may stay where it is: nothing writes there
             return
-        known = self.types.get(name, value.type)
+        known = self.types[name] if name in self.types else value.type
         type_ = joined(known, value.type)
         if type_ is None:
             self.refuse(f"{name} is {known} and {value.type}", "Use two names")
@@ -310,7 +310,7 @@ class Function(Values, ast.NodeVisitor):
     def visit_Return(self, node: ast.Return) -> None:
         """The result; all of them have one type."""
         value = Value(NONE) if node.value is None else self.plain(self.visit(node.value))
-        type_ = value.type if self.result is None else joined(self.result, value.type)
+        type_ = joined(self.result or value.type, value.type)
         promised = promise(self.node.returns)
         if promised is not None and isinstance(value.type, Scalar):
             type_ = promised
@@ -347,6 +347,8 @@ class Function(Values, ast.NodeVisitor):
     def branch(self, test: ast.expr, yes: str, no: str) -> None:
         """Go one of two ways; what decides nothing is not looked at."""
         self.here = test
+        if self.ended:
+            return
         if isinstance(test, ast.BoolOp):
             every = isinstance(test.op, ast.And)
             for part in test.values[:-1]:

@@ -436,7 +436,8 @@ class Values(Assembly):
 
     def room(self, type_: Type) -> Register:
         """Address of room for a value."""
-        return self.slot(f"[{max(type_.words, 1)} x i64]")
+        is_tuple = isinstance(type_, TupleType)
+        return self.slot(f"[{max(type_.words, 1)} x i64]" if is_tuple else type_.llvm)
 
     def stored(self, value: Value) -> Value:
         """A copy in memory."""
