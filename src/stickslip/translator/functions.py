@@ -29,6 +29,7 @@ from stickslip.translator.values import (
     Type,
     Value,
     Values,
+    as_constant,
     joined,
 )
 
@@ -655,7 +656,15 @@ class Function(Values, ast.NodeVisitor):
         if any(x.type == NONE for x in given):
             self.refuse("None as an argument", "Use a number")
         self.calls += target.__module__ != calls.__name__
-        callee: Definition = self.program.definition(target, tuple(x.type for x in given))
+        callee: Definition = self.program.definition(
+            target, [as_constant(x.type, False) for x in given]
+        )
+        if any(as_constant(x.type, False) != x.type for x in given):
+            try:
+                callee = self.program.definition(target, [x.type for x in given])
+            except Refusal:
+                what = f"a constant array for {target.__name__}, which may write to it"
+                self.refuse(what, "Pass in a copy")
         self.called.add(callee.name)
         pairs = zip(given, callee.arguments, strict=True)
         operands = [self.operand(self.cast(value, type_)) for value, type_ in pairs]

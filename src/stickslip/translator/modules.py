@@ -79,7 +79,7 @@ class Program:
         for function in threads:
             self._launch(function)
 
-    def definition(self, function: Compiled, given: tuple[Type, ...]) -> Definition:
+    def definition(self, function: Compiled, given: Sequence[Type]) -> Definition:
         """A function for arguments of these types; translated at the first time.
 
         Raises
