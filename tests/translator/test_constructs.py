@@ -6,6 +6,7 @@ What random programs meet often is here only where it once went wrong, or easily
 from __future__ import annotations
 
 import random
+from pathlib import Path
 from textwrap import indent
 from types import ModuleType
 from typing import Any
@@ -419,3 +420,27 @@ def test_constructs(made: ModuleType, what: str) -> None:
         given: tuple[Any, ...] = (*arguments(rng, made), *more)
         wrong += filter(None, [differences(getattr(made, name), reference, given)])
     assert not wrong[:3]
+
+
+def powers(rng: random.Random) -> str:
+    """A function with powers of variables that are whole first and real later."""
+    names = rng.sample("abcd", 3)
+    powers = [f"total += {rng.choice(names)} ** {rng.choice(('2', '3', '-1', 'k'))}"] * 2
+    turns = [f"{x} = {rng.choice(names)} * 0.5 + {rng.randrange(1, 9) / 8}" for x in names]
+    lines = rng.sample(powers + turns + ["total += k"], 6)
+    first = "; ".join(f"{x} = {rng.randrange(1, 5)}" for x in names)
+    return f"""@entry_point()
+def f(n: int) -> float:
+    {first}; total = 0.0
+    for k in range(n):
+        {"; ".join(lines)}
+    return total
+"""
+
+
+def test_powers_of_what_is_real_in_the_end(tmp_path: Path) -> None:
+    rng = random.Random(1)
+    for _ in range(25):
+        module = module_of(powers(rng), tmp_path)
+        for n in (0, 1, 5):
+            assert not differences(module.f, by_python(module)["f"], (n,))

@@ -281,12 +281,12 @@ class Function(Values, ast.NodeVisitor):
         if value.lasting and once and value.offset is not None:
             self.values[name] = value  # it may stay where it is: nothing writes there
             return
-        known = self.types[name] if name in self.types else value.type
+        known = self.types.setdefault(name, value.type)
         type_ = joined(known, value.type)
         if type_ is None:
             self.refuse(f"{name} is {known} and {value.type}", "Use two names")
-        if type_ != self.types.get(name):
-            self.changed = self.changed or name in self.types
+        if type_ != known:
+            self.changed = True
             self.types[name] = type_
             self.places.pop(name, None)
         if type_ == NONE:

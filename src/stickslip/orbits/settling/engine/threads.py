@@ -51,7 +51,7 @@ def at_desk(e: Engine, desk: Desk) -> Engine:
 
 @entry_point()
 def advance_thread(e: Engine, w: Shared, a: int) -> None:
-    """Settle and measure a lane: thread a has lane a, and its own desk instead of e's work space."""
+    """Settle and measure lane a, thread a at its own desk instead of in the work space of e."""
     desk = row_of(w.desks, a)
     mine = at_desk(e, desk)
     advance_lane(mine, w.marks, w.rules, w.saved, desk.bench, w.found, w.stop, a)
