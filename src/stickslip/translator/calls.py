@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from stickslip.translator import call_address, compiled, fma, row_of
-from stickslip.translator.assembly import POINTER, REAL, WHOLE, Register, real, whole
+from stickslip.translator.assembly import POINTER, REAL, WHOLE, Register
 from stickslip.translator.values import (
     BOOL,
     COMPLEX,
@@ -104,7 +104,7 @@ def _best(operation: str, f: Values, first: Value, /, *given: Value) -> Value:
 
 def _is_finite(f: Values, x: Value, /) -> Value:
     size = f.outside(REAL, "llvm.fabs.f64", f.cast(x, FLOAT).register)
-    return Value(BOOL, f.op("fcmp one", size, real(math.inf)))
+    return Value(BOOL, f.op("fcmp one", size, math.inf))
 
 
 def _is_nan(f: Values, x: Value, /) -> Value:
@@ -120,8 +120,8 @@ def _frexp(f: Values, x: Value, /) -> Value:
 
 def _ldexp(f: Values, x: Value, n: Value, /) -> Value:
     # what lies beyond gives zero or an infinity in any case
-    few = f.outside(WHOLE, "llvm.smin.i64", f.cast(n, INT).register, whole(9999))
-    few = f.converted(f.outside(WHOLE, "llvm.smax.i64", few, whole(-9999)), "i32")
+    few = f.outside(WHOLE, "llvm.smin.i64", f.cast(n, INT).register, 9999)
+    few = f.converted(f.outside(WHOLE, "llvm.smax.i64", few, -9999), "i32")
     return Value(FLOAT, f.outside(REAL, "ldexp", f.cast(x, FLOAT).register, few))
 
 
@@ -187,29 +187,20 @@ def complex_div(a: complex, b: complex) -> complex:
 def complex_exp(z: complex) -> complex:
     x = z.real
     y = z.imag
+    if math.isfinite(y) and x < math.inf:
+        r = math.exp(x)
+        return complex(r * math.cos(y), r * math.sin(y))
     if math.isfinite(x):
-        if math.isfinite(y):
-            c = math.cos(y)
-            s = math.sin(y)
-            r = math.exp(x)
-            return complex(r * c, r * s)
         return complex(NAN, NAN)
     if x != x:
         return complex(x, x if y != 0.0 else y)
-    if x > 0.0:
-        if math.isfinite(y):
-            re = math.cos(y)
-            im = math.sin(y)
-            if re != 0.0:
-                re *= x
-            if im != 0.0:
-                im *= x
-            return complex(re, im)
+    if x < 0.0:
+        return complex(0.0, 0.0)
+    if not math.isfinite(y):
         return complex(x, NAN)
-    if math.isfinite(y):
-        r = math.exp(x)
-        return complex(r * math.cos(y), r * math.sin(y))
-    return complex(0.0, 0.0)
+    c = math.cos(y)
+    s = math.sin(y)
+    return complex(c * x if c != 0.0 else c, s * x if s != 0.0 else s)
 
 
 @compiled()

@@ -10,7 +10,7 @@ from functools import cache
 from typing import Any, NamedTuple, NoReturn
 
 from stickslip.translator import Compiled, calls
-from stickslip.translator.assembly import FASTCC, NOTHING, POINTER, WHOLE, Register, whole
+from stickslip.translator.assembly import FASTCC, NOTHING, POINTER, WHOLE, Register, operand
 from stickslip.translator.values import (
     BOOL,
     COMPLEX,
@@ -36,16 +36,12 @@ from stickslip.translator.values import (
 _MOST_ROUNDS = 12  # in which the types of variables have to settle
 _INSTEAD: dict[Any, str] = {
     ast.List: "Use a tuple, or an array that is passed in",
-    ast.Try: "Return a status",
-    ast.Raise: "Return a status",
-    ast.Assert: "Return a status",
-    ast.ListComp: "Write a loop",
-    ast.GeneratorExp: "Write a loop",
     ast.With: "Do it in the function that calls",
-    ast.Lambda: "Write a function of its own",
-    ast.FunctionDef: "Write a function of its own",
     ast.JoinedStr: "Return a number",
     ast.Starred: "Name the parts",
+    **dict.fromkeys((ast.Try, ast.Raise, ast.Assert), "Return a status"),
+    **dict.fromkeys((ast.ListComp, ast.GeneratorExp), "Write a loop"),
+    **dict.fromkeys((ast.Lambda, ast.FunctionDef), "Write a function of its own"),
 }
 _PROMISES = {**{kind.__name__: type_ for kind, type_ in NAMED.items()}, "None": NONE}
 
@@ -101,11 +97,6 @@ class Definition(NamedTuple):
     def file(self) -> str:
         """The source."""
         return self.function.python.__code__.co_filename
-
-    @property
-    def length(self) -> int:
-        """Lines."""
-        return self.body.count("\n")
 
 
 class Function(Values, ast.NodeVisitor):
@@ -462,7 +453,7 @@ class Function(Values, ast.NodeVisitor):
         self.round(node, inside, following, after)
         self.begin(following)
         if not self.ended:
-            self.store(self.op("add nsw", at, whole(step)), place)
+            self.store(self.op("add nsw", at, step), place)
         self.go(head)
         self.begin(after)
 
@@ -699,7 +690,7 @@ class Function(Values, ast.NodeVisitor):
         if f"{array.dtype.kind}{array.dtype.itemsize}" not in ENTRIES:
             self.refuse(f"a constant array of {array.dtype}", "Convert its entries")
         name, type_ = self.program.table(array)
-        lengths = [whole(n) for n in array.shape]
+        lengths = [operand(n) for n in array.shape]
         return Value(type_, self.structure(type_.llvm, [Register(name, POINTER), *lengths]))
 
 

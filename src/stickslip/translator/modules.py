@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from stickslip.translator import Compiled
-from stickslip.translator.assembly import FASTCC, POINTER, WHOLE, Register, imaginary, real, whole
+from stickslip.translator.assembly import FASTCC, POINTER, WHOLE, Register, operand
 from stickslip.translator.functions import Definition, Function, promise
 from stickslip.translator.values import (
     ENTRIES,
@@ -237,7 +237,7 @@ class Program:
         """Lines of a function and of what is inlined into it."""
         function = self._functions[name]
         inside = [x for x in function.called if self._functions[x].function.inline]
-        return function.length + sum(map(self._length, inside))
+        return function.body.count("\n") + sum(map(self._length, inside))
 
     def _linked(self, name: str, inside: str, linkage: str = "") -> str:
         """A function that is known inside alone, unless it is called from outside."""
@@ -249,8 +249,8 @@ class Program:
 def _table_line(name: str, array: Any) -> str:
     """A constant array in the assembly."""
     kind = ENTRIES[f"{array.dtype.kind}{array.dtype.itemsize}"][1]
-    literal = {"f": real, "c": imaginary}.get(array.dtype.kind, lambda x: whole(int(x)))
-    entries = ", ".join(f"{kind} {literal(x)}" for x in array.ravel().tolist())
+    numbers = [int(x) if isinstance(x, bool) else x for x in array.ravel().tolist()]
+    entries = ", ".join(f"{kind} {operand(x)}" for x in numbers)
     head = f"{name} = internal unnamed_addr constant [{array.size} x {kind}]"
     return f"{head} [{entries}], align 16"
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import inspect
 import operator
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, NoReturn, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -21,13 +21,11 @@ from stickslip.translator.assembly import (
     NOTHING,
     POINTER,
     REAL,
+    TWO_REALS,
     WHOLE,
     Assembly,
     Register,
-    bit,
-    imaginary,
-    real,
-    whole,
+    operand,
 )
 
 
@@ -110,9 +108,9 @@ class TupleType(NamedTuple):
 
 Type = Scalar | ArrayType | FunctionType | TupleType
 INT, FLOAT, BOOL = Scalar("int", WHOLE), Scalar("float", REAL), Scalar("bool", BIT)
-COMPLEX = Scalar("complex", "{ double, double }", 2)
+COMPLEX = Scalar("complex", TWO_REALS, 2)
 NONE, PYTHON = Scalar("None", NOTHING, 0), Scalar("an object of Python", "")
-NAMED: dict[Any, Scalar] = {int: INT, float: FLOAT, bool: BOOL, complex: COMPLEX, type(None): NONE}
+NAMED: dict[Any, Scalar] = {bool: BOOL, int: INT, float: FLOAT, complex: COMPLEX, type(None): NONE}
 _BY_PYTHON: dict[Any, Any] = {type_: kind for kind, type_ in NAMED.items()}
 _RANKS = (BOOL, INT, FLOAT, COMPLEX)
 ENTRIES = {
@@ -244,10 +242,6 @@ def as_constant(type_: Any, is_constant: bool = True) -> Any:
 # -- values ----------------------------------------------------------------------------------------
 
 
-class _Missing:
-    """What is not known before the function runs."""
-
-
 @dataclass(slots=True)
 class Value:
     """A value.
@@ -262,7 +256,7 @@ class Value:
     parts : list of Value, optional
         Of a tuple that is not in memory.
     known : object
-        A constant, or an object of Python.
+        A constant, or an object of Python; ``...`` if only the running function knows.
     lasting : bool
         Whether nothing overwrites the memory as long as the function runs.
     """
@@ -271,13 +265,13 @@ class Value:
     register: Any = None
     offset: int | None = None
     parts: list[Value] | None = None
-    known: Any = field(default=_Missing)
+    known: Any = ...
     lasting: bool = False
 
     @property
     def is_known(self) -> bool:
         """Whether it is a constant."""
-        return self.known is not _Missing
+        return self.known is not ...
 
 
 Index = Value | tuple[Value | None, Value | None]
@@ -336,18 +330,14 @@ class Values(Assembly):
 
     def constant(self, x: Any) -> Value:
         """A number, an array or another object of Python that is known now."""
-        if isinstance(x, (bool, np.bool_)):
-            return Value(BOOL, bit(bool(x)), known=bool(x))
-        if isinstance(x, (int, np.integer)):
-            if not -(2**63) <= x < 2**64:
-                self.refuse(f"{x} has more than 64 bits", "Write a real number")
-            wrapped = (int(x) + 2**63) % 2**64 - 2**63
-            return Value(INT, whole(wrapped), known=wrapped)
-        if isinstance(x, (float, np.floating)):
-            return Value(FLOAT, real(float(x)), known=float(x))
-        if isinstance(x, complex):
-            return Value(COMPLEX, imaginary(x), known=x)
-        return self.table(x) if isinstance(x, np.ndarray) else Value(PYTHON, known=x)
+        x = x.item() if isinstance(x, np.generic) else x
+        kind = next((kind for kind in NAMED if isinstance(x, kind)), type(None))
+        if kind is type(None):
+            return self.table(x) if isinstance(x, np.ndarray) else Value(PYTHON, known=x)
+        if kind is int and not -(2**63) <= x < 2**64:
+            self.refuse(f"{x} has more than 64 bits", "Write a real number")
+        number = kind((x + 2**63) % 2**64 - 2**63 if kind is int else x)
+        return Value(NAMED[kind], operand(number), known=number)
 
     def plain(self, value: Value) -> Value:
         """A value that may be stored: a constant tuple as its parts."""
@@ -375,7 +365,7 @@ class Values(Assembly):
             if value.is_known:
                 return self.constant(_BY_PYTHON[type_](value.known))
             if type_ == COMPLEX:
-                return self.complex(self.cast(value, FLOAT).register, real(0.0))
+                return self.complex(self.cast(value, FLOAT).register, operand(0.0))
             return Value(type_, self.converted(value.register, type_.llvm))
         if joined(value.type, type_) == type_:
             if isinstance(type_, ArrayType):
@@ -495,9 +485,9 @@ class Values(Assembly):
                 before = self.op("mul nsw", before, self.length(array, axis).register)
             if axis < len(given):
                 index = self.counted(array, axis, given[axis]).register
-                if index != whole(0):
+                if index != operand(0):
                     before = index if before is None else self.op("add nsw", before, index)
-        return self.at(base, before or whole(0), ENTRIES[array.type.entries][1])
+        return self.at(base, before or operand(0), ENTRIES[array.type.entries][1])
 
     def element(self, array: Value, given: Sequence[Index]) -> Value:
         """An entry, a row, or a part of rows."""
@@ -512,7 +502,7 @@ class Values(Assembly):
             low, high = self.bounds(array, len(places), given[-1])
             places.append(low)
             size = self.op("sub nsw", high.register, low.register)
-            lengths.insert(0, self.outside(WHOLE, "llvm.smax.i64", size, whole(0)))
+            lengths.insert(0, self.outside(WHOLE, "llvm.smax.i64", size, 0))
         kind = type_._replace(axes=len(lengths))
         return Value(kind, self.structure(kind.llvm, [self.entry(array, places), *lengths]))
 
@@ -525,7 +515,7 @@ class Values(Assembly):
                 return given or otherwise
             found = self.counted(array, axis, given).register
             found = self.outside(WHOLE, "llvm.smin.i64", found, length.register)
-            return Value(INT, self.outside(WHOLE, "llvm.smax.i64", found, whole(0)))
+            return Value(INT, self.outside(WHOLE, "llvm.smax.i64", found, 0))
 
         low, high = ends
         return bound(low, self.constant(0)), bound(high, length)
@@ -545,7 +535,7 @@ class Values(Assembly):
 
     # -- arithmetic --------------------------------------------------------------------------------
 
-    def real_op(self, operation: str, a: Register, b: Register) -> Register:
+    def real_op(self, operation: str, a: Register | float, b: Register) -> Register:
         """Arithmetic of real numbers."""
         return self.op(f"{operation}{self.flags}", a, b)
 
@@ -600,26 +590,26 @@ class Values(Assembly):
     def divided(self, operation: str, a: Register, b: Register) -> Register:
         """Quotient or remainder of whole numbers as Python rounds them; zero by zero."""
         # LLVM leaves undefined what division by 0, and of the least number by −1, would give.
-        none, minus = self.op("icmp eq", b, whole(0)), self.op("icmp eq", b, whole(-1))
-        by = self.pick(self.op("or", none, minus), whole(1), b)
+        none, minus = self.op("icmp eq", b, 0), self.op("icmp eq", b, -1)
+        by = self.pick(self.op("or", none, minus), 1, b)
         quotient, rest = self.op("sdiv", a, by), self.op("srem", a, by)
-        opposite = self.op("icmp slt", self.op("xor", rest, by), whole(0))
-        below = self.op("and", self.op("icmp ne", rest, whole(0)), opposite)
+        opposite = self.op("icmp slt", self.op("xor", rest, by), 0)
+        below = self.op("and", self.op("icmp ne", rest, 0), opposite)
         if operation == "Mod":
-            return self.op("add", rest, self.pick(below, by, whole(0)))
+            return self.op("add", rest, self.pick(below, by, 0))
         found = self.op("sub", quotient, self.converted(below, WHOLE))
-        found = self.pick(minus, self.op("sub", whole(0), a), found)
-        return self.pick(none, whole(0), found)
+        found = self.pick(minus, self.op("sub", 0, a), found)
+        return self.pick(none, 0, found)
 
     def shifted(self, instruction: str, a: Register, places: Value) -> Register:
         """A number with its bits moved; by 64 places or more, too, which LLVM leaves undefined."""
         n = places.register
         if places.is_known and 0 <= places.known < 64:
             return self.op(instruction, a, n)
-        moved = self.op(instruction, a, self.outside(WHOLE, "llvm.umin.i64", n, whole(63)))
+        moved = self.op(instruction, a, self.outside(WHOLE, "llvm.umin.i64", n, 63))
         if instruction == "ashr":
             return moved
-        return self.pick(self.op("icmp ult", n, whole(64)), moved, whole(0))
+        return self.pick(self.op("icmp ult", n, 64), moved, 0)
 
     def power(self, a: Value, b: Value) -> Value:
         """A power: with a constant whole exponent a product, by repeated squares."""
@@ -641,8 +631,8 @@ class Values(Assembly):
             left >>= 1
             if left:
                 square = self.real_op("fmul", square, square)
-        product = product or real(1.0)
-        return Value(FLOAT, self.real_op("fdiv", real(1.0), product) if b.known < 0 else product)
+        product = product or operand(1.0)
+        return Value(FLOAT, self.real_op("fdiv", 1.0, product) if b.known < 0 else product)
 
     def negative(self, a: Value) -> Value:
         """−a."""
@@ -654,7 +644,7 @@ class Values(Assembly):
             return Value(FLOAT, self.opposite(a.register))
         if a.type == COMPLEX:
             return self.complex(*map(self.opposite, self.split(a)))
-        return Value(INT, self.op("sub", whole(0), self.cast(a, INT).register))
+        return Value(INT, self.op("sub", 0, self.cast(a, INT).register))
 
     # -- tests -------------------------------------------------------------------------------------
 
@@ -678,7 +668,7 @@ class Values(Assembly):
 
     def inverted(self, a: Value) -> Value:
         """Whether something is not true."""
-        return Value(BOOL, self.op("xor", a.register, bit(True)))
+        return Value(BOOL, self.op("xor", a.register, True))
 
     def truth(self, value: Value) -> Value:
         """Whether a number is not zero."""

@@ -188,7 +188,7 @@ class OnDevice:
             each(memory.put, block.rules._replace(most=most)),
             self.saved,
             self.found,
-            memory.put(np.zeros(1, np.int64)),
+            memory.put(np.zeros(1, np.int64)),  # pyright: ignore[reportArgumentType]
         )
 
     def advance(self) -> None:
