@@ -43,12 +43,13 @@ _INSTEAD: dict[Any, str] = {
     **dict.fromkeys((ast.ListComp, ast.GeneratorExp), "Write a loop"),
     **dict.fromkeys((ast.Lambda, ast.FunctionDef), "Write a function of its own"),
 }
-_PROMISES = {**{kind.__name__: type_ for kind, type_ in NAMED.items()}, "None": NONE}
+_PROMISES: dict[Any, Scalar] = {kind.__name__: x for kind, x in NAMED.items()} | {None: NONE}
 
 
 def promise(annotation: ast.expr | None) -> Scalar | None:
     """The type of number that an annotation names, if it names one."""
-    return _PROMISES.get(ast.unparse(annotation)) if annotation else None
+    named = getattr(annotation, "id", None) or getattr(annotation, "value", "")
+    return _PROMISES.get(named)
 
 
 class Definition(NamedTuple):
@@ -647,15 +648,13 @@ class Function(Values, ast.NodeVisitor):
         if any(x.type == NONE for x in given):
             self.refuse("None as an argument", "Use a number")
         self.calls += target.__module__ != calls.__name__
-        callee: Definition = self.program.definition(
-            target, [as_constant(x.type, False) for x in given]
-        )
-        if any(as_constant(x.type, False) != x.type for x in given):
-            try:
-                callee = self.program.definition(target, [x.type for x in given])
-            except Refusal:
-                what = f"a constant array for {target.__name__}, which may write to it"
-                self.refuse(what, "Pass in a copy")
+        types = [x.type for x in given]
+        callee: Definition = self.program.definition(target, [as_constant(x, False) for x in types])
+        try:
+            callee = self.program.definition(target, types)
+        except Refusal:
+            what = f"a constant array for {target.__name__}, which may write to it"
+            self.refuse(what, "Pass in a copy")
         self.called.add(callee.name)
         pairs = zip(given, callee.arguments, strict=True)
         operands = [self.operand(self.cast(value, type_)) for value, type_ in pairs]

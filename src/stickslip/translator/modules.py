@@ -77,7 +77,7 @@ class Program:
         for entry in entries:
             self._enter(entry)
         for function in threads:
-            self._launch(function)
+            self._enter(function, is_thread=True)
 
     def definition(self, function: Compiled, given: Sequence[Type]) -> Definition:
         """A function for arguments of these types; translated at the first time.
@@ -157,45 +157,24 @@ class Program:
             raise Refusal(f"{function.place}: {what}")
         return found
 
-    def _enter(self, function: Compiled) -> None:
-        """Write what Python calls."""
+    def _enter(self, function: Compiled, is_thread: bool = False) -> None:
+        """Write what Python calls, or what a GPU runs in each of its threads."""
         callee, work = self._promised(function), Values()
-        given = [work.operand(x) for x in _from_words(callee.arguments)]
-        self._close(f"entry.{function.symbol}", callee, work, given, [("ptr", "%words")])
-
-    def _launch(self, function: Compiled) -> None:
-        """Write what a GPU runs in each of its threads."""
-        callee, work = self._promised(function), Values()
-        if callee.result != NONE or callee.arguments[-1:] != (INT,):
-            what = "what a thread runs takes its number last, and returns nothing"
-            raise Refusal(f"{function.place}: {what}. Write to an array")
-        names = (f"llvm.nvvm.read.ptx.sreg.{name}.x" for name in ("ctaid", "ntid", "tid"))
-        numbers = [work.outside("i32", name) for name in names]
-        block, width, place = (work.new(WHOLE, f"zext {x.typed} to i64") for x in numbers)
-        thread = work.op("add nuw nsw", work.op("mul nuw nsw", block, width), place)
-        work.choose(work.op("icmp slt", thread, Register("%count", WHOLE)), "busy", "idle")
-        work.begin("idle")
-        work.end("ret void")
-        work.begin("busy")
-        given = [work.operand(x) for x in _from_words(callee.arguments[:-1])]
+        name, kind, parameters = f"entry.{function.symbol}", "", [(POINTER, "%words")]
+        types, last = callee.arguments, list[Register]()
+        if is_thread:
+            if callee.result != NONE or types[-1:] != (INT,):
+                what = "what a thread runs takes its number last, and returns nothing"
+                raise Refusal(f"{function.place}: {what}. Write to an array")
+            name, kind = function.__name__, "ptx_kernel "
+            parameters = [("ptr noalias readonly", "%words"), (WHOLE, "%count")]
+            types, last = types[:-1], [_number_of_thread(work)]
+        given = [work.operand(x) for x in _from_words(types)]
+        kind += _finish(work, f'@"{callee.name}"', callee.result, [*given, *last], FASTCC)
         self._declared |= work.declared
-        parameters = [("ptr noalias readonly", "%words"), (WHOLE, "%count")]
-        self._close(function.__name__, callee, work, [*given, thread], parameters, "ptx_kernel ")
-
-    def _close(
-        self,
-        name: str,
-        callee: Definition,
-        work: Values,
-        given: list[Register],
-        parameters: list[tuple[str, str]],
-        convention: str = "",
-    ) -> None:
-        """Let a function that is called from outside call the one that it stands for."""
-        result = _finish(work, f'@"{callee.name}"', callee.result, given, FASTCC)
-        found = callee.function, name, f"{convention}{result}", parameters, work.body()
         self._outside.add(name)
-        self._functions[name] = Definition(*found, {callee.name})
+        made = function, name, kind, parameters, work.body(), {callee.name}
+        self._functions[name] = Definition(*made)
 
     # -- modules -----------------------------------------------------------------------------------
 
@@ -253,6 +232,21 @@ def _table_line(name: str, array: Any) -> str:
     entries = ", ".join(f"{kind} {operand(x)}" for x in numbers)
     head = f"{name} = internal unnamed_addr constant [{array.size} x {kind}]"
     return f"{head} [{entries}], align 16"
+
+
+def _number_of_thread(work: Values) -> Register:
+    """The number of a thread of a GPU among those of all blocks; those that are not wanted end."""
+    names = (f"llvm.nvvm.read.ptx.sreg.{name}.x" for name in ("ctaid", "ntid", "tid"))
+    block, width, place = (
+        work.new(WHOLE, f"zext {x.typed} to i64")
+        for x in [work.outside("i32", name) for name in names]
+    )
+    number = work.op("add nuw nsw", work.op("mul nuw nsw", block, width), place)
+    work.choose(work.op("icmp slt", number, Register("%count", WHOLE)), "busy", "idle")
+    work.begin("idle")
+    work.end("ret void")
+    work.begin("busy")
+    return number
 
 
 def _from_words(types: Sequence[Type], offset: int = 0) -> list[Value]:
