@@ -202,8 +202,13 @@ class Assembly:
     def outside(
         self, type_: str, name: str, *given: Register | float, flags: str = "", convention: str = ""
     ) -> Register:
-        """The result of a function of another module, of LLVM, or of the mathematical library of
-        C; as :meth:`call`."""
+        """The result of a function of another module, of LLVM, or of the mathematical library of C.
+
+        Parameters
+        ----------
+        type_, name, given, flags, convention : str and registers
+            As of :meth:`call`; the name without @.
+        """
         operands = [operand(x) for x in given]
         kinds = ", ".join(x.type for x in operands)
         group = "" if name.startswith("llvm.") or POINTER in kinds else self.promises

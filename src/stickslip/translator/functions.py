@@ -225,19 +225,17 @@ class Function(Values, ast.NodeVisitor):
         if not isinstance(node.value, ast.Constant):
             self.visit(node.value)
 
-    def visit_Assign(self, node: ast.Assign) -> None:
-        """``a = b = value``."""
-        value = self.settled(self.plain(self.visit(node.value)))
-        for target in node.targets:
-            self.assign(target, value)
-
-    def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
-        """``a: float = value``."""
+    def visit_Assign(self, node: ast.Assign | ast.AnnAssign) -> None:
+        """``a = b = value``, ``a: float = value``."""
         if node.value is None:
             self.refuse("a variable without a value", "Assign one")
         value = self.settled(self.plain(self.visit(node.value)))
-        said = promise(node.annotation)
-        self.assign(node.target, self.cast(value, said) if said else value)
+        if isinstance(node, ast.AnnAssign) and (said := promise(node.annotation)):
+            value = self.cast(value, said)
+        for target in [node.target] if isinstance(node, ast.AnnAssign) else node.targets:
+            self.assign(target, value)
+
+    visit_AnnAssign = visit_Assign
 
     def visit_AugAssign(self, node: ast.AugAssign) -> None:
         """``a += value``."""

@@ -47,7 +47,7 @@ class Program:
     entries : sequence of Compiled
         What is called from outside: with the address of its arguments as words. A parameter has the
         type of its annotation.
-    open : sequence of Compiled, optional
+    exported : sequence of Compiled, optional
         What other assembly calls, as functions of the language call each other. A parameter has the
         type of its annotation.
     threads : sequence of Compiled
@@ -60,7 +60,7 @@ class Program:
     def __init__(
         self,
         entries: Sequence[Compiled],
-        open: Sequence[Compiled] = (),
+        exported: Sequence[Compiled] = (),
         *,
         threads: Sequence[Compiled] = (),
         direct: Mapping[type, str] | None = None,
@@ -73,7 +73,7 @@ class Program:
         self._tables: dict[int, tuple[str, Any]] = {}
         self._counts: dict[str, int] = {}
         self._nodes: dict[str, dict[int, ast.FunctionDef]] = {}
-        self._outside |= {self._promised(function).name for function in open}
+        self._outside |= {self._promised(function).name for function in exported}
         for entry in entries:
             self._enter(entry)
         for function in threads:
