@@ -13,7 +13,10 @@ from hypothesis import strategies as st
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
-from stickslip.equations.native import kernels
+from stickslip.equations.native import (
+    kernels,
+    systems,  # noqa: F401  it says where kernels are found
+)
 from stickslip.equations.native.arithmetic import Arithmetic
 from stickslip.machine_code import shelf
 from stickslip.machine_code.functions import Kernel
