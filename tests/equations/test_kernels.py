@@ -13,11 +13,16 @@ from hypothesis import strategies as st
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
-from stickslip.equations.native import kernels
+from stickslip.equations.native import (
+    kernels,
+    systems,  # noqa: F401  it says where kernels are found
+)
+from stickslip.equations.native.arithmetic import Arithmetic
 from stickslip.machine_code import shelf
 from stickslip.machine_code.functions import Kernel
-from stickslip.translator.assembly import POINTER, REAL, WHOLE
-from stickslip.translator.values import plain_types
+from stickslip.machine_code.objects import addresses
+from stickslip.translator.assembly import POINTER, REAL, WHOLE, Register
+from stickslip.translator.values import ArrayType, entry_types
 
 KERNELS = {name: x for name, x in vars(kernels).items() if isinstance(x, Kernel)}
 NUMBERS = {POINTER: ctypes.c_void_p, WHOLE: ctypes.c_int64, REAL: ctypes.c_double}
@@ -26,9 +31,18 @@ reals = st.floats(-1e3, 1e3) | st.sampled_from([0.0, -0.0, 1e90, 5e-324, float("
 
 @cache
 def _function(kernel: Kernel) -> Any:
-    types, result = plain_types(kernel)
-    kind = ctypes.CFUNCTYPE(NUMBERS[result], *(NUMBERS[x] for x in types))
-    return kind(shelf.engine().get_function_address(kernel.symbol))
+    """A function that calls a kernel, as those of systems do."""
+    types, result = entry_types(kernel)
+    kinds = list[str]()
+    for type_ in types:
+        is_array = isinstance(type_, ArrayType)
+        kinds += [POINTER, *[WHOLE] * (type_.axes - 1)] if is_array else [type_.llvm]
+    arguments = [Register(f"%x{i}", kind) for i, kind in enumerate(kinds)]
+    f = Arithmetic(f"call_{kernel.__name__}", arguments, result.llvm)
+    f.end(f"ret {f.kernel(kernel, *arguments).typed}")
+    text = "\n".join([*f.declared.values(), f.definition()])
+    kind = ctypes.CFUNCTYPE(NUMBERS[result.llvm], *(NUMBERS[x] for x in kinds))
+    return kind(addresses(text, [f.name])[0])
 
 
 def compiled(kernel: Kernel, *given: Any) -> float:

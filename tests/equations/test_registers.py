@@ -51,6 +51,8 @@ TAKES: dict[str, tuple[Any, ...]] = {
     "at": (POINTER, WHOLE, "float"),
     "load": ("float", POINTER),
     "extract": (ARRAY, 0, "ptr "),
+    "op": ("fadd", REAL, REAL),
+    "pick": (BIT, REAL, REAL),
     "read": (POINTER, WHOLE),
     "write": (REAL, POINTER),
     "kernel": (kernels.powered, POINTER, POINTER, WHOLE, WHOLE, WHOLE, REAL),
@@ -58,10 +60,10 @@ TAKES: dict[str, tuple[Any, ...]] = {
     "loop": (WHOLE, WHOLE, lambda *_: None),
 }
 """What each method takes: types, and arguments that are none."""
-APART = {"total", "store", "choose"}
+APART = {"total", "store", "choose", "converted"}
 """Methods that are looked at apart."""
 FREE = {"once", "age", "definition", "body", "new", "slot", "structure", "call", "outside"}
-FREE |= {"label", "begin", "end", "go"}
+FREE |= {"label", "begin", "end", "go", "leads"}
 """Methods that take no operand, or operands of any type."""
 
 
@@ -126,6 +128,19 @@ def test_sums_stores_and_branches_take_their_types_alone() -> None:
     for type_ in set(TYPES) - {BIT}:
         with pytest.raises(WrongType):
             function().choose(Register(ARGUMENTS[type_], type_), "yes", "no")
+
+
+def test_conversions_are_of_whole_numbers_and_keep_the_type_that_is_there() -> None:
+    for type_, name in ARGUMENTS.items():
+        for other in TYPES:
+            f = function()
+            if type_ == other or (type_ in ("i1", "i32", "i64") and other not in (POINTER, ARRAY)):
+                assert f.converted(Register(name, type_), other).type == other
+                f.end("ret i64 0")
+                llvm.parse_assembly(f.definition()).verify()
+            else:
+                with pytest.raises(WrongType):
+                    f.converted(Register(name, type_), other)
 
 
 def test_what_a_loop_carries_keeps_its_type() -> None:

@@ -16,13 +16,14 @@ import stickslip as ss
 from stickslip.machine_code import functions, shelf
 motions = {}
 # In Python, an index beyond the end of an array is an error: compiled code read such an entry where
-# the components of a plane move different coordinates, as in the last two.
+# the components of a plane move different coordinates, as in two of these.
 for name, flow, end in (
     ("belt_block", "auto", 12.0),
     ("rocking_toy", "taylor", 12.0),
     ("block_chain", "auto", 12.0),
     ("conveyor", "auto", 2.0),
     ("puck", "auto", 2.0),
+    ("cart_pendulum", "auto", 1.5),  # inertia moves
 ):
     motion = ss.simulate(ss.catalogue.get(name), (0.0, end), flow=flow)
     knots = motion.knots
@@ -30,7 +31,7 @@ for name, flow, end in (
 compiled = any("prepared" in vars(entry) for entry in shelf.entries_of(shelf.ENGINE))
 json.dump([functions.AS_PYTHON, compiled, motions], sys.stdout)
 """
-KNOTS_ALIKE = ("belt_block", "rocking_toy", "block_chain")
+KNOTS_ALIKE = ("belt_block", "rocking_toy", "block_chain", "cart_pendulum")
 # How long the many steps before the end of a slip in a plane are, rounding errors decide.
 ENDS_ALIKE = ("conveyor", "puck")
 

@@ -15,7 +15,7 @@ import pytest
 from stickslip.arrays import IntVector, Many, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.machine_code.interface import SystemFunction
-from stickslip.translator import RELAXED, FunctionAddress, call_address, compiled
+from stickslip.translator import RELAXED, FunctionAddress, call_address, compiled, modules
 from stickslip.translator.modules import Program
 
 from .judging import bits, differences, module_of
@@ -50,8 +50,11 @@ def both(x: Vector) -> float:
 """
 
 
-def test_functions_of_one_name_in_several_modules(tmp_path: Path) -> None:
+def test_functions_of_one_name_in_several_modules(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """What is large is in its own module alone, what is small in others, too."""
+    monkeypatch.setattr(modules, "_FEW", 40)
     one, two = (module_of(INNER.format(scale=scale), tmp_path) for scale in (2.0, 3.0))
     entry = module_of(OUTER.format(one=one.__name__, two=two.__name__), tmp_path).both
     for seed in range(20):

@@ -6,6 +6,7 @@ What random programs meet often is here only where it once went wrong, or easily
 from __future__ import annotations
 
 import random
+from pathlib import Path
 from textwrap import indent
 from types import ModuleType
 from typing import Any
@@ -419,3 +420,53 @@ def test_constructs(made: ModuleType, what: str) -> None:
         given: tuple[Any, ...] = (*arguments(rng, made), *more)
         wrong += filter(None, [differences(getattr(made, name), reference, given)])
     assert not wrong[:3]
+
+
+def powers(rng: random.Random) -> str:
+    """A function with powers of variables that are whole first and real later."""
+    names = rng.sample("abcd", 3)
+    powers = [f"total += {rng.choice(names)} ** {rng.choice(('2', '3', '-1', 'k'))}"] * 2
+    turns = [f"{x} = {rng.choice(names)} * 0.5 + {rng.randrange(1, 9) / 8}" for x in names]
+    lines = rng.sample(powers + turns + ["total += k"], 6)
+    first = "; ".join(f"{x} = {rng.randrange(1, 5)}" for x in names)
+    return f"""@entry_point()
+def f(n: int) -> float:
+    {first}; total = 0.0
+    for k in range(n):
+        {"; ".join(lines)}
+    return total
+"""
+
+
+def test_powers_of_what_is_real_in_the_end(tmp_path: Path) -> None:
+    rng = random.Random(1)
+    for _ in range(25):
+        module = module_of(powers(rng), tmp_path)
+        for n in (0, 1, 5):
+            assert not differences(module.f, by_python(module)["f"], (n,))
+
+
+# Conditions that are constants, and code that no way leads to.
+DEAD = (
+    "while 1:\n x += 1.0\n if x > 9.0: break",
+    "while True:\n if n > 5: return x\n n += 1\n continue",
+    "while False: x = 2.0",
+    "if False: y = 1.0\nelse: y = x\nx = y",
+    "if True: return x\nelse: return 2.0 * x",
+    "x += (1.0 if True else 2.0) + (x if not True else 3.0)",
+    "x += 1.0 if True or x > 1.0 else 2.0",
+    "y = x > 0.0 and (True and n > 1)\nx += float(y) + float(False or n > 2)",
+    "for k in range(n): return x + k",
+    "for k in range(n):\n while True:\n  x += 1.0\n  if x > 5.0: return x",
+    "for k in range(n):\n if k == 2: continue\n else: break",
+    "for a in (1.0, x, 3.0):\n if n > 1: break\n return a",
+    "for a in (1.0, x, 3.0):\n if a > 2.0: continue\n x += a",
+)
+
+
+@pytest.mark.parametrize("body", DEAD)
+def test_code_that_is_never_reached(body: str, tmp_path: Path) -> None:
+    head = "@entry_point()\ndef f(n: int, x: float) -> float:\n"
+    module = module_of(f"{head}{indent(body, '    ')}\n    return x\n", tmp_path)
+    for given in ((0, -3.0), (1, 0.5), (3, 2.5)):
+        assert not differences(module.f, by_python(module)["f"], given)

@@ -6,6 +6,7 @@ import re
 from itertools import pairwise
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from stickslip.translator.modules import Program
@@ -171,6 +172,68 @@ def test_entries_that_are_refused(what: str, tmp_path: Path) -> None:
         Program([module.f])
     with pytest.raises(TypeError, match=rf"{module.__name__}\.py:\d+: f: .*{what}"):
         module.f(1.0)
+
+
+# How an entry comes by an array that is a constant, or may be one, and how it writes to that.
+CONSTANTS = """
+GRID, TABLE = np.arange(6.0).reshape(2, 3), np.arange(3.0)
+
+class Held(NamedTuple):
+    v: Vector
+    n: int
+
+HELD = Held(np.arange(3.0), 1)
+
+@compiled()
+def fill(v, x):
+    v[0] = x
+@compiled()
+def fill_held(held, x):
+    fill(held.v, x)
+@compiled()
+def carried(v):
+    return (v, 1)
+@compiled()
+def total(v):
+    s = 0.0
+    for y in v:
+        s += y
+    return s
+
+"""
+WAYS = (
+    "w = TABLE",
+    "w = GRID[1]",
+    "w = TABLE[1:]",
+    "w = HELD.v",
+    "w = TABLE if n > 0 else v",
+    "w = v\n    if n > 0:\n        w = TABLE",
+    "w, k = carried(TABLE)",
+    "w, k = v, n\n    for i in range(n):\n        w, k = HELD",
+    "w = Held(TABLE, n).v",
+    "held = Held(GRID[0], n)\n    w = held.v",
+    "w = v\n    for row in GRID:\n        w = row",
+)
+WRITES = ("w[0] = x", "w[-1] += x", "fill(w, x)", "fill_held(Held(w, n), x)", "fill(v=w[1:], x=x)")
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_constants_are_not_written_to(way: str, tmp_path: Path) -> None:
+    """Neither where they are seen, nor in functions that they are handed to."""
+    for write in WRITES:
+        source = f"{CONSTANTS}{HEAD}    {way}\n    {write}  #\n    return x\n"
+        assert re.match(
+            "an assignment to an entry|a constant array for fill", refused(source, tmp_path)
+        )
+
+
+def test_constants_are_read_by_the_same_functions(tmp_path: Path) -> None:
+    for way in WAYS:
+        body = f"    {way}\n    return total(w) + total(v) + total(TABLE)\n"
+        module = module_of(f"{CONSTANTS}{HEAD}{body}", tmp_path)
+        assert Program([module.f]).whole().count('total"(') == 4, way  # a definition, three calls
+        given = 2, 0.5, np.arange(4.0), np.ones((2, 2))
+        assert module.f(*given) == module.f.python(*given)
 
 
 def test_a_result_of_another_type_than_annotated(tmp_path: Path) -> None:

@@ -42,19 +42,13 @@ class Entry(Compiled):
 
 
 class Kernel(Compiled):
-    """A function of the engine that the machine code of systems calls, as
-    :func:`stickslip.translator.values.plain_types` says.
+    """A function of the engine that the machine code of systems calls.
 
     Its arguments are numbers and arrays, as annotated. It must not ask how many rows an array has.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function, brief=True)
-
-    @property
-    def symbol(self) -> str:
-        """Its name in machine code."""
-        return f"kernel.{self.__module__}.{self.__name__}"
 
     __name__: str
 

@@ -33,9 +33,9 @@ def _caller(kind: type[SystemFunction]) -> Any:
 
     function = function_type(kind)
     names, types = zip(*function.arguments, strict=True)
-    (address,) = addresses(caller_of(function), [f"call_{function.name}"])
+    (address,) = addresses(caller_of(function), [f"call_{function}"])
     given = (("address", *names), (function, *types))
-    return Prepared(function.name, *given, function.result, address)
+    return Prepared(str(function), *given, function.result, address)
 
 
 class Setup(SystemFunction):

@@ -119,9 +119,9 @@ def _kernels_in(system: str) -> list[Kernel]:
 def _made(entries: Sequence[Entry], system: str, mathematics: bytes) -> bytes:
     from stickslip.translator.modules import Program
 
-    called = {kernel.symbol: kernel for kernel in _kernels_in(system)}
     direct = {kind: name for name, kind in INTERFACE.items()}
-    module = _module(Program((), called, threads=entries, direct=direct).whole())
+    program = Program((), _kernels_in(system), threads=entries, direct=direct)
+    module = _module(program.whole())
     module.link_in(_module(system))
     module.link_in(_mathematics(mathematics))
     names = {entry.__name__ for entry in entries}

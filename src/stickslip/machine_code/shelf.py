@@ -36,7 +36,7 @@ from stickslip.machine_code.objects import (
 )
 from stickslip.machine_code.store import alone, cache_folder, keep, stored
 from stickslip.machine_code.words import Prepared
-from stickslip.translator.values import entry_types, symbol_of
+from stickslip.translator.values import entry_types
 
 SHIPPED = Path(__file__).parent / "shipped"
 # Levels of processors that the engine is built for: 64-bit x86 with fused multiplication and
@@ -49,7 +49,6 @@ _MAKERS = tuple(
         "machine_code.objects",
         "translator.__init__",
         "translator.modules",
-        "translator.runtime",
     )
 )
 """What makes machine code, with all that these modules import."""
@@ -132,7 +131,7 @@ def prepare(entry: Entry) -> Prepared:
     """An entry in memory."""
     library = next((x for x in LIBRARIES if entry.__module__ in x.modules), None)
     engine = _alone(entry) if library is None else _in_memory(library)
-    address = engine.get_function_address(symbol_of(entry))
+    address = engine.get_function_address(f"entry.{entry.symbol}")
     names = tuple(inspect.signature(entry.python).parameters)
     return Prepared(entry.__name__, names, *entry_types(entry), address)
 
@@ -282,7 +281,7 @@ def jobs_of(
     from stickslip.translator.modules import Program
 
     jobs = list[Compilation]()
-    kernels = {x.symbol: x for x in entries if isinstance(x, Kernel)}
+    kernels = [x for x in entries if isinstance(x, Kernel)]
     program = Program([x for x in entries if isinstance(x, Entry)], kernels)
     for file, text in program.modules().items():
         key = digest(text, here, LOOPS)

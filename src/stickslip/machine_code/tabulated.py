@@ -20,7 +20,7 @@ from stickslip.machine_code.objects import (
     processor,
     provide,
 )
-from stickslip.translator.assembly import real
+from stickslip.translator.assembly import operand
 
 
 def provide_table(
@@ -76,12 +76,12 @@ def _assembly(
 declare double @llvm.floor.f64(double)
 define internal i64 @find(double %x) {{
 entry:
-  %away = fsub double %x, {real(first)}
-  %guess = fmul double %away, {real(density)}
+  %away = fsub double %x, {operand(first)}
+  %guess = fmul double %away, {operand(density)}
   %under = fcmp olt double %guess, 0.0
   %above = select i1 %under, double 0.0, double %guess
-  %over = fcmp ogt double %above, {real(float(m - 1))}
-  %bounded = select i1 %over, double {real(float(m - 1))}, double %above
+  %over = fcmp ogt double %above, {operand(float(m - 1))}
+  %bounded = select i1 %over, double {operand(float(m - 1))}, double %above
   %known = fcmp ord double %bounded, 0.0
   %inside = select i1 %known, double %bounded, double 0.0
   %g = fptosi double %inside to i64
@@ -133,14 +133,14 @@ def _place(
     """
     lines = [f"define internal {{ i64, double }} @{side}(double %given) {{"]
     if period > 0.0:
-        lines.append(f"""  %since = fsub double %given, {real(first)}
-  %share = fdiv double %since, {real(period)}
+        lines.append(f"""  %since = fsub double %given, {operand(first)}
+  %share = fdiv double %since, {operand(period)}
   %turns = call double @llvm.floor.f64(double %share)
-  %gone = fmul double %turns, {real(period)}
+  %gone = fmul double %turns, {operand(period)}
   %x = fsub double %given, %gone""")
     else:
-        lines.append(f"""  %late = fcmp ole double %given, {real(last + near)}
-  %early = fcmp oge double %given, {real(first - near)}
+        lines.append(f"""  %late = fcmp ole double %given, {operand(last + near)}
+  %early = fcmp oge double %given, {operand(first - near)}
   %within = and i1 %late, %early
   %x = select i1 %within, double %given, double 0x7FF8000000000000""")
     lines.append(f"""  %i = call i64 @find(double %x)
@@ -153,7 +153,7 @@ def _place(
   %right = fsub double %high, %x
   %before = sub i64 %i, 1""")
     if side == "gate":
-        lines.append(f"""  %begins = fcmp ole double %right, {real(near)}
+        lines.append(f"""  %begins = fcmp ole double %right, {operand(near)}
   %k = select i1 %begins, i64 %next, i64 %i""")
     else:
         lines.append(f"""  %parity = urem i64 %i, 2
@@ -163,11 +163,11 @@ def _place(
   %k = select i1 %own, i64 %i, i64 %other""")
     if period > 0.0:
         lines.append(f"""  %past = icmp eq i64 %k, {m}
-  %less = fsub double %x, {real(period)}
+  %less = fsub double %x, {operand(period)}
   %x1 = select i1 %past, double %less, double %x
   %k1 = select i1 %past, i64 0, i64 %k
   %ahead = icmp slt i64 %k, 0
-  %more = fadd double %x, {real(period)}
+  %more = fadd double %x, {operand(period)}
   %x2 = select i1 %ahead, double %more, double %x1
   %k2 = select i1 %ahead, i64 {m - 1}, i64 %k1""")
     else:  # at the ends the piece on the other side has that parity, if there is one
@@ -207,7 +207,7 @@ def _value(name: str, side: str, factors: Sequence[float], table: Any, breaks: s
             f"  %place{j} = add i64 %row, {skipped + j}",
             f"  %at{j} = getelementptr double, ptr {base}, i64 %place{j}",
             f"  %c{j} = load double, ptr %at{j}",
-            f"  %term{j} = fmul double %c{j}, {real(factors[j])}",
+            f"  %term{j} = fmul double %c{j}, {operand(factors[j])}",
             f"  %high{j} = fmul double {total}, %u",
             f"  %sum{j} = fadd double %high{j}, %term{j}",
         ]

@@ -31,8 +31,6 @@ from stickslip.translator.values import (
     FunctionType,
     TupleType,
     Type,
-    named,
-    words,
 )
 
 # What a step of the walk is. Its code stands first; then for a function its class; for an array its
@@ -241,7 +239,7 @@ class Prepared:
         self._type = TupleType(type("Arguments", (tuple,), {"_fields": names}), types)
         self._plan = np.array(_plan(self._type), np.int64)
         self._plan_at: int = self._plan.ctypes.data
-        self._room = ctypes.c_int64 * max(words(self._type), 1)
+        self._room = ctypes.c_int64 * max(self._type.words, 1)
         self.run = ctypes.CFUNCTYPE(_RESULTS[result], ctypes.c_void_p)(address)
         self._walk = _walk()
 
@@ -319,12 +317,11 @@ def mismatch(type_: Any, value: Any, name: str) -> str:
                 f"{name} is an array with {kind}{layout}; {type_.axes} of {type_.entries} expected"
             )
         if isinstance(value, int) and type_ in (INT, FLOAT):
-            return f"{name} is too large; {named(type_)} expected"
-        return f"{name} is {type(value).__name__}; {named(type_)} expected"
+            return f"{name} is too large; {type_} expected"
+        return f"{name} is {type(value).__name__}; {type_} expected"
     if len(value) != len(type_.parts):
         return f"{name}: {len(value)} parts; {len(type_.parts)} expected"
-    names = getattr(type_.kind, "_fields", range(len(value)))
-    for part, inner, key in zip(value, type_.parts, names, strict=True):
+    for part, inner, key in zip(value, type_.parts, type_.names, strict=True):
         if by_python(TupleType(tuple, (inner,)), (part,)) is None:
             return mismatch(inner, part, f"{name}.{key}")
     return f"{name} cannot be taken"

@@ -20,7 +20,8 @@ may contain the following.
 * **Calls.** Other compiled functions, named tuples, and what `calls.CALLS` lists: ``len``, ``abs``,
   ``min``, ``max``, conversions, functions of `math`, `cmath` and NumPy for one number, and
   :func:`row_of`.
-* **Constants.** Numbers, tuples and arrays of the module, or of a module it imports.
+* **Constants.** Numbers, tuples and arrays of the module, or of a module it imports. Nothing writes
+  to such an array, neither where it is named nor in a function that it is handed to.
 
 Parameters of an *entry*, which Python calls, have types from `stickslip.arrays`; types of all
 others follow from their calls. ``int``, ``float`` and ``bool`` convert an argument or a result.
@@ -77,6 +78,17 @@ class Compiled:
 
     def __call__(self, *arguments: Any, **named: Any) -> Any:
         return self.python(*arguments, **named)
+
+    @property
+    def symbol(self) -> str:
+        """Its name in machine code."""
+        return f"{self.__module__}.{self.__name__}"
+
+    @property
+    def place(self) -> str:
+        """Where it stands, and its name."""
+        code = self.python.__code__
+        return f"{code.co_filename}:{code.co_firstlineno}: {self.__name__}"
 
     __name__: str
 

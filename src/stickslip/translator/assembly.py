@@ -10,6 +10,9 @@ import struct
 from typing import NamedTuple
 
 BIT, WHOLE, REAL, POINTER, NOTHING = "i1", "i64", "double", "ptr", "void"
+TWO_REALS = "{ double, double }"
+FASTCC = " fastcc"
+"""How functions of the language are called; those of C are called otherwise."""
 
 
 class WrongType(TypeError):
@@ -38,34 +41,18 @@ class Register(NamedTuple):
         return f"{self.type} {self.name}"
 
 
-def real(x: float) -> Register:
-    """A literal real number, exactly."""
-    return Register(f"0x{struct.unpack('<Q', struct.pack('<d', x))[0]:016X}", REAL)
-
-
-def imaginary(z: complex) -> Register:
-    """A literal complex number, exactly."""
-    return Register(f"{{ {real(z.real).typed}, {real(z.imag).typed} }}", "{ double, double }")
-
-
-def whole(n: int) -> Register:
-    """A literal whole number."""
-    return Register(str(n), WHOLE)
-
-
-def bit(x: bool) -> Register:
-    """A literal truth value."""
-    return Register("true" if x else "false", BIT)
-
-
-def operand(x: Register | float) -> Register:
-    """A register, or a number as a literal."""
+def operand(x: Register | complex) -> Register:
+    """A register, or a number as a literal, exactly."""
     if isinstance(x, Register):
         return x
-    if isinstance(x, float):
-        return real(x)
+    if isinstance(x, bool):
+        return Register("true" if x else "false", BIT)
     if isinstance(x, int):
-        return bit(x) if isinstance(x, bool) else whole(x)
+        return Register(str(x), WHOLE)
+    if isinstance(x, float):
+        return Register(f"0x{struct.unpack('<Q', struct.pack('<d', x))[0]:016X}", REAL)
+    if isinstance(x, complex):
+        return Register(f"{{ {operand(x.real).typed}, {operand(x.imag).typed} }}", TWO_REALS)
     raise WrongType(f"{x!r} is neither a register nor a number")
 
 
@@ -76,7 +63,7 @@ def of_type(type_: str, x: Register | float) -> Register:
     ------
     WrongType
     """
-    found = x if isinstance(x, Register) else operand(x)
+    found = operand(x)
     if found.type != type_:
         raise WrongType(f"{found.typed} where there has to be {type_}")
     return found
@@ -126,6 +113,34 @@ class Assembly:
         self._count += 1
         self.slots.append(f"%v{self._count} = alloca {type_}, align 16")
         return Register(f"%v{self._count}", POINTER)
+
+    # -- numbers -----------------------------------------------------------------------------------
+
+    def op(self, instruction: str, a: Register | float, b: Register | float) -> Register:
+        """What an instruction makes of two operands of one type; a truth value if it compares."""
+        a = operand(a)
+        type_ = BIT if instruction[1:4] == "cmp" else a.type
+        return self.new(type_, f"{instruction} {a.typed}, {of_type(a.type, b)}")
+
+    def pick(
+        self, test: Register, a: Register | float, b: Register | float, flags: str = ""
+    ) -> Register:
+        """One of two operands of one type, without a branch."""
+        a = operand(a)
+        operands = f"{of_type(BIT, test).typed}, {a.typed}, {of_type(a.type, b).typed}"
+        return self.new(a.type, f"select{flags} {operands}")
+
+    def converted(self, x: Register, type_: str) -> Register:
+        """A whole number or truth value as a real number, or with more or fewer bits."""
+        if x.type == type_:
+            return x
+        bits, wanted = (int(t[1:]) if t[0] == "i" else 0 for t in (x.type, type_))
+        if not bits or not (wanted or type_ == REAL):
+            raise WrongType(f"{x.typed} where there has to be {type_}")
+        how = ("uitofp", "zext") if x.type == BIT else ("sitofp", "sext")
+        return self.new(
+            type_, f"{'trunc' if 0 < wanted < bits else how[wanted > 0]} {x.typed} to {type_}"
+        )
 
     # -- memory ------------------------------------------------------------------------------------
 
@@ -184,14 +199,23 @@ class Assembly:
             return Register("", NOTHING)
         return self.new(type_, instruction)
 
-    def outside(self, type_: str, name: str, *given: Register, flags: str = "") -> Register:
-        """The result of one of LLVM's functions, or of the mathematical library of C."""
-        kinds = ", ".join(x.type for x in given)
+    def outside(
+        self, type_: str, name: str, *given: Register | float, flags: str = "", convention: str = ""
+    ) -> Register:
+        """The result of a function of another module, of LLVM, or of the mathematical library of C.
+
+        Parameters
+        ----------
+        type_, name, given, flags, convention : str and registers
+            As of :meth:`call`; the name without @.
+        """
+        operands = [operand(x) for x in given]
+        kinds = ", ".join(x.type for x in operands)
         group = "" if name.startswith("llvm.") or POINTER in kinds else self.promises
-        declaration = f"declare {type_} @{name}({kinds}){group}"
+        declaration = f"declare{convention} {type_} @{name}({kinds}){group}"
         if self.declared.setdefault(name, declaration) != declaration:
             raise WrongType(f"{declaration}, which is a {self.declared[name]}")
-        return self.call(type_, f"@{name}", *given, flags=flags)
+        return self.call(type_, f"@{name}", *operands, flags=flags, convention=convention)
 
     # -- control -----------------------------------------------------------------------------------
 
@@ -207,16 +231,21 @@ class Assembly:
         self.block = label
         self.ended = False
 
-    def end(self, instruction: str) -> None:
-        """End a block."""
+    def end(self, instruction: str, *labels: str) -> None:
+        """End a block, unless it has ended: where that leads."""
         if not self.ended:
             self.lines.append(instruction)
+            for label in labels:
+                self.leads(label)
         self.ended = True
+
+    def leads(self, label: str) -> None:
+        """This place leads to a block: for those who want to know."""
 
     def go(self, label: str) -> None:
         """End a block with a jump."""
-        self.end(f"br label %{label}")
+        self.end(f"br label %{label}", label)
 
     def choose(self, test: Register, yes: str, no: str) -> None:
         """End a block with one of two jumps."""
-        self.end(f"br {of_type(BIT, test).typed}, label %{yes}, label %{no}")
+        self.end(f"br {of_type(BIT, test).typed}, label %{yes}, label %{no}", yes, no)

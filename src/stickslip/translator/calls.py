@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from stickslip.translator import call_address, fma, row_of
-from stickslip.translator.assembly import POINTER, REAL, WHOLE, real, whole
+from stickslip.translator import call_address, compiled, fma, row_of
+from stickslip.translator.assembly import POINTER, REAL, WHOLE, Register
 from stickslip.translator.values import (
     BOOL,
     COMPLEX,
@@ -20,36 +20,63 @@ from stickslip.translator.values import (
     NAMED,
     NONE,
     ArrayType,
-    Index,
     Scalar,
     TupleType,
     Value,
     Values,
     joined,
-    named,
 )
 
 REAL_FUNCTIONS: dict[Any, str] = {
-    **{
-        getattr(math, name): f"llvm.{name}.f64"
-        for name in "exp log sin cos sqrt log2 log10".split()
-    },
-    **{getattr(np, name): f"llvm.{name}.f64" for name in "sqrt floor ceil".split()},
-    **{
-        getattr(math, name): name
-        for name in "tan log1p expm1 sinh cosh tanh acos asin atan".split()
-    },
-    **{getattr(math, name): name for name in "erf erfc acosh asinh atanh atan2 hypot fmod".split()},
-    **{math.fabs: "llvm.fabs.f64", math.copysign: "llvm.copysign.f64", fma: "llvm.fma.f64"},
-    **{np.power: "llvm.pow.f64", math.pow: "llvm.pow.f64"},
-}
+    getattr(module, name): form.format(name)
+    for module, form, names in (
+        (math, "llvm.{}.f64", "exp log sin cos sqrt log2 log10 fabs copysign pow"),
+        (math, "{}", "tan log1p expm1 sinh cosh tanh acos asin atan"),
+        (math, "{}", "erf erfc acosh asinh atanh atan2 hypot fmod"),
+        (np, "llvm.{}.f64", "sqrt floor ceil"),
+    )
+    for name in names.split()
+} | {fma: "llvm.fma.f64", np.power: "llvm.pow.f64"}
 """Functions of real numbers: what LLVM or the mathematical library of C calls them."""
+_OF_TWO = (math.atan2, math.hypot, math.fmod, math.copysign, math.pow, np.power)
+
+
+def _outside(f: Values, name: str, *given: Value) -> Register:
+    return f.outside(REAL, name, *(f.cast(x, FLOAT).register for x in given), flags=f.flags)
+
+
+def _real(name: str, f: Values, x: Value, /) -> Value:
+    return Value(FLOAT, _outside(f, name, x))
+
+
+def _real_of_two(name: str, f: Values, x: Value, y: Value, /) -> Value:
+    return Value(FLOAT, _outside(f, name, x, y))
+
+
+def _real_of_three(name: str, f: Values, x: Value, y: Value, z: Value, /) -> Value:
+    return Value(FLOAT, _outside(f, name, x, y, z))
+
+
+def _rounded(name: str, f: Values, x: Value, /) -> Value:
+    """A whole number, as math.floor and math.ceil give it."""
+    return f.cast(x, INT) if x.type in (INT, BOOL) else f.truncated(_real(name, f, x))
+
+
+def _as(type_: Scalar, f: Values, x: Value, /) -> Value:
+    if type_ == BOOL:
+        return f.truth(x)
+    return f.truncated(x) if (type_, x.type) == (INT, FLOAT) else f.cast(x, type_)
+
+
+def _complex(f: Values, re: Value, im: Value | None = None, /) -> Value:
+    if im is None:
+        return f.cast(re, COMPLEX)
+    return f.complex(f.cast(re, FLOAT).register, f.cast(im, FLOAT).register)
 
 
 def _len(f: Values, value: Value, /) -> Value:
-    if isinstance(value.type, ArrayType):
-        return f.length(value, 0)
-    return f.constant(len(f.parts(value)))
+    is_array = isinstance(value.type, ArrayType)
+    return f.length(value, 0) if is_array else f.constant(len(f.parts(value)))
 
 
 def _abs(f: Values, x: Value, /) -> Value:
@@ -58,7 +85,7 @@ def _abs(f: Values, x: Value, /) -> Value:
     if x.type == COMPLEX:
         return Value(FLOAT, f.outside(REAL, "hypot", *f.split(x), flags=f.flags))
     if x.type == FLOAT:
-        return Value(FLOAT, f.outside(REAL, "llvm.fabs.f64", x.register, flags=f.flags))
+        return _real("llvm.fabs.f64", f, x)
     x = f.cast(x, INT)
     return f.either(f.compare("Lt", x, f.constant(0)), f.negative(x), x)
 
@@ -69,62 +96,39 @@ def _best(operation: str, f: Values, first: Value, /, *given: Value) -> Value:
     for other in others:
         type_ = joined(best.type, other.type)
         if type_ not in (BOOL, INT, FLOAT):
-            f.refuse(f"the largest of {named(best.type)} and {named(other.type)}", "Give numbers")
+            f.refuse(f"the largest of {best.type} and {other.type}", "Give numbers")
         best, other = f.cast(best, type_), f.cast(other, type_)
         best = f.either(f.compare(operation, other, best), other, best)
     return best
 
 
-def _complex(f: Values, re: Value, im: Value | None = None, /) -> Value:
-    if im is None:
-        return f.cast(re, COMPLEX)
-    return f.complex(f.cast(re, FLOAT).register, f.cast(im, FLOAT).register)
-
-
-def _as(type_: Scalar, f: Values, x: Value, /) -> Value:
-    if type_ == BOOL:
-        return f.truth(x)
-    return f.truncated(x) if (type_, x.type) == (INT, FLOAT) else f.cast(x, type_)
-
-
-def _rounded(name: str, f: Values, x: Value, /) -> Value:
-    """A whole number, as math.floor and math.ceil give it."""
-    if x.type in (INT, BOOL):
-        return f.cast(x, INT)
-    return f.truncated(
-        Value(FLOAT, f.outside(REAL, name, f.cast(x, FLOAT).register, flags=f.flags))
-    )
-
-
 def _is_finite(f: Values, x: Value, /) -> Value:
     size = f.outside(REAL, "llvm.fabs.f64", f.cast(x, FLOAT).register)
-    return f.bit(f"fcmp one double {size}, {real(math.inf)}")
+    return Value(BOOL, f.op("fcmp one", size, math.inf))
 
 
 def _is_nan(f: Values, x: Value, /) -> Value:
-    register = f.cast(x, FLOAT).register
-    return f.bit(f"fcmp{f.flags} uno double {register}, {register}")
+    return Value(BOOL, f.op(f"fcmp{f.flags} uno", *[f.cast(x, FLOAT).register] * 2))
 
 
 def _frexp(f: Values, x: Value, /) -> Value:
     place = f.slot("i32")
     mantissa = f.outside(REAL, "frexp", f.cast(x, FLOAT).register, place)
-    exponent = f.new(WHOLE, f"sext {f.load('i32', place).typed} to i64")
+    exponent = f.converted(f.load("i32", place), WHOLE)
     return f.tuple_of(tuple, [Value(FLOAT, mantissa), Value(INT, exponent)])
 
 
 def _ldexp(f: Values, x: Value, n: Value, /) -> Value:
     # what lies beyond gives zero or an infinity in any case
-    few = f.outside(WHOLE, "llvm.smin.i64", f.cast(n, INT).register, whole(9999))
-    few = f.outside(WHOLE, "llvm.smax.i64", few, whole(-9999))
-    exponent = f.new("i32", f"trunc {few.typed} to i32")
-    return Value(FLOAT, f.outside(REAL, "ldexp", f.cast(x, FLOAT).register, exponent))
+    few = f.outside(WHOLE, "llvm.smin.i64", f.cast(n, INT).register, 9999)
+    few = f.converted(f.outside(WHOLE, "llvm.smax.i64", few, -9999), "i32")
+    return Value(FLOAT, f.outside(REAL, "ldexp", f.cast(x, FLOAT).register, few))
 
 
 def _row_of(f: Values, value: Value, i: Value, /) -> Value:
     if isinstance(value.type, TupleType):
         return f.tuple_of(value.type.kind, [_row_of(f, part, i) for part in f.parts(value)])
-    return f.element(value, [Index(f.cast(i, INT))]) if isinstance(value.type, ArrayType) else value
+    return f.element(value, [f.cast(i, INT)]) if isinstance(value.type, ArrayType) else value
 
 
 def _call_address(f: Values, address: Value, x: Value, /) -> Value:
@@ -136,46 +140,102 @@ def _complex_exp(f: Values, z: Value, /) -> Value:
     return f.runtime("complex_exp", f.cast(z, COMPLEX))
 
 
-def _real(name: str, f: Values, x: Value, /) -> Value:
-    return Value(FLOAT, f.outside(REAL, name, f.cast(x, FLOAT).register, flags=f.flags))
-
-
-def _real_of_two(name: str, f: Values, x: Value, y: Value, /) -> Value:
-    given = (f.cast(x, FLOAT).register, f.cast(y, FLOAT).register)
-    return Value(FLOAT, f.outside(REAL, name, *given, flags=f.flags))
-
-
-def _fma(f: Values, a: Value, b: Value, c: Value, /) -> Value:
-    given = (f.cast(x, FLOAT).register for x in (a, b, c))
-    return Value(FLOAT, f.outside(REAL, REAL_FUNCTIONS[fma], *given, flags=f.flags))
-
-
-_OF_TWO = (math.atan2, math.hypot, math.fmod, math.copysign, math.pow, np.power)
-REAL_CALLS: dict[Any, Callable[..., Value]] = {
+CALLS: dict[Any, Callable[..., Value]] = {
     **{
         function: partial(_real_of_two if function in _OF_TWO else _real, name)
         for function, name in REAL_FUNCTIONS.items()
     },
-    fma: _fma,
-}
-CALLS: dict[Any, Callable[..., Value]] = {
-    len: _len,
-    abs: _abs,
-    np.abs: _abs,
-    max: partial(_best, "Gt"),
-    min: partial(_best, "Lt"),
-    **{kind: partial(_as, NAMED[kind]) for kind in (int, float, bool)},
-    complex: _complex,
+    fma: partial(_real_of_three, REAL_FUNCTIONS[fma]),
     math.floor: partial(_rounded, "llvm.floor.f64"),
     math.ceil: partial(_rounded, "llvm.ceil.f64"),
-    math.isfinite: _is_finite,
-    np.isfinite: _is_finite,
-    math.isnan: _is_nan,
-    np.isnan: _is_nan,
+    **{kind: partial(_as, NAMED[kind]) for kind in (int, float, bool)},
+    complex: _complex,
+    len: _len,
+    **dict.fromkeys((abs, np.abs), _abs),
+    max: partial(_best, "Gt"),
+    min: partial(_best, "Lt"),
+    **dict.fromkeys((math.isfinite, np.isfinite), _is_finite),
+    **dict.fromkeys((math.isnan, np.isnan), _is_nan),
     math.frexp: _frexp,
     math.ldexp: _ldexp,
     cmath.exp: _complex_exp,
     row_of: _row_of,
     call_address: _call_address,
 }
-"""Functions of Python that are more than one instruction: what they become."""
+"""What they become."""
+
+
+# -- what LLVM has no instruction for, in the language itself --------------------------------------
+
+NAN = math.nan
+
+
+@compiled()
+def complex_div(a: complex, b: complex) -> complex:
+    if abs(b.real) >= abs(b.imag):
+        ratio = b.imag / b.real
+        denom = b.real + b.imag * ratio
+        return complex((a.real + a.imag * ratio) / denom, (a.imag - a.real * ratio) / denom)
+    if abs(b.imag) >= abs(b.real):
+        ratio = b.real / b.imag
+        denom = b.real * ratio + b.imag
+        return complex((a.real * ratio + a.imag) / denom, (a.imag * ratio - a.real) / denom)
+    return complex(NAN, NAN)
+
+
+@compiled()
+def complex_exp(z: complex) -> complex:
+    x = z.real
+    y = z.imag
+    if math.isfinite(y) and x < math.inf:
+        r = math.exp(x)
+        return complex(r * math.cos(y), r * math.sin(y))
+    if math.isfinite(x):
+        return complex(NAN, NAN)
+    if x != x:
+        return complex(x, x if y != 0.0 else y)
+    if x < 0.0:
+        return complex(0.0, 0.0)
+    if not math.isfinite(y):
+        return complex(x, NAN)
+    c = math.cos(y)
+    s = math.sin(y)
+    return complex(c * x if c != 0.0 else c, s * x if s != 0.0 else s)
+
+
+@compiled()
+def power_whole(a: float, b: int) -> float:
+    r = 1.0
+    left = abs(b)
+    if left > 0x10000 or left < 0:  # the least number has no opposite
+        return math.pow(a, float(b))
+    while left != 0:
+        if left & 1 != 0:
+            r *= a
+        left = left >> 1
+        a *= a
+    return 1.0 / r if b < 0 else r
+
+
+@compiled()
+def real_mod(a: float, b: float) -> float:
+    if b == 0.0:
+        return NAN
+    m = math.fmod(a, b)
+    if m != 0.0:
+        return m + b if (b < 0.0) != (m < 0.0) else m
+    return math.copysign(0.0, b)
+
+
+@compiled()
+def real_floordiv(a: float, b: float) -> float:
+    if b == 0.0:
+        return NAN
+    m = math.fmod(a, b)
+    div = (a - m) / b
+    if m != 0.0 and (b < 0.0) != (m < 0.0):
+        div -= 1.0
+    if div != 0.0:
+        f = np.floor(div)
+        return f + 1.0 if div - f > 0.5 else f
+    return math.copysign(0.0, a / b)

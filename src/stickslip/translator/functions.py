@@ -5,20 +5,12 @@ from __future__ import annotations
 import ast
 import builtins
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from functools import cache
 from typing import Any, NamedTuple, NoReturn
 
-from stickslip.translator import Compiled
-from stickslip.translator.assembly import (
-    BIT,
-    NOTHING,
-    POINTER,
-    WHOLE,
-    Register,
-    whole,
-)
-from stickslip.translator.calls import CALLS, REAL_CALLS
+from stickslip.translator import Compiled, calls
+from stickslip.translator.assembly import FASTCC, NOTHING, POINTER, WHOLE, Register, operand
 from stickslip.translator.values import (
     BOOL,
     COMPLEX,
@@ -37,39 +29,27 @@ from stickslip.translator.values import (
     Type,
     Value,
     Values,
+    as_constant,
     joined,
-    named,
-    passed,
 )
 
-_RUNTIME_MODULE = "stickslip.translator.runtime"
 _MOST_ROUNDS = 12  # in which the types of variables have to settle
 _INSTEAD: dict[Any, str] = {
     ast.List: "Use a tuple, or an array that is passed in",
-    ast.ListComp: "Write a loop",
-    ast.GeneratorExp: "Write a loop",
-    ast.Try: "Return a status",
-    ast.Raise: "Return a status",
-    ast.Assert: "Return a status",
     ast.With: "Do it in the function that calls",
-    ast.Lambda: "Write a function of its own",
-    ast.FunctionDef: "Write a function of its own",
     ast.JoinedStr: "Return a number",
     ast.Starred: "Name the parts",
+    **dict.fromkeys((ast.Try, ast.Raise, ast.Assert), "Return a status"),
+    **dict.fromkeys((ast.ListComp, ast.GeneratorExp), "Write a loop"),
+    **dict.fromkeys((ast.Lambda, ast.FunctionDef), "Write a function of its own"),
 }
+_PROMISES: dict[Any, Scalar] = {kind.__name__: x for kind, x in NAMED.items()} | {None: NONE}
 
 
-class Signature(NamedTuple):
-    """How a function of the assembly is called."""
-
-    name: str
-    result: Type
-    arguments: tuple[Type, ...]
-
-    @property
-    def returned(self) -> str:
-        """LLVM's type of the result; a tuple is written to memory."""
-        return NOTHING if isinstance(self.result, TupleType) else self.result.llvm
+def promise(annotation: ast.expr | None) -> Scalar | None:
+    """The type of number that an annotation names, if it names one."""
+    named = getattr(annotation, "id", None) or getattr(annotation, "value", "")
+    return _PROMISES.get(named)
 
 
 class Definition(NamedTuple):
@@ -77,59 +57,47 @@ class Definition(NamedTuple):
 
     Attributes
     ----------
+    function : Compiled
+        What it was made of.
     name : str
-    result : str
-        With the calling convention.
+    kind : str
+        LLVM's type of the result, with the calling convention.
     parameters : list of (str, str)
-        Types with what is known of them, and names.
+        LLVM's types with what is known of them, and names.
     body : str
-    file : str
-        The source.
-    inline : bool
-        Whether it is inlined wherever it is called.
     called : set of str
         Names of what it calls.
-    brief : bool
-        Whether its loops have few rounds.
+    arguments, result : types
+        What it takes and returns, if it is called by functions of the language.
     """
 
+    function: Compiled
     name: str
-    result: str
+    kind: str
     parameters: list[tuple[str, str]]
     body: str
-    file: str
-    inline: bool
     called: set[str]
-    brief: bool = False
+    arguments: tuple[Type, ...] = ()
+    result: Type = NONE
 
     def text(self, linkage: str, note: str = "") -> str:
         """The definition."""
         given = ", ".join(f"{kind} {name}" for kind, name in self.parameters)
-        note = (" alwaysinline" if self.inline else note) + " optsize" * self.brief
-        kind = f"{linkage} {self.result}".strip()
-        head = f'define {kind} @"{self.name}"({given}) #0{note}'
+        note = " alwaysinline" if self.function.inline else note
+        note += " optsize" * self.function.brief
+        head = f'define {f"{linkage} {self.kind}".strip()} @"{self.name}"({given}) #0{note}'
         return f"{head} {{\n{self.body}}}\n"
 
     @property
     def declaration(self) -> str:
         """What other modules know of it."""
         kinds = ", ".join(kind for kind, _ in self.parameters)
-        return f'declare {self.result} @"{self.name}"({kinds}) #0'
+        return f'declare {self.kind} @"{self.name}"({kinds}) #0'
 
     @property
-    def length(self) -> int:
-        """Lines."""
-        return self.body.count("\n")
-
-
-class Loop(NamedTuple):
-    """A loop around what is being written: where its next round begins and where it ends, and what
-    has been assigned wherever it is left or goes on."""
-
-    again: str
-    after: str
-    left: list[set[str]]
-    continued: list[set[str]]
+    def file(self) -> str:
+        """The source."""
+        return self.function.python.__code__.co_filename
 
 
 class Function(Values, ast.NodeVisitor):
@@ -161,36 +129,31 @@ class Function(Values, ast.NodeVisitor):
         self.node = node
         self.arguments = arguments
         self.name = name
-        self.called: set[str] = set()
         self.calls = 0  # of functions that may do something
         self.flags = "".join(f" {flag}" for flag in compiled.relaxed)
         self.types: dict[str, Type] = {}
         self.result: Type | None = None
-        hint = node.returns and self.hint(node.returns)
-        self.promised = NAMED.get(hint)
-        stores = [x.id for x in ast.walk(node) if isinstance(x, ast.Name) and not _is_read(x)]
+        names = [x for x in ast.walk(node) if isinstance(x, ast.Name)]
+        stores = [x.id for x in names if isinstance(x.ctx, ast.Store)]
         stores += [x.arg for x in node.args.args if x.arg in stores]
         self.stores = {name: stores.count(name) for name in stores}
         self.here: ast.AST = node
 
-    def hint(self, node: ast.expr) -> Any:
-        """What an annotation says, if it names a number or nothing."""
-        return {
-            "int": int,
-            "float": float,
-            "bool": bool,
-            "complex": complex,
-            "None": type(None),
-        }.get(ast.unparse(node))
-
     def refuse(self, what: str, remedy: str) -> NoReturn:
         """Refuse, and say where."""
-        code = self.compiled.python.__code__
-        line = getattr(self.here, "lineno", self.node.lineno)
-        raise Refusal(f"{code.co_filename}:{line}: {self.node.name}: {what}. {remedy}")
+        raise self._refusal(what, remedy)
 
-    def translated(self) -> tuple[Signature, Definition]:
-        """How the function is called, and what it is."""
+    def doubt(self, what: str, remedy: str) -> None:
+        """Refuse in the end, unless another round finds other types."""
+        self.doubts.append(self._refusal(what, remedy))
+
+    def _refusal(self, what: str, remedy: str) -> Refusal:
+        file = self.compiled.python.__code__.co_filename
+        line = getattr(self.here, "lineno", self.node.lineno)
+        return Refusal(f"{file}:{line}: {self.node.name}: {what}. {remedy}")
+
+    def translated(self) -> Definition:
+        """What becomes of it, once the types of variables have settled."""
         for _ in range(_MOST_ROUNDS):
             self.changed = False
             self.write()
@@ -199,36 +162,33 @@ class Function(Values, ast.NodeVisitor):
         else:
             self.here = self.node
             self.refuse("types of variables do not settle", "Annotate or rename them")
-        signature = Signature(self.name, self.result or NONE, self.arguments)
-        given = [("ptr noalias writeonly captures(none) align 8", "%out")]
-        given = given if isinstance(signature.result, TupleType) else []
+        if self.doubts:
+            raise self.doubts[0]
+        result, given = self.result or NONE, list[tuple[str, str]]()
+        if isinstance(result, TupleType):
+            given.append(("ptr noalias writeonly captures(none) align 8", "%out"))
         for parameter, type_ in zip(self.node.args.args, self.arguments, strict=True):
             is_tuple = isinstance(type_, TupleType)
-            note = " noalias readonly captures(none) align 8" if is_tuple else ""
-            given.append((f"{passed(type_)}{note}", _argument(parameter.arg)))
-        return signature, Definition(
-            self.name,
-            f"fastcc {signature.returned}",
-            given,
-            self.body(),
-            self.compiled.python.__code__.co_filename,
-            self.compiled.inline,
-            self.called,
-            self.compiled.brief,
-        )
+            note = " noalias readonly captures(none) align 8" * is_tuple
+            given.append((f"{type_.llvm}{note}", _argument(parameter)))
+        kind = f"fastcc {NOTHING if isinstance(result, TupleType) else result.llvm}"
+        found = self.compiled, self.name, kind, given, self.body(), self.called
+        return Definition(*found, self.arguments, result)
 
     def write(self) -> None:
         """One round, with the types that are known."""
         super().__init__()
-        self.called = set()
+        self.doubts: list[Refusal] = []
+        self.called: set[str] = set()
         self.values: dict[str, Value] = {}
         self.places: dict[str, Register] = {}
-        self.assigned: set[str] = set()
-        self.loops: list[Loop] = []
+        self.assigned: frozenset[str] = frozenset()
+        self.ways: dict[str, list[frozenset[str]]] = {}
+        self.loops: list[tuple[str, str]] = []  # where the next round begins, and where it ends
         self.unrolled = 0  # loops around this place that are written round by round
         for parameter, type_ in zip(self.node.args.args, self.arguments, strict=True):
-            register = Register(_argument(parameter.arg), passed(type_))
             is_tuple = isinstance(type_, TupleType)
+            register = Register(_argument(parameter), type_.llvm)
             value = Value(type_, register, 0 if is_tuple else None, lasting=is_tuple)
             if parameter.arg in self.stores:
                 self.assign_name(parameter.arg, value)
@@ -265,65 +225,58 @@ class Function(Values, ast.NodeVisitor):
         if not isinstance(node.value, ast.Constant):
             self.visit(node.value)
 
-    def visit_Assign(self, node: ast.Assign) -> None:
-        """``a = b = value``."""
-        value = self.settled(self.plain(self.visit(node.value)))
-        for target in node.targets:
-            self.assign(target, value)
-
-    def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
-        """``a: float = value``."""
+    def visit_Assign(self, node: ast.Assign | ast.AnnAssign) -> None:
+        """``a = b = value``, ``a: float = value``."""
         if node.value is None:
             self.refuse("a variable without a value", "Assign one")
         value = self.settled(self.plain(self.visit(node.value)))
-        said = NAMED.get(self.hint(node.annotation))
-        self.assign(node.target, self.cast(value, said) if said else value)
+        if isinstance(node, ast.AnnAssign) and (said := promise(node.annotation)):
+            value = self.cast(value, said)
+        for target in [node.target] if isinstance(node, ast.AnnAssign) else node.targets:
+            self.assign(target, value)
+
+    visit_AnnAssign = visit_Assign
 
     def visit_AugAssign(self, node: ast.AugAssign) -> None:
         """``a += value``."""
         operation = type(node.op).__name__
-        if isinstance(node.target, ast.Attribute):
-            self.refuse(f"an assignment to {ast.unparse(node.target)}", "Make a new tuple")
         if isinstance(node.target, ast.Subscript):
             array, address = self.entry_of(node.target)
             old = self.read_entry(array, address)
             self.write_entry(array, address, self.binary(operation, old, self.visit(node.value)))
-            return
-        old = self.visit(ast.copy_location(_as_read(node.target), node))
-        self.assign(node.target, self.binary(operation, old, self.visit(node.value)))
+        else:
+            old = self.visit(node.target)
+            self.assign(node.target, self.binary(operation, old, self.visit(node.value)))
 
     def assign(self, target: ast.expr, value: Value) -> None:
         """Give a value to a variable, to an entry of an array, or its parts to several of them."""
         if isinstance(target, ast.Name):
             self.assign_name(target.id, value)
         elif isinstance(target, ast.Subscript):
-            array, address = self.entry_of(target)
-            self.write_entry(array, address, value)
+            self.write_entry(*self.entry_of(target), value)
         elif isinstance(target, ast.Tuple):
             parts = self.parts(value)
             if len(parts) != len(target.elts):
-                self.refuse(
-                    f"{len(parts)} values for {len(target.elts)} names", "Name each of them"
-                )
+                what = f"{len(parts)} values for {len(target.elts)} names"
+                self.refuse(what, "Name each of them")
             for inner, part in zip(target.elts, parts, strict=True):
                 self.assign(inner, part)
         else:
-            self.refuse(f"an assignment to {ast.unparse(target)}", "Assign to a name or an entry")
+            self.refuse(f"an assignment to {ast.unparse(target)}", "Make a new tuple")
 
     def assign_name(self, name: str, value: Value) -> None:
         """Give a value to a variable."""
-        self.assigned.add(name)
-        once = self.stores.get(name) == 1 and not self.unrolled
+        self.assigned |= {name}
+        once = self.stores[name] == 1 and not self.unrolled
         if value.lasting and once and value.offset is not None:
             self.values[name] = value  # it may stay where it is: nothing writes there
             return
-        known = self.types.get(name)
-        type_ = value.type if known is None else joined(known, value.type)
+        known = self.types.setdefault(name, value.type)
+        type_ = joined(known, value.type)
         if type_ is None:
-            both = f"{named(known)} and {named(value.type)}"  # pyright: ignore[reportArgumentType]
-            self.refuse(f"{name} is {both}", "Use two names")
+            self.refuse(f"{name} is {known} and {value.type}", "Use two names")
         if type_ != known:
-            self.changed = self.changed or known is not None
+            self.changed = True
             self.types[name] = type_
             self.places.pop(name, None)
         if type_ == NONE:
@@ -331,111 +284,118 @@ class Function(Values, ast.NodeVisitor):
             return
         if name not in self.places:
             self.places[name] = self.room(type_)
-        self.keep(self.cast(value, type_), self.places[name])
+        self.put(self.cast(value, type_), self.places[name])
 
     def entry_of(self, node: ast.Subscript) -> tuple[ArrayType, Register]:
         """The entry of an array that is assigned to."""
-        array = self.visit(node.value)
-        given = self.indices(node.slice)
-        if self.is_constant(node):
-            self.refuse("an assignment to an entry of a constant", "Pass the array in")
+        array, given = self.visit(node.value), self.indices(node.slice)
         if not isinstance(array.type, ArrayType):
-            self.refuse(f"an assignment to a part of {named(array.type)}", "Make a new tuple")
-        places = [index.value for index in given if index.value is not None]
+            self.refuse(f"an assignment to a part of {array.type}", "Make a new tuple")
+        if array.type.is_constant:
+            self.refuse("an assignment to an entry of a constant", "Pass the array in")
+        places = [index for index in given if isinstance(index, Value)]
         if len(places) != array.type.axes:
             self.refuse("an assignment to several entries", "Write a loop")
         return array.type, self.entry(array, places)
 
-    def is_constant(self, node: ast.expr) -> bool:
-        """Whether something is a part of what the module has."""
-        while isinstance(node, (ast.Subscript, ast.Attribute)):
-            node = node.value
-        known = isinstance(node, ast.Name) and (node.id in self.stores or node.id in self.values)
-        return isinstance(node, ast.Name) and not known
-
     def visit_Return(self, node: ast.Return) -> None:
         """The result; all of them have one type."""
         value = Value(NONE) if node.value is None else self.plain(self.visit(node.value))
-        type_ = value.type if self.result is None else joined(self.result, value.type)
-        if self.promised is not None and isinstance(value.type, Scalar):
-            type_ = self.promised
+        type_ = joined(self.result or value.type, value.type)
+        promised = promise(self.node.returns)
+        if promised is not None and isinstance(value.type, Scalar):
+            type_ = promised
         if type_ is None or (type_ == NONE) != (value.type == NONE):
             self.refuse("results of several types", "Return the same type everywhere")
         if type_ != self.result:
             self.changed = self.changed or self.result is not None
             self.result = type_
         value = self.cast(value, type_)
-        if type_ == NONE:
-            self.end("ret void")
-        elif isinstance(type_, TupleType):
-            self.put(value, Register("%out", POINTER), 0)
-            self.end("ret void")
-        else:
-            self.end(f"ret {self.in_register(value).register.typed}")
+        if isinstance(type_, TupleType):
+            self.put(value, Register("%out", POINTER))
+        is_in_register = not isinstance(type_, TupleType) and type_ != NONE
+        self.end(f"ret {self.in_register(value).register.typed}" if is_in_register else "ret void")
 
     # -- control -----------------------------------------------------------------------------------
+    # A block begins where ways lead to its label, and there the variables are known that have been
+    # assigned on all of them.
+
+    def labels(self, *hints: str) -> tuple[str, ...]:
+        """New labels."""
+        return tuple(map(self.label, hints))
+
+    def leads(self, label: str) -> None:
+        """This place leads to a block."""
+        self.ways.setdefault(label, []).append(self.assigned)
+
+    def begin(self, label: str) -> None:
+        """Begin a block, if anything leads there."""
+        self.go(label)
+        if label in self.ways:
+            super().begin(label)
+            self.assigned = frozenset.intersection(*self.ways[label])
+
+    def branch(self, test: ast.expr, yes: str, no: str) -> None:
+        """Go one of two ways; what decides nothing is not looked at."""
+        self.here = test
+        if self.ended:
+            return
+        if isinstance(test, ast.BoolOp):
+            every = isinstance(test.op, ast.And)
+            for part in test.values[:-1]:
+                following = self.label("also")
+                self.branch(part, *((following, no) if every else (yes, following)))
+                self.begin(following)
+            self.branch(test.values[-1], yes, no)
+        elif isinstance(test, ast.UnaryOp) and isinstance(test.op, ast.Not):
+            self.branch(test.operand, no, yes)
+        elif isinstance(test, ast.Constant) and isinstance(test.value, int):
+            self.go(yes if test.value else no)
+        else:
+            self.choose(self.truth(self.visit(test)).register, yes, no)
+
+    def fork(self, test: ast.expr, yes: Callable[[], None], no: Callable[[], None]) -> None:
+        """Do one of two things."""
+        then, otherwise, after = self.labels("then", "else", "after")
+        self.branch(test, then, otherwise)
+        for label, write in ((then, yes), (otherwise, no)):
+            self.begin(label)
+            if not self.ended:
+                write()
+            self.go(after)
+        self.begin(after)
 
     def visit_If(self, node: ast.If) -> None:
         """``if``, ``elif``, ``else``."""
-        then, otherwise, after = map(self.label, ("then", "else", "after"))
-        self.branch(node.test, then, otherwise)
-        before, ways = set(self.assigned), list[set[str]]()
-        for label, statements in ((then, node.body), (otherwise, node.orelse)):
-            self.ended = True
-            self.begin(label)
-            self.assigned = set(before)
-            self.statements(statements)
-            if not self.ended:
-                ways.append(self.assigned)
-                self.go(after)
-        self.meet(after, ways)
-
-    def meet(self, after: str, ways: list[set[str]]) -> None:
-        """Go on where ways meet, if any leads there, with the variables that all have assigned."""
-        if ways:
-            self.begin(after)
-            self.assigned = set.intersection(*ways)
-
-    def join(self, after: str, ways: list[set[str]]) -> None:
-        """The same, where the way from here leads there, too."""
-        if not self.ended:
-            ways.append(set(self.assigned))
-            self.go(after)
-        self.meet(after, ways)
+        self.fork(
+            node.test, lambda: self.statements(node.body), lambda: self.statements(node.orelse)
+        )
 
     def visit_While(self, node: ast.While) -> None:
         """``while``, for ever too."""
-        head, inside, after = map(self.label, ("while", "body", "after"))
-        endless = isinstance(node.test, ast.Constant) and bool(node.test.value)
+        head, inside, after = self.labels("while", "body", "after")
         self.begin(head)
-        if endless:
-            self.go(inside)
-        else:
-            self.branch(node.test, inside, after)
-        ways = [] if endless else [set(self.assigned)]
-        self._round(node, inside, Loop(head, after, ways, []))
+        self.branch(node.test, inside, after)
+        self.round(node, inside, head, after)
         self.go(head)
-        self.meet(after, ways)
+        self.begin(after)
 
-    def _round(self, node: ast.While | ast.For, inside: str, loop: Loop) -> None:
-        """The body of a loop."""
+    def round(self, node: ast.While | ast.For, inside: str, again: str, after: str) -> None:
+        """The body of a loop: where it begins, its next round begins, and it ends."""
         if node.orelse:
             self.refuse("else of a loop", "Use a variable that says how it ended")
-        self.ended = True
         self.begin(inside)
-        self.loops.append(loop)
+        self.loops.append((again, after))
         self.statements(node.body)
         self.loops.pop()
 
     def visit_Break(self, node: ast.Break) -> None:
         """Leave a loop."""
-        self.loops[-1].left.append(set(self.assigned))
-        self.go(self.loops[-1].after)
+        self.go(self.loops[-1][1])
 
     def visit_Continue(self, node: ast.Continue) -> None:
         """The next round of a loop."""
-        self.loops[-1].continued.append(set(self.assigned))
-        self.go(self.loops[-1].again)
+        self.go(self.loops[-1][0])
 
     def visit_For(self, node: ast.For) -> None:
         """``for`` over a range, the entries or rows of an array, or the parts of a tuple."""
@@ -448,29 +408,26 @@ class Function(Values, ast.NodeVisitor):
             if not step.is_known or step.known == 0:
                 self.refuse("a range whose step is not constant", "Use while")
             start = ends[0] if len(ends) == 2 else self.constant(0)
-            self._loop_of(node, start, ends[-1], step.known, lambda i: i)
+            self.count(node, start, ends[-1], step.known, lambda i: i)
             return
         value = self.visit(source)
         if isinstance(value.type, ArrayType):
             value = self.in_register(value)
-            first = self.constant(0), self.length(value, 0)
-            self._loop_of(node, *first, 1, lambda i: self.element(value, [Index(i)]))
+            ends = self.constant(0), self.length(value, 0)
+            self.count(node, *ends, 1, lambda i: self.element(value, [i]))
             return
         self.unrolled += 1
         after = self.label("after")
-        ways = list[set[str]]()
         for part in [self.settled(part) for part in self.parts(value)]:
             if not self.ended:
-                inside, following = self.label("body"), self.label("next")
-                loop = Loop(following, after, ways, [])
+                inside, following = self.labels("body", "next")
                 self.assign(node.target, part)
-                self.go(inside)
-                self._round(node, inside, loop)
-                self.join(following, loop.continued)
-        self.join(after, ways)
+                self.round(node, inside, following, after)
+                self.begin(following)
+        self.begin(after)
         self.unrolled -= 1
 
-    def _loop_of(
+    def count(
         self, node: ast.For, start: Value, stop: Value, step: int, item: Callable[[Value], Value]
     ) -> None:
         """A loop over whole numbers.
@@ -485,36 +442,19 @@ class Function(Values, ast.NodeVisitor):
         """
         place = self.slot(WHOLE)
         self.store(start.register, place)
-        head, inside, following, after = map(self.label, ("for", "body", "next", "after"))
+        head, first, inside, following, after = self.labels("for", "first", "body", "next", "after")
         self.begin(head)
         at = self.load(WHOLE, place)
-        test = self.new(BIT, f"icmp {'slt' if step > 0 else 'sgt'} i64 {at}, {stop.register}")
-        ways = [set(self.assigned)]
-        first = self.label("first")
-        self.choose(test, first, after)
+        goes_on = self.op(f"icmp {'slt' if step > 0 else 'sgt'}", at, stop.register)
+        self.choose(goes_on, first, after)
         self.begin(first)
         self.assign(node.target, self.settled(item(Value(INT, at))))
-        self.go(inside)
-        self._round(node, inside, Loop(following, after, ways, []))
+        self.round(node, inside, following, after)
         self.begin(following)
-        self.store(self.new(WHOLE, f"add nsw i64 {at}, {step}"), place)
+        if not self.ended:
+            self.store(self.op("add nsw", at, step), place)
         self.go(head)
-        self.meet(after, ways)
-
-    def branch(self, test: ast.expr, yes: str, no: str) -> None:
-        """Go one of two ways; what decides nothing is not looked at."""
-        self.here = test
-        if isinstance(test, ast.BoolOp):
-            every = isinstance(test.op, ast.And)
-            for part in test.values[:-1]:
-                following = self.label("also")
-                self.branch(part, *((following, no) if every else (yes, following)))
-                self.begin(following)
-            self.branch(test.values[-1], yes, no)
-        elif isinstance(test, ast.UnaryOp) and isinstance(test.op, ast.Not):
-            self.branch(test.operand, no, yes)
-        else:
-            self.choose(self.truth(self.visit(test)).register, yes, no)
+        self.begin(after)
 
     # -- expressions -------------------------------------------------------------------------------
 
@@ -527,13 +467,12 @@ class Function(Values, ast.NodeVisitor):
         name = node.id
         if name in self.stores and name not in self.assigned:
             self.here = node
-            self.refuse(
-                f"{name} may have no value yet", "Assign one before, on every way that leads here"
-            )
+            remedy = "Assign one before, on every way that leads here"
+            self.refuse(f"{name} may have no value yet", remedy)
         if name in self.values:
             return self.values[name]
         if name in self.places:
-            return self.kept(self.types[name], self.places[name])
+            return self.in_register(Value(self.types[name], self.places[name], 0))
         space = self.compiled.python.__globals__
         if name not in space and not hasattr(builtins, name):
             self.refuse(f"{name} is not known", "Define or import it in the module")
@@ -555,18 +494,17 @@ class Function(Values, ast.NodeVisitor):
             return Value(FLOAT, self.split(value)[name == "imag"])
         if isinstance(type_, ArrayType) and name == "shape":
             return self.tuple_of(tuple, [self.length(value, k) for k in range(type_.axes)])
-        fields = getattr(type_.kind, "_fields", ()) if isinstance(type_, TupleType) else ()
-        if name not in fields:
-            self.refuse(f"{named(type_)} has no {name}", "Name one of its parts")
-        return self.part(value, fields.index(name))
+        if not isinstance(type_, TupleType) or name not in type_.names:
+            self.refuse(f"{type_} has no {name}", "Name one of its parts")
+        return self.part(value, type_.names.index(name))
 
     def visit_Subscript(self, node: ast.Subscript) -> Value:
         """An entry, a row or a slice of an array; a part of a tuple."""
         value, given = self.visit(node.value), self.indices(node.slice)
         if isinstance(value.type, ArrayType):
             return self.element(value, given)
-        index = given[0].value if len(given) == 1 else None
-        if index is None or not index.is_known:
+        index = given[0] if len(given) == 1 else None
+        if not isinstance(index, Value) or not index.is_known:
             self.refuse("a part of a tuple that is not a constant", "Unpack it, or use an array")
         is_constant = value.type == PYTHON and isinstance(value.known, tuple)
         parts = value.known if is_constant else self.parts(value)
@@ -578,22 +516,22 @@ class Function(Values, ast.NodeVisitor):
         """What stands in brackets."""
         found = list[Index]()
         for part in node.elts if isinstance(node, ast.Tuple) else [node]:
-            if found and found[-1].slice is not None:
+            if found and not isinstance(found[-1], Value):
                 self.refuse("a slice that is not in the last place", "Write a loop")
-            if isinstance(part, ast.Slice):
-                if part.step is not None:
-                    self.refuse("a slice with a step", "Write a loop")
-                ends = [None if x is None else self.index(x) for x in (part.lower, part.upper)]
-                found.append(Index(None, (ends[0], ends[1])))
-            else:
-                found.append(Index(self.index(part)))
+            if not isinstance(part, ast.Slice):
+                found.append(self.index(part))
+                continue
+            if part.step is not None:
+                self.refuse("a slice with a step", "Write a loop")
+            low = self.index(part.lower) if part.lower else None
+            found.append((low, self.index(part.upper) if part.upper else None))
         return found
 
     def index(self, node: ast.expr) -> Value:
         """An index."""
         value = self.visit(node)
         if value.type not in (INT, BOOL):
-            self.refuse(f"{named(value.type)} as an index", "Use a whole number")
+            self.refuse(f"{value.type} as an index", "Use a whole number")
         if isinstance(node, ast.UnaryOp) and not value.is_known:
             self.refuse("an index that is negative", "Subtract it from the length")
         return self.cast(value, INT)
@@ -605,10 +543,8 @@ class Function(Values, ast.NodeVisitor):
             return self.inverted(self.truth(value))
         if isinstance(node.op, ast.USub):
             return self.negative(value)
-        if isinstance(node.op, ast.UAdd) and value.type in (BOOL, INT):
-            return self.cast(value, INT)
-        if isinstance(node.op, ast.UAdd) and value.type in (FLOAT, COMPLEX):
-            return value
+        if isinstance(node.op, ast.UAdd) and value.type in (BOOL, INT, FLOAT, COMPLEX):
+            return self.cast(value, INT) if value.type == BOOL else value
         return self.generic_visit(node.op)
 
     def visit_BinOp(self, node: ast.BinOp) -> Value:
@@ -620,17 +556,8 @@ class Function(Values, ast.NodeVisitor):
         """``a and b``, ``a or b``, of truth values."""
         for part in node.values:
             if (kind := self.type_of(part)) != BOOL:
-                self.refuse(f"and, or of {named(kind)} as a value", "Write comparisons")
-        place = self.slot(BIT)
-        yes, no, after = map(self.label, ("yes", "no", "after"))
-        self.branch(node, yes, no)
-        for label, value in ((yes, True), (no, False)):
-            self.ended = True
-            self.begin(label)
-            self.store(self.constant(value).register, place)
-            self.go(after)
-        self.begin(after)
-        return Value(BOOL, self.load(BIT, place))
+                self.refuse(f"and, or of {kind} as a value", "Write comparisons")
+        return self.visit_IfExp(ast.IfExp(node, ast.Constant(True), ast.Constant(False)))
 
     def type_of(self, node: ast.expr) -> Type:
         """The type of an expression, of which nothing is written."""
@@ -645,42 +572,35 @@ class Function(Values, ast.NodeVisitor):
         kinds = self.type_of(node.body), self.type_of(node.orelse)
         type_ = joined(*kinds)
         if type_ in (None, NONE):
-            self.refuse(f"either {named(kinds[0])} or {named(kinds[1])}", "Give both one type")
+            self.refuse(f"either {kinds[0]} or {kinds[1]}", "Give both one type")
         place = self.room(type_)
-        then, otherwise, after = map(self.label, ("then", "else", "after"))
-        self.branch(node.test, then, otherwise)
-        for label, part in ((then, node.body), (otherwise, node.orelse)):
-            self.ended = True
-            self.begin(label)
-            self.keep(self.cast(self.visit(part), type_), place)
-            self.go(after)
-        self.begin(after)
-        return self.kept(type_, place)
+
+        def put(part: ast.expr) -> Callable[[], None]:
+            return lambda: self.put(self.cast(self.visit(part), type_), place)
+
+        self.fork(node.test, put(node.body), put(node.orelse))
+        return self.in_register(Value(type_, place, 0))
 
     def visit_Compare(self, node: ast.Compare) -> Value:
         """Comparisons, one after the other; all of them are made."""
         left, found = self.visit(node.left), None
         for operation, right in zip(node.ops, node.comparators, strict=True):
-            calls = self.calls
+            before = self.calls
             value = self.visit(right)
-            if found is not None and self.calls > calls:
+            if found is not None and self.calls > before:
                 self.refuse("a call that Python may leave out", "Call it before the comparison")
             if isinstance(operation, (ast.In, ast.NotIn)):
                 this = self.constant(False)
                 for part in self.parts(value):
                     same = self.compare("Eq", left, part)
-                    this = self.bit(f"or i1 {this.register}, {same.register}")
+                    this = Value(BOOL, self.op("or", this.register, same.register))
                 this = self.inverted(this) if isinstance(operation, ast.NotIn) else this
             else:
                 this = self.compare(type(operation).__name__, left, value)
             left = value
-            found = this if found is None else self.both(found, this)
+            found = this if found is None else self.either(found, this, self.constant(False))
         assert found is not None
         return found
-
-    def both(self, a: Value, b: Value) -> Value:
-        """Whether two things hold."""
-        return self.bit(f"select i1 {a.register}, i1 {b.register}, i1 false")
 
     # -- calls -------------------------------------------------------------------------------------
 
@@ -690,13 +610,13 @@ class Function(Values, ast.NodeVisitor):
             value = self.visit(node.func.value)
             if value.type == COMPLEX and not node.args and not node.keywords:
                 re, im = self.split(value)
-                return self.complex(re, self.real_op("fneg", im))
+                return self.complex(re, self.opposite(im))
         function = self.visit(node.func)
         given = [self.visit(x) for x in node.args]
         keywords = {x.arg: self.visit(x.value) for x in node.keywords if x.arg}
         self.here = node
         if isinstance(function.type, FunctionType) and not keywords:
-            return self.call_outside(function, function.type, given)
+            return self.call_outside(function, given)
         target: Any = function.known
         if isinstance(target, Compiled):
             names = _signature(target.python).parameters
@@ -704,10 +624,7 @@ class Function(Values, ast.NodeVisitor):
         if isinstance(target, type) and hasattr(target, "_fields"):
             return self.tuple_of(target, self.in_order(target._fields, given, keywords))
         name = ast.unparse(node.func)
-        try:
-            make = REAL_CALLS.get(target) or CALLS.get(target)
-        except TypeError:  # it cannot be looked up
-            make = None
+        make = calls.CALLS.get(target) if isinstance(target, Hashable) else None
         if make is None:
             self.refuse(f"a call of {name}", "Mark it as compiled, or write it out")
         try:
@@ -728,47 +645,49 @@ class Function(Values, ast.NodeVisitor):
         given = [self.plain(x) for x in given]
         if any(x.type == NONE for x in given):
             self.refuse("None as an argument", "Use a number")
-        self.calls += target.__module__ != _RUNTIME_MODULE
-        signature = self.program.signature(target, tuple(x.type for x in given))
-        self.called.add(signature.name)
-        operands = list[Register]()
-        for value, type_ in zip(given, signature.arguments, strict=True):
-            value = self.cast(value, type_)
-            is_tuple = isinstance(type_, TupleType)
-            operands.append(self.in_memory(value) if is_tuple else self.in_register(value).register)
-        name = f'@"{signature.name}"'
-        if isinstance(signature.result, TupleType):
-            out = self.room(signature.result)
-            self.call(NOTHING, name, out, *operands, convention=" fastcc")
-            return Value(signature.result, out, 0)
-        made = self.call(signature.returned, name, *operands, convention=" fastcc")
-        return Value(signature.result, made)
+        self.calls += target.__module__ != calls.__name__
+        types = [x.type for x in given]
+        callee: Definition = self.program.definition(target, [as_constant(x, False) for x in types])
+        try:
+            callee = self.program.definition(target, types)
+        except Refusal:
+            what = f"a constant array for {target.__name__}, which may write to it"
+            self.refuse(what, "Pass in a copy")
+        self.called.add(callee.name)
+        pairs = zip(given, callee.arguments, strict=True)
+        operands = [self.operand(self.cast(value, type_)) for value, type_ in pairs]
+        name = f'@"{callee.name}"'
+        if isinstance(callee.result, TupleType):
+            out = self.room(callee.result)
+            self.call(NOTHING, name, out, *operands, convention=FASTCC)
+            return Value(callee.result, out, 0)
+        made = self.call(callee.result.llvm, name, *operands, convention=FASTCC)
+        return Value(callee.result, made)
 
-    def call_outside(self, function: Value, type_: FunctionType, given: list[Value]) -> Value:
+    def call_outside(self, function: Value, given: list[Value]) -> Value:
         """Call a function by its address, or by its name if the program knows one."""
+        type_: FunctionType = function.type
         if len(given) != len(type_.arguments):
-            self.refuse(f"{type_.name} takes {len(type_.arguments)} arguments", "Give as many")
+            self.refuse(f"{type_} takes {len(type_.arguments)} arguments", "Give as many")
         self.calls += 1
         pairs = zip(given, type_.arguments, strict=True)
         operands = [self.outward(self.cast(x, wanted)) for x, (_, wanted) in pairs]
         if type_.kind in self.program.direct:
             name = self.program.direct[type_.kind]
             return Value(type_.result, self.outside(type_.result.llvm, name, *operands))
-        address = self.in_register(function).register
+        address = self.operand(function)
         return Value(type_.result, self.call(type_.result.llvm, str(address), *operands))
 
     def runtime(self, name: str, *given: Value) -> Value:
-        """Call what Python's operators mean where LLVM has no instruction for it."""
-        from stickslip.translator import runtime
-
-        return self.call_compiled(getattr(runtime, name), list(given))
+        """Call what an operator means where LLVM has no instruction for it."""
+        return self.call_compiled(getattr(calls, name), list(given))
 
     def table(self, array: Any) -> Value:
         """A constant array."""
         if f"{array.dtype.kind}{array.dtype.itemsize}" not in ENTRIES:
             self.refuse(f"a constant array of {array.dtype}", "Convert its entries")
         name, type_ = self.program.table(array)
-        lengths = [whole(n) for n in array.shape]
+        lengths = [operand(n) for n in array.shape]
         return Value(type_, self.structure(type_.llvm, [Register(name, POINTER), *lengths]))
 
 
@@ -777,15 +696,6 @@ def _signature(function: Callable[..., Any]) -> inspect.Signature:
     return inspect.signature(function)
 
 
-def _argument(name: str) -> str:
+def _argument(parameter: ast.arg) -> str:
     """What a parameter is called in the assembly: like nothing else there."""
-    return f'%"{name}."'
-
-
-def _is_read(name: ast.Name) -> bool:
-    return isinstance(name.ctx, ast.Load)
-
-
-def _as_read(target: ast.expr) -> ast.expr:
-    assert isinstance(target, ast.Name)
-    return ast.Name(target.id, ast.Load())
+    return f'%"{parameter.arg}."'

@@ -9,11 +9,14 @@ multiplication.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
+from functools import cache
 from typing import Any, TypeVar
 
 from stickslip.machine_code.functions import Kernel
 from stickslip.translator.assembly import (
     BIT,
+    FASTCC,
+    POINTER,
     REAL,
     WHOLE,
     Assembly,
@@ -21,7 +24,7 @@ from stickslip.translator.assembly import (
     of_type,
     operand,
 )
-from stickslip.translator.values import plain_types
+from stickslip.translator.values import ArrayType, entry_types
 
 Operand = float | Register
 """A real number."""
@@ -30,6 +33,9 @@ Count = int | Register
 Pair = tuple[Operand, Operand]
 _STRANDS = 4  # in which long sums are added up, so that no instruction waits long for another
 _T = TypeVar("_T")
+
+
+_types = cache(entry_types)
 
 
 def _real(x: Operand) -> str:
@@ -250,9 +256,15 @@ class Arithmetic(Assembly):
         given : numbers, registers
             For a vector its address; for a matrix also the length of its rows.
         """
-        types, result = plain_types(kernel)
-        operands = [of_type(type_, x) for type_, x in zip(types, given, strict=True)]
-        return self.outside(result, kernel.symbol, *operands)
+        left, operands = iter(given), list[Register]()
+        types, result = _types(kernel)
+        for type_ in types:
+            first = of_type(POINTER if isinstance(type_, ArrayType) else type_.llvm, next(left))
+            if isinstance(type_, ArrayType):
+                lengths = (of_type(WHOLE, next(left)) for _ in range(type_.axes - 1))
+                first = self.structure(type_.llvm, [first, operand(0), *lengths])
+            operands.append(first)
+        return self.outside(result.llvm, kernel.symbol, *operands, convention=FASTCC)
 
     def leave(self, test: Register, result: int) -> None:
         """Return a whole number if a test holds."""

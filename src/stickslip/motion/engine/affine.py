@@ -202,7 +202,7 @@ def linearise(machine: Machine, flow: Flow, mode: Array, reg: Array, w: Probes) 
 @compiled()
 def find_holds(flow: Flow, mode: Array, hold: Array) -> bool:
     """Solve the linear problems of a mode, and see what puts sticking contacts back onto their
-    surface; False if they are singular."""
+    surface; False if they are singular, or if inertia moves."""
     rows = flow.rows
     space = flow.space
     nq = rows.sizes[INERTIAL]
@@ -219,7 +219,10 @@ def find_holds(flow: Flow, mode: Array, hold: Array) -> bool:
             for i in range(rows.parts[part, COORDINATES]):
                 q = rows.members[rows.parts[part, MEMBERS] + i]
                 hold[c, q] = space.Rq[first + i, rows.homes[c, SEAT] - first]
-            hold[c, nq] = 1.0 / abs(own_inverse(rows, space, c))
+            inverse = own_inverse(rows, space, c)
+            if inverse == 0.0:  # inertia that moves is inverted where a series begins
+                return False
+            hold[c, nq] = 1.0 / abs(inverse)
     return True
 
 

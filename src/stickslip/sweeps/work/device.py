@@ -23,7 +23,7 @@ from stickslip.machine_code.words import Elsewhere, by_python
 from stickslip.motion.ensemble import Lanes
 from stickslip.motion.steps.arrays import DIMENSION
 from stickslip.orbits.settling.engine.tables import DEVICE_LANES, make_bench
-from stickslip.orbits.settling.engine.threads import Desk, advance_thread, grow_thread
+from stickslip.orbits.settling.engine.threads import Desk, Shared, advance_thread, grow_thread
 from stickslip.orbits.settling.motions import POINT_SLOTS, Block, Settings
 from stickslip.translator.values import TupleType, entry_types
 
@@ -182,13 +182,13 @@ class OnDevice:
         self.marks: Any = each(memory.put, block.marks)
         self.saved: Any = each(memory.put, block.saved)
         self.found: Any = each(memory.put, block.found)
-        self.shared: tuple[Any, ...] = (
+        self.shared: Any = Shared(
             each(partial(memory.put_for_all, self.count), desk_for(block.problem)),
             self.marks,
             each(memory.put, block.rules._replace(most=most)),
             self.saved,
             self.found,
-            memory.put(np.zeros(1, np.int64)),
+            memory.put(np.zeros(1, np.int64)),  # pyright: ignore[reportArgumentType]
         )
 
     def advance(self) -> None:
@@ -231,7 +231,7 @@ class OnDevice:
         looked_at.append((self.block.marks.numbers, self.marks.numbers))
         for here, there in looked_at:
             self._send(here, there)
-        given = *(there for _, there in involved), *self.shared
+        given = *(there for _, there in involved), self.shared
         words = words_of(_ENTRIES[number], given)
         self.device.launch(self.functions[number], words, self.count)
         for here, there in looked_at:

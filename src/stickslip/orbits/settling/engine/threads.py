@@ -22,6 +22,25 @@ class Desk(NamedTuple):
     bench: Bench
 
 
+class Shared(NamedTuple):
+    """What all threads have together.
+
+    Attributes
+    ----------
+    desks : Desk
+        Of all threads (a leading axis).
+    marks, rules, saved, found, stop : tuples and array
+        As of :func:`stickslip.orbits.settling.engine.measuring.advance_lane`.
+    """
+
+    desks: Many[Desk]
+    marks: Marks
+    rules: Rules
+    saved: Many[Lane]
+    found: Found
+    stop: IntVector
+
+
 @compiled()
 def at_desk(e: Engine, desk: Desk) -> Engine:
     """An engine that works in the space of a thread."""
@@ -31,59 +50,16 @@ def at_desk(e: Engine, desk: Desk) -> Engine:
 
 
 @entry_point()
-def advance_thread(
-    e: Engine,
-    desks: Many[Desk],
-    m: Marks,
-    rules: Rules,
-    saved: Many[Lane],
-    found: Found,
-    stop: IntVector,
-    a: int,
-) -> None:
-    """Settle and measure the lane of a thread.
-
-    Parameters
-    ----------
-    e : Engine
-        Its own work space is not used.
-    desks : Desk
-        Of all threads (a leading axis).
-    m, rules, saved, found, stop : tuples and array
-        As of :func:`stickslip.orbits.settling.engine.measuring.advance_lane`.
-    a : int
-        Number of the thread, and of its lane.
-    """
-    desk = row_of(desks, a)
-    advance_lane(at_desk(e, desk), m, rules, saved, desk.bench, found, stop, a)
+def advance_thread(e: Engine, w: Shared, a: int) -> None:
+    """Settle and measure lane a, thread a at its own desk instead of in the work space of e."""
+    desk = row_of(w.desks, a)
+    mine = at_desk(e, desk)
+    advance_lane(mine, w.marks, w.rules, w.saved, desk.bench, w.found, w.stop, a)
 
 
 @entry_point()
-def grow_thread(
-    e: Engine,
-    twin: Engine,
-    desks: Many[Desk],
-    m: Marks,
-    rules: Rules,
-    saved: Many[Lane],
-    found: Found,
-    stop: IntVector,
-    a: int,
-) -> None:
-    """The exponent of the lane of a thread.
-
-    Parameters
-    ----------
-    e, twin : Engine
-        As of :func:`stickslip.orbits.settling.engine.exponents.grow_lane`; their own work space is
-        not used.
-    desks : Desk
-        Of all threads (a leading axis).
-    m, rules, saved, found, stop : tuples and array
-        As of :func:`stickslip.orbits.settling.engine.exponents.grow_lane`.
-    a : int
-        Number of the thread, and of its lane.
-    """
-    desk = row_of(desks, a)
+def grow_thread(e: Engine, twin: Engine, w: Shared, a: int) -> None:
+    """The exponent of a lane and its twin: likewise."""
+    desk = row_of(w.desks, a)
     mine, other = at_desk(e, desk), at_desk(twin, desk)
-    grow_lane(mine, other, m, rules, saved, desk.bench, found, stop, a)
+    grow_lane(mine, other, w.marks, w.rules, w.saved, desk.bench, w.found, w.stop, a)
