@@ -145,4 +145,4 @@ def row_of(part: _T, i: int) -> _T:
 
 def call_address(address: int, x: float) -> float:
     """The value of a function of one number that stands at an address."""
-    return ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(address)(x)
+    return ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(int(address))(x)

@@ -130,6 +130,7 @@ _NEAREST = 1e-14  # a miss that is rounding
 _FITS = 0.1  # part of a return that its combination may leave over
 _MOST_LEAPS = 8  # that polishing may take
 _MOST_POLISHED = 24  # returns that polishing may take
+_AT_ONCE = 1e-3  # of a period: a return so soon is none
 _WIDER = 1.25  # of a period: in which a smooth motion that is polished comes back
 
 
@@ -930,6 +931,8 @@ def cross_plane(
                 high = middle
             else:
                 low = middle
+        if m.numbers[i, LEAPT] > 0 and starts_there(m, i, t + high):
+            continue
         point_on(s.W, N, high / unit, s.trial)
         remember(m, i, -1, 0, t + high, s.trial)
         copy_lane(lanes, i, saved, i)
@@ -940,6 +943,16 @@ def cross_plane(
             copy_lane(saved, i, lanes, i)
             verdict = _CARRIED
     return verdict
+
+
+@compiled()
+def starts_there(m: Marks, i: int, t: float) -> bool:
+    """Whether a motion that is carried on by hand, which starts in the plane up to rounding, has
+    not left it yet at a time."""
+    ring = m.time.shape[1]
+    last = m.numbers[i, COUNT] - 1
+    start = m.time[i, last % ring]
+    return t - start < _AT_ONCE * (start - m.time[i, (last - 1) % ring])
 
 
 @compiled()
