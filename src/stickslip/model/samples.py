@@ -338,10 +338,15 @@ class PiecewisePolynomial:
     coefficients: Array
     period: float
 
-    @property
-    def near(self) -> float:
-        """How well a place is known."""
-        return _NEAR * float(np.max(np.abs(self.breaks)))
+    @cached_property
+    def largest(self) -> float:
+        """The largest break, by its absolute value."""
+        return float(np.max(np.abs(self.breaks)))
+
+    def near(self, x: Array) -> Array:
+        """How well places are known: a place in a late period as its time is, so no better than
+        to a rounding error of all the periods before it."""
+        return _NEAR * np.maximum(np.abs(x) if self.period > 0.0 else 0.0, self.largest)
 
     @cached_property
     def gates(self) -> Array:
@@ -364,13 +369,14 @@ class PiecewisePolynomial:
     def place(self, x: Array, side: str) -> tuple[Array, Array]:
         """Which piece stands for x on a side, and what is left of x from its beginning."""
         b, m = self.breaks, len(self.breaks) - 1
+        near = self.near(x)
         if self.period > 0.0:
             x = x - np.floor((x - b[0]) / self.period) * self.period
         else:
-            x = np.where((x <= b[-1] + self.near) & (x >= b[0] - self.near), x, np.nan)
+            x = np.where((x <= b[-1] + near) & (x >= b[0] - near), x, np.nan)
         i = np.clip(np.searchsorted(b, x, side="right") - 1, 0, m - 1)
         if side == "gate":
-            k = np.where(b[i + 1] - x <= self.near, i + 1, i)
+            k = np.where(b[i + 1] - x <= near, i + 1, i)
         else:
             other = np.where(x - b[i] < b[i + 1] - x, i - 1, i + 1)
             k = np.where(i % 2 == (0 if side == "even" else 1), i, other)
@@ -418,7 +424,7 @@ class PiecewisePolynomial:
                 row = TableRow(pieces=self, side=side, order=order)
                 FUNCTIONS[row.name] = row
                 called[row.name] = side, self.factors(side, order)
-        provide_table(called, self.breaks, self.coefficients, self.gates, self.period, self.near)
+        provide_table(called, self.breaks, self.coefficients, self.gates, self.period, _NEAR)
 
     def bounds(self, a: Interval, side: str, order: int) -> Interval:
         """Least and largest value of a derivative between two places, over the pieces themselves

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.motion.engine.roots import NONE, first_crossing
+from stickslip.motion.engine.roots import NONE, divide_out, first_crossing
 from stickslip.translator import compiled
 
 _WINDOW_ORDER = 22
@@ -318,8 +318,7 @@ def first_of_many(
         h = min(h, limit - start)
         expand_signal(s, start, h, work)
         if order > 0:
-            for k in range(N + 1 - order):
-                work[k] = work[k + order]
+            divide_out(work, order, N + 1)
         elif work[0] <= floor:
             # Touching zero at the seam of two windows: its sign decides there.
             if work[1] < 0.0:
