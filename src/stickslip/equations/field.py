@@ -250,7 +250,7 @@ def impact_map(
     equations : MotionEquations
     mode : tuple of int
         Of the impact: of a contact that can open 0 if it takes part, else 1; of the friction of one
-        that takes part 0 if it sticks, else ±1.
+        that takes part 0 if it sticks, ±1 if it slips with kinetic friction, ±2 with static.
     region : tuple of int
     settled : frozenset of int
         Contacts that have lost their restitution, because what is left of their bounces takes no
@@ -434,7 +434,7 @@ class _Solver:
         c = self.eq.contacts[i]
         if c.opens:
             return ex.ZERO
-        # Carried by others, a contact is at its threshold.
+        # Carried by others, or turned back by an impact, a contact is at its threshold.
         carried = abs(self.mode[i]) == 2
         plus, minus = (c.plus, c.minus) if carried else (c.kinetic_plus, c.kinetic_minus)
         return -self.fix(plus) if self.mode[i] > 0 else self.fix(minus)

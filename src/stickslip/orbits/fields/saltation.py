@@ -300,6 +300,8 @@ def _modes(equations: MotionEquations, near: set[int]) -> Iterator[Mode]:
     for i, c in enumerate(equations.contacts):
         rubs = bool(set(equations.pressing(i)) & near)
         sliding = (1,) if c.plane else (1, -1)
+        if not c.plane and (c.kinetic_plus, c.kinetic_minus) != (c.plus, c.minus):
+            sliding += 2, -2
         choices.append((0, 1) if i in near else (0, *sliding) if rubs and not c.opens else (1,))
     for mode in product(*choices):
         # What takes no part rubs in no way, and components slip together.
