@@ -13,10 +13,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 from stickslip.equations.derive import MotionEquations, Plane
 from stickslip.errors import DeclarationError
+from stickslip.kept import made_once
 from stickslip.model.names import NORMAL, normal_force
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
@@ -202,9 +202,6 @@ def named_modes(contacts: Sequence[str], mode: Sequence[int]) -> dict[str, str]:
     return found
 
 
-_made: WeakKeyDictionary[MotionEquations, dict[tuple[Mode, Region], Field]] = WeakKeyDictionary()
-
-
 def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
     """Vector field of a mode and region: made once for each system.
 
@@ -233,10 +230,9 @@ def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
             "Motions, ensembles and maps can be computed; for equilibria, cycles, branches and "
             f"vector fields give {z} mass",
         )
-    made = _made.setdefault(equations, {})
-    if (mode, region) not in made:
-        made[mode, region] = _Solver(equations, mode, region).field()
-    return made[mode, region]
+    return made_once(
+        equations, "fields", lambda: _Solver(equations, mode, region).field(), (mode, region)
+    )
 
 
 def impact_map(

@@ -13,6 +13,8 @@ from typing import Any
 from stickslip.machine_code.objects import (
     LOOPS,
     STRAIGHT,
+    Code,
+    Provider,
     emitted,
     find_functions,
     loaded,
@@ -30,7 +32,7 @@ def provide_table(
     ends: Any,
     period: float,
     near: float,
-) -> None:
+) -> Provider:
     """Let machine code call functions by their names.
 
     Parameters
@@ -41,7 +43,7 @@ def provide_table(
         error, or the one around), and factors of the coefficients
         (u⁰, u¹, ... of what is left after as many derivatives as there are factors missing).
     breaks : array, shape (m + 1,)
-        Ends of the pieces, increasing; has to outlive the process, as all arrays here.
+        Ends of the pieces, increasing.
     coefficients : array, shape (m, d + 1)
         Of the powers of u = x − breaks[i].
     ends : array, shape (m, 3)
@@ -50,14 +52,19 @@ def provide_table(
         After which all repeats; 0 if nothing does.
     near : float
         Relative rounding error of x, or of the breaks if these are larger.
+
+    Returns
+    -------
+    Provider
+        Keeps the arrays, whose addresses the code knows.
     """
 
-    def make() -> Any:
+    def make() -> Code:
         text = _assembly(names, breaks, coefficients, ends, period, near)
         find_functions(["floor"])
         return loaded([emitted(module_of(text, processor(), STRAIGHT), processor(), LOOPS)])
 
-    provide(names, make)
+    return provide(names, make, lasting=False)
 
 
 def _assembly(

@@ -19,13 +19,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import chain, product
 from typing import TYPE_CHECKING, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Mode, impact_map, in_region
+from stickslip.kept import kept
 from stickslip.orbits.fields.engine.variations import Leave
 from stickslip.orbits.fields.instructions import PointFunction
 from stickslip.orbits.fields.mode_field import Piece
@@ -88,13 +88,6 @@ class StateMap:
         """The map at a point."""
         table = self._values(t, y, p).reshape(len(y), -1)
         return Landing(table[:, 0], table[:, 1], table[:, 2:])
-
-
-_latest: WeakKeyDictionary[Piece, dict[tuple[int, frozenset[int]], Mode]] = WeakKeyDictionary()
-_impacts: WeakKeyDictionary[Piece, dict[tuple[Mode, frozenset[int]], StateMap]] = (
-    WeakKeyDictionary()
-)
-_jumps: WeakKeyDictionary[Piece, dict[int, StateMap]] = WeakKeyDictionary()
 
 
 class Strike(NamedTuple):
@@ -205,7 +198,7 @@ def saltation(
 
 def _jump_map(equations: MotionEquations, piece: Piece, jump: int) -> StateMap:
     """The map of a declared jump, made once: in the region into which its guard passes."""
-    made = _jumps.setdefault(piece, {})
+    made: dict[int, StateMap] = kept(piece, "jumps")
     if jump not in made:
         declared = equations.jumps[jump]
         region = list(piece.field.region)
@@ -272,7 +265,7 @@ def _mode_of(
     size = float(np.max(np.abs(after - y), initial=0.0))
     closed = {i for i, c in enumerate(equations.contacts) if c.opens and left.field.mode[i] == 0}
     # Mostly it is the one of last time, which a rounding error tells.
-    latest = _latest.setdefault(left, {})
+    latest: dict[tuple[int, frozenset[int]], Mode] = kept(left, "latest impacts")
     candidates = _modes(equations, {*closed, contact})
     if closing in latest:
         candidates = chain([latest[closing]], candidates)
@@ -316,7 +309,7 @@ def _impact_map(
     equations: MotionEquations, piece: Piece, mode: Mode, settled: frozenset[int]
 ) -> StateMap:
     """The map of an impact, made once."""
-    made = _impacts.setdefault(piece, {})
+    made: dict[tuple[Mode, frozenset[int]], StateMap] = kept(piece, "impacts")
     if (mode, settled) not in made:
         after = impact_map(equations, mode, piece.field.region, settled)
         made[mode, settled] = StateMap(piece, after)
