@@ -38,6 +38,7 @@ CERTIFIED = 1e-9  # what the certificate leaves open, to be multiplied by the co
 SHIFT = 1e-7  # of the start and of friction, by which the condition is measured
 PATIENCE = 20.0  # s
 INSTANTS = 11
+RELATIVE: Any = 1e-14  # of roots
 _ZERO = 1e-12  # of velocities and forces: what rounding makes of nothing
 _LOOKS = 40  # in a piece, and in a swing, at the relative velocity
 
@@ -309,13 +310,15 @@ class Run:
         above = np.flatnonzero(u[:i] > 0.0)
         if len(above) == 0:
             raise ValueError("no mode")
-        return float(brentq(speed, t[above[-1]], t[i], xtol=1e-15 * left, rtol=1e-14))
+        root: Any = brentq(speed, t[above[-1]], t[i], xtol=1e-15 * left, rtol=RELATIVE)
+        return float(root)
 
     def record(self, length: float, at: Any) -> None:
         """Keep what was asked for, and go on to the end of what is known."""
         last = self.t + length >= self.case.span[1]
         while self.asked and (self.asked[0] <= self.t + length or last):
-            self.found.append(tuple(map(float, at(min(self.asked.pop(0) - self.t, length)))))
+            x, v = at(min(self.asked.pop(0) - self.t, length))
+            self.found.append((float(x), float(v)))
         self.x, self.v = map(float, at(length))
 
 

@@ -86,7 +86,7 @@ def test_the_code_of_systems_is_freed() -> None:
             span=(0.0, 5.0),
         )
         assert ss.simulate(system).certificate.ok
-    del system
+        del system
     gc.collect()
     assert len(objects._kept) <= objects._recent.maxlen + len(objects._for_ever)  # type: ignore[operator]
 

@@ -45,6 +45,7 @@ from stickslip.motion.steps.arrays import (
     HOLDS_BACK,
     HOLDS_FORWARD,
     INERTIAL,
+    LAST,
     MATRIX,
     MEMBERS,
     NOW,
@@ -88,6 +89,7 @@ _CREATED = 1e-9  # part of the energy of an impact that may be a rounding error
 _SLOW = 1e-12  # part of their terms below which velocities are zero
 _TOGETHER = 1e-13  # of the time that a motion may last: what of bouncing is left then is none
 _AT_FIRST = 1e-9  # square of the part of its time that says how large the gaps of a motion are
+_ALMOST = 1e-2  # of the paradox: a motion that runs into it ends a little before
 _SINGULAR = 1e-13  # part of its row below which a pivot is zero
 
 
@@ -751,6 +753,32 @@ def settles(machine: Machine, flow: Flow, lane: Lane) -> bool:
             if falling > 0.0 and 2.0 * speed <= _TOGETHER * lane.clock[SPAN] * falling * (1.0 - e):
                 work[RESTITUTION, c] = 0.0
                 found = True
+    return found
+
+
+@compiled()
+def is_paradox(machine: Machine, flow: Flow, lane: Lane) -> bool:
+    """Whether friction changes a normal force so much that there may be no acceleration that obeys
+    Coulomb's law (Painlevé): G_NN ≤ Σ μ |G_NT| of a contact that is closed."""
+    rows = flow.rows
+    space = flow.space
+    here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
+    for c in range(len(lane.mode)):
+        space.tried[_KEPT, c] = lane.mode[c]
+    approaching(machine, flow, here, lane.clock[LAST], NOWHERE, 1.0)
+    known = put_responses(machine, flow, here)
+    for c in range(len(lane.mode)):
+        lane.mode[c] = space.tried[_KEPT, c]
+    found = False
+    for n in range(rows.sizes[ON_INERTIAL]):
+        if known and opens(rows, n) and space.tried[_NEAR, n] == 1:
+            left = space.delassus[n, n] * (1.0 - _ALMOST)
+            for c in range(rows.sizes[ON_INERTIAL]):
+                rubbing = rows.parents[c] >= 0 and space.tried[_NEAR, rows.parents[c]] == 1
+                if rubbing and rows.homes[c, PART] == rows.homes[n, PART]:
+                    mu = max(space.impact[HOLDS_FORWARD, c], space.impact[HOLDS_BACK, c])
+                    left -= mu * abs(space.delassus[n, c])
+            found = found or left <= 0.0
     return found
 
 

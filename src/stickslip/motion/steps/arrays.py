@@ -28,6 +28,7 @@ NO_COLLISION = 18
 CREATES_ENERGY = 19
 JUMPS_MEET = 20
 JUMPS_ON = 21
+NO_MODE = 22
 FULL = 100
 # What may be said of a candidate mode; or of the step that led to it: that it does not solve the
 # equations.
