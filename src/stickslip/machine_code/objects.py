@@ -285,7 +285,7 @@ def provider_of(name: str) -> Provider | None:
     return _provided.get(name)
 
 
-def forget(names: Iterable[str]) -> None:
+def withdraw(names: Iterable[str]) -> None:
     """No longer provide functions; what calls them has them still."""
     for name in names:
         _provided.pop(name, None)

@@ -507,12 +507,12 @@ class PiecewisePolynomial:
 
 def _remove(name: str, rows: list[str]) -> None:
     """Take rows whose samples are gone out of the table of functions."""
-    from stickslip.machine_code.objects import forget
+    from stickslip.machine_code.objects import withdraw
 
     if name not in _alive:
         for row in rows:
             FUNCTIONS.pop(row, None)
-        forget(rows)
+        withdraw(rows)
 
 
 def _derived(c: Array, order: int) -> Array:
