@@ -28,7 +28,7 @@ reals = st.floats(-1e3, 1e3) | st.sampled_from([0.0, -0.0, 1e90, 5e-324, float("
 def _function(kernel: Kernel) -> Any:
     types, result = plain_types(kernel)
     kind = ctypes.CFUNCTYPE(NUMBERS[result], *(NUMBERS[x] for x in types))
-    return kind(shelf.engine().get_function_address(kernel.symbol))
+    return kind(shelf.engine().address(kernel.symbol))
 
 
 def compiled(kernel: Kernel, *given: Any) -> float:
@@ -51,7 +51,7 @@ def same(a: Any, b: Any) -> bool:
 
 def test_all_are_in_the_engine() -> None:
     assert len(KERNELS) == 7
-    assert all(shelf.engine().get_function_address(k.symbol) for k in KERNELS.values())
+    assert all(shelf.engine().address(k.symbol) for k in KERNELS.values())
 
 
 @settings(deadline=None, max_examples=300)

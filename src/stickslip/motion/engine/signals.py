@@ -102,6 +102,8 @@ def first_of_bend(
     turn = math.log(ratio) / rate if ratio > 0.0 else -1.0
     if turn > 0.0:
         if r > 0.0:  # a minimum: the crossing lies before it
+            if rising > 0:
+                return np.inf  # which is where it starts, up to rounding
             stop = min(turn, limit)
             g = c0 + c1 * stop + r * math.exp(rate * stop)
             if g >= (-floor if stop == turn else 0.0):
