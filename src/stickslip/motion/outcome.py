@@ -80,7 +80,8 @@ class Outcome(Ended):
         22,
         "no admissible mode",
         "No mode of the contacts that can open goes on from here; the reason is not known. It is "
-        "not Painlevé's paradox: friction changes the normal forces too little for that",
+        "not Painlevé's paradox: friction changes the normal forces too little for that. At the "
+        "start of a motion, look for bodies that overlap",
     )
     NO_COLLISION = (
         18,

@@ -137,7 +137,10 @@ def strikes_of(motion: Trajectory) -> dict[int, Strike]:
     begun = 0.0
     found = leaps(motion)
     for j, i in enumerate(map(int, index)):
-        begun = speed[j] if j == 0 or last[j - 1] != last[j] else begun
+        # where the bounces began, also if others have looked at the motion in between
+        since = k.cause[int(index[j - 1]) : i] if j > 0 else k.cause[:0]
+        goes_on = j > 0 and since[0] == k.cause[i] and bool(np.all(since[1:] < 0))
+        begun = begun if goes_on else speed[j]
         small = last[j] > i and speed[j] <= _SMALL * begun
         found[i] = Strike(i, int(last[j]) if small else i, float(k.time[i]), before[j])
     return found
@@ -190,9 +193,16 @@ def saltation(
         return Saltation(S, np.zeros(columns), False)
     D = found.slopes[:, :n]
     S[:n] = found.slopes
-    late = right.rates(t, k.state[strike.last], p) - D @ here.rates - found.time
+    # what is taken together ends later than it begins
+    several = strike.last > strike.knot
+    after = found.after if several else k.state[strike.knot]
+    late = right.rates(t, after, p) - D @ here.rates - found.time
     earlier = here.slopes[g] / here.fall[g]
     S[:n] += np.outer(late, earlier)
+    if several:
+        lasting = float(k.time[strike.last] - k.time[strike.knot])
+        J = right.jacobian(np.array([t]), after[:, None], p)[0]
+        S[:n] += lasting * (J @ S)
     return Saltation(S, -earlier, True)
 
 
