@@ -21,6 +21,7 @@ SHARES = {
     "motions": 1.0,
     "impacts": 0.25,
     "planes": 0.25,
+    "samples": 0.025,
     "cycles": 0.1,
     "maps": 0.1,
     "averages": 0.1,

@@ -65,7 +65,7 @@ def same(a: Any, b: Any) -> bool:
 
 def test_all_are_in_the_engine() -> None:
     assert len(KERNELS) == 7
-    assert all(shelf.engine().get_function_address(k.symbol) for k in KERNELS.values())
+    assert all(shelf.engine().address(k.symbol) for k in KERNELS.values())
 
 
 @settings(deadline=None, max_examples=300)

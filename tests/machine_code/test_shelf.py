@@ -87,7 +87,7 @@ class Small:
         """The same, as an entry of the package."""
         entry: Entry = self.load().total
         engine = objects.loaded(shelf.codes_of(self.library))
-        address = engine.get_function_address(f"entry.{entry.symbol}")
+        address = engine.address(f"entry.{entry.symbol}")
         return Prepared("total", ("x",), *entry_types(entry), address)(np.array([1.0, 2.0]))
 
 
@@ -249,7 +249,7 @@ def test_portable_code_is_the_same_function(small: Small) -> None:
     here = shelf.target_of(shelf.PORTABLE)
     jobs = shelf.jobs_of(shelf.entries_of(small.library), small.folder, here)
     engine = objects.loaded([making.make_one(job) for job in jobs])
-    address = engine.get_function_address(f"entry.{entry.symbol}")
+    address = engine.address(f"entry.{entry.symbol}")
     assert Prepared("total", ("x",), *entry_types(entry), address)(np.array([4.0, 2.0])) == 8.0
 
 

@@ -18,10 +18,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 from stickslip.equations.coupling import components
 from stickslip.errors import DeclarationError
+from stickslip.kept import made_once
 from stickslip.model.declaration import Declaration, DryContact, StateJump
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
@@ -251,9 +251,6 @@ class MotionEquations:
         return sum(c.kind == kind for c in self.contacts)
 
 
-_derived: WeakKeyDictionary[Declaration, MotionEquations] = WeakKeyDictionary()
-
-
 def derive(declaration: Declaration) -> MotionEquations:
     """The equations of motion from energy and dissipation potential: derived once for each
     declaration.
@@ -263,9 +260,7 @@ def derive(declaration: Declaration) -> MotionEquations:
     DeclarationError
         If an internal law or a threshold makes the rate problem nonlinear in the rates.
     """
-    if declaration not in _derived:
-        _derived[declaration] = _equations_of(declaration)
-    return _derived[declaration]
+    return made_once(declaration, "equations", lambda: _equations_of(declaration))
 
 
 def _equations_of(d: Declaration) -> MotionEquations:

@@ -13,10 +13,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 from stickslip.equations.derive import MotionEquations, Plane
 from stickslip.errors import DeclarationError
+from stickslip.kept import made_once
 from stickslip.model.names import NORMAL, normal_force
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
@@ -202,9 +202,6 @@ def named_modes(contacts: Sequence[str], mode: Sequence[int]) -> dict[str, str]:
     return found
 
 
-_made: WeakKeyDictionary[MotionEquations, dict[tuple[Mode, Region], Field]] = WeakKeyDictionary()
-
-
 def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
     """Vector field of a mode and region: made once for each system.
 
@@ -233,10 +230,9 @@ def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
             "Motions, ensembles and maps can be computed; for equilibria, cycles, branches and "
             f"vector fields give {z} mass",
         )
-    made = _made.setdefault(equations, {})
-    if (mode, region) not in made:
-        made[mode, region] = _Solver(equations, mode, region).field()
-    return made[mode, region]
+    return made_once(
+        equations, "fields", lambda: _Solver(equations, mode, region).field(), (mode, region)
+    )
 
 
 def impact_map(
@@ -250,7 +246,7 @@ def impact_map(
     equations : MotionEquations
     mode : tuple of int
         Of the impact: of a contact that can open 0 if it takes part, else 1; of the friction of one
-        that takes part 0 if it sticks, else ±1.
+        that takes part 0 if it sticks, ±1 if it slips with kinetic friction, ±2 with static.
     region : tuple of int
     settled : frozenset of int
         Contacts that have lost their restitution, because what is left of their bounces takes no
@@ -434,7 +430,7 @@ class _Solver:
         c = self.eq.contacts[i]
         if c.opens:
             return ex.ZERO
-        # Carried by others, a contact is at its threshold.
+        # Carried by others, or turned back by an impact, a contact is at its threshold.
         carried = abs(self.mode[i]) == 2
         plus, minus = (c.plus, c.minus) if carried else (c.kinetic_plus, c.kinetic_minus)
         return -self.fix(plus) if self.mode[i] > 0 else self.fix(minus)

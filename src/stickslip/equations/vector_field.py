@@ -6,24 +6,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from stickslip import page
 from stickslip.arrays import Array
 from stickslip.equations.derive import derive
-from stickslip.equations.field import MODE_NAMES, Field, Mode, Region, mode_field
+from stickslip.equations.field import MODE_NAMES, Field, mode_field
 from stickslip.errors import DeclarationError, short
-from stickslip.model.declaration import Declaration
 from stickslip.model.system import System
 from stickslip.symbolic.expressions import Expr, to_text
 
 Values = Mapping[str, float]
 _LONGEST = 1_000_000  # characters of a formula
 _SIGNS = {name: sign for sign, name in MODE_NAMES.items()}
-
-_fields: WeakKeyDictionary[Declaration, dict[tuple[Mode, Region], Field]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -159,15 +155,12 @@ def vector_field(
     point = {**system.values, **(at or {})}
     region = tuple(int(system.declaration.value(g, point) >= 0.0) for g in equations.kinks)
     mode = tuple(_SIGNS[given[name]] for name in names)
-    known_fields = _fields.setdefault(system.declaration, {})
-    if (mode, region) not in known_fields:
-        try:
-            known_fields[mode, region] = mode_field(equations, mode, region)
-        except ZeroDivisionError:
-            raise DeclarationError(
-                "modes", "the rates are not determined in this mode", "Let fewer contacts stick"
-            ) from None
-    found = known_fields[mode, region]
+    try:
+        found = mode_field(equations, mode, region)
+    except ZeroDivisionError:
+        raise DeclarationError(
+            "modes", "the rates are not determined in this mode", "Let fewer contacts stick"
+        ) from None
     return VectorField(system, {name: given[name] for name in names}, point, found)
 
 

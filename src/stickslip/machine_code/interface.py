@@ -10,7 +10,15 @@ from stickslip.translator import FunctionAddress
 
 
 class SystemFunction(FunctionAddress):
-    """One of them, in memory."""
+    """One of them, in memory for as long as this is.
+
+    Attributes
+    ----------
+    code : Code
+        To which it belongs.
+    """
+
+    code: Any
 
     def __call__(self, *arguments: Any) -> Any:
         """Call it from Python, as compiled functions do that run as Python.

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from ctypes.util import find_library
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from threading import RLock
 from typing import Any, NamedTuple
+from weakref import WeakValueDictionary
 
 from llvmlite import binding as llvm
 
@@ -26,8 +28,60 @@ MATHEMATICS: Sequence[str] = (
     "fmod frexp hypot ilogb ldexp log log10 log1p log2 pow round sin sinh sqrt tan tanh trunc"
 ).split()
 _LOCK = RLock()
-_kept: dict[str, Any] = {}  # what has been loaded, by its assembly
-_in_memory: list[Any] = []  # everything that has been loaded: addresses of it are everywhere
+
+
+class Code:
+    """Machine code in memory: for as long as somebody has this.
+
+    Parameters
+    ----------
+    engine
+        LLVM's execution engine.
+    needed : iterable of Provider
+        What else it calls.
+
+    Attributes
+    ----------
+    lasting : bool
+        Whether all that may stay in memory for ever.
+    """
+
+    def __init__(self, engine: Any, needed: Iterable[Provider] = ()) -> None:
+        self._engine = engine
+        self._needed = tuple(needed)
+        self.lasting: bool = all(provider.lasting for provider in self._needed)
+
+    def address(self, name: str) -> int:
+        """Where a function stands."""
+        return int(self._engine.get_function_address(name))
+
+
+class Provider:
+    """Functions whose machine code is brought into memory when one of them is called for the first
+    time.
+
+    Parameters
+    ----------
+    make : function
+        Brings it.
+    lasting : bool
+        Whether it may stay there for ever.
+    """
+
+    def __init__(self, make: Callable[[], Code], lasting: bool) -> None:
+        self._make = make
+        self.lasting: bool = lasting
+
+    @cached_property
+    def code(self) -> Code:
+        """It."""
+        return self._make()
+
+
+_kept: WeakValueDictionary[str, Code] = WeakValueDictionary()  # what is in memory, by its assembly
+_recent: deque[Code] = deque(maxlen=32)  # for systems that are declared again and again
+_for_ever: dict[str, Code] = {}  # what is called by addresses alone
+_provided: dict[str, Provider] = {}
 
 
 class Processor(NamedTuple):
@@ -139,19 +193,44 @@ def emitted(module: Any, here: Processor, effort: int) -> bytes:
 # -- loading ---------------------------------------------------------------------------------------
 
 
-def loaded(codes: Iterable[bytes]) -> Any:
+def loaded(codes: Iterable[bytes], needed: Iterable[Provider] = ()) -> Code:
     """Machine code in memory, of parts that call each other; what else they call is where it can be
     found (see :func:`find_functions`)."""
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine(processor()))
     for code in codes:
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    _in_memory.append(engine)
-    return engine
+    return Code(engine, needed)
+
+
+def code_of(assembly: str, name: str) -> Code:
+    """Straight code in memory: from this process, from disk, or new.
+
+    Parameters
+    ----------
+    assembly : str
+        LLVM assembly.
+    name : str
+        Under which it is kept on disk.
+    """
+    with _LOCK:
+        code = _kept.get(assembly)
+        if code is None:
+            length = sum(len(line) for line in assembly.splitlines() if not line.startswith("@"))
+            effort = STRAIGHT if length < _LONG else LONG
+            made = object_of(assembly, cache_folder() / name, processor(), effort)
+            declared = [line for line in assembly.splitlines() if line.startswith("declare")]
+            called = [line[line.index("@") + 1 : line.index("(")] for line in declared]
+            find_functions(called)
+            needed = [_provided[name] for name in called if name in _provided]
+            code = _kept[assembly] = loaded([made], needed)
+        if code.lasting:
+            _recent.append(code)
+        return code
 
 
 def addresses(assembly: str, names: list[str]) -> list[int]:
-    """Addresses of functions of straight code: from this process, from disk, or new.
+    """Addresses of functions of straight code, which remains in memory.
 
     Parameters
     ----------
@@ -160,22 +239,17 @@ def addresses(assembly: str, names: list[str]) -> list[int]:
     names : list of str
         Theirs.
     """
-    with _LOCK:
-        if assembly not in _kept:
-            length = sum(len(line) for line in assembly.splitlines() if not line.startswith("@"))
-            effort = STRAIGHT if length < _LONG else LONG
-            code = object_of(assembly, cache_folder() / names[0], processor(), effort)
-            declared = [line for line in assembly.splitlines() if line.startswith("declare")]
-            find_functions([line[line.index("@") + 1 : line.index("(")] for line in declared])
-            _kept[assembly] = loaded([code])
-        return [_kept[assembly].get_function_address(name) for name in names]
+    code = _for_ever[assembly] = code_of(assembly, names[0])
+    return [code.address(name) for name in names]
 
 
 def find_functions(names: Sequence[str]) -> None:
     """Tell LLVM where functions of C's mathematical library and of Python are that it does not find
     itself."""
     for name in names:
-        if not name.startswith("llvm.") and llvm.address_of_symbol(name) is None:
+        # what is provided may stand elsewhere than its namesake that is gone
+        known = name not in _provided and llvm.address_of_symbol(name) is not None
+        if not (name.startswith("llvm.") or known):
             with suppress(AttributeError):  # LLVM says what is missing, if it is called at all
                 llvm.add_symbol(name, address_of(name))
 
@@ -188,29 +262,33 @@ def address_of(name: str) -> int:
     AttributeError
         If there is none of that name.
     """
+    if name in _provided:
+        return _provided[name].code.address(name)
     known = llvm.address_of_symbol(name)
     if known is not None:
         return int(known)
-    if name in _provided:
-        return _made(_provided[name]).get_function_address(name)
     library = ctypes.pythonapi if name.startswith("Py") else _mathematics()
     found = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
     assert found is not None
     return found
 
 
-def provide(names: Iterable[str], make: Callable[[], Any]) -> None:
-    """Let functions be found whose machine code `make` brings into memory, when one of them is
-    called for the first time."""
-    _provided.update(dict.fromkeys(names, make))
+def provide(names: Iterable[str], make: Callable[[], Code], lasting: bool = True) -> Provider:
+    """Let functions be found; see :class:`Provider`."""
+    provider = Provider(make, lasting)
+    _provided.update(dict.fromkeys(names, provider))
+    return provider
 
 
-_provided: dict[str, Callable[[], Any]] = {}
+def provider_of(name: str) -> Provider | None:
+    """What provides a function, if it is not of C's mathematical library or of Python."""
+    return _provided.get(name)
 
 
-@cache
-def _made(make: Callable[[], Any]) -> Any:
-    return make()
+def withdraw(names: Iterable[str]) -> None:
+    """No longer provide functions; what calls them has them still."""
+    for name in names:
+        _provided.pop(name, None)
 
 
 @cache

@@ -18,7 +18,7 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from llvmlite import binding as llvm
 
@@ -27,6 +27,7 @@ from stickslip.machine_code.making import Compilation, make_all
 from stickslip.machine_code.objects import (
     LOOPS,
     MATHEMATICS,
+    Code,
     Processor,
     digest,
     find_functions,
@@ -130,18 +131,18 @@ LIBRARIES = (ENGINE, EVOLUTION_SOLVERS)
 def prepare(entry: Entry) -> Prepared:
     """An entry in memory."""
     library = next((x for x in LIBRARIES if entry.__module__ in x.modules), None)
-    engine = _alone(entry) if library is None else _in_memory(library)
-    address = engine.get_function_address(f"entry.{entry.symbol}")
+    code = _alone(entry) if library is None else _in_memory(library)
+    address = code.address(f"entry.{entry.symbol}")
     names = tuple(inspect.signature(entry.python).parameters)
-    return Prepared(entry.__name__, names, *entry_types(entry), address)
+    return Prepared(entry.__name__, names, *entry_types(entry), address, code)
 
 
-def engine() -> Any:
+def engine() -> Code:
     """The engine in memory, where LLVM knows the addresses of its functions."""
     return _in_memory(ENGINE)
 
 
-def _alone(entry: Entry) -> Any:
+def _alone(entry: Entry) -> Code:
     """An entry that is not of the package, in memory: translated in each process, compiled once."""
     find_functions(MATHEMATICS)
     jobs = jobs_of([entry], cache_folder(), target_of(level()))
@@ -149,7 +150,7 @@ def _alone(entry: Entry) -> Any:
 
 
 @cache
-def _in_memory(library: Library) -> Any:
+def _in_memory(library: Library) -> Code:
     find_functions(MATHEMATICS)
     return loaded(codes_of(library))
 

@@ -13,6 +13,8 @@ from typing import Any
 from stickslip.machine_code.objects import (
     LOOPS,
     STRAIGHT,
+    Code,
+    Provider,
     emitted,
     find_functions,
     loaded,
@@ -30,17 +32,18 @@ def provide_table(
     ends: Any,
     period: float,
     near: float,
-) -> None:
+) -> Provider:
     """Let machine code call functions by their names.
 
     Parameters
     ----------
     names : mapping of str to (str, sequence of float)
         By name: the side ("even" or "odd": the nearest piece of that parity is continued; "gate":
-        the piece that begins within `near`, or the one around), and factors of the coefficients
+        the piece that begins within a rounding
+        error, or the one around), and factors of the coefficients
         (u⁰, u¹, ... of what is left after as many derivatives as there are factors missing).
     breaks : array, shape (m + 1,)
-        Ends of the pieces, increasing; has to outlive the process, as all arrays here.
+        Ends of the pieces, increasing.
     coefficients : array, shape (m, d + 1)
         Of the powers of u = x − breaks[i].
     ends : array, shape (m, 3)
@@ -48,14 +51,20 @@ def provide_table(
     period : float
         After which all repeats; 0 if nothing does.
     near : float
+        Relative rounding error of x, or of the breaks if these are larger.
+
+    Returns
+    -------
+    Provider
+        Keeps the arrays, whose addresses the code knows.
     """
 
-    def make() -> Any:
+    def make() -> Code:
         text = _assembly(names, breaks, coefficients, ends, period, near)
         find_functions(["floor"])
         return loaded([emitted(module_of(text, processor(), STRAIGHT), processor(), LOOPS)])
 
-    provide(names, make)
+    return provide(names, make, lasting=False)
 
 
 def _assembly(
@@ -74,6 +83,7 @@ def _assembly(
     density = m / (last - first)
     finding = f"""
 declare double @llvm.floor.f64(double)
+declare double @llvm.fabs.f64(double)
 define internal i64 @find(double %x) {{
 entry:
   %away = fsub double %x, {operand(first)}
@@ -115,7 +125,7 @@ done:
   ret i64 %lo
 }}"""
     sides = {side for side, _ in names.values()}
-    places = [_place(side, m, first, last, period, near, table) for side in sorted(sides)]
+    places = [_place(side, m, (first, last), period, near, table) for side in sorted(sides)]
     values = [
         _value(name, side, factors, ends if side == "gate" else coefficients, table)
         for name, (side, factors) in names.items()
@@ -124,13 +134,15 @@ done:
 
 
 def _place(
-    side: str, m: int, first: float, last: float, period: float, near: float, table: str
+    side: str, m: int, ends: tuple[float, float], period: float, near: float, table: str
 ) -> str:
     """Which piece stands for x on a side, and x in it: without whole periods, but beyond the ends
     of the table where the piece is.
 
     Outside a table that does not repeat x is not a number.
     """
+    first, last = ends
+    largest = max(abs(first), abs(last))
     lines = [f"define internal {{ i64, double }} @{side}(double %given) {{"]
     if period > 0.0:
         lines.append(f"""  %since = fsub double %given, {operand(first)}
@@ -139,8 +151,8 @@ def _place(
   %gone = fmul double %turns, {operand(period)}
   %x = fsub double %given, %gone""")
     else:
-        lines.append(f"""  %late = fcmp ole double %given, {operand(last + near)}
-  %early = fcmp oge double %given, {operand(first - near)}
+        lines.append(f"""  %late = fcmp ole double %given, {operand(last + near * largest)}
+  %early = fcmp oge double %given, {operand(first - near * largest)}
   %within = and i1 %late, %early
   %x = select i1 %within, double %given, double 0x7FF8000000000000""")
     lines.append(f"""  %i = call i64 @find(double %x)
@@ -153,7 +165,11 @@ def _place(
   %right = fsub double %high, %x
   %before = sub i64 %i, 1""")
     if side == "gate":
-        lines.append(f"""  %begins = fcmp ole double %right, {operand(near)}
+        lines.append(f"""  %size = call double @llvm.fabs.f64(double %given)
+  %far = fcmp ogt double %size, {operand(largest)}
+  %counted = select i1 %far, double %size, double {operand(largest)}
+  %known = fmul double %counted, {operand(near)}
+  %begins = fcmp ole double %right, %known
   %k = select i1 %begins, i64 %next, i64 %i""")
     else:
         lines.append(f"""  %parity = urem i64 %i, 2

@@ -225,6 +225,8 @@ class Prepared:
     result : Type
     address : int
         Of the function that takes the address of its arguments as words.
+    code : Code, optional
+        To which it belongs, and which stays in memory with this.
     """
 
     def __init__(
@@ -234,7 +236,9 @@ class Prepared:
         types: tuple[Type, ...],
         result: Any,
         address: int,
+        code: Any = None,
     ) -> None:
+        self._code = code
         self._name = name
         self._type = TupleType(type("Arguments", (tuple,), {"_fields": names}), types)
         self._plan = np.array(_plan(self._type), np.int64)

@@ -648,9 +648,12 @@ class _Reader:
             self.result.limits.append((f"{where}.{key}", part, interval))
         check_unit(contact.unit, f"{where}.unit")
         here = ex.evaluate(gap, self.start)
-        # Where nothing else says how large it is, rounding errors of the state are no overlap.
+        # Where nothing else says how large it is, rounding errors of the state are no overlap. How
+        # far a constraint holds is seen where a motion starts.
         most = max(abs(self.start[q]) for q in self.result.inertial)
-        if here < -1e-12 * max(_size(gap, self.start), 1e-3 * most, 1e-300):
+        others = [c.gap for c in self.system.plain.contacts.values() if isinstance(c, Unilateral)]
+        held = any(f"-{contact.gap}" == g or contact.gap == f"-{g}" for g in others)
+        if not held and here < -1e-12 * max(_size(gap, self.start), 1e-3 * most, 1e-300):
             raise DeclarationError(
                 f"{where}.gap",
                 f"it is {here:g} at the initial state: the bodies overlap",

@@ -17,6 +17,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import math
+import weakref
 import zlib
 from base64 import b64decode, b64encode
 from collections.abc import Mapping
@@ -25,6 +26,7 @@ from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from stickslip.machine_code.objects import Provider
     from stickslip.symbolic.intervals import Interval
 
 SampleKind = Literal["linear", "cubic", "hold"]
@@ -219,8 +222,12 @@ class Samples(TimeFunction):
 
     @cached_property
     def pieces(self) -> PiecewisePolynomial:
-        """Their polynomials."""
-        return _pieces(self)
+        """Their polynomials, which equal samples share."""
+        name = f"samples_{self.digest}"
+        found = _alive.get(name)
+        if found is None:
+            found = _alive[name] = _pieces(self, name)
+        return found
 
     def count(self, start: float, stop: float) -> int:
         """How many of them are in a span, at most."""
@@ -319,6 +326,8 @@ def _again(t: Array, y: Array, kind: SampleKind, periodic: bool, source: dict[st
 
 # -- polynomials -----------------------------------------------------------------------------------
 
+_alive: WeakValueDictionary[str, PiecewisePolynomial] = WeakValueDictionary()
+
 
 @dataclass(frozen=True, eq=False)
 class PiecewisePolynomial:
@@ -338,10 +347,15 @@ class PiecewisePolynomial:
     coefficients: Array
     period: float
 
-    @property
-    def near(self) -> float:
-        """How well a place is known."""
-        return _NEAR * float(np.max(np.abs(self.breaks)))
+    @cached_property
+    def largest(self) -> float:
+        """The largest break, by its absolute value."""
+        return float(np.max(np.abs(self.breaks)))
+
+    def near(self, x: Array) -> Array:
+        """How well places are known: a place in a late period as its time is, so no better than
+        to a rounding error of all the periods before it."""
+        return _NEAR * np.maximum(np.abs(x) if self.period > 0.0 else 0.0, self.largest)
 
     @cached_property
     def gates(self) -> Array:
@@ -364,13 +378,14 @@ class PiecewisePolynomial:
     def place(self, x: Array, side: str) -> tuple[Array, Array]:
         """Which piece stands for x on a side, and what is left of x from its beginning."""
         b, m = self.breaks, len(self.breaks) - 1
+        near = self.near(x)
         if self.period > 0.0:
             x = x - np.floor((x - b[0]) / self.period) * self.period
         else:
-            x = np.where((x <= b[-1] + self.near) & (x >= b[0] - self.near), x, np.nan)
+            x = np.where((x <= b[-1] + near) & (x >= b[0] - near), x, np.nan)
         i = np.clip(np.searchsorted(b, x, side="right") - 1, 0, m - 1)
         if side == "gate":
-            k = np.where(b[i + 1] - x <= self.near, i + 1, i)
+            k = np.where(b[i + 1] - x <= near, i + 1, i)
         else:
             other = np.where(x - b[i] < b[i + 1] - x, i - 1, i + 1)
             k = np.where(i % 2 == (0 if side == "even" else 1), i, other)
@@ -400,16 +415,17 @@ class PiecewisePolynomial:
 
     def rows(self) -> dict[str, str]:
         """By side the name of the row of the table of functions, which is put there."""
-        names = {side: [self.row_name(side, 0)] for side in ("even", "odd", "gate")}
-        if names["gate"][0] not in FUNCTIONS:
-            self._enter()
-        return {side: name for side, (name,) in names.items()}
+        _ = self._provider
+        return {side: self.row_name(side, 0) for side in ("even", "odd", "gate")}
 
     def row_name(self, side: str, order: int) -> str:
         """Name of a derivative on a side."""
         return f"{self.name}_{side}{order}"
 
-    def _enter(self) -> None:
+    @cached_property
+    def _provider(self) -> Provider:
+        """The machine code of the rows, which are in the table of functions as long as this
+        exists."""
         from stickslip.machine_code.tabulated import provide_table
 
         called = {}
@@ -418,7 +434,8 @@ class PiecewisePolynomial:
                 row = TableRow(pieces=self, side=side, order=order)
                 FUNCTIONS[row.name] = row
                 called[row.name] = side, self.factors(side, order)
-        provide_table(called, self.breaks, self.coefficients, self.gates, self.period, self.near)
+        weakref.finalize(self, _remove, self.name, list(called)).atexit = False
+        return provide_table(called, self.breaks, self.coefficients, self.gates, self.period, _NEAR)
 
     def bounds(self, a: Interval, side: str, order: int) -> Interval:
         """Least and largest value of a derivative between two places, over the pieces themselves
@@ -488,6 +505,16 @@ class PiecewisePolynomial:
         return {}
 
 
+def _remove(name: str, rows: list[str]) -> None:
+    """Take rows whose samples are gone out of the table of functions."""
+    from stickslip.machine_code.objects import withdraw
+
+    if name not in _alive:
+        for row in rows:
+            FUNCTIONS.pop(row, None)
+        withdraw(rows)
+
+
 def _derived(c: Array, order: int) -> Array:
     """Coefficients of a derivative."""
     for _ in range(order):
@@ -495,7 +522,7 @@ def _derived(c: Array, order: int) -> Array:
     return c
 
 
-def _pieces(samples: Samples) -> PiecewisePolynomial:
+def _pieces(samples: Samples, name: str) -> PiecewisePolynomial:
     t, y = samples.times, samples.values
     length = np.diff(t)
     if samples.kind == "hold":
@@ -518,7 +545,6 @@ def _pieces(samples: Samples) -> PiecewisePolynomial:
         ]
         t = np.insert(t, k + 1, t[k] + half)
         c = np.insert(c, k + 1, moved, axis=0)
-    name = f"samples_{samples.digest}"
     return PiecewisePolynomial(
         name, np.ascontiguousarray(t), np.ascontiguousarray(c), samples.period
     )
@@ -531,20 +557,35 @@ class TableRow(Function):
         least, largest = pieces._extremes(side, order)
         super().__init__(
             name=pieces.row_name(side, order),
-            value=lambda x: float(pieces.values(np.array(x), side, order)),
+            value=lambda x: float(self.pieces.values(np.array(x), side, order)),
             derivative="",
             limits=(float(least.min()), float(largest.max())),
             period=pieces.period,
             within=f"{pieces.period!r}*wrap(x/{pieces.period!r})" if pieces.period else "",
             typed=f"{pieces.name}(x)",
         )
-        object.__setattr__(self, "pieces", pieces)
+        object.__setattr__(self, "table", pieces.name)
         object.__setattr__(self, "side", side)
         object.__setattr__(self, "order", order)
 
-    pieces: PiecewisePolynomial
+    table: str
     side: str
     order: int
+
+    @property
+    def pieces(self) -> PiecewisePolynomial:
+        """Its table, which belongs to the samples: expressions that somebody remembers do not keep
+        it.
+
+        Raises
+        ------
+        ReferenceError
+            If they are gone.
+        """
+        found = _alive.get(self.table)
+        if found is None:
+            raise ReferenceError(f"{self.table}: these samples are gone")
+        return found
 
     @cached_property
     def array(self) -> Any:

@@ -76,6 +76,13 @@ class Outcome(Ended):
         "No mode of the contacts has accelerations that obey Coulomb's law with these normal "
         "forces: only an impulse could go on. Lower the coefficient of friction",
     )
+    NO_MODE = (
+        22,
+        "no admissible mode",
+        "No mode of the contacts that can open goes on from here; the reason is not known. It is "
+        "not Painlevé's paradox: friction changes the normal forces too little for that. At the "
+        "start of a motion, look for bodies that overlap",
+    )
     NO_COLLISION = (
         18,
         "no admissible impact",

@@ -273,15 +273,18 @@ class Problem:
         return table, np.array(members, dtype=np.int64), homes, turning
 
     def _openings(self) -> tuple[Array, Array, Array, Array]:
-        """Rows of the gaps and of the restitution of contacts, whose friction each is, and the row
-        of its coefficient; −1: of none."""
+        """Rows of the gaps and of the restitution of contacts, whose friction each is, and the rows
+        of its coefficients; −1: of none."""
         layout = self.compiled.layout
-        found = tuple(np.full(len(layout.u), -1, np.int64) for _ in range(4))
-        tables = (layout.gaps, layout.restitution, layout.parents, layout.friction)
+        found = tuple(np.full(len(layout.u), -1, np.int64) for _ in range(3))
+        tables = (layout.gaps, layout.restitution, layout.parents)
         for array, table in zip(found, tables, strict=True):
             for c, value in table.items():
                 array[c] = value
-        return found  # type: ignore[return-value]
+        friction = np.full((len(layout.u), 4), -1, np.int64)
+        for c, rows in layout.friction.items():
+            friction[c] = rows
+        return (*found, friction)  # type: ignore[return-value]
 
     def _jumps(self) -> tuple[Array, Array]:
         """Jumps of the state, and which parts of it have new values."""

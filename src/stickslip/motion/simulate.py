@@ -11,18 +11,25 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
-from stickslip.model.system import Kind, System
+from stickslip.model.system import System
 from stickslip.motion.knots import Knots
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
+from stickslip.motion.starts import (
+    check_contacts,
+    check_stable_start,
+    numbers_of,
+    put_on_contacts,
+)
 from stickslip.progress import told
-from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 _CHUNK = 4096  # steps between looks at the clock and the keyboard
 _CHUNK_BYTES = 2**26  # that these may take
+# how a motion may end that has no start
+_NOWHERE = (Outcome.NO_BOUNDED_RATE, Outcome.NO_MODE, Outcome.NO_ACCELERATION)
 
 
 def simulate(
@@ -68,7 +75,7 @@ def simulate(
     ------
     DeclarationError
         If an argument is wrong, or the initial state violates |∂Φ| ≤ s of a rate-independent
-        coordinate.
+        coordinate, a constraint, or a gap. What it misses by rounding is put right.
     """
     from stickslip.motion.rest import rests_forever
     from stickslip.motion.trajectory import Trajectory
@@ -80,12 +87,14 @@ def simulate(
         raise DeclarationError("flow", f"{flow!r} is none", 'Choose "auto" or "taylor"')
     problem = pose(system, parameters, rtol, atol, exact=flow == "auto", origin=start)
     y = problem.initial_state(initial or {})
+    y = put_on_contacts(problem, start, numbers_of(problem), y[None])[0]
     check_positive(max_events=max_events)
     with told(progress, f"moving {system.name}") as show:
         most = max_events + system.declaration.kinks_known(start, end)
         code, knots = run_loop(problem, start, end, y, most, show)
     outcome = Outcome.from_code(code)
-    if outcome is Outcome.NO_BOUNDED_RATE and len(knots.clock) == 1:
+    if outcome in _NOWHERE and len(knots.clock) == 1:
+        check_contacts(problem, start, y)
         check_stable_start(problem, start, y)
     if outcome is Outcome.FINISHED and rests_forever(problem, knots):
         outcome = Outcome.AT_REST
@@ -181,42 +190,3 @@ def run_loop(
         last = Knots.single(clock[NOW], now.y[0], mode, now.reg[0], problem.origin)
         knots = Knots.joined([knots, last])
     return code, knots
-
-
-def check_stable_start(problem: Problem, start: float, y: Array) -> None:
-    """Explain an initial state outside the stable set of the rate-independent coordinates."""
-    equations, declaration = problem.compiled.equations, problem.system.declaration
-    values = {
-        **problem.parameters,
-        **dict(zip(declaration.state, map(float, y), strict=True)),
-        "t": start,
-    }
-    acting = [c for c in equations.contacts if c.kind == Kind.RATE_INDEPENDENT]
-    for plane in equations.planes:
-        first = equations.contacts[plane.parts[0]]
-        if first.kind == Kind.RATE_INDEPENDENT:
-            held = math.hypot(*(ex.evaluate(e, values) for e in plane.pull))
-            most = ex.evaluate(plane.static, values)
-            if held > most * (1.0 + 1e-9):
-                names = [next(iter(equations.contacts[i].direction)) for i in plane.parts]
-                raise DeclarationError(
-                    f"initial.{names[0]}",
-                    f"the contact '{first.name[:-2]}' would have to hold the force {held:.6g}, "
-                    f"which exceeds its threshold {most:.6g} by {held - most:.6g}",
-                    f"Start with '{names[0]}' and '{names[1]}' inside the stable set",
-                )
-    for c, force in zip(acting, equations.rate.force, strict=True):
-        if c.plane:
-            continue
-        held = ex.evaluate(force, values)
-        plus, minus = ex.evaluate(c.plus, values), ex.evaluate(c.minus, values)
-        excess = max(-plus - held, held - minus)
-        if excess > 1e-9 * (abs(held) + plus + minus):
-            name = next(iter(c.direction))
-            raise DeclarationError(
-                f"initial.{name}",
-                f"the contact '{c.name}' would have to hold the force {held:.6g}, which exceeds "
-                "its threshold"
-                f" {minus if held > 0 else plus:.6g} by {excess:.6g}",
-                f"Start with '{name}' inside the stable set",
-            )

@@ -20,6 +20,7 @@ from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import MOTION_SLOTS, Problem, pose
 from stickslip.motion.simulate import check_positive, check_span
+from stickslip.motion.starts import put_on_contacts
 from stickslip.motion.steps.arrays import CROSSED, NOW, SWITCHES, TAKEN, Lane
 from stickslip.results import Completion, Result
 
@@ -176,6 +177,7 @@ def simulate_many(
     table = parameter_table(system, given_parameters, count)
     states = initial_states(system, given_initial, count)
     problem = replace(pose_all(system, given_parameters, rtol, atol), origin=start)
+    states = put_on_contacts(problem, start, table, states)
     now, codes = follow_all(
         problem, table, states, (0.0, end - start), max_events, workers or os.cpu_count() or 1
     )

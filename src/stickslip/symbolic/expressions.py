@@ -12,7 +12,9 @@ from __future__ import annotations
 import hashlib
 import math
 import re
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+from weakref import WeakValueDictionary
 
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS
 
@@ -39,7 +41,18 @@ class Expr:
         Height of the tree, which bounds every recursion over it.
     """
 
-    __slots__ = ("_derivatives", "_with", "args", "depth", "key", "op", "symbols", "terms", "value")
+    __slots__ = (
+        "__weakref__",
+        "_derivatives",
+        "_with",
+        "args",
+        "depth",
+        "key",
+        "op",
+        "symbols",
+        "terms",
+        "value",
+    )
 
     def __init__(
         self, op: str, value: float | str, args: tuple[Expr, ...], terms: Terms, key: str
@@ -104,7 +117,8 @@ class Expr:
         return _node, (self.op, self.value, self.args, self.terms)
 
 
-_nodes: dict[tuple, Expr] = {}
+_nodes: WeakValueDictionary[tuple, Expr] = WeakValueDictionary()
+_recent: deque[Expr] = deque(maxlen=10_000)  # for systems that are declared again and again
 
 
 def _node(
@@ -121,6 +135,7 @@ def _node(
         node = _nodes[identity] = Expr(
             op, value, args, terms, hashlib.sha1(text.encode()).hexdigest()
         )
+        _recent.append(node)
     return node
 
 

@@ -86,8 +86,10 @@ class Layout:
         Of each contact in a plane its components, the first row of its direction, that of
         s² − |A⁻¹λ|², the place of the size of that, the rows of Au, of s, and of what is not
         negative in slip, and 1 if it has mass.
-    parents, friction : dict of int to int
-        For what rubs under a normal force, the contact that has it, and the row of the coefficient.
+    parents : dict of int to int
+        For what rubs under a normal force, the contact that has it.
+    friction : dict of int to tuple of int
+        … and the rows of its coefficients: kinetic against slip forward and back, static likewise.
     jumps : list of (int, int, list of int)
         Of each jump the number of its kink, its direction, and which parts of the state have new
         values.
@@ -117,7 +119,7 @@ class Layout:
     restitution: dict[int, int] = field(default_factory=dict)
     planes: list[tuple[int, ...]] = field(default_factory=list)
     parents: dict[int, int] = field(default_factory=dict)
-    friction: dict[int, int] = field(default_factory=dict)
+    friction: dict[int, tuple[int, ...]] = field(default_factory=dict)
     jumps: list[tuple[int, int, list[int]]] = field(default_factory=list)
 
     def shape(self, name: str) -> tuple[int, ...]:
@@ -765,9 +767,18 @@ class _Generator:
                 self.note(self.gap_sizes + i, self.size(c.gap))
             for normal in self.eq.pressing(i):
                 layout.parents[i] = normal
-                layout.friction[i] = tape.row(ex.derivative(c.plus, f"lambda:{normal}"))
+                layout.friction[i] = self.coefficients(i, normal)
             if c.gap is not None or c.on:
                 layout.restitution[i] = tape.row(c.restitution)
+
+    def coefficients(self, i: int, normal: int) -> tuple[int, ...]:
+        """Rows of the coefficients of friction of contact i under a normal force."""
+        c = self.eq.contacts[i]
+        sides = c.kinetic_plus, c.kinetic_minus, c.plus, c.minus
+        if c.plane:
+            plane = next(p for p in self.eq.planes if i in p.parts)
+            sides = (*(plane.kinetic * c.axis,) * 2, *(plane.static * c.axis,) * 2)
+        return tuple(self.tape.row(ex.derivative(side, f"lambda:{normal}")) for side in sides)
 
     def finish(self) -> None:
         """How large everything has become."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
-from weakref import WeakKeyDictionary
 
 from stickslip.equations.codegen.generate import Generated, Layout, generate
 from stickslip.equations.derive import MotionEquations, derive
@@ -12,10 +11,11 @@ from stickslip.equations.native import kernels
 from stickslip.equations.native.orders import is_long, series_of
 from stickslip.equations.native.routines import Routine
 from stickslip.equations.native.tables import Tabled
+from stickslip.kept import made_once
 from stickslip.machine_code import shelf
 from stickslip.machine_code.functions import Kernel
 from stickslip.machine_code.interface import INTERFACE
-from stickslip.machine_code.objects import addresses, provide
+from stickslip.machine_code.objects import code_of, provide
 from stickslip.model.declaration import Declaration
 from stickslip.model.system import System
 
@@ -40,20 +40,20 @@ class CompiledSystem:
         return self.generated.layout
 
 
-_compiled: WeakKeyDictionary[Declaration, CompiledSystem] = WeakKeyDictionary()
-
-
 def compile_system(system: System) -> CompiledSystem:
     """Machine code of a system, from this process, from disk, or new."""
     declaration = system.declaration
-    if declaration not in _compiled:
-        equations = derive(declaration)
-        generated = generate(equations)
-        found = addresses(assembly_of(generated), list(INTERFACE))
-        pairs = zip(INTERFACE.items(), found, strict=True)
-        functions = {name: kind(address) for (name, kind), address in pairs}
-        _compiled[declaration] = CompiledSystem(equations, generated, **functions)
-    return _compiled[declaration]
+    return made_once(declaration, "machine code", lambda: _compiled(declaration))
+
+
+def _compiled(declaration: Declaration) -> CompiledSystem:
+    equations = derive(declaration)
+    generated = generate(equations)
+    code = code_of(assembly_of(generated), next(iter(INTERFACE)))
+    functions = {name: kind(code.address(name)) for name, kind in INTERFACE.items()}
+    for function in functions.values():
+        function.code = code
+    return CompiledSystem(equations, generated, **functions)
 
 
 def assembly_of(generated: Generated) -> str:

@@ -39,6 +39,7 @@ from stickslip.motion.engine.impacts import (
     NO_IMPULSE,
     collide,
     first_approaching,
+    is_paradox,
     open_all,
     size_gaps,
 )
@@ -73,6 +74,7 @@ from stickslip.motion.steps.arrays import (
     NO_ACCELERATION,
     NO_COLLISION,
     NO_INERTIA,
+    NO_MODE,
     NO_RATE,
     NONE_YET,
     NOW,
@@ -241,7 +243,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         if not again:
             count = note(rows, lane, task, count)
         if status != OK:
-            return give_up(status, rows, lane, task, count)
+            return give_up(machine, flow, status, lane, task, count)
         if t >= end:
             return FINISHED, count
         if h <= max(_CLOSEST * abs(t), _NO_TIME * clock[SPAN]) and h < end - t:
@@ -315,20 +317,24 @@ def restore_mode(mode: Array, settled: Array) -> None:
 
 
 @compiled()
-def give_up(status: int, rows: Rows, lane: Lane, task: Task, count: int) -> tuple[int, int]:
+def give_up(
+    machine: Machine, flow: Flow, status: int, lane: Lane, task: Task, count: int
+) -> tuple[int, int]:
     """Outcome code of a motion from which no mode goes on, and the recorded steps.
 
     Parameters
     ----------
+    machine : Machine
+    flow : Flow
     status : int
         What was said of the last candidate.
-    rows : Rows
     lane : Lane
         Is put back where its last step has left the domain of a formula.
     task : Task
     count : int
         Steps recorded so far.
     """
+    rows = flow.rows
     if status in (NAN, INDEFINITE):
         if task.recording and lane.counters[CAUSE] < 0 and count > 1:
             # The last step has left the domain of a formula: its end is no state of the motion.
@@ -337,7 +343,7 @@ def give_up(status: int, rows: Rows, lane: Lane, task: Task, count: int) -> tupl
             copy(task.record.state[count - 1], lane.y)
         return (UNDEFINED if status == NAN else NO_INERTIA), count
     if has_gaps(rows):
-        return NO_ACCELERATION, count
+        return (NO_ACCELERATION if is_paradox(machine, flow, lane) else NO_MODE), count
     return (ON_JUMP if rows.sizes[RATE_INDEPENDENT] == 0 else NO_RATE), count
 
 

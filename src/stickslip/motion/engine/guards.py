@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from stickslip.arrays import Array
-from stickslip.motion.engine.roots import first_crossing
+from stickslip.motion.engine.roots import divide_out, first_crossing
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     ADMISSIBLE_SIZE,
@@ -359,6 +359,8 @@ def guard_of(
         sign = 1.0 if reg[g] == 1 else -1.0
         size = mag[3 * nc + g]
         rate = abs(W[row, 1])
+        if rows.timed[g] == 1:
+            around += abs(W[rows.sizes[DIMENSION], 0]) / unit  # of the clock
         if rows.vanishing[g] >= 0 and powers[1] > 0.0:
             rate += impulse(rows, mag, rows.vanishing[g], unit * powers[1]) / powers[1]
     elif doubt_of(g, nk, nc) >= 0:
@@ -456,9 +458,7 @@ def scan(
             continue
         labels[count, NUMBER] = g
         labels[count, _DEGREE] = N - 1 - order if s > 0 else -1
-        # a zero at the start is divided out: what remains starts positive
-        for k in range(N - order):
-            c[k] = c[k + order]
+        divide_out(c, order, N)  # what remains starts positive
         # what remains of a gap is as exact as its velocity
         size = 0.0 if guard.is_gap and order > 0 else guard.size
         c[N] = ROUNDING * (size + powers[1] * guard.rate)

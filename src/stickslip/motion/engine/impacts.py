@@ -11,6 +11,13 @@ linear problem with Delassus' matrix G = J M⁻¹ Jᵀ: a contact that takes par
 those that satisfy the law the one that loses most energy is taken. Contacts with a given threshold
 have bounded forces and take no impulse.
 
+*Which coefficient.* Slip has the kinetic one, at the speed before the impact. What is at rest
+before slips only where static friction cannot hold it. What slides before stops only where kinetic
+friction stops it, and from there on, back again, static friction counts: such a contact has the
+kinetic coefficient against the sense in which it slid, and the static one along. In a plane, where
+a slip turns and does not stop, it has the kinetic one. So it is with an elastic floor, however
+stiff.
+
 In a plane slip has Λ_T = −μ Λ_N A n with n along w = μA(γ_T⁺ + e_T γ_T⁻), which that impulse
 changes itself: (ρ + D) n = w + D n with D = μA G_TT μA Λ_N is a secular equation, as where a slip
 begins, and gives n from any other; several take turns.
@@ -26,6 +33,7 @@ from stickslip.arrays import Array
 from stickslip.motion.engine.guards import loosen_friction, opens
 from stickslip.motion.engine.modes import resolve, stop, touching
 from stickslip.motion.steps.arrays import (
+    BACK,
     CAUSE,
     COMPONENT,
     CONTACTS,
@@ -33,7 +41,11 @@ from stickslip.motion.steps.arrays import (
     DIMENSION,
     EPSILON,
     FIRST_ROW,
+    FORWARD,
+    HOLDS_BACK,
+    HOLDS_FORWARD,
     INERTIAL,
+    LAST,
     MATRIX,
     MEMBERS,
     NOW,
@@ -67,6 +79,8 @@ NO_IMPACT, JUMPED, NO_IMPULSE, CREATES = range(4)
 # counts; by coordinate, the change of the rates; the best impulses so far; and in SENSE, behind
 # them, the sign of what slips, or its direction n in a plane.
 BEFORE, AFTER, IMPULSE, RESTITUTION, CHANGE, BEST = range(6)
+# … and in FORWARD and BACK coefficients of friction against slip in either sense, and in
+# HOLDS_FORWARD and HOLDS_BACK how much friction holds.
 # Rows of Space.tried: which contacts take part, the mode before, and the best mode so far.
 _NEAR, _KEPT, _CHOSEN = range(3)
 _MOST_MODES = 65536
@@ -75,6 +89,7 @@ _CREATED = 1e-9  # part of the energy of an impact that may be a rounding error
 _SLOW = 1e-12  # part of their terms below which velocities are zero
 _TOGETHER = 1e-13  # of the time that a motion may last: what of bouncing is left then is none
 _AT_FIRST = 1e-9  # square of the part of its time that says how large the gaps of a motion are
+_ALMOST = 1e-2  # of the paradox: a motion that runs into it ends a little before
 _SINGULAR = 1e-13  # part of its row below which a pivot is zero
 
 
@@ -223,8 +238,9 @@ def open_all(rows: Rows, mode: Array) -> None:
 
 @compiled()
 def best_impulse(machine: Machine, flow: Flow, at: Instant) -> int:
-    """The impulses that obey the law and lose most energy; they are left in the work space, with
-    the velocities after them and the change of the rates."""
+    """Of the impulses that obey the law and set as little in motion as they can, those that lose
+    most energy; they are left in the work space, with the velocities after them and the change of
+    the rates."""
     rows = flow.rows
     space = flow.space
     work = space.impact
@@ -234,10 +250,14 @@ def best_impulse(machine: Machine, flow: Flow, at: Instant) -> int:
     total = modes_of(rows, tried)
     least = np.inf
     exchanged = 0.0
+    fewest = 2 * len(at.mode) + 2
     for number in range(total if total <= _MOST_MODES else 0):
         right, gained, size = try_impulses(rows, space, at.mode, number)
-        if right and gained < least:
-            least, exchanged = gained, size
+        broken = set_in_motion(rows, space, at.mode)
+        if gained > _CREATED * size:
+            broken += len(at.mode) + 1
+        if right and (broken < fewest or (broken == fewest and gained < least)):
+            least, exchanged, fewest = gained, size, broken
             for c in range(rows.sizes[ON_INERTIAL]):
                 work[BEST, c] = work[IMPULSE, c]
                 tried[_CHOSEN, c] = at.mode[c]
@@ -273,7 +293,8 @@ def put_responses(machine: Machine, flow: Flow, at: Instant) -> bool:
     rows = flow.rows
     space = flow.space
     for c in range(rows.sizes[ON_INERTIAL]):
-        at.mode[c] = 1
+        back = rows.parents[c] >= 0 and rows.plane[c] < 0 and space.impact[BEFORE, c] < 0.0
+        at.mode[c] = -1 if back else 1
     if not resolve(rows, flow.k, space, at.mode):
         return False
     if coefficients(machine, flow, at, 1, space.V) != OK:
@@ -281,7 +302,32 @@ def put_responses(machine: Machine, flow: Flow, at: Instant) -> bool:
     for p in range(len(rows.parts)):
         if rows.parts[p, MATRIX] == 0:
             put_part(rows, space, flow.k.J, p)
+    put_friction(rows, space)
     return True
+
+
+@compiled()
+def put_friction(rows: Rows, space: Space) -> None:
+    """Coefficients of friction in an impact, of slip and where it holds."""
+    work = space.impact
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if rows.parents[c] < 0:
+            continue
+        slow = _SLOW * space.mag[c]
+        forward, back = work[BEFORE, c] > slow, work[BEFORE, c] < -slow
+        if rows.plane[c] >= 0:
+            plane = rows.planes[rows.plane[c]]
+            for i in (plane[COMPONENT], plane[OTHER]):
+                forward = forward or abs(work[BEFORE, i]) > _SLOW * space.mag[i]
+            back = forward
+        for side in range(2):
+            kinetic = space.V[rows.friction[c, side], 0]
+            static = space.V[rows.friction[c, 2 + side], 0]
+            slid, turned = (forward, back) if side == 0 else (back, forward)
+            # in a plane nothing is turned back
+            returns = turned and rows.plane[c] < 0
+            work[FORWARD + side, c] = static if returns else kinetic
+            work[HOLDS_FORWARD + side, c] = kinetic if slid else static
 
 
 @compiled()
@@ -340,7 +386,7 @@ def try_impulses(rows: Rows, space: Space, mode: Array, number: int) -> tuple[bo
         put_velocities(rows, space)
         if not turn_impulses(rows, space, mode):
             break
-    gained, size, right = judge_impulses(rows, space.V, space.impact, space.tried, mode)
+    gained, size, right = judge_impulses(rows, space.impact, space.tried, mode)
     return right, gained, size
 
 
@@ -353,8 +399,8 @@ def aim_impulses(rows: Rows, space: Space, mode: Array) -> None:
     for p in range(len(rows.planes)):
         c, o = rows.planes[p, COMPONENT], rows.planes[p, OTHER]
         if slides_along(rows, space.tried, mode, c):
-            x = space.V[rows.friction[c], 0] * work[BEFORE, c]
-            y = space.V[rows.friction[o], 0] * work[BEFORE, o]
+            x = work[FORWARD, c] * work[BEFORE, c]
+            y = work[FORWARD, o] * work[BEFORE, o]
             size = math.hypot(x, y)
             work[SENSE, c] = x / size if size > 0.0 else 1.0
             work[SENSE, o] = y / size if size > 0.0 else 0.0
@@ -370,7 +416,7 @@ def turn_impulses(rows: Rows, space: Space, mode: Array) -> bool:
         c, o = rows.planes[p, COMPONENT], rows.planes[p, OTHER]
         if not slides_along(rows, space.tried, mode, c):
             continue
-        f, g = space.V[rows.friction[c], 0], space.V[rows.friction[o], 0]
+        f, g = work[FORWARD, c], work[FORWARD, o]
         pressed = work[IMPULSE, rows.parents[c]]
         if not (f * pressed > 0.0):
             continue
@@ -395,6 +441,12 @@ def is_held(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
     """Whether the velocity of a contact after an impact is asked for, so that its impulse is
     unknown."""
     return bool(mode[c] == 0 and takes_part(rows, tried, c) and not is_loose(rows, mode, c))
+
+
+@compiled()
+def rubs(work: Array, mode: Array, c: int) -> float:
+    """The coefficient of friction of what slips in an impact."""
+    return float(work[FORWARD, c] if mode[c] > 0 else work[BACK, c])
 
 
 @compiled()
@@ -431,7 +483,7 @@ def solve_impulses(rows: Rows, space: Space, mode: Array) -> bool:
                 entry = G[a, b]
                 for c in range(mq):
                     if rows.parents[c] == b and slides_along(rows, tried, mode, c):
-                        entry -= work[SENSE, c] * space.V[rows.friction[c], 0] * G[a, c]
+                        entry -= work[SENSE, c] * rubs(work, mode, c) * G[a, c]
                 system[size, column] = entry
                 column += 1
         system[size, column] = -(1.0 + work[RESTITUTION, a]) * work[BEFORE, a]
@@ -445,8 +497,9 @@ def solve_impulses(rows: Rows, space: Space, mode: Array) -> bool:
             place += 1
     for c in range(mq):
         if slides_along(rows, tried, mode, c):
-            mu = space.V[rows.friction[c], 0]
-            work[IMPULSE, c] = -work[SENSE, c] * mu * work[IMPULSE, rows.parents[c]]
+            work[IMPULSE, c] = (
+                -work[SENSE, c] * rubs(work, mode, c) * work[IMPULSE, rows.parents[c]]
+            )
     return True
 
 
@@ -496,6 +549,19 @@ def put_velocities(rows: Rows, space: Space) -> None:
 
 
 @compiled()
+def set_in_motion(rows: Rows, space: Space, mode: Array) -> int:
+    """How many contacts slip in a mode that were at rest and have a static friction of their
+    own."""
+    work = space.impact
+    found = 0
+    for c in range(rows.sizes[ON_INERTIAL]):
+        side = 0 if mode[c] > 0 else 1
+        if slides_along(rows, space.tried, mode, c) and not is_component(rows, c):
+            found += 1 if work[FORWARD + side, c] < work[HOLDS_FORWARD + side, c] else 0
+    return found
+
+
+@compiled()
 def put_change(rows: Rows, space: Space) -> None:
     """The change of the rates by impulses."""
     work = space.impact
@@ -542,16 +608,12 @@ def choose_impulse_mode(number: int, rows: Rows, tried: Array, mode: Array) -> N
 
 
 @compiled()
-def judge_impulses(
-    rows: Rows, table: Array, work: Array, tried: Array, mode: Array
-) -> tuple[float, float, bool]:
+def judge_impulses(rows: Rows, work: Array, tried: Array, mode: Array) -> tuple[float, float, bool]:
     """Energy gained, the size of its terms, and whether impulses obey the law.
 
     Parameters
     ----------
     rows : Rows
-    table : array
-        Values of the rows.
     work, tried : arrays
         As of :class:`stickslip.motion.steps.arrays.Space`.
     mode : array of int
@@ -578,10 +640,11 @@ def judge_impulses(
             if mode[normal] != 0 or is_component(rows, c):
                 continue
             if rows.plane[c] >= 0:
-                right = right and obeys_in_plane(rows, table, work, mode, c, strong, fast)
+                right = right and obeys_in_plane(rows, work, mode, c, strong, fast)
             elif mode[c] == 0:
-                held = table[rows.friction[c], 0] * work[IMPULSE, normal]
-                right = right and abs(work[IMPULSE, c]) <= held + strong
+                pressed = work[IMPULSE, normal]
+                right = right and work[IMPULSE, c] >= -work[HOLDS_FORWARD, c] * pressed - strong
+                right = right and work[IMPULSE, c] <= work[HOLDS_BACK, c] * pressed + strong
             else:
                 right = right and mode[c] * moved >= -fast
     return gained, size, right
@@ -589,15 +652,15 @@ def judge_impulses(
 
 @compiled()
 def obeys_in_plane(
-    rows: Rows, table: Array, work: Array, mode: Array, c: int, strong: float, fast: float
+    rows: Rows, work: Array, mode: Array, c: int, strong: float, fast: float
 ) -> bool:
     """Whether the impulse of a contact in a plane obeys Coulomb's law.
 
     Parameters
     ----------
     rows : Rows
-    table, work : arrays
-        As of :func:`judge_impulses`.
+    work : array
+        As of :class:`stickslip.motion.steps.arrays.Space`.
     mode : array of int
     c : int
         Its first component.
@@ -605,8 +668,9 @@ def obeys_in_plane(
         Impulses and velocities that are zero.
     """
     o = rows.planes[rows.plane[c], OTHER]
-    f, g = table[rows.friction[c], 0], table[rows.friction[o], 0]
+    f, g = work[FORWARD, c], work[FORWARD, o]
     if mode[c] == 0:
+        f, g = work[HOLDS_FORWARD, c], work[HOLDS_FORWARD, o]
         x, y = work[IMPULSE, c], work[IMPULSE, o]
         if not f > 0.0:
             return bool(math.hypot(x, y) <= strong)
@@ -693,6 +757,32 @@ def settles(machine: Machine, flow: Flow, lane: Lane) -> bool:
 
 
 @compiled()
+def is_paradox(machine: Machine, flow: Flow, lane: Lane) -> bool:
+    """Whether friction changes a normal force so much that there may be no acceleration that obeys
+    Coulomb's law (Painlevé): G_NN ≤ Σ μ |G_NT| of a contact that is closed."""
+    rows = flow.rows
+    space = flow.space
+    here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
+    for c in range(len(lane.mode)):
+        space.tried[_KEPT, c] = lane.mode[c]
+    approaching(machine, flow, here, lane.clock[LAST], NOWHERE, 1.0)
+    known = put_responses(machine, flow, here)
+    for c in range(len(lane.mode)):
+        lane.mode[c] = space.tried[_KEPT, c]
+    found = False
+    for n in range(rows.sizes[ON_INERTIAL]):
+        if known and opens(rows, n) and space.tried[_NEAR, n] == 1:
+            left = space.delassus[n, n] * (1.0 - _ALMOST)
+            for c in range(rows.sizes[ON_INERTIAL]):
+                rubbing = rows.parents[c] >= 0 and space.tried[_NEAR, rows.parents[c]] == 1
+                if rubbing and rows.homes[c, PART] == rows.homes[n, PART]:
+                    mu = max(space.impact[HOLDS_FORWARD, c], space.impact[HOLDS_BACK, c])
+                    left -= mu * abs(space.delassus[n, c])
+            found = found or left <= 0.0
+    return found
+
+
+@compiled()
 def distance_of_jump(
     machine: Machine,
     flow: Flow,
@@ -740,11 +830,16 @@ def distance_of_jump(
         return float(least)
     total = modes_of(rows, space.tried)
     least = np.inf
+    fewest = len(before.mode) + 1
     if not put_responses(machine, flow, before):
         return np.inf
     for number in range(total if total <= _MOST_MODES else 0):
         right, gained, size = try_impulses(rows, space, before.mode, number)
-        if right and gained <= _CREATED * size:
+        right = right and gained <= _CREATED * size
+        broken = set_in_motion(rows, space, before.mode)
+        if right and broken < fewest:
+            least, fewest = np.inf, broken
+        if right and broken == fewest:
             put_change(rows, space)
             off = 0.0
             for q in range(nq):

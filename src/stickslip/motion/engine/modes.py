@@ -75,6 +75,7 @@ from stickslip.motion.steps.arrays import (
     direction_entry,
     gap_size,
     is_component,
+    is_loose,
     own_inverse,
     set_mode,
 )
@@ -588,7 +589,7 @@ def hold_or_slide(
     """
     changed = False
     for c in range(len(mode)):
-        if rows.drops[c] == 1 and mode[c] != 0:
+        if rows.drops[c] == 1 and mode[c] != 0 and not is_loose(rows, mode, c):
             held = stays(rows, space, mode, c, N, last, fired, slack)
             if rows.plane[c] >= 0:
                 other = rows.planes[rows.plane[c], OTHER]

@@ -20,6 +20,7 @@ NONE = 2.0  # "no root": anything beyond the interval
 # Behind the coefficients of a subinterval: where it starts, and how long it is.
 _START, _WIDTH = MAX_DEGREE + 1, MAX_DEGREE + 2
 _HALVINGS = 60
+_SPLIT = 1e-3  # of a slope, which a zero at the start may change if it is to be divided out exactly
 
 
 def _binomials() -> Array:
@@ -199,3 +200,31 @@ def first_crossing(c: Array, d: int, limit: float, floor: float, stack: Array) -
         halve(stack, depth, d)
         depth += 1
     return NONE
+
+
+@compiled()
+def divide_out(c: Array, order: int, N: int) -> None:
+    """Divide a polynomial by the zero with which it starts, up to rounding.
+
+    A simple zero is where value and slope say. Were it taken to be at 0, the next zero would be off
+    by as much as this one is; and the one after that again, so that such errors would add up from
+    event to event.
+
+    Parameters
+    ----------
+    c : array
+        N coefficients; receives the N − order ones of the quotient.
+    order : int
+        The first of the coefficients that is not zero, up to rounding.
+    N : int
+    """
+    if order == 1 and c[0] != 0.0:
+        bends = 0.0
+        for k in range(2, N):
+            bends += abs(c[k])
+        zero = -c[0] / c[1]
+        if abs(zero) * (abs(c[1]) + bends) <= _SPLIT * abs(c[1]):
+            for k in range(N - 2, 0, -1):
+                c[k] += zero * c[k + 1]
+    for k in range(N - order):
+        c[k] = c[k + order]

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.motion.engine.roots import NONE, first_crossing
+from stickslip.motion.engine.roots import NONE, divide_out, first_crossing
 from stickslip.translator import compiled
 
 _WINDOW_ORDER = 22
@@ -102,6 +102,8 @@ def first_of_bend(
     turn = math.log(ratio) / rate if ratio > 0.0 else -1.0
     if turn > 0.0:
         if r > 0.0:  # a minimum: the crossing lies before it
+            if rising > 0:
+                return np.inf  # which is where it starts, up to rounding
             stop = min(turn, limit)
             g = c0 + c1 * stop + r * math.exp(rate * stop)
             if g >= (-floor if stop == turn else 0.0):
@@ -318,8 +320,7 @@ def first_of_many(
         h = min(h, limit - start)
         expand_signal(s, start, h, work)
         if order > 0:
-            for k in range(N + 1 - order):
-                work[k] = work[k + order]
+            divide_out(work, order, N + 1)
         elif work[0] <= floor:
             # Touching zero at the seam of two windows: its sign decides there.
             if work[1] < 0.0:

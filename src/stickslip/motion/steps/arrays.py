@@ -28,6 +28,7 @@ NO_COLLISION = 18
 CREATES_ENERGY = 19
 JUMPS_MEET = 20
 JUMPS_ON = 21
+NO_MODE = 22
 FULL = 100
 # What may be said of a candidate mode; or of the step that led to it: that it does not solve the
 # equations.
@@ -130,9 +131,10 @@ class Rows(NamedTuple):
     gaps, restitution : arrays of int, shape (contacts,)
         Rows of the gaps of contacts that can open, and of the restitution of these and of their
         friction; −1: none.
-    parents, friction : arrays of int, shape (contacts,)
-        For what rubs under a normal force, the contact that has it, and the row of the coefficient;
-        −1: of others.
+    parents : array of int, shape (contacts,)
+        For what rubs under a normal force, the contact that has it; −1: of others.
+    friction : array of int, shape (contacts, 4)
+        Rows of its coefficients: kinetic against slip forward and back, static likewise.
     jumps : array of int, shape (jumps, 4)
         By the columns from `KINK` to `LANDINGS`.
     landings : array of int
@@ -163,7 +165,7 @@ class Rows(NamedTuple):
     gaps: IntVector
     restitution: IntVector
     parents: IntVector
-    friction: IntVector
+    friction: IntMatrix
     jumps: IntMatrix
     landings: IntVector
     planes: IntMatrix
@@ -397,9 +399,9 @@ def own_inverse(rows: Rows, space: Space, c: int) -> float:
     )
 
 
-# Rows of Space.impact: the largest gap of a contact so far, and the sense in which it slips in an
-# impact.
-WIDEST, SENSE = 6, 7
+# Rows of Space.impact: the largest gap of a contact so far, the sense in which it slips in an
+# impact, and the coefficients of friction against slip forward and back, and where it holds.
+WIDEST, SENSE, FORWARD, BACK, HOLDS_FORWARD, HOLDS_BACK = range(6, 12)
 
 
 @compiled()
@@ -505,7 +507,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         labels=z((guards, 2), np.int64),
         known=np.ones(mq + mz + 1, np.int64),
         asked=z(len(rows.parts) + 1, np.int64),
-        impact=z((8, max(nq, nc))),
+        impact=z((12, max(nq, nc))),
         tried=z((3, max(nc, 1)), np.int64),
         response=z((nq, struck)),
         delassus=z((struck, struck)),

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from stickslip.arrays import Array
 from stickslip.equations.field import Field
-from stickslip.machine_code.objects import address_of
+from stickslip.machine_code.objects import Provider, address_of, provider_of
 from stickslip.orbits.fields.engine.interpreter import (
     CALL,
     CONSTANT,
@@ -72,6 +72,7 @@ class Listing:
         self._moving = moving
         self._found: dict[Scalar, tuple[int, bool]] = {}
         self._numbers: dict[float, int] = {}
+        self._needed: list[Provider] = []
         self._fixed: list[tuple[int, int, int, int, float]] = []
         self._others: list[tuple[int, int, int, int, float]] = []
         values = scalars_of(expressions, {name: element("v", i) for i, name in enumerate(names)})
@@ -114,6 +115,9 @@ class Listing:
             if formula is not None:
                 return self._value(scalars_of([formula], {ARGUMENT: s.args[0]})[formula])
             place, moves = self._value(s.args[0])
+            provider = provider_of(s.name)
+            if provider is not None:  # what stands at the address stays there
+                self._needed.append(provider)
             return self._add(moves, CALL, place, address_of(s.name)), moves
         parts = [self._value(x) for x in s.args]
         moves = any(part[1] for part in parts)
@@ -171,7 +175,10 @@ class Evaluator:
     """
 
     def __init__(self, expressions: Sequence[Expr], names: Sequence[str], moving: int) -> None:
-        self.listing: Listing = _listing(tuple(expressions), tuple(names), moving)
+        provided = any(provider_of(e.op) for e in ex.walk(expressions))
+        # tables may be large, and are not remembered
+        make = Listing if provided else _listing
+        self.listing: Listing = make(tuple(expressions), tuple(names), moving)
         self.made: Instructions = packed([self.listing])
 
     def __call__(self, given: Array, alike: bool = True) -> Array:

@@ -19,13 +19,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import chain, product
 from typing import TYPE_CHECKING, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Mode, impact_map, in_region
+from stickslip.kept import kept
 from stickslip.orbits.fields.engine.variations import Leave
 from stickslip.orbits.fields.instructions import PointFunction
 from stickslip.orbits.fields.mode_field import Piece
@@ -90,13 +90,6 @@ class StateMap:
         return Landing(table[:, 0], table[:, 1], table[:, 2:])
 
 
-_latest: WeakKeyDictionary[Piece, dict[tuple[int, frozenset[int]], Mode]] = WeakKeyDictionary()
-_impacts: WeakKeyDictionary[Piece, dict[tuple[Mode, frozenset[int]], StateMap]] = (
-    WeakKeyDictionary()
-)
-_jumps: WeakKeyDictionary[Piece, dict[int, StateMap]] = WeakKeyDictionary()
-
-
 class Strike(NamedTuple):
     """An impact, or a jump, of a motion.
 
@@ -144,7 +137,10 @@ def strikes_of(motion: Trajectory) -> dict[int, Strike]:
     begun = 0.0
     found = leaps(motion)
     for j, i in enumerate(map(int, index)):
-        begun = speed[j] if j == 0 or last[j - 1] != last[j] else begun
+        # where the bounces began, also if others have looked at the motion in between
+        since = k.cause[int(index[j - 1]) : i] if j > 0 else k.cause[:0]
+        goes_on = j > 0 and since[0] == k.cause[i] and bool(np.all(since[1:] < 0))
+        begun = begun if goes_on else speed[j]
         small = last[j] > i and speed[j] <= _SMALL * begun
         found[i] = Strike(i, int(last[j]) if small else i, float(k.time[i]), before[j])
     return found
@@ -197,15 +193,22 @@ def saltation(
         return Saltation(S, np.zeros(columns), False)
     D = found.slopes[:, :n]
     S[:n] = found.slopes
-    late = right.rates(t, k.state[strike.last], p) - D @ here.rates - found.time
+    # what is taken together ends later than it begins
+    several = strike.last > strike.knot
+    after = found.after if several else k.state[strike.knot]
+    late = right.rates(t, after, p) - D @ here.rates - found.time
     earlier = here.slopes[g] / here.fall[g]
     S[:n] += np.outer(late, earlier)
+    if several:
+        lasting = float(k.time[strike.last] - k.time[strike.knot])
+        J = right.jacobian(np.array([t]), after[:, None], p)[0]
+        S[:n] += lasting * (J @ S)
     return Saltation(S, -earlier, True)
 
 
 def _jump_map(equations: MotionEquations, piece: Piece, jump: int) -> StateMap:
     """The map of a declared jump, made once: in the region into which its guard passes."""
-    made = _jumps.setdefault(piece, {})
+    made: dict[int, StateMap] = kept(piece, "jumps")
     if jump not in made:
         declared = equations.jumps[jump]
         region = list(piece.field.region)
@@ -272,7 +275,7 @@ def _mode_of(
     size = float(np.max(np.abs(after - y), initial=0.0))
     closed = {i for i, c in enumerate(equations.contacts) if c.opens and left.field.mode[i] == 0}
     # Mostly it is the one of last time, which a rounding error tells.
-    latest = _latest.setdefault(left, {})
+    latest: dict[tuple[int, frozenset[int]], Mode] = kept(left, "latest impacts")
     candidates = _modes(equations, {*closed, contact})
     if closing in latest:
         candidates = chain([latest[closing]], candidates)
@@ -300,6 +303,8 @@ def _modes(equations: MotionEquations, near: set[int]) -> Iterator[Mode]:
     for i, c in enumerate(equations.contacts):
         rubs = bool(set(equations.pressing(i)) & near)
         sliding = (1,) if c.plane else (1, -1)
+        if not c.plane and (c.kinetic_plus, c.kinetic_minus) != (c.plus, c.minus):
+            sliding += 2, -2
         choices.append((0, 1) if i in near else (0, *sliding) if rubs and not c.opens else (1,))
     for mode in product(*choices):
         # What takes no part rubs in no way, and components slip together.
@@ -314,7 +319,7 @@ def _impact_map(
     equations: MotionEquations, piece: Piece, mode: Mode, settled: frozenset[int]
 ) -> StateMap:
     """The map of an impact, made once."""
-    made = _impacts.setdefault(piece, {})
+    made: dict[tuple[Mode, frozenset[int]], StateMap] = kept(piece, "impacts")
     if (mode, settled) not in made:
         after = impact_map(equations, mode, piece.field.region, settled)
         made[mode, settled] = StateMap(piece, after)

@@ -16,13 +16,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.equations.derive import MotionEquations
 from stickslip.errors import DeclarationError, suggestion
+from stickslip.kept import made_once
 from stickslip.model.quantities import quantity
 from stickslip.model.system import Kind
 from stickslip.motion.knots import Knots
@@ -136,16 +135,10 @@ def _said(trajectory: Trajectory, name: str) -> dict[str, Any]:
     }
 
 
-_pieces: WeakKeyDictionary[MotionEquations, dict[tuple[str, ...], Pieces]] = WeakKeyDictionary()
-
-
 def _pieces_of(trajectory: Trajectory, free: tuple[str, ...]) -> Pieces:
     """The smooth pieces of its system, made once, with derivatives by some parameters."""
     equations = trajectory._problem.compiled.equations
-    made = _pieces.setdefault(equations, {})
-    if free not in made:
-        made[free] = Pieces(equations, *free)
-    return made[free]
+    return made_once(equations, "pieces", lambda: Pieces(equations, *free), free)
 
 
 def sensitivities(

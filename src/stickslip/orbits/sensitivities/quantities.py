@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Field, in_region
 from stickslip.errors import DeclarationError, suggestion
+from stickslip.kept import kept
 from stickslip.model.names import NORMAL
 from stickslip.model.quantities import contact_key
 from stickslip.motion.trajectory import Trajectory
@@ -102,9 +102,6 @@ class Gradient(NamedTuple):
     time: Array
 
 
-_made: WeakKeyDictionary[Piece, dict[tuple[Observation, ...], PointFunction]] = WeakKeyDictionary()
-
-
 def gradient(
     equations: MotionEquations,
     piece: Piece,
@@ -123,7 +120,7 @@ def gradient(
         Times and states.
     p : array, shape (parameters,)
     """
-    made = _made.setdefault(piece, {})
+    made: dict[tuple[Observation, ...], PointFunction] = kept(piece, "observed")
     if observed not in made:
         names = published(equations, piece.field)
         regions = dict(zip(equations.kinks, piece.field.region, strict=True))

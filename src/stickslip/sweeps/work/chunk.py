@@ -20,6 +20,7 @@ from stickslip.motion.simulate_many import (
     parameter_table,
     pose_all,
 )
+from stickslip.motion.starts import put_on_contacts
 from stickslip.orbits.fields.stable_set import excess, settle_friction
 from stickslip.orbits.settling.engine.tables import ENERGY, LAW, MOTION, make_found
 from stickslip.orbits.settling.motions import POINT_SLOTS, Block, Here, Observed, Settings
@@ -87,6 +88,7 @@ def measure_chunk(
     table, states = parameter_table(system, given, count), initial_states(system, starts, count)
     origin = system.span[0] if start is None else start
     problem = replace(pose_all(system, given, settings.rtol, settings.atol), origin=origin)
+    states = put_on_contacts(problem, origin, table, states)
     if section:
         settle_friction(problem.compiled.equations, problem.parameters, states, problem.origin)
     closely = needs_close_look(system, measures)

@@ -1,0 +1,177 @@
+"""Where a motion may start: on its constraints, without overlap, inside the stable set."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.errors import DeclarationError
+from stickslip.model.names import NORMAL
+from stickslip.model.schema import entry_key
+from stickslip.model.system import Kind
+from stickslip.motion.problem import Problem
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.evaluator import evaluator
+from stickslip.symbolic.expressions import Expr
+
+_HELD = 1e-9  # of the coordinates: how far from its constraint a start may be, at most
+_OVERLAP = 1e-12  # … and how far bodies may overlap
+_MOST_STEPS = 8  # of Newton's method onto constraints
+
+
+class _Openings:
+    """The gaps of a system at some states.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : float
+        Time.
+    table : array, shape (motions, parameters)
+    states : array, shape (motions, n)
+
+    Attributes
+    ----------
+    held : array of bool, shape (gaps, 1)
+        Whether it is a side of a constraint.
+    gaps, off, most : arrays, shape (gaps, motions)
+        The gaps, by how much they are wrong, and how much of that may be rounding.
+    """
+
+    def __init__(self, problem: Problem, start: float, table: Array, states: Array) -> None:
+        declaration = problem.system.declaration
+        self.contacts = [c for c in problem.compiled.equations.contacts if c.gap is not None]
+        self.formulas = [c.gap for c in self.contacts if c.gap is not None]
+        sums = [[ex.add((g, 1.0), (h, 1.0)) for h in self.formulas] for g in self.formulas]
+        self.held: Array = np.array([[ex.ZERO in row] for row in sums])
+        self.names = [*problem.system.parameters, "t", *declaration.state]
+        self.coordinates = declaration.inertial
+        self.place = [self.names.index(q) for q in declaration.inertial]
+        self.values = np.column_stack([table, np.full(len(states), start), states]).T
+        self.gaps: Array = evaluator(self.formulas, self.names)(self.values)
+        size = np.array([self.size(g) for g in self.formulas])
+        # Where nothing else says how large a gap is, the coordinates do, here or as declared.
+        declared = [abs(problem.system.plain.initial.get(q, 0.0)) for q in self.coordinates]
+        most = np.maximum(np.max(np.abs(self.values[self.place]), axis=0), max(declared))
+        size = np.maximum(size, 1e-3 * most)
+        self.off: Array = np.where(self.held, np.abs(self.gaps), np.maximum(-self.gaps, 0.0))
+        self.most: Array = np.where(self.held, _HELD, _OVERLAP) * size
+
+    def size(self, e: Expr) -> Array:
+        """Sum of the moduli of the terms of an expression."""
+        terms = [c * term for term, c in e.terms] if e.op == "sum" else [e]
+        constant = abs(float(e.value)) if e.op == "sum" else 0.0
+        return constant + np.abs(evaluator(terms, self.names)(self.values)).sum(axis=0)
+
+    def moved(self, i: int) -> Array:
+        """Coordinates of a motion on the nearest state that is right."""
+        slopes = [ex.derivative(g, q) for g in self.formulas for q in self.coordinates]
+        here = self.values[:, i].copy()
+        held = self.held[:, 0]
+        for _ in range(_MOST_STEPS):
+            gaps = evaluator(self.formulas, self.names)(here)
+            active = np.where(held, gaps != 0.0, gaps < 0.0)
+            if not active.any():
+                break
+            J = evaluator(slopes, self.names)(here).reshape(len(gaps), -1)[active]
+            here[self.place] -= np.linalg.lstsq(J, gaps[active], rcond=None)[0]
+        return here[self.place]
+
+
+def put_on_contacts(problem: Problem, start: float, table: Array, states: Array) -> Array:
+    """States at which motions start, put onto the constraints and out of the overlaps that they
+    miss by rounding, as what is typed with a few digits does.
+
+    Parameters
+    ----------
+    problem : Problem
+    start : float
+        Time.
+    table : array, shape (motions, parameters)
+    states : array, shape (motions, n)
+    """
+    if all(c.gap is None for c in problem.compiled.equations.contacts):
+        return states
+    found = _Openings(problem, start, table, states)
+    wrong = np.any(found.off > 0.0, axis=0) & np.all(found.off <= found.most, axis=0)
+    if wrong.any():
+        states = states.copy()
+        own = [problem.system.declaration.state.index(q) for q in found.coordinates]
+        for i in np.flatnonzero(wrong):
+            states[i, own] = found.moved(int(i))
+    return states
+
+
+def check_contacts(problem: Problem, start: float, y: Array) -> None:
+    """Explain an initial state from which no mode of the contacts goes on, because they overlap or
+    a constraint does not hold.
+
+    Raises
+    ------
+    DeclarationError
+    """
+    if all(c.gap is None for c in problem.compiled.equations.contacts):
+        return
+    found = _Openings(problem, start, numbers_of(problem), y[None])
+    i = int(np.argmax(found.off[:, 0]))
+    off, gap = float(found.off[i, 0]), float(found.gaps[i, 0])
+    if not off > 0.0:
+        return
+    name = found.contacts[i].name.removeprefix(NORMAL)
+    if found.held[i, 0]:
+        raise DeclarationError(
+            f"{entry_key('contacts', name[:-2])}.constraint",
+            f"it misses zero by {off:.6g} at the initial state",
+            "Start where it holds",
+        )
+    raise DeclarationError(
+        f"{entry_key('contacts', name)}.gap",
+        f"it is {gap:.6g} at the initial state: the bodies overlap",
+        "Start where it is positive, or zero for contact",
+    )
+
+
+def numbers_of(problem: Problem) -> Array:
+    """Its parameters as a table of one row."""
+    return np.array([[problem.parameters[name] for name in problem.system.parameters]])
+
+
+def check_stable_start(problem: Problem, start: float, y: Array) -> None:
+    """Explain an initial state outside the stable set of the rate-independent coordinates."""
+    equations, declaration = problem.compiled.equations, problem.system.declaration
+    values = {
+        **problem.parameters,
+        **dict(zip(declaration.state, map(float, y), strict=True)),
+        "t": start,
+    }
+    acting = [c for c in equations.contacts if c.kind == Kind.RATE_INDEPENDENT]
+    for plane in equations.planes:
+        first = equations.contacts[plane.parts[0]]
+        if first.kind == Kind.RATE_INDEPENDENT:
+            held = math.hypot(*(ex.evaluate(e, values) for e in plane.pull))
+            most = ex.evaluate(plane.static, values)
+            if held > most * (1.0 + 1e-9):
+                names = [next(iter(equations.contacts[i].direction)) for i in plane.parts]
+                raise DeclarationError(
+                    f"initial.{names[0]}",
+                    f"the contact '{first.name[:-2]}' would have to hold the force {held:.6g}, "
+                    f"which exceeds its threshold {most:.6g} by {held - most:.6g}",
+                    f"Start with '{names[0]}' and '{names[1]}' inside the stable set",
+                )
+    for c, force in zip(acting, equations.rate.force, strict=True):
+        if c.plane:
+            continue
+        held = ex.evaluate(force, values)
+        plus, minus = ex.evaluate(c.plus, values), ex.evaluate(c.minus, values)
+        excess = max(-plus - held, held - minus)
+        if excess > 1e-9 * (abs(held) + plus + minus):
+            name = next(iter(c.direction))
+            raise DeclarationError(
+                f"initial.{name}",
+                f"the contact '{c.name}' would have to hold the force {held:.6g}, which exceeds "
+                "its threshold"
+                f" {minus if held > 0 else plus:.6g} by {excess:.6g}",
+                f"Start with '{name}' inside the stable set",
+            )

@@ -1,0 +1,82 @@
+"""Where motions may start, and what is said where they may not."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+
+ANGLE = 0.15
+
+
+def wire(friction: float = 0.2) -> ss.System:
+    """A bead on a straight wire, pressed down by a spring: friction does not change its normal
+    force, so that there is an acceleration in every state."""
+    return ss.System(
+        "wire",
+        parameters={"mu": ss.Parameter(friction), "slope": ss.Parameter(math.tan(ANGLE))},
+        coordinates={"x": ss.Inertial(), "y": ss.Inertial()},
+        kinetic="(d_x**2 + d_y**2)/2",
+        potential="5*y**2 + 50*y - 3*x",
+        contacts={
+            "face": ss.Bilateral(
+                "y - x*slope", f"{math.cos(ANGLE)}*d_x + {math.sin(ANGLE)}*d_y", mu="mu"
+            )
+        },
+        span=(0.0, 1.0),
+    )
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_constraint_that_is_missed_by_rounding(seed: int) -> None:
+    """A start that is typed with ten digits is put onto the constraint; one that misses by more is
+    told by how much."""
+    rng = np.random.default_rng(seed)
+    x = float(rng.uniform(0.05, 5.0)) * 10.0 ** rng.integers(-6, 6)
+    y = x * math.tan(ANGLE)
+    for off in (0.0, *(10.0 ** rng.uniform(-16.0, -10.5, 4) * rng.choice([-1.0, 1.0], 4))):
+        motion = ss.simulate(wire(), initial={"x": x, "y": y + off * y})
+        assert motion.outcome.ok, motion.message
+        assert motion.certificate.ok
+        assert abs(motion["y"][0] - motion["x"][0] * math.tan(ANGLE)) <= 4e-16 * y
+        assert motion["y"][0] == pytest.approx(y, rel=2 * abs(off) + 1e-15)
+    for off in (-1e-3, 1e-6, 1e-8):
+        with pytest.raises(ss.DeclarationError, match=r"face.*misses zero") as told:
+            ss.simulate(wire(), initial={"x": x, "y": y + off * y})
+        said = float(str(told.value).partition("zero by ")[2].split()[0])
+        assert said == pytest.approx(abs(off * y), rel=1e-4)
+
+
+@pytest.mark.parametrize("height", [-0.1, -1e-6, -1e-9])
+def test_an_overlap_is_no_paradox(height: float) -> None:
+    ball = ss.catalogue.bouncing_ball()
+    with pytest.raises(ss.DeclarationError, match=rf"gap: it is {height:g} .* overlap"):
+        ss.simulate(ball, initial={"y": height})
+    many = ss.simulate_many(ball, initial={"y": [0.5, height]})
+    assert [o.label for o in many.counts if not o.ok] == ["no admissible mode"]
+
+
+def test_an_overlap_by_rounding_is_none() -> None:
+    motion = ss.simulate(ss.catalogue.bouncing_ball(), initial={"y": -1e-16})
+    assert motion.outcome.ok and motion.certificate.ok
+
+
+@pytest.mark.parametrize("far", [False, True])
+def test_an_unstable_start_is_told_with_a_contact_far_away(far: bool) -> None:
+    wall = {"wall": ss.Unilateral("x + 50")} if far else {}
+    system = ss.System(
+        "slider beside a wall",
+        coordinates={"x": ss.Inertial(), "p": ss.RateIndependent()},
+        kinetic="d_x**2/2",
+        potential="(p - x)**2/2 + x**2/2 + p**2/2",
+        contacts={"pad": ss.Contact("d_p", 0.5), **wall},
+        initial={"x": 1.0},
+        span=(0.0, 1.0),
+    )
+    with pytest.raises(
+        ss.DeclarationError, match=r"initial\.p: .* exceeds its threshold 0\.5 by 0\.5"
+    ):
+        ss.simulate(system)
