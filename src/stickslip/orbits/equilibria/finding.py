@@ -3,19 +3,21 @@
 In a mode the motion is smooth, so an equilibrium is a zero of that mode's field in which the guards
 of the mode hold. A contact whose surface moves must slip, one that nothing moves must stick; only
 contacts that a translation of the whole system can move are tried in all modes. In each region of
-the kinks a mode with an affine field is solved outright, any other by Newton's method from many
-starts.
+the kinks a mode with an affine field is solved outright. In any other, sets are covered by boxes,
+and isolated equilibria are looked for by Newton's method from many starts.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from itertools import islice, product
+from types import MappingProxyType
 
 import numpy as np
 
-from stickslip.certificates import worst
+from stickslip.certificates import Residual, worst
 from stickslip.equations.derive import MotionEquations, derive
 from stickslip.equations.field import Field, Guard, Mode, Region, mode_field, named_modes
 from stickslip.errors import DeclarationError, StickslipError, short
@@ -23,6 +25,7 @@ from stickslip.model.declaration import DryContact
 from stickslip.model.system import System
 from stickslip.orbits.equilibria import search
 from stickslip.orbits.equilibria.certificate import ON_BOUNDARY, certify_equilibrium, certify_set
+from stickslip.orbits.equilibria.covering import Part, cover, valued
 from stickslip.orbits.equilibria.equilibrium import (
     Equilibria,
     Equilibrium,
@@ -30,12 +33,14 @@ from stickslip.orbits.equilibria.equilibrium import (
     describe_guard,
     modes_text,
 )
+from stickslip.orbits.equilibria.reduction import Irreducible
 from stickslip.orbits.equilibria.stick_sets import Conditions, all_stick, dimension
 from stickslip.orbits.fields.steady import Array, Steady, invariant_directions
 from stickslip.symbolic import expressions as ex
 
 _MOST = 4096  # modes times regions that are all tried
 _STARTS = 63
+_KNOWN = 1e-9  # ends of sets, relative to their size
 _POLISH = 4  # Newton steps that put a point well inside a set onto its equations
 
 
@@ -176,6 +181,9 @@ class _Search:
         self.nearest = (-math.inf, "")
         self.looked: set[tuple[Mode, Region]] = set()
         self.waiting: list[tuple[Mode, Region]] = []
+        self.covered: dict[tuple[Mode, Region | None], bool] = {}  # and whether that found all
+        self.undecided: list[str] = []
+        self.polyhedra: list[tuple[EquilibriumSet, list[Conditions]]] = []
 
     def _checked_box(
         self, box: Mapping[str, tuple[float, float]]
@@ -233,6 +241,7 @@ class _Search:
             tuple(self.sets),
             tried,
             self.nearest[1],
+            tuple(dict.fromkeys(self.undecided)),
         )
 
     def _look_everywhere(self, candidates: Iterable[tuple[Mode, Region]]) -> None:
@@ -286,12 +295,8 @@ class _Search:
     # -- one mode and region -----------------------------------------------------------------------
 
     def _look(self, mode: Mode, region: Region) -> None:
-        at_rest = self._rests(mode)
-        try:
-            field = mode_field(self.eq, mode, region)
-        except ZeroDivisionError:
-            field = None
-        if at_rest:
+        field = self._field(mode, region)
+        if self._rests(mode):
             self._look_for_rest(field, mode, region)
         elif field is not None:
             self._look_for_steady_motion(field)
@@ -309,6 +314,9 @@ class _Search:
         return sticks
 
     def _look_for_rest(self, field: Field | None, mode: Mode, region: Region) -> None:
+        whole = all_stick(self.eq, mode, None, self.values)
+        if not whole.affine_by_regions(self.eq.kinks) and self._cover(whole, mode):
+            return
         conditions = all_stick(self.eq, mode, region, self.values)
         forces = len(conditions.unknowns) - len(self.state)
         starts = self.starts[:, :1] if conditions.affine else self.starts[:, :8]
@@ -320,15 +328,39 @@ class _Search:
     def _look_for_steady_motion(self, field: Field) -> None:
         steady = Steady(field, self.values, self.invariant, self.origin)
         residual = steady.residual()
+        conditions = self._conditions(steady)
+        if not residual.affine and self._cover(conditions, field.mode, field.region):
+            return
         starts = self.starts[:, :1] if residual.affine else self.starts
         for y, rank in search.zeros(residual, starts, self.origin):
             if rank < len(y):
-                conditions = self._conditions(steady)
                 centre = conditions.centre(y)
                 if centre is not None and np.all(self._beyond(steady, centre) >= 0.0):
                     self._note_set(field, conditions, centre, field.mode, field.region)
             else:
                 self._note_isolated(steady, y)
+
+    def _cover(self, conditions: Conditions, mode: Mode, region: Region | None = None) -> bool:
+        """Note all sets of a mode, in a region or in all; whether there can be no others.
+
+        In a region, where nothing is free, equilibria are isolated.
+        """
+        if (mode, region) not in self.covered:
+            self.covered[mode, region] = self._covered(conditions, mode, region)
+        return self.covered[mode, region]
+
+    def _covered(self, conditions: Conditions, mode: Mode, region: Region | None) -> bool:
+        try:
+            parts = cover(conditions, self.invariant, self.origin, self.box)
+        except Irreducible as reason:
+            return reason.empty and region is None
+        if region is not None and (parts.isolated or not parts.found):
+            return not parts.isolated and not parts.undecided
+        if parts.undecided:
+            self.undecided.append(parts.undecided)
+        for part in parts.found:
+            self._note_part(conditions, part, mode, region)
+        return bool(parts.found) or not parts.undecided
 
     def _conditions(self, steady: Steady) -> Conditions:
         field = steady.field
@@ -340,9 +372,8 @@ class _Search:
                 for row in across
             ]
             equal = [*(ex.add(*row) for row in rows), *field.constraints]
-        return Conditions(
-            field.state, tuple(equal), tuple(g.value for g in field.guards), self.values
-        )
+        guards = tuple(g.value for g in field.guards)
+        return Conditions(field.state, tuple(equal), guards, self.values, field.state)
 
     # -- what was found ----------------------------------------------------------------------------
 
@@ -412,21 +443,80 @@ class _Search:
                 f"nearest: {modes} at {state}, which is past the boundary where {broken}",
             )
 
+    def _note_part(
+        self, conditions: Conditions, part: Part, mode: Mode, region: Region | None
+    ) -> None:
+        """Note a set that was covered, with kinks in place or within a region."""
+        over = valued(self.eq.kinks, self.state, self.values, part.inside).T >= 0.0
+        regions = tuple(dict.fromkeys(tuple(map(int, row)) for row in over))
+        if region is None:
+            conditions = all_stick(self.eq, mode, regions[0], self.values)
+        centre = conditions.completed(part.state)
+        if centre is None:
+            self.undecided.append(f"no forces were found that hold {self._named(part.state)}")
+            return
+        field = self._field(mode, regions[0])
+        if part.undecided:
+            self._note_set(field, conditions, centre, mode, regions[0])
+            return
+        residuals = (Residual("extent", part.error, _KNOWN, note="of its size"),)
+        self.sets.append(
+            self._set(
+                field,
+                conditions,
+                centre,
+                mode,
+                regions if region is None else (region,),
+                part.dimension,
+                part.extent,
+                residuals,
+                part.repeats,
+            )
+        )
+
+    def _field(self, mode: Mode, region: Region) -> Field | None:
+        try:
+            return mode_field(self.eq, mode, region)
+        except ZeroDivisionError:
+            return None
+
     def _note_set(
         self, field: Field | None, conditions: Conditions, centre: Array, mode: Mode, region: Region
     ) -> None:
+        """Note a polyhedron, or what can be followed of another set from a point inside."""
         n = len(self.state)
-        for _ in range(0 if conditions.affine else _POLISH):
+        exact = conditions.affine
+        for _ in range(0 if exact else _POLISH):
             value, slopes = conditions.equations(centre)
             centre = centre - np.linalg.lstsq(slopes, value, rcond=None)[0]
-        y = centre[:n]
-        if any(
-            s.mode == mode and region in s.regions and _within(s.extent, self._named(y))
-            for s in self.sets
-        ):
-            return
+        if not exact:
+            if any(
+                s.mode == mode and _within(s.extent, self._named(centre[:n]))
+                for s in self.sets
+                if not s.exact
+            ):
+                return
+            modes = modes_text(named_modes(self.contacts, mode))
+            self.undecided.append(f"sets with {modes} are followed from points inside")
         extent = {name: conditions.extent(centre, i) for i, name in enumerate(self.state)}
         size = dimension(conditions, n, centre)
+        followed = () if exact else (Residual("parts not looked at", 1.0, 0.0),)
+        new = self._set(field, conditions, centre, mode, (region,), size, extent, followed)
+        self._join(new, conditions)
+
+    def _set(
+        self,
+        field: Field | None,
+        conditions: Conditions,
+        centre: Array,
+        mode: Mode,
+        regions: tuple[Region, ...],
+        size: int,
+        extent: dict[str, tuple[float, float]],
+        residuals: tuple[Residual, ...],
+        repeats: Mapping[str, float] = MappingProxyType({}),
+    ) -> EquilibriumSet:
+        y = centre[: len(self.state)]
         drift = {}
         eigenvalues = None
         if field is not None:
@@ -438,47 +528,47 @@ class _Search:
             eigenvalues = tuple(
                 complex(z) for z in sorted(every[along:], key=lambda z: (-z.real, -z.imag))
             )
-        self._join(
-            EquilibriumSet(
-                self._named(y),
-                dict(self.values),
-                self.contacts,
-                mode,
-                (region,),
-                size,
-                extent,
-                conditions.affine,
-                eigenvalues,
-                drift,
-                certify_set(conditions, centre),
-                self._normal_forces(field, y),
-            )
+        measured = certify_set(conditions, centre)
+        return EquilibriumSet(
+            self._named(y),
+            dict(self.values),
+            self.contacts,
+            mode,
+            regions,
+            size,
+            extent,
+            not any(r.counts for r in residuals),
+            eigenvalues,
+            drift,
+            replace(measured, residuals=(*measured.residuals, *residuals)),
+            self._normal_forces(field, y),
+            dict(repeats),
         )
 
-    def _join(self, new: EquilibriumSet) -> None:
-        """Add a set, joined with those of the same mode that it touches in other regions."""
-        for other in [s for s in self.sets if s.mode == new.mode and _touch(s.extent, new.extent)]:
+    def _join(self, new: EquilibriumSet, conditions: Conditions) -> None:
+        """Add a polyhedron, joined with those of the same mode that it meets in other regions."""
+        joined = [conditions]
+        for other, polyhedra in list(self.polyhedra):
+            if other.mode != new.mode or not any(conditions.meets(p) for p in polyhedra):
+                continue
+            self.polyhedra.remove((other, polyhedra))
             self.sets.remove(other)
+            joined += polyhedra
             hull = {
                 name: (min(a[0], b[0]), max(a[1], b[1]))
                 for (name, a), b in zip(other.extent.items(), new.extent.values(), strict=True)
             }
             larger = other if other.dimension >= new.dimension else new
-            new = EquilibriumSet(
-                larger.state,
-                larger.parameters,
-                larger.contacts,
-                larger.mode,
-                tuple(dict.fromkeys([*other.regions, *new.regions])),
-                larger.dimension,
-                hull,
-                other.exact and new.exact,
-                larger.eigenvalues,
-                larger.drift,
-                worst([other.certificate, new.certificate]),
-                larger.normal_forces,
+            new = replace(
+                larger,
+                regions=tuple(dict.fromkeys([*other.regions, *new.regions])),
+                extent=hull,
+                exact=other.exact and new.exact,
+                certificate=worst([other.certificate, new.certificate]),
             )
         self.sets.append(new)
+        if new.exact:
+            self.polyhedra.append((new, joined))
 
     def _normal_forces(self, field: Field | None, y: Array) -> dict[str, float]:
         """Of the closed contacts in a mode, as far as the state determines them."""
@@ -501,9 +591,3 @@ def _within(extent: Mapping[str, tuple[float, float]], state: Mapping[str, float
         low - 1e-7 * (1 + abs(low)) <= state[x] <= high + 1e-7 * (1 + abs(high))
         for x, (low, high) in extent.items()
     )
-
-
-def _touch(a: Mapping[str, tuple[float, float]], b: Mapping[str, tuple[float, float]]) -> bool:
-    """Whether two boxes meet."""
-    pairs = [(max(a[x][0], b[x][0]), min(a[x][1], b[x][1])) for x in a]
-    return all(low <= high + 1e-7 * (1.0 + abs(high)) for low, high in pairs)
