@@ -166,6 +166,7 @@ class _Covered:
                 cover.undecided.shape[2] if c in cover.unsure else 0,
             )
             found.append(part)
+        found.sort(key=lambda part: list(part.extent.values()))
         return Parts(found, "; ".join(self._unknown(cover)))
 
     def _range(self, x: str) -> tuple[float, float]:

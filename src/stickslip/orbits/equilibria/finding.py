@@ -329,7 +329,9 @@ class _Search:
         steady = Steady(field, self.values, self.invariant, self.origin)
         residual = steady.residual()
         conditions = self._conditions(steady)
-        if not residual.affine and self._cover(conditions, field.mode, field.region):
+        if not conditions.affine_by_regions(()) and self._cover(
+            conditions, field.mode, field.region
+        ):
             return
         starts = self.starts[:, :1] if residual.affine else self.starts
         for y, rank in search.zeros(residual, starts, self.origin):

@@ -41,6 +41,7 @@ _CORNERS = 3  # unknowns up to which all corners of boxes count as directions
 _EXACT = 1e-12  # gap of an extent that will do, relative to its size
 _ROUNDS = 120
 _LEAST = 5e-324  # a negative number that is not known better
+_MOST_ROWS = 60  # sums of conditions that are tried far out
 _TURNS = 12  # multiples of the longest period that are tried for a common one
 _MOST_EXTENT = 40_000
 
@@ -97,12 +98,7 @@ class LevelSet:
 
     def ranges(self, low: Array, high: Array) -> dict[str, tuple[Array, Array]]:
         """Ranges of all names on boxes of shape (k, N)."""
-        count = low.shape[1]
-        held = {
-            name: (np.full(count, value), np.full(count, value))
-            for name, value in self.values.items()
-            if any(name in e.symbols for e in self._all)
-        }
+        held = {name: (value, value) for name, value in self.values.items()}
         return held | {x: (low[i], high[i]) for i, x in enumerate(self.names)}
 
     def bounds(self, low: Array, high: Array) -> Bounds:
@@ -111,7 +107,34 @@ class LevelSet:
         endless = np.flatnonzero(np.any(np.isinf(low) | np.isinf(high), axis=0))
         if len(endless):
             self._by_leading_terms(found, endless, low[:, endless], high[:, endless])
+            for e in self._combined:
+                ((_, most),) = enclosures([e], self.ranges(low[:, endless], high[:, endless]))
+                found.high[0, endless[most < 0.0]] = -_LEAST
         return found
+
+    @cached_property
+    def _combined(self) -> list[Expr]:
+        """Sums of conditions in which all unknowns but one have no linear terms: far out these are
+        negative where no condition is by itself."""
+        found: list[Expr] = []
+        numbers = {name: ex.num(value) for name, value in self.values.items()}
+        plain = [ex.substitute(e, numbers) for e in self.conditions]
+        for kept in self.names if len(self.names) > 1 else ():
+            rows = list(plain)
+            for x in self.names:
+                if x == kept or len(rows) > _MOST_ROWS:
+                    continue
+                slopes = [(e, self._linear(e, x)) for e in rows]
+                rows = [e for e, c in slopes if c == 0.0]
+                up = [(e, c) for e, c in slopes if c > 0.0]
+                down = [(e, -c) for e, c in slopes if c < 0.0]
+                rows += [ex.add((e, b), (f, a)) for (e, a), (f, b) in product(up, down)]
+            found += [e for e in rows if e not in plain]
+        return found if len(found) <= _MOST_ROWS else []
+
+    def _linear(self, e: Expr, x: str) -> float:
+        """The number with which an unknown stands in a sum."""
+        return sum(c for term, c in e.terms if term is ex.sym(x)) if e.op == "sum" else 0.0
 
     def _by_leading_terms(self, found: Bounds, boxes: Array, low: Array, high: Array) -> None:
         """Signs of sums on boxes without end: where a sum divided by one of its terms has a sign, it
@@ -593,6 +616,7 @@ class _Covering:
         unsure = set(label[(touched | unclear) & wanted])
         undecided = left | (unclear & wanted)
         other = ~wanted & ~left
+        other = ~wanted & ~left
         component = np.searchsorted(numbers, label)
         component = np.where(wanted, component, -1)
         kept = component >= 0
@@ -749,23 +773,25 @@ class _Extents:
         # The ends of a box that was shrunk are a rounding outside.
         step = np.where(self.inside, 0.0, 0.2 * _EXACT * self.unit[:, self.task])
         low, high = np.minimum(self.low + step, middle), np.maximum(self.high - step, middle)
-        stops = [(low, middle, high)] if k <= _CORNERS else [(middle,)]
-        for choice in product(range(len(stops[0])), repeat=k if len(stops[0]) > 1 else 1):
-            if k <= _CORNERS:
-                points = np.array([stops[0][c][i] for i, c in enumerate(choice)])
-            else:
-                points = middle
-            there = self.inside | self.of.holds(np.where(np.isfinite(points), points, 0.0))
-            there &= np.all(np.isfinite(points), axis=0) | self.inside
-            if not there.any():
-                continue
-            values = enclosures(self.expressions, self.of.ranges(points, points))
-            value = np.array([np.broadcast_to(v, (2, len(self.task))) for v in values])
-            which, every = self.which[self.task], np.arange(len(self.task))
-            sign = self.sign[self.task]
-            least = np.where(sign > 0.0, value[which, 0, every], -value[which, 1, every])
-            least = np.where(np.isnan(least), -math.inf, least)
-            np.maximum.at(self.best, self.task[there], least[there])
+        stops = [low, middle, high] if k <= _CORNERS else [middle]
+        choices = list(product(range(len(stops)), repeat=k)) if k <= _CORNERS else [(0,) * k]
+        points = np.array(
+            [np.concatenate([stops[choice[i]][i] for choice in choices]) for i in range(k)]
+        )
+        task = np.tile(self.task, len(choices))
+        there = np.tile(self.inside, len(choices))
+        # Points without end count for what is inside alone.
+        finite = np.all(np.isfinite(points), axis=0) & ~there
+        there[finite] = self.of.holds(points[:, finite])
+        task = task[there]
+        if not len(task):
+            return
+        values = enclosures(self.expressions, self.of.ranges(points[:, there], points[:, there]))
+        value = np.array([np.broadcast_to(v, (2, len(task))) for v in values])
+        which, every = self.which[task], np.arange(len(task))
+        up = self.sign[task] > 0.0
+        least = np.where(up, value[which, 0, every], -value[which, 1, every])
+        np.maximum.at(self.best, task, np.where(np.isnan(least), -math.inf, least))
 
     def _divide(self) -> None:
         width = np.where(self._fine(), -1.0, (self.high - self.low) / self.unit[:, self.task])
