@@ -326,9 +326,7 @@ def polynomials(rng: Rng) -> tuple[Any, ...]:
     s = round(s, 4)
     V = np.polyint(c)
     text = " + ".join(f"({a!r})*x**{len(V) - 1 - i}" for i, a in enumerate(map(float, V)) if a)
-    return on_one(
-        rng, text, {"b": ss.Contact("d_x", s)}, lambda x: s - abs(np.polyval(c, x)), 12.0
-    )
+    return on_one(rng, text, {"b": ss.Contact("d_x", s)}, lambda x: s - abs(np.polyval(c, x)), 12.0)
 
 
 @family
@@ -358,7 +356,7 @@ def two_brakes(rng: Rng) -> tuple[Any, ...]:
         text,
         brakes,
         lambda x: s + 2 * F * (1 + np.sin(q * x) / 2) - abs(force(x)),
-        far,
+        2.0 * far,
         KINDS[:2],
     )
 

@@ -8,22 +8,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.orbits.equilibria.level_sets import Cover, LevelSet, centres, extents, period
-from stickslip.orbits.equilibria.reduction import Reduced
+from stickslip.orbits.equilibria.level_sets import Components, LevelSet, centres, extents, period
+from stickslip.orbits.equilibria.reduction import Irreducible, Reduced
 from stickslip.orbits.equilibria.stick_sets import Conditions
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
 _RANGE = 64.0  # where is looked, in units of the declared initial state, or of 1
+_MOST = 3  # free states: the number of boxes grows with every one
 _CLOSED = 1e-9  # a point may miss its conditions by this much, relative to their terms
 _SAME = 1e-9  # sets that are a period apart, up to this part of it
 
-Box = Mapping[str, tuple[float, float]]
+Ranges = Mapping[str, tuple[float, float]]
 
 
 @dataclass(frozen=True)
-class Part:
+class CoveredSet:
     """A connected set.
 
     Attributes
@@ -52,25 +53,25 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Parts:
+class CoveredSets:
     """All sets that were found.
 
     Attributes
     ----------
-    found : list of Part
+    found : list of CoveredSet
     undecided : str
         What is not known of others; empty if there are none.
     isolated : bool
         Whether there is at most one state (up to translation), since nothing is free.
     """
 
-    found: list[Part]
+    found: list[CoveredSet]
     undecided: str = ""
     isolated: bool = False
 
 
-def cover(conditions: Conditions, invariant: Array, origin: Array, box: Box) -> Parts:
-    """Cover all sets.
+def cover(conditions: Conditions, invariant: Array, origin: Array, box: Ranges) -> CoveredSets:
+    """Components all sets.
 
     Parameters
     ----------
@@ -85,10 +86,13 @@ def cover(conditions: Conditions, invariant: Array, origin: Array, box: Box) -> 
     Raises
     ------
     Irreducible
-        If the states are not given by formulas in a few free ones.
+        If the states are not given by formulas in at most three free ones.
     """
-    found = _Covered(conditions, conditions.reduced(invariant, origin), origin, box)
-    return found.parts() if found.reduced.free else found.point()
+    reduced = conditions.reduced(invariant, origin)
+    if len(reduced.free) > _MOST:
+        raise Irreducible
+    found = _Covered(conditions, reduced, origin, box)
+    return found.parts() if reduced.free else found.point()
 
 
 def valued(
@@ -102,7 +106,7 @@ def valued(
 
 class _Covered:
     def __init__(
-        self, conditions: Conditions, reduced: Reduced, origin: Array, box: Box
+        self, conditions: Conditions, reduced: Reduced, origin: Array, box: Ranges
     ) -> None:
         self.conditions = conditions
         self.reduced = reduced
@@ -118,15 +122,15 @@ class _Covered:
             if x not in box and (turn := period(felt, x, self.values)):
                 self.repeats[x] = turn
 
-    def point(self) -> Parts:
+    def point(self) -> CoveredSets:
         """Where nothing is free, there is one state or none."""
         state = np.array([ex.evaluate(e, self.values) for e in self.formulas.values()])
         if not all(self._holds(e) for e in self.reduced.nonnegative):
-            return Parts([], isolated=True)
+            return CoveredSets([], isolated=True)
         extent = self._extent({x: (v, v) for x, v in zip(self.states, state, strict=True)})
         inside = state[:, None]
-        part = Part(state, inside, extent, 0.0, self.reduced.dimension, {}, 0)
-        return Parts([part] if self._asked(extent) else [], isolated=True)
+        part = CoveredSet(state, inside, extent, 0.0, self.reduced.dimension, {}, 0)
+        return CoveredSets([part] if self._asked(extent) else [], isolated=True)
 
     def _holds(self, e: Expr) -> bool:
         """Whether a condition without unknowns is met, up to rounding."""
@@ -135,39 +139,38 @@ class _Covered:
         size = sum(abs(c * ex.evaluate(term, self.values)) for term, c in terms)
         return value >= -_CLOSED * size
 
-    def parts(self) -> Parts:
+    def parts(self) -> CoveredSets:
         """All sets, each once."""
         free = self.reduced.free
         core = np.array([self._range(x) for x in free]).T
         cover = LevelSet(self.reduced.nonnegative, free, self.values, core).components()
         told = [x for x in self.states if x not in self.reduced.unbounded]
         ends, gaps = extents(cover, [self.formulas[x] for x in told])
-        found: list[Part] = []
+        found: list[CoveredSet] = []
         for c in range(cover.count):
             pairs = ((float(low), float(high)) for low, high in ends[c])
             extent = self._extent(dict(zip(told, pairs, strict=True)))
             if not self._asked(extent) or any(self._repeated(extent, p.extent) for p in found):
                 continue
             size = np.max(np.abs(ends[c]), axis=1) + ends[c, :, 1] - ends[c, :, 0]
-            with np.errstate(invalid="ignore"):
-                errors = gaps[c] / np.where(size > 0.0, size, 1.0)[:, None]
-            error = float(np.max(np.where(gaps[c] == 0.0, 0.0, errors), initial=0.0))
+            size = np.where((size > 0.0) & np.isfinite(size), size, 1.0)
+            error = float(np.max(gaps[c] / size[:, None], initial=0.0))
             own = cover.inside & (cover.component == c)
             middles = centres(cover.low[:, own], cover.high[:, own])
             points = np.column_stack([self._centre(cover, c, extent), middles])
             at = valued(list(self.formulas.values()), free, self.values, points)
-            part = Part(
+            part = CoveredSet(
                 at[:, 0],
                 at,
                 extent,
                 error,
                 self.reduced.dimension,
-                self.repeats,
+                {x: turn for x, turn in self.repeats.items() if np.all(np.isfinite(extent[x]))},
                 cover.undecided.shape[2] if c in cover.unsure else 0,
             )
             found.append(part)
         found.sort(key=lambda part: list(part.extent.values()))
-        return Parts(found, "; ".join(self._unknown(cover)))
+        return CoveredSets(found, "; ".join(self._unknown(cover)))
 
     def _range(self, x: str) -> tuple[float, float]:
         """Where is looked."""
@@ -188,11 +191,12 @@ class _Covered:
             extent[x][0] <= high and extent[x][1] >= low for x, (low, high) in self.box.items()
         )
 
-    def _repeated(self, one: Box, other: Box) -> bool:
+    def _repeated(self, one: Ranges, other: Ranges) -> bool:
         """Whether two sets are the same some periods later."""
         for x in self.states:
             turn = self.repeats.get(x, 0.0)
-            apart = np.subtract(one[x], other[x])
+            with np.errstate(invalid="ignore"):
+                apart = np.subtract(one[x], other[x])
             apart = np.where(np.equal(one[x], other[x]), 0.0, apart)
             size = max(turn, *map(abs, one[x])) if np.all(np.isfinite(one[x])) else 1.0
             away = apart - turn * np.round(apart[0] / turn) if turn else apart
@@ -200,14 +204,14 @@ class _Covered:
                 return False
         return bool(self.repeats)
 
-    def _centre(self, cover: Cover, c: int, extent: Box) -> Array:
+    def _centre(self, cover: Components, c: int, extent: Ranges) -> Array:
         """A point well inside: in one unknown the middle."""
         (x, *others) = self.reduced.free
         if not others and np.all(np.isfinite(extent[x])):
             return np.array([0.5 * extent[x][0] + 0.5 * extent[x][1]])
         return cover.centre(c)
 
-    def _unknown(self, cover: Cover) -> list[str]:
+    def _unknown(self, cover: Components) -> list[str]:
         """What is not decided, in words."""
         free = self.reduced.free
         said = []

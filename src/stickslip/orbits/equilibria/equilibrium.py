@@ -164,7 +164,9 @@ class EquilibriumSet:
     def describe(self) -> str:
         """One line."""
         extent = ", ".join(_interval(name, low, high) for name, (low, high) in self.extent.items())
-        how = "" if self.exact else " (followed from a point inside)"
+        wide = [low for low, high in self.extent.values() if low < high and high - low < math.inf]
+        how = " (a bounding box)" if len(wide) > 1 and self.dimension > 1 else ""
+        how += "" if self.exact else " (not proved)"
         text = f"of dimension {self.dimension}, {modes_text(self.modes)}: {extent}{how}"
         text += "".join(f", and every {turn:.9g} of {x}" for x, turn in self.repeats.items())
         text += pressed_text(self.normal_forces)

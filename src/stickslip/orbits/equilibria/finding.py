@@ -13,7 +13,6 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import islice, product
-from types import MappingProxyType
 
 import numpy as np
 
@@ -25,7 +24,7 @@ from stickslip.model.declaration import DryContact
 from stickslip.model.system import System
 from stickslip.orbits.equilibria import search
 from stickslip.orbits.equilibria.certificate import ON_BOUNDARY, certify_equilibrium, certify_set
-from stickslip.orbits.equilibria.covering import Part, cover, valued
+from stickslip.orbits.equilibria.covering import CoveredSet, cover, valued
 from stickslip.orbits.equilibria.equilibrium import (
     Equilibria,
     Equilibrium,
@@ -159,6 +158,9 @@ def possible_modes(
     return found
 
 
+_Piece = tuple[Mapping[str, tuple[float, float]], Conditions]  # with its extent
+
+
 class _Search:
     def __init__(
         self,
@@ -183,7 +185,8 @@ class _Search:
         self.waiting: list[tuple[Mode, Region]] = []
         self.covered: dict[tuple[Mode, Region | None], bool] = {}  # and whether that found all
         self.undecided: list[str] = []
-        self.polyhedra: list[tuple[EquilibriumSet, list[Conditions]]] = []
+        self.polyhedral: dict[Mode, bool] = {}
+        self.pieces: list[tuple[EquilibriumSet, list[_Piece]]] = []  # of sets, by region
 
     def _checked_box(
         self, box: Mapping[str, tuple[float, float]]
@@ -232,6 +235,10 @@ class _Search:
         )
         if not self.isolated and not self.sets:
             tried += self._look_at_the_end_of_a_motion()
+        if self.pieces and len(self.looked) < count:
+            self.undecided.append(
+                f"{count - len(self.looked)} combinations of modes and regions were not tried"
+            )
         order = {True: 0, None: 1, False: 2}
         self.isolated.sort(key=lambda e: order[e.stable])
         return Equilibria(
@@ -297,7 +304,7 @@ class _Search:
     def _look(self, mode: Mode, region: Region) -> None:
         field = self._field(mode, region)
         if self._rests(mode):
-            self._look_for_rest(field, mode, region)
+            self._look_for_rest(mode, region)
         elif field is not None:
             self._look_for_steady_motion(field)
 
@@ -313,9 +320,13 @@ class _Search:
             sticks = True
         return sticks
 
-    def _look_for_rest(self, field: Field | None, mode: Mode, region: Region) -> None:
-        whole = all_stick(self.eq, mode, None, self.values)
-        if not whole.affine_by_regions(self.eq.kinks) and self._cover(whole, mode):
+    def _look_for_rest(self, mode: Mode, region: Region) -> None:
+        if mode not in self.polyhedral:
+            whole = all_stick(self.eq, mode, None, self.values)
+            self.polyhedral[mode] = whole.affine_by_regions(self.eq.kinks)
+            if not self.polyhedral[mode]:
+                self._cover(whole, mode)
+        if self.covered.get((mode, None)):
             return
         conditions = all_stick(self.eq, mode, region, self.values)
         forces = len(conditions.unknowns) - len(self.state)
@@ -323,7 +334,7 @@ class _Search:
         for y in starts.T:
             centre = conditions.centre(np.append(y, np.zeros(forces)))
             if centre is not None:
-                self._note_set(field, conditions, centre, mode, region)
+                self._note_set(conditions, centre, mode, region)
 
     def _look_for_steady_motion(self, field: Field) -> None:
         steady = Steady(field, self.values, self.invariant, self.origin)
@@ -338,7 +349,7 @@ class _Search:
             if rank < len(y):
                 centre = conditions.centre(y)
                 if centre is not None and np.all(self._beyond(steady, centre) >= 0.0):
-                    self._note_set(field, conditions, centre, field.mode, field.region)
+                    self._note_set(conditions, centre, field.mode, field.region)
             else:
                 self._note_isolated(steady, y)
 
@@ -356,8 +367,8 @@ class _Search:
             parts = cover(conditions, self.invariant, self.origin, self.box)
         except Irreducible as reason:
             return reason.empty and region is None
-        if region is not None and (parts.isolated or not parts.found):
-            return not parts.isolated and not parts.undecided
+        if region is not None and parts.isolated:
+            return False
         if parts.undecided:
             self.undecided.append(parts.undecided)
         for part in parts.found:
@@ -446,7 +457,7 @@ class _Search:
             )
 
     def _note_part(
-        self, conditions: Conditions, part: Part, mode: Mode, region: Region | None
+        self, conditions: Conditions, part: CoveredSet, mode: Mode, region: Region | None
     ) -> None:
         """Note a set that was covered, with kinks in place or within a region."""
         over = valued(self.eq.kinks, self.state, self.values, part.inside).T >= 0.0
@@ -457,24 +468,20 @@ class _Search:
         if centre is None:
             self.undecided.append(f"no forces were found that hold {self._named(part.state)}")
             return
-        field = self._field(mode, regions[0])
-        if part.undecided:
-            self._note_set(field, conditions, centre, mode, regions[0])
+        if part.undecided and not part.error <= _KNOWN:
+            self._note_set(conditions, centre, mode, regions[0])
             return
-        residuals = (Residual("extent", part.error, _KNOWN, note="of its size"),)
-        self.sets.append(
-            self._set(
-                field,
-                conditions,
-                centre,
-                mode,
-                regions if region is None else (region,),
-                part.dimension,
-                part.extent,
-                residuals,
-                part.repeats,
-            )
+        residuals = (
+            Residual("extent", part.error, _KNOWN, note="of its size"),
+            Residual("undecided boxes beside it", float(part.undecided), 0.0),
         )
+        within = regions if region is None else (region,)
+        new = self._set(conditions, centre, mode, within, part.dimension, part.extent, residuals)
+        new = replace(new, repeats=part.repeats)
+        if region is None:
+            self.sets.append(new)
+        else:
+            self._join(new, conditions)
 
     def _field(self, mode: Mode, region: Region) -> Field | None:
         try:
@@ -482,9 +489,7 @@ class _Search:
         except ZeroDivisionError:
             return None
 
-    def _note_set(
-        self, field: Field | None, conditions: Conditions, centre: Array, mode: Mode, region: Region
-    ) -> None:
+    def _note_set(self, conditions: Conditions, centre: Array, mode: Mode, region: Region) -> None:
         """Note a polyhedron, or what can be followed of another set from a point inside."""
         n = len(self.state)
         exact = conditions.affine
@@ -503,12 +508,12 @@ class _Search:
         extent = {name: conditions.extent(centre, i) for i, name in enumerate(self.state)}
         size = dimension(conditions, n, centre)
         followed = () if exact else (Residual("parts not looked at", 1.0, 0.0),)
-        new = self._set(field, conditions, centre, mode, (region,), size, extent, followed)
-        self._join(new, conditions)
+        self._join(
+            self._set(conditions, centre, mode, (region,), size, extent, followed), conditions
+        )
 
     def _set(
         self,
-        field: Field | None,
         conditions: Conditions,
         centre: Array,
         mode: Mode,
@@ -516,8 +521,8 @@ class _Search:
         size: int,
         extent: dict[str, tuple[float, float]],
         residuals: tuple[Residual, ...],
-        repeats: Mapping[str, float] = MappingProxyType({}),
     ) -> EquilibriumSet:
+        field = self._field(mode, regions[0])
         y = centre[: len(self.state)]
         drift = {}
         eigenvalues = None
@@ -539,38 +544,47 @@ class _Search:
             regions,
             size,
             extent,
-            not any(r.counts for r in residuals),
+            all(r.ok for r in residuals),
             eigenvalues,
             drift,
             replace(measured, residuals=(*measured.residuals, *residuals)),
             self._normal_forces(field, y),
-            dict(repeats),
         )
 
     def _join(self, new: EquilibriumSet, conditions: Conditions) -> None:
-        """Add a polyhedron, joined with those of the same mode that it meets in other regions."""
-        joined = [conditions]
-        for other, polyhedra in list(self.polyhedra):
-            if other.mode != new.mode or not any(conditions.meets(p) for p in polyhedra):
+        """Add a set of a region, joined with those of the same mode that it meets in others.
+
+        Whether polyhedra meet is a linear program; of others only on a line do extents tell.
+        """
+        extent = new.extent
+        joined = [(extent, conditions)]
+        for other, pieces in list(self.pieces):
+            near = [p for e, p in pieces if other.mode == new.mode and _touch(extent, e)]
+            told = conditions.affine and all(p.affine for p in near)
+            if not near or (told and not any(conditions.meets(p) for p in near)):
                 continue
-            self.polyhedra.remove((other, polyhedra))
+            self.pieces.remove((other, pieces))
             self.sets.remove(other)
-            joined += polyhedra
+            joined += pieces
             hull = {
                 name: (min(a[0], b[0]), max(a[1], b[1]))
                 for (name, a), b in zip(other.extent.items(), new.extent.values(), strict=True)
             }
             larger = other if other.dimension >= new.dimension else new
+            sure = told or larger.dimension <= 1
+            certificate = worst([other.certificate, new.certificate])
+            if not sure:
+                guess = Residual("parts joined by their extents", 1.0, 0.0)
+                certificate = replace(certificate, residuals=(*certificate.residuals, guess))
             new = replace(
                 larger,
                 regions=tuple(dict.fromkeys([*other.regions, *new.regions])),
                 extent=hull,
-                exact=other.exact and new.exact,
-                certificate=worst([other.certificate, new.certificate]),
+                exact=other.exact and new.exact and sure,
+                certificate=certificate,
             )
         self.sets.append(new)
-        if new.exact:
-            self.polyhedra.append((new, joined))
+        self.pieces.append((new, joined))
 
     def _normal_forces(self, field: Field | None, y: Array) -> dict[str, float]:
         """Of the closed contacts in a mode, as far as the state determines them."""
@@ -586,6 +600,12 @@ class _Search:
 
     def _drift(self, rates: Array) -> dict[str, float]:
         return {name: v for name, v in self._named(rates).items() if v != 0.0}
+
+
+def _touch(a: Mapping[str, tuple[float, float]], b: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether two boxes meet."""
+    pairs = [(max(a[x][0], b[x][0]), min(a[x][1], b[x][1])) for x in a]
+    return all(low <= high + 1e-7 * (1.0 + abs(high)) for low, high in pairs)
 
 
 def _within(extent: Mapping[str, tuple[float, float]], state: Mapping[str, float]) -> bool:

@@ -20,7 +20,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import product
+from itertools import pairwise, product
 from typing import NamedTuple
 
 import numpy as np
@@ -46,7 +46,7 @@ _TURNS = 12  # multiples of the longest period that are tried for a common one
 _MOST_EXTENT = 40_000
 
 
-class Bounds(NamedTuple):
+class Enclosures(NamedTuple):
     """What holds of m conditions on N boxes.
 
     Attributes
@@ -101,16 +101,30 @@ class LevelSet:
         held = {name: (value, value) for name, value in self.values.items()}
         return held | {x: (low[i], high[i]) for i, x in enumerate(self.names)}
 
-    def bounds(self, low: Array, high: Array) -> Bounds:
+    def bounds(self, low: Array, high: Array) -> Enclosures:
         """Enclosures of all conditions on boxes of shape (k, N)."""
-        found = bounds_of(self._all, self, low, high, len(self._domains))
+        found = enclosed(self._all, self, low, high, len(self._domains))
         endless = np.flatnonzero(np.any(np.isinf(low) | np.isinf(high), axis=0))
         if len(endless):
-            self._by_leading_terms(found, endless, low[:, endless], high[:, endless])
-            for e in self._combined:
-                ((_, most),) = enclosures([e], self.ranges(low[:, endless], high[:, endless]))
-                found.high[0, endless[most < 0.0]] = -_LEAST
+            ranges = self.ranges(low[:, endless], high[:, endless])
+            fine = np.all(found.low[: len(self._domains), endless] >= 0.0, axis=0)
+            for forms, least, most in zip(
+                self._far_out, low[:, endless], high[:, endless], strict=True
+            ):
+                sure = fine & ((least > 0.0) | (most < 0.0))
+                for n, box in enumerate(enclosures(forms, ranges)):
+                    least, most = np.broadcast_to(box, (2, len(endless)))
+                    least, most = np.where(sure, least, -math.inf), np.where(sure, most, math.inf)
+                    found.low[n, endless] = np.maximum(found.low[n, endless], least)
+                    found.high[n, endless] = np.minimum(found.high[n, endless], most)
+            for _, most in enclosures(self._combined, ranges):
+                found.high[0, endless[np.broadcast_to(most < 0.0, len(endless))]] = -_LEAST
         return found
+
+    @cached_property
+    def _far_out(self) -> list[list[Expr]]:
+        """The conditions as they are bounded where an unknown is large."""
+        return [[far_out(e, x) for e in self._all] for x in self.names]
 
     @cached_property
     def _combined(self) -> list[Expr]:
@@ -135,26 +149,6 @@ class LevelSet:
     def _linear(self, e: Expr, x: str) -> float:
         """The number with which an unknown stands in a sum."""
         return sum(c for term, c in e.terms if term is ex.sym(x)) if e.op == "sum" else 0.0
-
-    def _by_leading_terms(self, found: Bounds, boxes: Array, low: Array, high: Array) -> None:
-        """Signs of sums on boxes without end: where a sum divided by one of its terms has a sign, it
-        has a sign."""
-        ranges = self.ranges(low, high)
-        for n, e in enumerate(self._all):
-            if e.op != "sum":
-                continue
-            for term, _ in e.terms:
-                if not term.symbols & set(self.names):
-                    continue
-                parts = [(part / term, c) for part, c in e.terms]
-                ratio = ex.add(*parts, (ex.ONE / term, float(e.value)))
-                sign, size = (np.sign(end) for end in enclosures([term, ratio], ranges))
-                sure = (sign[0] == sign[1]) & (size[0] == size[1]) & (sign[0] != 0.0)
-                sure &= (size[0] != 0.0) & np.all(found.low[: len(self._domains), boxes] >= 0.0, axis=0)
-                up = sure & (sign[0] == size[0])
-                down = sure & (sign[0] != size[0])
-                found.low[n, boxes[up]] = np.maximum(found.low[n, boxes[up]], 0.0)
-                found.high[n, boxes[down]] = np.minimum(found.high[n, boxes[down]], -_LEAST)
 
     def holds(self, points: Array) -> Array:
         """Whether all conditions are surely met at points of shape (k, N)."""
@@ -186,7 +180,7 @@ class LevelSet:
                     found |= {math.nextafter(place, math.inf)}
         return sorted(found)
 
-    def components(self) -> Cover:
+    def components(self) -> Components:
         """All components that have points in the core."""
         return _Covering(self).run()
 
@@ -215,6 +209,26 @@ def domain(e: Expr) -> list[Expr]:
             found += [high - node.args[0]] if math.isfinite(high) else []
         known[node] = list(dict.fromkeys(found))
     return known[e]
+
+
+def far_out(e: Expr, name: str) -> Expr:
+    """An expression with the largest power of a name taken out of every sum."""
+
+    def out_of(e: Expr) -> Expr | None:
+        if name not in e.symbols:
+            return e
+        if e.op != "sum":
+            return None
+        x = ex.sym(name)
+        terms = [(far_out(term, name), c) for term, c in e.terms]
+        powers = [dict(t.terms).get(x, 0.0) if t.op == "prod" else float(t is x) for t, _ in terms]
+        largest = max(powers)
+        if largest <= 0.0:
+            return ex.add(*terms, (ex.ONE, float(e.value)))
+        top = x ** ex.num(largest)
+        return top * ex.add(*((t / top, c) for t, c in terms), (ex.ONE / top, float(e.value)))
+
+    return ex.rewrite(e, out_of)
 
 
 def period(expressions: Sequence[Expr], name: str, values: Mapping[str, float]) -> float:
@@ -252,13 +266,20 @@ def centres(low: Array, high: Array) -> Array:
 
 
 @np.errstate(all="ignore")
-def bounds_of(
+def enclosed(
     expressions: list[Expr], of: LevelSet, low: Array, high: Array, needed: int = 0
-) -> Bounds:
-    """Enclosures of expressions on boxes of shape (k, N).
+) -> Enclosures:
+    """Enclosures of expressions on boxes.
 
-    The mean value theorem counts where the first `needed` of them are nonnegative: elsewhere others
-    may be undefined.
+    Parameters
+    ----------
+    expressions : list of Expr
+    of : LevelSet
+        Whose unknowns they are in.
+    low, high : array, shape (k, N)
+    needed : int
+        The mean value theorem counts where so many of the first of them are nonnegative: elsewhere
+        others may be undefined.
     """
     count = low.shape[1]
     middle = centres(low, high)
@@ -287,7 +308,7 @@ def bounds_of(
     most = np.where(one_high, at[:, 1] + up + loose * (abs(at[:, 1]) + up), most)
     least = np.where(np.isnan(least), -math.inf, least)
     most = np.where(np.isnan(most), math.inf, most)
-    return Bounds(
+    return Enclosures(
         np.maximum(value[:, 0], least),
         np.minimum(value[:, 1], most),
         slope_low,
@@ -306,7 +327,7 @@ def _times(slope: Array, way: Array) -> Array:
 
 
 @dataclass
-class Cover:
+class Components:
     """Boxes that hold a set, by component.
 
     Attributes
@@ -372,9 +393,9 @@ class _Covering:
         more = [d for d in some if np.count_nonzero(d) > 1]
         self.directions = np.array([*axes, *more], dtype=float)
 
-    def run(self) -> Cover:
+    def run(self) -> Components:
         ends = [[-math.inf, *self.of.cuts(i), math.inf] for i in range(len(self.of.names))]
-        parts = [list(zip(e[:-1], e[1:], strict=True)) for e in ends]
+        parts = [list(pairwise(e)) for e in ends]
         boxes = np.array(list(product(*parts)))  # (N, k, 2)
         n = len(boxes)
         first, second = np.triu_indices(n, 1)
@@ -412,9 +433,9 @@ class _Covering:
         width = high - low
         for j, d in enumerate(self.directions):
             ways = d[:, None] * np.where(d[:, None] == 0.0, 0.0, width)
-            least = np.minimum(
-                _times(found.slope_low, ways), _times(found.slope_high, ways)
-            ).sum(axis=1)
+            least = np.minimum(_times(found.slope_low, ways), _times(found.slope_high, ways)).sum(
+                axis=1
+            )
             risen = np.all(~unsure | (least >= 0.0), axis=0)
             self.rising[j, new] = risen & np.all(np.isfinite(ways), axis=0)
         steep = np.maximum(np.abs(found.slope_low), np.abs(found.slope_high))
@@ -469,9 +490,7 @@ class _Covering:
                 between = np.clip(low + share * (high - low), low, high)
             further = low + step * (4.0**j - 1.0) / 3.0 if j < parts else np.inf
             nearer = high - step * (4.0 ** (parts - j) - 1.0) / 3.0 if j else -np.inf
-            places[j] = np.where(
-                np.isinf(high), further, np.where(np.isinf(low), nearer, between)
-            )
+            places[j] = np.where(np.isinf(high), further, np.where(np.isinf(low), nearer, between))
         places[0], places[-1] = low, high
         children = np.arange(n, n + parts * len(old)).reshape(parts, -1)
         new_low, new_high = (np.tile(end[:, old], parts) for end in (self.low, self.high))
@@ -495,7 +514,9 @@ class _Covering:
         self.high = np.concatenate([self.high, new_high], axis=1)
         self.inside = np.append(self.inside, np.zeros(more, bool))
         self.smear = np.append(self.smear, np.zeros(more, int))
-        self.rising = np.concatenate([self.rising, np.zeros((len(self.rising), more), bool)], axis=1)
+        self.rising = np.concatenate(
+            [self.rising, np.zeros((len(self.rising), more), bool)], axis=1
+        )
         kept = np.append(~chosen, np.ones(more, bool))
         number = self._keep(kept)
         self._assess(number[children.ravel()], widest=turn % 4 == 3)
@@ -527,7 +548,11 @@ class _Covering:
         again |= ~known if everywhere else open_
         again[a[~known[a] & near[b]]] = True
         again[b[~known[b] & near[a]]] = True
-        return label, again
+        # What is as thin as can be is decided by what is beside it.
+        stuck = again & ~known & ~self._divisible
+        again[a[stuck[b]]] = True
+        again[b[stuck[a]]] = True
+        return label, again & ~self.inside
 
     def _grounded(self) -> Array:
         """Components of boxes, −1 where not known, −2 where a box is found to be empty."""
@@ -596,7 +621,7 @@ class _Covering:
         side = np.where(above[which, np.arange(len(a))], 1, -1)
         return np.where(one, side * (which + 1), 0)
 
-    def _result(self, label: Array) -> Cover:
+    def _result(self, label: Array) -> Components:
         known = label >= 0
         core = self._in_core
         numbers = np.unique(label[known & core])
@@ -620,7 +645,7 @@ class _Covering:
         component = np.searchsorted(numbers, label)
         component = np.where(wanted, component, -1)
         kept = component >= 0
-        return Cover(
+        return Components(
             self.of,
             self.low[:, kept],
             self.high[:, kept],
@@ -637,7 +662,7 @@ class _Covering:
 
 
 @np.errstate(all="ignore")
-def extents(cover: Cover, expressions: Sequence[Expr]) -> tuple[Array, Array]:
+def extents(cover: Components, expressions: Sequence[Expr]) -> tuple[Array, Array]:
     """Least and largest values of expressions over each component.
 
     Returns
@@ -653,7 +678,7 @@ class _Extents:
     """A task is a component, an expression and a sign: how large can the sign times the expression
     be?"""
 
-    def __init__(self, cover: Cover, expressions: list[Expr]) -> None:
+    def __init__(self, cover: Components, expressions: list[Expr]) -> None:
         self.of = cover.of
         self.cover = cover
         self.expressions = expressions
@@ -667,7 +692,9 @@ class _Extents:
         self.task = np.repeat(np.arange(len(tasks)), [len(boxes[c]) for c, _, _ in tasks])
         self.low, self.high = cover.low[:, chosen], cover.high[:, chosen]
         self.inside = cover.inside[chosen]
-        hull = np.array([[cover.low[:, b].min(axis=1), cover.high[:, b].max(axis=1)] for b in boxes])
+        hull = np.array(
+            [[cover.low[:, b].min(axis=1), cover.high[:, b].max(axis=1)] for b in boxes]
+        )
         width = (hull[:, 1] - hull[:, 0]).T if len(boxes) else np.empty((len(self.of.names), 0))
         width = np.where(np.isfinite(width) & (width > 0.0), width, self.of.unit[:, None])
         self.unit = width[:, [c for c, _, _ in tasks]]
@@ -692,15 +719,15 @@ class _Extents:
         shape = (self.cover.count, len(self.expressions), 2)
         return (self.sign * middle).reshape(shape) + 0.0, gap.reshape(shape)
 
-    def _goal(self) -> Bounds:
+    def _goal(self) -> Enclosures:
         """On each box, the expression of its task, with the sign: the row that is asked for."""
-        found = bounds_of(self.expressions, self.of, self.low, self.high)
+        found = enclosed(self.expressions, self.of, self.low, self.high)
         which, every = self.which[self.task], np.arange(len(self.task))
         up = self.sign[self.task] > 0.0
         low, high = found.low[which, every], found.high[which, every]
         down, rise = (s[which, :, every].T for s in (found.slope_low, found.slope_high))
         lower, upper = found.at_centre[which, every], found.at_centre_low[which, every]
-        return Bounds(
+        return Enclosures(
             np.where(up, low, -high)[None],
             np.where(up, high, -low)[None],
             np.where(up, down, -rise)[None],
@@ -757,9 +784,7 @@ class _Extents:
         goal = self._goal()
         best = self.best[self.task]
         told = np.where(np.isfinite(best), goal.at_centre - best, math.inf)
-        self.low, self.high = contracted(
-            goal._replace(at_centre=told), self.low, self.high
-        )
+        self.low, self.high = contracted(goal._replace(at_centre=told), self.low, self.high)
 
     def _only(self, kept: Array) -> None:
         self.task, self.inside = self.task[kept], self.inside[kept]
@@ -812,7 +837,7 @@ class _Extents:
 
 
 @np.errstate(all="ignore")
-def contracted(found: Bounds, low: Array, high: Array) -> tuple[Array, Array]:
+def contracted(found: Enclosures, low: Array, high: Array) -> tuple[Array, Array]:
     """Boxes shrunk to where conditions can be nonnegative, by the mean value theorem: low above
     high where there is no such place."""
     middle = centres(low, high)

@@ -109,6 +109,9 @@ class _Elimination:
         while (found := self._solvable(free)) is not None:
             self._put(*found)
             free.remove(found[0])
+        for x in [x for x in self.forces if x in free]:
+            if self._levered(x, free):
+                free.remove(x)
         if any(e.symbols & set(free) for e in self.equal):
             raise Irreducible
         if not all(self._vanishes(e) for e in self.equal):
@@ -161,8 +164,33 @@ class _Elimination:
         parts += [c * ex.evaluate(term, self.values) for term, c in terms]
         return abs(math.fsum(parts)) <= _ZERO * math.fsum(map(abs, parts))
 
-    def _project(self, force: str) -> None:
-        """Eliminate a force from inequalities that are linear in it."""
+    def _levered(self, force: str, free: list[str]) -> bool:
+        """Eliminate a force from the one equation that it is in, J·force + F = 0, where its lever J
+        may vanish: for l ≤ force ≤ u, −F is between J l and J u."""
+        held = [e for e in self.equal if force in e.symbols]
+        if len(held) != 1 or ex.bends(held[0], [force]):
+            return False
+        lever = ex.derivative(held[0], force)
+        others = {x for x in free if x in self.forces}
+        if (lever.symbols | held[0].symbols - {force}) & others:
+            return False
+        rest, least, most = self._bounds(force)
+        if not least or not most:
+            return False
+        low, high = least[0], most[0]
+        for e in least[1:]:
+            low = ex.maximum(low, e)
+        for e in most[1:]:
+            high = ex.minimum(high, e)
+        pull = -ex.substitute(held[0], {force: ex.ZERO})
+        ends = lever * low, lever * high
+        self.equal.remove(held[0])
+        self.nonnegative = [*rest, ex.maximum(*ends) - pull, pull - ex.minimum(*ends)]
+        self.nonnegative += [b - a for a in least for b in most]
+        return True
+
+    def _bounds(self, force: str) -> tuple[list[Expr], list[Expr], list[Expr]]:
+        """Inequalities without a force, and its lower and upper bounds by the others."""
         rest, least, most = [], [], []
         for e in self.nonnegative:
             if force not in e.symbols:
@@ -174,6 +202,11 @@ class _Elimination:
                 raise Irreducible
             bound = -ex.substitute(e, {force: ex.ZERO}) / slope
             (least if low > 0.0 else most).append(bound)
+        return rest, least, most
+
+    def _project(self, force: str) -> None:
+        """Eliminate a force from inequalities that are linear in it."""
+        rest, least, most = self._bounds(force)
         if len(rest) + len(least) * len(most) > _MOST:
             raise Irreducible
         self.nonnegative = [*rest, *(high - low for low in least for high in most)]

@@ -99,9 +99,7 @@ class Conditions:
     def meets(self, other: Conditions) -> bool:
         """Whether two polyhedra of the same states have a point in common."""
         own = {x: ex.sym(f"other {x}") for x in other.unknowns if x not in self.states}
-        also = [
-            [ex.substitute(e, own) for e in part] for part in (other.equal, other.nonnegative)
-        ]
+        also = [[ex.substitute(e, own) for e in part] for part in (other.equal, other.nonnegative)]
         both = Conditions(
             (*self.unknowns, *(str(x.value) for x in own.values())),
             (*self.equal, *also[0]),
@@ -279,9 +277,7 @@ def all_stick(
             equal.append(fix(f) + ex.add(*pulls))
     equal += [fix(f) - h for f, h in zip(rate.force, held[first:], strict=True)]
     equal += [ex.sym(f"d_{q}") for q in d.inertial]
-    nonnegative = [
-        fix(g) if r == 1 else -fix(g) for g, r in regions.items()
-    ]
+    nonnegative = [fix(g) if r == 1 else -fix(g) for g, r in regions.items()]
     for i, (c, h) in enumerate(zip(equations.contacts, held, strict=True)):
         if c.gap is not None:
             # 0 ≤ N ⟂ g ≥ 0
