@@ -27,7 +27,7 @@ from .verdict import AGREED, NO_REFERENCE, NOT_CERTIFIED, REFUSED, WRONG, Verdic
 
 CLOSE = 1e-8  # of ends, relative to the size of the set
 SCANNED = 20_000  # points of a scan on a line
-GRID = 601  # points of a grid, each way
+GRID = 901  # points of a grid, each way
 NEAR = 1e-7  # margins whose sign decides and that are no larger are not judged
 PATIENCE = 30.0  # seconds
 
@@ -116,10 +116,13 @@ def on_a_line(margin: Margin, low: float, high: float) -> list[Ends]:
     if y[0] >= 0.0 or y[-1] >= 0.0:
         raise NotKnown("the range is too small")
     k = np.flatnonzero((y[:-1] < 0.0) != (y[1:] < 0.0))
-    ends = [
-        float(brentq(lambda v: float(margin(v)), x[i], x[i + 1], xtol=1e-15, rtol=1e-15)) for i in k
-    ]
+    ends = [_root(lambda v: float(margin(v)), x[i], x[i + 1]) for i in k]
     return [((a, b),) for a, b in zip(ends[::2], ends[1::2], strict=True)]
+
+
+def _root(f: Callable[[float], float], low: float, high: float) -> float:
+    found: Any = brentq(f, low, high, xtol=1e-15, rtol=np.float64(1e-15))
+    return float(found)
 
 
 def in_a_plane(margin: Margin, far: float) -> list[Ends]:
@@ -129,10 +132,9 @@ def in_a_plane(margin: Margin, far: float) -> list[Ends]:
     inside = margin(np.array([x, y])) >= 0.0
     if inside[0].any() or inside[-1].any() or inside[:, 0].any() or inside[:, -1].any():
         raise NotKnown("the range is too small")
-    parts, count = label(inside, np.ones((3, 3)))
-    coarse = inside[::2, ::2]
-    counts = {count, label(inside)[1], label(coarse)[1], label(coarse, np.ones((3, 3)))[1]}
-    if len(counts) > 1 or np.min(np.bincount(parts.ravel())) < 30:
+    count, parts = _parts(inside, True)
+    others = [(inside, False), (inside[::2, ::2], True), (inside[::2, ::2], False)]
+    if any(_parts(*other)[0] != count for other in others) or np.bincount(parts.ravel()).min() < 30:
         raise NotKnown("parts are too near, or too small, for the grid")
     h = axis[1] - axis[0]
     sets = []
@@ -142,6 +144,12 @@ def in_a_plane(margin: Margin, far: float) -> list[Ends]:
             tuple(tuple(sorted(_end(margin, places, i, s, h) for s in (-1, 1))) for i in (0, 1))
         )
     return sets
+
+
+def _parts(inside: Array, corners: bool) -> tuple[int, Array]:
+    """Number of parts of a grid, which corners connect or do not, and the part of every point."""
+    found: Any = label(inside, np.ones((3, 3)) if corners else None)
+    return int(found[1]), found[0]
 
 
 def _end(margin: Margin, places: Array, i: int, sign: int, h: float) -> float:
@@ -172,7 +180,7 @@ def _end(margin: Margin, places: Array, i: int, sign: int, h: float) -> float:
     outer = start[i] + 2 * sign * h
     if not largest(inner, width) > 0.0 > largest(outer, width):
         raise NotKnown("an end is not seen")
-    return float(brentq(largest, inner, outer, args=(width,), xtol=1e-14))
+    return _root(lambda v: largest(v, width), inner, outer)
 
 
 # -- judge -----------------------------------------------------------------------------------------
@@ -478,7 +486,8 @@ def two_blocks(rng: Rng) -> tuple[Any, ...]:
         other = k * y + c * (y - x) - B * np.sin(p * y)
         return np.minimum(s * (1 + a * np.cos(2 * x)) - abs(first), r - abs(other))
 
-    return system, ("x", "y"), partial(in_a_plane, margin, 6.0), {}
+    far = (max(s * (1 + a), r) + max(A, B)) / k + 0.1
+    return system, ("x", "y"), partial(in_a_plane, margin, far), {}
 
 
 @family

@@ -557,7 +557,7 @@ class _Search:
         Whether polyhedra meet is a linear program; of others only on a line do extents tell.
         """
         extent = new.extent
-        joined = [(extent, conditions)]
+        joined: list[_Piece] = [(extent, conditions)]
         for other, pieces in list(self.pieces):
             near = [p for e, p in pieces if other.mode == new.mode and _touch(extent, e)]
             told = conditions.affine and all(p.affine for p in near)

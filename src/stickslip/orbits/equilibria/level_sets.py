@@ -21,7 +21,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise, product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -96,7 +96,7 @@ class LevelSet:
         found = (d for e in self.conditions for d in domain(e))
         return [d for d in dict.fromkeys(found) if d.op != "num" or ex.number(d) < 0.0]
 
-    def ranges(self, low: Array, high: Array) -> dict[str, tuple[Array, Array]]:
+    def ranges(self, low: Array, high: Array) -> dict[str, tuple[Any, Any]]:
         """Ranges of all names on boxes of shape (k, N)."""
         held = {name: (value, value) for name, value in self.values.items()}
         return held | {x: (low[i], high[i]) for i, x in enumerate(self.names)}
