@@ -32,18 +32,18 @@ from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.intervals import EVERYTHING, LOOSE
 
-_MOST = 40_000  # boxes in all
+_MOST = 20_000  # boxes in all
 _FEW = 64  # as long as no more are divided they are divided into four, else into two
 _FINEST = 1e-22  # least width of a box at 0, in units of the range looked at
 _OUTER = 6  # how often boxes outside the range are divided
 _FURTHEST = 1e9  # boxes without end begin nearer than this, in the same units
 _CORNERS = 3  # unknowns up to which all corners of boxes count as directions
 _EXACT = 1e-12  # gap of an extent that will do, relative to its size
-_ROUNDS = 120
+_ROUNDS = 120  # divisions in the search for extents
 _LEAST = 5e-324  # a negative number that is not known better
 _MOST_ROWS = 60  # sums of conditions that are tried far out
 _TURNS = 12  # multiples of the longest period that are tried for a common one
-_MOST_EXTENT = 40_000
+_MOST_EXTENT = 40_000  # boxes in which extents are looked for
 
 
 class Enclosures(NamedTuple):
@@ -428,7 +428,7 @@ class _Covering:
         low, high = self.low[:, new], self.high[:, new]
         found = self.of.bounds(low, high)
         unsure = found.low < 0.0
-        outside = np.any(found.high < 0.0, axis=0)
+        outside = np.any(found.high < 0.0, axis=0) | self._between_outsides(low, high)
         self.inside[new] = ~np.any(unsure, axis=0) & ~outside
         width = high - low
         for j, d in enumerate(self.directions):
@@ -448,6 +448,24 @@ class _Covering:
         part = np.where(self._fine(low, high), -1.0, np.where(np.isinf(width), math.inf, part))
         self.smear[new] = np.argmax(part, axis=0)
         self._keep(np.isin(np.arange(self.low.shape[1]), new[outside], invert=True))
+
+    def _between_outsides(self, low: Array, high: Array) -> Array:
+        """Whether boxes are between neighbouring numbers, of which neither is in the set: at a jump
+        a formula has one of two values, and none between them."""
+        gone = np.zeros(low.shape[1], bool)
+        for i in range(len(low)):
+            thin = np.flatnonzero((high[i] <= np.nextafter(low[i], math.inf)) & ~gone)
+            if len(thin):
+                own = np.arange(len(low))[:, None] == i
+                faces = [
+                    self.of.bounds(
+                        np.where(own, end[:, thin], low[:, thin]),
+                        np.where(own, end[:, thin], high[:, thin]),
+                    )
+                    for end in (low, high)
+                ]
+                gone[thin] = np.all([np.any(f.high < 0.0, axis=0) for f in faces], axis=0)
+        return gone
 
     def _fine(self, low: Array, high: Array) -> Array:
         """By unknown, whether boxes are not divided any more."""
