@@ -30,7 +30,7 @@ def components(
     assert cover.beyond.shape[2] == 0
     ends, gaps = extents(cover, [ex.sym(x) for x in names])
     assert np.max(gaps, initial=0.0) < 1e-10 * (1.0 + np.max(np.abs(ends), initial=0.0))
-    return in_order([tuple(map(float, pair)) for pair in part] for part in ends)
+    return in_order([(float(low), float(high)) for low, high in part] for part in ends)
 
 
 def in_order(parts: Iterable[list[tuple[float, float]]]) -> list[list[tuple[float, float]]]:

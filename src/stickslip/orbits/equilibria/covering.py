@@ -124,10 +124,10 @@ class _Covered:
 
     def point(self) -> CoveredSets:
         """Where nothing is free, there is one state or none."""
-        state = np.array([ex.evaluate(e, self.values) for e in self.formulas.values()])
+        state = np.array([ex.evaluate(e, self.values) for e in self.formulas.values()]) + 0.0
         if not all(self._holds(e) for e in self.reduced.nonnegative):
             return CoveredSets([], isolated=True)
-        extent = self._extent({x: (v, v) for x, v in zip(self.states, state, strict=True)})
+        extent = self._extent({x: (v, v) for x, v in zip(self.states, state.tolist(), strict=True)})
         inside = state[:, None]
         part = CoveredSet(state, inside, extent, 0.0, self.reduced.dimension, {}, 0)
         return CoveredSets([part] if self._asked(extent) else [], isolated=True)

@@ -51,14 +51,17 @@ def equilibria(
 ) -> Equilibria:
     """All equilibria that can be found: sliding ones, and sets of them in stick.
 
+    Sets are proved to be connected and complete, or the result says what is not known of them and
+    is not certified; isolated equilibria are looked for from many starts.
+
     Parameters
     ----------
     system : System
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     box : mapping of str to (float, float), optional
-        Ranges of states within which isolated equilibria are looked for; by default around the
-        declared initial state.
+        Ranges of states within which isolated equilibria are looked for, and which sets must have
+        points in; by default around the declared initial state.
 
     Returns
     -------

@@ -108,10 +108,8 @@ class LevelSet:
         if len(endless):
             ranges = self.ranges(low[:, endless], high[:, endless])
             fine = np.all(found.low[: len(self._domains), endless] >= 0.0, axis=0)
-            for forms, least, most in zip(
-                self._far_out, low[:, endless], high[:, endless], strict=True
-            ):
-                sure = fine & ((least > 0.0) | (most < 0.0))
+            for i, forms in enumerate(self._far_out):
+                sure = fine & ((low[i, endless] > 0.0) | (high[i, endless] < 0.0))
                 for n, box in enumerate(enclosures(forms, ranges)):
                     least, most = np.broadcast_to(box, (2, len(endless)))
                     least, most = np.where(sure, least, -math.inf), np.where(sure, most, math.inf)
