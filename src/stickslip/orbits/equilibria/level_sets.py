@@ -381,6 +381,7 @@ class _Covering:
     high: Array = field(init=False)
     inside: Array = field(init=False)
     rising: Array = field(init=False)  # (directions, N): whether no condition falls that way
+    own: Array = field(init=False)  # (k, N): the last of these directions, one for each box
     smear: Array = field(init=False)  # (N,): unknown by which to divide
     pairs: Array = field(init=False)  # (2, pairs): boxes that touch
 
@@ -415,7 +416,8 @@ class _Covering:
     def _start(self, low: Array, high: Array, pairs: Array) -> None:
         self.low, self.high = low, high
         self.inside = np.zeros(low.shape[1], bool)
-        self.rising = np.zeros((len(self.directions), low.shape[1]), bool)
+        self.rising = np.zeros((len(self.directions) + 1, low.shape[1]), bool)
+        self.own = np.zeros(low.shape)
         self.smear = np.zeros(low.shape[1], int)
         self.pairs = pairs
         self._assess(np.arange(low.shape[1]))
@@ -429,23 +431,33 @@ class _Covering:
         outside = np.any(found.high < 0.0, axis=0) | self._between_outsides(low, high)
         self.inside[new] = ~np.any(unsure, axis=0) & ~outside
         width = high - low
-        for j, d in enumerate(self.directions):
-            ways = d[:, None] * np.where(d[:, None] == 0.0, 0.0, width)
-            least = np.minimum(_times(found.slope_low, ways), _times(found.slope_high, ways)).sum(
-                axis=1
-            )
-            risen = np.all(~unsure | (least >= 0.0), axis=0)
+        self.own[:, new] = own = self._uphill(found, unsure, width)
+        for j, d in enumerate([*self.directions[:, :, None], own]):
+            ways = d * np.where(d == 0.0, 0.0, width)
+            rates = np.minimum(_times(found.slope_low, ways), _times(found.slope_high, ways))
+            least = rates.sum(axis=1) - 4.0 * LOOSE * np.abs(rates).sum(axis=1)
+            risen = np.all(~unsure | (least >= 0.0), axis=0) & np.any(ways != 0.0, axis=0)
             self.rising[j, new] = risen & np.all(np.isfinite(ways), axis=0)
         steep = np.maximum(np.abs(found.slope_low), np.abs(found.slope_high))
         change = np.where(unsure[:, None], _times(steep, width), 0.0)
         change = np.where(np.isfinite(change), change, 0.0)
-        own = np.max(change, axis=1, keepdims=True)  # each condition counts by itself
-        part = np.max(change / np.where(own > 0.0, own, 1.0), axis=0)
+        most = np.max(change, axis=1, keepdims=True)  # each condition counts by itself
+        part = np.max(change / np.where(most > 0.0, most, 1.0), axis=0)
         relative = width / self.of.unit[:, None]
         part = relative if widest else part + 1e-6 * np.minimum(relative, 1e6)
         part = np.where(self._fine(low, high), -1.0, np.where(np.isinf(width), math.inf, part))
         self.smear[new] = np.argmax(part, axis=0)
         self._keep(np.isin(np.arange(self.low.shape[1]), new[outside], invert=True))
+
+    def _uphill(self, found: Enclosures, unsure: Array, width: Array) -> Array:
+        """A direction in each box, in units of its widths, in which what is unsure rises: between
+        the slopes of all that is; 0 if there is none."""
+        slope = np.where(unsure[:, None], (0.5 * found.slope_low + 0.5 * found.slope_high), 0.0)
+        slope = np.where(slope == 0.0, 0.0, slope * width)
+        size = np.linalg.norm(slope, axis=1, keepdims=True)
+        total = np.sum(slope / np.where(size > 0.0, size, 1.0), axis=0)
+        total = total / np.max(np.abs(total), axis=0)
+        return np.where(np.all(np.isfinite(total), axis=0), total, 0.0)
 
     def _between_outsides(self, low: Array, high: Array) -> Array:
         """Whether boxes are between neighbouring numbers, of which neither is in the set: at a jump
@@ -482,7 +494,7 @@ class _Covering:
         number = np.cumsum(kept) - 1
         self.low, self.high = self.low[:, kept], self.high[:, kept]
         self.inside, self.smear = self.inside[kept], self.smear[kept]
-        self.rising = self.rising[:, kept]
+        self.rising, self.own = self.rising[:, kept], self.own[:, kept]
         pairs = self.pairs[:, kept[self.pairs].all(axis=0)]
         pairs = number[pairs]
         a, b = pairs
@@ -533,6 +545,7 @@ class _Covering:
         self.rising = np.concatenate(
             [self.rising, np.zeros((len(self.rising), more), bool)], axis=1
         )
+        self.own = np.concatenate([self.own, np.zeros((len(self.own), more))], axis=1)
         kept = np.append(~chosen, np.ones(more, bool))
         number = self._keep(kept)
         self._assess(number[children.ravel()], widest=turn % 4 == 3)
@@ -583,8 +596,10 @@ class _Covering:
             changed = False
             ways = [
                 (risen, (face != 0) & (np.take(d, np.abs(face) - 1) == np.sign(face)))
-                for d, risen in zip(self.directions, self.rising, strict=True)
+                for d, risen in zip(self.directions, self.rising[:-1], strict=True)
             ]
+            side = np.sign(self.own[np.abs(face) - 1, a])
+            ways.append((self.rising[-1], (face != 0) & (side == np.sign(face))))
             # Across what is as thin as rounding nothing can hide.
             ways += [(thin[i], np.abs(face) == i + 1) for i in range(len(thin))]
             for j, (risen, across) in enumerate(ways):
@@ -600,7 +615,7 @@ class _Covering:
                 np.maximum.at(most, start, end)
                 done = open_ & (count > 0) & (least >= 0) & (least == most)
                 label[done] = least[done]
-                empty = open_ & (count == 0) & (j < len(self.directions))
+                empty = open_ & (count == 0) & (j < len(self.rising))
                 label[empty] = -2
                 if empty.any():
                     return label
