@@ -26,6 +26,7 @@ SHARES = {
     "maps": 0.1,
     "averages": 0.1,
     "evolutions": 0.1,
+    "equilibrium_sets": 0.025,
 }
 
 

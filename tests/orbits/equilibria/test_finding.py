@@ -155,14 +155,18 @@ def test_a_set_with_curved_boundary() -> None:
         potential="-cos(psi)",
         contacts={"joint": Contact("d_psi", "s")},
     )
-    sets = equilibria(pendulum).sets
-    assert all(not s.exact and s.dimension == 1 for s in sets)
-    wells = [np.array(s.extent["psi"]) for s in sets]
-    assert any(w == pytest.approx(np.arcsin([-0.4, 0.4]), abs=1e-7) for w in wells)
-    for low, high in wells:
-        turns = np.array([low, high]) / math.pi
-        middle = round(0.5 * (turns[0] + turns[1]))
-        assert turns - middle == pytest.approx(np.arcsin([-0.4, 0.4]) / math.pi, abs=1e-7)
+    found = equilibria(pendulum)
+    assert found.certificate.ok
+    top, bottom = found.sets
+    assert all(s.exact and s.dimension == 1 for s in found.sets)
+    assert all(s.repeats["psi"] == pytest.approx(2.0 * math.pi) for s in found.sets)
+    ends = np.arcsin([-0.4, 0.4])
+    assert bottom.extent["psi"] == pytest.approx(ends, abs=1e-11)
+    assert top.extent["psi"] == pytest.approx(ends - math.pi, abs=1e-11)
+    assert "and every 6.28318531 of psi" in top.describe()
+    # In a box, each set is told by itself.
+    middles = [np.mean(s.extent["psi"]) for s in equilibria(pendulum, box={"psi": (-4, 7)}).sets]
+    assert middles == pytest.approx([-math.pi, 0.0, math.pi, 2.0 * math.pi], abs=1e-11)
 
 
 def test_a_stuck_slider() -> None:

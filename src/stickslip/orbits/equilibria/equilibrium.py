@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self, overload
 
-from stickslip.certificates import NOTHING, Certificate, worst
+from stickslip.certificates import NOTHING, Certificate, Residual, worst
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Guard, Mode, Region, mode_name, named_modes
 from stickslip.model.names import NORMAL
@@ -116,11 +116,12 @@ class EquilibriumSet:
     dimension : int
         Dimension of the set (directions of translation included).
     extent : dict of str to (float, float)
-        Least and largest value of each state in the set; infinite where there is no bound.
+        Least and largest value of each state in the set; infinite where there is no bound. Of a set
+        of two dimensions or more this is its bounding box, not the set.
     exact : bool
-        Whether the extent is that of the whole set (the forces are affine: a linear program).
-        Otherwise it was followed from the point inside, and another part of the set may be further
-        out.
+        Whether the set is proved to be connected, and the extent to be that of the whole set: by
+        linear programs where forces are affine, otherwise by a cover of boxes. If not, it was
+        followed from the point inside, and another part of the set may be further out.
     eigenvalues : tuple of complex or None
         At that point, across the set: the zeros along it are left out. None if forces are not
         unique there.
@@ -129,6 +130,8 @@ class EquilibriumSet:
     normal_forces : dict of str to float
         At that point, as of :class:`Equilibrium`; those that the state does not determine are left
         out.
+    repeats : dict of str to float
+        Periods of states by which the set can be moved: there is one there, too.
     """
 
     state: dict[str, float]
@@ -143,6 +146,7 @@ class EquilibriumSet:
     drift: dict[str, float]
     certificate: Certificate
     normal_forces: dict[str, float] = field(default_factory=dict)
+    repeats: dict[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"<EquilibriumSet {self.describe()}>"
@@ -160,8 +164,11 @@ class EquilibriumSet:
     def describe(self) -> str:
         """One line."""
         extent = ", ".join(_interval(name, low, high) for name, (low, high) in self.extent.items())
-        how = "" if self.exact else " (followed from a point inside)"
+        wide = [low for low, high in self.extent.values() if low < high and high - low < math.inf]
+        how = " (a bounding box)" if len(wide) > 1 and self.dimension > 1 else ""
+        how += "" if self.exact else " (not proved)"
         text = f"of dimension {self.dimension}, {modes_text(self.modes)}: {extent}{how}"
+        text += "".join(f", and every {turn:.9g} of {x}" for x, turn in self.repeats.items())
         text += pressed_text(self.normal_forces)
         return text if self.certificate.ok else f"{text}; {self.certificate.verdict}"
 
@@ -181,6 +188,9 @@ class Equilibria(Result):
         Where was looked.
     nearest : str
         If nothing was found, what came nearest.
+    undecided : tuple of str
+        Where there may be sets that were not found, or are not known well: then the result is not
+        complete, and not certified.
     """
 
     KIND: ClassVar[str] = "equilibria"
@@ -191,6 +201,7 @@ class Equilibria(Result):
     sets: tuple[EquilibriumSet, ...]
     tried: str
     nearest: str = ""
+    undecided: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Equilibria: isolated {len(self.isolated)}, sets {len(self.sets)}>"
@@ -230,14 +241,20 @@ class Equilibria(Result):
     @property
     def message(self) -> str:
         """What was found, or what was tried and came nearest."""
+        open_ = [f"not complete: {said}" for said in self.undecided]
         if len(self):
-            return "\n".join(found.describe() for found in self)
-        return f"no equilibrium was found ({self.tried}); " + (self.nearest or "nothing came near")
+            return "\n".join([*(found.describe() for found in self), *open_])
+        nothing = f"no equilibrium was found ({self.tried}); "
+        return "\n".join([nothing + (self.nearest or "nothing came near"), *open_])
 
     @cached_property
     def certificate(self) -> Certificate:
         """Every residual where it is worst; of nothing there is nothing to certify."""
-        return worst([found.certificate for found in self]) if len(self) else NOTHING
+        if not len(self):
+            return NOTHING
+        found = worst([found.certificate for found in self])
+        open_ = [Residual(f"not complete: {said}", 1.0, 0.0) for said in self.undecided]
+        return replace(found, residuals=(*found.residuals, *open_))
 
     @property
     def table(self) -> pandas.DataFrame:
@@ -293,6 +310,7 @@ class Equilibria(Result):
         return {
             **self.system.heading(),
             "tried": self.tried,
+            "undecided": list(self.undecided),
             "equilibria": [_facts_of(found) for found in self],
         }
 
@@ -320,6 +338,7 @@ class Equilibria(Result):
             "sets": [_plain(found) for found in self.sets],
             "tried": self.tried,
             "nearest": self.nearest,
+            "undecided": self.undecided,
         }
 
     @classmethod
@@ -334,6 +353,7 @@ class Equilibria(Result):
             tuple(EquilibriumSet(**_revived(entry)) for entry in json.loads(parts["sets"])),
             parts["tried"],
             parts["nearest"],
+            tuple(json.loads(parts["undecided"])),
         )
 
 

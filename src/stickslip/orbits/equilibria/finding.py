@@ -3,19 +3,20 @@
 In a mode the motion is smooth, so an equilibrium is a zero of that mode's field in which the guards
 of the mode hold. A contact whose surface moves must slip, one that nothing moves must stick; only
 contacts that a translation of the whole system can move are tried in all modes. In each region of
-the kinks a mode with an affine field is solved outright, any other by Newton's method from many
-starts.
+the kinks a mode with an affine field is solved outright. In any other, sets are covered by boxes,
+and isolated equilibria are looked for by Newton's method from many starts.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from itertools import islice, product
 
 import numpy as np
 
-from stickslip.certificates import worst
+from stickslip.certificates import Residual, worst
 from stickslip.equations.derive import MotionEquations, derive
 from stickslip.equations.field import Field, Guard, Mode, Region, mode_field, named_modes
 from stickslip.errors import DeclarationError, StickslipError, short
@@ -23,6 +24,7 @@ from stickslip.model.declaration import DryContact
 from stickslip.model.system import System
 from stickslip.orbits.equilibria import search
 from stickslip.orbits.equilibria.certificate import ON_BOUNDARY, certify_equilibrium, certify_set
+from stickslip.orbits.equilibria.covering import CoveredSet, cover, valued
 from stickslip.orbits.equilibria.equilibrium import (
     Equilibria,
     Equilibrium,
@@ -30,12 +32,14 @@ from stickslip.orbits.equilibria.equilibrium import (
     describe_guard,
     modes_text,
 )
+from stickslip.orbits.equilibria.reduction import Irreducible
 from stickslip.orbits.equilibria.stick_sets import Conditions, all_stick, dimension
 from stickslip.orbits.fields.steady import Array, Steady, invariant_directions
 from stickslip.symbolic import expressions as ex
 
 _MOST = 4096  # modes times regions that are all tried
 _STARTS = 63
+_KNOWN = 1e-9  # ends of sets, relative to their size
 _POLISH = 4  # Newton steps that put a point well inside a set onto its equations
 
 
@@ -47,14 +51,17 @@ def equilibria(
 ) -> Equilibria:
     """All equilibria that can be found: sliding ones, and sets of them in stick.
 
+    Sets are proved to be connected and complete, or the result says what is not known of them and
+    is not certified; isolated equilibria are looked for from many starts.
+
     Parameters
     ----------
     system : System
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     box : mapping of str to (float, float), optional
-        Ranges of states within which isolated equilibria are looked for; by default around the
-        declared initial state.
+        Ranges of states within which isolated equilibria are looked for, and which sets must have
+        points in; by default around the declared initial state.
 
     Returns
     -------
@@ -154,6 +161,9 @@ def possible_modes(
     return found
 
 
+_Piece = tuple[Mapping[str, tuple[float, float]], Conditions]  # with its extent
+
+
 class _Search:
     def __init__(
         self,
@@ -176,6 +186,10 @@ class _Search:
         self.nearest = (-math.inf, "")
         self.looked: set[tuple[Mode, Region]] = set()
         self.waiting: list[tuple[Mode, Region]] = []
+        self.covered: dict[tuple[Mode, Region | None], bool] = {}  # and whether that found all
+        self.undecided: list[str] = []
+        self.polyhedral: dict[Mode, bool] = {}
+        self.pieces: list[tuple[EquilibriumSet, list[_Piece]]] = []  # of sets, by region
 
     def _checked_box(
         self, box: Mapping[str, tuple[float, float]]
@@ -224,6 +238,10 @@ class _Search:
         )
         if not self.isolated and not self.sets:
             tried += self._look_at_the_end_of_a_motion()
+        if self.pieces and len(self.looked) < count:
+            self.undecided.append(
+                f"{count - len(self.looked)} combinations of modes and regions were not tried"
+            )
         order = {True: 0, None: 1, False: 2}
         self.isolated.sort(key=lambda e: order[e.stable])
         return Equilibria(
@@ -233,6 +251,7 @@ class _Search:
             tuple(self.sets),
             tried,
             self.nearest[1],
+            tuple(dict.fromkeys(self.undecided)),
         )
 
     def _look_everywhere(self, candidates: Iterable[tuple[Mode, Region]]) -> None:
@@ -286,13 +305,9 @@ class _Search:
     # -- one mode and region -----------------------------------------------------------------------
 
     def _look(self, mode: Mode, region: Region) -> None:
-        at_rest = self._rests(mode)
-        try:
-            field = mode_field(self.eq, mode, region)
-        except ZeroDivisionError:
-            field = None
-        if at_rest:
-            self._look_for_rest(field, mode, region)
+        field = self._field(mode, region)
+        if self._rests(mode):
+            self._look_for_rest(mode, region)
         elif field is not None:
             self._look_for_steady_motion(field)
 
@@ -308,27 +323,60 @@ class _Search:
             sticks = True
         return sticks
 
-    def _look_for_rest(self, field: Field | None, mode: Mode, region: Region) -> None:
+    def _look_for_rest(self, mode: Mode, region: Region) -> None:
+        if mode not in self.polyhedral:
+            whole = all_stick(self.eq, mode, None, self.values)
+            self.polyhedral[mode] = whole.affine_by_regions(self.eq.kinks)
+            if not self.polyhedral[mode]:
+                self._cover(whole, mode)
+        if self.covered.get((mode, None)):
+            return
         conditions = all_stick(self.eq, mode, region, self.values)
         forces = len(conditions.unknowns) - len(self.state)
         starts = self.starts[:, :1] if conditions.affine else self.starts[:, :8]
         for y in starts.T:
             centre = conditions.centre(np.append(y, np.zeros(forces)))
             if centre is not None:
-                self._note_set(field, conditions, centre, mode, region)
+                self._note_set(conditions, centre, mode, region)
 
     def _look_for_steady_motion(self, field: Field) -> None:
         steady = Steady(field, self.values, self.invariant, self.origin)
         residual = steady.residual()
+        conditions = self._conditions(steady)
+        if not conditions.affine_by_regions(()) and self._cover(
+            conditions, field.mode, field.region
+        ):
+            return
         starts = self.starts[:, :1] if residual.affine else self.starts
         for y, rank in search.zeros(residual, starts, self.origin):
             if rank < len(y):
-                conditions = self._conditions(steady)
                 centre = conditions.centre(y)
                 if centre is not None and np.all(self._beyond(steady, centre) >= 0.0):
-                    self._note_set(field, conditions, centre, field.mode, field.region)
+                    self._note_set(conditions, centre, field.mode, field.region)
             else:
                 self._note_isolated(steady, y)
+
+    def _cover(self, conditions: Conditions, mode: Mode, region: Region | None = None) -> bool:
+        """Note all sets of a mode, in a region or in all; whether there can be no others.
+
+        In a region, where nothing is free, equilibria are isolated.
+        """
+        if (mode, region) not in self.covered:
+            self.covered[mode, region] = self._covered(conditions, mode, region)
+        return self.covered[mode, region]
+
+    def _covered(self, conditions: Conditions, mode: Mode, region: Region | None) -> bool:
+        try:
+            parts = cover(conditions, self.invariant, self.origin, self.box)
+        except Irreducible as reason:
+            return reason.empty and region is None
+        if region is not None and parts.isolated:
+            return False
+        if parts.undecided:
+            self.undecided.append(parts.undecided)
+        for part in parts.found:
+            self._note_part(conditions, part, mode, region)
+        return bool(parts.found) or not parts.undecided
 
     def _conditions(self, steady: Steady) -> Conditions:
         field = steady.field
@@ -340,9 +388,8 @@ class _Search:
                 for row in across
             ]
             equal = [*(ex.add(*row) for row in rows), *field.constraints]
-        return Conditions(
-            field.state, tuple(equal), tuple(g.value for g in field.guards), self.values
-        )
+        guards = tuple(g.value for g in field.guards)
+        return Conditions(field.state, tuple(equal), guards, self.values, field.state)
 
     # -- what was found ----------------------------------------------------------------------------
 
@@ -412,21 +459,74 @@ class _Search:
                 f"nearest: {modes} at {state}, which is past the boundary where {broken}",
             )
 
-    def _note_set(
-        self, field: Field | None, conditions: Conditions, centre: Array, mode: Mode, region: Region
+    def _note_part(
+        self, conditions: Conditions, part: CoveredSet, mode: Mode, region: Region | None
     ) -> None:
+        """Note a set that was covered, with kinks in place or within a region."""
+        over = valued(self.eq.kinks, self.state, self.values, part.inside).T >= 0.0
+        regions = tuple(dict.fromkeys(tuple(map(int, row)) for row in over))
+        if region is None:
+            conditions = all_stick(self.eq, mode, regions[0], self.values)
+        centre = conditions.completed(part.state)
+        if centre is None:
+            self.undecided.append(f"no forces were found that hold {self._named(part.state)}")
+            return
+        if part.undecided and not part.error <= _KNOWN:
+            self._note_set(conditions, centre, mode, regions[0])
+            return
+        residuals = (
+            Residual("extent", part.error, _KNOWN, note="of its size"),
+            Residual("undecided boxes beside it", float(part.undecided), 0.0),
+        )
+        within = regions if region is None else (region,)
+        new = self._set(conditions, centre, mode, within, part.dimension, part.extent, residuals)
+        new = replace(new, repeats=part.repeats)
+        if region is None:
+            self.sets.append(new)
+        else:
+            self._join(new, conditions)
+
+    def _field(self, mode: Mode, region: Region) -> Field | None:
+        try:
+            return mode_field(self.eq, mode, region)
+        except ZeroDivisionError:
+            return None
+
+    def _note_set(self, conditions: Conditions, centre: Array, mode: Mode, region: Region) -> None:
+        """Note a polyhedron, or what can be followed of another set from a point inside."""
         n = len(self.state)
-        for _ in range(0 if conditions.affine else _POLISH):
+        exact = conditions.affine
+        for _ in range(0 if exact else _POLISH):
             value, slopes = conditions.equations(centre)
             centre = centre - np.linalg.lstsq(slopes, value, rcond=None)[0]
-        y = centre[:n]
-        if any(
-            s.mode == mode and region in s.regions and _within(s.extent, self._named(y))
-            for s in self.sets
-        ):
-            return
+        if not exact:
+            if any(
+                s.mode == mode and _within(s.extent, self._named(centre[:n]))
+                for s in self.sets
+                if not s.exact
+            ):
+                return
+            modes = modes_text(named_modes(self.contacts, mode))
+            self.undecided.append(f"sets with {modes} are followed from points inside")
         extent = {name: conditions.extent(centre, i) for i, name in enumerate(self.state)}
         size = dimension(conditions, n, centre)
+        followed = () if exact else (Residual("parts not looked at", 1.0, 0.0),)
+        self._join(
+            self._set(conditions, centre, mode, (region,), size, extent, followed), conditions
+        )
+
+    def _set(
+        self,
+        conditions: Conditions,
+        centre: Array,
+        mode: Mode,
+        regions: tuple[Region, ...],
+        size: int,
+        extent: dict[str, tuple[float, float]],
+        residuals: tuple[Residual, ...],
+    ) -> EquilibriumSet:
+        field = self._field(mode, regions[0])
+        y = centre[: len(self.state)]
         drift = {}
         eigenvalues = None
         if field is not None:
@@ -438,47 +538,56 @@ class _Search:
             eigenvalues = tuple(
                 complex(z) for z in sorted(every[along:], key=lambda z: (-z.real, -z.imag))
             )
-        self._join(
-            EquilibriumSet(
-                self._named(y),
-                dict(self.values),
-                self.contacts,
-                mode,
-                (region,),
-                size,
-                extent,
-                conditions.affine,
-                eigenvalues,
-                drift,
-                certify_set(conditions, centre),
-                self._normal_forces(field, y),
-            )
+        measured = certify_set(conditions, centre)
+        return EquilibriumSet(
+            self._named(y),
+            dict(self.values),
+            self.contacts,
+            mode,
+            regions,
+            size,
+            extent,
+            all(r.ok for r in residuals),
+            eigenvalues,
+            drift,
+            replace(measured, residuals=(*measured.residuals, *residuals)),
+            self._normal_forces(field, y),
         )
 
-    def _join(self, new: EquilibriumSet) -> None:
-        """Add a set, joined with those of the same mode that it touches in other regions."""
-        for other in [s for s in self.sets if s.mode == new.mode and _touch(s.extent, new.extent)]:
+    def _join(self, new: EquilibriumSet, conditions: Conditions) -> None:
+        """Add a set of a region, joined with those of the same mode that it meets in others.
+
+        Whether polyhedra meet is a linear program; of others only on a line do extents tell.
+        """
+        extent = new.extent
+        joined: list[_Piece] = [(extent, conditions)]
+        for other, pieces in list(self.pieces):
+            near = [p for e, p in pieces if other.mode == new.mode and _touch(extent, e)]
+            told = conditions.affine and all(p.affine for p in near)
+            if not near or (told and not any(conditions.meets(p) for p in near)):
+                continue
+            self.pieces.remove((other, pieces))
             self.sets.remove(other)
+            joined += pieces
             hull = {
                 name: (min(a[0], b[0]), max(a[1], b[1]))
                 for (name, a), b in zip(other.extent.items(), new.extent.values(), strict=True)
             }
             larger = other if other.dimension >= new.dimension else new
-            new = EquilibriumSet(
-                larger.state,
-                larger.parameters,
-                larger.contacts,
-                larger.mode,
-                tuple(dict.fromkeys([*other.regions, *new.regions])),
-                larger.dimension,
-                hull,
-                other.exact and new.exact,
-                larger.eigenvalues,
-                larger.drift,
-                worst([other.certificate, new.certificate]),
-                larger.normal_forces,
+            sure = told or larger.dimension <= 1
+            certificate = worst([other.certificate, new.certificate])
+            if not sure:
+                guess = Residual("parts joined by their extents", 1.0, 0.0)
+                certificate = replace(certificate, residuals=(*certificate.residuals, guess))
+            new = replace(
+                larger,
+                regions=tuple(dict.fromkeys([*other.regions, *new.regions])),
+                extent=hull,
+                exact=other.exact and new.exact and sure,
+                certificate=certificate,
             )
         self.sets.append(new)
+        self.pieces.append((new, joined))
 
     def _normal_forces(self, field: Field | None, y: Array) -> dict[str, float]:
         """Of the closed contacts in a mode, as far as the state determines them."""
@@ -496,14 +605,14 @@ class _Search:
         return {name: v for name, v in self._named(rates).items() if v != 0.0}
 
 
+def _touch(a: Mapping[str, tuple[float, float]], b: Mapping[str, tuple[float, float]]) -> bool:
+    """Whether two boxes meet."""
+    pairs = [(max(a[x][0], b[x][0]), min(a[x][1], b[x][1])) for x in a]
+    return all(low <= high + 1e-7 * (1.0 + abs(high)) for low, high in pairs)
+
+
 def _within(extent: Mapping[str, tuple[float, float]], state: Mapping[str, float]) -> bool:
     return all(
         low - 1e-7 * (1 + abs(low)) <= state[x] <= high + 1e-7 * (1 + abs(high))
         for x, (low, high) in extent.items()
     )
-
-
-def _touch(a: Mapping[str, tuple[float, float]], b: Mapping[str, tuple[float, float]]) -> bool:
-    """Whether two boxes meet."""
-    pairs = [(max(a[x][0], b[x][0]), min(a[x][1], b[x][1])) for x in a]
-    return all(low <= high + 1e-7 * (1.0 + abs(high)) for low, high in pairs)

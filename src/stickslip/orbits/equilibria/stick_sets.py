@@ -1,14 +1,15 @@
-"""Sets of equilibria: a point well inside {F(y) = 0, G(y) ≥ 0}, and the extent of the set along
-each coordinate.
+"""Sets of equilibria {F(y) = 0, G(y) ≥ 0}: their conditions, points well inside, and extents.
 
-With dry friction a system comes to rest anywhere in a set. If F and G are affine, the extent is a
-linear program and exact; else it is followed from a point inside by constrained optimisation, and
-is then a local statement.
+With dry friction a system comes to rest anywhere in a set. If F and G are affine in each region of
+the kinks, a set is a union of polyhedra: extents are linear programs, and so is whether two
+polyhedra meet. Otherwise sets are covered by boxes (:mod:`.level_sets`), in as few unknowns as the
+conditions can be said in (:mod:`.reduction`). Where there are no such formulas, an extent is
+followed from a point inside by constrained optimisation, and proves nothing about other parts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -17,6 +18,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Mode, Region, in_region
+from stickslip.orbits.equilibria.reduction import Reduced, reduce
 from stickslip.orbits.fields.steady import ResidualFunction
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -38,12 +40,15 @@ class Conditions:
     equal, nonnegative : tuple of Expr
     values : mapping of str to float
         Values of the parameters.
+    states : tuple of str
+        The first of the unknowns.
     """
 
     unknowns: tuple[str, ...]
     equal: tuple[Expr, ...]
     nonnegative: tuple[Expr, ...]
     values: Mapping[str, float]
+    states: tuple[str, ...]
 
     def centre(self, start: Array) -> Array | None:
         """A point well inside the set, or None if none is found (if affine: if the set is empty).
@@ -56,7 +61,7 @@ class Conditions:
         depth = ex.sym("depth")
         kept = tuple(g - float(w) * depth for g, w in zip(self.nonnegative, lengths, strict=True))
         deeper = Conditions(
-            (*self.unknowns, "depth"), self.equal, (*kept, 1.0 - depth), self.values
+            (*self.unknowns, "depth"), self.equal, (*kept, 1.0 - depth), self.values, self.states
         )
         found = deeper.farthest(np.append(start, 0.0), len(start), 1.0)
         return (
@@ -85,6 +90,58 @@ class Conditions:
     def affine(self) -> bool:
         """Whether the set is a polyhedron."""
         return self.equations.affine and self.guards.affine
+
+    def affine_by_regions(self, kinks: Iterable[Expr]) -> bool:
+        """Whether the set is a polyhedron in each region of the kinks, which are left in place."""
+        free = frozenset(self.unknowns)
+        return all(_affine_pieces(e, free) for e in (*self.equal, *self.nonnegative, *kinks))
+
+    def meets(self, other: Conditions) -> bool:
+        """Whether two polyhedra of the same states have a point in common."""
+        own = {x: ex.sym(f"other {x}") for x in other.unknowns if x not in self.states}
+        also = [[ex.substitute(e, own) for e in part] for part in (other.equal, other.nonnegative)]
+        both = Conditions(
+            (*self.unknowns, *(str(x.value) for x in own.values())),
+            (*self.equal, *also[0]),
+            (*self.nonnegative, *also[1]),
+            self.values,
+            self.states,
+        )
+        return both.centre(np.zeros(len(both.unknowns))) is not None
+
+    def completed(self, state: Array) -> Array | None:
+        """A state of the set with forces that hold it; None if there are none."""
+        n = len(self.states)
+        forces = self.unknowns[n:]
+        if not forces:
+            return state
+        at = {**self.values, **dict(zip(self.states, map(float, state), strict=True))}
+        held = Conditions(forces, self.equal, self.nonnegative, at, ())
+        start = np.zeros(len(forces))
+        value, slopes = held.equations(start)
+        start = start - np.linalg.lstsq(slopes, value, rcond=None)[0]
+        whole = np.append(state, start)
+        if np.all(self.guards(whole)[0] >= 0.0):
+            return whole
+        found = held.centre(start)
+        return None if found is None else np.append(state, found)
+
+    def reduced(self, invariant: Array, origin: Array) -> Reduced:
+        """The same in free states.
+
+        Raises
+        ------
+        Irreducible
+        """
+        return reduce(
+            self.states,
+            self.unknowns[len(self.states) :],
+            self.equal,
+            self.nonnegative,
+            self.values,
+            invariant,
+            origin,
+        )
 
     def farthest(self, start: Array, component: int, sign: float) -> Array | None:
         """The point of the set with the largest ± component (infinite if it has no bound); None if
@@ -168,11 +225,30 @@ def _optimum(
     return _without_bound(start, component, sign)
 
 
+def _affine_pieces(e: Expr, unknowns: frozenset[str]) -> bool:
+    """Whether an expression is affine in each region of its kinks."""
+    if any(n.op != "select" and ex.has_pieces(n) and n.symbols & unknowns for n in ex.walk([e])):
+        return False
+    guards = {n.args[0] for n in ex.walk([e]) if n.op == "select"}
+    slopes = [ex.derivative(part, x) for part in (e, *guards) for x in unknowns & part.symbols]
+    return not any(unguarded(d) & unknowns for d in slopes)
+
+
+def unguarded(e: Expr) -> frozenset[str]:
+    """Names that an expression depends on within a region of its kinks."""
+    known: dict[Expr, frozenset[str]] = {}
+    for n in ex.walk([e]):
+        parts = n.args[1:] if n.op == "select" else (*n.args, *(t for t, _ in n.terms))
+        own = n.symbols if n.op == "sym" else frozenset[str]()
+        known[n] = own.union(*(known[part] for part in parts))
+    return known[e]
+
+
 def all_stick(
-    equations: MotionEquations, mode: Mode, region: Region, values: Mapping[str, float]
+    equations: MotionEquations, mode: Mode, region: Region | None, values: Mapping[str, float]
 ) -> Conditions:
     """Rest with every contact in stick that is not open, in terms of the state and the forces of
-    contacts.
+    contacts; in a region of the kinks, or with these in place.
 
     The forces are unknowns of their own, so that it does not matter whether the state determines
     them (it does not where more contacts stick than there are directions).
@@ -180,10 +256,10 @@ def all_stick(
     d, rate = equations.declaration, equations.rate
     at_rest = {f"d_{x}": ex.ZERO for x in d.coordinates}
     at_rest |= {f"speed:{i}": ex.ZERO for i in range(len(equations.contacts))}
-    regions = dict(zip(equations.kinks, region, strict=True))
+    regions = {} if region is None else dict(zip(equations.kinks, region, strict=True))
 
     def fix(e: Expr) -> Expr:
-        return ex.substitute(in_region(e, regions), at_rest)
+        return ex.substitute(e if region is None else in_region(e, regions), at_rest)
 
     held = [ex.sym(f"lambda:{i}") for i in range(len(equations.contacts))]
     first = len(held) - len(rate.force)
@@ -201,9 +277,7 @@ def all_stick(
             equal.append(fix(f) + ex.add(*pulls))
     equal += [fix(f) - h for f, h in zip(rate.force, held[first:], strict=True)]
     equal += [ex.sym(f"d_{q}") for q in d.inertial]
-    nonnegative = [
-        fix(g) if r == 1 else -fix(g) for g, r in zip(equations.kinks, region, strict=True)
-    ]
+    nonnegative = [fix(g) if r == 1 else -fix(g) for g, r in regions.items()]
     for i, (c, h) in enumerate(zip(equations.contacts, held, strict=True)):
         if c.gap is not None:
             # 0 ≤ N ⟂ g ≥ 0
@@ -220,7 +294,7 @@ def all_stick(
         for plane in equations.planes
     ]
     unknowns = (*d.state, *(str(h.value) for h in held))
-    return Conditions(unknowns, tuple(equal), tuple(nonnegative), values)
+    return Conditions(unknowns, tuple(equal), tuple(nonnegative), values, tuple(d.state))
 
 
 def dimension(conditions: Conditions, states: int, point: Array) -> int:

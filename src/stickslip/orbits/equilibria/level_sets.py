@@ -1,0 +1,903 @@
+"""Connected components of a set {G ≥ 0} in a few unknowns, proved by branch and bound.
+
+The whole space is divided into boxes. An enclosure of every G on a box, natural or by the mean
+value theorem, proves it inside or outside the set; what remains are boxes on the *edge*. A box on
+the edge belongs to one component if there is a direction in which no G that may be negative there
+decreases: from a point of the set in it a straight line then stays in the set until it leaves the
+box, and if the boxes on that side are inside, or belong to a component already, the point is in
+that component. Boxes are divided until each belongs to one, so that components are neither joined
+nor missed; what is left at the limit of boxes is undecided and is said to be so.
+
+Least and largest values over a component are found among its boxes in the same way, each shrunk to
+where the mean value theorem leaves room for the set.
+
+Source: R. B. Kearfott, *Rigorous Global Search: Continuous Problems*, Kluwer (1996).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise, product
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.boxes import enclosures, slopes
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.functions import FUNCTIONS
+from stickslip.symbolic.intervals import EVERYTHING, LOOSE
+
+_MOST = 20_000  # boxes in all
+_FEW = 64  # as long as no more are divided they are divided into four, else into two
+_FINEST = 1e-22  # least width of a box at 0, in units of the range looked at
+_OUTER = 6  # how often boxes outside the range are divided
+_FURTHEST = 1e9  # boxes without end begin nearer than this, in the same units
+_CORNERS = 3  # unknowns up to which all corners of boxes count as directions
+_EXACT = 1e-12  # gap of an extent that will do, relative to its size
+_ROUNDS = 120  # divisions in the search for extents
+_LEAST = 5e-324  # a negative number that is not known better
+_MOST_ROWS = 60  # sums of conditions that are tried far out
+_TURNS = 12  # multiples of the longest period that are tried for a common one
+_MOST_EXTENT = 40_000  # boxes in which extents are looked for
+
+
+class Enclosures(NamedTuple):
+    """What holds of m conditions on N boxes.
+
+    Attributes
+    ----------
+    low, high : array, shape (m, N)
+    slope_low, slope_high : array, shape (m, k, N)
+    at_centre, at_centre_low : array, shape (m, N)
+        Upper and lower bounds at the centres; infinite where slopes say nothing of a box.
+    """
+
+    low: Array
+    high: Array
+    slope_low: Array
+    slope_high: Array
+    at_centre: Array
+    at_centre_low: Array
+
+
+@dataclass(frozen=True)
+class LevelSet:
+    """A set of points where conditions are nonnegative (and defined).
+
+    Attributes
+    ----------
+    conditions : tuple of Expr
+    names : tuple of str
+        The unknowns.
+    values : mapping of str to float
+        Values of all other names.
+    core : array, shape (2, k)
+        Ranges of the unknowns: components that have points in them are asked for, with all that
+        they have outside.
+    """
+
+    conditions: tuple[Expr, ...]
+    names: tuple[str, ...]
+    values: Mapping[str, float]
+    core: Array
+
+    @cached_property
+    def _all(self) -> list[Expr]:
+        """The conditions, and before them what must be nonnegative where they are defined."""
+        return list(dict.fromkeys([*self._domains, *self.conditions]))
+
+    @cached_property
+    def _domains(self) -> list[Expr]:
+        found = (d for e in self.conditions for d in domain(e))
+        return [d for d in dict.fromkeys(found) if d.op != "num" or ex.number(d) < 0.0]
+
+    def ranges(self, low: Array, high: Array) -> dict[str, tuple[Any, Any]]:
+        """Ranges of all names on boxes of shape (k, N)."""
+        held = {name: (value, value) for name, value in self.values.items()}
+        return held | {x: (low[i], high[i]) for i, x in enumerate(self.names)}
+
+    def bounds(self, low: Array, high: Array) -> Enclosures:
+        """Enclosures of all conditions on boxes of shape (k, N)."""
+        found = enclosed(self._all, self, low, high, len(self._domains))
+        endless = np.flatnonzero(np.any(np.isinf(low) | np.isinf(high), axis=0))
+        if len(endless):
+            ranges = self.ranges(low[:, endless], high[:, endless])
+            fine = np.all(found.low[: len(self._domains), endless] >= 0.0, axis=0)
+            for i, forms in enumerate(self._far_out):
+                sure = fine & ((low[i, endless] > 0.0) | (high[i, endless] < 0.0))
+                for n, box in enumerate(enclosures(forms, ranges)):
+                    least, most = np.broadcast_to(box, (2, len(endless)))
+                    least, most = np.where(sure, least, -math.inf), np.where(sure, most, math.inf)
+                    found.low[n, endless] = np.maximum(found.low[n, endless], least)
+                    found.high[n, endless] = np.minimum(found.high[n, endless], most)
+            for _, most in enclosures(self._combined, ranges):
+                found.high[0, endless[np.broadcast_to(most < 0.0, len(endless))]] = -_LEAST
+        return found
+
+    @cached_property
+    def _far_out(self) -> list[list[Expr]]:
+        """The conditions as they are bounded where an unknown is large."""
+        return [[far_out(e, x) for e in self._all] for x in self.names]
+
+    @cached_property
+    def _combined(self) -> list[Expr]:
+        """Sums of conditions in which all unknowns but one have no linear terms: far out these are
+        negative where no condition is by itself."""
+        found: list[Expr] = []
+        numbers = {name: ex.num(value) for name, value in self.values.items()}
+        plain = [ex.substitute(e, numbers) for e in self.conditions]
+        for kept in self.names if len(self.names) > 1 else ():
+            rows = list(plain)
+            for x in self.names:
+                if x == kept or len(rows) > _MOST_ROWS:
+                    continue
+                slopes = [(e, self._linear(e, x)) for e in rows]
+                rows = [e for e, c in slopes if c == 0.0]
+                up = [(e, c) for e, c in slopes if c > 0.0]
+                down = [(e, -c) for e, c in slopes if c < 0.0]
+                rows += [ex.add((e, b), (f, a)) for (e, a), (f, b) in product(up, down)]
+            found += [e for e in rows if e not in plain]
+        return found if len(found) <= _MOST_ROWS else []
+
+    def _linear(self, e: Expr, x: str) -> float:
+        """The number with which an unknown stands in a sum."""
+        return sum(c for term, c in e.terms if term is ex.sym(x)) if e.op == "sum" else 0.0
+
+    def holds(self, points: Array) -> Array:
+        """Whether all conditions are surely met at points of shape (k, N)."""
+        found = enclosures(self._all, self.ranges(points, points))
+        return np.all([np.broadcast_to(box[0], points.shape[1]) >= 0.0 for box in found], axis=0)
+
+    @cached_property
+    def unit(self) -> Array:
+        """Widths of the ranges, shape (k,)."""
+        return self.core[1] - self.core[0]
+
+    def cuts(self, i: int) -> list[float]:
+        """Places at which an unknown is divided from the start: the ends of its range, and where
+        formulas change from branch to branch."""
+        x = self.names[i]
+        low, high = self.core[:, i]
+        found = {float(low), float(high)}
+        for guard in {n.args[0] for n in ex.walk(self._all) if n.op == "select"}:
+            if guard.symbols & set(self.names) != {x} or ex.bends(guard, [x]):
+                continue
+            slope = ex.derivative(guard, x)
+            if x not in slope.symbols:
+                a = ex.evaluate(slope, self.values)
+                b = ex.evaluate(ex.substitute(guard, {x: ex.ZERO}), self.values)
+                place = -b / a if a else math.nan
+                if low < place < high:
+                    # A jump is between two neighbouring numbers.
+                    found |= {place, math.nextafter(place, -math.inf)}
+                    found |= {math.nextafter(place, math.inf)}
+        return sorted(found)
+
+    def components(self) -> Components:
+        """All components that have points in the core."""
+        return _Covering(self).run()
+
+
+def domain(e: Expr) -> list[Expr]:
+    """What must be nonnegative where an expression is defined."""
+    known: dict[Expr, list[Expr]] = {}
+    for node in ex.walk([e]):
+        children = [*node.args, *(child for child, _ in node.terms)]
+        if node.op == "select":
+            guard, above, below = node.args
+            known[node] = [
+                *known[guard],
+                *(ex.select(guard, d, ex.ONE) for d in known[above]),
+                *(ex.select(guard, ex.ONE, d) for d in known[below]),
+            ]
+            continue
+        found = [d for child in children for d in known[child]]
+        if node.op == "prod":
+            found += [base for base, p in node.terms if not p.is_integer()]
+        elif node.op == "pow":
+            found.append(node.args[0])
+        elif node.op in FUNCTIONS and FUNCTIONS[node.op].domain != EVERYTHING:
+            low, high = FUNCTIONS[node.op].domain
+            found += [node.args[0] - low] if math.isfinite(low) else []
+            found += [high - node.args[0]] if math.isfinite(high) else []
+        known[node] = list(dict.fromkeys(found))
+    return known[e]
+
+
+def far_out(e: Expr, name: str) -> Expr:
+    """An expression with the largest power of a name taken out of every sum."""
+
+    def out_of(e: Expr) -> Expr | None:
+        if name not in e.symbols:
+            return e
+        if e.op != "sum":
+            return None
+        x = ex.sym(name)
+        terms = [(far_out(term, name), c) for term, c in e.terms]
+        powers = [dict(t.terms).get(x, 0.0) if t.op == "prod" else float(t is x) for t, _ in terms]
+        largest = max(powers)
+        if largest <= 0.0:
+            return ex.add(*terms, (ex.ONE, float(e.value)))
+        top = x ** ex.num(largest)
+        return top * ex.add(*((t / top, c) for t, c in terms), (ex.ONE / top, float(e.value)))
+
+    return ex.rewrite(e, out_of)
+
+
+def period(expressions: Sequence[Expr], name: str, values: Mapping[str, float]) -> float:
+    """The period with which expressions repeat in a name; 0 if they do not."""
+    found: list[float] = []
+    seen: set[Expr] = set()
+    stack = [e for e in expressions if name in e.symbols]
+    while stack:
+        e = stack.pop()
+        if e in seen:
+            continue
+        seen.add(e)
+        if e.op in FUNCTIONS and FUNCTIONS[e.op].period and not ex.bends(e.args[0], [name]):
+            slope = ex.derivative(e.args[0], name)
+            if slope.symbols <= values.keys():
+                found.append(FUNCTIONS[e.op].period / abs(ex.evaluate(slope, values)))
+                continue
+        if e.op == "sym":
+            return 0.0
+        stack += [c for c in (*e.args, *(t for t, _ in e.terms)) if name in c.symbols]
+    longest = max(found, default=0.0)
+    for n in range(1, _TURNS + 1):
+        turns = [n * longest / p for p in found]
+        if all(abs(t - round(t)) <= 1e-12 * t for t in turns):
+            return n * longest
+    return 0.0
+
+
+def centres(low: Array, high: Array) -> Array:
+    """Middles of boxes; of those without end, the end that they have."""
+    with np.errstate(invalid="ignore"):
+        middle = np.clip(0.5 * low + 0.5 * high, low, high)
+    middle = np.where(np.isinf(high), low, np.where(np.isinf(low), high, middle))
+    return np.where(np.isinf(middle), 0.0, middle)
+
+
+@np.errstate(all="ignore")
+def enclosed(
+    expressions: list[Expr], of: LevelSet, low: Array, high: Array, needed: int = 0
+) -> Enclosures:
+    """Enclosures of expressions on boxes.
+
+    Parameters
+    ----------
+    expressions : list of Expr
+    of : LevelSet
+        Whose unknowns they are in.
+    low, high : array, shape (k, N)
+    needed : int
+        The mean value theorem counts where so many of the first of them are nonnegative: elsewhere
+        others may be undefined.
+    """
+    count = low.shape[1]
+    middle = centres(low, high)
+    ranges = of.ranges(low, high)
+    inside = enclosures(expressions, of.ranges(middle, middle))
+    at = np.array([np.broadcast_to(box, (2, count)) for box in inside])
+    found = [slopes(expressions, ranges, x) for x in of.names]
+    value = np.array([np.broadcast_to(box, (2, count)) for box, _ in found[0]])
+    slope = np.array(
+        [[np.broadcast_to(s, (2, count)) for _, s in each] for each in found]
+    )  # (k, m, 2, N)
+    slope_low, slope_high = slope[:, :, 0].swapaxes(0, 1), slope[:, :, 1].swapaxes(0, 1)
+    before, behind = low - middle, high - middle
+    up = np.maximum(_times(slope_high, behind), _times(slope_low, before))
+    down = np.minimum(_times(slope_low, behind), _times(slope_high, before))
+    up, down = np.maximum(up, 0.0).sum(axis=1), np.minimum(down, 0.0).sum(axis=1)
+    slack = LOOSE * (2 + len(of.names)) * (np.abs(at).max(axis=1) + np.maximum(up, -down))
+    fine = np.all(value[:needed, 0] >= 0.0, axis=0)
+    least = np.where(fine & np.isfinite(slack), at[:, 0] + down - slack, -math.inf)
+    most = np.where(fine & np.isfinite(slack), at[:, 1] + up + slack, math.inf)
+    # where only one side is bounded
+    one_low = fine & np.isfinite(down) & ~np.isfinite(slack)
+    one_high = fine & np.isfinite(up) & ~np.isfinite(slack)
+    loose = LOOSE * (2 + len(of.names))
+    least = np.where(one_low, at[:, 0] + down - loose * (abs(at[:, 0]) - down), least)
+    most = np.where(one_high, at[:, 1] + up + loose * (abs(at[:, 1]) + up), most)
+    least = np.where(np.isnan(least), -math.inf, least)
+    most = np.where(np.isnan(most), math.inf, most)
+    return Enclosures(
+        np.maximum(value[:, 0], least),
+        np.minimum(value[:, 1], most),
+        slope_low,
+        slope_high,
+        np.where(fine, at[:, 1], math.inf),
+        np.where(fine, at[:, 0], -math.inf),
+    )
+
+
+def _times(slope: Array, way: Array) -> Array:
+    """Slopes times ways, where nothing times infinity is nothing."""
+    return np.where((slope == 0.0) | (way == 0.0), 0.0, slope * way)
+
+
+# -- the cover -------------------------------------------------------------------------------------
+
+
+@dataclass
+class Components:
+    """Boxes that hold a set, by component.
+
+    Attributes
+    ----------
+    of : LevelSet
+    low, high : array, shape (k, N)
+    inside : array of bool, shape (N,)
+        Boxes that lie in the set; others are on the edge.
+    component : array of int, shape (N,)
+    count : int
+        Number of components.
+    undecided : array, shape (2, k, boxes)
+        Boxes of which it is not known whether they hold points of the set, or of which component.
+    unsure : frozenset of int
+        Components that these touch.
+    beyond : array, shape (2, k, boxes)
+        Boxes outside the core that may have other components in them.
+    """
+
+    of: LevelSet
+    low: Array
+    high: Array
+    inside: Array
+    component: Array
+    count: int
+    undecided: Array
+    unsure: frozenset[int]
+    beyond: Array
+
+    def centre(self, component: int) -> Array:
+        """The middle of the largest box inside a component."""
+        own = np.flatnonzero(self.inside & (self.component == component))
+        low, high = self.low[:, own], self.high[:, own]
+        unit = self.of.unit[:, None]
+        low = np.maximum(low, np.where(np.isfinite(high), high, 0.0) - unit)
+        high = np.minimum(high, np.where(np.isfinite(low), low, 0.0) + unit)
+        best = int(np.argmax(np.min((high - low) / unit, axis=0)))
+        return centres(low, high)[:, best]
+
+    def size(self, component: int) -> tuple[float, float]:
+        """Length, area or volume of a component: bounds."""
+        own = self.component == component
+        widths = np.prod(self.high - self.low, axis=0)
+        return float(widths[own & self.inside].sum()), float(widths[own].sum())
+
+
+@dataclass
+class _Covering:
+    """Boxes as they are divided; arrays over boxes have these last."""
+
+    of: LevelSet
+    low: Array = field(init=False)
+    high: Array = field(init=False)
+    inside: Array = field(init=False)
+    rising: Array = field(init=False)  # (directions, N): whether no condition falls that way
+    own: Array = field(init=False)  # (k, N): the last of these directions, one for each box
+    smear: Array = field(init=False)  # (N,): unknown by which to divide
+    pairs: Array = field(init=False)  # (2, pairs): boxes that touch
+
+    def __post_init__(self) -> None:
+        k = len(self.of.names)
+        some = product((0, 1, -1), repeat=k) if k <= _CORNERS else ()
+        axes = [*np.eye(k), *-np.eye(k)]
+        more = [d for d in some if np.count_nonzero(d) > 1]
+        self.directions = np.array([*axes, *more], dtype=float)
+
+    def run(self) -> Components:
+        ends = [[-math.inf, *self.of.cuts(i), math.inf] for i in range(len(self.of.names))]
+        parts = [list(pairwise(e)) for e in ends]
+        boxes = np.array(list(product(*parts)))  # (N, k, 2)
+        n = len(boxes)
+        first, second = np.triu_indices(n, 1)
+        self._start(boxes[:, :, 0].T, boxes[:, :, 1].T, np.array([first, second]))
+        looked = n
+        turn = 0
+        while True:
+            label, again = self._labels(turn < _OUTER)
+            again &= self._divisible
+            parts_each = 4 if np.count_nonzero(again) <= _FEW else 2
+            looked += parts_each * int(np.count_nonzero(again))
+            if not again.any() or looked > _MOST:
+                return self._result(label)
+            self._divide(again, parts_each, turn)
+            turn += 1
+
+    # -- boxes ---------------------------------------------------------------------------------
+
+    def _start(self, low: Array, high: Array, pairs: Array) -> None:
+        self.low, self.high = low, high
+        self.inside = np.zeros(low.shape[1], bool)
+        self.rising = np.zeros((len(self.directions) + 1, low.shape[1]), bool)
+        self.own = np.zeros(low.shape)
+        self.smear = np.zeros(low.shape[1], int)
+        self.pairs = pairs
+        self._assess(np.arange(low.shape[1]))
+
+    @np.errstate(all="ignore")
+    def _assess(self, new: Array, widest: bool = False) -> None:
+        """Judge new boxes; drop those that are outside."""
+        low, high = self.low[:, new], self.high[:, new]
+        found = self.of.bounds(low, high)
+        unsure = found.low < 0.0
+        outside = np.any(found.high < 0.0, axis=0) | self._between_outsides(low, high)
+        self.inside[new] = ~np.any(unsure, axis=0) & ~outside
+        width = high - low
+        self.own[:, new] = own = self._uphill(found, unsure, width)
+        for j, d in enumerate([*self.directions[:, :, None], own]):
+            ways = d * np.where(d == 0.0, 0.0, width)
+            rates = np.minimum(_times(found.slope_low, ways), _times(found.slope_high, ways))
+            least = rates.sum(axis=1) - 4.0 * LOOSE * np.abs(rates).sum(axis=1)
+            risen = np.all(~unsure | (least >= 0.0), axis=0) & np.any(ways != 0.0, axis=0)
+            self.rising[j, new] = risen & np.all(np.isfinite(ways), axis=0)
+        steep = np.maximum(np.abs(found.slope_low), np.abs(found.slope_high))
+        change = np.where(unsure[:, None], _times(steep, width), 0.0)
+        change = np.where(np.isfinite(change), change, 0.0)
+        most = np.max(change, axis=1, keepdims=True)  # each condition counts by itself
+        part = np.max(change / np.where(most > 0.0, most, 1.0), axis=0)
+        relative = width / self.of.unit[:, None]
+        part = relative if widest else part + 1e-6 * np.minimum(relative, 1e6)
+        part = np.where(self._fine(low, high), -1.0, np.where(np.isinf(width), math.inf, part))
+        self.smear[new] = np.argmax(part, axis=0)
+        self._keep(np.isin(np.arange(self.low.shape[1]), new[outside], invert=True))
+
+    def _uphill(self, found: Enclosures, unsure: Array, width: Array) -> Array:
+        """A direction in each box, in units of its widths, in which what is unsure rises: between
+        the slopes of all that is; 0 if there is none."""
+        slope = np.where(unsure[:, None], (0.5 * found.slope_low + 0.5 * found.slope_high), 0.0)
+        slope = np.where(slope == 0.0, 0.0, slope * width)
+        size = np.linalg.norm(slope, axis=1, keepdims=True)
+        total = np.sum(slope / np.where(size > 0.0, size, 1.0), axis=0)
+        total = total / np.max(np.abs(total), axis=0)
+        return np.where(np.all(np.isfinite(total), axis=0), total, 0.0)
+
+    def _between_outsides(self, low: Array, high: Array) -> Array:
+        """Whether boxes are between neighbouring numbers, of which neither is in the set: at a jump
+        a formula has one of two values, and none between them."""
+        gone = np.zeros(low.shape[1], bool)
+        for i in range(len(low)):
+            thin = np.flatnonzero((high[i] <= np.nextafter(low[i], math.inf)) & ~gone)
+            if len(thin):
+                own = np.arange(len(low))[:, None] == i
+                faces = [
+                    self.of.bounds(
+                        np.where(own, end[:, thin], low[:, thin]),
+                        np.where(own, end[:, thin], high[:, thin]),
+                    )
+                    for end in (low, high)
+                ]
+                gone[thin] = np.all([np.any(f.high < 0.0, axis=0) for f in faces], axis=0)
+        return gone
+
+    def _fine(self, low: Array, high: Array) -> Array:
+        """By unknown, whether boxes are not divided any more."""
+        unit = self.of.unit[:, None]
+        least = np.maximum(_FINEST * unit, 8.0 * np.spacing(np.maximum(abs(low), abs(high))))
+        far = np.where(np.isinf(high), low, -high) > _FURTHEST * unit
+        with np.errstate(invalid="ignore"):
+            return np.where(np.isinf(high - low), far, high - low <= least)
+
+    @property
+    def _divisible(self) -> Array:
+        return ~np.all(self._fine(self.low, self.high), axis=0)
+
+    def _keep(self, kept: Array) -> Array:
+        """Drop boxes, with all pairs they are in."""
+        number = np.cumsum(kept) - 1
+        self.low, self.high = self.low[:, kept], self.high[:, kept]
+        self.inside, self.smear = self.inside[kept], self.smear[kept]
+        self.rising, self.own = self.rising[:, kept], self.own[:, kept]
+        pairs = self.pairs[:, kept[self.pairs].all(axis=0)]
+        pairs = number[pairs]
+        a, b = pairs
+        touching = np.all(
+            (self.low[:, a] <= self.high[:, b]) & (self.low[:, b] <= self.high[:, a]), axis=0
+        )
+        self.pairs = pairs[:, touching]
+        return number
+
+    def _divide(self, chosen: Array, parts: int, turn: int) -> None:
+        old = np.flatnonzero(chosen)
+        n = self.low.shape[1]
+        i = self.smear[old]
+        low, high = self.low[i, old], self.high[i, old]
+        places = np.empty((parts + 1, len(old)))
+        unit = self.of.unit[i]
+        step = np.maximum(unit, 3.0 * np.abs(np.where(np.isinf(high), low, high)))
+        for j in range(parts + 1):
+            share = j / parts
+            with np.errstate(invalid="ignore"):
+                between = np.clip(low + share * (high - low), low, high)
+            further = low + step * (4.0**j - 1.0) / 3.0 if j < parts else np.inf
+            nearer = high - step * (4.0 ** (parts - j) - 1.0) / 3.0 if j else -np.inf
+            places[j] = np.where(np.isinf(high), further, np.where(np.isinf(low), nearer, between))
+        places[0], places[-1] = low, high
+        children = np.arange(n, n + parts * len(old)).reshape(parts, -1)
+        new_low, new_high = (np.tile(end[:, old], parts) for end in (self.low, self.high))
+        every = np.arange(parts * len(old))
+        new_low[np.tile(i, parts), every] = places[:-1].ravel()
+        new_high[np.tile(i, parts), every] = places[1:].ravel()
+        # Every pair of an old box becomes pairs of its parts; parts touch each other.
+        becomes = np.full((parts, n), -1)
+        becomes[0] = np.arange(n)
+        becomes[:, old] = children
+        a, b = self.pairs
+        both = np.array(
+            [(becomes[p][a], becomes[q][b]) for p, q in product(range(parts), repeat=2)]
+        )
+        both = both.swapaxes(0, 1).reshape(2, -1)
+        both = both[:, (both >= 0).all(axis=0)]
+        own = np.array([(children[p], children[p + 1]) for p in range(parts - 1)])
+        self.pairs = np.concatenate([both, own.swapaxes(0, 1).reshape(2, -1)], axis=1)
+        more = parts * len(old)
+        self.low = np.concatenate([self.low, new_low], axis=1)
+        self.high = np.concatenate([self.high, new_high], axis=1)
+        self.inside = np.append(self.inside, np.zeros(more, bool))
+        self.smear = np.append(self.smear, np.zeros(more, int))
+        self.rising = np.concatenate(
+            [self.rising, np.zeros((len(self.rising), more), bool)], axis=1
+        )
+        self.own = np.concatenate([self.own, np.zeros((len(self.own), more))], axis=1)
+        kept = np.append(~chosen, np.ones(more, bool))
+        number = self._keep(kept)
+        self._assess(number[children.ravel()], widest=turn % 4 == 3)
+
+    # -- components ----------------------------------------------------------------------------
+
+    @property
+    def _in_core(self) -> Array:
+        low, high = self.of.core[0][:, None], self.of.core[1][:, None]
+        return np.all((self.low < high) & (self.high > low), axis=0)
+
+    def _labels(self, everywhere: bool) -> tuple[Array, Array]:
+        """The component of every box (−1: not known), and which boxes must be divided."""
+        while True:
+            label = self._grounded()
+            empty = label == -2
+            if not empty.any():
+                break
+            self._keep(~empty)
+        a, b = self.pairs
+        known = label >= 0
+        apart = known[a] & known[b] & (label[a] != label[b])
+        wanted = np.isin(label, np.unique(label[known & self._in_core])) & known
+        again = np.zeros(len(label), bool)
+        again[self.pairs[:, apart & (wanted[a] | wanted[b])]] = True
+        again &= ~self.inside
+        open_ = ~known & self._in_core
+        near = wanted | open_
+        again |= ~known if everywhere else open_
+        again[a[~known[a] & near[b]]] = True
+        again[b[~known[b] & near[a]]] = True
+        # What is as thin as can be is decided by what is beside it.
+        stuck = again & ~known & ~self._divisible
+        again[a[stuck[b]]] = True
+        again[b[stuck[a]]] = True
+        return label, again & ~self.inside
+
+    def _grounded(self) -> Array:
+        """Components of boxes, −1 where not known, −2 where a box is found to be empty."""
+        n = self.low.shape[1]
+        label = np.full(n, -1)
+        label[self.inside] = np.arange(np.count_nonzero(self.inside))
+        a, b = np.concatenate([self.pairs, self.pairs[::-1]], axis=1)
+        face = self._faces(a, b)
+        thin = self._fine(self.low, self.high)
+        label = self._joined(label, a, b)
+        while True:
+            changed = False
+            ways = [
+                (risen, (face != 0) & (np.take(d, np.abs(face) - 1) == np.sign(face)))
+                for d, risen in zip(self.directions, self.rising[:-1], strict=True)
+            ]
+            side = np.sign(self.own[np.abs(face) - 1, a])
+            ways.append((self.rising[-1], (face != 0) & (side == np.sign(face))))
+            # Across what is as thin as rounding nothing can hide.
+            ways += [(thin[i], np.abs(face) == i + 1) for i in range(len(thin))]
+            for j, (risen, across) in enumerate(ways):
+                open_ = (label == -1) & risen
+                if not open_.any():
+                    continue
+                used = across & open_[a]
+                start, end = a[used], label[b[used]]
+                count = np.bincount(start, minlength=n)
+                least = np.full(n, n)
+                most = np.full(n, -1)
+                np.minimum.at(least, start, end)
+                np.maximum.at(most, start, end)
+                done = open_ & (count > 0) & (least >= 0) & (least == most)
+                label[done] = least[done]
+                empty = open_ & (count == 0) & (j < len(self.rising))
+                label[empty] = -2
+                if empty.any():
+                    return label
+                changed |= bool(done.any())
+            if not changed:
+                return label
+            label = self._joined(label, a, b)
+
+    def _joined(self, label: Array, a: Array, b: Array) -> Array:
+        """Components that have a point in common are one: they touch in a box inside."""
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
+        known = label >= 0
+        if not known.any():
+            return label
+        meet = known[a] & known[b] & (self.inside[a] | self.inside[b]) & (label[a] != label[b])
+        if not meet.any():
+            return label
+        count = int(label.max()) + 1
+        ones = np.ones(np.count_nonzero(meet))
+        graph = coo_array((ones, (label[a[meet]], label[b[meet]])), shape=(count, count))
+        _, new = connected_components(graph, directed=False)
+        return np.where(known, new[np.where(known, label, 0)], label)
+
+    def _faces(self, a: Array, b: Array) -> Array:
+        """The unknown across which b is beside a, from 1, negative if it is below; 0 if they touch
+        in less than a face."""
+        above = self.high[:, a] == self.low[:, b]
+        below = self.low[:, a] == self.high[:, b]
+        between = above | below
+        which = np.argmax(between, axis=0)
+        one = np.count_nonzero(between, axis=0) == 1
+        side = np.where(above[which, np.arange(len(a))], 1, -1)
+        return np.where(one, side * (which + 1), 0)
+
+    def _result(self, label: Array) -> Components:
+        known = label >= 0
+        core = self._in_core
+        numbers = np.unique(label[known & core])
+        wanted = known & np.isin(label, numbers)
+        a, b = self.pairs
+        apart = known[a] & known[b] & (label[a] != label[b])
+        unclear = np.zeros(len(label), bool)
+        unclear[self.pairs[:, apart & (wanted[a] | wanted[b])]] = True
+        unclear &= ~self.inside
+        left = ~known & core
+        near = wanted | left
+        left[a[~known[a] & near[b]]] = True
+        left[b[~known[b] & near[a]]] = True
+        touched = np.zeros(len(label), bool)
+        touched[a[left[b]]] = True
+        touched[b[left[a]]] = True
+        unsure = set(label[(touched | unclear) & wanted])
+        undecided = left | (unclear & wanted)
+        other = ~wanted & ~left
+        other = ~wanted & ~left
+        component = np.searchsorted(numbers, label)
+        component = np.where(wanted, component, -1)
+        kept = component >= 0
+        return Components(
+            self.of,
+            self.low[:, kept],
+            self.high[:, kept],
+            self.inside[kept],
+            component[kept],
+            len(numbers),
+            np.array([self.low[:, undecided], self.high[:, undecided]]),
+            frozenset(int(np.searchsorted(numbers, u)) for u in unsure),
+            np.array([self.low[:, other], self.high[:, other]]),
+        )
+
+
+# -- extents ---------------------------------------------------------------------------------------
+
+
+@np.errstate(all="ignore")
+def extents(cover: Components, expressions: Sequence[Expr]) -> tuple[Array, Array]:
+    """Least and largest values of expressions over each component.
+
+    Returns
+    -------
+    array, shape (components, expressions, 2)
+    array of the same shape
+        How far they may be off.
+    """
+    return _Extents(cover, list(expressions)).run()
+
+
+class _Extents:
+    """A task is a component, an expression and a sign: how large can the sign times the expression
+    be?"""
+
+    def __init__(self, cover: Components, expressions: list[Expr]) -> None:
+        self.of = cover.of
+        self.cover = cover
+        self.expressions = expressions
+        tasks = list(product(range(cover.count), range(len(expressions)), (-1.0, 1.0)))
+        self.which = np.array([e for _, e, _ in tasks], dtype=int)
+        self.sign = np.array([s for _, _, s in tasks])
+        self.best = np.full(len(tasks), -math.inf)
+        self.most = np.full(len(tasks), -math.inf)
+        boxes = [np.flatnonzero(cover.component == c) for c in range(cover.count)]
+        chosen = np.concatenate([np.empty(0, int), *(boxes[c] for c, _, _ in tasks)])
+        self.task = np.repeat(np.arange(len(tasks)), [len(boxes[c]) for c, _, _ in tasks])
+        self.low, self.high = cover.low[:, chosen], cover.high[:, chosen]
+        self.inside = cover.inside[chosen]
+        hull = np.array(
+            [[cover.low[:, b].min(axis=1), cover.high[:, b].max(axis=1)] for b in boxes]
+        )
+        width = (hull[:, 1] - hull[:, 0]).T if len(boxes) else np.empty((len(self.of.names), 0))
+        width = np.where(np.isfinite(width) & (width > 0.0), width, self.of.unit[:, None])
+        self.unit = width[:, [c for c, _, _ in tasks]]
+        known = {ex.sym(x): i for i, x in enumerate(self.of.names)}
+        own = [known.get(expressions[e]) for e in self.which]
+        self.width = np.array(
+            [max(self.unit[:, j]) if i is None else self.unit[i, j] for j, i in enumerate(own)]
+        )
+
+    def run(self) -> tuple[Array, Array]:
+        looked = 0
+        for _ in range(_ROUNDS):
+            looked += len(self.task)
+            self._shrink()
+            if not len(self.task) or looked > _MOST_EXTENT:
+                break
+            self._divide()
+        np.maximum.at(self.most, self.task, self._upper())
+        most = np.maximum(self.most, self.best)
+        middle = np.where(self.best == most, most, 0.5 * self.best + 0.5 * most)
+        gap = np.where(self.best == most, 0.0, most - self.best)
+        shape = (self.cover.count, len(self.expressions), 2)
+        return (self.sign * middle).reshape(shape) + 0.0, gap.reshape(shape)
+
+    def _goal(self) -> Enclosures:
+        """On each box, the expression of its task, with the sign: the row that is asked for."""
+        found = enclosed(self.expressions, self.of, self.low, self.high)
+        which, every = self.which[self.task], np.arange(len(self.task))
+        up = self.sign[self.task] > 0.0
+        low, high = found.low[which, every], found.high[which, every]
+        down, rise = (s[which, :, every].T for s in (found.slope_low, found.slope_high))
+        lower, upper = found.at_centre[which, every], found.at_centre_low[which, every]
+        return Enclosures(
+            np.where(up, low, -high)[None],
+            np.where(up, high, -low)[None],
+            np.where(up, down, -rise)[None],
+            np.where(up, rise, -down)[None],
+            np.where(up, lower, -upper)[None],
+            np.where(up, upper, -lower)[None],
+        )
+
+    def _upper(self) -> Array:
+        """The most that each box allows."""
+        return self._goal().high[0] if len(self.task) else np.empty(0)
+
+    def _shrink(self) -> None:
+        """Shrink boxes, note the values at points of the set in them, and drop those that cannot
+        hold more."""
+        before = self.high - self.low
+        edge = np.flatnonzero(~self.inside)
+        self._look_higher()
+        empty = np.any(self.low > self.high, axis=0)
+        edge = edge[~empty[edge]]
+        if len(edge):
+            low, high = self.low[:, edge], self.high[:, edge]
+            found = self.of.bounds(low, high)
+            low, high = contracted(found, low, high)
+            gone = np.any(found.high < 0.0, axis=0) | np.any(low > high, axis=0)
+            self.low[:, edge] = np.where(gone, self.low[:, edge], low)
+            self.high[:, edge] = np.where(gone, self.high[:, edge], high)
+            self.inside[edge] = ~gone & np.all(found.low >= 0.0, axis=0)
+            empty[edge] = gone
+        self.shrunk = np.any(self.high - self.low < 0.5 * before, axis=0)
+        self._only(~empty)
+        if not len(self.task):
+            return
+        self._note_points()
+        upper = self._upper()
+        size = np.where(np.isfinite(self.best), np.abs(self.best), 0.0) + self.width
+        enough = (self.best + _EXACT * size)[self.task]
+        fine = np.all(self._fine(), axis=0)
+        np.maximum.at(self.most, self.task[fine], upper[fine])
+        near = (upper > self.best[self.task]) & ~(upper > enough)
+        np.maximum.at(self.most, self.task[near], upper[near])
+        self._only((upper > enough) & ~fine)
+
+    def _fine(self) -> Array:
+        unit = self.unit[:, self.task]
+        ends = np.maximum(np.abs(self.low), np.abs(self.high))
+        least = np.maximum(1e-15 * unit, 2.0 * np.spacing(ends))
+        far = np.where(np.isinf(self.high), self.low, -self.high)
+        far = far > _FURTHEST * self.of.unit[:, None]
+        return np.where(np.isinf(ends), far, self.high - self.low <= least)
+
+    def _look_higher(self) -> None:
+        """Shrink boxes to where more can be than was met."""
+        goal = self._goal()
+        best = self.best[self.task]
+        told = np.where(np.isfinite(best), goal.at_centre - best, math.inf)
+        self.low, self.high = contracted(goal._replace(at_centre=told), self.low, self.high)
+
+    def _only(self, kept: Array) -> None:
+        self.task, self.inside = self.task[kept], self.inside[kept]
+        self.low, self.high = self.low[:, kept], self.high[:, kept]
+        self.shrunk = self.shrunk[kept]
+
+    def _note_points(self) -> None:
+        """Values at corners, at middles of sides, and at centres that are in the set."""
+        middle = centres(self.low, self.high)
+        k = len(middle)
+        # The ends of a box that was shrunk are a rounding outside.
+        step = np.where(self.inside, 0.0, 0.2 * _EXACT * self.unit[:, self.task])
+        low, high = np.minimum(self.low + step, middle), np.maximum(self.high - step, middle)
+        stops = [low, middle, high] if k <= _CORNERS else [middle]
+        choices = list(product(range(len(stops)), repeat=k)) if k <= _CORNERS else [(0,) * k]
+        points = np.array(
+            [np.concatenate([stops[choice[i]][i] for choice in choices]) for i in range(k)]
+        )
+        task = np.tile(self.task, len(choices))
+        there = np.tile(self.inside, len(choices))
+        # Points without end count for what is inside alone.
+        finite = np.all(np.isfinite(points), axis=0) & ~there
+        there[finite] = self.of.holds(points[:, finite])
+        task = task[there]
+        if not len(task):
+            return
+        values = enclosures(self.expressions, self.of.ranges(points[:, there], points[:, there]))
+        value = np.array([np.broadcast_to(v, (2, len(task))) for v in values])
+        which, every = self.which[task], np.arange(len(task))
+        up = self.sign[task] > 0.0
+        least = np.where(up, value[which, 0, every], -value[which, 1, every])
+        np.maximum.at(self.best, task, np.where(np.isnan(least), -math.inf, least))
+
+    def _divide(self) -> None:
+        width = np.where(self._fine(), -1.0, (self.high - self.low) / self.unit[:, self.task])
+        i = np.argmax(width, axis=0)
+        cut = np.flatnonzero(~self.shrunk)
+        middle = centres(self.low, self.high)
+        step = np.maximum(self.of.unit[:, None], 3.0 * np.abs(middle))
+        middle = np.where(np.isinf(self.high), self.low + step, middle)
+        middle = np.where(np.isinf(self.low), self.high - step, middle)
+        place = middle[i[cut], cut]
+        low, high = self.low[:, cut].copy(), self.high[:, cut].copy()
+        low[i[cut], np.arange(len(cut))] = place
+        self.high[i[cut], cut] = place
+        self.low = np.concatenate([self.low, low], axis=1)
+        self.high = np.concatenate([self.high, high], axis=1)
+        self.inside = np.append(self.inside, self.inside[cut])
+        self.task = np.append(self.task, self.task[cut])
+
+
+@np.errstate(all="ignore")
+def contracted(found: Enclosures, low: Array, high: Array) -> tuple[Array, Array]:
+    """Boxes shrunk to where conditions can be nonnegative, by the mean value theorem: low above
+    high where there is no such place."""
+    middle = centres(low, high)
+    before, behind = low - middle, high - middle
+    gains = np.maximum(_times(found.slope_high, behind), _times(found.slope_low, before))
+    gains = np.maximum(gains, 0.0)  # (m, k, N): what each unknown can add
+    total = gains.sum(axis=1)
+    for i in range(len(low)):
+        others = np.where(np.isfinite(total), total, math.inf)[:, None] - gains[:, i : i + 1]
+        room = found.at_centre + others[:, 0]
+        slack = 4.0 * LOOSE * (np.abs(found.at_centre) + total)
+        room = np.where(np.isfinite(room) & np.isfinite(slack), room + slack, math.inf)
+        a, b = found.slope_low[:, i], found.slope_high[:, i]
+        wide = 1.0 + 4.0 * LOOSE
+        # To the right of the middle b t + room ≥ 0 must hold, to the left a t + room ≥ 0.
+        right = np.where((room >= 0.0) & (b < 0.0), room / -b * wide, math.inf)
+        left = np.where((room >= 0.0) & (a > 0.0), -room / a * wide, -math.inf)
+        away = np.where(room < 0.0, -room / wide, 0.0)
+        from_right = np.where(away > 0.0, np.where(b > 0.0, away / b, math.inf), 0.0)
+        from_left = np.where(away > 0.0, np.where(a < 0.0, away / a, -math.inf), 0.0)
+        # `away` from the middle: one side may be left, or both, then with all between them.
+        no_left = from_left < before[i]
+        no_right = from_right > behind[i]
+        least = np.where(away > 0.0, np.where(no_left, from_right, -math.inf), left)
+        most = np.where(away > 0.0, np.where(no_right, from_left, math.inf), right)
+        new_low = np.max(least, axis=0) + middle[i]
+        new_high = np.min(most, axis=0) + middle[i]
+        low = low.copy()
+        high = high.copy()
+        low[i] = np.maximum(low[i], np.nextafter(new_low, -math.inf))
+        high[i] = np.minimum(high[i], np.nextafter(new_high, math.inf))
+    return low, high

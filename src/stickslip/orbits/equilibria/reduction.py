@@ -1,0 +1,228 @@
+"""Conditions of rest in as few unknowns as they can be said in.
+
+Equations that are linear in an unknown, with a coefficient that is nowhere zero, are solved for it:
+forces first. Forces that remain, because more contacts stick than there are directions, are
+eliminated from the inequalities by the method of Fourier and Motzkin. A translation that leaves the
+system unchanged is held in place.
+
+Source: A. Schrijver, *Theory of Linear and Integer Programming*, Wiley (1986), section 12.2.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.enclosures import bounds
+from stickslip.symbolic.expressions import Expr
+
+_MOST = 200  # inequalities that eliminating a force may leave
+_ZERO = 1e-9  # what is left of an equation without unknowns, relative to its terms
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """The states of a set: free ones, and others that are functions of them.
+
+    Attributes
+    ----------
+    free : tuple of str
+        States that vary in the set.
+    given : dict of str to Expr
+        All other states.
+    unbounded : frozenset of str
+        States that may be anything, or are moved by a translation.
+    nonnegative : tuple of Expr
+        In the free states.
+    dimension : int
+        In how many directions states can be changed.
+    """
+
+    free: tuple[str, ...]
+    given: dict[str, Expr]
+    unbounded: frozenset[str]
+    nonnegative: tuple[Expr, ...]
+    dimension: int
+
+
+class Irreducible(Exception):
+    """The states of a set cannot be said by formulas in free ones; or the set is empty."""
+
+    def __init__(self, empty: bool = False) -> None:
+        super().__init__("the conditions cannot be reduced")
+        self.empty = empty
+
+
+def reduce(
+    states: Sequence[str],
+    forces: Sequence[str],
+    equal: Sequence[Expr],
+    nonnegative: Sequence[Expr],
+    values: Mapping[str, float],
+    invariant: Array,
+    origin: Array,
+) -> Reduced:
+    """Free states, and what restricts them.
+
+    Parameters
+    ----------
+    states, forces : sequence of str
+        Unknowns.
+    equal, nonnegative : sequence of Expr
+    values : mapping of str to float
+        Of the parameters.
+    invariant : array, shape (states, translations)
+    origin : array, shape (states,)
+
+    Raises
+    ------
+    Irreducible
+    """
+    found = _Elimination(states, forces, list(equal), list(nonnegative), values)
+    return found.run(invariant, origin)
+
+
+class _Elimination:
+    def __init__(
+        self,
+        states: Sequence[str],
+        forces: Sequence[str],
+        equal: list[Expr],
+        nonnegative: list[Expr],
+        values: Mapping[str, float],
+    ) -> None:
+        self.states = tuple(states)
+        self.forces = [x for x in forces]
+        self.equal = equal
+        self.nonnegative = nonnegative
+        self.values = values
+        self.ranges = {name: (v, v) for name, v in values.items()}
+        self.given: dict[str, Expr] = {}
+
+    def run(self, invariant: Array, origin: Array) -> Reduced:
+        free = [x for x in (*self.forces, *self.states)]
+        while (found := self._solvable(free)) is not None:
+            self._put(*found)
+            free.remove(found[0])
+        for x in [x for x in self.forces if x in free]:
+            if self._levered(x, free):
+                free.remove(x)
+        if any(e.symbols & set(free) for e in self.equal):
+            raise Irreducible
+        if not all(self._vanishes(e) for e in self.equal):
+            raise Irreducible(empty=True)
+        for x in [x for x in self.forces if x in free]:
+            self._project(x)
+            free.remove(x)
+        held = self._hold(free, invariant, origin)
+        moved = {x for x, row in zip(self.states, invariant, strict=True) if np.any(row != 0.0)}
+        used = frozenset[str]().union(*(e.symbols for e in self.nonnegative))
+        anything = {x for x in free if x not in used and x not in held}
+        for x in [*held, *anything]:
+            if x in free:
+                free.remove(x)
+        at = {x: ex.num(float(origin[self.states.index(x)])) for x in anything}
+        given = {x: ex.substitute(e, at) for x, e in self.given.items() if x in self.states}
+        moved |= {x for x, e in self.given.items() if e.symbols & anything} & set(self.states)
+        return Reduced(
+            tuple(free),
+            given | at,
+            frozenset(moved | anything),
+            tuple(self.nonnegative),
+            len(free) + len(held) + len(anything),
+        )
+
+    def _solvable(self, free: list[str]) -> tuple[str, Expr] | None:
+        """An unknown, and what an equation says it is."""
+        for x in free:
+            for n, e in enumerate(self.equal):
+                if x not in e.symbols or ex.bends(e, [x]):
+                    continue
+                slope = ex.derivative(e, x)
+                if x in slope.symbols or (slope.symbols & set(free) and x in self.states):
+                    continue
+                low, high = bounds(slope, self.ranges)
+                if low > 0.0 or high < 0.0:
+                    del self.equal[n]
+                    return x, -ex.substitute(e, {x: ex.ZERO}) / slope
+        return None
+
+    def _put(self, x: str, value: Expr) -> None:
+        self.equal = [ex.substitute(e, {x: value}) for e in self.equal]
+        self.nonnegative = [ex.substitute(e, {x: value}) for e in self.nonnegative]
+        self.given = {name: ex.substitute(e, {x: value}) for name, e in self.given.items()}
+        self.given[x] = value
+
+    def _vanishes(self, e: Expr) -> bool:
+        terms = list(e.terms) if e.op == "sum" else [(e, 1.0)]
+        parts = [float(e.value) if e.op == "sum" else 0.0]
+        parts += [c * ex.evaluate(term, self.values) for term, c in terms]
+        return abs(math.fsum(parts)) <= _ZERO * math.fsum(map(abs, parts))
+
+    def _levered(self, force: str, free: list[str]) -> bool:
+        """Eliminate a force from the one equation that it is in, J·force + F = 0, where its lever J
+        may vanish: for l ≤ force ≤ u, −F is between J l and J u."""
+        held = [e for e in self.equal if force in e.symbols]
+        if len(held) != 1 or ex.bends(held[0], [force]):
+            return False
+        lever = ex.derivative(held[0], force)
+        others = {x for x in free if x in self.forces}
+        if (lever.symbols | held[0].symbols - {force}) & others:
+            return False
+        rest, least, most = self._bounds(force)
+        if not least or not most:
+            return False
+        low, high = least[0], most[0]
+        for e in least[1:]:
+            low = ex.maximum(low, e)
+        for e in most[1:]:
+            high = ex.minimum(high, e)
+        pull = -ex.substitute(held[0], {force: ex.ZERO})
+        ends = lever * low, lever * high
+        self.equal.remove(held[0])
+        self.nonnegative = [*rest, ex.maximum(*ends) - pull, pull - ex.minimum(*ends)]
+        self.nonnegative += [b - a for a in least for b in most]
+        return True
+
+    def _bounds(self, force: str) -> tuple[list[Expr], list[Expr], list[Expr]]:
+        """Inequalities without a force, and its lower and upper bounds by the others."""
+        rest, least, most = [], [], []
+        for e in self.nonnegative:
+            if force not in e.symbols:
+                rest.append(e)
+                continue
+            slope = ex.derivative(e, force)
+            low, high = bounds(slope, self.ranges)
+            if force in slope.symbols or ex.bends(e, [force]) or not (low > 0.0 or high < 0.0):
+                raise Irreducible
+            bound = -ex.substitute(e, {force: ex.ZERO}) / slope
+            (least if low > 0.0 else most).append(bound)
+        return rest, least, most
+
+    def _project(self, force: str) -> None:
+        """Eliminate a force from inequalities that are linear in it."""
+        rest, least, most = self._bounds(force)
+        if len(rest) + len(least) * len(most) > _MOST:
+            raise Irreducible
+        self.nonnegative = [*rest, *(high - low for low in least for high in most)]
+
+    def _hold(self, free: list[str], invariant: Array, origin: Array) -> set[str]:
+        """Hold translations: as many free states as there are of them stay where they are."""
+        rows = np.array([self.states.index(x) for x in free], dtype=int)
+        left = invariant[rows].copy()
+        held: set[str] = set()
+        for _ in range(left.shape[1]):
+            if not left.size or np.max(np.abs(left)) < 1e-9:
+                break
+            i, j = np.unravel_index(np.argmax(np.abs(left)), left.shape)
+            x = free[int(i)]
+            held.add(x)
+            column = left[:, j] / left[i, j]
+            left = left - np.outer(column, left[i])
+            self._put(x, ex.num(float(origin[self.states.index(x)])))
+        return held
