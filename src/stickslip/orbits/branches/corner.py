@@ -16,8 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.certificates import Residual
 from stickslip.orbits.branches.chart import NOT_CLOSED, Chart, renewed
+from stickslip.orbits.branches.special_points import Happening, measured_change, turning
 from stickslip.orbits.continuation.arclength import NOT_DEFINED, Lost, Point, correct, direction
+from stickslip.orbits.continuation.branch import SOLVED_TO
 from stickslip.orbits.return_map.mode_sequence import Sequence, change_of, is_open, sequence
 from stickslip.orbits.return_map.recurrence import segments
 
@@ -36,7 +39,10 @@ _EDGE = 0.1
 _ALONG = 0.9
 _DIRECTIONS = 3  # that are tried one after the other
 _FURTHER = 100.0  # how much further beyond a corner one looks whether a contact slips both ways
-_AHEAD = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # how far beyond a corner the other side is looked for
+# how far beyond a corner the other side is looked for …
+_AHEAD = (1e-11, 3e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
+_THERE = 1e-6  # … how far its derivatives are asked …
+_ONWARD = (1e-7, 1e-6, 1e-8, 1e-5)  # … and cycles are looked for
 
 
 @dataclass(frozen=True)
@@ -48,6 +54,16 @@ class BeyondCorner:
     x: Array
     towards: Array
 
+    def gap(self, corner: Array) -> Residual:
+        """How far the branch is from the corner that it comes from, followed back along its
+        direction."""
+        units = self.chart.scale(self.x)
+        chord = (self.x - corner) / units
+        along = self.towards / units
+        along = along / np.linalg.norm(along)
+        off = float(np.linalg.norm(chord - (along @ chord) * along))
+        return Residual("gap between the sides", off, SOLVED_TO, note="in units of the cycle")
+
 
 @dataclass(frozen=True)
 class Corner:
@@ -57,9 +73,9 @@ class Corner:
     ----------
     x, beside : arrays
         Unknowns there, in the chart of this side, and a little before.
-    kind, note : str
+    what : Happening
         What changes.
-    turns : bool
+    turn : Residual
         Whether the parameter turns back.
     onward : Onward or None
         None if no cycle goes on.
@@ -67,9 +83,8 @@ class Corner:
 
     x: Array
     beside: Array
-    kind: str
-    note: str
-    turns: bool
+    what: Happening
+    turn: Residual
     onward: BeyondCorner | None
 
 
@@ -77,7 +92,7 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     """The corner within some length after a point.
 
     None if the sequence does not change there, or if the branch turns by more than an angle, or
-    back, before it does: that has to be resolved first.
+    back, or something else happens before it does: that has to be resolved first.
     """
     here = sequence(chart.orbit(point.x).motion)
     before = _unit(chart, point.x, point.tangent)
@@ -90,6 +105,8 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     if tangent @ before < np.cos(turn) or tangent[-1] * before[-1] < 0.0:
         return None
     try:
+        if _happens(chart, point, beside, tangent):
+            return None
         # Around the corner itself, so that what begins to rest there is held where it is.
         there, y, towards = renewed(chart, x, tangent * chart.scale(x))
     except _FAILURES:
@@ -102,16 +119,34 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     if is_open(after) and not _well_inside(chart, x):
         return None
     contacts = list(chart.shooting.pieces.equations.labels)
-    edge = _carried(there, y, towards, trial, after, distance)
+    further = max(distance, _THERE)
+    trial = y + there.scale(y) * towards * further
+    edge = _carried(there, y, towards, trial, after, further)
     if edge is not None:
         onward = _along_the_edge(there, y, towards, edge)
-        name = contacts[edge[0]]
-        note = f"contact '{name}' begins to slip one way, which carries along where it rests"
-        return Corner(x, beside, "slip onset", note, False, onward)
-    kind, note = change_of(contacts, here, after)
-    onward = None if is_open(after) else _onward(there, y, trial, here, distance)
-    turns = onward is not None and onward.towards[-1] * tangent[-1] < 0.0
-    return Corner(x, beside, kind, note, turns, onward)
+        kind, note = (
+            "slip onset",
+            f"contact '{contacts[edge[0]]}' begins to slip one way, which carries along where it rests",
+        )
+    else:
+        kind, note = change_of(contacts, here, after)
+        onward = None if is_open(after) else _onward(there, y, trial, here)
+    residuals = measured_change(there, y, kind, distance)
+    if onward is not None:
+        residuals += (onward.gap(y),)
+    turn = turning(
+        tangent[-1],
+        0.0
+        if onward is None
+        else onward.towards[-1] / np.linalg.norm(onward.towards / onward.chart.scale(onward.x)),
+    )
+    return Corner(x, beside, Happening(kind, note, residuals), turn, onward)
+
+
+def _happens(chart: Chart, point: Point, x: Array, tangent: Array) -> bool:
+    """Whether a test function changes its sign between two points."""
+    there = chart.tests(x, tangent * chart.scale(x))
+    return any(value * point.tests[name] < 0.0 for name, value in there.items())
 
 
 def _carried(
@@ -152,7 +187,8 @@ def _along_the_edge(
                 other.shooting.miss(other.orbit(there)) <= NOT_CLOSED
                 and other.carried(there, tangent * units) > 0.0
             ):
-                return BeyondCorner(other, there, tangent * units)
+                ahead, _ = direction(other, there, units, tangent)
+                return BeyondCorner(other, there, ahead * units)
         except _FAILURES:
             continue
     return None
@@ -221,9 +257,7 @@ def _beyond(
     return None
 
 
-def _onward(
-    chart: Chart, x: Array, trial: Array, here: Sequence, distance: float
-) -> BeyondCorner | None:
+def _onward(chart: Chart, x: Array, trial: Array, here: Sequence) -> BeyondCorner | None:
     """A cycle beyond the corner, in one of the two senses of the null vector of the derivatives
     there."""
     chart = chart.resting_as(chart.orbit(trial).motion)
@@ -232,7 +266,7 @@ def _onward(
     null = np.linalg.svd(rows / np.maximum(np.max(np.abs(rows), axis=1, keepdims=True), 1e-300))[2][
         -1
     ]
-    for length in (10.0 * distance, 100.0 * distance, distance):
+    for length in _ONWARD:
         for sense in (null, -null):
             try:
                 found = _beyond_along(chart, x, sense, length, here)
@@ -261,6 +295,7 @@ def _beyond_along(
         if after == here or is_open(after) or chart.shooting.miss(orbit) > NOT_CLOSED:
             return None
         if sense @ chord > _ALONG * np.linalg.norm(chord):
-            return BeyondCorner(chart, there, units * sense)
+            ahead, _ = direction(chart, there, units, sense)
+            return BeyondCorner(chart, there, units * ahead)
         sense, _ = direction(chart, there, units, chord)
     return None

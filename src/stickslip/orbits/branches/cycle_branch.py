@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.certificates import Residual, within
 from stickslip.errors import DeclarationError
 from stickslip.orbits.branches.chart import KNOWN_TO, Chart, extent_of, first_chart, renewed
 from stickslip.orbits.branches.corner import BeyondCorner, Corner, corner_after
@@ -25,11 +26,13 @@ from stickslip.orbits.branches.special_points import (
     APART,
     NOT_SMOOTH,
     TWICE,
+    Happening,
     Spacing,
-    confirmed,
+    critical,
     dataset,
     is_flat,
     locate_changes,
+    measured,
     of_branch,
 )
 from stickslip.orbits.continuation.arclength import (
@@ -41,7 +44,7 @@ from stickslip.orbits.continuation.arclength import (
     Test,
     ranges,
 )
-from stickslip.orbits.continuation.branch import Branch, SpecialPoint
+from stickslip.orbits.continuation.branch import SOLVED_TO, Branch, SpecialPoint, with_special
 from stickslip.orbits.continuation.driver import (
     CurveProblem,
     PointOnTheWay,
@@ -59,7 +62,7 @@ from stickslip.orbits.cycles.finding import from_cycle
 from stickslip.orbits.cycles.hopf_switching import shrinks_to
 from stickslip.orbits.cycles.period import part_of
 from stickslip.orbits.fields.mode_field import Pieces
-from stickslip.orbits.return_map.damped_newton import Closed
+from stickslip.orbits.return_map.damped_newton import CLOSED, Closed
 from stickslip.orbits.return_map.mode_sequence import LOSS
 
 _STEPS = StepControl(first=0.01, largest=0.25, tolerance=1e-8, turn=0.3, rounding=KNOWN_TO)
@@ -76,8 +79,7 @@ class _Event:
     """What happens somewhere on the branch: in a cycle, or where it vanishes, at a value in an
     equilibrium."""
 
-    kind: str
-    note: str
+    what: Happening
     cycle: Cycle
     value: float
     centre: Array | None = None
@@ -206,7 +208,7 @@ class _Follower:
         if ending is not None:
             return ending
         if path.ended.test == "carried":
-            kept = self._left_behind(stations, chart)
+            kept = self._left_behind(stations, chart, last.tests["carried"])
             return self._start(*renewed(kept, last.x, last.tangent), self.steps.first)
         if path.ended.stop is not Stop.LIMIT:
             bent = corner_after(chart, last, start.steps.smallest, self.steps.turn)
@@ -214,7 +216,7 @@ class _Follower:
                 beyond = self._around(stations, chart, bent)
                 if beyond is None:
                     where = f"{self.parameter} = {bent.x[-1]:.12g}"
-                    return Ending(Stop.EVENT, f"{LOSS} at {where}: {bent.note}")
+                    return Ending(Stop.EVENT, f"{LOSS} at {where}: {bent.what.note}")
                 there = renewed(beyond.chart, beyond.x, beyond.towards)
                 return self._start(*there, self.steps.first)
             if len(path.points) == 1 and step <= CHART_PATIENCE * self.steps.smallest:
@@ -231,6 +233,7 @@ class _Follower:
             {name: name for name in _ENDINGS},
             ranges({self.parameter: self.span}),
             lambda last, new: self.spacing.check(chart.cycle(last.x), chart.cycle(new.x)),
+            lambda last, new: locate_changes(chart, last, new),
         )
         steps = in_pieces(self.steps, step, _IN_CHART, self._smallest(step))
         return Start(chart, problem, x, towards, steps)
@@ -246,34 +249,41 @@ class _Follower:
         for i in range(1, len(path.points)):
             point = path.points[i]
             slope = float(point.tangent[-1] / point.units[-1])
-            changes = locate_changes(chart, path.points[i - 1], point)
-            for change in changes:
-                self._add(stations, chart.cycle(change.x), [(change.kind, change.note)])
-            here = [c for c in path.crossings if c.index == i and c.name not in _ENDINGS]
-            names = [str(c.name) for c in here if not is_flat(path, c)]
             cycle = chart.cycle(point.x)
-            events = [confirmed(name, slope, cycle.nontrivial, changes) for name in names]
-            self._add(stations, cycle, [event for event in events if event])
+            happened = [path.breaks[i].what] if i in path.breaks else []
+            here = [c for c in path.crossings if c.index == i and c.name not in _ENDINGS]
+            happened += [measured(c, slope, cycle.nontrivial) for c in here if not is_flat(path, c)]
+            self._add(stations, cycle, [found for found in happened if found])
 
-    def _add(self, stations: list[_Station], cycle: Cycle, kinds: list[tuple[str, str]]) -> None:
+    def _add(self, stations: list[_Station], cycle: Cycle, happened: list[Happening]) -> None:
         """Append a cycle, unless it is the last one or not certified; what happens there is kept in
         any case."""
         value = cycle.parameters[self.parameter]
-        events = [_Event(kind, note, cycle, value) for kind, note in kinds]
+        events = [_Event(found, cycle, value) for found in happened]
         step = self.spacing(stations[-1].cycle, cycle)
         if step > TWICE and cycle.certificate.ok:
             stations.append(_Station(value, cycle, events, step))
         else:
             stations[-1].events += events
 
-    def _left_behind(self, stations: list[_Station], chart: Chart) -> Chart:
-        """Where contacts are carried along no more they keep where they rest."""
+    def _left_behind(self, stations: list[_Station], chart: Chart, carried: float) -> Chart:
+        """Where contacts are carried along no more they keep where they rest.
+
+        Parameters
+        ----------
+        stations : list of _Station
+        chart : Chart
+        carried : float
+            What is left there of the way by which they are.
+        """
         names = self.pieces.equations.labels
         for held in chart.shooting.setting.held:
             if held.edge:
                 name = names[held.contact]
                 note = f"contact '{name}' is carried along no more and rests where it is"
-                self._add(stations, stations[-1].cycle, [("slip onset", note)])
+                left = Residual("rate at which it is carried", abs(carried), SOLVED_TO)
+                what = Happening("slip onset", note, (left,))
+                self._add(stations, stations[-1].cycle, [what])
                 chart = chart.carrying(held.contact, 0)
         return chart
 
@@ -282,12 +292,13 @@ class _Follower:
         onward = bent.onward
         if onward is not None and not self._continues(chart.cycle(bent.x), onward):
             onward = None
-        kinds = [(bent.kind if onward else LOSS, bent.note)]
-        if onward and bent.turns:
-            kinds.append(("fold", NOT_SMOOTH))
+        what = bent.what if onward else replace(bent.what, kind=LOSS)
+        happened = [what]
+        if onward and bent.turn.ok:
+            happened.append(Happening("fold", NOT_SMOOTH, (*what.residuals, bent.turn)))
         if not chart.cycle(bent.x).certificate.ok:
             self._add(stations, chart.cycle(bent.beside), [])
-        self._add(stations, chart.cycle(bent.x), kinds)
+        self._add(stations, chart.cycle(bent.x), happened)
         if onward:
             self._add(stations, onward.chart.cycle(onward.x), [])
         return onward
@@ -341,7 +352,7 @@ class _Follower:
         event = self._halved(stations) if name == "halving" else self._vanished(stations)
         if self.span[0] <= event.value <= self.span[1]:
             stations[-1].events.append(event)
-        return f"{event.kind} at {self.parameter} = {event.value:.12g}: {event.note}"
+        return f"{event.what.kind} at {self.parameter} = {event.value:.12g}: {event.what.note}"
 
     def _vanished(self, stations: list[_Station]) -> _Event:
         """The cycle shrinks to an equilibrium, inside a mode or on its boundary."""
@@ -350,10 +361,13 @@ class _Follower:
         value = self._vanishing(stations, self._amplitude, 2 if smooth else 1)
         centre = np.mean(cycle.closed.samples(64), axis=0)
         born = shrinks_to(cycle.closed, self.parameter, value) if smooth else None
-        if born is not None:
-            value, centre = born
         kind = "Hopf" if smooth else "boundary equilibrium"
-        return _Event(kind, "the cycle shrinks to an equilibrium", cycle, value, centre)
+        what = Happening(kind, "the cycle shrinks to an equilibrium", ())
+        if born is not None:
+            value, centre = born.value, born.equilibrium
+            left = [("real part of the eigenvalue", born.growth), ("rates", born.moves)]
+            what = replace(what, residuals=tuple(within(SOLVED_TO, left)))
+        return _Event(what, cycle, value, centre)
 
     def _halved(self, stations: list[_Station]) -> _Event:
         """The cycle becomes one of half its period, which doubles its period there."""
@@ -365,7 +379,11 @@ class _Follower:
 
         found = doubles_at(part_of(last.cycle.closed, 2), last.value, near, at)
         note = "the cycle becomes one of half its period"
-        return _Event("period doubling", note, last.cycle, near if found is None else found)
+        what = Happening("period doubling", note, ())
+        if found is not None:
+            near, left = found
+            what = replace(what, residuals=(critical(-1.0, left),))
+        return _Event(what, last.cycle, near)
 
     def _vanishing(
         self, stations: list[_Station], size: Callable[[Cycle], float], power: int
@@ -428,7 +446,7 @@ class _Follower:
             lambda: dataset([self.parameter], cycles, steps),
             special,
             ends,
-            of_branch(cycles, {self.parameter: self.span}, steps),
+            with_special(of_branch(cycles, {self.parameter: self.span}, steps), special),
         )
 
     def _special(self, event: _Event, index: int) -> SpecialPoint:
@@ -441,4 +459,8 @@ class _Follower:
         data = {"time": cycle.time} if cycle.closed.shooting.symmetry.driven else {}
         mode, region = field.mode, field.region
         numbers = (state, parameters, mode, region, index, cycle.period, data)
-        return SpecialPoint(event.kind, self.parameter, event.value, *numbers, event.note)
+        what, own = event.what, event.what.residuals
+        if event.centre is None:
+            missed = cycle.closed.shooting.miss(cycle.closed.orbit)
+            own += (Residual("closure", missed, CLOSED, note="of the size of the cycle"),)
+        return SpecialPoint(what.kind, self.parameter, event.value, *numbers, what.note, own)
