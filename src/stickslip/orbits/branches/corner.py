@@ -21,7 +21,13 @@ from stickslip.orbits.branches.chart import NOT_CLOSED, Chart, renewed
 from stickslip.orbits.branches.special_points import Happening, measured_change, turning
 from stickslip.orbits.continuation.arclength import NOT_DEFINED, Lost, Point, correct, direction
 from stickslip.orbits.continuation.branch import SOLVED_TO
-from stickslip.orbits.return_map.mode_sequence import Sequence, change_of, is_open, sequence
+from stickslip.orbits.return_map.mode_sequence import (
+    Sequence,
+    change_of,
+    is_open,
+    nearest_change,
+    sequence,
+)
 from stickslip.orbits.return_map.recurrence import segments
 
 _FAILURES = (Lost, *NOT_DEFINED)
@@ -131,7 +137,8 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     else:
         kind, note = change_of(contacts, here, after)
         onward = None if is_open(after) else _onward(there, y, trial, here)
-    residuals = measured_change(there, y, kind, distance)
+    left = nearest_change(there.orbit(y).motion, there.shooting.pieces)
+    residuals = measured_change(there, y, kind, min(distance, left))
     if onward is not None:
         residuals += (onward.gap(y),)
     turn = turning(

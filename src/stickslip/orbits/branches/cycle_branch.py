@@ -23,7 +23,6 @@ from stickslip.orbits.branches.corner import BeyondCorner, Corner, corner_after
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.branches.halving import doubles_at, half_gap
 from stickslip.orbits.branches.special_points import (
-    APART,
     NOT_SMOOTH,
     TWICE,
     Happening,
@@ -290,7 +289,7 @@ class _Follower:
     def _around(self, stations: list[_Station], chart: Chart, bent: Corner) -> BeyondCorner | None:
         """Append a corner and a point beyond it; None if the branch does not go on from there."""
         onward = bent.onward
-        if onward is not None and not self._continues(chart.cycle(bent.x), onward):
+        if onward is not None and not self._continues(onward):
             onward = None
         what = bent.what if onward else replace(bent.what, kind=LOSS)
         happened = [what]
@@ -303,12 +302,12 @@ class _Follower:
             self._add(stations, onward.chart.cycle(onward.x), [])
         return onward
 
-    def _continues(self, corner: Cycle, onward: BeyondCorner) -> bool:
-        """Whether a point beyond a corner is a certified cycle within the range, next to the
-        corner."""
-        cycle = onward.chart.cycle(onward.x)
-        inside = self.span[0] <= cycle.parameters[self.parameter] <= self.span[1]
-        return inside and cycle.certificate.ok and self.spacing(corner, cycle) <= APART
+    def _continues(self, onward: BeyondCorner) -> bool:
+        """Whether a point beyond a corner is a cycle within the range; so near to the corner it need
+        not be certified, the points after it have to."""
+        orbit = onward.chart.orbit(onward.x)
+        inside = self.span[0] <= float(onward.x[-1]) <= self.span[1]
+        return inside and onward.chart.shooting.miss(orbit) <= CLOSED
 
     def _features(self, cycle: Cycle) -> Array:
         """Numbers that tell cycles of a branch apart: parameter, period, and ranges relative to the

@@ -278,8 +278,8 @@ def _vanishes_at(points: list[tuple[float, float]]) -> float:
 
 
 def measured_change(chart: Chart, x: Array, kind: str, off: float) -> tuple[Residual, ...]:
-    """How well a change of the sequence is solved: how near it is, and what vanishes where a
-    contact begins to stick.
+    """How well a change of the sequence is solved: what vanishes where a contact begins to stick,
+    else how near the change is.
 
     Parameters
     ----------
@@ -290,13 +290,14 @@ def measured_change(chart: Chart, x: Array, kind: str, off: float) -> tuple[Resi
     off : float
         What is left of what vanishes there, or the distance between motions that enclose it.
     """
-    near = Residual("nearest change", off, SOLVED_TO, note="in units of the cycle")
-    if kind != "stick onset":
-        return (near,)
-    motion, pieces = chart.orbit(x).motion, chart.shooting.pieces
-    onset = nearest_onset(motion, pieces)
-    name = "force at the reversal" if onset.reverses else "least slip speed"
-    return Residual(name, abs(onset.margin(motion, pieces)), SOLVED_TO), near
+    if kind == "stick onset":
+        motion, pieces = chart.orbit(x).motion, chart.shooting.pieces
+        onset = nearest_onset(motion, pieces)
+        margin = onset.margin(motion, pieces)
+        if math.isfinite(margin):
+            name = "force at the reversal" if onset.reverses else "least slip speed"
+            return (Residual(name, abs(margin), SOLVED_TO, note="of the largest"),)
+    return (Residual("nearest change", off, SOLVED_TO, note="in units of the cycle"),)
 
 
 def is_flat(path: Path, crossing: Crossing) -> bool:
