@@ -11,7 +11,9 @@ one side only, the other problem also says where it rests: where it does at the 
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -130,10 +132,9 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     edge = _carried(there, y, towards, trial, after, further)
     if edge is not None:
         onward = _along_the_edge(there, y, towards, edge)
-        kind, note = (
-            "slip onset",
-            f"contact '{contacts[edge[0]]}' begins to slip one way, which carries along where it rests",
-        )
+        kind = "slip onset"
+        name = contacts[edge[0]]
+        note = f"contact '{name}' begins to slip one way, which carries along where it rests"
     else:
         kind, note = change_of(contacts, here, after)
         onward = None if is_open(after) else _onward(there, y, trial, here)
@@ -141,12 +142,8 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     residuals = measured_change(there, y, kind, min(distance, left))
     if onward is not None:
         residuals += (onward.gap(y),)
-    turn = turning(
-        tangent[-1],
-        0.0
-        if onward is None
-        else onward.towards[-1] / np.linalg.norm(onward.towards / onward.chart.scale(onward.x)),
-    )
+    ahead = 0.0 if onward is None else _unit(onward.chart, onward.x, onward.towards)[-1]
+    turn = turning(tangent[-1], ahead)
     return Corner(x, beside, Happening(kind, note, residuals), turn, onward)
 
 
@@ -273,15 +270,14 @@ def _onward(chart: Chart, x: Array, trial: Array, here: Sequence) -> BeyondCorne
     null = np.linalg.svd(rows / np.maximum(np.max(np.abs(rows), axis=1, keepdims=True), 1e-300))[2][
         -1
     ]
-    for length in _ONWARD:
-        for sense in (null, -null):
-            try:
-                found = _beyond_along(chart, x, sense, length, here)
-            except _FAILURES:
-                continue
-            if found is not None:
+    nearest = None
+    for length, sense in product(_ONWARD, (null, -null)):
+        with suppress(*_FAILURES):
+            found = _beyond_along(chart, x, sense, length, here)
+            if found is not None and found.gap(x).ok:
                 return found
-    return None
+            nearest = nearest or found
+    return nearest
 
 
 def _beyond_along(

@@ -10,6 +10,7 @@ read off the motion, and where it changes between two points the change is locat
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -33,6 +34,7 @@ from stickslip.orbits.branches.special_points import (
     locate_changes,
     measured,
     of_branch,
+    vanishes_at,
 )
 from stickslip.orbits.continuation.arclength import (
     Ending,
@@ -70,6 +72,7 @@ _BETWEEN = 2.0  # distances of neighbours on a branch
 _CLOSED = Ending(Stop.CLOSED, "the branch is closed")
 CHART_PATIENCE = 64.0  # a step is shortened by this factor before the chart is made anew
 _ENDINGS = ("amplitude", "halving", "growth", "period", "carried")
+_SIZES = 4  # of cycles that shrink, from which it is extrapolated where they vanish
 _DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the same
 
 
@@ -303,8 +306,10 @@ class _Follower:
         return onward
 
     def _continues(self, onward: BeyondCorner) -> bool:
-        """Whether a point beyond a corner is a cycle within the range; so near to the corner it need
-        not be certified, the points after it have to."""
+        """Whether a point beyond a corner is a cycle within the range.
+
+        So near to the corner it need not be certified; the points after it have to be.
+        """
         orbit = onward.chart.orbit(onward.x)
         inside = self.span[0] <= float(onward.x[-1]) <= self.span[1]
         return inside and onward.chart.shooting.miss(orbit) <= CLOSED
@@ -344,7 +349,7 @@ class _Follower:
         smooth = len(cycle.phases) == 1
         if name == "amplitude" and smooth and cycle.closed.shooting.symmetry.driven:
             # What drives it vanishes, and the cycle in proportion.
-            value = self._vanishing(stations, lambda c: self.extent.amplitude(c.closed), 1)
+            value, _ = self._vanishing(stations, lambda c: self.extent.amplitude(c.closed), 1)
             width = self.span[1] - self.span[0]
             about = round(value / width, 4) * width
             return f"the cycle shrinks to a steady motion, at about {self.parameter} = {about:.4g}"
@@ -357,11 +362,14 @@ class _Follower:
         """The cycle shrinks to an equilibrium, inside a mode or on its boundary."""
         cycle = stations[-1].cycle
         smooth = len(cycle.phases) == 1
-        value = self._vanishing(stations, self._amplitude, 2 if smooth else 1)
+        value, known = self._vanishing(stations, self._amplitude, 2 if smooth else 1)
         centre = np.mean(cycle.closed.samples(64), axis=0)
         born = shrinks_to(cycle.closed, self.parameter, value) if smooth else None
         kind = "Hopf" if smooth else "boundary equilibrium"
-        what = Happening(kind, "the cycle shrinks to an equilibrium", ())
+        left = [("change by the last term of the extrapolation", known)]
+        what = Happening(
+            kind, "the cycle shrinks to an equilibrium", tuple(within(SOLVED_TO, left))
+        )
         if born is not None:
             value, centre = born.value, born.equilibrium
             left = [("real part of the eigenvalue", born.growth), ("rates", born.moves)]
@@ -371,31 +379,35 @@ class _Follower:
     def _halved(self, stations: list[_Station]) -> _Event:
         """The cycle becomes one of half its period, which doubles its period there."""
         last = stations[-1]
-        near = self._vanishing(stations, lambda cycle: half_gap(cycle.closed), 2)
+        near, known = self._vanishing(stations, lambda cycle: half_gap(cycle.closed), 2)
 
         def at(closed: Closed, value: float) -> Closed:
             return from_cycle(closed, closed.shooting.start, {self.parameter: value})
 
         found = doubles_at(part_of(last.cycle.closed, 2), last.value, near, at)
         note = "the cycle becomes one of half its period"
-        what = Happening("period doubling", note, ())
+        left = [("change by the last term of the extrapolation", known)]
+        what = Happening("period doubling", note, tuple(within(SOLVED_TO, left)))
         if found is not None:
-            near, left = found
-            what = replace(what, residuals=(critical(-1.0, left),))
+            near, missed = found
+            what = replace(what, residuals=(critical(-1.0, missed),))
         return _Event(what, last.cycle, near)
 
     def _vanishing(
         self, stations: list[_Station], size: Callable[[Cycle], float], power: int
-    ) -> float:
-        """Value of the parameter at which a size of cycles is 0: it is linear in a power of the
-        size."""
-        value = stations[-1].value
-        least = size(stations[-1].cycle) ** power
-        for station in reversed(stations[:-1]):
-            before = size(station.cycle) ** power
-            if before > (1.0 + _DISTINCT) * least:
-                return value - least * (station.value - value) / (before - least)
-        return value
+    ) -> tuple[float, float]:
+        """Value of the parameter at which a size of cycles is 0, as a polynomial in a power of the
+        size, and by how much the last term changes it, as a part of the range."""
+        known: list[tuple[float, float]] = []
+        for station in reversed(stations):
+            there = size(station.cycle) ** power
+            if not known or there > (1.0 + _DISTINCT) * known[-1][0]:
+                known.append((there, station.value))
+            if len(known) == _SIZES:
+                break
+        found = [vanishes_at(known[:count]) for count in range(1, len(known) + 1)]
+        width = self.span[1] - self.span[0]
+        return found[-1], abs(found[-1] - found[-2]) / width if len(found) > 2 else math.inf
 
     def _amplitude(self, cycle: Cycle) -> float:
         ranges = np.array([high - low for low, high in cycle.extrema.values()])

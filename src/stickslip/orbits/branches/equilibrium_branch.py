@@ -204,13 +204,15 @@ class _Piece:
 @dataclass(frozen=True)
 class _Station:
     """A point of the branch with the problem it solves, the test functions that vanish there, what
-    comes after, and where that begins."""
+    comes after, the largest values of those that end the part in its mode, and where the next part
+    begins."""
 
     steady: Steady
     point: Point
     kinds: tuple[Test, ...]
     note: str
     certified: tuple[Certificate, float]
+    largest: Mapping[Test, float]
     onward: Array | None = None
 
 
@@ -418,6 +420,10 @@ class _Follower:
             for crossing in piece.path.crossings:
                 kinds.setdefault(crossing.index, []).append(crossing.name)
             note = self._boundary_note(piece, pieces[k + 1 : k + 2])
+            largest = {
+                name: max(abs(point.tests[name]) for point in piece.path.points)
+                for name in range(len(piece.steady.field.guards))
+            }
             # The first point of a later piece is the last one of the piece before.
             for i, point in list(enumerate(piece.path.points))[1 if k else 0 :]:
                 names = kinds.get(i, [])
@@ -425,9 +431,16 @@ class _Follower:
                     "branch point" in kinds.get(j, ()) for j in (i - 1, i, i + 1)
                 ):
                     names.remove("fold")  # where branches cross, one of them may turn
-                onward = pieces[k + 1].path.points[0].x if k + 1 < len(pieces) else None
                 found.append(
-                    _Station(piece.steady, point, tuple(names), note, piece.certified[i], onward)
+                    _Station(
+                        piece.steady,
+                        point,
+                        tuple(names),
+                        note,
+                        piece.certified[i],
+                        largest,
+                        pieces[k + 1].path.points[0].x if k + 1 < len(pieces) else None,
+                    )
                 )
         return found
 
@@ -476,12 +489,13 @@ class _Follower:
         place = (state, values, steady.field.mode, steady.field.region, index)
         return [SpecialPoint(kind, self.parameter, value, *place, period, data, note, tuple(own))]
 
-    def _boundary(self, station: _Station, guard: int) -> list[Residual]:
+    @staticmethod
+    def _boundary(station: _Station, guard: int) -> list[Residual]:
         """What is left of the guard that vanishes at a boundary equilibrium, and how far from there
         the branch goes on."""
-        point = self._point(station.steady, station.point.x)[:, None]
-        left = abs(float(station.steady.sizes(point, point).margins[0, guard]))
-        own = [Residual("guard", left, SOLVED_TO, note="of its terms")]
+        left, most = abs(station.point.tests[guard]), station.largest[guard]
+        note = "of its largest value on the way"
+        own = [Residual("guard", left / most if most else left, SOLVED_TO, note=note)]
         if station.onward is not None:
             gap = (station.onward - station.point.x) / station.point.units
             own.append(Residual("gap between the sides", float(np.linalg.norm(gap)), SOLVED_TO))

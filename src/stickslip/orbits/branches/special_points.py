@@ -27,6 +27,7 @@ from stickslip.orbits.continuation.arclength import (
     in_range,
     ranges,
 )
+from stickslip.orbits.continuation.bracket import zero_between
 from stickslip.orbits.continuation.branch import SOLVED_TO
 from stickslip.orbits.return_map.mode_sequence import Sequence, change_of, nearest_change, sequence
 
@@ -47,6 +48,10 @@ NOT_SMOOTH = "not smooth: the sequence changes there"  # of a fold
 _MOST_LOOKS = 100  # for one change
 _NEARBY = 0.1  # a cycle this near, as a part of the step, says more than the ends of the step
 _ASIDE = 1e-7  # how far beside a change derivatives are those of that side
+# slope of the parameter at a fold, which moves by the square of what is left
+_TURNS = 1e-8
+# how far around the place of a change the place is looked for where a contact begins to stick
+_AROUND = (1e-9, 1e-8, 1e-7, 1e-6)
 _CLOSE = 1e-13  # a change is enclosed to this length
 _FINE = 1e-11  # corrector's tolerance where a change is located
 APART = 0.3  # neighbours on a branch are at most so far from each other …
@@ -127,12 +132,39 @@ def _break(finder: _Finder, change: _Passed, low: float, high: float) -> Break:
     """A change that lies between two others, or the ends of a step, with what is measured of it."""
     chart = finder.chart
     kind, note = change_of(list(chart.shooting.pieces.equations.labels), change.here, change.there)
+    if kind == "stick onset":
+        change = _onset(finder, change)
     sides = [
         finder.at(max(change.low - _ASIDE, 0.5 * (low + change.low))),
         finder.at(min(change.high + _ASIDE, 0.5 * (high + change.high))),
     ]
     residuals = measured_change(chart, change.x, kind, change.off)
     return Break(change.x, *sides, Happening(kind, note, residuals))
+
+
+def _onset(finder: _Finder, change: _Passed) -> _Passed:
+    """The same change, where the margin of the onset vanishes that is continued on its far side.
+
+    A stick that is too short to count has a margin, too.
+    """
+    chart = finder.chart
+    pieces = chart.shooting.pieces
+    onset = nearest_onset(chart.orbit(change.x).motion, pieces)
+
+    def margin(distance: float) -> float:
+        return onset.margin(chart.orbit(finder.at(distance)).motion, pieces)
+
+    with suppress(Lost, *NOT_DEFINED):
+        if abs(margin(change.place)) <= _TOUCHES:
+            return change
+        for beside in _AROUND:
+            ends = max(change.low - beside, 0.0), change.high + beside
+            values = margin(ends[0]), margin(ends[1])
+            if values[0] * values[1] < 0.0:
+                place = zero_between(margin, *ends, *values)
+                if abs(margin(place)) < abs(margin(change.place)):
+                    return replace(change, x=finder.at(place), place=place)
+    return change
 
 
 class _Finder:
@@ -249,8 +281,15 @@ class _Approach:
         self.end: float = at
         self.margin: float = abs(value)
         self._points = [*self._points[-2:], (self.margin, at)]
-        before, self.expected = self.expected, _vanishes_at(self._points)
+        before, self.expected = self.expected, self._vanishes()
         self._error = abs(self.expected - before)
+
+    def _vanishes(self) -> float:
+        """Where it will vanish; infinite if it does not fall."""
+        points = self._points
+        if any(later[0] >= earlier[0] for earlier, later in itertools.pairwise(points)):
+            points = points[-2:] if points[-1][0] < points[-2][0] else []
+        return vanishes_at(points) if len(points) > 1 else math.inf
 
     def trial(self, width: float) -> float:
         """Where to look next: where it will vanish, or beyond if that is near."""
@@ -261,13 +300,15 @@ class _Approach:
         return self.expected + math.copysign(4.0 * max(error, _CLOSE), off)
 
 
-def _vanishes_at(points: list[tuple[float, float]]) -> float:
-    """Where a value vanishes that is known at some places, by interpolation of the place; infinite
-    if it does not fall."""
-    if any(later[0] >= earlier[0] for earlier, later in itertools.pairwise(points)):
-        points = points[-2:] if points[-1][0] < points[-2][0] else []
-    if len(points) < 2:
-        return math.inf
+def vanishes_at(points: list[tuple[float, float]]) -> float:
+    """Where a value vanishes that is known at some places, by interpolation of the place by a
+    polynomial.
+
+    Parameters
+    ----------
+    points : list of (float, float)
+        Values, all different, and places.
+    """
     place = 0.0
     for i, (value, at) in enumerate(points):
         weight = 1.0
@@ -322,7 +363,7 @@ def measured(crossing: Crossing, slope: float, multipliers: Array) -> Happening 
     if name == "fold":
         if crossing.sides is not None:
             return Happening(name, NOT_SMOOTH, (turning(*crossing.sides),))
-        return Happening(name, "", (Residual("slope of the parameter", abs(slope), SOLVED_TO),))
+        return Happening(name, "", (Residual("slope of the parameter", abs(slope), _TURNS),))
     if crossing.sides is not None:
         return None
     if name == "torus":
