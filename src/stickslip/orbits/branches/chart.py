@@ -286,6 +286,12 @@ def renewed(chart: Chart, x: Array, tangent: Array) -> tuple[Chart, Array, Array
     )
     change = _carried(shooting, orbit, tangent, begin)
     station = new.stations[0]
+    # The clock may be put back by whole periods, and these change along the branch, too.
+    rounds = round((begin - new.start) / orbit.period)
+    if rounds:
+        p = parameter_values(orbit.problem)
+        rate = station.piece.rates(new.start, station.origin, p)
+        change = change + rounds * tangent[shooting.time] * rate
     xi = station.chart @ change
     xi = (
         xi - new.fixed.T @ np.linalg.lstsq(new.fixed.T, xi, rcond=None)[0] if len(new.fixed) else xi

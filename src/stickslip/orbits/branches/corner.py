@@ -143,8 +143,8 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     if onward is not None:
         residuals += (onward.gap(y),)
     ahead = 0.0 if onward is None else _unit(onward.chart, onward.x, onward.towards)[-1]
-    turn = turning(tangent[-1], ahead)
-    return Corner(x, beside, Happening(kind, note, residuals), turn, onward)
+    what = Happening(kind, note, residuals)
+    return Corner(x, beside, what, turning(tangent[-1], ahead), onward)
 
 
 def _happens(chart: Chart, point: Point, x: Array, tangent: Array) -> bool:

@@ -420,7 +420,7 @@ class _Follower:
             for crossing in piece.path.crossings:
                 kinds.setdefault(crossing.index, []).append(crossing.name)
             note = self._boundary_note(piece, pieces[k + 1 : k + 2])
-            largest = {
+            largest: dict[Test, float] = {
                 name: max(abs(point.tests[name]) for point in piece.path.points)
                 for name in range(len(piece.steady.field.guards))
             }

@@ -134,12 +134,10 @@ def _break(finder: _Finder, change: _Passed, low: float, high: float) -> Break:
     kind, note = change_of(list(chart.shooting.pieces.equations.labels), change.here, change.there)
     if kind == "stick onset":
         change = _onset(finder, change)
-    sides = [
-        finder.at(max(change.low - _ASIDE, 0.5 * (low + change.low))),
-        finder.at(min(change.high + _ASIDE, 0.5 * (high + change.high))),
-    ]
+    before = finder.at(max(change.low - _ASIDE, 0.5 * (low + change.low)))
+    beyond = finder.at(min(change.high + _ASIDE, 0.5 * (high + change.high)))
     residuals = measured_change(chart, change.x, kind, change.off)
-    return Break(change.x, *sides, Happening(kind, note, residuals))
+    return Break(change.x, before, beyond, Happening(kind, note, residuals))
 
 
 def _onset(finder: _Finder, change: _Passed) -> _Passed:

@@ -19,7 +19,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -167,13 +167,13 @@ class Break:
     x, before, beyond : array, shape (n + 1,)
         The unknowns there, and on both sides: where test functions are asked.
     what : object
-        What is said of it.
+        What is said of it by who knows the curve.
     """
 
     x: Array
     before: Array
     beyond: Array
-    what: object
+    what: Any
 
 
 @dataclass(frozen=True)
