@@ -180,6 +180,11 @@ class Chart:
             Shooting(old.problem, old.pieces, old.stations, old.start, setting), self.extent
         )
 
+    @property
+    def on_edge(self) -> bool:
+        """Whether a contact is carried along an edge of where it rests."""
+        return any(h.edge for h in self.shooting.setting.held)
+
     def carried(self, x: Array, tangent: Array) -> float:
         """How far contacts on an edge are carried along the way they would slip; 1 if none is on an
         edge.

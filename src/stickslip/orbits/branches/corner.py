@@ -23,6 +23,7 @@ from stickslip.orbits.branches.chart import NOT_CLOSED, Chart, renewed
 from stickslip.orbits.branches.special_points import Happening, measured_change, turning
 from stickslip.orbits.continuation.arclength import NOT_DEFINED, Lost, Point, correct, direction
 from stickslip.orbits.continuation.branch import SOLVED_TO
+from stickslip.orbits.return_map.held import HELD
 from stickslip.orbits.return_map.mode_sequence import (
     Sequence,
     change_of,
@@ -46,6 +47,7 @@ _EDGE = 0.1
 # least cosine between the direction beyond a corner and the chord to the point found there
 _ALONG = 0.9
 _DIRECTIONS = 3  # that are tried one after the other
+_HELD_TO = 10.0 * HELD  # what is known of cycles on which a contact is carried along
 _FURTHER = 100.0  # how much further beyond a corner one looks whether a contact slips both ways
 # how far beyond a corner the other side is looked for …
 _AHEAD = (1e-11, 3e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
@@ -62,15 +64,25 @@ class BeyondCorner:
     x: Array
     towards: Array
 
-    def gap(self, corner: Array) -> Residual:
+    def gap(self, corner: Array, on_edge: bool = False) -> Residual:
         """How far the branch is from the corner that it comes from, followed back along its
-        direction."""
+        direction.
+
+        Parameters
+        ----------
+        corner : array
+        on_edge : bool
+            Whether a contact is carried along on the other side.
+        """
         units = self.chart.scale(self.x)
         chord = (self.x - corner) / units
         along = self.towards / units
         along = along / np.linalg.norm(along)
         off = float(np.linalg.norm(chord - (along @ chord) * along))
-        return Residual("gap between the sides", off, SOLVED_TO, note="in units of the cycle")
+        limit, note = SOLVED_TO, "in units of the cycle"
+        if on_edge or self.chart.on_edge:
+            limit, note = _HELD_TO, f"{note}; what is carried along is held just inside its edge"
+        return Residual("gap between the sides", off, limit, note=note)
 
 
 @dataclass(frozen=True)
@@ -86,7 +98,7 @@ class Corner:
     turn : Residual
         Whether the parameter turns back.
     onward : Onward or None
-        None if no cycle goes on.
+        None if no cycle goes on from there.
     """
 
     x: Array
@@ -141,7 +153,10 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     left = nearest_change(there.orbit(y).motion, there.shooting.pieces)
     residuals = measured_change(there, y, kind, min(distance, left))
     if onward is not None:
-        residuals += (onward.gap(y),)
+        gap = onward.gap(y, chart.on_edge)
+        residuals += (gap,)
+        # Sides that do not meet are two branches.
+        onward = onward if gap.ok else None
     ahead = 0.0 if onward is None else _unit(onward.chart, onward.x, onward.towards)[-1]
     what = Happening(kind, note, residuals)
     return Corner(x, beside, what, turning(tangent[-1], ahead), onward)
@@ -274,7 +289,7 @@ def _onward(chart: Chart, x: Array, trial: Array, here: Sequence) -> BeyondCorne
     for length, sense in product(_ONWARD, (null, -null)):
         with suppress(*_FAILURES):
             found = _beyond_along(chart, x, sense, length, here)
-            if found is not None and found.gap(x).ok:
+            if found is not None and found.gap(x, chart.on_edge).ok:
                 return found
             nearest = nearest or found
     return nearest

@@ -72,7 +72,6 @@ _BETWEEN = 2.0  # distances of neighbours on a branch
 _CLOSED = Ending(Stop.CLOSED, "the branch is closed")
 CHART_PATIENCE = 64.0  # a step is shortened by this factor before the chart is made anew
 _ENDINGS = ("amplitude", "halving", "growth", "period", "carried")
-_SIZES = 4  # of cycles that shrink, from which it is extrapolated where they vanish
 _DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the same
 
 
@@ -366,7 +365,7 @@ class _Follower:
         centre = np.mean(cycle.closed.samples(64), axis=0)
         born = shrinks_to(cycle.closed, self.parameter, value) if smooth else None
         kind = "Hopf" if smooth else "boundary equilibrium"
-        left = [("change by the last term of the extrapolation", known)]
+        left = [("change by the next term of the extrapolation", known)]
         what = Happening(
             kind, "the cycle shrinks to an equilibrium", tuple(within(SOLVED_TO, left))
         )
@@ -386,7 +385,7 @@ class _Follower:
 
         found = doubles_at(part_of(last.cycle.closed, 2), last.value, near, at)
         note = "the cycle becomes one of half its period"
-        left = [("change by the last term of the extrapolation", known)]
+        left = [("change by the next term of the extrapolation", known)]
         what = Happening("period doubling", note, tuple(within(SOLVED_TO, left)))
         if found is not None:
             near, missed = found
@@ -396,18 +395,17 @@ class _Follower:
     def _vanishing(
         self, stations: list[_Station], size: Callable[[Cycle], float], power: int
     ) -> tuple[float, float]:
-        """Value of the parameter at which a size of cycles is 0, as a polynomial in a power of the
-        size, and by how much the last term changes it, as a part of the range."""
+        """Value of the parameter at which a size of cycles is 0: it is linear in a power of the
+        size; and by how much the next term would change it, as a part of the range."""
         known: list[tuple[float, float]] = []
         for station in reversed(stations):
             there = size(station.cycle) ** power
             if not known or there > (1.0 + _DISTINCT) * known[-1][0]:
                 known.append((there, station.value))
-            if len(known) == _SIZES:
-                break
-        found = [vanishes_at(known[:count]) for count in range(1, len(known) + 1)]
-        width = self.span[1] - self.span[0]
-        return found[-1], abs(found[-1] - found[-2]) / width if len(found) > 2 else math.inf
+            if len(known) == 3:
+                value, bent = vanishes_at(known[:2]), vanishes_at(known)
+                return value, abs(bent - value) / (self.span[1] - self.span[0])
+        return vanishes_at(known[:2]), math.inf
 
     def _amplitude(self, cycle: Cycle) -> float:
         ranges = np.array([high - low for low, high in cycle.extrema.values()])
@@ -444,10 +442,7 @@ class _Follower:
         """The two directions as one branch, from the far end of the first to that of the second."""
         if back and forth:
             back[0].events += forth[0].events
-        stations = joined(back, forth)
-        for one, other in itertools.pairwise(stations):
-            other.step = self.spacing(one.cycle, other.cycle)
-        stations[0].step = 0.0
+        stations = self._apart(joined(back, forth))
         special = [self._special(event, i) for i, s in enumerate(stations) for event in s.events]
         cycles, steps = [s.cycle for s in stations], np.array([s.step for s in stations])
         return Branch(
@@ -459,6 +454,18 @@ class _Follower:
             ends,
             with_special(of_branch(cycles, {self.parameter: self.span}, steps), special),
         )
+
+    def _apart(self, found: list[_Station]) -> list[_Station]:
+        """The points of a branch with their distances, in which sizes of the whole branch count;
+        those that are one by these are one."""
+        stations = [replace(found[0], step=0.0)]
+        for station in found[1:]:
+            step = self.spacing(stations[-1].cycle, station.cycle)
+            if step > TWICE:
+                stations.append(replace(station, step=step))
+            else:
+                stations[-1].events += station.events
+        return stations
 
     def _special(self, event: _Event, index: int) -> SpecialPoint:
         cycle = event.cycle

@@ -82,7 +82,13 @@ class Happening:
 
 
 def locate_changes(chart: Chart, a: Point, b: Point) -> list[Break]:
-    """The changes of the sequence between two points, in the order of travel."""
+    """The changes of the sequence between two points, in the order of travel.
+
+    Raises
+    ------
+    Lost
+        If the cycles on both sides of one do not meet.
+    """
     here = sequence(chart.orbit(a.x).motion)
     there = sequence(chart.orbit(b.x).motion)
     passed: list[_Passed] = []
@@ -94,6 +100,8 @@ def locate_changes(chart: Chart, a: Point, b: Point) -> list[Break]:
             # Events that belong together by a symmetry of the cycle.
             first = passed.pop()
             found = replace(first, high=found.high, there=found.there)
+        if found.off > _TOGETHER:
+            raise Lost("the cycles on both sides of a change of the sequence do not meet")
         passed.append(found)
         low, here = found.high, found.there
     ends = [0.0, *(change.place for change in passed), high]
