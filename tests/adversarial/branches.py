@@ -17,15 +17,16 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 import stickslip as ss
 
 from .case import declaration
-from .event_driven import Run, integrate
+from .event_driven import Phase, Run, integrate
 from .families.branching import FAMILIES, Branching
 from .mechanics import Array, Mechanics, pair
 from .motions import without_numbers
-from .pieces import NoAnswer
+from .pieces import NoAnswer, Piece
 from .registry import in_turn
 from .verdict import (
     AGREED,
@@ -45,9 +46,12 @@ draw = FAMILIES.draw
 PATIENCE = 120.0  # seconds of the processor for the library, and for the reference
 BESIDE = 1e-6  # how far beside a point derivatives are asked, and an onset is looked at
 FARTHER = (3e-4, 3e-5)  # … and where the parameter turns smoothly
+CLOSES = 1e-7  # a motion of the reference that misses by more is no cycle
 VALUE = 1e-8  # of the range: what a value may be off
 CLOSED = 1e-10  # what is left of the equations, in units of the cycle
-HELD = 1e-8  # of the threshold: what the force at a reversal may miss it by
+ONSET = 1e-7  # what is left of speeds and forces at an onset, relative to their size
+EVERY = 60  # times in a phase, between which least speeds are looked for
+SHORT = 1e-3  # of the period: a stick that may just have begun
 LASTS = 1e-10  # of the period: a phase that is shorter is none
 KINDS = ("stick onset", "fold")
 TURNS = 1e-7  # of the range: the parameter turns by more
@@ -146,12 +150,17 @@ def unnamed(case: Branching, branch: ss.Branch) -> str:
 
 @dataclass
 class Seen:
-    """A motion over a period: where it ends, its modes and regions, and by how much forces at
-    reversals miss the threshold."""
+    """A motion over a period: where it ends, its modes and regions, and how near contacts are to
+    the onset of stick, by speeds and by forces at reversals."""
 
     end: Array
     phases: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
-    reversals: list[float]
+    margins: list[float]
+
+    @property
+    def short(self) -> bool:
+        """Whether an onset is one at a reversal, where short sticks are not resolved."""
+        return min(map(abs, self.margins), default=math.inf) > 0.0
 
     @property
     def sticks(self) -> int:
@@ -186,6 +195,7 @@ class Shooting:
         self.rate = np.concatenate([rate[:own], rate[own:n]]) / self.sizes
         self.rate /= np.linalg.norm(self.rate)
         self.n = n
+        self.drift = 0.0
         # What sticks throughout comes back wherever it rests, and stays there along the branch.
         self.rests = np.zeros(n, dtype=bool)
 
@@ -210,16 +220,18 @@ class Shooting:
         inertial, inside = m.kinds[0], sum(m.kinds[:2])
         J = np.abs(np.asarray(m.J, dtype=float))
         quick, tied = (J[:, :inertial] > 0.0).any(axis=1), (J[:, inside:] > 0.0).any(axis=1)
-        phases = [*run.phases]
-        ends = [phase.time for phase in phases[1:]] + [self.period]
-        free = [
-            (end - phase.time, 0.5 * (phase.time + end))
-            for phase, end in zip(phases, ends, strict=True)
-            if not np.any((phase.mode == 0) & quick) and not np.any((phase.mode != 0) & tied)
-        ]
-        if not free:
+        best = (0.0, 0.0)
+        for phase, end in zip(run.phases, [*(p.time for p in run.phases[1:]), run.t], strict=True):
+            if np.any((phase.mode == 0) & quick) or np.any((phase.mode != 0) & tied):
+                continue
+            t = np.linspace(phase.time, end, EVERY)[10:-10]
+            u = np.array([speeds(run, phase, s) for s in t])
+            u = np.where(phase.mode == 0, 1.0, u / np.maximum(u.max(axis=0), 1e-300)).min(axis=1)
+            i = int(np.argmax(u))
+            best = max(best, ((end - phase.time) * float(u[i]), float(t[i])))
+        if best[0] == 0.0:
             raise NoAnswer("no phase whose states are free")
-        middle = max(free)[1]
+        middle = best[1]
         return time + middle, run_to(m, state, middle), sizes
 
     def __call__(self, z: Array) -> tuple[Array, Seen]:
@@ -254,17 +266,21 @@ class Shooting:
         rounds = round(self.period * here / (2.0 * np.pi))
         return float(rounds * now / self.period)
 
-    def prepare(self) -> tuple[list[Side], Array]:
+    def at_point(self) -> tuple[float, Seen]:
+        """By how much the motion at the point fails to close, and the motion."""
+        if self.together:
+            at = follow(self._mechanics(self.value), self.state, self.period)
+            self.drift = float(((at.end - self.state) @ self.shift) / self.shift.sum())
+        F, seen = self(np.zeros(self.n + 2 + self.together))
+        return float(np.linalg.norm(F)), seen
+
+    def sides(self) -> list[Side]:
         """Both sides of the point: derivatives, and the direction of the branch.
 
         Of every pair of changes of an unknown, up and down, one lies on either side of a change of
         the phases; where there is none, both are of one side.
         """
         count = self.n + 1 + self.together
-        self.drift = 0.0
-        if self.together:
-            at = follow(self._mechanics(self.value), self.state, self.period)
-            self.drift = float(((at.end - self.state) @ self.shift) / self.shift.sum())
         zero = np.zeros(count + 1)
         for i in range(self.n):
             z = zero.copy()
@@ -294,7 +310,7 @@ class Shooting:
             sides.append((name, J, tangent))
         if len(sides) == 1:
             name, J, tangent = sides[0]
-            return [Side(self, J, tangent), Side(self, J, -tangent)], here
+            return [Side(self, J, tangent), Side(self, J, -tangent)]
         found = []
         for name, J, tangent in sides:
             for sign in (1.0, -1.0):
@@ -303,7 +319,7 @@ class Shooting:
                     break
         if len(found) != 2:
             raise NoAnswer(f"{len(found)} sides")
-        return found, here
+        return found
 
 
 @dataclass
@@ -350,8 +366,47 @@ def follow(m: Mechanics, y: Array, T: float) -> Seen:
         for phase, length in zip(run.phases, lengths, strict=True)
         if length > LASTS * T
     ]
-    kept = [phase for i, phase in enumerate(phases) if i == 0 or phase != phases[i - 1]]
-    return Seen(run.y, tuple(kept), reversals(run))
+    if len(phases) > 1 and phases[0] == phases[-1]:
+        phases = phases[:-1]
+    kept = [phase for i, phase in enumerate(phases) if phase != phases[i - 1]] or phases[:1]
+    around = min(tuple(kept[i:] + kept[:i]) for i in range(len(kept)))
+    return Seen(run.y, around, [*touches(run), *reversals(run)])
+
+
+def speeds(run: Run, phase: Phase, t: float) -> Array:
+    """Moduli of the relative velocities at a time within a phase."""
+    assert run.path is not None
+    piece = Piece(run.m, phase.mode, phase.side)
+    i = max(int(np.searchsorted([s for s, _ in run.path], t)) - 1, 0)
+    rates = piece.rates(t, run.path[i][1](t))[0][: sum(run.m.kinds[:3])]
+    return np.abs(piece.J @ rates - piece.belt(t)[0])
+
+
+def touches(run: Run) -> list[float]:
+    """Least slip speeds within phases, relative to the largest; 0 for a stick that is short."""
+    m = run.m
+    assert run.path is not None
+    found = []
+    ends = [*(phase.time for phase in run.phases[1:]), run.t]
+    for phase, end in zip(run.phases, ends, strict=True):
+        if end - phase.time <= LASTS * run.t:
+            continue
+        t = np.linspace(phase.time, end, 2 + EVERY)[1:-1]
+        u = np.array([speeds(run, phase, s) for s in t])
+        for c in range(len(m.J)):
+            if phase.mode[c] == 0:
+                found += [0.0] if end - phase.time <= SHORT * run.t else []
+                continue
+            for i in range(1, len(t) - 1):
+                if u[i, c] < u[i - 1, c] and u[i, c] <= u[i + 1, c]:
+                    least: Any = minimize_scalar(
+                        lambda s, c=c, phase=phase: float(speeds(run, phase, s)[c]),
+                        bounds=(t[i - 1], t[i + 1]),
+                        method="bounded",
+                        options={"xatol": 1e-9 * run.t},
+                    )
+                    found.append(float(least.fun / u[:, c].max()))
+    return found
 
 
 def reversals(run: Run) -> list[float]:
@@ -384,26 +439,29 @@ def run_to(m: Mechanics, y: Array, T: float) -> Array:
 def checked(case: Branching, branch: ss.Branch, point: ss.SpecialPoint) -> tuple[str, dict]:
     """Hold a fold or an onset of stick against cycles of the reference on both sides."""
     shooting = Shooting(case, point)
-    sides, here = shooting.prepare()
-    missed = float(np.linalg.norm(here))
-    if missed > 1e-6:
+    missed, seen = shooting.at_point()
+    if missed > CLOSES:
         return "no cycle of the reference", {"missed": missed}
-    z, _ = sides[0].at(0.0)
-    off = abs(float(z[-1]))
+    numbers: dict[str, Any] = {}
     if point.kind == "stick onset":
-        ends = [side.at(BESIDE) for side in sides]
-        # Onto the value: by how much the parameter changes on the way.
-        sticks = [seen.sticks for _, seen in ends]
-        numbers = {"off": off, "sticks": sticks}
-        if sticks[0] == sticks[1]:
-            # A short stick at a reversal is none to the reference: how short, its force says.
-            held = min(map(abs, sides[0].at(0.0)[1].reversals), default=math.inf)
-            numbers["held"] = held
-            if held <= HELD:
-                return ("the onset is elsewhere" if off > VALUE else ""), numbers
-            return "the reference sticks as often on both sides of the onset", numbers
-        return ("the onset is elsewhere" if off > VALUE else ""), numbers
-    return fold(sides, float(z[-1]))
+        margin = min(map(abs, seen.margins), default=math.inf)
+        numbers = {"margin": margin}
+        if margin > ONSET:
+            return "the onset is elsewhere", numbers
+    try:
+        sides = shooting.sides()
+    except NoAnswer:
+        if point.kind == "stick onset":
+            return "", numbers | {"sides": "not told apart"}
+        raise
+    z, _ = sides[0].at(0.0)
+    if point.kind == "fold":
+        return fold(sides, float(z[-1]))
+    sticks = [side.at(BESIDE)[1].sticks for side in sides]
+    numbers |= {"off": abs(float(z[-1])), "sticks": sticks}
+    if sticks[0] == sticks[1] and not seen.short:
+        return "the reference sticks as often on both sides of the onset", numbers
+    return ("the onset is elsewhere" if numbers["off"] > VALUE else ""), numbers
 
 
 def fold(sides: list[Side], here: float) -> tuple[str, dict]:

@@ -154,9 +154,10 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     residuals = measured_change(there, y, kind, min(distance, left))
     if onward is not None:
         gap = onward.gap(y, chart.on_edge)
-        residuals += (gap,)
-        # Sides that do not meet are two branches.
-        onward = onward if gap.ok else None
+        if gap.ok:
+            residuals += (gap,)
+        else:
+            onward = None  # sides that do not meet are two branches
     ahead = 0.0 if onward is None else _unit(onward.chart, onward.x, onward.towards)[-1]
     what = Happening(kind, note, residuals)
     return Corner(x, beside, what, turning(tangent[-1], ahead), onward)

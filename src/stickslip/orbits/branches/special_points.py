@@ -24,6 +24,7 @@ from stickslip.orbits.continuation.arclength import (
     Lost,
     Path,
     Point,
+    direction,
     in_range,
     ranges,
 )
@@ -44,10 +45,12 @@ _FLAT = 1e-9  # values of a test function that are rounding
 _MOST_CHANGES = 8  # located within one step
 _TOUCHES = 1e-11  # a margin this small is zero
 _TOGETHER = 1e-6  # changes that are nearer to each other are one
+_APART = "the cycles on both sides of a change of the sequence do not meet"
 NOT_SMOOTH = "not smooth: the sequence changes there"  # of a fold
 _MOST_LOOKS = 100  # for one change
 _NEARBY = 0.1  # a cycle this near, as a part of the step, says more than the ends of the step
-_ASIDE = 1e-7  # how far beside a change derivatives are those of that side
+# how far beside a change derivatives are those of that side
+_ASIDE = (3e-8, 1e-7, 3e-7, 1e-6)
 # slope of the parameter at a fold, which moves by the square of what is left
 _TURNS = 1e-8
 # how far around the place of a change the place is looked for where a contact begins to stick
@@ -101,7 +104,7 @@ def locate_changes(chart: Chart, a: Point, b: Point) -> list[Break]:
             first = passed.pop()
             found = replace(first, high=found.high, there=found.there)
         if found.off > _TOGETHER:
-            raise Lost("the cycles on both sides of a change of the sequence do not meet")
+            raise Lost(_APART)
         passed.append(found)
         low, here = found.high, found.there
     ends = [0.0, *(change.place for change in passed), high]
@@ -142,10 +145,43 @@ def _break(finder: _Finder, change: _Passed, low: float, high: float) -> Break:
     kind, note = change_of(list(chart.shooting.pieces.equations.labels), change.here, change.there)
     if kind == "stick onset":
         change = _onset(finder, change)
-    before = finder.at(max(change.low - _ASIDE, 0.5 * (low + change.low)))
-    beyond = finder.at(min(change.high + _ASIDE, 0.5 * (high + change.high)))
-    residuals = measured_change(chart, change.x, kind, change.off)
+    before = _beside(finder, change.place, low, change.here)
+    beyond = _beside(finder, change.place, high, change.there)
+    gap = _gap(finder, change.place, before, beyond)
+    if gap > _TOGETHER:
+        raise Lost(_APART)
+    residuals = (
+        *measured_change(chart, change.x, kind, change.off),
+        Residual("gap between the sides", gap, SOLVED_TO, note="in units of the cycle"),
+    )
     return Break(change.x, before, beyond, Happening(kind, note, residuals))
+
+
+def _beside(finder: _Finder, place: float, end: float, order: Sequence) -> Array:
+    """Unknowns beside a change on the way to a place, where the sequence is that of this side.
+
+    Raises
+    ------
+    Lost
+        If it is so nowhere nearby.
+    """
+    for aside in _ASIDE:
+        x = finder.at(place + math.copysign(min(aside, 0.5 * abs(end - place)), end - place))
+        if sequence(finder.chart.orbit(x).motion) == order:
+            return x
+    raise Lost(_APART)
+
+
+def _gap(finder: _Finder, place: float, *sides: Array) -> float:
+    """How far apart both sides of a change are where it is: they are followed there along their own
+    directions."""
+    a = finder.a
+    ends: list[Array] = []
+    for x in sides:
+        tangent, _ = direction(finder.chart, x, a.units, a.heading)
+        offset = (x - a.x) / a.units
+        ends.append(offset + tangent * (place - a.heading @ offset) / (a.heading @ tangent))
+    return float(np.linalg.norm(ends[1] - ends[0]))
 
 
 def _onset(finder: _Finder, change: _Passed) -> _Passed:
