@@ -220,7 +220,8 @@ class _Follower:
                     return Ending(Stop.EVENT, f"{LOSS} at {where}: {bent.what.note}")
                 there = renewed(beyond.chart, beyond.x, beyond.towards)
                 return self._start(*there, self.steps.first)
-            if len(path.points) == 1 and step <= CHART_PATIENCE * self.steps.smallest:
+            shortest = CHART_PATIENCE * self.steps.smallest
+            if max(step, last.length - path.points[0].length) <= shortest:
                 return path.ended
         step = step / CHART_PATIENCE if len(path.points) == 1 else step_after(path, self.steps)
         return self._start(*renewed(chart, last.x, last.tangent), step)

@@ -147,14 +147,19 @@ def _break(finder: _Finder, change: _Passed, low: float, high: float) -> Break:
         change = _onset(finder, change)
     before = _beside(finder, change.place, low, change.here)
     beyond = _beside(finder, change.place, high, change.there)
-    gap = _gap(finder, change.place, before, beyond)
+    x = change.x
+    gap, off = _gap(finder, change.place, before, beyond)
+    if gap > SOLVED_TO and abs(off) <= _TOGETHER:
+        # What is too short to count ends on both sides before the place where they meet.
+        x = finder.at(change.place + off)
+        gap, _ = _gap(finder, change.place + off, before, beyond)
     if gap > _TOGETHER:
         raise Lost(_APART)
     residuals = (
-        *measured_change(chart, change.x, kind, change.off),
+        *measured_change(chart, x, kind, change.off),
         Residual("gap between the sides", gap, SOLVED_TO, note="in units of the cycle"),
     )
-    return Break(change.x, before, beyond, Happening(kind, note, residuals))
+    return Break(x, before, beyond, Happening(kind, note, residuals))
 
 
 def _beside(finder: _Finder, place: float, end: float, order: Sequence) -> Array:
@@ -172,16 +177,18 @@ def _beside(finder: _Finder, place: float, end: float, order: Sequence) -> Array
     raise Lost(_APART)
 
 
-def _gap(finder: _Finder, place: float, *sides: Array) -> float:
-    """How far apart both sides of a change are where it is: they are followed there along their own
-    directions."""
+def _gap(finder: _Finder, place: float, *sides: Array) -> tuple[float, float]:
+    """How far apart both sides of a change are at a place, and how much further they are nearest:
+    they are followed there along their own directions."""
     a = finder.a
-    ends: list[Array] = []
+    ends, ways = list[Array](), list[Array]()
     for x in sides:
         tangent, _ = direction(finder.chart, x, a.units, a.heading)
+        ways.append(tangent / (a.heading @ tangent))
         offset = (x - a.x) / a.units
-        ends.append(offset + tangent * (place - a.heading @ offset) / (a.heading @ tangent))
-    return float(np.linalg.norm(ends[1] - ends[0]))
+        ends.append(offset + ways[-1] * (place - a.heading @ offset))
+    apart, turn = ends[1] - ends[0], ways[1] - ways[0]
+    return float(np.linalg.norm(apart)), -float(apart @ turn) / max(float(turn @ turn), 1e-300)
 
 
 def _onset(finder: _Finder, change: _Passed) -> _Passed:
