@@ -22,6 +22,7 @@ SHARES = {
     "impacts": 0.25,
     "planes": 0.25,
     "cycles": 0.1,
+    "branches": 0.025,
     "maps": 0.1,
     "averages": 0.1,
     "evolutions": 0.1,

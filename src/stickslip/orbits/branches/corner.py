@@ -46,13 +46,16 @@ _MOST = 400  # steps towards a corner
 _EDGE = 0.1
 # least cosine between the direction beyond a corner and the chord to the point found there
 _ALONG = 0.9
+_BACK = -1.0 + 1e-6  # cosine of a direction that leads back where one came from
 _DIRECTIONS = 3  # that are tried one after the other
 _HELD_TO = 10.0 * HELD  # what is known of cycles on which a contact is carried along
 _FURTHER = 100.0  # how much further beyond a corner one looks whether a contact slips both ways
 # how far beyond a corner the other side is looked for …
 _AHEAD = (1e-11, 3e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
+_NEAR = 1e-6  # … both sides meet at most so far from where one of them seems to end …
 _THERE = 1e-6  # … how far its derivatives are asked …
-_ONWARD = (1e-7, 1e-6, 1e-8, 1e-5)  # … and cycles are looked for
+_ONWARD = (1e-7, 1e-6, 1e-5)  # … and cycles are looked for, …
+_NEARER = (3e-8, 1e-8)  # … nearer if the branch bends too much on the way
 
 
 @dataclass(frozen=True)
@@ -149,8 +152,14 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
         note = f"contact '{name}' begins to slip one way, which carries along where it rests"
     else:
         kind, note = change_of(contacts, here, after)
-        onward = None if is_open(after) else _onward(there, y, trial, here)
+        onward = None if is_open(after) else _onward(there, y, towards, trial, here)
     left = nearest_change(there.orbit(y).motion, there.shooting.pieces)
+    if onward is not None and not onward.gap(y, chart.on_edge).ok:
+        # What is too short to count ends before the place where both sides meet.
+        with suppress(*_FAILURES):
+            x, y = _meeting((chart, x, tangent), (there, y, towards), onward)
+        if edge is None and not onward.gap(y, chart.on_edge).ok:
+            onward = _onward(there, y, towards, trial, here, _NEARER)
     residuals = measured_change(there, y, kind, min(distance, left))
     if onward is not None:
         gap = onward.gap(y, chart.on_edge)
@@ -161,6 +170,38 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     ahead = 0.0 if onward is None else _unit(onward.chart, onward.x, onward.towards)[-1]
     what = Happening(kind, note, residuals)
     return Corner(x, beside, what, turning(tangent[-1], ahead), onward)
+
+
+_Ray = tuple[Chart, Array, Array]
+"""A chart, unknowns in it and a direction in their units."""
+
+
+def _meeting(ray: _Ray, same: _Ray, onward: BeyondCorner) -> tuple[Array, Array]:
+    """Where this side, given in two charts, is nearest to the line along which it goes on; the
+    unknowns in both charts."""
+    _, y, towards = same
+    units = onward.chart.scale(onward.x)
+    ahead = _unit(onward.chart, onward.x, onward.towards)
+    lines = np.column_stack([towards, -ahead])
+    length = float(np.linalg.lstsq(lines, (onward.x - y) / units, rcond=None)[0][0])
+    if abs(length) > _NEAR:
+        raise Lost("the sides do not meet")
+    # Period and parameter have the same units in both charts.
+    parts = [
+        float(np.linalg.norm(tangent[chart.shooting.time :])) for chart, _, tangent in (ray, same)
+    ]
+    lengths = length * parts[1] / max(parts[0], 1e-300), length
+    x, y = (
+        correct(
+            chart,
+            start + chart.scale(start) * tangent * way,
+            chart.scale(start),
+            tangent,
+            _TOLERANCE,
+        )
+        for (chart, start, tangent), way in zip((ray, same), lengths, strict=True)
+    )
+    return x, y
 
 
 def _happens(chart: Chart, point: Point, x: Array, tangent: Array) -> bool:
@@ -277,9 +318,16 @@ def _beyond(
     return None
 
 
-def _onward(chart: Chart, x: Array, trial: Array, here: Sequence) -> BeyondCorner | None:
+def _onward(
+    chart: Chart,
+    x: Array,
+    towards: Array,
+    trial: Array,
+    here: Sequence,
+    lengths: tuple[float, ...] = _ONWARD,
+) -> BeyondCorner | None:
     """A cycle beyond the corner, in one of the two senses of the null vector of the derivatives
-    there."""
+    there; not on the way back."""
     chart = chart.resting_as(chart.orbit(trial).motion)
     units = chart.scale(x)
     rows = chart.orbit(trial).J * units
@@ -287,10 +335,12 @@ def _onward(chart: Chart, x: Array, trial: Array, here: Sequence) -> BeyondCorne
         -1
     ]
     nearest = None
-    for length, sense in product(_ONWARD, (null, -null)):
+    for length, sense in product(lengths, (null, -null)):
         with suppress(*_FAILURES):
             found = _beyond_along(chart, x, sense, length, here)
-            if found is not None and found.gap(x, chart.on_edge).ok:
+            if found is None or _unit(chart, found.x, found.towards) @ towards < _BACK:
+                continue
+            if found.gap(x, chart.on_edge).ok:
                 return found
             nearest = nearest or found
     return nearest
