@@ -14,13 +14,9 @@ from adversarial.families.branching import FAMILIES
 from adversarial.verdict import AGREED, WRONG
 
 CHOSEN = {
-    "belt that falls": 2,
-    "belt with more damping": 1,
     "belt that rises": 0,
     "slider that heats": 1,
-    "toy that walks": 0,
     "driven over dry ground": 0,
-    "damper on a hardening spring": 3,
 }
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.certificates import Residual
 from stickslip.orbits.branches.chart import NOT_CLOSED, Chart, renewed
-from stickslip.orbits.branches.special_points import Happening, measured_change, turning
+from stickslip.orbits.branches.special_points import HIDDEN, Happening, measured_change, turning
 from stickslip.orbits.continuation.arclength import NOT_DEFINED, Lost, Point, correct, direction
 from stickslip.orbits.continuation.branch import SOLVED_TO
 from stickslip.orbits.return_map.held import HELD
@@ -52,7 +52,6 @@ _HELD_TO = 10.0 * HELD  # what is known of cycles on which a contact is carried 
 _FURTHER = 100.0  # how much further beyond a corner one looks whether a contact slips both ways
 # how far beyond a corner the other side is looked for …
 _AHEAD = (1e-11, 3e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
-_NEAR = 1e-6  # … both sides meet at most so far from where one of them seems to end …
 _THERE = 1e-6  # … how far its derivatives are asked …
 _ONWARD = (1e-7, 1e-6, 1e-5)  # … and cycles are looked for, …
 _NEARER = (3e-8, 1e-8)  # … nearer if the branch bends too much on the way
@@ -155,9 +154,11 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
         onward = None if is_open(after) else _onward(there, y, towards, trial, here)
     left = nearest_change(there.orbit(y).motion, there.shooting.pieces)
     if onward is not None and not onward.gap(y, chart.on_edge).ok:
-        # What is too short to count ends before the place where both sides meet.
-        with suppress(*_FAILURES):
-            x, y = _meeting((chart, x, tangent), (there, y, towards), onward)
+        # What is too short to count ends before the place where both sides meet; a stick is located
+        # by its margin.
+        if kind != "stick onset":
+            with suppress(*_FAILURES):
+                x, y = _meeting((chart, x, tangent), (there, y, towards), onward)
         if edge is None and not onward.gap(y, chart.on_edge).ok:
             onward = _onward(there, y, towards, trial, here, _NEARER)
     residuals = measured_change(there, y, kind, min(distance, left))
@@ -184,7 +185,7 @@ def _meeting(ray: _Ray, same: _Ray, onward: BeyondCorner) -> tuple[Array, Array]
     ahead = _unit(onward.chart, onward.x, onward.towards)
     lines = np.column_stack([towards, -ahead])
     length = float(np.linalg.lstsq(lines, (onward.x - y) / units, rcond=None)[0][0])
-    if abs(length) > _NEAR:
+    if abs(length) > HIDDEN:
         raise Lost("the sides do not meet")
     # Period and parameter have the same units in both charts.
     parts = [

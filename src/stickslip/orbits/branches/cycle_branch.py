@@ -30,9 +30,9 @@ from stickslip.orbits.branches.special_points import (
     Spacing,
     critical,
     dataset,
+    happening_at,
     is_flat,
     locate_changes,
-    measured,
     of_branch,
     vanishes_at,
 )
@@ -254,7 +254,9 @@ class _Follower:
             cycle = chart.cycle(point.x)
             happened = [path.breaks[i].what] if i in path.breaks else []
             here = [c for c in path.crossings if c.index == i and c.name not in _ENDINGS]
-            happened += [measured(c, slope, cycle.nontrivial) for c in here if not is_flat(path, c)]
+            happened += [
+                happening_at(c, slope, cycle.nontrivial) for c in here if not is_flat(path, c)
+            ]
             self._add(stations, cycle, [found for found in happened if found])
 
     def _add(self, stations: list[_Station], cycle: Cycle, happened: list[Happening]) -> None:

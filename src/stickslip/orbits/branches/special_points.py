@@ -44,6 +44,7 @@ _NEAR = 1e-4
 _FLAT = 1e-9  # values of a test function that are rounding
 _MOST_CHANGES = 8  # located within one step
 _TOUCHES = 1e-11  # a margin this small is zero
+HIDDEN = 3e-7  # so far from a change its sides may end, with what is too short to count
 _TOGETHER = 1e-6  # changes that are nearer to each other are one
 _APART = "the cycles on both sides of a change of the sequence do not meet"
 NOT_SMOOTH = "not smooth: the sequence changes there"  # of a fold
@@ -149,7 +150,7 @@ def _break(finder: _Finder, change: _Passed, low: float, high: float) -> Break:
     beyond = _beside(finder, change.place, high, change.there)
     x = change.x
     gap, off = _gap(finder, change.place, before, beyond)
-    if gap > SOLVED_TO and abs(off) <= _TOGETHER:
+    if kind != "stick onset" and gap > SOLVED_TO and abs(off) <= HIDDEN:
         # What is too short to count ends on both sides before the place where they meet.
         x = finder.at(change.place + off)
         gap, _ = _gap(finder, change.place + off, before, beyond)
@@ -397,7 +398,7 @@ def is_flat(path: Path, crossing: Crossing) -> bool:
     return max(abs(point.tests[crossing.name]) for point in beside) < _FLAT
 
 
-def measured(crossing: Crossing, slope: float, multipliers: Array) -> Happening | None:
+def happening_at(crossing: Crossing, slope: float, multipliers: Array) -> Happening | None:
     """What a zero of a test function is, and how well it is solved; None if it has no meaning.
 
     Parameters
