@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 from html import escape
@@ -356,9 +356,24 @@ def shortened(rows: list[tuple[str, str]], most: int = _SHOWN) -> list[tuple[str
 
 def restored_certificate(entry: Mapping[str, Any]) -> Certificate:
     """A certificate as it was stored: lists were tuples."""
-    residuals = tuple(Residual(**residual) for residual in entry["residuals"])
+    residuals = restored_residuals(entry["residuals"])
     spans = tuple((start, end) for start, end in entry["unverified"])
     return Certificate(residuals, entry["outcome"], spans, tuple(entry["notes"]))
+
+
+def restored_residuals(entries: Iterable[Mapping[str, Any]]) -> tuple[Residual, ...]:
+    """Residuals as they were stored: where there was no number is none, where there was no limit is
+    none."""
+    return tuple(
+        Residual(
+            **{
+                **entry,
+                "value": math.nan if entry["value"] is None else entry["value"],
+                "limit": math.inf if entry["limit"] is None else entry["limit"],
+            }
+        )
+        for entry in entries
+    )
 
 
 def _in_lines(text: str) -> page.Html:

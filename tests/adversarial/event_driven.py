@@ -41,10 +41,11 @@ MOST_STEPS = 200_000
 
 
 class Phase(NamedTuple):
-    """A mode from a time on."""
+    """A mode and a region from a time on."""
 
     time: float
     mode: Array
+    side: Array
 
 
 @dataclass
@@ -170,7 +171,7 @@ class Run:
         self.side = side
         self.piece = piece
         self.settle(piece)
-        self.phases.append(Phase(self.t, mode.copy()))
+        self.phases.append(Phase(self.t, mode.copy(), side.copy()))
 
     def choose(self, contacts: set[int], kinks: set[int]) -> tuple[Array, Array]:
         """Static thresholds decide who slides; what slides takes its kinetic force; the rest is

@@ -23,6 +23,7 @@ SHARES = {
     "planes": 0.25,
     "samples": 0.025,
     "cycles": 0.1,
+    "branches": 0.025,
     "maps": 0.1,
     "averages": 0.1,
     "evolutions": 0.1,

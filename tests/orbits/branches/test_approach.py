@@ -47,27 +47,27 @@ MARGINS = {
 def test_where_it_vanishes(kind: str) -> None:
     """To rounding, in a few looks."""
     found, looked = finder(MARGINS[kind])
-    x, beyond, order = found.first_change(0.0, 1.0)
-    assert order == ("beyond",)
-    assert x[0] == pytest.approx(CHANGE, abs=1e-12)
+    change = found.first_change(0.0, 1.0)
+    assert change.there == ("beyond",)
+    assert change.x[0] == pytest.approx(CHANGE, abs=1e-12)
     assert len(looked) <= 36
-    assert beyond >= CHANGE - 1e-12
+    assert change.high >= CHANGE - 1e-12
 
 
 def test_a_jump_is_enclosed() -> None:
     """Nothing vanishes: by halves, on the last side that is known."""
     found, looked = finder(lambda d: 0.2 if d < CHANGE else -0.1)
-    _, beyond, _ = found.first_change(0.0, 1.0)
-    assert beyond == pytest.approx(CHANGE, abs=2e-13)
+    change = found.first_change(0.0, 1.0)
+    assert change.high == pytest.approx(CHANGE, abs=2e-13)
     assert len(looked) < 60
 
 
 def test_a_phase_that_is_not_counted_any_more() -> None:
     """Its margin is what it lasts beyond 1e-9 of the period: 0 where the phase is gone."""
     found, looked = finder(lambda d: m if (m := 0.05 * (CHANGE - d) - 1e-9) > 0.0 else -0.07)
-    x, beyond, _ = found.first_change(0.0, 1.0)
-    assert x[0] == pytest.approx(CHANGE - 2e-8, abs=1e-12)
-    assert beyond == pytest.approx(x[0], abs=1e-12)
+    change = found.first_change(0.0, 1.0)
+    assert change.x[0] == pytest.approx(CHANGE - 2e-8, abs=1e-12)
+    assert change.high == pytest.approx(change.x[0], abs=1e-12)
     assert len(looked) < 25
 
 
@@ -75,15 +75,15 @@ def test_what_vanishes_at_the_change_before() -> None:
     """A margin that is zero where one starts and grows from there is not that of the next
     change."""
     found, _ = finder(lambda d: d * (CHANGE - d))
-    x, beyond, order = found.first_change(0.0, 1.0)
-    assert order == ("beyond",)
-    assert x[0] == pytest.approx(CHANGE, abs=1e-12)
-    assert beyond == pytest.approx(CHANGE, abs=1e-12)
+    change = found.first_change(0.0, 1.0)
+    assert change.there == ("beyond",)
+    assert change.x[0] == pytest.approx(CHANGE, abs=1e-12)
+    assert change.high == pytest.approx(CHANGE, abs=1e-12)
 
 
 def test_the_first_of_two_changes() -> None:
     """Another one with a smaller margin lies further on."""
     found, _ = finder(lambda d: (CHANGE - d) if d < 0.5 else -1e-9 * (d - 0.9) ** 2)
-    x, beyond, _ = found.first_change(0.0, 1.0)
-    assert x[0] == pytest.approx(CHANGE, abs=1e-12)
-    assert beyond == pytest.approx(CHANGE, abs=2e-6)
+    change = found.first_change(0.0, 1.0)
+    assert change.x[0] == pytest.approx(CHANGE, abs=1e-12)
+    assert change.high == pytest.approx(CHANGE, abs=2e-6)

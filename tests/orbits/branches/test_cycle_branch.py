@@ -35,6 +35,7 @@ def follow(cycle: Cycle, parameter: str, span: tuple[float, float]) -> Branch:
     """A branch, every point of which closes and obeys the friction law with its own sequence."""
     branch = continue_cycle(cycle, parameter, span)
     points = branch.points
+    assert branch.certificate.ok, branch.certificate.describe()
     assert points["certified"].values.all()
     assert points["residual"].values.max() < 1e-9
     assert np.all(np.isfinite(points["multiplier_real"].values))

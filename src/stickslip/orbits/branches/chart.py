@@ -180,6 +180,11 @@ class Chart:
             Shooting(old.problem, old.pieces, old.stations, old.start, setting), self.extent
         )
 
+    @property
+    def on_edge(self) -> bool:
+        """Whether a contact is carried along an edge of where it rests."""
+        return any(h.edge for h in self.shooting.setting.held)
+
     def carried(self, x: Array, tangent: Array) -> float:
         """How far contacts on an edge are carried along the way they would slip; 1 if none is on an
         edge.
@@ -286,6 +291,12 @@ def renewed(chart: Chart, x: Array, tangent: Array) -> tuple[Chart, Array, Array
     )
     change = _carried(shooting, orbit, tangent, begin)
     station = new.stations[0]
+    # The clock may be put back by whole periods, and these change along the branch, too.
+    rounds = round((begin - new.start) / orbit.period)
+    if rounds:
+        p = parameter_values(orbit.problem)
+        rate = station.piece.rates(new.start, station.origin, p)
+        change = change + rounds * tangent[shooting.time] * rate
     xi = station.chart @ change
     xi = (
         xi - new.fixed.T @ np.linalg.lstsq(new.fixed.T, xi, rcond=None)[0] if len(new.fixed) else xi

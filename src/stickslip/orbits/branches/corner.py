@@ -11,14 +11,26 @@ one side only, the other problem also says where it rests: where it does at the 
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.certificates import Residual
 from stickslip.orbits.branches.chart import NOT_CLOSED, Chart, renewed
+from stickslip.orbits.branches.special_points import HIDDEN, Happening, measured_change, turning
 from stickslip.orbits.continuation.arclength import NOT_DEFINED, Lost, Point, correct, direction
-from stickslip.orbits.return_map.mode_sequence import Sequence, change_of, is_open, sequence
+from stickslip.orbits.continuation.branch import SOLVED_TO
+from stickslip.orbits.return_map.held import HELD
+from stickslip.orbits.return_map.mode_sequence import (
+    Sequence,
+    change_of,
+    is_open,
+    nearest_change,
+    sequence,
+)
 from stickslip.orbits.return_map.recurrence import segments
 
 _FAILURES = (Lost, *NOT_DEFINED)
@@ -34,9 +46,15 @@ _MOST = 400  # steps towards a corner
 _EDGE = 0.1
 # least cosine between the direction beyond a corner and the chord to the point found there
 _ALONG = 0.9
+_BACK = -1.0 + 1e-6  # cosine of a direction that leads back where one came from
 _DIRECTIONS = 3  # that are tried one after the other
+_HELD_TO = 10.0 * HELD  # what is known of cycles on which a contact is carried along
 _FURTHER = 100.0  # how much further beyond a corner one looks whether a contact slips both ways
-_AHEAD = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2)  # how far beyond a corner the other side is looked for
+# how far beyond a corner the other side is looked for …
+_AHEAD = (1e-11, 3e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
+_THERE = 1e-6  # … how far its derivatives are asked …
+_ONWARD = (1e-7, 1e-6, 1e-5)  # … and cycles are looked for, …
+_NEARER = (3e-8, 1e-8)  # … nearer if the branch bends too much on the way
 
 
 @dataclass(frozen=True)
@@ -48,6 +66,26 @@ class BeyondCorner:
     x: Array
     towards: Array
 
+    def gap(self, corner: Array, on_edge: bool = False) -> Residual:
+        """How far the branch is from the corner that it comes from, followed back along its
+        direction.
+
+        Parameters
+        ----------
+        corner : array
+        on_edge : bool
+            Whether a contact is carried along on the other side.
+        """
+        units = self.chart.scale(self.x)
+        chord = (self.x - corner) / units
+        along = self.towards / units
+        along = along / np.linalg.norm(along)
+        off = float(np.linalg.norm(chord - (along @ chord) * along))
+        limit, note = SOLVED_TO, "in units of the cycle"
+        if on_edge or self.chart.on_edge:
+            limit, note = _HELD_TO, f"{note}; what is carried along is held just inside its edge"
+        return Residual("gap between the sides", off, limit, note=note)
+
 
 @dataclass(frozen=True)
 class Corner:
@@ -57,19 +95,18 @@ class Corner:
     ----------
     x, beside : arrays
         Unknowns there, in the chart of this side, and a little before.
-    kind, note : str
+    what : Happening
         What changes.
-    turns : bool
+    turn : Residual
         Whether the parameter turns back.
     onward : Onward or None
-        None if no cycle goes on.
+        None if no cycle goes on from there.
     """
 
     x: Array
     beside: Array
-    kind: str
-    note: str
-    turns: bool
+    what: Happening
+    turn: Residual
     onward: BeyondCorner | None
 
 
@@ -77,7 +114,7 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     """The corner within some length after a point.
 
     None if the sequence does not change there, or if the branch turns by more than an angle, or
-    back, before it does: that has to be resolved first.
+    back, or something else happens before it does: that has to be resolved first.
     """
     here = sequence(chart.orbit(point.x).motion)
     before = _unit(chart, point.x, point.tangent)
@@ -90,6 +127,8 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     if tangent @ before < np.cos(turn) or tangent[-1] * before[-1] < 0.0:
         return None
     try:
+        if _happens(chart, point, beside, tangent):
+            return None
         # Around the corner itself, so that what begins to rest there is held where it is.
         there, y, towards = renewed(chart, x, tangent * chart.scale(x))
     except _FAILURES:
@@ -102,16 +141,74 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
     if is_open(after) and not _well_inside(chart, x):
         return None
     contacts = list(chart.shooting.pieces.equations.labels)
-    edge = _carried(there, y, towards, trial, after, distance)
+    further = max(distance, _THERE)
+    trial = y + there.scale(y) * towards * further
+    edge = _carried(there, y, towards, trial, after, further)
     if edge is not None:
         onward = _along_the_edge(there, y, towards, edge)
+        kind = "slip onset"
         name = contacts[edge[0]]
         note = f"contact '{name}' begins to slip one way, which carries along where it rests"
-        return Corner(x, beside, "slip onset", note, False, onward)
-    kind, note = change_of(contacts, here, after)
-    onward = None if is_open(after) else _onward(there, y, trial, here, distance)
-    turns = onward is not None and onward.towards[-1] * tangent[-1] < 0.0
-    return Corner(x, beside, kind, note, turns, onward)
+    else:
+        kind, note = change_of(contacts, here, after)
+        onward = None if is_open(after) else _onward(there, y, towards, trial, here)
+    left = nearest_change(there.orbit(y).motion, there.shooting.pieces)
+    if onward is not None and not onward.gap(y, chart.on_edge).ok:
+        # What is too short to count ends before the place where both sides meet; a stick is located
+        # by its margin.
+        if kind != "stick onset":
+            with suppress(*_FAILURES):
+                x, y = _meeting((chart, x, tangent), (there, y, towards), onward)
+        if edge is None and not onward.gap(y, chart.on_edge).ok:
+            onward = _onward(there, y, towards, trial, here, _NEARER)
+    residuals = measured_change(there, y, kind, min(distance, left))
+    if onward is not None:
+        gap = onward.gap(y, chart.on_edge)
+        if gap.ok:
+            residuals += (gap,)
+        else:
+            onward = None  # sides that do not meet are two branches
+    ahead = 0.0 if onward is None else _unit(onward.chart, onward.x, onward.towards)[-1]
+    what = Happening(kind, note, residuals)
+    return Corner(x, beside, what, turning(tangent[-1], ahead), onward)
+
+
+_Ray = tuple[Chart, Array, Array]
+"""A chart, unknowns in it and a direction in their units."""
+
+
+def _meeting(ray: _Ray, same: _Ray, onward: BeyondCorner) -> tuple[Array, Array]:
+    """Where this side, given in two charts, is nearest to the line along which it goes on; the
+    unknowns in both charts."""
+    _, y, towards = same
+    units = onward.chart.scale(onward.x)
+    ahead = _unit(onward.chart, onward.x, onward.towards)
+    lines = np.column_stack([towards, -ahead])
+    length = float(np.linalg.lstsq(lines, (onward.x - y) / units, rcond=None)[0][0])
+    if abs(length) > HIDDEN:
+        raise Lost("the sides do not meet")
+    # Period and parameter have the same units in both charts.
+    parts = [
+        float(np.linalg.norm(tangent[chart.shooting.time :])) for chart, _, tangent in (ray, same)
+    ]
+    lengths = length * parts[1] / max(parts[0], 1e-300), length
+    x, y = (
+        correct(
+            chart,
+            start + chart.scale(start) * tangent * way,
+            chart.scale(start),
+            tangent,
+            _TOLERANCE,
+        )
+        for (chart, start, tangent), way in zip((ray, same), lengths, strict=True)
+    )
+    return x, y
+
+
+def _happens(chart: Chart, point: Point, x: Array, tangent: Array) -> bool:
+    """Whether a test function changes its sign between two points."""
+    there = chart.tests(x, tangent * chart.scale(x))
+    return any(value * point.tests[name] < 0.0 for name, value in there.items())
 
 
 def _carried(
@@ -152,7 +249,8 @@ def _along_the_edge(
                 other.shooting.miss(other.orbit(there)) <= NOT_CLOSED
                 and other.carried(there, tangent * units) > 0.0
             ):
-                return BeyondCorner(other, there, tangent * units)
+                ahead, _ = direction(other, there, units, tangent)
+                return BeyondCorner(other, there, ahead * units)
         except _FAILURES:
             continue
     return None
@@ -222,25 +320,31 @@ def _beyond(
 
 
 def _onward(
-    chart: Chart, x: Array, trial: Array, here: Sequence, distance: float
+    chart: Chart,
+    x: Array,
+    towards: Array,
+    trial: Array,
+    here: Sequence,
+    lengths: tuple[float, ...] = _ONWARD,
 ) -> BeyondCorner | None:
     """A cycle beyond the corner, in one of the two senses of the null vector of the derivatives
-    there."""
+    there; not on the way back."""
     chart = chart.resting_as(chart.orbit(trial).motion)
     units = chart.scale(x)
     rows = chart.orbit(trial).J * units
     null = np.linalg.svd(rows / np.maximum(np.max(np.abs(rows), axis=1, keepdims=True), 1e-300))[2][
         -1
     ]
-    for length in (10.0 * distance, 100.0 * distance, distance):
-        for sense in (null, -null):
-            try:
-                found = _beyond_along(chart, x, sense, length, here)
-            except _FAILURES:
+    nearest = None
+    for length, sense in product(lengths, (null, -null)):
+        with suppress(*_FAILURES):
+            found = _beyond_along(chart, x, sense, length, here)
+            if found is None or _unit(chart, found.x, found.towards) @ towards < _BACK:
                 continue
-            if found is not None:
+            if found.gap(x, chart.on_edge).ok:
                 return found
-    return None
+            nearest = nearest or found
+    return nearest
 
 
 def _beyond_along(
@@ -261,6 +365,7 @@ def _beyond_along(
         if after == here or is_open(after) or chart.shooting.miss(orbit) > NOT_CLOSED:
             return None
         if sense @ chord > _ALONG * np.linalg.norm(chord):
-            return BeyondCorner(chart, there, units * sense)
+            ahead, _ = direction(chart, there, units, sense)
+            return BeyondCorner(chart, there, units * ahead)
         sense, _ = direction(chart, there, units, chord)
     return None

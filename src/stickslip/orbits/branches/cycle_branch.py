@@ -10,27 +10,31 @@ read off the motion, and where it changes between two points the change is locat
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.certificates import Residual, within
 from stickslip.errors import DeclarationError
 from stickslip.orbits.branches.chart import KNOWN_TO, Chart, extent_of, first_chart, renewed
 from stickslip.orbits.branches.corner import BeyondCorner, Corner, corner_after
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.branches.halving import doubles_at, half_gap
 from stickslip.orbits.branches.special_points import (
-    APART,
     NOT_SMOOTH,
     TWICE,
+    Happening,
     Spacing,
-    confirmed,
+    critical,
     dataset,
+    happening_at,
     is_flat,
     locate_changes,
     of_branch,
+    vanishes_at,
 )
 from stickslip.orbits.continuation.arclength import (
     Ending,
@@ -41,7 +45,7 @@ from stickslip.orbits.continuation.arclength import (
     Test,
     ranges,
 )
-from stickslip.orbits.continuation.branch import Branch, SpecialPoint
+from stickslip.orbits.continuation.branch import SOLVED_TO, Branch, SpecialPoint, with_special
 from stickslip.orbits.continuation.driver import (
     CurveProblem,
     PointOnTheWay,
@@ -59,7 +63,7 @@ from stickslip.orbits.cycles.finding import from_cycle
 from stickslip.orbits.cycles.hopf_switching import shrinks_to
 from stickslip.orbits.cycles.period import part_of
 from stickslip.orbits.fields.mode_field import Pieces
-from stickslip.orbits.return_map.damped_newton import Closed
+from stickslip.orbits.return_map.damped_newton import CLOSED, Closed
 from stickslip.orbits.return_map.mode_sequence import LOSS
 
 _STEPS = StepControl(first=0.01, largest=0.25, tolerance=1e-8, turn=0.3, rounding=KNOWN_TO)
@@ -76,8 +80,7 @@ class _Event:
     """What happens somewhere on the branch: in a cycle, or where it vanishes, at a value in an
     equilibrium."""
 
-    kind: str
-    note: str
+    what: Happening
     cycle: Cycle
     value: float
     centre: Array | None = None
@@ -206,7 +209,7 @@ class _Follower:
         if ending is not None:
             return ending
         if path.ended.test == "carried":
-            kept = self._left_behind(stations, chart)
+            kept = self._left_behind(stations, chart, last.tests["carried"])
             return self._start(*renewed(kept, last.x, last.tangent), self.steps.first)
         if path.ended.stop is not Stop.LIMIT:
             bent = corner_after(chart, last, start.steps.smallest, self.steps.turn)
@@ -214,10 +217,11 @@ class _Follower:
                 beyond = self._around(stations, chart, bent)
                 if beyond is None:
                     where = f"{self.parameter} = {bent.x[-1]:.12g}"
-                    return Ending(Stop.EVENT, f"{LOSS} at {where}: {bent.note}")
+                    return Ending(Stop.EVENT, f"{LOSS} at {where}: {bent.what.note}")
                 there = renewed(beyond.chart, beyond.x, beyond.towards)
                 return self._start(*there, self.steps.first)
-            if len(path.points) == 1 and step <= CHART_PATIENCE * self.steps.smallest:
+            shortest = CHART_PATIENCE * self.steps.smallest
+            if max(step, last.length - path.points[0].length) <= shortest:
                 return path.ended
         step = step / CHART_PATIENCE if len(path.points) == 1 else step_after(path, self.steps)
         return self._start(*renewed(chart, last.x, last.tangent), step)
@@ -231,6 +235,7 @@ class _Follower:
             {name: name for name in _ENDINGS},
             ranges({self.parameter: self.span}),
             lambda last, new: self.spacing.check(chart.cycle(last.x), chart.cycle(new.x)),
+            lambda last, new: locate_changes(chart, last, new),
         )
         steps = in_pieces(self.steps, step, _IN_CHART, self._smallest(step))
         return Start(chart, problem, x, towards, steps)
@@ -246,58 +251,70 @@ class _Follower:
         for i in range(1, len(path.points)):
             point = path.points[i]
             slope = float(point.tangent[-1] / point.units[-1])
-            changes = locate_changes(chart, path.points[i - 1], point)
-            for change in changes:
-                self._add(stations, chart.cycle(change.x), [(change.kind, change.note)])
-            here = [c for c in path.crossings if c.index == i and c.name not in _ENDINGS]
-            names = [str(c.name) for c in here if not is_flat(path, c)]
             cycle = chart.cycle(point.x)
-            events = [confirmed(name, slope, cycle.nontrivial, changes) for name in names]
-            self._add(stations, cycle, [event for event in events if event])
+            happened = [path.breaks[i].what] if i in path.breaks else []
+            here = [c for c in path.crossings if c.index == i and c.name not in _ENDINGS]
+            happened += [
+                happening_at(c, slope, cycle.nontrivial) for c in here if not is_flat(path, c)
+            ]
+            self._add(stations, cycle, [found for found in happened if found])
 
-    def _add(self, stations: list[_Station], cycle: Cycle, kinds: list[tuple[str, str]]) -> None:
+    def _add(self, stations: list[_Station], cycle: Cycle, happened: list[Happening]) -> None:
         """Append a cycle, unless it is the last one or not certified; what happens there is kept in
         any case."""
         value = cycle.parameters[self.parameter]
-        events = [_Event(kind, note, cycle, value) for kind, note in kinds]
+        events = [_Event(found, cycle, value) for found in happened]
         step = self.spacing(stations[-1].cycle, cycle)
         if step > TWICE and cycle.certificate.ok:
             stations.append(_Station(value, cycle, events, step))
         else:
             stations[-1].events += events
 
-    def _left_behind(self, stations: list[_Station], chart: Chart) -> Chart:
-        """Where contacts are carried along no more they keep where they rest."""
+    def _left_behind(self, stations: list[_Station], chart: Chart, carried: float) -> Chart:
+        """Where contacts are carried along no more they keep where they rest.
+
+        Parameters
+        ----------
+        stations : list of _Station
+        chart : Chart
+        carried : float
+            What is left there of the way by which they are.
+        """
         names = self.pieces.equations.labels
         for held in chart.shooting.setting.held:
             if held.edge:
                 name = names[held.contact]
                 note = f"contact '{name}' is carried along no more and rests where it is"
-                self._add(stations, stations[-1].cycle, [("slip onset", note)])
+                left = Residual("rate at which it is carried", abs(carried), SOLVED_TO)
+                what = Happening("slip onset", note, (left,))
+                self._add(stations, stations[-1].cycle, [what])
                 chart = chart.carrying(held.contact, 0)
         return chart
 
     def _around(self, stations: list[_Station], chart: Chart, bent: Corner) -> BeyondCorner | None:
         """Append a corner and a point beyond it; None if the branch does not go on from there."""
         onward = bent.onward
-        if onward is not None and not self._continues(chart.cycle(bent.x), onward):
+        if onward is not None and not self._continues(onward):
             onward = None
-        kinds = [(bent.kind if onward else LOSS, bent.note)]
-        if onward and bent.turns:
-            kinds.append(("fold", NOT_SMOOTH))
+        what = bent.what if onward else replace(bent.what, kind=LOSS)
+        happened = [what]
+        if onward and bent.turn.ok:
+            happened.append(Happening("fold", NOT_SMOOTH, (*what.residuals, bent.turn)))
         if not chart.cycle(bent.x).certificate.ok:
             self._add(stations, chart.cycle(bent.beside), [])
-        self._add(stations, chart.cycle(bent.x), kinds)
+        self._add(stations, chart.cycle(bent.x), happened)
         if onward:
             self._add(stations, onward.chart.cycle(onward.x), [])
         return onward
 
-    def _continues(self, corner: Cycle, onward: BeyondCorner) -> bool:
-        """Whether a point beyond a corner is a certified cycle within the range, next to the
-        corner."""
-        cycle = onward.chart.cycle(onward.x)
-        inside = self.span[0] <= cycle.parameters[self.parameter] <= self.span[1]
-        return inside and cycle.certificate.ok and self.spacing(corner, cycle) <= APART
+    def _continues(self, onward: BeyondCorner) -> bool:
+        """Whether a point beyond a corner is a cycle within the range.
+
+        So near to the corner it need not be certified; the points after it have to be.
+        """
+        orbit = onward.chart.orbit(onward.x)
+        inside = self.span[0] <= float(onward.x[-1]) <= self.span[1]
+        return inside and onward.chart.shooting.miss(orbit) <= CLOSED
 
     def _features(self, cycle: Cycle) -> Array:
         """Numbers that tell cycles of a branch apart: parameter, period, and ranges relative to the
@@ -334,51 +351,64 @@ class _Follower:
         smooth = len(cycle.phases) == 1
         if name == "amplitude" and smooth and cycle.closed.shooting.symmetry.driven:
             # What drives it vanishes, and the cycle in proportion.
-            value = self._vanishing(stations, lambda c: self.extent.amplitude(c.closed), 1)
+            value, _ = self._vanishing(stations, lambda c: self.extent.amplitude(c.closed), 1)
             width = self.span[1] - self.span[0]
             about = round(value / width, 4) * width
             return f"the cycle shrinks to a steady motion, at about {self.parameter} = {about:.4g}"
         event = self._halved(stations) if name == "halving" else self._vanished(stations)
         if self.span[0] <= event.value <= self.span[1]:
             stations[-1].events.append(event)
-        return f"{event.kind} at {self.parameter} = {event.value:.12g}: {event.note}"
+        return f"{event.what.kind} at {self.parameter} = {event.value:.12g}: {event.what.note}"
 
     def _vanished(self, stations: list[_Station]) -> _Event:
         """The cycle shrinks to an equilibrium, inside a mode or on its boundary."""
         cycle = stations[-1].cycle
         smooth = len(cycle.phases) == 1
-        value = self._vanishing(stations, self._amplitude, 2 if smooth else 1)
+        value, known = self._vanishing(stations, self._amplitude, 2 if smooth else 1)
         centre = np.mean(cycle.closed.samples(64), axis=0)
         born = shrinks_to(cycle.closed, self.parameter, value) if smooth else None
-        if born is not None:
-            value, centre = born
         kind = "Hopf" if smooth else "boundary equilibrium"
-        return _Event(kind, "the cycle shrinks to an equilibrium", cycle, value, centre)
+        left = [("change by the next term of the extrapolation", known)]
+        what = Happening(
+            kind, "the cycle shrinks to an equilibrium", tuple(within(SOLVED_TO, left))
+        )
+        if born is not None:
+            value, centre = born.value, born.equilibrium
+            left = [("real part of the eigenvalue", born.growth), ("rates", born.moves)]
+            what = replace(what, residuals=tuple(within(SOLVED_TO, left)))
+        return _Event(what, cycle, value, centre)
 
     def _halved(self, stations: list[_Station]) -> _Event:
         """The cycle becomes one of half its period, which doubles its period there."""
         last = stations[-1]
-        near = self._vanishing(stations, lambda cycle: half_gap(cycle.closed), 2)
+        near, known = self._vanishing(stations, lambda cycle: half_gap(cycle.closed), 2)
 
         def at(closed: Closed, value: float) -> Closed:
             return from_cycle(closed, closed.shooting.start, {self.parameter: value})
 
         found = doubles_at(part_of(last.cycle.closed, 2), last.value, near, at)
         note = "the cycle becomes one of half its period"
-        return _Event("period doubling", note, last.cycle, near if found is None else found)
+        left = [("change by the next term of the extrapolation", known)]
+        what = Happening("period doubling", note, tuple(within(SOLVED_TO, left)))
+        if found is not None:
+            near, missed = found
+            what = replace(what, residuals=(critical(-1.0, missed),))
+        return _Event(what, last.cycle, near)
 
     def _vanishing(
         self, stations: list[_Station], size: Callable[[Cycle], float], power: int
-    ) -> float:
+    ) -> tuple[float, float]:
         """Value of the parameter at which a size of cycles is 0: it is linear in a power of the
-        size."""
-        value = stations[-1].value
-        least = size(stations[-1].cycle) ** power
-        for station in reversed(stations[:-1]):
-            before = size(station.cycle) ** power
-            if before > (1.0 + _DISTINCT) * least:
-                return value - least * (station.value - value) / (before - least)
-        return value
+        size; and by how much the next term would change it, as a part of the range."""
+        known: list[tuple[float, float]] = []
+        for station in reversed(stations):
+            there = size(station.cycle) ** power
+            if not known or there > (1.0 + _DISTINCT) * known[-1][0]:
+                known.append((there, station.value))
+            if len(known) == 3:
+                value, bent = vanishes_at(known[:2]), vanishes_at(known)
+                return value, abs(bent - value) / (self.span[1] - self.span[0])
+        return vanishes_at(known[:2]), math.inf
 
     def _amplitude(self, cycle: Cycle) -> float:
         ranges = np.array([high - low for low, high in cycle.extrema.values()])
@@ -415,10 +445,7 @@ class _Follower:
         """The two directions as one branch, from the far end of the first to that of the second."""
         if back and forth:
             back[0].events += forth[0].events
-        stations = joined(back, forth)
-        for one, other in itertools.pairwise(stations):
-            other.step = self.spacing(one.cycle, other.cycle)
-        stations[0].step = 0.0
+        stations = self._apart(joined(back, forth))
         special = [self._special(event, i) for i, s in enumerate(stations) for event in s.events]
         cycles, steps = [s.cycle for s in stations], np.array([s.step for s in stations])
         return Branch(
@@ -428,8 +455,20 @@ class _Follower:
             lambda: dataset([self.parameter], cycles, steps),
             special,
             ends,
-            of_branch(cycles, {self.parameter: self.span}, steps),
+            with_special(of_branch(cycles, {self.parameter: self.span}, steps), special),
         )
+
+    def _apart(self, found: list[_Station]) -> list[_Station]:
+        """The points of a branch with their distances, in which sizes of the whole branch count;
+        those that are one by these are one."""
+        stations = [replace(found[0], step=0.0)]
+        for station in found[1:]:
+            step = self.spacing(stations[-1].cycle, station.cycle)
+            if step > TWICE:
+                stations.append(replace(station, step=step))
+            else:
+                stations[-1].events += station.events
+        return stations
 
     def _special(self, event: _Event, index: int) -> SpecialPoint:
         cycle = event.cycle
@@ -441,4 +480,8 @@ class _Follower:
         data = {"time": cycle.time} if cycle.closed.shooting.symmetry.driven else {}
         mode, region = field.mode, field.region
         numbers = (state, parameters, mode, region, index, cycle.period, data)
-        return SpecialPoint(event.kind, self.parameter, event.value, *numbers, event.note)
+        what, own = event.what, event.what.residuals
+        if event.centre is None:
+            missed = cycle.closed.shooting.miss(cycle.closed.orbit)
+            own += (Residual("closure", missed, CLOSED, note="of the size of the cycle"),)
+        return SpecialPoint(what.kind, self.parameter, event.value, *numbers, what.note, own)

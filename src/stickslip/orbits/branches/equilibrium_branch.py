@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stickslip.certificates import Certificate, worst
+from stickslip.certificates import Certificate, Residual, within, worst
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Guard, mode_field, switched
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
@@ -28,7 +28,7 @@ from stickslip.orbits.continuation.arclength import (
     in_range,
     ranges,
 )
-from stickslip.orbits.continuation.branch import Branch, SpecialPoint
+from stickslip.orbits.continuation.branch import SOLVED_TO, Branch, SpecialPoint, with_special
 from stickslip.orbits.continuation.driver import (
     CurveProblem,
     Start,
@@ -203,14 +203,17 @@ class _Piece:
 
 @dataclass(frozen=True)
 class _Station:
-    """A point of the branch with the problem it solves, the test functions that vanish there, and
-    what comes after."""
+    """A point of the branch with the problem it solves, the test functions that vanish there, what
+    comes after, the largest values of those that end the part in its mode, and where the next part
+    begins."""
 
     steady: Steady
     point: Point
     kinds: tuple[Test, ...]
     note: str
     certified: tuple[Certificate, float]
+    largest: Mapping[Test, float]
+    onward: Array | None = None
 
 
 class _Follower:
@@ -388,9 +391,9 @@ class _Follower:
             for s in self._special(station, kind, i)
         ]
         certified = [s.certified for s in stations]
-        within = in_range(ranges({self.parameter: self.span}), [s.point.x for s in stations])
+        inside = in_range(ranges({self.parameter: self.span}), [s.point.x for s in stations])
         found = worst([found for found, _ in certified])
-        certificate = replace(found, residuals=(*found.residuals, within))
+        certificate = replace(found, residuals=(*found.residuals, inside))
         return Branch(
             system,
             dict(self.values),
@@ -398,7 +401,7 @@ class _Follower:
             lambda: self._dataset(system, stations, certified),
             special,
             ends,
-            certificate,
+            with_special(certificate, special),
         )
 
     def _ending(self, piece: _Piece) -> Ending:
@@ -417,6 +420,10 @@ class _Follower:
             for crossing in piece.path.crossings:
                 kinds.setdefault(crossing.index, []).append(crossing.name)
             note = self._boundary_note(piece, pieces[k + 1 : k + 2])
+            largest: dict[Test, float] = {
+                name: max(abs(point.tests[name]) for point in piece.path.points)
+                for name in range(len(piece.steady.field.guards))
+            }
             # The first point of a later piece is the last one of the piece before.
             for i, point in list(enumerate(piece.path.points))[1 if k else 0 :]:
                 names = kinds.get(i, [])
@@ -424,7 +431,17 @@ class _Follower:
                     "branch point" in kinds.get(j, ()) for j in (i - 1, i, i + 1)
                 ):
                     names.remove("fold")  # where branches cross, one of them may turn
-                found.append(_Station(piece.steady, point, tuple(names), note, piece.certified[i]))
+                found.append(
+                    _Station(
+                        piece.steady,
+                        point,
+                        tuple(names),
+                        note,
+                        piece.certified[i],
+                        largest,
+                        pieces[k + 1].path.points[0].x if k + 1 < len(pieces) else None,
+                    )
+                )
         return found
 
     def _boundary_note(self, piece: _Piece, onward: list[_Piece]) -> str:
@@ -444,14 +461,23 @@ class _Follower:
         data = {}
         period = None
         kind, note = ("boundary equilibrium", station.note) if isinstance(test, int) else (test, "")
-        if kind == "branch point":
-            x = self._crossing_of_branches(steady, x)
+        solved = station.certified[0]["equations"]
+        own = [replace(solved, limit=SOLVED_TO)]
+        if isinstance(test, int):
+            own += self._boundary(station, test)
+        elif kind == "fold":
+            slope = float(station.point.tangent[-1] / station.point.units[-1])
+            own += within(SOLVED_TO, [("slope of the parameter", abs(slope))])
+        elif kind == "branch point":
+            x, left = self._crossing_of_branches(steady, x)
+            own = within(SOLVED_TO, [("equations of a crossing", left)])
         values = {**steady.values, self.parameter: float(x[-1])}
         if kind == "Hopf":
             eigenvalues = steady.eigenvalues(self._point(steady, x))
-            a = min(combinations(eigenvalues, 2), key=lambda pair: abs(pair[0] + pair[1]))[0]
+            a, b = min(combinations(eigenvalues, 2), key=lambda pair: abs(pair[0] + pair[1]))
             if abs(a.imag) <= 1e-8 * abs(a):
                 return []  # a neutral saddle: two real eigenvalues of opposite sign
+            own += within(SOLVED_TO, [("real part of the eigenvalue", abs(0.5 * (a + b) / a))])
             form = hopf(
                 Derivatives(steady.rates, steady.field.state), x[:-1], values, steady.invariant
             )
@@ -460,17 +486,24 @@ class _Follower:
             period = 2.0 * np.pi / form.frequency
         state = dict(zip(steady.field.state, map(float, x[:-1]), strict=True))
         value = float(x[-1])
-        mode = steady.field.mode
-        region = steady.field.region
-        return [
-            SpecialPoint(
-                kind, self.parameter, value, state, values, mode, region, index, period, data, note
-            )
-        ]
+        place = (state, values, steady.field.mode, steady.field.region, index)
+        return [SpecialPoint(kind, self.parameter, value, *place, period, data, note, tuple(own))]
 
-    def _crossing_of_branches(self, steady: Steady, x: Array) -> Array:
-        """The branch point near x: F + b w = 0, wᵀ∂F = 0, ⟨w, w⟩ = 1 is regular there, which F = 0
-        is not."""
+    @staticmethod
+    def _boundary(station: _Station, guard: int) -> list[Residual]:
+        """What is left of the guard that vanishes at a boundary equilibrium, and how far from there
+        the branch goes on."""
+        left, most = abs(station.point.tests[guard]), station.largest[guard]
+        note = "of its largest value on the way"
+        own = [Residual("guard", left / most if most else left, SOLVED_TO, note=note)]
+        if station.onward is not None:
+            gap = (station.onward - station.point.x) / station.point.units
+            own.append(Residual("gap between the sides", float(np.linalg.norm(gap)), SOLVED_TO))
+        return own
+
+    def _crossing_of_branches(self, steady: Steady, x: Array) -> tuple[Array, float]:
+        """The branch point near x, and what is left of its equations, relative to their terms: F +
+        b w = 0, wᵀ∂F = 0, ⟨w, w⟩ = 1 is regular there, which F = 0 is not."""
         n = len(steady.field.state)
         names = [*steady.field.state, self.parameter]
         w = [ex.sym(f"w:{i}") for i in range(n)]
@@ -491,7 +524,12 @@ class _Follower:
             values, slopes = residual(z)
             z = z - np.linalg.lstsq(slopes, values, rcond=None)[0]
         near = np.all(np.abs(z[: n + 1] - x) <= 5.0 * self.steps.largest * units)
-        return z[: n + 1] if near and np.all(np.isfinite(z)) else x
+        if not (near and np.all(np.isfinite(z))):
+            return x, math.inf
+        values, slopes = residual(z)
+        terms = np.abs(slopes) @ np.concatenate([units, np.ones(n), [0.0]]) + np.abs(values)
+        left = np.append(np.abs(values) / np.where(terms > 0.0, terms, 1.0), abs(z[-1]))
+        return z[: n + 1], float(np.max(left))
 
     def _dataset(
         self, system: System, stations: list[_Station], certified: list[tuple[Certificate, float]]

@@ -13,7 +13,7 @@ neutral saddle.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,7 +34,7 @@ from stickslip.orbits.continuation.arclength import (
     in_range,
     ranges,
 )
-from stickslip.orbits.continuation.branch import Branch, SpecialPoint
+from stickslip.orbits.continuation.branch import SOLVED_TO, Branch, SpecialPoint, with_special
 from stickslip.orbits.continuation.driver import (
     CurveProblem,
     Start,
@@ -284,7 +284,7 @@ class _Curve:
         start = max(len(behind) - 1, 0)
         crossings = [(start - c.index, c.name) for path in back for c in reversed(path.crossings)]
         crossings += [(start + c.index, c.name) for path in forth for c in path.crossings]
-        special = [self._special(name, points[i], i, problem) for i, name in crossings]
+        special = [self._special(name, points, i, problem) for i, name in crossings]
         first, second = self.spans
         found = worst([self._certificate(x, problem) for x in points])
         certificate = Certificate((*found.residuals, in_range(ranges(self.spans), points)))
@@ -295,7 +295,7 @@ class _Curve:
             lambda: self._dataset(system, kind, points, problem),
             special,
             ends,
-            certificate,
+            with_special(certificate, special),
             second,
         )
 
@@ -350,18 +350,34 @@ class _Curve:
 
     # -- results -----------------------------------------------------------------------------------
 
-    def _special(self, test: Test, x: Array, index: int, problem: _Extended) -> SpecialPoint:
+    def _special(
+        self, test: Test, points: list[Array], index: int, problem: _Extended
+    ) -> SpecialPoint:
         field, (first, _) = self.steady.field, self.spans
+        x = points[index]
         kind, note = (
             ("boundary equilibrium", self.guards[test]) if isinstance(test, int) else (test, "")
         )
         state = dict(zip(field.state, map(float, x[: self.n]), strict=True))
         data = {name: v for name, v in problem.numbers(x).items() if np.isfinite(v)}
         values = self.values(x)
-        mode, region = field.mode, field.region
-        return SpecialPoint(
-            kind, first, float(x[-2]), state, values, mode, region, index, None, data, note
+        place = (state, values, field.mode, field.region, index)
+        # A test function has no size of its own but what it is at the points beside.
+        beside = [points[i] for i in (index - 1, index + 1) if 0 <= i < len(points)]
+        here, *others = [abs(self._test(test, point, problem)) for point in (x, *beside)]
+        residuals = (
+            replace(self._certificate(x, problem)["extended equations"], limit=SOLVED_TO),
+            Residual(
+                "what vanishes", here / max(others, default=0.0) if any(others) else here, SOLVED_TO
+            ),
         )
+        return SpecialPoint(kind, first, float(x[-2]), *place, None, data, note, residuals)
+
+    def _test(self, test: Test, x: Array, problem: _Extended) -> float:
+        """The value of a test function."""
+        if isinstance(test, int):
+            return float(self.steady.guards(self.point(x))[test])
+        return problem.tests(x)[test]
 
     def _dataset(
         self, system: System, kind: str, points: list[Array], problem: _Extended

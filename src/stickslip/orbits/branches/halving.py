@@ -42,7 +42,7 @@ def half_gap(closed: Closed) -> float:
 
 def doubles_at(
     half: Closed, value: float, other: float, at: Callable[[Closed, float], Closed]
-) -> float | None:
+) -> tuple[float, float] | None:
     """The value of the parameter near which a cycle has the multiplier −1.
 
     Parameters
@@ -56,8 +56,8 @@ def doubles_at(
 
     Returns
     -------
-    float or None
-        None if there is no such value nearby.
+    (float, float) or None
+        The value, and what that multiplier plus 1 is there. None if there is no such value nearby.
     """
 
     def excess(there: float) -> float:
@@ -66,6 +66,6 @@ def doubles_at(
 
     try:
         found = zero_near(excess, value, other)
-        return found if found is not None and abs(excess(found)) < 1e-6 else None
+        return None if found is None or abs(left := excess(found)) > 1e-6 else (found, left)
     except StickslipError:
         return None

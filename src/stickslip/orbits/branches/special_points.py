@@ -16,15 +16,20 @@ from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, worst
 from stickslip.model.quantities import contact_key, described, quantity
 from stickslip.orbits.branches.chart import Chart
+from stickslip.orbits.branches.onset import nearest_onset
 from stickslip.orbits.continuation.arclength import (
     NOT_DEFINED,
+    Break,
     Crossing,
     Lost,
     Path,
     Point,
+    direction,
     in_range,
     ranges,
 )
+from stickslip.orbits.continuation.bracket import zero_between
+from stickslip.orbits.continuation.branch import SOLVED_TO
 from stickslip.orbits.return_map.mode_sequence import Sequence, change_of, nearest_change, sequence
 
 if TYPE_CHECKING:
@@ -39,10 +44,18 @@ _NEAR = 1e-4
 _FLAT = 1e-9  # values of a test function that are rounding
 _MOST_CHANGES = 8  # located within one step
 _TOUCHES = 1e-11  # a margin this small is zero
+HIDDEN = 3e-7  # so far from a change its sides may end, with what is too short to count
 _TOGETHER = 1e-6  # changes that are nearer to each other are one
+_APART = "the cycles on both sides of a change of the sequence do not meet"
 NOT_SMOOTH = "not smooth: the sequence changes there"  # of a fold
 _MOST_LOOKS = 100  # for one change
 _NEARBY = 0.1  # a cycle this near, as a part of the step, says more than the ends of the step
+# how far beside a change derivatives are those of that side
+_ASIDE = (3e-8, 1e-7, 3e-7, 1e-6)
+# slope of the parameter at a fold, which moves by the square of what is left
+_TURNS = 1e-8
+# how far around the place of a change the place is looked for where a contact begins to stick
+_AROUND = (1e-9, 1e-8, 1e-7, 1e-6)
 _CLOSE = 1e-13  # a change is enclosed to this length
 _FINE = 1e-11  # corrector's tolerance where a change is located
 APART = 0.3  # neighbours on a branch are at most so far from each other …
@@ -64,30 +77,144 @@ _STABLE = {"flag_values": np.array([-1, 0, 1], np.int8), "flag_meanings": "neutr
 
 
 @dataclass(frozen=True)
-class Change:
-    """A change of the sequence: where, its name, and what happens in words."""
+class Happening:
+    """What happens at a point of a branch: its name, in words, and how well it is solved."""
 
-    x: Array
     kind: str
     note: str
+    residuals: tuple[Residual, ...]
 
 
-def locate_changes(chart: Chart, a: Point, b: Point) -> list[Change]:
-    """The changes of the sequence between two points, in the order of travel."""
-    low = 0.0
+def locate_changes(chart: Chart, a: Point, b: Point) -> list[Break]:
+    """The changes of the sequence between two points, in the order of travel.
+
+    Raises
+    ------
+    Lost
+        If the cycles on both sides of one do not meet.
+    """
     here = sequence(chart.orbit(a.x).motion)
-    high = b.length - a.length
     there = sequence(chart.orbit(b.x).motion)
-    contacts = list(chart.shooting.pieces.equations.labels)
-    passed: list[tuple[Array, Sequence, Sequence]] = []
+    passed: list[_Passed] = []
+    low, high = 0.0, b.length - a.length
     while here != there and len(passed) < _MOST_CHANGES:
-        x, low, beyond = _Finder(chart, a, b, here).first_change(low, high)
-        if passed and np.linalg.norm((x - passed[-1][0]) / chart.scale(x)) < _TOGETHER:
+        finder = _Finder(chart, a, b, here)
+        found = finder.first_change(low, high)
+        if passed and np.linalg.norm((found.x - passed[-1].x) / chart.scale(found.x)) < _TOGETHER:
             # Events that belong together by a symmetry of the cycle.
-            x, here, _ = passed.pop()
-        passed.append((x, here, beyond))
-        here = beyond
-    return [Change(x, *change_of(contacts, before, after)) for x, before, after in passed]
+            first = passed.pop()
+            found = replace(first, high=found.high, there=found.there)
+        if found.off > _TOGETHER:
+            raise Lost(_APART)
+        passed.append(found)
+        low, here = found.high, found.there
+    ends = [0.0, *(change.place for change in passed), high]
+    return [
+        _break(_Finder(chart, a, b, here), change, ends[i], ends[i + 2])
+        for i, change in enumerate(passed)
+    ]
+
+
+@dataclass(frozen=True)
+class _Passed:
+    """A change of the sequence that was found.
+
+    Attributes
+    ----------
+    x : array
+        The unknowns there.
+    place, low, high : float
+        Where it is, and the places that enclose it, as distances from the first point.
+    off : float
+        What is left of the margin that vanishes there; where none does, how closely it is enclosed.
+    here, there : Sequence
+        The sequences there.
+    """
+
+    x: Array
+    place: float
+    low: float
+    high: float
+    off: float
+    here: Sequence
+    there: Sequence
+
+
+def _break(finder: _Finder, change: _Passed, low: float, high: float) -> Break:
+    """A change that lies between two others, or the ends of a step, with what is measured of it."""
+    chart = finder.chart
+    kind, note = change_of(list(chart.shooting.pieces.equations.labels), change.here, change.there)
+    if kind == "stick onset":
+        change = _onset(finder, change)
+    before = _beside(finder, change.place, low, change.here)
+    beyond = _beside(finder, change.place, high, change.there)
+    x = change.x
+    gap, off = _gap(finder, change.place, before, beyond)
+    if kind != "stick onset" and gap > SOLVED_TO and abs(off) <= HIDDEN:
+        # What is too short to count ends on both sides before the place where they meet.
+        x = finder.at(change.place + off)
+        gap, _ = _gap(finder, change.place + off, before, beyond)
+    if gap > _TOGETHER:
+        raise Lost(_APART)
+    residuals = (
+        *measured_change(chart, x, kind, change.off),
+        Residual("gap between the sides", gap, SOLVED_TO, note="in units of the cycle"),
+    )
+    return Break(x, before, beyond, Happening(kind, note, residuals))
+
+
+def _beside(finder: _Finder, place: float, end: float, order: Sequence) -> Array:
+    """Unknowns beside a change on the way to a place, where the sequence is that of this side.
+
+    Raises
+    ------
+    Lost
+        If it is so nowhere nearby.
+    """
+    for aside in _ASIDE:
+        x = finder.at(place + math.copysign(min(aside, 0.5 * abs(end - place)), end - place))
+        if sequence(finder.chart.orbit(x).motion) == order:
+            return x
+    raise Lost(_APART)
+
+
+def _gap(finder: _Finder, place: float, *sides: Array) -> tuple[float, float]:
+    """How far apart both sides of a change are at a place, and how much further they are nearest:
+    they are followed there along their own directions."""
+    a = finder.a
+    ends, ways = list[Array](), list[Array]()
+    for x in sides:
+        tangent, _ = direction(finder.chart, x, a.units, a.heading)
+        ways.append(tangent / (a.heading @ tangent))
+        offset = (x - a.x) / a.units
+        ends.append(offset + ways[-1] * (place - a.heading @ offset))
+    apart, turn = ends[1] - ends[0], ways[1] - ways[0]
+    return float(np.linalg.norm(apart)), -float(apart @ turn) / max(float(turn @ turn), 1e-300)
+
+
+def _onset(finder: _Finder, change: _Passed) -> _Passed:
+    """The same change, where the margin of the onset vanishes that is continued on its far side.
+
+    A stick that is too short to count has a margin, too.
+    """
+    chart = finder.chart
+    pieces = chart.shooting.pieces
+    onset = nearest_onset(chart.orbit(change.x).motion, pieces)
+
+    def margin(distance: float) -> float:
+        return onset.margin(chart.orbit(finder.at(distance)).motion, pieces)
+
+    with suppress(Lost, *NOT_DEFINED):
+        if abs(margin(change.place)) <= _TOUCHES:
+            return change
+        for beside in _AROUND:
+            ends = max(change.low - beside, 0.0), change.high + beside
+            values = margin(ends[0]), margin(ends[1])
+            if values[0] * values[1] < 0.0:
+                place = zero_between(margin, *ends, *values)
+                if abs(margin(place)) < abs(margin(change.place)):
+                    return replace(change, x=finder.at(place), place=place)
+    return change
 
 
 class _Finder:
@@ -103,9 +230,7 @@ class _Finder:
 
     def __call__(self, distance: float) -> float:
         if distance not in self.seen:
-            whole = self.b.length - self.a.length
-            ends = {0.0: self.a.x, whole: self.b.x}
-            x = ends[distance] if distance in ends else self._at(distance)
+            x = self.at(distance)
             motion = self.chart.orbit(x).motion
             order = sequence(motion)
             margin = nearest_change(motion, self.chart.shooting.pieces)
@@ -113,20 +238,26 @@ class _Finder:
             self.seen[distance] = x, order, margin if order == self.here else -margin
         return self.seen[distance][2]
 
-    def _at(self, distance: float) -> Array:
+    def at(self, distance: float) -> Array:
         """Unknowns at a distance, from those nearest to it that are known."""
+        if distance in self.seen:
+            return self.seen[distance][0]
+        whole = self.b.length - self.a.length
+        ends = {0.0: self.a.x, whole: self.b.x}
+        if distance in ends:
+            return ends[distance]
         start = None
         if len(self.seen) > 1:
             p, q = sorted(self.seen, key=lambda other: abs(other - distance))[:2]
-            if abs(p - distance) <= _NEARBY * (self.b.length - self.a.length):
+            if abs(p - distance) <= _NEARBY * whole:
                 there = self.seen[q][0] - self.seen[p][0]
                 start = self.seen[p][0] + there * ((distance - p) / (q - p))
         if start is None:
             start = self.chart.bent(self.a, self.b, distance)
         return self.chart.along(self.a, distance, _FINE, start)
 
-    def first_change(self, low: float, high: float) -> tuple[Array, float, Sequence]:
-        """Unknowns at the change, a distance just beyond it, and the sequence there."""
+    def first_change(self, low: float, high: float) -> _Passed:
+        """The first change between two places, where the sequences are different ones."""
         with suppress(Lost, RuntimeError, ValueError, *NOT_DEFINED):
             # What was found before something fails encloses the change.
             self._enclose(low, high)
@@ -138,7 +269,9 @@ class _Finder:
                     self._enclose(low, beyond)
         before, beyond = self._around()
         nearest = min((before, beyond), key=lambda place: abs(self.seen[place][2]))
-        return self.seen[nearest][0], beyond, self.seen[beyond][1]
+        x, _, margin = self.seen[nearest]
+        off = min(abs(margin), beyond - before)
+        return _Passed(x, nearest, before, beyond, off, self.here, self.seen[beyond][1])
 
     def _around(self) -> tuple[float, float]:
         """The last place before the sequence is another one, and the first at which it is."""
@@ -198,8 +331,15 @@ class _Approach:
         self.end: float = at
         self.margin: float = abs(value)
         self._points = [*self._points[-2:], (self.margin, at)]
-        before, self.expected = self.expected, _vanishes_at(self._points)
+        before, self.expected = self.expected, self._vanishes()
         self._error = abs(self.expected - before)
+
+    def _vanishes(self) -> float:
+        """Where it will vanish; infinite if it does not fall."""
+        points = self._points
+        if any(later[0] >= earlier[0] for earlier, later in itertools.pairwise(points)):
+            points = points[-2:] if points[-1][0] < points[-2][0] else []
+        return vanishes_at(points) if len(points) > 1 else math.inf
 
     def trial(self, width: float) -> float:
         """Where to look next: where it will vanish, or beyond if that is near."""
@@ -210,13 +350,15 @@ class _Approach:
         return self.expected + math.copysign(4.0 * max(error, _CLOSE), off)
 
 
-def _vanishes_at(points: list[tuple[float, float]]) -> float:
-    """Where a value vanishes that is known at some places, by interpolation of the place; infinite
-    if it does not fall."""
-    if any(later[0] >= earlier[0] for earlier, later in itertools.pairwise(points)):
-        points = points[-2:] if points[-1][0] < points[-2][0] else []
-    if len(points) < 2:
-        return math.inf
+def vanishes_at(points: list[tuple[float, float]]) -> float:
+    """Where a value vanishes that is known at some places, by interpolation of the place by a
+    polynomial.
+
+    Parameters
+    ----------
+    points : list of (float, float)
+        Values, all different, and places.
+    """
     place = 0.0
     for i, (value, at) in enumerate(points):
         weight = 1.0
@@ -226,6 +368,29 @@ def _vanishes_at(points: list[tuple[float, float]]) -> float:
     return place
 
 
+def measured_change(chart: Chart, x: Array, kind: str, off: float) -> tuple[Residual, ...]:
+    """How well a change of the sequence is solved: what vanishes where a contact begins to stick,
+    else how near the change is.
+
+    Parameters
+    ----------
+    chart : Chart
+    x : array
+        The unknowns there.
+    kind : str
+    off : float
+        What is left of what vanishes there, or the distance between motions that enclose it.
+    """
+    if kind == "stick onset":
+        motion, pieces = chart.orbit(x).motion, chart.shooting.pieces
+        onset = nearest_onset(motion, pieces)
+        margin = onset.margin(motion, pieces)
+        if math.isfinite(margin):
+            name = "force at the reversal" if onset.reverses else "least slip speed"
+            return (Residual(name, abs(margin), SOLVED_TO, note="of the largest"),)
+    return (Residual("nearest change", off, SOLVED_TO, note="in units of the cycle"),)
+
+
 def is_flat(path: Path, crossing: Crossing) -> bool:
     """Whether a test function is zero on both sides, too, but for rounding: without damping that is
     so all along."""
@@ -233,23 +398,46 @@ def is_flat(path: Path, crossing: Crossing) -> bool:
     return max(abs(point.tests[crossing.name]) for point in beside) < _FLAT
 
 
-def confirmed(
-    name: str, slope: float, multipliers: Array, changes: list[Change]
-) -> tuple[str, str] | None:
-    """Kind and note of a located zero of a test function; None if the function only jumps there."""
+def happening_at(crossing: Crossing, slope: float, multipliers: Array) -> Happening | None:
+    """What a zero of a test function is, and how well it is solved; None if it has no meaning.
+
+    Parameters
+    ----------
+    crossing : Crossing
+    slope : float
+        Change of the parameter along the branch, both in units of the unknowns.
+    multipliers : array
+        Those that no symmetry explains.
+    """
+    name = str(crossing.name)
     if name == "fold":
-        if abs(slope) <= _NEAR:
-            return "fold", ""
-        return ("fold", NOT_SMOOTH) if changes else None
-    if name == "period doubling" and np.min(np.abs(multipliers + 1.0), initial=1.0) <= _NEAR:
-        return name, ""
-    if name == "branch point" and np.min(np.abs(multipliers - 1.0), initial=1.0) <= _NEAR:
-        return name, ""
-    on_circle = [z for z in multipliers if z.imag > _NEAR and abs(abs(z) - 1.0) <= _NEAR]
-    if name == "torus" and on_circle:
-        angle = float(np.angle(on_circle[0]))
-        return name, f"rotation number {angle / (2.0 * np.pi):.9g}"
-    return None
+        if crossing.sides is not None:
+            return Happening(name, NOT_SMOOTH, (turning(*crossing.sides),))
+        return Happening(name, "", (Residual("slope of the parameter", abs(slope), _TURNS),))
+    if crossing.sides is not None:
+        return None
+    if name == "torus":
+        on_circle = [z for z in multipliers if z.imag > _NEAR and abs(abs(z) - 1.0) <= _NEAR]
+        if not on_circle:
+            return None
+        z = min(on_circle, key=lambda z: abs(abs(z) - 1.0))
+        note = f"rotation number {float(np.angle(z)) / (2.0 * np.pi):.9g}"
+        left = Residual("modulus of a multiplier less 1", abs(abs(z) - 1.0), SOLVED_TO)
+        return Happening(name, note, (left,))
+    value = -1.0 if name == "period doubling" else 1.0
+    off = float(np.min(np.abs(multipliers - value), initial=1.0))
+    return Happening(name, "", (critical(value, off),)) if off <= _NEAR else None
+
+
+def critical(value: float, off: float) -> Residual:
+    """By how much a multiplier misses the value 1 or −1."""
+    return Residual(f"multiplier {'plus' if value < 0.0 else 'less'} 1", abs(off), SOLVED_TO)
+
+
+def turning(before: float, beyond: float) -> Residual:
+    """Whether the parameter turns back at a corner, from its slopes on both sides."""
+    turns = -math.copysign(min(abs(before), abs(beyond)), before * beyond)
+    return Residual("turn of the parameter", turns, SOLVED_TO, least=True)
 
 
 class Spacing:

@@ -16,10 +16,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,6 +33,7 @@ Test = str | int
 """A test function: of special points by a name, of guards by their number."""
 Tests = Callable[[Array, Array], Mapping[Test, float]]
 Accept = Callable[["Point", "Point"], None]
+Breaks = Callable[["Point", "Point"], Sequence["Break"]]
 
 _BRIDGE = 1e-2  # part of the first step over which the orientation of the curve may change
 NOT_DEFINED = (ArithmeticError, StickslipError, np.linalg.LinAlgError)
@@ -158,11 +159,40 @@ class Point:
 
 
 @dataclass(frozen=True)
+class Break:
+    """Where a curve passes from the solutions of one smooth problem to those of another.
+
+    Attributes
+    ----------
+    x, before, beyond : array, shape (n + 1,)
+        The unknowns there, and on both sides: where test functions are asked.
+    what : object
+        What is said of it by who knows the curve.
+    """
+
+    x: Array
+    before: Array
+    beyond: Array
+    what: Any
+
+
+@dataclass(frozen=True)
 class Crossing:
-    """A zero of a test function: which, and the number of the point of the path at which it is."""
+    """A zero of a test function.
+
+    Attributes
+    ----------
+    name : str or int
+        Which.
+    index : int
+        Number of the point of the path at which it is.
+    sides : (float, float), optional
+        Its values on both sides of a break at which it jumps from one sign to the other.
+    """
 
     name: Test
     index: int
+    sides: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -177,11 +207,22 @@ class Path:
         In the order of travel.
     ended : Ending
         Why it was not followed further.
+    breaks : dict of int to Break
+        By the number of the point.
     """
 
     points: list[Point]
     crossings: list[Crossing] = field(default_factory=list)
     ended: Ending = INTERRUPTED
+    breaks: dict[int, Break] = field(default_factory=dict)
+
+    @property
+    def located(self) -> set[int]:
+        """Numbers of the points that are there because something happens at them."""
+        return {crossing.index for crossing in self.crossings} | self.breaks.keys()
+
+
+_Happened = tuple[Test | Break, Point, tuple[float, float] | None]
 
 
 class _Found(Exception):
@@ -345,6 +386,7 @@ def trace(
     endings: Mapping[Test, str],
     limits: Mapping[str, Limit] | None = None,
     accept: Accept | None = None,
+    breaks: Breaks | None = None,
     steps: StepControl | None = None,
     progress: Callable[[Point], None] | None = None,
 ) -> Path:
@@ -373,6 +415,9 @@ def trace(
     accept : function, optional
         (last, new) ↦ None; raises any of :data:`NOT_DEFINED` if the new point solves the equations
         and is still not on the curve.
+    breaks : function, optional
+        (last, new) ↦ the breaks between two points, in the order of travel. Zeros of test functions
+        are looked for on every smooth part of its own.
     steps : Steps, optional
     progress : function, optional
         Called with each point, the first one included, in the order of travel.
@@ -388,7 +433,7 @@ def trace(
         If no solution is found near `start`.
     """
     steps = steps or StepControl()
-    tracer = _Tracer(equations, scale, tests, endings, dict(limits or {}), accept, steps)
+    tracer = _Tracer(equations, scale, tests, endings, dict(limits or {}), accept, breaks, steps)
     units = scale(start)
     try:
         towards = np.asarray(towards, dtype=float) / units
@@ -412,7 +457,7 @@ def trace(
                 told = len(path.points)
     except KeyboardInterrupt:
         ended = INTERRUPTED
-    return Path(path.points, path.crossings, ended)
+    return replace(path, ended=ended)
 
 
 class _Tracer:
@@ -424,6 +469,7 @@ class _Tracer:
         endings: Mapping[Test, str],
         limits: dict[str, Limit],
         accept: Accept | None,
+        breaks: Breaks | None,
         steps: StepControl,
     ) -> None:
         self.equations = equations
@@ -432,6 +478,7 @@ class _Tracer:
         self.endings = endings
         self.limits = limits
         self.accept = accept
+        self.breaks = breaks
         self.steps = steps
 
     def point(
@@ -505,7 +552,7 @@ class _Tracer:
                 if bend <= self.steps.turn and not jumped:
                     if self.accept is not None:
                         self.accept(last, new)
-                    crossings = self._crossings(last, new)
+                    happened = self._between(last, new)
                     break
                 failure = "the curve turns too sharply"
             except Outgrown as problem:
@@ -515,10 +562,14 @@ class _Tracer:
             except (Lost, *NOT_DEFINED) as problem:
                 failure = f"no solution was found further on ({problem})"
             step *= 0.5
-        for name, point in crossings:
+        for name, point, sides in happened:
             if point is not path.points[-1]:
                 path.points.append(point)
-            path.crossings.append(Crossing(name, len(path.points) - 1))
+            here = len(path.points) - 1
+            if isinstance(name, Break):
+                path.breaks[here] = name
+                continue
+            path.crossings.append(Crossing(name, here, sides))
             if name in self.endings:
                 return Ending(Stop.EVENT, self.endings[name], name), step
         if path.points[-1] is not new:
@@ -595,8 +646,33 @@ class _Tracer:
         part = offset @ chord / (chord @ chord)
         return bool(0.0 < part <= 1.0 and _length(offset - part * chord) < 0.1 * _length(chord))
 
+    def _between(self, last: Point, new: Point) -> list[_Happened]:
+        """What happens within a step, in the order of travel: breaks, and on every smooth part
+        between them zeros of the test functions; those that jump from one sign to the other at a
+        break vanish there."""
+        found: list[_Happened] = []
+        start = last
+        for gap in self.breaks(last, new) if self.breaks is not None else ():
+            before, beyond = (self._aside(last, x) for x in (gap.before, gap.beyond))
+            found += [(*crossing, None) for crossing in self._crossings(start, before)]
+            there = replace(beyond, x=gap.x)
+            found.append((gap, there, None))
+            for name, b in beyond.tests.items():
+                a = before.tests.get(name, np.nan)
+                if name not in self.endings and a * b < 0.0:
+                    found.append((name, there, (a, b)))
+            start = beyond
+        return [*found, *((*crossing, None) for crossing in self._crossings(start, new))]
+
+    def _aside(self, last: Point, x: Array) -> Point:
+        """A point of the curve that is known."""
+        there = self.scale(x)
+        along = float(last.heading @ ((x - last.x) / last.units))
+        found = direction(self.equations, x, there, last.tangent / there)
+        return self.point(x, *found, last.length + along, there)
+
     def _crossings(self, last: Point, new: Point) -> list[tuple[Test, Point]]:
-        """Zeros of the test functions within a step, in the order of travel."""
+        """Zeros of the test functions within a smooth part, in the order of travel."""
         found = []
         for name, b in new.tests.items():
             a = last.tests.get(name, np.nan)

@@ -4,20 +4,31 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from stickslip.certificates import Certificate
+from stickslip.certificates import Certificate, Residual, worst
 from stickslip.equations.field import Mode, Region
 from stickslip.model.system import System
 from stickslip.orbits.continuation.arclength import Ending, Stop
-from stickslip.results import Completion, Result, restored_certificate, shortened
+from stickslip.results import (
+    Completion,
+    Result,
+    restored_certificate,
+    restored_residuals,
+    shortened,
+)
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+SOLVED_TO = 1e-10
+"""What may be left of the equations of a special point."""
+_UNMEASURED = Residual("equations that were not measured", 1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -45,6 +56,8 @@ class SpecialPoint:
         Numbers that belong to the kind: a Hopf point has ``frequency`` and ``lyapunov``.
     note : str
         In words: a Hopf point is ``"supercritical"``, ``"subcritical"`` or ``"degenerate"``.
+    residuals : tuple of Residual
+        What is left of the equations that define a point of its kind.
     """
 
     kind: str
@@ -58,6 +71,12 @@ class SpecialPoint:
     period: float | None = None
     data: dict[str, float] = field(default_factory=dict[str, float])
     note: str = ""
+    residuals: tuple[Residual, ...] = ()
+
+    @property
+    def certificate(self) -> Certificate:
+        """Whether it is where it is said to be."""
+        return Certificate(self.residuals or (_UNMEASURED,))
 
     def __repr__(self) -> str:
         return f"<SpecialPoint: {self.describe()}>"
@@ -65,7 +84,9 @@ class SpecialPoint:
     def describe(self) -> str:
         """One line."""
         data = ", ".join(f"{name} = {value:.9g}" for name, value in self.data.items())
-        parts = [f"{self.kind} at {self.parameter} = {self.value:.12g}", data, self.note]
+        found = self.certificate
+        doubt = "" if found.ok else found.verdict
+        parts = [f"{self.kind} at {self.parameter} = {self.value:.12g}", data, self.note, doubt]
         return ", ".join(part for part in parts if part)
 
 
@@ -85,13 +106,13 @@ class Branch(Result):
     ends : (Ending, Ending)
         Why it ends, at its first and at its last point.
     certificate : Certificate
-        Every residual of its points where it is worst.
+        Every residual of its points, and of its special points, where it is worst.
     second : str
         The other parameter of a curve in two parameters.
     """
 
     KIND: ClassVar[str] = "branch"
-    FORMAT: ClassVar[int] = 3
+    FORMAT: ClassVar[int] = 4
 
     system: System
     parameters: dict[str, float]
@@ -239,5 +260,22 @@ class Branch(Result):
 def restored_special(entry: Mapping[str, Any]) -> SpecialPoint:
     """A special point as it was stored: lists were tuples."""
     changed = {"mode": tuple(entry["mode"]), "region": tuple(entry["region"])}
-    known: dict[str, Any] = {**entry, **changed}
+    residuals = restored_residuals(entry["residuals"])
+    known: dict[str, Any] = {**entry, **changed, "residuals": residuals}
     return SpecialPoint(**known)
+
+
+def with_special(points: Certificate, special: Sequence[SpecialPoint]) -> Certificate:
+    """The certificate of a branch: that of its points, with what is left of the equations of its
+    special points."""
+    own = worst([Certificate(_named(s)) for s in special])
+    return replace(points, residuals=(*points.residuals, *own.residuals))
+
+
+def _named(point: SpecialPoint) -> tuple[Residual, ...]:
+    """The residuals of a special point under names that say of which."""
+    where = f"at {point.parameter} = {point.value:.9g}"
+    return tuple(
+        replace(r, name=f"{point.kind}: {r.name}", note=", ".join(filter(None, (where, r.note))))
+        for r in point.certificate.residuals
+    )

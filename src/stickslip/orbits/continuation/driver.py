@@ -21,6 +21,7 @@ from stickslip.orbits.continuation.arclength import (
     INTERRUPTED,
     NOT_DEFINED,
     Accept,
+    Breaks,
     Ending,
     FunctionAndJacobian,
     Limit,
@@ -50,7 +51,7 @@ class CurveProblem:
     equations, scale, tests : functions
     endings : mapping of str or int to str
     limits : mapping of str to Limit
-    accept : function, optional
+    accept, breaks : function, optional
     """
 
     equations: FunctionAndJacobian
@@ -59,6 +60,7 @@ class CurveProblem:
     endings: Mapping[Test, str]
     limits: Mapping[str, Limit] = field(default_factory=dict)
     accept: Accept | None = None
+    breaks: Breaks | None = None
 
 
 @dataclass(frozen=True)
@@ -164,6 +166,7 @@ def follow_branch(
                 endings=p.endings,
                 limits=p.limits,
                 accept=p.accept,
+                breaks=p.breaks,
                 steps=start.steps,
                 progress=None if found is None else partial(found, start.of),
             )
@@ -209,7 +212,7 @@ def joined(back: Sequence[_P], forth: Sequence[_P]) -> list[_P]:
 def step_after(path: Path, steps: StepControl) -> float:
     """Length of the first step of the next stretch. Zeros of test functions that were located on
     the way say nothing of it."""
-    located = {crossing.index for crossing in path.crossings}
+    located = path.located
     *others, last = path.points
     before = next(p for i, p in reversed([*enumerate(others)]) if i == 0 or i not in located)
     return min(_WIDER * (last.length - before.length), steps.largest)

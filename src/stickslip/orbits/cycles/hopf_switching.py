@@ -177,9 +177,29 @@ def _held(seed: _Seed) -> tuple[Held, ...]:
     return held_positions(follow_state(seed.problem, 0.0, seed.period, seed.state))
 
 
-def shrinks_to(closed: Closed, parameter: str, value: float) -> tuple[float, Array] | None:
-    """The Hopf point near a value of a parameter to which a small cycle shrinks: its value, and the
-    equilibrium.
+@dataclass(frozen=True)
+class Vanishing:
+    """A Hopf point to which cycles shrink.
+
+    Attributes
+    ----------
+    value : float
+        Of the parameter.
+    equilibrium : array, shape (n,)
+    growth : float
+        What is left of the real part of its eigenvalue, relative to the imaginary part.
+    moves : float
+        What is left of the rates of the state there, relative to those of the small cycle.
+    """
+
+    value: float
+    equilibrium: Array
+    growth: float
+    moves: float
+
+
+def shrinks_to(closed: Closed, parameter: str, value: float) -> Vanishing | None:
+    """The Hopf point near a value of a parameter to which a small cycle shrinks.
 
     None if the equilibrium in the middle of the cycle has no such point nearby.
     """
@@ -202,8 +222,14 @@ def shrinks_to(closed: Closed, parameter: str, value: float) -> tuple[float, Arr
         at, settled = pair(found)
     except (ZeroDivisionError, np.linalg.LinAlgError, StickslipError):
         return None
-    same = abs(at.imag / frequency - 1.0) < 0.1 and abs(at.real) < 1e-9 * frequency
-    return (found, settled) if same else None
+    if not (abs(at.imag / frequency - 1.0) < 0.1 and abs(at.real) < 1e-9 * frequency):
+        return None
+    there = parameter_values(with_value(problem, parameter, found))
+    shifts = closed.shooting.symmetry.shifts
+    rates = piece.rates(0.0, settled, there)
+    rates = rates - shifts @ (np.linalg.pinv(shifts) @ rates) if shifts.shape[1] else rates
+    moves = float(np.max(np.abs(rates) / (frequency * closed.shooting.setting.sizes)))
+    return Vanishing(found, settled, abs(at.real / at.imag), moves)
 
 
 def _closed(seed: _Seed, point: SpecialPoint) -> Closed:

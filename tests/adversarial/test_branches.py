@@ -1,0 +1,65 @@
+"""A few random branches against the reference. The long run is ``python -m tests.adversarial --only
+branches``."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from adversarial import branches
+from adversarial.families.branching import FAMILIES
+from adversarial.verdict import AGREED, WRONG
+
+CHOSEN = {
+    "belt that rises": 0,
+    "slider that heats": 1,
+    "driven over dry ground": 0,
+}
+
+
+@pytest.mark.parametrize(("family", "seed"), CHOSEN.items())
+def test_branch(family: str, seed: int) -> None:
+    """Folds and onsets are where cycles of the reference turn back and begin to stick."""
+    case = branches.draw(family, seed)
+    verdict = branches.judge(case)
+    assert verdict.kind == AGREED, f"{verdict}\n{branches.reproduction(case)}"
+    assert verdict.numbers["special points"] > 0
+
+
+@pytest.mark.parametrize("kind", ["stick onset", "fold"])
+def test_a_point_that_is_moved_is_wrong(monkeypatch: pytest.MonkeyPatch, kind: str) -> None:
+    """By 1e-6 of the range: the cycle beside it, or none, is no special one."""
+    case = branches.draw("slider that heats", 1)
+    found = branches.branch_of(case)
+    assert isinstance(found, ss.Branch)
+    off = 1e-6 * (case.reach[1] - case.reach[0])
+    (point,) = found.of_kind(kind)
+    moved = replace(found, special=[replace(point, value=point.value - off)])
+    monkeypatch.setattr(branches, "branch_of", lambda case: moved)
+    assert branches.judge(case).kind == WRONG
+
+
+def test_a_fold_that_is_left_out_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    case = branches.draw("belt with more damping", 1)
+    found = branches.branch_of(case)
+    assert isinstance(found, ss.Branch)
+    (onset,) = found.of_kind("stick onset")
+    monkeypatch.setattr(branches, "branch_of", lambda case: replace(found, special=[onset]))
+    assert branches.judge(case).note == "a fold is missing"
+
+
+def test_families() -> None:
+    for family in FAMILIES:
+        one, same, other = (branches.draw(family, seed) for seed in (3, 3, 4))
+        assert (one.parameters, one.initial, one.reach) == (
+            same.parameters,
+            same.initial,
+            same.reach,
+        )
+        assert (one.parameters, one.initial) != (other.parameters, other.initial)
+        assert one.reach[0] < one.parameters[one.parameter] < one.reach[1]
+        assert np.isfinite(one.duration)
+        assert "ss.continue_cycle(cycle" in branches.reproduction(one)
