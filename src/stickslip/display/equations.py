@@ -282,10 +282,9 @@ class Equations:
     def conditions(self, write: UnicodeWriter) -> Iterator[tuple[str, str, str]]:
         """Names of conditions, what they say, and whether that holds."""
         for name, condition in self.system.conditions.items():
-            margin = ex.evaluate(self._declared.conditions[name][0], self.system.values)
-            holds = margin > 0.0 or (margin == 0.0 and "=" in condition.formula)
-            otherwise = f": {condition.otherwise}" if condition.otherwise else ""
-            verdict = "holds" if holds else f"FAILS{otherwise}"
+            reason = self._declared.conditions[name].fails(self.system.values)
+            why = f": {reason}" if reason and reason != condition.formula else ""
+            verdict = f"FAILS{why}" if reason else "holds"
             yield name, self._relation(condition.formula, write), verdict
 
     def _relation(self, text: str, write: UnicodeWriter) -> str:

@@ -559,7 +559,8 @@ def in_region(expression: Expr, regions: Mapping[Expr, int]) -> Expr:
             case "pow":
                 return ex.power(visit(e.args[0]), visit(e.args[1]))
             case "select":
-                return visit(e.args[1] if regions[e.args[0]] == 1 else e.args[2])
+                above, *branches = ex.branches_of(e, regions)
+                return visit(branches[0 if above == 1 else 1])
             case _:
                 return ex.call(e.op, visit(e.args[0]))
 

@@ -17,7 +17,7 @@ from stickslip.equations.field import MODE_NAMES, Field, Mode, Region, mode_fiel
 from stickslip.errors import DeclarationError, short
 from stickslip.model.declaration import Declaration
 from stickslip.model.system import System
-from stickslip.symbolic.expressions import Expr, to_text
+from stickslip.symbolic.expressions import Expr, substitute, to_text
 
 Values = Mapping[str, float]
 _LONGEST = 1_000_000  # characters of a formula
@@ -157,7 +157,8 @@ def vector_field(
                 "modes", f"there is no contact '{short(name)}'", f"Known: {known}"
             )
     point = {**system.values, **(at or {})}
-    region = tuple(int(system.declaration.value(g, point) >= 0.0) for g in equations.kinks)
+    kinks = [substitute(g, equations.speeds) for g in equations.kinks]
+    region = tuple(int(system.declaration.value(g, point) >= 0.0) for g in kinks)
     mode = tuple(_SIGNS[given[name]] for name in names)
     known_fields = _fields.setdefault(system.declaration, {})
     if (mode, region) not in known_fields:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
+from typing import Any
 
 from stickslip.symbolic.expressions import Expr, number, walk
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS, Function
@@ -106,7 +107,7 @@ class Enclosure:
                 self._select(branch, (*sides, (guard, s)))
                 for branch, s in ((above, 1.0), (below, -1.0))
             )
-            branched = self._either(guard, *parts)
+            branched = self._either(e, *parts)
             low, high = ops.maximum(low, branched[0]), ops.minimum(high, branched[1])
         for guard, side in sides:
             for c, constant, rest in _splits(e, guard):
@@ -118,9 +119,13 @@ class Enclosure:
         # A region that is empty (or is by rounding) says nothing.
         return ops.where(low <= high, low, known[0]), ops.where(low <= high, high, known[1])
 
-    def _either(self, guard: Expr, above: Interval, below: Interval) -> Interval:
-        low, high = self.values[guard]
-        return self.intervals.either(high >= 0.0, low < 0.0, above, below)
+    def _either(self, e: Expr, above: Interval, below: Interval) -> Interval:
+        return self.intervals.either(*self._sides(e), above, below)
+
+    def _sides(self, e: Expr) -> tuple[Any, Any]:
+        """Whether the first branch of a select can be, and the second."""
+        low, high = self.values[e.args[0]]
+        return (high > 0.0, low <= 0.0) if e.strict else (high >= 0.0, low < 0.0)
 
     def _slope(self, e: Expr) -> Interval:
         """Slope of a node that depends on the name."""
@@ -143,10 +148,11 @@ class Enclosure:
                 return of.unless(known[base][0] < 0.0, of.times(known[e], of.plus(first, other)))
             case "select":
                 guard, above, below = e.args
-                both = self._either(guard, self.slope(above), self.slope(below))
+                both = self._either(e, self.slope(above), self.slope(below))
                 if joins(guard, above, below):
                     return both
-                return of.unless((known[guard][0] < 0.0) & (known[guard][1] >= 0.0), both)
+                first, second = self._sides(e)
+                return of.unless(first & second, both)
             case _:
                 (x,) = e.args
                 return of.times(slope_of_function(FUNCTIONS[e.op], known[x], of), self.slopes[x])

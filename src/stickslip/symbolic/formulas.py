@@ -45,6 +45,8 @@ _TOKEN = re.compile(
     r"\s+|(?P<operand>(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][+-]?\d+)?|[A-Za-z]\w*)"
     r"|(?P<sign>[+-])|(?P<open>\()|(?P<close>\))|(?P<comma>,)|\*\*|[*/<>=]"
 )
+_OF_NUMPY = re.compile(r"\b(?:np|numpy)\.(?:float|int|uint)\d+\(([^()]*)\)")
+"""How NumPy writes its numbers, np.float64(0.5): so they come out of f-strings."""
 _SIGNATURE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*(?:\(([^()]*)\))?\s*\Z")
 _ELSEWHERE = {
     "ln": "log(x)",
@@ -298,7 +300,7 @@ class _Reader:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                return self.whole(text.replace("\n", " "), 0)
+                return self.whole(_OF_NUMPY.sub(r"(\1)", text.replace("\n", " ")), 0)
         except SyntaxError as error:
             raise self.fail(
                 f"'{short(text)}' is not a formula ({error.msg})", "Check operators and brackets"
@@ -508,7 +510,8 @@ class _Reader:
                 comparators=[right],
             ):
                 a, b = self.visit(left, depth + 1), self.visit(right, depth + 1)
-                return ex.select(a - b if isinstance(op, ast.Gt | ast.GtE) else b - a, above, below)
+                margin = a - b if isinstance(op, ast.Gt | ast.GtE) else b - a
+                return ex.select(margin, above, below, strict=isinstance(op, ast.Lt | ast.Gt))
         raise self.fail(
             "a condition of piecewise compares two values", "Write x < a, x <= a, x > a or x >= a"
         )
