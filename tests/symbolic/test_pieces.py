@@ -41,7 +41,7 @@ def smooth(x: Array, low: float, high: float) -> Array:
 
 ORACLES: dict[str, Callable[[Array], Array]] = {
     "floor(x)": np.floor,
-    "floor(-3*x + 0.3)": lambda x: np.floor(-3 * np.longdouble(x) + np.longdouble(0.3)),
+    "floor(-3*x + 0.3)": lambda x: np.floor(-3 * x + 0.3),
     "mod(x, 1)": lambda x: np.mod(x, 1.0),
     "mod(x, 2.5)": lambda x: np.mod(x, 2.5),
     "mod(x, -2)": lambda x: np.mod(x, -2.0),
@@ -59,6 +59,8 @@ ORACLES: dict[str, Callable[[Array], Array]] = {
 def test_values(text: str) -> None:
     """Against NumPy and SciPy, one by one and together; whole numbers have no rounding errors."""
     places = np.concatenate([np.linspace(-9.37, 11.21, 501), 1e3 + np.linspace(0.1, 9.2, 40)])
+    beside = [ORACLES[text](places * (1.0 + share)) for share in (-1e-15, 1e-15)]
+    places = places[np.abs(beside[1] - beside[0]) < 0.1]  # not at a jump, up to rounding
     e = parse(text)
     together = evaluator([e], ["x"])(places[None])[0]
     np.testing.assert_allclose(together, ORACLES[text](places), rtol=0, atol=3e-13)

@@ -329,7 +329,8 @@ def _equations_of(d: Declaration) -> MotionEquations:
         used += [c.plus, c.minus, c.kinetic_plus, c.kinetic_minus, c.speed]
         # The law at rest says whether sliding forces are admissible.
         at_rest = {f"speed:{i}": ex.ZERO for i in range(len(contacts))}
-        used += [ex.substitute(k, at_rest) for k in (c.kinetic_plus, c.kinetic_minus)]
+        forces = (c.kinetic_plus, c.kinetic_minus)
+        used += [ex.substitute(force, at_rest, undefined=True) for force in forces]
         used += [j for j in c.direction.values() if not j.symbols <= held]
         used += [c.gap] if c.gap is not None else []
     used += _formulas_of(d.jumps)

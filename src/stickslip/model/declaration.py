@@ -1194,11 +1194,9 @@ def _beside(formula: Expr, guard: Expr, branch: int) -> Expr:
     """A formula on one side of a guard: with the first or second branch of each of its selects."""
 
     def change(e: Expr) -> Expr | None:
-        if e.op != "select" or e.args[0] is not guard:
-            return None
-        return _beside(e.args[branch], guard, branch)
+        return e.args[branch] if e.op == "select" and e.args[0] is guard else None
 
-    return ex.rewrite(formula, change)
+    return ex.rewrite(formula, change, again=True, undefined=True)
 
 
 def _by_guard(formula: Expr) -> dict[Expr, Expr]:

@@ -387,7 +387,8 @@ def branches_of(e: Expr, regions: Mapping[Expr, int]) -> tuple[int, Expr, Expr]:
 
 
 def listed_guard(e: Expr, constants: frozenset[str]) -> Expr:
-    """The guard of a select, as :func:`branches_of` looks it up: the names are those of constants."""
+    """The guard of a select, as :func:`branches_of` looks it up; the names are those of
+    constants."""
     guard = e.args[0]
     return -guard if e.strict and guard.symbols <= constants else guard
 
@@ -516,26 +517,48 @@ def along(expression: Expr, rates: Mapping[str, Expr]) -> Expr:
     return add(*((derivative(expression, name) * rates[name], 1.0) for name in names))
 
 
-def substitute(expression: Expr, values: Mapping[str, Expr]) -> Expr:
-    """Replace names by expressions."""
+def substitute(expression: Expr, values: Mapping[str, Expr], *, undefined: bool = False) -> Expr:
+    """Replace names by expressions; see :func:`rewrite`."""
 
     def named(e: Expr) -> Expr | None:
         if not e.symbols & values.keys():
             return e
         return values[str(e.value)] if e.op == "sym" else None
 
-    return rewrite(expression, named)
+    return rewrite(expression, named, undefined=undefined)
 
 
-def rewrite(expression: Expr, change: Callable[[Expr], Expr | None]) -> Expr:
-    """Replace nodes: `change` says what a node becomes, or None if its parts are to be looked
-    at."""
+def rewrite(
+    expression: Expr,
+    change: Callable[[Expr], Expr | None],
+    *,
+    again: bool = False,
+    undefined: bool = False,
+) -> Expr:
+    """Replace nodes.
+
+    Parameters
+    ----------
+    expression : Expr
+    change : callable
+        Says what a node becomes, or None if its parts are to be looked at.
+    again : bool
+        Whether what a node becomes is looked at, too.
+    undefined : bool
+        Whether what becomes undefined, such as 1/x at x = 0, stays as it is and has the value NaN:
+        it may stand in a branch that is not taken.
+
+    Raises
+    ------
+    ZeroDivisionError
+        If a part becomes undefined, unless it may.
+    """
     memo: dict[Expr, Expr] = {}
 
     def visit(e: Expr) -> Expr:
         if e not in memo:
             new = change(e)
-            memo[e] = rebuild(e) if new is None else new
+            memo[e] = rebuild(e) if new is None else visit(new) if again else new
         return memo[e]
 
     def rebuild(e: Expr) -> Expr:
@@ -544,11 +567,26 @@ def rewrite(expression: Expr, change: Callable[[Expr], Expr | None]) -> Expr:
         if e.op == "sum":
             return add((num(float(e.value)), 1.0), *((visit(term), c) for term, c in e.terms))
         if e.op == "prod":
-            return multiply(*(power(visit(base), num(p)) for base, p in e.terms))
+            return multiply(*(raised(visit(base), num(p)) for base, p in e.terms))
         args = [visit(a) for a in e.args]
         if e.op == "select":
             return select(args[0], args[1], args[2], strict=e.strict)
-        return power(args[0], args[1]) if e.op == "pow" else call(e.op, args[0])
+        if e.op == "pow":
+            return raised(args[0], args[1])
+        try:
+            return call(e.op, args[0])
+        except ZeroDivisionError:
+            if not undefined:
+                raise
+            return _node(e.op, 0.0, (args[0],))
+
+    def raised(base: Expr, exponent: Expr) -> Expr:
+        try:
+            return power(base, exponent)
+        except ZeroDivisionError:
+            if not undefined:
+                raise
+            return _node("pow", 0.0, (base, exponent))
 
     return visit(expression)
 

@@ -19,7 +19,7 @@ from stickslip.symbolic.expressions import Expr, substitute
 def _chosen(equations: MotionEquations, expression: Expr, region: Region) -> Expr:
     """An expression in a region, of the state, kept: maps ask for the same ones at every point."""
     regions = dict(zip(equations.kinks, region, strict=True))
-    chosen = in_region(expression, regions)
+    chosen = in_region(expression, regions, undefined=True)
     speeds = chosen.symbols & equations.speeds.keys()
     return substitute(chosen, {x: in_region(equations.speeds[x], regions) for x in speeds})
 
