@@ -24,8 +24,9 @@ NumericFunction = Callable[[ArrayLike], Array]
 
 
 def _real_power(x: Array, p: Array | float) -> Array:
-    at_pole = (x == 0.0) & (np.mod(p, 2.0) == 1.0) & (np.asarray(p) < 0.0)
-    return np.where(at_pole, np.nan, np.power(np.where(x == 0.0, 0.0, x), p))
+    pole = (x == 0.0) & (np.mod(p, 2.0) == 1.0) & (np.asarray(p) < 0.0)
+    undefined = pole | ((x < 0.0) & (np.mod(p, 1.0) != 0.0))
+    return np.power(np.where(undefined, np.nan, np.where(x == 0.0, 0.0, x)), p)
 
 
 def _reciprocal(x: Array) -> Array:

@@ -677,12 +677,12 @@ def real_power(base: float, p: float) -> float:
         return math.nan if p % 2.0 == 1.0 else math.inf
     if p == -1.0:
         return 1.0 / base
+    if base < 0.0 and not p.is_integer():
+        return math.nan
     try:
         return math.pow(base, p)
     except OverflowError:
         return -math.inf if base < 0.0 and p % 2.0 == 1.0 else math.inf
-    except ValueError:
-        return math.nan
 
 
 def to_text(expression: Expr, longest: int = 2000) -> str:

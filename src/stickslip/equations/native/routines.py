@@ -202,8 +202,10 @@ class Routine(Arithmetic):
         return self._reciprocal(x) if p == -1.0 else self._defined(self.function("pow", x, p), x, p)
 
     def _defined(self, power: Operand, x: Operand, p: Operand) -> Operand:
-        """A power, but undefined at a pole between −∞ and ∞."""
+        """A power, but undefined at a pole between −∞ and ∞, and at −∞ if it is not whole."""
         if isinstance(p, float):
+            if not p.is_integer():
+                return self.select(self.test("olt", x, 0.0), math.nan, power)
             if p > 0.0 or p % 2.0 != 1.0:
                 return power
             return self.select(self.test("oeq", x, 0.0), math.nan, power)
