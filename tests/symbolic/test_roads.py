@@ -166,17 +166,17 @@ def test_known_values(text: str, x: float, value: float) -> None:
 def test_what_cancels_in_a_branch_is_gone() -> None:
     """Not even rounding errors are left of it, whatever stands around it."""
     rng = np.random.default_rng(5)
-    at = rng.uniform(-1.0, 1.0, (2, 400))
-    u = "(0.7*sin(2*x) + y/3)"
+    at = rng.uniform(-1.0, 1.0, (3, 400))
+    u = "(0.6*sin(2*x) + y/3)"
     for text, rest in {
         f"{u} - clip({u}, -2, 2)": "0",
-        f"3*{u} - 3*clip({u}, -2, 2) + y": "y",
+        f"3*{u} - 3*clip({u}, -2, 2) + z": "z",
         f"2 - max(2 - {u}, {u}) - {u}": "0",
         f"min({u}, 2) - {u}": "0",
     }.items():
-        found, expected = evaluator([SCOPE.parse(t, "formula") for t in (text, rest)], ["x", "y"])(
-            at
-        )
+        found, expected = evaluator(
+            [SCOPE.parse(t, "formula") for t in (text, rest)], ["x", "y", "z"]
+        )(at)
         assert np.array_equal(found, expected), text
 
 
