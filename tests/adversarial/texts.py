@@ -19,6 +19,9 @@ Values = Mapping[str, float]
 GRID = (0.0, 1.0, -1.0, 0.5, -0.5, 2.0, -2.0, 0.25, 3.0)
 """Numbers in formulas, and values of their names: sums, products and comparisons are exact."""
 
+ODD = (0.491, 0.446, 0.7, 0.3184)
+"""Numbers whose products are rounded."""
+
 
 @dataclass(frozen=True)
 class Text:
@@ -39,7 +42,7 @@ class Text:
 
 
 def drawn(rng: Rng, names: Sequence[str], depth: int = 3, jumps: bool = True) -> Text:
-    """A formula of some of the names, without jumps if so wished."""
+    """A formula of some of the names, without jumps and poles if so wished."""
     if not names:
         return number(float(rng.choice(GRID)))
     if depth <= 0 or rng.uniform() < 0.1:
@@ -56,28 +59,40 @@ def drawn(rng: Rng, names: Sequence[str], depth: int = 3, jumps: bool = True) ->
         sign = str(rng.choice(["+", "-", "*", "/"] if other else ["+", "-"]))
         second = inner(other)
         if sign == "/":
-            second = binary("+", second, number(float(rng.choice(GRID[1:]))))
+            second = shifted(rng, second, jumps)
         return binary(sign, inner(one), second)
     if kind < 0.45:
-        shifted = binary("+", inner(), number(float(rng.choice(GRID[1:]))))
-        return power(shifted, float(rng.choice([2.0, 3.0, 0.5, -1.0, 1.5, 2.0, -2.0])))
+        base = shifted(rng, inner(), jumps)
+        return power(base, float(rng.choice([2.0, 3.0, 0.5, -1.0, 1.5, 2.0, -2.0])))
     if kind < 0.60:
         return call(str(rng.choice(list(SMOOTH))), inner())
     if kind < 0.76:
-        return least(str(rng.choice(["min", "max"])), inner(one), inner(other))
+        first = inner(one)
+        if rng.uniform() < 0.2:
+            first = binary("*", number(float(rng.choice(ODD))), first)
+        return least(str(rng.choice(["min", "max"])), first, inner(other))
     if kind < 0.84:
         return call("abs", inner())
     if kind < 0.90 or not jumps:
         return clipped(inner(), number(-1.0), number(0.5))
-    if rng.uniform() < 0.3:
+    if (which := rng.uniform()) < 0.25:
         return call("sign", inner())
+    if which < 0.5:
+        return left_over(inner(), float(rng.choice([*ODD, 1.0, 2.0])))
     sign = str(rng.choice(["<", "<=", ">", ">="]))
     return chosen(sign, inner(one), inner(other), inner(), binary("-", inner(), number(0.125)))
 
 
+def shifted(rng: Rng, x: Text, zeros: bool) -> Text:
+    """A formula plus a number, such that it has no zeros if so wished."""
+    if zeros:
+        return binary("+", x, number(float(rng.choice(GRID[1:]))))
+    return binary("+", call("abs", x), number(0.5))
+
+
 def number(x: float) -> Text:
     """A constant."""
-    return Text(f"({x:g})" if x < 0.0 else f"{x:g}", lambda v: x)
+    return Text(f"({x:g})" if x < 0.0 else f"{x:g}", lambda v: x, x not in ODD)
 
 
 def named(name: str) -> Text:
@@ -170,6 +185,16 @@ def least(name: str, a: Text, b: Text) -> Text:
         lambda v: _least(a.value(v), b.value(v), name == "min"),
         a.exact and b.exact,
     )
+
+
+def left_over(x: Text, m: float) -> Text:
+    """A formula less whole multiples of a number."""
+
+    def value(v: Values) -> float:
+        inner = x.value(v)
+        return inner - m * math.floor(inner / m) if math.isfinite(inner) else math.nan
+
+    return Text(f"mod({x.text}, {m:g})", value, x.exact and m not in ODD)
 
 
 def clipped(x: Text, low: Text, high: Text) -> Text:

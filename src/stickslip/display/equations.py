@@ -39,6 +39,7 @@ from stickslip.model.declaration import DryContact
 from stickslip.model.names import normal_force
 from stickslip.model.system import Unilateral
 from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.formulas import compared
 
 if TYPE_CHECKING:
     from stickslip.model.system import Contact, Formula, System
@@ -285,15 +286,9 @@ class Equations:
             reason = self._declared.conditions[name].fails(self.system.values)
             why = f": {reason}" if reason and reason != condition.formula else ""
             verdict = f"FAILS{why}" if reason else "holds"
-            yield name, self._relation(condition.formula, write), verdict
-
-    def _relation(self, text: str, write: UnicodeWriter) -> str:
-        """A condition; its two sides are read apart, since a comparison is no formula."""
-        for sign in ("<=", ">=", "<", ">"):
-            if sign in text:
-                left, right = map(self._reader.read, text.split(sign))
-                return write(Relation(sign, left, right))
-        return text
+            left, sign, right = compared(condition.formula, name)
+            sides = map(self._reader.read, (left, right))
+            yield name, write(Relation(sign, *sides)), verdict
 
     def facts(self) -> Iterator[tuple[str, Node, float]]:
         """Names of facts, their formulas and values."""

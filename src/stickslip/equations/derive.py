@@ -335,7 +335,8 @@ def _equations_of(d: Declaration) -> MotionEquations:
         used += [c.gap] if c.gap is not None else []
     used += _formulas_of(d.jumps)
     felt = list(used)
-    used += [energy, dissipation, supply]
+    used += [energy, dissipation, supply, *d.mass.values(), *d.damping.values()]
+    used += [e for c in contacts for e in (*c.direction.values(), c.axis, c.restitution)]
     guards = dict.fromkeys(ex.listed_guard(n, held) for n in ex.walk(used) if n.op == "select")
     guards |= dict.fromkeys(jump.guard for jump in d.jumps)
     kinks = list(guards)

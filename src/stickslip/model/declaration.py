@@ -4,7 +4,6 @@ here."""
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -25,7 +24,7 @@ from stickslip.model.system import CROSSINGS, Contact, Kind, Unilateral
 from stickslip.model.units import check_unit
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.formulas import Scope, TimeFunction, is_finite
+from stickslip.symbolic.formulas import Scope, TimeFunction, compared, is_finite
 from stickslip.symbolic.pieces import unwrapped
 
 if TYPE_CHECKING:
@@ -1015,15 +1014,11 @@ class _Reader:
     def known_facts(self) -> None:
         for name, condition in self.system.conditions.items():
             where = entry_key("conditions", name)
-            sides = re.split(r"(<=|>=|<|>)", condition.formula)
-            if len(sides) != 3:
-                raise DeclarationError(
-                    where, "a condition compares two formulas", "Write it like 'P > rho + c'"
-                )
-            left, right = (self.static.parse(side, where) for side in sides[::2])
-            margin = left - right if sides[1].startswith(">") else right - left
+            first, sign, second = compared(condition.formula, where)
+            left, right = (self.static.parse(side, where) for side in (first, second))
+            margin = left - right if sign.startswith(">") else right - left
             otherwise = condition.otherwise or condition.formula
-            self.result.conditions[name] = ReadCondition(margin, "=" not in sides[1], otherwise)
+            self.result.conditions[name] = ReadCondition(margin, "=" not in sign, otherwise)
         for name, text in self.system.facts.items():
             self.result.facts[name] = self.static.parse(text, entry_key("facts", name))
         names = {**self.result.facts, **self.anywhere.names}

@@ -212,6 +212,27 @@ def is_finite(value: object) -> TypeGuard[float]:
         return False
 
 
+def compared(text: str, where: str) -> tuple[str, str, str]:
+    """The two sides of a comparison, and its sign between them; each side may hold comparisons of
+    its own, in brackets.
+
+    Raises
+    ------
+    DeclarationError
+        If the text is no comparison of two formulas.
+    """
+    depth, signs = 0, []
+    for match in re.finditer(r"[(]|[)]|[<>]=?", text):
+        depth += {"(": 1, ")": -1}.get(match.group(), 0)
+        if depth == 0 and match.group() != ")":
+            signs.append(match)
+    if len(signs) != 1:
+        raise DeclarationError(
+            where, "a condition compares two formulas", "Write it like 'P > rho + c'"
+        )
+    return text[: signs[0].start()], signs[0].group(), text[signs[0].end() :]
+
+
 def formula_text(expression: Expr, where: str) -> str:
     """An expression as a text that is read as the same one.
 

@@ -296,8 +296,8 @@ class _Lowering:
         parts = ex.wrapped_parts(e)
         if parts is None:
             return self.value(e.args[0])
-        whole = (Scalar("call", (numeral(c) * self.value(x),), name=e.op) for x, c in parts)
-        return added([numeral(float(e.args[0].value)), *whole])
+        calls = (Scalar("call", (numeral(c) * self.value(x),), name=e.op) for x, c in parts)
+        return added([numeral(float(e.args[0].value)), *(numeral(1.0) * call for call in calls)])
 
     def _exact_sum(self, e: Expr) -> Scalar:
         """A sum in which large terms may cancel: that of the phase of a load that begins late."""

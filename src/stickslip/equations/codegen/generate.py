@@ -739,6 +739,8 @@ class _Generator:
             sides = abs(_start(plus)) + abs(_start(minus))
             self.note(2 * self.nc + i, sides, adding=True)
         for j, guard in enumerate(self.eq.kinks):
+            if self.constants.is_constant(guard):  # of which only the sign matters, however large
+                guard = ex.select(guard, ex.ONE, -ex.ONE)
             layout.kinks.append(tape.row(guard))
             self.note(3 * self.nc + j, self.size(guard))
         for p, plane in enumerate(self.eq.planes):

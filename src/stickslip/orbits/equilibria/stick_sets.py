@@ -53,6 +53,8 @@ class Conditions:
         """
         _, slopes = self.guards(start)
         lengths = np.linalg.norm(slopes, axis=1)
+        if not np.all(np.isfinite(lengths)):
+            return None
         depth = ex.sym("depth")
         kept = tuple(g - float(w) * depth for g, w in zip(self.nonnegative, lengths, strict=True))
         deeper = Conditions(
@@ -194,15 +196,18 @@ def all_stick(
     ):
         for x, f in zip(names, forces, strict=True):
             pulls = [
-                (c.direction[x] * h, 1.0)
+                (fix(c.direction[x]) * h, 1.0)
                 for c, h in zip(equations.contacts, held, strict=True)
                 if x in c.direction
             ]
             equal.append(fix(f) + ex.add(*pulls))
     equal += [fix(f) - h for f, h in zip(rate.force, held[first:], strict=True)]
     equal += [ex.sym(f"d_{q}") for q in d.inertial]
+    fixed = frozenset(d.parameters)
     nonnegative = [
-        fix(g) if r == 1 else -fix(g) for g, r in zip(equations.kinks, region, strict=True)
+        fix(g) if r == 1 else -fix(g)
+        for g, r in zip(equations.kinks, region, strict=True)
+        if not g.symbols <= fixed
     ]
     for i, (c, h) in enumerate(zip(equations.contacts, held, strict=True)):
         if c.gap is not None:
