@@ -146,19 +146,22 @@ def swing(trajectory: ss.Trajectory) -> float:
 def test_a_formula_that_is_undefined_or_infinite_says_so() -> None:
     """Also where its kinks would hide that: max(sqrt(−1), 0) is not 0."""
     formulas = [
-        "a = max(sqrt(speed - 100), 0)",
-        "b = max(exp(1000*P), 1)",
-        "c = clip(exp(1000*P), 0, 1)",
-        "d = 1/period",
+        "ma = max(sqrt(speed - 100), 0)",
+        "mb = max(exp(1000*P), 1)",
+        "mc = clip(exp(1000*P), 0, 1)",
+        "md = 1/period",
     ]
     data = sweep(TOY, OVER, formulas).dataset
-    words = data["a_missing"].attrs["flag_meanings"].split()
-    found = {name: {words[k] for k in data[f"{name}_missing"].values.ravel()} for name in "abc"}
-    assert found == {"a": {"undefined"}, "b": {"not_finite"}, "c": {"given"}}
-    assert np.isnan(data["a"].values).all()
-    assert np.isnan(data["b"].values).all()
-    assert np.all(data["c"].values == 1.0)
-    assert np.array_equal(np.isnan(data["d"].values), data["d_missing"].values != 0)
+    words = data["ma_missing"].attrs["flag_meanings"].split()
+    found = {
+        name: {words[k] for k in data[f"{name}_missing"].values.ravel()}
+        for name in ("ma", "mb", "mc")
+    }
+    assert found == {"ma": {"undefined"}, "mb": {"not_finite"}, "mc": {"given"}}
+    assert np.isnan(data["ma"].values).all()
+    assert np.isnan(data["mb"].values).all()
+    assert np.all(data["mc"].values == 1.0)
+    assert np.array_equal(np.isnan(data["md"].values), data["md_missing"].values != 0)
 
 
 def test_a_function_of_the_motion_and_why_it_is_missing() -> None:
