@@ -147,8 +147,8 @@ def test_a_formula_that_is_undefined_or_infinite_says_so() -> None:
     """Also where its kinks would hide that: max(sqrt(−1), 0) is not 0."""
     formulas = [
         "ma = max(sqrt(speed - 100), 0)",
-        "mb = max(exp(1000*P), 1)",
-        "mc = clip(exp(1000*P), 0, 1)",
+        "mb = max(exp(2000*P), 1)",
+        "mc = clip(exp(2000*P), 0, 1)",
         "md = 1/period",
     ]
     data = sweep(TOY, OVER, formulas).dataset
