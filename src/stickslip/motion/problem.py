@@ -317,8 +317,11 @@ class Problem:
         found = []
         for guard in equations.kinks:
             (name, *others) = sorted(guard.symbols & felt) or [""]
-            at_zero = ex.substitute(guard, {name: ex.ZERO}, undefined=True)
-            alone = not others and name in state and at_zero is ex.ZERO
+            alone = (
+                not others
+                and name in state
+                and ex.substitute(guard, {name: ex.ZERO}, undefined=True) is ex.ZERO
+            )
             found.append(
                 state[name] if alone and not ex.derivative(guard, name).symbols & {name} else -1
             )

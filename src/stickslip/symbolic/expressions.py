@@ -545,13 +545,13 @@ def rewrite(
     again : bool
         Whether what a node becomes is looked at, too.
     undefined : bool
-        Whether what becomes undefined, such as 1/x at x = 0, stays as it is and has the value NaN:
-        it may stand in a branch that is not taken.
+        Whether what becomes undefined or too large, such as 1/x at x = 0, stays as it is: it may
+        stand in a branch that is not taken.
 
     Raises
     ------
-    ZeroDivisionError
-        If a part becomes undefined, unless it may.
+    ArithmeticError
+        If a part becomes undefined or too large, unless it may.
     """
     memo: dict[Expr, Expr] = {}
 
@@ -575,7 +575,7 @@ def rewrite(
             return raised(args[0], args[1])
         try:
             return call(e.op, args[0])
-        except ZeroDivisionError:
+        except ArithmeticError:
             if not undefined:
                 raise
             return _node(e.op, 0.0, (args[0],))
@@ -583,7 +583,7 @@ def rewrite(
     def raised(base: Expr, exponent: Expr) -> Expr:
         try:
             return power(base, exponent)
-        except ZeroDivisionError:
+        except ArithmeticError:
             if not undefined:
                 raise
             return _node("pow", 0.0, (base, exponent))
