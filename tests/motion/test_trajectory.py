@@ -221,7 +221,7 @@ def test_conditions_at_equality(k: float) -> None:
         for text, holds in asked.items()
         if not holds
     ]
-    assert system.equations().count("FAILS") == len(warnings)
+    assert str(system.equations()).count("FAILS") == len(warnings)
 
 
 # --- Certificate ----------------------------------------------------------------------------------

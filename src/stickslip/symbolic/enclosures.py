@@ -110,8 +110,13 @@ class Enclosure:
             branched = self._either(e, *parts)
             low, high = ops.maximum(low, branched[0]), ops.minimum(high, branched[1])
         for guard, side in sides:
-            for c, constant, rest in _splits(e, guard):
-                bound = self._sum(constant, rest)
+            for c, constant, rest in _enclosed_splits(e, guard):
+                bound: Interval = constant
+                for term, weight in rest:
+                    of, value = self.intervals, self.values[term]
+                    exact = weight[0] == weight[1]
+                    part = of.scaled(weight[0], value) if exact else of.times(weight, value)
+                    bound = of.plus(bound, part)
                 if c * side > 0.0:
                     low = ops.maximum(low, bound[0])
                 else:
@@ -163,7 +168,7 @@ class Enclosure:
         for base, p in e.terms:
             if base in self.slopes:
                 box = self.values[base]
-                outer = of.scaled(p, of.power(box, p - 1.0)) if p != 1.0 else (1.0, 1.0)
+                outer = self._slope_of_power(box, p)
                 others = (
                     of.power(self.values[other], q) for other, q in e.terms if other is not base
                 )
@@ -172,6 +177,14 @@ class Enclosure:
                     part = of.unless((box[0] <= 0.0) & (box[1] >= 0.0), part)
                 total = of.plus(total, part)
         return total
+
+    def _slope_of_power(self, box: Interval, p: float) -> Interval:
+        of = self.intervals
+        if p == 1.0:
+            return 1.0, 1.0
+        exactly = (p - 1.0) + 1.0 == p
+        power = of.power(box, p - 1.0) if exactly else of.times(of.power(box, p), of.inverse(box))
+        return of.scaled(p, power)
 
 
 # -- functions -------------------------------------------------------------------------------------
@@ -235,6 +248,27 @@ def _splits(
             found.append(
                 (c, _difference(constant, c * shift), tuple((x, v) for x, v in rest if v != 0.0))
             )
+    return tuple(found)
+
+
+@lru_cache(maxsize=4096)
+def _enclosed_splits(
+    e: Expr, guard: Expr
+) -> tuple[tuple[float, Interval, tuple[tuple[Expr, Interval], ...]], ...]:
+    """All c, constant and terms with e = c·guard + constant + terms, where c is such that one term
+    of the guard is gone, up to rounding; constant and coefficients are enclosed."""
+    (constant, terms), (shift, parts) = _linear(e), _linear(guard)
+
+    def left(a: float, c: float, b: float) -> Interval:
+        return FLOATS.plus((a, a), FLOATS.scaled(-c, (b, b)))
+
+    found = []
+    for term, weight in parts.items():
+        if term in terms:
+            c = terms[term] / weight
+            rest = ((x, left(terms.get(x, 0.0), c, parts.get(x, 0.0))) for x in terms | parts)
+            kept = tuple((x, coefficient) for x, coefficient in rest if coefficient != _NOTHING)
+            found.append((c, left(constant, c, shift), kept))
     return tuple(found)
 
 
