@@ -213,7 +213,7 @@ def mean(motion: Trajectory, formula: str) -> tuple[float, float]:
                 f"'{name}' has no value along a cycle",
                 "Name the state, rates, forces, t",
             )
-    value = evaluator([read], names, strict=True)
+    value = evaluator([read], names)
 
     def along(times: Array, index: Array) -> tuple[Array, Array]:
         rows = motion._sample(times, index)
