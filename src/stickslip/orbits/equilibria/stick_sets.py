@@ -185,7 +185,7 @@ def all_stick(
     regions = dict(zip(equations.kinks, region, strict=True))
 
     def fix(e: Expr) -> Expr:
-        return ex.substitute(in_region(e, regions), at_rest)
+        return ex.substitute(in_region(e, regions, undefined=True), at_rest, undefined=True)
 
     held = [ex.sym(f"lambda:{i}") for i in range(len(equations.contacts))]
     first = len(held) - len(rate.force)
