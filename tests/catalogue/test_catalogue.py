@@ -111,8 +111,8 @@ def test_entry(name):
 @pytest.mark.parametrize("name", ISSUED)
 def test_conditions_hold_by_default(name):
     system = catalogue.get(name)
-    for margin, _ in system.declaration.conditions.values():
-        assert ex.evaluate(margin, system.values) > 0
+    for condition in system.declaration.conditions.values():
+        assert ex.evaluate(condition.margin, system.values) > 0
 
 
 @pytest.mark.parametrize("name", ISSUED)
@@ -331,11 +331,12 @@ def test_scaled_slider_is_the_spring_slider():
 
 def test_scaled_slider_needs_3_4():
     system = catalogue.scaled_slider(mu="2 - s")
-    margin, otherwise = system.declaration.conditions["scaling"]
+    condition = system.declaration.conditions["scaling"]
+    margin, otherwise = condition.margin, condition.otherwise
     assert ex.evaluate(margin, system.values) < 0
     assert "(3.4)" in otherwise
     fine = catalogue.scaled_slider(mu="2 - s/2 + s**3")
-    assert ex.evaluate(fine.declaration.conditions["scaling"][0], fine.values) > 0
+    assert ex.evaluate(fine.declaration.conditions["scaling"].margin, fine.values) > 0
 
 
 def test_scaled_slider_limit_is_3_6():
@@ -437,8 +438,8 @@ def test_conditions_for_walking(given, failing):
         system = catalogue.get(name, **given)
         found = {
             key
-            for key, (margin, _) in system.declaration.conditions.items()
-            if not ex.evaluate(margin, system.values) > 0
+            for key, condition in system.declaration.conditions.items()
+            if not ex.evaluate(condition.margin, system.values) > 0
         }
         assert found == failing
 
@@ -547,7 +548,7 @@ def test_prandtl_tomlinson_facts():
         == facts(catalogue.prandtl_tomlinson(V_0=0.0))["force_at_jump"]
         == 0
     )
-    assert ex.evaluate(soft.declaration.conditions["jumps"][0], soft.values) < 0
+    assert ex.evaluate(soft.declaration.conditions["jumps"].margin, soft.values) < 0
 
 
 @pytest.mark.parametrize(

@@ -75,7 +75,7 @@ def test_the_specimen_is_right():
     assert d.contacts[2].minus is 2.0 * ex.sym("s_0")
     assert d.contacts[2].kinetic_minus is d.contacts[2].minus
     assert ex.evaluate(d.facts["omega"], system().values) == 1.5**0.5
-    assert ex.evaluate(d.conditions["order"][0], system().values) == pytest.approx(2.9)
+    assert ex.evaluate(d.conditions["order"].margin, system().values) == pytest.approx(2.9)
 
 
 pad, slider, play = (system().contacts[name] for name in ("pad", "slider", "play"))

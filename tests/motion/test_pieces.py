@@ -277,3 +277,95 @@ def test_what_leaves_its_domain_ends_by_name(force: str, start: float, wall: flo
 def test_a_start_outside_the_domain() -> None:
     system = ss.System("s", internal={"a": ss.Internal("log(a)")}, initial={"a": -1.0})
     assert ss.simulate(system, (0.0, 1.0)).outcome is Outcome.UNDEFINED
+
+
+@pytest.mark.parametrize("period", np.random.default_rng(1).uniform(0.3, 0.9, 12).tolist())
+def test_conditions_on_what_is_left_over(period: float) -> None:
+    """A belt that stops and goes, whatever its period: the same as written with the whole part."""
+    share = 0.4
+    texts = (
+        f"piecewise(mod(t, {period}) < {share * period}, mod(t, {period}), 0)",
+        f"piecewise(t/{period} - floor(t/{period}) < {share}, t - {period}*floor(t/{period}), 0)",
+    )
+    ends = []
+    for text in texts:
+        motion = ss.simulate(
+            ss.System(
+                "belt",
+                drives={"w": text},
+                coordinates={"z": ss.Inertial()},
+                kinetic="d_z**2/2",
+                potential="2*z**2",
+                contacts={"pad": ss.Contact("d_z", 3.0, "w", kinetic=2.0)},
+                span=(0.0, 2.0),
+            )
+        )
+        assert motion.outcome.ok
+        assert motion.certificate.ok
+        ends.append(list(motion.final.values()))
+    np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-9)
+
+
+def test_a_law_that_is_piecewise_in_the_speed() -> None:
+    """Steady sliding on a belt, x = μ(V)/k, in every piece, by all that looks at equilibria."""
+    law = "piecewise(v < 0.1, 1 - 2*v, v < 0.5, 0.85 - v/2, 0.6)"
+    system = ss.System(
+        "brake",
+        parameters={"V": ss.Parameter(0.3)},
+        functions={"mu(v)": law},
+        coordinates={"x": ss.Inertial()},
+        kinetic="d_x**2/2",
+        potential="x**2",
+        viscous="d_x**2",
+        contacts={"pad": ss.Contact("d_x", "mu(0)", "V", kinetic="mu(speed)")},
+        initial={"x": 0.3},
+    )
+    for speed, mu in ((0.05, 0.9), (0.3, 0.7), (0.8, 0.6)):
+        found = ss.equilibria(system, parameters={"V": speed})
+        places = [e.state["x"] for e in found.isolated]
+        assert places == pytest.approx([mu / 2.0], abs=1e-12)
+        here = {"x": 0.0, "d_x": 0.0, "V": speed}
+        rates = ss.vector_field(system, {"pad": "slip-"}, at=here).rates_at(here)
+        assert rates["d_x"] == pytest.approx(mu)
+    assert ss.continue_equilibrium(system, "V", (0.02, 1.0)) is not None
+
+
+@pytest.mark.parametrize("edges", [("t - 1", 1e-3), ("t - 1.1", 1e-5), ("t - 1.1", 1e-7)])
+def test_dead_zones_and_narrow_ramps(edges: tuple[str, float]) -> None:
+    """Certified, whichever way they are written."""
+    begins, width = edges
+    u = "3*sin(t)"
+    for load in (f"clip(({begins})/{width}, 0, 1)", f"({u}) - clip({u}, -2, 2)"):
+        for force, belt in ((f"2*({load})", "0"), ("0", load)):
+            motion = ss.simulate(
+                ss.System(
+                    "load",
+                    drives={"w": belt},
+                    coordinates={"x": ss.Inertial(force=force)},
+                    kinetic="d_x**2/2",
+                    potential="x**2/2",
+                    contacts={"c": ss.Contact("d_x", 1.0, "w", kinetic=0.7)},
+                    span=(0.0, 5.0),
+                )
+            )
+            assert motion.certificate.ok, (load, belt, motion.certificate.verdict)
+
+
+@pytest.mark.parametrize("k", [-0.5, 0.0, 0.5])
+def test_a_branch_that_a_parameter_decides(k: float) -> None:
+    """A potential that tends to a line, (1 − exp(−kx))/k: at k = 0 the other branch is divided by
+    0, and the condition is strict."""
+    system = ss.System(
+        "limit",
+        parameters={"k": ss.Parameter(k)},
+        coordinates={"x": ss.Inertial()},
+        kinetic="d_x**2/2",
+        potential="piecewise(k > 0, (1 - exp(-k*x))/k, k < 0, x, x)",
+        contacts={"c": ss.Contact("d_x", "piecewise(k >= 0, 0.2, 0.3)")},
+        span=(0.0, 1.0),
+    )
+    motion = ss.simulate(system)
+    assert motion.certificate.ok
+    if k <= 0.0:
+        net = 1.0 - (0.2 if k == 0.0 else 0.3)
+        assert motion.final["x"] == pytest.approx(-0.5 * net, rel=1e-9)

@@ -11,6 +11,7 @@ import netCDF4
 import numpy as np
 import pytest
 
+import stickslip as ss
 from oracles import coulomb_oscillator
 from stickslip import (
     DeclarationError,
@@ -200,6 +201,27 @@ def test_conditions_that_fail_are_warnings() -> None:
     assert len(motion.warnings) == 1
     assert motion.warnings[0].startswith("F_s > F_k fails: ")
     assert MOTIONS["toy"]().warnings == []
+
+
+@pytest.mark.parametrize("k", [-1.0, 0.0, 1.0])
+def test_conditions_at_equality(k: float) -> None:
+    """A strict one fails there, another does not; what is undefined fails, and says so."""
+    asked = {"k > 0": k > 0, "k >= 0": k >= 0, "k < 0": k < 0, "k <= 0": k <= 0}
+    asked |= {"sqrt(k) >= 0": k >= 0, "piecewise(k < 0, 1, 2) > max(k, 1.5)": k >= 0}
+    system = ss.System(
+        "conditions",
+        parameters={"k": ss.Parameter(k)},
+        internal={"a": ss.Internal("0")},
+        conditions={f"c{i}": ss.Condition(text, "no") for i, text in enumerate(asked)},
+    )
+    warnings = simulate(system, (0.0, 1.0)).warnings
+    undefined = " fails: it is undefined for these parameters"
+    assert warnings == [
+        text + (undefined if k < 0 and "sqrt" in text else " fails: no")
+        for text, holds in asked.items()
+        if not holds
+    ]
+    assert str(system.equations()).count("FAILS") == len(warnings)
 
 
 # --- Certificate ----------------------------------------------------------------------------------

@@ -205,8 +205,8 @@ def ratio(a: float, b: float) -> float:
 
 
 def power(x: float, p: float) -> float:
-    """A real power; NaN where undefined."""
-    return float(np.power(x, p))
+    """A real power; NaN where undefined, poles included."""
+    return math.nan if x == 0.0 and p < 0.0 and p % 2.0 == 1.0 else float(np.power(x, p))
 
 
 def first_power(a: float, p: float, size: float) -> float:
@@ -236,7 +236,7 @@ ARITHMETIC: dict[str, Callable[..., float]] = {
     "modulus": lambda x: abs(x),
     "larger": lambda a, b: max(a, b),
     "over": lambda a, b: ratio(a, b) if b > 0.0 else 0.0,
-    "reciprocal": lambda x: ratio(1.0, x),
+    "reciprocal": lambda x: power(x, -1.0),
     "real_power": power,
     "first_power": first_power,
     "dot": dot,
@@ -281,9 +281,16 @@ def _region(s: Scalar, args: list[Value]) -> Value:
     return lambda c: above(c) if c.is_above(s.index[0]) else below(c)
 
 
-def _sign(_: Scalar, args: list[Value]) -> Value:
+def _sign(s: Scalar, args: list[Value]) -> Value:
     guard, above, below = args
-    return lambda c: above(c) if guard(c) >= 0.0 else below(c)
+
+    def value(c: Call) -> float:
+        side = guard(c)
+        if math.isnan(side):
+            return math.nan
+        return above(c) if side > 0.0 or (side == 0.0 and not s.value) else below(c)
+
+    return value
 
 
 def _spread(s: Scalar, _: list[Value]) -> Value:

@@ -105,7 +105,7 @@ def test_a_formula_of_measures_and_parameters() -> None:
     delta = data["delta"].values
     speed = np.maximum(exact()["speed"], 0.5)
     np.testing.assert_allclose(data["cost"].values, np.exp(delta) * P / (2 * P * speed), rtol=1e-14)
-    assert set(data.data_vars) == {"cost", *OWN}
+    assert set(data.data_vars) == {"cost", "cost_missing", *OWN}
 
 
 FORMULAS = [
@@ -128,7 +128,8 @@ def test_formulas_at_many_points_are_those_at_one(text: str, numbers: list[float
         ex.evaluate(measure.expression, {n: float(v[i]) for n, v in table.items()})
         for i in range(8)
     ]
-    together = measure.values(table, 8)
+    together, why = measure.values(table, 8)
+    assert np.array_equal(why == 0, np.isfinite(together))
     finite = np.isfinite(alone)
     np.testing.assert_allclose(together[finite], np.array(alone)[finite], rtol=1e-10, atol=1e-12)
     assert np.all(np.isnan(together[~finite]))
@@ -140,6 +141,27 @@ def swing(trajectory: ss.Trajectory) -> float:
     if pull == 0.8:
         raise ZeroDivisionError
     return {0.6: np.nan, 0.7: "far"}.get(pull, trajectory.knots.state[0, 0])
+
+
+def test_a_formula_that_is_undefined_or_infinite_says_so() -> None:
+    """Also where its kinks would hide that: max(sqrt(−1), 0) is not 0."""
+    formulas = [
+        "ma = max(sqrt(speed - 100), 0)",
+        "mb = max(exp(2000*P), 1)",
+        "mc = clip(exp(2000*P), 0, 1)",
+        "md = 1/period",
+    ]
+    data = sweep(TOY, OVER, formulas).dataset
+    words = data["ma_missing"].attrs["flag_meanings"].split()
+    found = {
+        name: {words[k] for k in data[f"{name}_missing"].values.ravel()}
+        for name in ("ma", "mb", "mc")
+    }
+    assert found == {"ma": {"undefined"}, "mb": {"not_finite"}, "mc": {"given"}}
+    assert np.isnan(data["ma"].values).all()
+    assert np.isnan(data["mb"].values).all()
+    assert np.all(data["mc"].values == 1.0)
+    assert np.array_equal(np.isnan(data["md"].values), data["md_missing"].values != 0)
 
 
 def test_a_function_of_the_motion_and_why_it_is_missing() -> None:

@@ -58,7 +58,7 @@ def _compound(inner: st.SearchStrategy[Expr]) -> st.SearchStrategy[Expr]:
         st.tuples(inner, COEFFICIENTS).map(
             lambda p: ex.clip(p[0], ex.num(-abs(p[1])), ex.num(abs(p[1])))
         ),
-        st.tuples(inner, inner, inner).map(lambda p: ex.select(*p)),
+        st.tuples(inner, inner, inner, st.booleans()).map(lambda p: ex.select(*p[:3], strict=p[3])),
     )
 
 
@@ -116,7 +116,7 @@ def _exact(e: Expr, point: dict[str, float], known: dict[Expr, Mpf]) -> Mpf:
             return mpmath.power(known[e.args[0]], known[e.args[1]])
         case "select":
             guard, above, below = (known[a] for a in e.args)
-            return above if guard >= 0 else below
+            return above if guard > 0 or (guard == 0 and not e.strict) else below
         case "wrap":
             return known[e.args[0]] - mpmath.floor(known[e.args[0]] + 0.5)
         case "ease":

@@ -39,6 +39,7 @@ from stickslip.model.declaration import DryContact
 from stickslip.model.names import normal_force
 from stickslip.model.system import Unilateral
 from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.formulas import compared
 
 if TYPE_CHECKING:
     from stickslip.model.system import Contact, Formula, System
@@ -282,19 +283,12 @@ class Equations:
     def conditions(self, write: UnicodeWriter) -> Iterator[tuple[str, str, str]]:
         """Names of conditions, what they say, and whether that holds."""
         for name, condition in self.system.conditions.items():
-            margin = ex.evaluate(self._declared.conditions[name][0], self.system.values)
-            holds = margin > 0.0 or (margin == 0.0 and "=" in condition.formula)
-            otherwise = f": {condition.otherwise}" if condition.otherwise else ""
-            verdict = "holds" if holds else f"FAILS{otherwise}"
-            yield name, self._relation(condition.formula, write), verdict
-
-    def _relation(self, text: str, write: UnicodeWriter) -> str:
-        """A condition; its two sides are read apart, since a comparison is no formula."""
-        for sign in ("<=", ">=", "<", ">"):
-            if sign in text:
-                left, right = map(self._reader.read, text.split(sign))
-                return write(Relation(sign, left, right))
-        return text
+            reason = self._declared.conditions[name].fails(self.system.values)
+            why = f": {reason}" if reason and reason != condition.formula else ""
+            verdict = f"FAILS{why}" if reason else "holds"
+            left, sign, right = compared(condition.formula, name)
+            sides = map(self._reader.read, (left, right))
+            yield name, write(Relation(sign, *sides)), verdict
 
     def facts(self) -> Iterator[tuple[str, Node, float]]:
         """Names of facts, their formulas and values."""

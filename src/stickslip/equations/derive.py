@@ -219,8 +219,30 @@ class MotionEquations:
     def guards_alone(self) -> frozenset[Expr]:
         """Guards of jumps that are no kinks of functions."""
         used = [*self.formulas, self.energy, self.dissipation, self.supply]
-        kinks = {n.args[0] for n in ex.walk(used) if n.op == "select"}
+        held = frozenset(self.declaration.parameters)
+        kinks = {ex.listed_guard(n, held) for n in ex.walk(used) if n.op == "select"}
         return frozenset(jump.guard for jump in self.jumps) - kinks
+
+    @cached_property
+    def speeds(self) -> dict[str, Expr]:
+        """The symbols ``speed:i`` of contacts with inertia as functions of the state."""
+        moving = [i for i, c in enumerate(self.contacts) if c.kind == Kind.INERTIAL]
+        u = {i: self.velocity(i) for i in moving}
+        squares = {i: [u[i]] for i in moving}
+        for plane in self.planes:
+            if plane.parts[0] in u:
+                parts = [axis * u[i] for i, axis in zip(plane.parts, plane.axes, strict=True)]
+                squares |= dict.fromkeys(plane.parts, parts)
+        return {
+            f"speed:{i}": ex.power(ex.add(*((e**2, 1.0) for e in parts)), ex.num(0.5))
+            for i, parts in squares.items()
+        }
+
+    def velocity(self, i: int) -> Expr:
+        """The relative velocity of a contact, Σ jₓ ẋ − w."""
+        c = self.contacts[i]
+        moved = ((j * ex.sym(f"d_{x}"), 1.0) for x, j in c.direction.items())
+        return ex.add(*moved, (c.speed, -1.0))
 
     def pressing(self, i: int) -> list[int]:
         """The contact that can open whose normal force is in the friction of contact i, if any."""
@@ -300,13 +322,17 @@ def _equations_of(d: Declaration) -> MotionEquations:
     used += [e for e in d.mass.values() if not e.symbols <= held]
     for c in contacts:
         used += [c.plus, c.minus, c.kinetic_plus, c.kinetic_minus, c.speed]
+        # The law at rest says whether sliding forces are admissible.
+        at_rest = {f"speed:{i}": ex.ZERO for i in range(len(contacts))}
+        forces = (c.kinetic_plus, c.kinetic_minus)
+        used += [ex.substitute(force, at_rest, undefined=True) for force in forces]
         used += [j for j in c.direction.values() if not j.symbols <= held]
         used += [c.gap] if c.gap is not None else []
     used += _formulas_of(d.jumps)
-    guards = dict.fromkeys(n.args[0] for n in ex.walk(used) if n.op == "select")
-    for n in ex.walk([energy, dissipation, supply]):
-        if n.op == "select":
-            guards.setdefault(n.args[0])
+    felt = list(used)
+    used += [energy, dissipation, supply, *d.mass.values(), *d.damping.values()]
+    used += [e for c in contacts for e in (*c.direction.values(), c.axis, c.restitution)]
+    guards = dict.fromkeys(ex.listed_guard(n, held) for n in ex.walk(used) if n.op == "select")
     guards |= dict.fromkeys(jump.guard for jump in d.jumps)
     kinks = list(guards)
     return MotionEquations(
@@ -322,8 +348,8 @@ def _equations_of(d: Declaration) -> MotionEquations:
         rate=rate,
         kinks=kinks,
         jumps=[replace(jump, kink=kinks.index(jump.guard)) for jump in d.jumps],
-        frequencies=_frequencies(used, d.parameters),
-        timed=any("t" in e.symbols for e in used),
+        frequencies=_frequencies(felt, d.parameters),
+        timed=any("t" in e.symbols for e in felt),
         energy=energy,
         dissipation=dissipation,
         supply=supply,

@@ -532,34 +532,17 @@ class _Solver:
         return found
 
 
-def in_region(expression: Expr, regions: Mapping[Expr, int]) -> Expr:
+def in_region(expression: Expr, regions: Mapping[Expr, int], *, undefined: bool = False) -> Expr:
     """The expression with every function with a kink replaced by its branch in a region (1: guard ≥
-    0)."""
-    memo: dict[Expr, Expr] = {}
+    0); `undefined` as of :func:`~stickslip.symbolic.expressions.rewrite`."""
 
-    def visit(e: Expr) -> Expr:
-        if e not in memo:
-            memo[e] = rebuild(e)
-        return memo[e]
+    def taken(e: Expr) -> Expr | None:
+        if e.op != "select":
+            return None
+        above, *branches = ex.branches_of(e, regions)
+        return branches[0 if above == 1 else 1]
 
-    def rebuild(e: Expr) -> Expr:
-        match e.op:
-            case "num" | "sym":
-                return e
-            case "sum":
-                return ex.add(
-                    (ex.num(float(e.value)), 1.0), *((visit(term), c) for term, c in e.terms)
-                )
-            case "prod":
-                return ex.multiply(*(ex.power(visit(base), ex.num(p)) for base, p in e.terms))
-            case "pow":
-                return ex.power(visit(e.args[0]), visit(e.args[1]))
-            case "select":
-                return visit(e.args[1] if regions[e.args[0]] == 1 else e.args[2])
-            case _:
-                return ex.call(e.op, visit(e.args[0]))
-
-    return visit(expression)
+    return ex.rewrite(expression, taken, again=True, undefined=undefined)
 
 
 def solve(matrix: list[list[Expr]], right: list[Expr]) -> list[Expr]:

@@ -15,7 +15,7 @@ from stickslip.equations.derive import derive
 from stickslip.equations.field import MODE_NAMES, Field, mode_field
 from stickslip.errors import DeclarationError, short
 from stickslip.model.system import System
-from stickslip.symbolic.expressions import Expr, to_text
+from stickslip.symbolic.expressions import Expr, substitute, to_text
 
 Values = Mapping[str, float]
 _LONGEST = 1_000_000  # characters of a formula
@@ -153,7 +153,8 @@ def vector_field(
                 "modes", f"there is no contact '{short(name)}'", f"Known: {known}"
             )
     point = {**system.values, **(at or {})}
-    region = tuple(int(system.declaration.value(g, point) >= 0.0) for g in equations.kinks)
+    kinks = [substitute(g, equations.speeds) for g in equations.kinks]
+    region = tuple(int(system.declaration.value(g, point) >= 0.0) for g in kinks)
     mode = tuple(_SIGNS[given[name]] for name in names)
     try:
         found = mode_field(equations, mode, region)

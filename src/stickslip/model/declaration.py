@@ -4,7 +4,6 @@ here."""
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
@@ -25,7 +24,7 @@ from stickslip.model.system import CROSSINGS, Contact, Kind, Unilateral
 from stickslip.model.units import check_unit
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.formulas import Scope, TimeFunction, is_finite
+from stickslip.symbolic.formulas import Scope, TimeFunction, compared, is_finite
 from stickslip.symbolic.pieces import unwrapped
 
 if TYPE_CHECKING:
@@ -108,6 +107,32 @@ class StateJump:
     kink: int = -1
 
 
+@dataclass(frozen=True)
+class ReadCondition:
+    """A condition read.
+
+    Attributes
+    ----------
+    margin : Expr
+        What is positive where it holds, or zero unless it is strict.
+    strict : bool
+    otherwise : str
+        What happens where it fails.
+    """
+
+    margin: Expr
+    strict: bool
+    otherwise: str
+
+    def fails(self, values: Mapping[str, float]) -> str:
+        """Why it fails for some parameters; empty if it holds."""
+        margin = ex.evaluate(self.margin, values)
+        if math.isnan(margin):
+            return "it is undefined for these parameters"
+        holds = margin > 0.0 or (margin == 0.0 and not self.strict)
+        return "" if holds else self.otherwise
+
+
 @dataclass(eq=False)
 class Declaration:
     """A system's formulas as expressions in the symbols ``t``, coordinates, rates ``d_x`` and
@@ -156,7 +181,7 @@ class Declaration:
     laws: dict[str, Expr] = field(default_factory=dict)
     contacts: list[DryContact] = field(default_factory=list)
     jumps: list[StateJump] = field(default_factory=list)
-    conditions: dict[str, tuple[Expr, str]] = field(default_factory=dict)
+    conditions: dict[str, ReadCondition] = field(default_factory=dict)
     facts: dict[str, Expr] = field(default_factory=dict)
     drives: dict[str, Expr] = field(default_factory=dict)
     given: dict[str, TimeFunction] = field(default_factory=dict)
@@ -521,13 +546,7 @@ class _Reader:
     def _jumps(self, formula: Expr, guard: Expr, name: str) -> list[float]:
         """By how much a formula jumps where a name rises through a guard, at some places; 0 where
         it is not seen to."""
-        above, below = (
-            ex.rewrite(
-                formula,
-                lambda e, k=k: e.args[k] if e.op == "select" and e.args[0] is guard else None,
-            )
-            for k in (1, 2)
-        )
+        above, below = (_beside(formula, guard, k) for k in (1, 2))
         slope = ex.derivative(guard, name)
         here = {x: self.start[x] for x in sorted(formula.symbols | guard.symbols)}
         found = []
@@ -552,7 +571,7 @@ class _Reader:
         values = {symbol: self.start[symbol] for symbol in drag.symbols}
         for v in (-10.0, -1.0, -0.1, -1e-3, 1e-3, 0.1, 1.0, 10.0):
             at = {**values, f"d_{name}": v}
-            if math.isnan(ex.evaluate(drag, at)):
+            if not math.isfinite(ex.evaluate(drag, at)):
                 others = ", ".join(f"{n} = {at[n]:g}" for n in sorted(at.keys() & self.state))
                 raise DeclarationError(
                     f"coordinates.{name}.drag",
@@ -919,7 +938,7 @@ class _Reader:
         low, high = bounds(threshold, boxes) if threshold.symbols else (ex.number(threshold),) * 2
         here = ex.evaluate(threshold, values)
         remedy = "A threshold is never negative; write max(..., 0) where it may vanish"
-        if not here >= 0.0:
+        if not 0.0 <= here < math.inf:
             raise DeclarationError(
                 f"{where}.threshold", f"it is {here:g} at the initial state", remedy
             )
@@ -998,14 +1017,11 @@ class _Reader:
     def known_facts(self) -> None:
         for name, condition in self.system.conditions.items():
             where = entry_key("conditions", name)
-            sides = re.split(r"(<=|>=|<|>)", condition.formula)
-            if len(sides) != 3:
-                raise DeclarationError(
-                    where, "a condition compares two formulas", "Write it like 'P > rho + c'"
-                )
-            left, right = (self.static.parse(side, where) for side in sides[::2])
-            margin = left - right if sides[1].startswith(">") else right - left
-            self.result.conditions[name] = (margin, condition.otherwise or condition.formula)
+            first, sign, second = compared(condition.formula, where)
+            left, right = (self.static.parse(side, where) for side in (first, second))
+            margin = left - right if sign.startswith(">") else right - left
+            otherwise = condition.otherwise or condition.formula
+            self.result.conditions[name] = ReadCondition(margin, "=" not in sign, otherwise)
         for name, text in self.system.facts.items():
             self.result.facts[name] = self.static.parse(text, entry_key("facts", name))
         names = {**self.result.facts, **self.anywhere.names}
@@ -1170,6 +1186,15 @@ def _check_slopes(formula: Expr, names: Iterable[str], where: str, order: int = 
             "its derivatives contain numbers that are too large or undefined",
             "Check exponents and large numbers",
         ) from None
+
+
+def _beside(formula: Expr, guard: Expr, branch: int) -> Expr:
+    """A formula on one side of a guard: with the first or second branch of each of its selects."""
+
+    def change(e: Expr) -> Expr | None:
+        return e.args[branch] if e.op == "select" and e.args[0] is guard else None
+
+    return ex.rewrite(formula, change, again=True, undefined=True)
 
 
 def _by_guard(formula: Expr) -> dict[Expr, Expr]:

@@ -321,7 +321,9 @@ class Problem:
         for guard in equations.kinks:
             (name, *others) = sorted(guard.symbols & felt) or [""]
             alone = (
-                not others and name in state and ex.substitute(guard, {name: ex.ZERO}) is ex.ZERO
+                not others
+                and name in state
+                and ex.substitute(guard, {name: ex.ZERO}, undefined=True) is ex.ZERO
             )
             found.append(
                 state[name] if alone and not ex.derivative(guard, name).symbols & {name} else -1
@@ -344,7 +346,7 @@ class Problem:
             static, sliding = (c.plus, c.kinetic_plus) if side > 0 else (c.minus, c.kinetic_minus)
             if i in planes:
                 static, sliding = planes[i].static, planes[i].kinetic
-            at_rest = ex.substitute(sliding, {f"speed:{i}": ex.ZERO})
+            at_rest = ex.substitute(sliding, {f"speed:{i}": ex.ZERO}, undefined=True)
             boxes[f"speed:{i}"] = (0.0, math.inf)
             found |= {(force, i, side)} if bounds(sliding, boxes)[0] < 0.0 else set()
             found |= {(margin, i, side)} if bounds(static - at_rest, boxes)[0] < 0.0 else set()

@@ -146,9 +146,9 @@ class Trajectory(Result):
         """Conditions of the declaration that these parameters do not meet."""
         conditions = self.system.declaration.conditions
         return [
-            f"{self.system.conditions[name].formula} fails: {text}"
-            for name, (margin, text) in conditions.items()
-            if not ex.evaluate(margin, self.parameters) > 0.0
+            f"{self.system.conditions[name].formula} fails: {reason}"
+            for name, condition in conditions.items()
+            if (reason := condition.fails(self.parameters))
         ]
 
     # -- names and rows ----------------------------------------------------------------------------

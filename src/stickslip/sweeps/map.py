@@ -189,7 +189,7 @@ class Map(Result):
         return [("starts", reason), ("", remedy)]
 
     def _missing(self) -> list[tuple[str, str]]:
-        """How often a function of the user's has no value, and why."""
+        """How often a formula or a function of the user's has no value, and why."""
         rows = []
         for name in map(str, self.dataset.data_vars):
             if not name.endswith("_missing"):

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
+from typing import Any
 
 from stickslip.symbolic.expressions import Expr, number, walk
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS, Function
@@ -106,11 +107,16 @@ class Enclosure:
                 self._select(branch, (*sides, (guard, s)))
                 for branch, s in ((above, 1.0), (below, -1.0))
             )
-            branched = self._either(guard, *parts)
+            branched = self._either(e, *parts)
             low, high = ops.maximum(low, branched[0]), ops.minimum(high, branched[1])
         for guard, side in sides:
-            for c, constant, rest in _splits(e, guard):
-                bound = self._sum(constant, rest)
+            for c, constant, rest in _enclosed_splits(e, guard):
+                bound: Interval = constant
+                for term, weight in rest:
+                    of, value = self.intervals, self.values[term]
+                    exact = weight[0] == weight[1]
+                    part = of.scaled(weight[0], value) if exact else of.times(weight, value)
+                    bound = of.plus(bound, part)
                 if c * side > 0.0:
                     low = ops.maximum(low, bound[0])
                 else:
@@ -118,9 +124,13 @@ class Enclosure:
         # A region that is empty (or is by rounding) says nothing.
         return ops.where(low <= high, low, known[0]), ops.where(low <= high, high, known[1])
 
-    def _either(self, guard: Expr, above: Interval, below: Interval) -> Interval:
-        low, high = self.values[guard]
-        return self.intervals.either(high >= 0.0, low < 0.0, above, below)
+    def _either(self, e: Expr, above: Interval, below: Interval) -> Interval:
+        return self.intervals.either(*self._sides(e), above, below)
+
+    def _sides(self, e: Expr) -> tuple[Any, Any]:
+        """Whether the first branch of a select can be, and the second."""
+        low, high = self.values[e.args[0]]
+        return (high > 0.0, low <= 0.0) if e.strict else (high >= 0.0, low < 0.0)
 
     def _slope(self, e: Expr) -> Interval:
         """Slope of a node that depends on the name."""
@@ -143,10 +153,11 @@ class Enclosure:
                 return of.unless(known[base][0] < 0.0, of.times(known[e], of.plus(first, other)))
             case "select":
                 guard, above, below = e.args
-                both = self._either(guard, self.slope(above), self.slope(below))
+                both = self._either(e, self.slope(above), self.slope(below))
                 if joins(guard, above, below):
                     return both
-                return of.unless((known[guard][0] < 0.0) & (known[guard][1] >= 0.0), both)
+                first, second = self._sides(e)
+                return of.unless(first & second, both)
             case _:
                 (x,) = e.args
                 return of.times(slope_of_function(FUNCTIONS[e.op], known[x], of), self.slopes[x])
@@ -157,7 +168,7 @@ class Enclosure:
         for base, p in e.terms:
             if base in self.slopes:
                 box = self.values[base]
-                outer = of.scaled(p, of.power(box, p - 1.0)) if p != 1.0 else (1.0, 1.0)
+                outer = self._slope_of_power(box, p)
                 others = (
                     of.power(self.values[other], q) for other, q in e.terms if other is not base
                 )
@@ -166,6 +177,14 @@ class Enclosure:
                     part = of.unless((box[0] <= 0.0) & (box[1] >= 0.0), part)
                 total = of.plus(total, part)
         return total
+
+    def _slope_of_power(self, box: Interval, p: float) -> Interval:
+        of = self.intervals
+        if p == 1.0:
+            return 1.0, 1.0
+        exactly = (p - 1.0) + 1.0 == p
+        power = of.power(box, p - 1.0) if exactly else of.times(of.power(box, p), of.inverse(box))
+        return of.scaled(p, power)
 
 
 # -- functions -------------------------------------------------------------------------------------
@@ -229,6 +248,27 @@ def _splits(
             found.append(
                 (c, _difference(constant, c * shift), tuple((x, v) for x, v in rest if v != 0.0))
             )
+    return tuple(found)
+
+
+@lru_cache(maxsize=4096)
+def _enclosed_splits(
+    e: Expr, guard: Expr
+) -> tuple[tuple[float, Interval, tuple[tuple[Expr, Interval], ...]], ...]:
+    """All c, constant and terms with e = c·guard + constant + terms, where c is such that one term
+    of the guard is gone, up to rounding; constant and coefficients are enclosed."""
+    (constant, terms), (shift, parts) = _linear(e), _linear(guard)
+
+    def left(a: float, c: float, b: float) -> Interval:
+        return FLOATS.plus((a, a), FLOATS.scaled(-c, (b, b)))
+
+    found = []
+    for term, weight in parts.items():
+        if term in terms:
+            c = terms[term] / weight
+            rest = ((x, left(terms.get(x, 0.0), c, parts.get(x, 0.0))) for x in terms | parts)
+            kept = tuple((x, coefficient) for x, coefficient in rest if coefficient != _NOTHING)
+            found.append((c, left(constant, c, shift), kept))
     return tuple(found)
 
 

@@ -22,13 +22,36 @@ from stickslip.symbolic.tape import scalars_of
 
 NumericFunction = Callable[[ArrayLike], Array]
 
-_NAMES = {"real_power": np.power, "reciprocal": np.reciprocal, "where": np.where}
+
+def _real_power(x: Array, p: Array | float) -> Array:
+    pole = (x == 0.0) & (np.mod(p, 2.0) == 1.0) & (np.asarray(p) < 0.0)
+    undefined = pole | ((x < 0.0) & (np.mod(p, 1.0) != 0.0))
+    return np.power(np.where(undefined, np.nan, np.where(x == 0.0, 0.0, x)), p)
 
 
-def evaluator(
-    expressions: Sequence[Expr], names: Sequence[str], *, strict: bool = False
-) -> NumericFunction:
-    """NumPy function of expressions.
+def _reciprocal(x: Array) -> Array:
+    return np.divide(1.0, np.where(x == 0.0, np.nan, x))
+
+
+def _by_sign(guard: Array, above: Array | float, below: Array | float) -> Array:
+    return np.where(guard >= 0.0, above, np.where(guard < 0.0, below, np.nan))
+
+
+def _by_strict_sign(guard: Array, above: Array | float, below: Array | float) -> Array:
+    return np.where(guard > 0.0, above, np.where(guard <= 0.0, below, np.nan))
+
+
+_NAMES = {
+    "real_power": _real_power,
+    "reciprocal": _reciprocal,
+    "by_sign": _by_sign,
+    "by_strict_sign": _by_strict_sign,
+}
+
+
+def evaluator(expressions: Sequence[Expr], names: Sequence[str]) -> NumericFunction:
+    """NumPy function of expressions: the values of
+    :func:`stickslip.symbolic.expressions.evaluate`.
 
     Parameters
     ----------
@@ -36,40 +59,30 @@ def evaluator(
         With kinks or without.
     names : sequence of str
         The names the expressions depend on, in the order of the values.
-    strict : bool
-        Whether whatever is made of something infinite is NaN, as for single numbers
-        (:func:`stickslip.symbolic.expressions.evaluate`), instead of what it comes to.
 
     Returns
     -------
     function
-        Takes values of shape (names, …) and gives results of shape (expressions, …); NaN or
-        infinite where undefined.
+        Takes values of shape (names, …) and gives results of shape (expressions, …).
     """
-    return _evaluator(tuple(expressions), tuple(names), strict)
+    return _evaluator(tuple(expressions), tuple(names))
 
 
 @lru_cache(maxsize=4096)
-def _evaluator(
-    expressions: tuple[Expr, ...], names: tuple[str, ...], strict: bool
-) -> NumericFunction:
+def _evaluator(expressions: tuple[Expr, ...], names: tuple[str, ...]) -> NumericFunction:
     values = scalars_of(expressions, {name: element("v", i) for i, name in enumerate(names)})
     written = _Text()
     results = [written.of(values[e]) for e in expressions]
-    lines = written.lines
-    if strict:
-        lines = ["{} = finite({})".format(*line.split(" = ", 1)) for line in lines]
-    lines += [f"out[{i}] = {text}" for i, text in enumerate(results)]
+    lines = written.lines + [f"out[{i}] = {text}" for i, text in enumerate(results)]
     source = "\n    ".join(["def fill(v, out):", *lines, "return out"])
     called = {e.op for e in ex.walk(expressions)} & FUNCTIONS.keys()
-    space = {**_NAMES, "finite": _finite, **{name: FUNCTIONS[name].array for name in called}}
+    space = {**_NAMES, **{name: FUNCTIONS[name].array for name in called}}
     exec(compile(source, "<generated>", "exec"), space)
     fill = space["fill"]
     count = len(expressions)
 
     def function(values: ArrayLike) -> Array:
         v = np.asarray(values, dtype=float)
-        v = _finite(v) if strict else v
         with np.errstate(all="ignore"):
             return fill(v, np.empty((count, *v.shape[1:])))
 
@@ -103,8 +116,8 @@ class _Text:
             case "product":
                 return "*".join(map(self._part, s.args))
             case "sign":
-                guard, above, below = map(self.of, s.args)
-                return f"where({guard} >= 0.0, {above}, {below})"
+                parts = ", ".join(map(self.of, s.args))
+                return f"{'by_strict_sign' if s.value else 'by_sign'}({parts})"
         return f"{s.name or s.op}({', '.join(map(self.of, s.args))})"
 
     def _part(self, s: Scalar) -> str:
@@ -117,7 +130,3 @@ class _Text:
             self._variables[s] = f"s{len(self._variables)}"
             self.lines.append(f"{self._variables[s]} = {text}")
         return self._variables[s]
-
-
-def _finite(values: Array) -> Array:
-    return np.where(np.isfinite(values), values, np.nan)

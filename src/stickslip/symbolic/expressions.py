@@ -5,6 +5,11 @@ is unique: equal expressions are the same object. Simplification, common subexpr
 question "does this depend on the state?" then cost nothing. A function with a kink or a jump (abs,
 min, piecewise, floor, ...) is a :func:`select` on the sign of its *guard*; the engine turns each
 guard into an event.
+
+Values are those of IEEE arithmetic wherever they are computed. What overflows is infinite, so that
+what has a limit there comes to it: ``min(exp(x), 1)`` is 1 at x = 1000. What is undefined is NaN,
+poles included, and so is all that is made of it: ``max(sqrt(x), 3)`` has no value at x = −1. Terms
+that cancel identically are not part of an expression.
 """
 
 from __future__ import annotations
@@ -14,12 +19,15 @@ import math
 import re
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+from functools import lru_cache
 from weakref import WeakValueDictionary
 
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS
 
 Terms = tuple[tuple["Expr", float], ...]
 _ARGUMENT_OF_ROW = re.compile(r"\bx\b")
+_LONG_PRODUCT = 12  # factors from which a product is a factor itself: see `multiply`
+_STRICT = 1.0  # value of a select that is `below` where its guard is 0
 
 
 class Expr:
@@ -30,7 +38,7 @@ class Expr:
     op : str
         ``num``, ``sym``, ``sum``, ``prod``, ``pow``, ``select`` or the name of a function.
     value : float or str
-        The number, the name, or the constant of a sum.
+        The number, the name, or the constant of a sum; of a select, what :attr:`strict` says.
     args : tuple of Expr
         Arguments of a function, a power or a select.
     terms : tuple of (Expr, float)
@@ -69,6 +77,11 @@ class Expr:
         self.depth: int = 1 + max((c.depth for c in children), default=0)
         self._derivatives: dict[str, Expr] = {}
         self._with: dict[str, list[tuple[Expr, float]]] | None = None
+
+    @property
+    def strict(self) -> bool:
+        """Of a select, whether it is `below`, not `above`, where its guard is 0."""
+        return self.value == _STRICT
 
     def terms_with(self, name: str) -> list[tuple[Expr, float]]:
         """The terms that depend on a name: of a long sum, few."""
@@ -193,13 +206,51 @@ def add(*weighted: tuple[Expr, float]) -> Expr:
     if len(kept) == 1 and constant == 0.0 and kept[0][1] == 1.0:
         return kept[0][0]
     num(constant)
+    if len(kept) > 1 and (moved := _into_branches(constant, terms, kept)) is not None:
+        return moved
     return _node("sum", constant, (), kept)
 
 
+def _into_branches(constant: float, terms: Mapping[Expr, float], kept: Terms) -> Expr | None:
+    """A sum in which terms cancel in a branch of a select, as in u − clip(u, −2, 2): these terms
+    belong to the branches, so that nothing is left of them there, not even rounding errors."""
+    for e, c in kept:
+        if e.op == "select":
+            gone = {
+                term: weight
+                for branch in _leaves(e)
+                for term, weight in _linear_terms(branch)
+                if term in terms and -c * weight == terms[term]
+            }
+            if gone:
+                guard, above, below = e.args
+                inside = [(term, -weight) for term, weight in gone.items()]
+                branches = (add((branch, 1.0), *inside) for branch in (above, below))
+                rest = ((x, w) for x, w in kept if x is not e and x not in gone)
+                return add(
+                    (select(guard, *branches, strict=e.strict), c), (num(constant), 1.0), *rest
+                )
+    return None
+
+
+def _leaves(e: Expr) -> list[Expr]:
+    """The branches of a select, and those of selects among them."""
+    return [leaf for b in e.args[1:] for leaf in _leaves(b)] if e.op == "select" else [e]
+
+
+def _linear_terms(e: Expr) -> Terms:
+    return e.terms if e.op == "sum" else () if e.op == "num" else ((e, 1.0),)
+
+
 def multiply(*factors: Expr) -> Expr:
-    """Product of expressions."""
+    """Product of expressions.
+
+    A product of many factors is a factor of longer ones: so the derivatives of a product of n
+    factors are of size n, not n².
+    """
     coefficient = 1.0
     powers = dict[Expr, float]()
+    rooted = set[Expr]()  # of which a root is taken: undefined where they are negative
     for factor in factors:
         if factor.op == "num":
             coefficient *= number(factor)
@@ -207,10 +258,27 @@ def multiply(*factors: Expr) -> Expr:
         if factor.op == "sum" and factor.value == 0.0 and len(factor.terms) == 1:
             factor, scale = factor.terms[0]
             coefficient *= scale
-        for base, exponent in factor.terms if factor.op == "prod" else ((factor, 1.0),):
+        short = factor.op == "prod" and len(factor.terms) < _LONG_PRODUCT
+        for base, exponent in factor.terms if short else ((factor, 1.0),):
+            if base.op == "prod" and (root := _root(base)) is not None:
+                base, exponent = root[0], root[1] * exponent
+                rooted.add(base)
+            elif not exponent.is_integer():
+                rooted.add(base)
             powers[base] = powers.get(base, 0.0) + exponent
     if coefficient == 0.0:
         return ZERO
+    plain = list[Expr]()
+    for base in rooted:
+        if (p := powers[base]).is_integer() and p:
+            del powers[base]
+            if never_negative(base):
+                plain.append(power(base, num(p)))
+            else:
+                powers[_product(((base, 0.5),))] = 2.0 * p
+    if plain:
+        others = (_product(((base, p),)) for base, p in powers.items() if p)
+        return multiply(num(coefficient), *others, *plain)
     kept = tuple(
         sorted(((e, p) for e, p in powers.items() if p != 0.0), key=lambda pair: pair[0].key)
     )
@@ -218,6 +286,20 @@ def multiply(*factors: Expr) -> Expr:
         return num(coefficient)
     product = kept[0][0] if len(kept) == 1 and kept[0][1] == 1.0 else _product(kept)
     return product if coefficient == 1.0 else add((product, coefficient))
+
+
+def _root(e: Expr) -> tuple[Expr, float] | None:
+    """What a root, or another power that is not whole, is taken of, and its exponent."""
+    is_root = e.op == "prod" and len(e.terms) == 1 and not e.terms[0][1].is_integer()
+    return e.terms[0] if is_root else None
+
+
+@lru_cache(maxsize=4096)
+def never_negative(e: Expr) -> bool:
+    """Whether an expression is seen to have no negative value, such as x² + y²."""
+    from stickslip.symbolic.enclosures import bounds
+
+    return bounds(e, {})[0] >= 0.0
 
 
 def _product(powers: Terms) -> Expr:
@@ -245,13 +327,15 @@ def power(base: Expr, exponent: Expr) -> Expr:
         return ONE
     if p == 1.0:
         return base
-    if base.op == "prod" and p.is_integer():
-        return _product(tuple((e, q * p) for e, q in base.terms))
+    if base.op == "prod" and p.is_integer() and len(base.terms) < _LONG_PRODUCT:
+        parts = [(e, q) if q.is_integer() else (_product(((e, q),)), 1.0) for e, q in base.terms]
+        return multiply(*(_product(((e, q * p),)) for e, q in parts))
     if base.op == "sum" and base.value == 0.0 and len(base.terms) == 1:
         term, c = base.terms[0]
         if c > 0.0 or p.is_integer():
             return multiply(num(c**p), power(term, exponent))
-    return _product(((base, p),))
+    found = _product(((base, p),))
+    return found if _root(base) is None else multiply(found)
 
 
 def call(name: str, argument: Expr) -> Expr:
@@ -268,20 +352,60 @@ def call(name: str, argument: Expr) -> Expr:
     return _node(name, 0.0, (argument,))
 
 
-def select(guard: Expr, above: Expr, below: Expr) -> Expr:
-    """`above` where ``guard >= 0``, `below` elsewhere."""
+def select(guard: Expr, above: Expr, below: Expr, *, strict: bool = False) -> Expr:
+    """`above` where ``guard >= 0`` (where ``guard > 0``, if strict), `below` elsewhere; undefined
+    where the guard is."""
     if above is below:
         return above
     if guard.op == "num":
-        return above if number(guard) >= 0.0 else below
+        here = number(guard)
+        return above if here > 0.0 or (here == 0.0 and not strict) else below
     if guard.op == "sum":
         # One boundary, one guard: g, -g and 2g all switch at the same place.
-        leading = guard.terms[0][1]
+        first, leading = guard.terms[0]
         if leading != 1.0:
-            guard = add((guard, 1.0 / leading))
+            others = ((term, c / leading) for term, c in guard.terms[1:])
+            guard = add((num(float(guard.value) / leading), 1.0), (first, 1.0), *others)
             if leading < 0.0:
-                above, below = below, above
-    return _node("select", 0.0, (guard, above, below))
+                above, below, strict = below, above, not strict
+    if strict and _joins(guard, above, below):
+        strict = False
+    return _node("select", _STRICT if strict else 0.0, (guard, above, below))
+
+
+def _joins(guard: Expr, above: Expr, below: Expr) -> bool:
+    from stickslip.symbolic.enclosures import joins
+
+    return joins(guard, above, below)
+
+
+def branches_of(e: Expr, regions: Mapping[Expr, int]) -> tuple[int, Expr, Expr]:
+    """What the known region of its guard makes of a select.
+
+    Parameters
+    ----------
+    e : Expr
+    regions : mapping of Expr to int
+        By guard. A guard of constants can be 0 for good, and then it matters whether it is strict:
+        of those that are, −guard is listed, which is nonnegative where the select is `below`.
+
+    Returns
+    -------
+    int, Expr, Expr
+        The entry of the guard, and what the select is where that guard is nonnegative, and where
+        it is not.
+    """
+    guard, above, below = e.args
+    if e.strict and (opposite := -guard) in regions:
+        return regions[opposite], below, above
+    return regions[guard], above, below
+
+
+def listed_guard(e: Expr, constants: frozenset[str]) -> Expr:
+    """The guard of a select, as :func:`branches_of` looks it up; the names are those of
+    constants."""
+    guard = e.args[0]
+    return -guard if e.strict and guard.symbols <= constants else guard
 
 
 def absolute(x: Expr) -> Expr:
@@ -330,7 +454,7 @@ def _derivative(e: Expr, name: str) -> Expr:
         )
     if e.op == "select":
         guard, above, below = e.args
-        return select(guard, derivative(above, name), derivative(below, name))
+        return select(guard, derivative(above, name), derivative(below, name), strict=e.strict)
     (x,) = e.args
     return at(FUNCTIONS[e.op].slope, x) * derivative(x, name)
 
@@ -408,26 +532,48 @@ def along(expression: Expr, rates: Mapping[str, Expr]) -> Expr:
     return add(*((derivative(expression, name) * rates[name], 1.0) for name in names))
 
 
-def substitute(expression: Expr, values: Mapping[str, Expr]) -> Expr:
-    """Replace names by expressions."""
+def substitute(expression: Expr, values: Mapping[str, Expr], *, undefined: bool = False) -> Expr:
+    """Replace names by expressions; see :func:`rewrite`."""
 
     def named(e: Expr) -> Expr | None:
         if not e.symbols & values.keys():
             return e
         return values[str(e.value)] if e.op == "sym" else None
 
-    return rewrite(expression, named)
+    return rewrite(expression, named, undefined=undefined)
 
 
-def rewrite(expression: Expr, change: Callable[[Expr], Expr | None]) -> Expr:
-    """Replace nodes: `change` says what a node becomes, or None if its parts are to be looked
-    at."""
+def rewrite(
+    expression: Expr,
+    change: Callable[[Expr], Expr | None],
+    *,
+    again: bool = False,
+    undefined: bool = False,
+) -> Expr:
+    """Replace nodes.
+
+    Parameters
+    ----------
+    expression : Expr
+    change : callable
+        Says what a node becomes, or None if its parts are to be looked at.
+    again : bool
+        Whether what a node becomes is looked at, too.
+    undefined : bool
+        Whether what becomes undefined or too large, such as 1/x at x = 0, stays as it is: it may
+        stand in a branch that is not taken.
+
+    Raises
+    ------
+    ArithmeticError
+        If a part becomes undefined or too large, unless it may.
+    """
     memo: dict[Expr, Expr] = {}
 
     def visit(e: Expr) -> Expr:
         if e not in memo:
             new = change(e)
-            memo[e] = rebuild(e) if new is None else new
+            memo[e] = rebuild(e) if new is None else visit(new) if again else new
         return memo[e]
 
     def rebuild(e: Expr) -> Expr:
@@ -436,11 +582,26 @@ def rewrite(expression: Expr, change: Callable[[Expr], Expr | None]) -> Expr:
         if e.op == "sum":
             return add((num(float(e.value)), 1.0), *((visit(term), c) for term, c in e.terms))
         if e.op == "prod":
-            return multiply(*(power(visit(base), num(p)) for base, p in e.terms))
+            return multiply(*(raised(visit(base), num(p)) for base, p in e.terms))
         args = [visit(a) for a in e.args]
         if e.op == "select":
-            return select(args[0], args[1], args[2])
-        return power(args[0], args[1]) if e.op == "pow" else call(e.op, args[0])
+            return select(args[0], args[1], args[2], strict=e.strict)
+        if e.op == "pow":
+            return raised(args[0], args[1])
+        try:
+            return call(e.op, args[0])
+        except ArithmeticError:
+            if not undefined:
+                raise
+            return _node(e.op, 0.0, (args[0],))
+
+    def raised(base: Expr, exponent: Expr) -> Expr:
+        try:
+            return power(base, exponent)
+        except ArithmeticError:
+            if not undefined:
+                raise
+            return _node("pow", 0.0, (base, exponent))
 
     return visit(expression)
 
@@ -461,37 +622,82 @@ def walk(expressions: Iterable[Expr]) -> list[Expr]:
 
 
 def evaluate(expression: Expr, values: Mapping[str, float]) -> float:
-    """Number for given values of the names; NaN where undefined."""
+    """Number for given values of the names: infinite where it overflows, NaN where it is
+    undefined."""
     result: dict[Expr, float] = {}
     for e in walk([expression]):
-        try:
-            result[e] = _value(e, values, result)
-        except (ValueError, ZeroDivisionError, OverflowError):
-            result[e] = math.nan
+        result[e] = _value(e, values, result)
     return result[expression]
 
 
 def _value(e: Expr, values: Mapping[str, float], known: Mapping[Expr, float]) -> float:
+    """Value of a node, with the operations, and in the order, of all other ways to compute it
+    (:func:`stickslip.symbolic.tape.scalars_of`)."""
     match e.op:
         case "num":
             return number(e)
         case "sym":
-            return values[str(e.value)]
+            return float(values[str(e.value)])
         case "sum":
-            return float(e.value) + sum(c * known[term] for term, c in e.terms)
+            total = float(e.value)
+            for term, c in e.terms:
+                total += c * known[term]
+            return total
         case "prod":
-            return math.prod(_real_power(known[base], p) for base, p in e.terms)
+            product = 1.0
+            for base, p in e.terms:
+                product *= real_power(known[base], p)
+            return product
         case "pow":
-            return _real_power(known[e.args[0]], known[e.args[1]])
+            return real_power(known[e.args[0]], known[e.args[1]])
         case "select":
             guard, above, below = (known[a] for a in e.args)
-            return above if guard >= 0.0 else below
+            if math.isnan(guard):
+                return math.nan
+            return above if guard > 0.0 or (guard == 0.0 and not e.strict) else below
         case _:
-            return FUNCTIONS[e.op](known[e.args[0]])
+            return FUNCTIONS[e.op].ieee(inside(e, known))
 
 
-def _real_power(base: float, p: float) -> float:
-    return math.nan if base < 0.0 and not p.is_integer() else base**p
+def inside(e: Expr, known: Mapping[Expr, float]) -> float:
+    """Value of the argument of a function."""
+    (x,) = e.args
+    parts = wrapped_parts(e)
+    if parts is None:
+        return known[x]
+    row = FUNCTIONS[e.op]
+    total = float(x.value)
+    for term, c in parts:
+        total += row.ieee(c * known[term])
+    return total
+
+
+def wrapped_parts(e: Expr) -> Terms | None:
+    """The terms of an argument of which whole periods may be left out one by one: of what is only
+    the argument without its periods, so that these take no digits of it."""
+    if e.op not in FUNCTIONS or e.args[0].op != "sum":
+        return None
+    row = FUNCTIONS[e.op]
+    return e.args[0].terms if row.typed and row.period else None
+
+
+def real_power(base: float, p: float) -> float:
+    """A power, infinite where it overflows or has that limit, NaN where it is undefined: of a
+    negative number, if it is not whole, and at a pole between −∞ and ∞."""
+    if p == 1.0:
+        return base
+    if p == 2.0:
+        return base * base
+    if base == 0.0 and p < 0.0:
+        return math.nan if p % 2.0 == 1.0 else math.inf
+    if p == -1.0:
+        return 1.0 / base
+    if base < 0.0 and not p.is_integer():
+        return math.nan
+    try:
+        return math.pow(base, p)
+    except OverflowError:
+        return -math.inf if base < 0.0 and p % 2.0 == 1.0 else math.inf
 
 
 def to_text(expression: Expr, longest: int = 2000) -> str:
@@ -541,7 +747,7 @@ def _text(e: Expr, known: Mapping[Expr, tuple[str, int]]) -> tuple[str, int]:
         return f"{call[0]}({', '.join(map(to_text, call[1]))})", 5
     if e.op == "select":
         guard, above, below = (inner(a) for a in e.args)
-        return f"piecewise({guard} >= 0, {above}, {below})", 5
+        return f"piecewise({guard} {'>' if e.strict else '>='} 0, {above}, {below})", 5
     if typed := FUNCTIONS[e.op].typed:
         return f"({_ARGUMENT_OF_ROW.sub(inner(e.args[0], 5), typed)})", 5
     return f"{e.op}({inner(e.args[0])})", 5

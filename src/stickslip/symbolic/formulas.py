@@ -45,6 +45,8 @@ _TOKEN = re.compile(
     r"\s+|(?P<operand>(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][+-]?\d+)?|[A-Za-z]\w*)"
     r"|(?P<sign>[+-])|(?P<open>\()|(?P<close>\))|(?P<comma>,)|\*\*|[*/<>=]"
 )
+_OF_NUMPY = re.compile(r"\b(?:np|numpy)\.(?:float|int|uint)\d+\(([^()]*)\)")
+"""How NumPy writes its numbers, np.float64(0.5): so they come out of f-strings."""
 _SIGNATURE = re.compile(r"\s*([A-Za-z][A-Za-z0-9_]*)\s*(?:\(([^()]*)\))?\s*\Z")
 _ELSEWHERE = {
     "ln": "log(x)",
@@ -210,6 +212,27 @@ def is_finite(value: object) -> TypeGuard[float]:
         return False
 
 
+def compared(text: str, where: str) -> tuple[str, str, str]:
+    """The two sides of a comparison, and its sign between them; each side may hold comparisons of
+    its own, in brackets.
+
+    Raises
+    ------
+    DeclarationError
+        If the text is no comparison of two formulas.
+    """
+    depth, signs = 0, []
+    for match in re.finditer(r"[(]|[)]|[<>]=?", text):
+        depth += {"(": 1, ")": -1}.get(match.group(), 0)
+        if depth == 0 and match.group() != ")":
+            signs.append(match)
+    if len(signs) != 1:
+        raise DeclarationError(
+            where, "a condition compares two formulas", "Write it like 'P > rho + c'"
+        )
+    return text[: signs[0].start()], signs[0].group(), text[signs[0].end() :]
+
+
 def formula_text(expression: Expr, where: str) -> str:
     """An expression as a text that is read as the same one.
 
@@ -298,7 +321,7 @@ class _Reader:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                return self.whole(text.replace("\n", " "), 0)
+                return self.whole(_OF_NUMPY.sub(r"(\1)", text.replace("\n", " ")), 0)
         except SyntaxError as error:
             raise self.fail(
                 f"'{short(text)}' is not a formula ({error.msg})", "Check operators and brackets"
@@ -508,7 +531,8 @@ class _Reader:
                 comparators=[right],
             ):
                 a, b = self.visit(left, depth + 1), self.visit(right, depth + 1)
-                return ex.select(a - b if isinstance(op, ast.Gt | ast.GtE) else b - a, above, below)
+                margin = a - b if isinstance(op, ast.Gt | ast.GtE) else b - a
+                return ex.select(margin, above, below, strict=isinstance(op, ast.Lt | ast.Gt))
         raise self.fail(
             "a condition of piecewise compares two values", "Write x < a, x <= a, x > a or x >= a"
         )

@@ -135,7 +135,7 @@ class Function:
 
     def ieee(self, x: float) -> float:
         """The value, with what it comes to in place of an overflow or at the end of the domain, and
-        NaN where it is undefined."""
+        NaN where it is undefined: what has poles or repeats comes to nothing."""
         try:
             return self.value(x)
         except OverflowError:
@@ -144,7 +144,8 @@ class Function:
             if x not in self.domain:
                 return math.nan
             end = self.domain.index(x)
-        return math.nan if self.limits is None else self.limits[end]
+        repeats = self.poles is not None and not self.rises
+        return math.nan if self.limits is None or repeats else self.limits[end]
 
     @cached_property
     def array(self) -> Callable[[Any], Any]:

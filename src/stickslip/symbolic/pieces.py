@@ -1,7 +1,9 @@
 """Functions of formulas that are made of others: with kinks and jumps, and piece after piece.
 
 Every kink and every jump is a :func:`~stickslip.symbolic.expressions.select` on the sign of a
-guard, so that it is an event of a motion; at the jump itself a function has the value from above.
+guard, so that it is an event of a motion. Where its guard is 0 it has the value that was written
+for that, in conditions by < or <=, and sign(0) is 0; what goes on piece after piece has the value
+from above at its jumps.
 What goes on piece after piece has one guard, too: which piece the argument u is in is decided
 modulo two by the sign of sin πu, which is smooth everywhere; which of the even (odd) pieces it is,
 follows from the argument itself. With wrap(x) = x minus the nearest whole number, u is 2k + 1/2 +
@@ -84,7 +86,7 @@ def _two(x: Expr, above: float, below: float) -> Expr:
 
 
 def _sign(x: Expr) -> Expr:
-    return ex.ZERO if ex.is_number(x, 0.0) else _two(x, 1.0, -1.0)
+    return ex.select(x, ex.ONE, _two(x, 0.0, -1.0), strict=True)
 
 
 def _by_parity(u: Expr, even: Expr, odd: Expr) -> Expr:
@@ -202,6 +204,8 @@ def spelled(e: Expr) -> tuple[str, tuple[Expr, ...]] | None:
         return (
             ("smoothstep", (u, ex.ZERO, ex.ONE)) if e is _smoothstep(u, ex.ZERO, ex.ONE) else None
         )
+    if e.op == "select" and e is _sign(e.args[0]):
+        return "sign", e.args[:1]
     inner = e.args[0].args if e.op == "select" else ()
     if not inner:
         return None
@@ -238,11 +242,11 @@ def periodic_form(e: Expr) -> Expr:
             u = spelling[1][0]
             return periodic_form(u - _fraction(u))
         if node.op == "select":
-            made = ex.select(*map(periodic_form, node.args))
+            made = ex.select(*map(periodic_form, node.args), strict=node.strict)
             if made.op == "select":
                 guard, above, below = made.args
                 if _coefficient(below if above is ex.ZERO else above) < 0.0:
-                    return -ex.select(guard, -above, -below)
+                    return -ex.select(guard, -above, -below, strict=made.strict)
             return made
         if node.op in FUNCTIONS and FUNCTIONS[node.op].crest is not None:
             (phase,) = node.args

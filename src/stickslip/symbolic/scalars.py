@@ -25,7 +25,8 @@ class Scalar:
         ``first_power`` (base, exponent, size of the terms of the base), ``call`` (of the function
         `name`), ``dot`` (pairs, one after the other, added up with twice as many digits), ``mode``
         (of contact `index`: stick, slip forwards, slip backwards), ``region`` (of kink `index`:
-        above, below), ``sign`` (of the first: above, below), ``spread`` (Σⱼ |Rᵢⱼ| mag[base + j] for
+        above, below), ``sign`` (of the first: above, below; where that is 0, above if `value` is 0,
+        else below), ``spread`` (Σⱼ |Rᵢⱼ| mag[base + j] for
         the matrix `name` and `index` = (i, n, base)) and ``kept``: what has a variable of its own.
     args : tuple of Scalar
     name : str

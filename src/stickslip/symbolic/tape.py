@@ -281,15 +281,23 @@ class _Lowering:
             case "pow":
                 return self._real_power(e.args[0], v(e.args[1]))
             case "select" if self.regions is not None:
-                guard, above, below = e.args
-                return Scalar("region", (v(above), v(below)), index=(self.regions[guard],))
+                place, above, below = ex.branches_of(e, self.regions)
+                return Scalar("region", (v(above), v(below)), index=(place,))
             case "select":
                 guard, above, below = map(v, e.args)
-                return Scalar("sign", (guard, above, below))
+                return Scalar("sign", (guard, above, below), value=float(e.value))
         constants = self.constants
         phase = None if constants is None else constants.phase(e)
-        inside = v(e.args[0]) if phase is None else added(self._line(*phase))
+        inside = self._inside(e) if phase is None else added(self._line(*phase))
         return Scalar("call", (inside,), name=e.op)
+
+    def _inside(self, e: Expr) -> Scalar:
+        """The argument of a function."""
+        parts = ex.wrapped_parts(e)
+        if parts is None:
+            return self.value(e.args[0])
+        calls = (Scalar("call", (numeral(c) * self.value(x),), name=e.op) for x, c in parts)
+        return added([numeral(float(e.args[0].value)), *(numeral(1.0) * call for call in calls)])
 
     def _exact_sum(self, e: Expr) -> Scalar:
         """A sum in which large terms may cancel: that of the phase of a load that begins late."""
@@ -553,11 +561,11 @@ class Tape:
         return result
 
     def _select(self, e: Expr) -> Scaled:
-        guard, above, below = e.args
+        place, above, below = ex.branches_of(e, self.regions)
         parts = self.lower(above), self.lower(below)
         stage = max((self.stage[x.row] for x in parts if x.row is not None), default=0)
         row = self.new_row(stage)
-        self.emit(stage, Instruction(Op.SELECT, row, parts=parts, place=self.regions[guard]))
+        self.emit(stage, Instruction(Op.SELECT, row, parts=parts, place=place))
         return Scaled(ex.ONE, row)
 
     def _function(self, e: Expr) -> int:

@@ -628,7 +628,8 @@ class _Generator:
         for plane in self.eq.planes:
             i = plane.parts[0]
             if plane.kinetic is not plane.static:
-                at_rest = ex.substitute(plane.kinetic, {f"speed:{i}": ex.ZERO})
+                own = {f"speed:{i}": ex.ZERO}
+                at_rest = ex.substitute(plane.kinetic, own, undefined=True)
                 rows = self.tape.row(plane.kinetic), self.tape.row(plane.static - at_rest)
                 self.layout.kinetic.append((i, 1, *rows))
         for i, c in enumerate(self.eq.contacts):
@@ -639,7 +640,7 @@ class _Generator:
                 (-1, c.kinetic_minus, c.minus),
             ):
                 if force is not static:
-                    at_rest = ex.substitute(force, {f"speed:{i}": ex.ZERO})
+                    at_rest = ex.substitute(force, {f"speed:{i}": ex.ZERO}, undefined=True)
                     self.layout.kinetic.append(
                         (i, side, self.tape.row(force), self.tape.row(static - at_rest))
                     )
@@ -740,6 +741,8 @@ class _Generator:
             sides = abs(_start(plus)) + abs(_start(minus))
             self.note(2 * self.nc + i, sides, adding=True)
         for j, guard in enumerate(self.eq.kinks):
+            if self.constants.is_constant(guard):  # of which only the sign matters, however large
+                guard = ex.select(guard, ex.ONE, -ex.ONE)
             layout.kinks.append(tape.row(guard))
             self.note(3 * self.nc + j, self.size(guard))
         for p, plane in enumerate(self.eq.planes):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache, partial, reduce
@@ -146,7 +147,7 @@ class Routine(Arithmetic):
             case "quotient":
                 return self.over(*x)
             case "reciprocal":
-                return self.over(1.0, x[0])
+                return self._reciprocal(x[0])
             case "negative":
                 return self.negative(x[0])
             case "modulus":
@@ -160,7 +161,9 @@ class Routine(Arithmetic):
             case "region":
                 return self.select(self.is_above(s.index[0]), *x)
             case "sign":
-                return self.select(self.test("oge", x[0], 0.0), *x[1:])
+                tests = ("ogt", "ole") if s.value else ("oge", "olt")
+                first, second = (self.test(how, x[0], 0.0) for how in tests)
+                return self.select(first, x[1], self.select(second, x[2], math.nan))
             case "real_power":
                 return self._power(*x)
             case "first_power":
@@ -189,10 +192,29 @@ class Routine(Arithmetic):
         argument = in_register(x) if isinstance(x, Register) else numeral(x)
         return self.scalar(scalars_of([formula], {ARGUMENT: argument})[formula])
 
+    def _reciprocal(self, x: Operand) -> Operand:
+        """1/x, undefined at 0."""
+        return self.select(self.test("oeq", x, 0.0), math.nan, self.over(1.0, x))
+
     def _power(self, x: Operand, p: Operand) -> Operand:
         if p == 2.0:
             return self.times(x, x)
-        return self.over(1.0, x) if p == -1.0 else self.function("pow", x, p)
+        return self._reciprocal(x) if p == -1.0 else self._defined(self.function("pow", x, p), x, p)
+
+    def _defined(self, power: Operand, x: Operand, p: Operand) -> Operand:
+        """A power, but undefined at a pole between −∞ and ∞, and at −∞ if it is not whole."""
+        if isinstance(p, float):
+            if not p.is_integer():
+                return self.select(self.test("olt", x, 0.0), math.nan, power)
+            if p > 0.0 or p % 2.0 != 1.0:
+                return power
+            return self.select(self.test("oeq", x, 0.0), math.nan, power)
+        half = self.times(0.5, p)
+        odd = self.test(
+            "oeq", self.plainly("fsub", half, self.function("llvm.floor.f64", half)), 0.5
+        )
+        pole = self.both(self.test("oeq", x, 0.0), self.both(odd, self.test("olt", p, 0.0)))
+        return self.select(pole, math.nan, power)
 
     def first_power(self, a: Operand, p: Operand, size: Operand) -> Operand:
         """aᵖ, where a is known up to the rounding error of terms of a size: what may be 0 is 0."""
@@ -202,9 +224,10 @@ class Routine(Arithmetic):
             rooted = self.both(self.test("oeq", p, 0.5), self.test("oge", a, 0.0))
             power = self.select(rooted, self.function(root, a), power)
         elif p <= 0.0:
-            return power
+            return self._defined(power, a, p)
         small = self.test("ole", self.modulus(a), self.times(_NOTHING, size))
         if not isinstance(p, float):
+            power = self._defined(power, a, p)
             small = self.both(small, self.test("ogt", p, 0.0))
         return self.select(small, 0.0, power)
 

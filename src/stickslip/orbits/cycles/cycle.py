@@ -452,7 +452,7 @@ class Cycle(Result):
         0.465260 0.465260
         """
         found, _ = measure.mean(self.trajectory, formula)
-        if math.isnan(found):
+        if not math.isfinite(found):
             raise DeclarationError(
                 "formula",
                 f"{short(formula)} is undefined on the cycle",

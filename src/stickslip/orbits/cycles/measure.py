@@ -213,7 +213,7 @@ def mean(motion: Trajectory, formula: str) -> tuple[float, float]:
                 f"'{name}' has no value along a cycle",
                 "Name the state, rates, forces, t",
             )
-    value = evaluator([read], names, strict=True)
+    value = evaluator([read], names)
 
     def along(times: Array, index: Array) -> tuple[Array, Array]:
         rows = motion._sample(times, index)
@@ -257,6 +257,8 @@ def _averaged(
         times = (middle[:, None] + 0.5 * width[:, None] * _NODES).ravel()
         weights = (0.5 * width[:, None] * _WEIGHTS).ravel()
         f, w = values(times, np.repeat(index, len(_NODES)))
+        if not np.all(np.isfinite(f)):
+            return np.full(f.shape[1], np.nan + 0j), np.inf
         before, found = found, 1.0 / period * (weights * w) @ f
         # Between knots a component may be much larger than at them.
         size = np.maximum(np.max(np.abs(f), axis=0), 1e-300)

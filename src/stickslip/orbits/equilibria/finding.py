@@ -280,8 +280,10 @@ class _Search:
         return list(dict.fromkeys(self._region(y) for y in self.starts.T))
 
     def _region(self, y: Array) -> Region:
-        """Region of a state."""
-        at = {**self.values, **self._named(y), "t": 0.0}
+        """Region of a state, where what has no mass rests."""
+        rates = {f"d_{x}": 0.0 for x in self.eq.declaration.coordinates}
+        at = {**rates, **self.values, **self._named(y), "t": 0.0}
+        at |= {name: ex.evaluate(speed, at) for name, speed in self.eq.speeds.items()}
         return tuple(int(ex.evaluate(g, at) >= 0.0) for g in self.eq.kinks)
 
     def _look_at_the_end_of_a_motion(self) -> str:
@@ -405,7 +407,9 @@ class _Search:
         if np.any(beyond < 0.0):
             worst = int(np.argmin(beyond))
             self._note_failure(field, y, float(beyond[worst]), field.guards[worst])
-            self.waiting.append((field.mode, self._region(y)))
+            at = {**self.values, **self._named(y), "t": 0.0}
+            region = tuple(int(ex.evaluate(g, at) >= 0.0) for g in field.kinks)
+            self.waiting.append((field.mode, region))
             return
         margins = steady.sizes(point[:, None]).margins[0]
         guards = [g for g, m in zip(field.guards, margins, strict=True) if abs(m) <= ON_BOUNDARY]

@@ -58,6 +58,8 @@ class Conditions:
         """
         _, slopes = self.guards(start)
         lengths = np.linalg.norm(slopes, axis=1)
+        if not np.all(np.isfinite(lengths)):
+            return None
         depth = ex.sym("depth")
         kept = tuple(g - float(w) * depth for g, w in zip(self.nonnegative, lengths, strict=True))
         deeper = Conditions(
@@ -259,7 +261,8 @@ def all_stick(
     regions = {} if region is None else dict(zip(equations.kinks, region, strict=True))
 
     def fix(e: Expr) -> Expr:
-        return ex.substitute(e if region is None else in_region(e, regions), at_rest)
+        here = e if region is None else in_region(e, regions, undefined=True)
+        return ex.substitute(here, at_rest, undefined=True)
 
     held = [ex.sym(f"lambda:{i}") for i in range(len(equations.contacts))]
     first = len(held) - len(rate.force)
@@ -270,14 +273,17 @@ def all_stick(
     ):
         for x, f in zip(names, forces, strict=True):
             pulls = [
-                (c.direction[x] * h, 1.0)
+                (fix(c.direction[x]) * h, 1.0)
                 for c, h in zip(equations.contacts, held, strict=True)
                 if x in c.direction
             ]
             equal.append(fix(f) + ex.add(*pulls))
     equal += [fix(f) - h for f, h in zip(rate.force, held[first:], strict=True)]
     equal += [ex.sym(f"d_{q}") for q in d.inertial]
-    nonnegative = [fix(g) if r == 1 else -fix(g) for g, r in regions.items()]
+    fixed = frozenset(d.parameters)
+    nonnegative = [
+        fix(g) if r == 1 else -fix(g) for g, r in regions.items() if not g.symbols <= fixed
+    ]
     for i, (c, h) in enumerate(zip(equations.contacts, held, strict=True)):
         if c.gap is not None:
             # 0 ≤ N ⟂ g ≥ 0

@@ -12,13 +12,16 @@ from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Region, in_region
 from stickslip.symbolic.evaluator import evaluator
-from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.expressions import Expr, substitute
 
 
 @lru_cache(maxsize=1024)
-def _chosen(expression: Expr, kinks: tuple[Expr, ...], region: Region) -> Expr:
-    """An expression in a region of some kinks, kept: maps ask for the same ones at every point."""
-    return in_region(expression, dict(zip(kinks, region, strict=True)))
+def _chosen(equations: MotionEquations, expression: Expr, region: Region) -> Expr:
+    """An expression in a region, of the state, kept: maps ask for the same ones at every point."""
+    regions = dict(zip(equations.kinks, region, strict=True))
+    chosen = in_region(expression, regions, undefined=True)
+    speeds = chosen.symbols & equations.speeds.keys()
+    return substitute(chosen, {x: in_region(equations.speeds[x], regions) for x in speeds})
 
 
 def values_at(
@@ -47,7 +50,6 @@ def values_at(
     constants = [np.broadcast_to(value, len(states)) for value in parameters.values()]
     table = np.vstack([np.full(len(states), time), states.T, *constants])
     region = np.ones((len(equations.kinks), len(states)), int)
-    kinks = tuple(equations.kinks)
 
     def grouped(wanted: Callable[[Region], Sequence[Expr]]) -> Array:
         groups = np.unique(region, axis=1).T if len(states) else []
@@ -61,7 +63,7 @@ def values_at(
         return out
 
     def within(given: Sequence[Expr]) -> Callable[[Region], Sequence[Expr]]:
-        return lambda r: [_chosen(e, kinks, r) for e in given]
+        return lambda r: [_chosen(equations, e, r) for e in given]
 
     for _ in equations.kinks:  # one kink may decide where another one is
         region = (grouped(within(equations.kinks)) >= 0.0).astype(int)

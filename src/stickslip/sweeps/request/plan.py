@@ -17,7 +17,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.sweeps.request.axes import Axis
 from stickslip.sweeps.request.carry import CARRIED, DIRECTION, Carry, direction_attributes
 from stickslip.sweeps.request.measures import LACKING, certified_below
-from stickslip.sweeps.request.user_measures import REASONS, FunctionMeasure, Measure, variable
+from stickslip.sweeps.request.user_measures import REASONS, Measure, variable
 
 NOT_COMPUTED = -1
 INTERPOLATED = -2
@@ -176,13 +176,8 @@ class Plan:
                 np.nan,
                 {"units": "1", "long_name": name.replace("_", " "), "measure": str(measure)},
             )
-            if isinstance(measure, FunctionMeasure):
-                why = dict(enumerate(REASONS))
-                found[f"{name}_missing"] = (
-                    "i1",
-                    0,
-                    _flags(why) | {"long_name": f"why {name} is missing"},
-                )
+            why = _flags(dict(enumerate(REASONS))) | {"long_name": f"why {name} is missing"}
+            found[f"{name}_missing"] = ("i1", 0, why)
         if self.carry is not None:
             for name, about in {
                 "time": quantity(self.system, "t"),

@@ -34,8 +34,18 @@ if TYPE_CHECKING:
 MEASURES_GROUP = "stickslip.measures"
 """Entry points of measures that other packages add."""
 
-REASONS = ("given", "returned_nan", "returned_no_number", "raised_an_error", "motion_incomplete")
-"""Why a function of the motion has no value at a point; 0: it has one."""
+REASONS = (
+    "given",
+    "returned_nan",
+    "returned_no_number",
+    "raised_an_error",
+    "motion_incomplete",
+    "measure_missing",
+    "undefined",
+    "not_finite",
+)
+"""Why a function of the motion, or a formula of measures, has no value at a point; 0: it has
+one."""
 
 
 @dataclass(frozen=True)
@@ -59,13 +69,18 @@ class FormulaMeasure:
     def __str__(self) -> str:
         return f"{self.name} = {self.text}"
 
-    def values(self, known: Mapping[str, Array | float], count: int) -> Array:
-        """The formula at a number of points; NaN where it is undefined."""
+    def values(self, known: Mapping[str, Array | float], count: int) -> tuple[Array, Array]:
+        """The formula at a number of points, and why it is missing: NaN where it is undefined or
+        infinite."""
         names = sorted(self.expression.symbols)
         table = np.empty((len(names), count))
         for row, name in zip(table, names, strict=True):
             row[:] = known[name]
-        return evaluator([self.expression], names, strict=True)(table)[0]
+        found = evaluator([self.expression], names)(table)[0]
+        why = np.where(np.isnan(found), REASONS.index("undefined"), REASONS.index("not_finite"))
+        why[np.isfinite(found)] = 0
+        why[np.isnan(table).any(axis=0)] = REASONS.index("measure_missing")
+        return np.where(why == 0, found, np.nan), why.astype(np.int8)
 
 
 @dataclass(frozen=True)

@@ -146,8 +146,8 @@ def _along(work: Work, columns: Mapping[str, Array], stop: Array, runs: Runs) ->
 def _stored(work: Work) -> list[str]:
     """What is kept of a point, but for what it hands on."""
     _, measures = _prepared(work)
-    functions = [variable(m) for m in measures if isinstance(m, FunctionMeasure)]
-    return [*map(variable, measures), *(f"{name}_missing" for name in functions), *OWN]
+    own = [variable(m) for m in measures if not isinstance(m, str)]
+    return [*map(variable, measures), *(f"{name}_missing" for name in own), *OWN]
 
 
 def _side_by_side(
@@ -194,7 +194,7 @@ def _side_by_side(
     for measure in measures:
         name = variable(measure)
         if isinstance(measure, FormulaMeasure):
-            result[name] = measure.values(known, count)
+            result[name], result[f"{name}_missing"] = measure.values(known, count)
         elif isinstance(measure, FunctionMeasure):
             values = _by_function(measure, system, initial, parameters, work.settings, stop, origin)
             result[name], result[f"{name}_missing"] = values

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from stickslip.arrays import Array, IntMatrix, IntVector, Matrix, Vector
 from stickslip.equations.codegen.program import FIRST, OPERATION, RESULT, SECOND
 from stickslip.machine_code.functions import entry_point
@@ -65,7 +67,7 @@ def perform(made: Instructions, first: int, last: int, values: Array, lanes: int
                 out[k] = number
         elif operation == RECIPROCAL:
             for k in range(lanes):
-                out[k] = 1.0 / a[k]
+                out[k] = 1.0 / a[k] if a[k] != 0.0 else np.nan
         elif operation == POWER:
             for k in range(lanes):
                 out[k] = a[k] ** number

@@ -1,0 +1,24 @@
+"""Some random formulas at every place where one may stand. The long run is ``python -m
+tests.adversarial``."""
+
+from __future__ import annotations
+
+import pytest
+
+from adversarial import formulas
+from adversarial.formulas import FAMILIES
+from adversarial.verdict import AGREED
+
+# "but right" is a guard that is undefined in a branch that is not taken.
+FAIR = ("", "but right")
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_formula(family: str) -> None:
+    """Odd seeds have no drive, so that equilibria are looked for, too."""
+    for seed in (0, 1, 2, 5):
+        case = formulas.draw(family, seed)
+        verdict = formulas.judge(case)
+        assert verdict.kind == AGREED or verdict.note in FAIR, (
+            f"{verdict}\n{formulas.reproduction(case)}"
+        )
