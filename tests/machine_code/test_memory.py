@@ -68,7 +68,7 @@ def test_systems_that_are_gone_take_no_memory(
             gc.collect()
             sizes.append(resident() if sys.platform == "linux" else 0.0)
     assert sum(r() is not None for r in alive) == 0
-    assert set(FUNCTIONS) == rows
+    assert set(FUNCTIONS) <= rows  # those of earlier tests may have gone, too
     # their samples alone are three times as much
     assert sizes[1] - sizes[0] < 0.3 * count / 2 * SAMPLES * 8 * 8
 

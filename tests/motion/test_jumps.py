@@ -300,7 +300,7 @@ def test_a_jump_then_an_impact() -> None:
 def test_a_jump_into_the_floor() -> None:
     """No motion goes on from there."""
     found = ss.simulate(dropped({"x": "-1"}), (0.0, 2.0))
-    assert found.outcome is Outcome.NO_ACCELERATION
+    assert found.outcome is Outcome.NO_MODE
     assert found.knots.time[-1] == pytest.approx(1.0, rel=1e-14)
     assert not found.certificate.ok
 

@@ -81,7 +81,7 @@ class Outcome(Ended):
         "no admissible mode",
         "No mode of the contacts that can open goes on from here; the reason is not known. It is "
         "not Painlevé's paradox: friction changes the normal forces too little for that. At the "
-        "start of a motion, look for bodies that overlap",
+        "start of a motion, or after a jump of the state, look for bodies that overlap",
     )
     NO_COLLISION = (
         18,
