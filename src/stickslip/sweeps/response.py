@@ -51,6 +51,7 @@ class FrequencyResponse(Result):
     """
 
     KIND: ClassVar[str] = "frequency response"
+    FORMAT: ClassVar[int] = 2
 
     system: System
     parameters: dict[str, float]

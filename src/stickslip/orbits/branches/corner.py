@@ -161,6 +161,9 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
                 x, y = _meeting((chart, x, tangent), (there, y, towards), onward)
         if edge is None and not onward.gap(y, chart.on_edge).ok:
             onward = _onward(there, y, towards, trial, here, _NEARER)
+    if edge is None and onward is not None:
+        # Just beyond, a phase may be gone whose twin is only too short a little later.
+        kind, note = change_of(contacts, here, sequence(onward.chart.orbit(onward.x).motion))
     residuals = measured_change(there, y, kind, min(distance, left))
     if onward is not None:
         gap = onward.gap(y, chart.on_edge)
