@@ -20,7 +20,7 @@ from stickslip.results import Completion, Result, shortened
 from stickslip.storage import PREFIX
 from stickslip.sweeps.request.measures import LACKING, how_carried, measures_of
 from stickslip.sweeps.request.plan import FORMAT, INTERPOLATED, KIND, NOT_COMPUTED
-from stickslip.sweeps.store import stored_plan
+from stickslip.sweeps.store import read_map
 
 if TYPE_CHECKING:
     import pandas
@@ -247,14 +247,12 @@ class Map(Result):
         Raises
         ------
         StickslipError
-            If there is no map at the path.
+            If there is no map at the path, or it is damaged. Points of which a file is missing
+            count as not computed.
         """
         if Path(path).is_file():
             return super().open(path)
-        import xarray as xr
-
-        stored_plan(Path(path))
-        return cls(xr.open_zarr(Path(path), chunks=None, consolidated=True))
+        return cls(read_map(Path(path)))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

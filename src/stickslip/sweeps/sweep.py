@@ -177,7 +177,7 @@ def sweep(
             store = create(plan, None)
         else:
             store = stack.enter_context(opened(plan, Path(out), extend=extend, overwrite=overwrite))
-            _audit(store, repair)
+            store.audit(repair)
             store.load()
         if adaptive is not None:
             check_adaptive(adaptive, store)
@@ -254,15 +254,6 @@ def _check_carry(plan: Plan, adaptive: Adaptive | None, device: str) -> None:
             "points that need each other are not worked on side by side, as a GPU would",
             "Leave the work to the cpu",
         )
-
-
-def _audit(store: MapStore, repair: bool) -> None:
-    """Find damaged chunks; forget them if they are to be repaired."""
-    damaged = store.damaged()
-    if damaged and not repair:
-        raise store.damage(damaged)
-    for _, chunk in damaged:
-        store.forget(chunk)
 
 
 def _pool(scheduler: str, workers: int | None, device: str) -> Pool:
