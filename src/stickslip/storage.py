@@ -163,9 +163,8 @@ def kind_of(path: str | Path, known: Container[str]) -> str:
     """
     import netCDF4
 
-    with suppress(OSError, ValueError):
-        if Path(path).is_dir():
-            return "sweep"
+    if os.path.isdir(path):  # of what cannot be a path, Path.is_dir raises
+        return "sweep"
     path = _whole(path)
     try:
         with netCDF4.Dataset(path) as file:

@@ -25,6 +25,7 @@ SHARES = {
     "maps": 0.1,
     "averages": 0.1,
     "evolutions": 0.1,
+    "stored": 0.1,
 }
 
 

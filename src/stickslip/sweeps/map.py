@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -250,9 +251,9 @@ class Map(Result):
             If there is no map at the path, or it is damaged. Points of which a file is missing
             count as not computed.
         """
-        if Path(path).is_file():
-            return super().open(path)
-        return cls(read_map(Path(path)))
+        if os.path.isdir(path):  # of what cannot be a path, Path.is_dir raises
+            return cls(read_map(Path(path)))
+        return super().open(path)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

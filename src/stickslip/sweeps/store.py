@@ -421,9 +421,7 @@ def stored_plan(path: Path) -> tuple[dict[str, str], tuple[Axis, ...]]:
     except StickslipError:
         raise
     except Exception as error:  # of a damaged store without checksums, zarr says anything
-        raise StickslipError(
-            f"{path}: its description is damaged; it is left as it is"
-        ) from error
+        raise StickslipError(f"{path}: its description is damaged; it is left as it is") from error
     return parts, tuple(axes)
 
 
