@@ -20,6 +20,7 @@ from shutil import disk_usage
 from typing import TYPE_CHECKING, Any
 
 from stickslip import checksums
+from stickslip.arguments import checked
 from stickslip.errors import StickslipError, short, some
 from stickslip.packing import in_all, in_few
 
@@ -153,6 +154,7 @@ def _whole(path: str | Path) -> Path:
     raise StickslipError(f"{path}: damaged: its bytes are not those that were written. {_REMEDY}")
 
 
+@checked
 def kind_of(path: str | Path, known: Container[str]) -> str:
     """What kind of result a file holds; a folder is the store of a map.
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from stickslip.arguments import check_fields
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 
@@ -65,6 +66,7 @@ class Recording:
     events: str = ""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         object.__setattr__(self, "data", table_of(self.data))
 
     @property
@@ -186,7 +188,7 @@ def table_of(data: Any) -> pandas.DataFrame:
     if isinstance(data, str | PathLike):
         return _read(Path(data))
     if isinstance(data, Mapping):
-        columns = {str(name): np.ravel(np.asarray(v, float)) for name, v in data.items()}
+        columns = {str(name): _numbers(str(name), v) for name, v in data.items()}
         if len({len(v) for v in columns.values()}) > 1:
             sizes = ", ".join(f"{name}: {len(v)}" for name, v in columns.items())
             raise DeclarationError(
@@ -200,6 +202,15 @@ def table_of(data: Any) -> pandas.DataFrame:
         f"{type(data).__name__} is no table",
         "Give a file, a DataFrame, a Dataset, or a mapping of names to arrays",
     )
+
+
+def _numbers(name: str, given: Any) -> Array:
+    try:
+        return np.ravel(np.asarray(given, float))
+    except (TypeError, ValueError, OverflowError):
+        raise DeclarationError(
+            f"data, column '{short(name)}'", "it is no array of numbers", "Give numbers"
+        ) from None
 
 
 def _read(path: Path) -> pandas.DataFrame:

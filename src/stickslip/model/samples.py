@@ -29,6 +29,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arguments import checked
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.symbolic import expressions as ex
@@ -113,6 +114,7 @@ class Samples(TimeFunction):
         self.source: dict[str, str] = dict(source or {})
 
     @classmethod
+    @checked
     def read(
         cls,
         file: str | PathLike[str],
@@ -659,7 +661,7 @@ def _unpacked(text: object, where: str) -> tuple[Array, Array]:
 def _numbers(part: Any, where: str) -> Array:
     try:
         return np.array(part, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DeclarationError(where, "not all of them are numbers", "Give numbers") from None
 
 

@@ -352,6 +352,8 @@ def opened(
         If something else is there, another map, or another process is writing it; or the place is
         not writable.
     """
+    if not path.name:
+        raise StickslipError(f"{path}: no place for a map. Choose another --out, like map.zarr")
     with contextlib.ExitStack() as stack:
         try:
             store = _opened(stack, plan, path, extend, overwrite)

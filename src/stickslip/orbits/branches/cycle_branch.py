@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from stickslip.arguments import checked
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.orbits.branches.chart import KNOWN_TO, Chart, extent_of, first_chart, renewed
@@ -93,6 +94,7 @@ class _Station:
     step: float = 0.0
 
 
+@checked
 def continue_cycle(
     cycle: Cycle,
     parameter: str,

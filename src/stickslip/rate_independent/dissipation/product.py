@@ -11,6 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arguments import check_fields
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.optimal_motion import gathered
@@ -33,6 +34,7 @@ class Product(Dissipation):
     factors: Sequence[Dissipation]
 
     def __post_init__(self) -> None:
+        check_fields(self)
         object.__setattr__(self, "factors", tuple(self.factors))
         if not self.factors:
             raise DeclarationError("factors", "there is none", "Give at least one potential")

@@ -8,7 +8,9 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from stickslip.arguments import checked
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.progress import told
@@ -36,12 +38,13 @@ _PER_SPAN = 64
 KEPT = 20_000_000  # numbers of z that are kept unless output says otherwise
 
 
+@checked
 def evolve(
     problem: Evolution,
     times: Any = None,
     *,
     steps: int | None = None,
-    output: Any = None,
+    output: ArrayLike | None = None,
     observables: Mapping[str, Observable] | None = None,
     tolerance: float = 1e-3,
     kkt: float = KKT,
@@ -144,7 +147,7 @@ def step_times(problem: Evolution, times: Any, steps: int | None) -> tuple[Array
     """Times of the steps, the start included, and whether they may be halved."""
     try:
         times = np.array(times, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         times = np.empty(0)
     if (
         times.ndim != 1

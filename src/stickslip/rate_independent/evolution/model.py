@@ -92,7 +92,7 @@ class EvolutionModel:
     @property
     def is_evolution(self) -> bool:
         """Whether there is more than a dissipation potential."""
-        return self.A != () or self.load != ()
+        return not all(isinstance(table, tuple) and not table for table in (self.A, self.load))
 
     @property
     def is_play(self) -> bool:
