@@ -324,7 +324,7 @@ def flat(data: xarray.Dataset, along: str) -> pandas.DataFrame:
         if along not in variable.dims:
             continue
         values = variable.transpose(along, ...).values
-        rest = values.reshape(len(values), -1)
+        rest = values.reshape(len(values), math.prod(values.shape[1:]))
         many = variable.ndim > 1
         labels = [f"{name}_{i + 1}" for i in range(rest.shape[1])] if many else [str(name)]
         columns |= dict(zip(labels, rest.T, strict=True))

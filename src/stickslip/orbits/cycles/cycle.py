@@ -479,6 +479,8 @@ class Cycle(Result):
         """
         if isinstance(weight, str):
             weight = measure.weight(self.system, weight, self.parameters)
+        elif not 0.0 < weight < math.inf:
+            raise DeclarationError("weight", f"{weight} is no weight", "Give a positive number")
         return self.energy_per_distance / weight
 
     def describe(self) -> str:

@@ -196,7 +196,9 @@ def _filled(stops: Array, longest: float) -> Array:
 def output_times(output: Any, nodes: Array) -> Array | None:
     """Times at which z is asked for; None if it is a stride or nothing."""
     if output is None or np.ndim(output) == 0:
-        if output is not None and not (isinstance(output, int | np.integer) and output >= 1):
+        if output is not None and not (
+            isinstance(output, int | np.integer) and 1 <= output < 2**62
+        ):
             raise DeclarationError(
                 "output", f"{output!r} is no stride", "Give times, or keep every 1, 2, 3, ... steps"
             )

@@ -254,6 +254,7 @@ class Dissipation(ABC):
         By Moreau's decomposition it is v minus its nearest point in step K(s).
         """
         v = self.vector(v, "v")
+        step = float(step)
         if not (np.isfinite(step) and step > 0):
             raise DeclarationError(
                 "step", f"{step} is not positive", "Give the length of a proximal step"
