@@ -25,7 +25,7 @@ _MOST = 2**62
 """The largest whole number: compiled functions take up to 2⁶³, and may add to it."""
 
 
-class Kind(NamedTuple):
+class ArgumentKind(NamedTuple):
     """One kind of argument.
 
     Attributes
@@ -43,7 +43,7 @@ class Kind(NamedTuple):
     fits: Callable[[Any], bool]
 
 
-def checked(function: Callable[P, R]) -> Callable[P, R]:
+def validated(function: Callable[P, R]) -> Callable[P, R]:
     """The function with a check of its arguments.
 
     An argument whose annotation has a part that is in no table here is not checked.
@@ -65,10 +65,10 @@ def checked(function: Callable[P, R]) -> Callable[P, R]:
     def run(*args: P.args, **kwargs: P.kwargs) -> R:
         for name, value in zip(places, args, strict=False):
             if name in kinds:
-                check(name, value, kinds[name])
+                check_argument(name, value, kinds[name])
         for name, value in kwargs.items():
             if name in kinds:
-                check(name, value, kinds[name])
+                check_argument(name, value, kinds[name])
         return function(*args, **kwargs)
 
     return run
@@ -83,10 +83,10 @@ def check_fields(item: Any) -> None:
     """
     for field in fields(item):
         if kinds := kinds_of(str(field.type)):
-            check(field.name, getattr(item, field.name), kinds)
+            check_argument(field.name, getattr(item, field.name), kinds)
 
 
-def check(name: str, value: Any, kinds: tuple[Kind, ...]) -> None:
+def check_argument(name: str, value: Any, kinds: tuple[ArgumentKind, ...]) -> None:
     """Refuse a value that is of none of some kinds.
 
     Raises
@@ -98,10 +98,10 @@ def check(name: str, value: Any, kinds: tuple[Kind, ...]) -> None:
     # None goes without saying
     said = [kind for kind in kinds if kind is not _KINDS["None"]] or list(kinds)
     expected = " or ".join(dict.fromkeys(kind.name for kind in said))
-    raise DeclarationError(name, f"expected {expected}, got {described(value)}", said[0].remedy)
+    raise DeclarationError(name, f"expected {expected}, got {said_of(value)}", said[0].remedy)
 
 
-def described(value: Any) -> str:
+def said_of(value: Any) -> str:
     """A value of the wrong kind, for a message."""
     if value is None or isinstance(value, bool | str | bytes):
         return short(repr(value))
@@ -115,7 +115,7 @@ def described(value: Any) -> str:
     return f"{article} {type(value).__name__}"
 
 
-def kinds_of(annotation: str) -> tuple[Kind, ...]:
+def kinds_of(annotation: str) -> tuple[ArgumentKind, ...]:
     """The kinds in an annotation; none if one of its parts is not known here."""
     parts = [part.strip() for part in _parts(annotation)]
     if not {"Path", "PathLike[str]"}.isdisjoint(parts):  # then a text is a path, too
@@ -124,7 +124,7 @@ def kinds_of(annotation: str) -> tuple[Kind, ...]:
     return tuple(kind for kind in found if kind) if all(found) else ()
 
 
-def is_number(value: Any) -> bool:
+def is_real(value: Any) -> bool:
     """Whether a value is a real number that a float can hold."""
     # Also arrays without axes, of whatever library.
     if _is_truth(value) or not (isinstance(value, Real) or getattr(value, "ndim", 1) == 0):
@@ -144,7 +144,7 @@ def _is_truth(value: Any) -> bool:
 
 
 def _is_pair(value: Any) -> bool:
-    return _is_list(value) and len(value) == 2 and all(map(is_number, value))
+    return _is_list(value) and len(value) == 2 and all(map(is_real, value))
 
 
 def _is_list(value: Any) -> bool:
@@ -153,7 +153,7 @@ def _is_list(value: Any) -> bool:
 
 
 def _is_array(value: Any) -> bool:
-    if is_number(value):
+    if is_real(value):
         return True
     if isinstance(value, str | bytes | Mapping | type) or value is None:
         return False
@@ -162,7 +162,7 @@ def _is_array(value: Any) -> bool:
     try:
         array = np.asarray(value)
         if array.dtype.kind == "O":  # numbers of other kinds than NumPy's
-            return all(map(is_number, array.reshape(-1)))
+            return all(map(is_real, array.reshape(-1)))
     except (TypeError, ValueError, OverflowError):
         return False
     return array.dtype.kind in "iuf" or array.size == 0
@@ -186,48 +186,56 @@ def _sequence(of: Callable[[Any], bool] | None = None) -> Callable[[Any], bool]:
     return fits
 
 
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
 def _is_formula(value: Any) -> bool:
-    return isinstance(value, str) or is_number(value)
+    return isinstance(value, str) or is_real(value)
 
 
 def _is_path(value: Any) -> bool:
     return isinstance(value, str | os.PathLike) and "\0" not in str(value)
 
 
-_PATH = Kind("a path", 'Give a path, like "motion.nc"', _is_path)
+_PATH = ArgumentKind("a path", 'Give a path, like "motion.nc"', _is_path)
 _KINDS = {
-    "None": Kind("nothing", "Leave it out", lambda value: value is None),
-    "float": Kind("a number", "Give a number, like 0.5", is_number),
-    "int": Kind("a whole number", "Give a whole number, like 40", _is_whole),
-    "bool": Kind("True or False", "Give one of them", _is_truth),
-    "str": Kind("a text", 'Write it in quotes, like "x"', lambda value: isinstance(value, str)),
+    "None": ArgumentKind("nothing", "Leave it out", lambda value: value is None),
+    "float": ArgumentKind("a number", "Give a number, like 0.5", is_real),
+    "int": ArgumentKind("a whole number", "Give a whole number, like 40", _is_whole),
+    "bool": ArgumentKind("True or False", "Give one of them", _is_truth),
+    "str": ArgumentKind(
+        "a text", 'Write it in quotes, like "x"', lambda value: isinstance(value, str)
+    ),
     "Path": _PATH,
     "PathLike[str]": _PATH,
-    "tuple[float, float]": Kind("a pair of numbers", "Give two, like (0, 100)", _is_pair),
-    "Tell": Kind("a function", "Give a function, like print", callable),
+    "tuple[float, float]": ArgumentKind("a pair of numbers", "Give two, like (0, 100)", _is_pair),
+    "Tell": ArgumentKind("a function", "Give a function, like print", callable),
 }
 _NAMES = 'Give names, like {"x": 1.0}'
 _KINDS |= {
-    "ArrayLike": Kind("numbers", "Give a number or a list, like [0.1, 0.2]", _is_array),
-    "Sequence[str]": Kind(
+    "ArrayLike": ArgumentKind("numbers", "Give a number or a list, like [0.1, 0.2]", _is_array),
+    "Sequence[str]": ArgumentKind(
         "a list of texts", 'Give a list, like ["x"]', _sequence(_KINDS["str"].fits)
     ),
-    "Sequence[float]": Kind(
-        "a list of numbers", "Give a list, like [0.1, 0.2]", _sequence(is_number)
+    "Sequence[float]": ArgumentKind(
+        "a list of numbers", "Give a list, like [0.1, 0.2]", _sequence(is_real)
     ),
-    "Mapping[str, ArrayLike]": Kind("a mapping of names to numbers", _NAMES, _mapping(_is_array)),
-    "Mapping[str, Observable]": Kind(
+    "Mapping[str, ArrayLike]": ArgumentKind(
+        "a mapping of names to numbers", _NAMES, _mapping(_is_array)
+    ),
+    "Mapping[str, Observable]": ArgumentKind(
         "a mapping of names to functions", "Give functions of t and z", _mapping(callable)
     ),
 }
 _KINDS["tuple[str, ...]"] = _KINDS["Iterable[str]"] = _KINDS["Sequence[str]"]
 _KINDS["Loss"] = _KINDS["SampleKind"] = _KINDS["str"]
-_KINDS["Formula"] = Kind("a formula", 'Write it like "2*k"', _is_formula)
-_KINDS["State"] = _KINDS["Values"] = Kind("a mapping of names", _NAMES, _mapping())
+_KINDS["Formula"] = ArgumentKind("a formula", 'Write it like "2*k"', _is_formula)
+_KINDS["State"] = _KINDS["Values"] = ArgumentKind("a mapping of names", _NAMES, _mapping())
 _GENERIC = {
     "Mapping[str,": _KINDS["State"],
-    "Sequence[": Kind("a list", "Give a list, like [0.1, 0.2]", _sequence()),
-    "Callable[": Kind("a function", "Give a function, like print", callable),
+    "Sequence[": ArgumentKind("a list", "Give a list, like [0.1, 0.2]", _sequence()),
+    "Callable[": ArgumentKind("a function", "Give a function, like print", callable),
     "Literal[": _KINDS["str"],
 }
 _CLASSES = {
@@ -246,18 +254,18 @@ _CLASSES = {
 """Public classes whose objects are arguments, and where these come from."""
 
 
-def _kind_of(part: str) -> Kind | None:
+def _kind_of(part: str) -> ArgumentKind | None:
     if part in _KINDS:
         return _KINDS[part]
     if part in _CLASSES:
         article = "an" if part[0] in "AEIOU" else "a"
-        return Kind(f"{article} {part}", _CLASSES[part], _instance(part))
+        return ArgumentKind(f"{article} {part}", _CLASSES[part], _instance(part))
     for beginning, many, of in (
         ("Sequence[", "a list", _sequence),
         ("Mapping[str, ", "a mapping of names", _mapping),
     ):
         if part.startswith(beginning) and (name := part[len(beginning) : -1]) in _CLASSES:
-            return Kind(f"{many}, of {name}s each", _CLASSES[name], of(_instance(name)))
+            return ArgumentKind(f"{many}, of {name}s each", _CLASSES[name], of(_instance(name)))
     return next((kind for start, kind in _GENERIC.items() if part.startswith(start)), None)
 
 

@@ -36,10 +36,12 @@ def with_checksums(data: xarray.Dataset) -> xarray.Dataset:
         As a file will hold it.
     """
     data = data.assign_attrs({LAYOUT: "2"})
-    return data.assign_attrs({TABLE: json.dumps(table(data.attrs, _arrays(data)))})
+    return data.assign_attrs({TABLE: json.dumps(checksums_of(data.attrs, _arrays(data)))})
 
 
-def table(attributes: Mapping[Any, Any], arrays: Mapping[str, str]) -> dict[str, dict[str, str]]:
+def checksums_of(
+    attributes: Mapping[Any, Any], arrays: Mapping[str, str]
+) -> dict[str, dict[str, str]]:
     """Checksums by name.
 
     Parameters
@@ -58,20 +60,20 @@ def damaged(data: xarray.Dataset) -> list[str] | None:
 
     What another program has added is no damage.
     """
-    return disagreements(data.attrs, _arrays(data))
+    return wrong_checksums(data.attrs, _arrays(data))
 
 
-def disagreements(attributes: Mapping[Any, Any], arrays: Mapping[str, str]) -> list[str] | None:
+def wrong_checksums(attributes: Mapping[Any, Any], arrays: Mapping[str, str]) -> list[str] | None:
     """Names of what is not as the table says; None if there is no table and never was one.
 
     Parameters
     ----------
     attributes, arrays
-        As for :func:`table`.
+        As for :func:`checksums_of`.
     """
     if TABLE not in attributes:
         return [TABLE] if LAYOUT in attributes else None
-    now = table(attributes, arrays)
+    now = checksums_of(attributes, arrays)
     try:
         then = json.loads(attributes[TABLE])
         return [
@@ -89,7 +91,7 @@ def of(data: Any) -> str:
     return _digest([json.dumps(data, sort_keys=True).encode()])
 
 
-def seal(path: Path) -> None:
+def seal_file(path: Path) -> None:
     """Write the checksum of a file at its end."""
     with path.open("rb") as file:
         checksum = _digest(iter(lambda: file.read(_BLOCK), b""))

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, cast
 
 from stickslip import page, storage
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.certificates import Certificate, Residual
 from stickslip.errors import DeclarationError, short, suggestion
 
@@ -177,7 +177,7 @@ class Result:
         """Itself, as what every kind has to be."""
         return cast(Described, self)
 
-    @checked
+    @validated
     def __getitem__(self, name: str) -> xarray.DataArray:
         """A variable of the dataset, with its unit.
 
@@ -257,7 +257,7 @@ class Result:
             return draw(self, ax=ax)
         return plot_quantities(self._said.dataset, quantities, self.along, ax)
 
-    @checked
+    @validated
     def save(self, path: str | Path) -> None:
         """Write a netCDF-4 file that :func:`stickslip.open` reads back exactly.
 
@@ -270,7 +270,7 @@ class Result:
         storage.write(path, data, self.KIND, self.FORMAT, **parts)
 
     @classmethod
-    @checked
+    @validated
     def open(cls, path: str | Path) -> Self:
         """Read a stored result of this kind; nothing is computed again until it is asked for.
 

@@ -20,7 +20,7 @@ from shutil import disk_usage
 from typing import TYPE_CHECKING, Any
 
 from stickslip import checksums
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.errors import StickslipError, short, some
 from stickslip.packing import in_all, in_few
 
@@ -59,7 +59,7 @@ def write(path: str | Path, data: xarray.Dataset, kind: str, form: int, **parts:
     try:
         whole = checksums.with_checksums(in_few(data).assign_attrs(texts))
         whole.to_netcdf(partial, engine="netcdf4", format="NETCDF4")
-        checksums.seal(partial)
+        checksums.seal_file(partial)
         os.replace(partial, path)
     except (OSError, RuntimeError) as error:  # the second: netCDF, where the disk is full
         raise StickslipError(f"{path}: cannot be written ({_reason(path, error)})") from None
@@ -154,7 +154,7 @@ def _whole(path: str | Path) -> Path:
     raise StickslipError(f"{path}: damaged: its bytes are not those that were written. {_REMEDY}")
 
 
-@checked
+@validated
 def kind_of(path: str | Path, known: Container[str]) -> str:
     """What kind of result a file holds; a folder is the store of a map.
 

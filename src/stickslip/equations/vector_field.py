@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from stickslip import page
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.equations.derive import derive
 from stickslip.equations.field import MODE_NAMES, Field, Mode, Region, mode_field
@@ -81,7 +81,7 @@ class VectorField:
         """The friction force of every contact, positive where it pushes forward, as formulas."""
         return {contact.name: _text(contact.force) for contact in self._field.contacts}
 
-    @checked
+    @validated
     def rates_at(self, values: Values | None = None) -> dict[str, float]:
         """Rates at a point; names that are not given are where `at` is.
 
@@ -93,12 +93,12 @@ class VectorField:
         numbers = self._numbers(self._field.rates, values)
         return dict(zip(self.state, numbers, strict=True))
 
-    @checked
+    @validated
     def jacobian_at(self, values: Values | None = None) -> Array:
         """Jacobian at a point, shape (n, n)."""
         return np.array([self._numbers(row, values) for row in self._field.jacobian])
 
-    @checked
+    @validated
     def forces_at(self, values: Values | None = None) -> dict[str, float]:
         """Friction forces at a point, by contact."""
         numbers = self._numbers([c.force for c in self._field.contacts], values)
@@ -109,7 +109,7 @@ class VectorField:
         return [self.system.declaration.value(e, point) for e in expressions]
 
 
-@checked
+@validated
 def vector_field(
     system: System, modes: Mapping[str, str] | None = None, *, at: Values | None = None
 ) -> VectorField:

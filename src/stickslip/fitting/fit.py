@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.errors import DeclarationError
@@ -126,7 +126,7 @@ class Fit(Result):
 
     # -- how well it is determined -----------------------------------------------------------------
 
-    @checked
+    @validated
     def profile(
         self, name: str, *, progress: Callable[[float], None] | None = None
     ) -> xarray.Dataset:
@@ -154,7 +154,7 @@ class Fit(Result):
 
         return profile_of(self, name, progress)
 
-    @checked
+    @validated
     def draws(self, count: int = 500, *, seed: int = 0) -> xarray.Dataset:
         """Values of the unknowns as likely as the data make them: normally distributed, within
         their bounds.
@@ -187,7 +187,7 @@ class Fit(Result):
         drawn = np.clip(drawn, low, high)
         return xr.Dataset({n: ("draw", drawn[:, j]) for j, n in enumerate(self.names)})
 
-    @checked
+    @validated
     def continue_cycle(
         self,
         parameter: str,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError, suggestion
 from stickslip.fitting.measured import Column, GivenUp, MeasuredRecord, Noise, read_recording
@@ -339,7 +339,7 @@ class FitProblem:
         return replace(self, unknowns=others, measured=tuple(measured), _kept=[])
 
 
-@checked
+@validated
 def fit_problem(
     system: System,
     data: Any,

@@ -17,8 +17,8 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.model.samples import (
     DECIMAL_POINTS,
-    cells_of,
-    check_row,
+    cells_in,
+    check_cells,
     file_named,
     lines_of,
     separator_of,
@@ -234,9 +234,9 @@ def _read(path: Path) -> pandas.DataFrame:
     if not rows:
         raise DeclarationError(where, "the file is empty", "Give columns with a line of names")
     separator = separator_of(lines[rows[0]])
-    names = cells_of(lines[rows[0]].strip(), separator)
+    names = cells_in(lines[rows[0]].strip(), separator)
     for i in rows[1:]:
-        check_row(cells_of(lines[i].strip(), separator), names, f"{where}, line {i + 1}")
+        check_cells(cells_in(lines[i].strip(), separator), names, f"{where}, line {i + 1}")
     try:
         table = pd.read_csv(
             StringIO("\n".join(lines[i].strip(" ") for i in rows)),

@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.symbolic import expressions as ex
@@ -84,7 +84,7 @@ class Samples(TimeFunction):
     1.0
     """
 
-    @checked
+    @validated
     def __init__(
         self,
         times: ArrayLike,
@@ -116,7 +116,7 @@ class Samples(TimeFunction):
         self.source: dict[str, str] = dict(source or {})
 
     @classmethod
-    @checked
+    @validated
     def read(
         cls,
         file: str | PathLike[str],
@@ -689,14 +689,14 @@ def columns_of(
         raise DeclarationError(where, "the file is empty", "Give columns with a line of names")
     heading = lines[numbers[0]]
     separator = separator_of(heading)
-    names = [cell.strip() for cell in cells_of(heading, separator)]
+    names = [cell.strip() for cell in cells_in(heading, separator)]
     wanted = _chosen(names, time, value, name, f"{where}, line {numbers[0] + 1}")
     places = [names.index(column) for column in wanted]
     rows = numbers[1:]
     columns = np.empty((2, len(rows)))
     for k, i in enumerate(rows):
-        cells = cells_of(lines[i], separator)
-        check_row(cells, names, f"{where}, line {i + 1}")
+        cells = cells_in(lines[i], separator)
+        check_cells(cells, names, f"{where}, line {i + 1}")
         for column, place in enumerate(places):
             cell = cells[place].strip() if place < len(cells) else ""
             try:
@@ -713,7 +713,7 @@ def columns_of(
 DECIMAL_POINTS = "Save the file with decimal points, like 0.5"
 
 
-def check_row(cells: Sequence[str], names: Sequence[str], where: str) -> None:
+def check_cells(cells: Sequence[str], names: Sequence[str], where: str) -> None:
     """Refuse a row with more cells than there are names: which belong to which is not known.
 
     Raises
@@ -808,7 +808,7 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def cells_of(line: str, separator: str | None) -> list[str]:
+def cells_in(line: str, separator: str | None) -> list[str]:
     """Cells of a line of a table."""
     if '"' in line and separator is not None:
         return next(csv.reader([line], delimiter=separator))

@@ -13,7 +13,7 @@ from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import TimeFunction, formula_text
 
@@ -554,7 +554,7 @@ class System:
     def __hash__(self) -> int:
         return hash((self.name, repr(self)))
 
-    @checked
+    @validated
     def configure(self, given: Mapping[str, Drive]) -> System:
         """The same system with other parameter values (numbers) and free functions (formulas).
 
@@ -581,7 +581,7 @@ class System:
         """Default values of the parameters."""
         return {name: p.default for name, p in self.parameters.items()}
 
-    @checked
+    @validated
     def evaluate(self, formula: Formula, values: Mapping[str, float] | None = None) -> float:
         """The value of a formula in the language of this declaration.
 

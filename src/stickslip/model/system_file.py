@@ -14,7 +14,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.errors import DeclarationError
 from stickslip.model import toml
 from stickslip.model.system import (
@@ -98,7 +98,7 @@ _SYSTEMS = toml.Language(
 )
 
 
-@checked
+@validated
 def load(path: str | PathLike[str]) -> System:
     """The system that a model file declares.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.model.system import Kind, System
@@ -26,7 +26,7 @@ _CHUNK = 4096  # steps between looks at the clock and the keyboard
 _CHUNK_BYTES = 2**26  # that these may take
 
 
-@checked
+@validated
 def simulate(
     system: System,
     t_span: tuple[float, float] | None = None,

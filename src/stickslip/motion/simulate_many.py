@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual
 from stickslip.errors import DeclarationError
@@ -123,7 +123,7 @@ class Ensemble(Result):
         return cls(system, json.loads(parts["parameters"]), data)
 
 
-@checked
+@validated
 def simulate_many(
     system: System,
     t_span: tuple[float, float] | None = None,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.equations.field import MODE_NAMES
@@ -410,7 +410,7 @@ class Trajectory(Result):
 
     # -- what a user asks for ----------------------------------------------------------------------
 
-    @checked
+    @validated
     def at(self, t: ArrayLike, side: str = "right") -> dict[str, Any]:
         """All quantities at given times, as accurate as at a switch.
 
@@ -608,7 +608,7 @@ class Trajectory(Result):
         states = zip(self._problem.compiled.layout.state, k.state[knot + 1].T, strict=True)
         return pd.DataFrame(columns | dict(states))
 
-    @checked
+    @validated
     def event_catalogue(self, *, energy: bool = True) -> EventCatalogue:
         """The slip events, each from the first slip after all contacts have stuck to the next time
         when all do: start, duration, size, energy.
@@ -628,7 +628,7 @@ class Trajectory(Result):
 
         return catalogue_of(self, energy)
 
-    @checked
+    @validated
     def sensitivity(
         self,
         names: Sequence[str],

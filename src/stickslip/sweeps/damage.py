@@ -48,13 +48,13 @@ def is_there(path: Path) -> bool:
     return (path / _DESCRIPTION).is_file()
 
 
-def seal(path: Path) -> None:
+def seal_store(path: Path) -> None:
     """Write checksums of all descriptions into a new store."""
     place = path / _DESCRIPTION
     described = json.loads(place.read_bytes())
     own = described["attributes"]
     own[checksums.LAYOUT] = "2"
-    own[checksums.TABLE] = json.dumps(checksums.table(own, _sums(_arrays(described))))
+    own[checksums.TABLE] = json.dumps(checksums.checksums_of(own, _sums(_arrays(described))))
     place.write_text(json.dumps(described, indent=2), encoding="utf-8")
 
 
@@ -85,7 +85,7 @@ def check_description(path: Path, kind: str) -> dict[str, Any]:
         own, arrays = described["attributes"], _arrays(described)
         if own[f"{PREFIX}kind"] != kind:
             raise KeyError(kind)
-        found = checksums.disagreements(own, _sums(arrays))
+        found = checksums.wrong_checksums(own, _sums(arrays))
         damaged = [f"{_DESCRIPTION} ({', '.join(found)})"] if found else []
         for name, array in arrays.items():
             if _read(path / name / _DESCRIPTION) != array:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual
 from stickslip.model.system import System
@@ -243,7 +243,7 @@ class Map(Result):
         return cls(data.assign_attrs({PREFIX + key: text for key, text in parts.items()}))
 
     @classmethod
-    @checked
+    @validated
     def open(cls, path: str | Path) -> Self:
         """A stored map, finished or not; from a store, values are read when they are needed.
 

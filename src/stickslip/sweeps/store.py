@@ -25,6 +25,7 @@ from stickslip.checksums import LAYOUT, TABLE
 from stickslip.errors import StickslipError, need
 from stickslip.storage import PREFIX, readable
 from stickslip.sweeps import damage
+from stickslip.sweeps.damage import Chunk
 from stickslip.sweeps.request.axes import Axis, Grid, make_grid
 from stickslip.sweeps.request.carry import Carry
 from stickslip.sweeps.request.plan import FORMAT, KIND, NOT_COMPUTED, Part, Plan
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
 need("zarr", "maps")
 
 Slices = tuple[slice, ...]
-Chunk = damage.Chunk
 
 
 class MapStore:
@@ -311,7 +311,7 @@ def create(plan: Plan, path: Path | None) -> MapStore:
         warnings.filterwarnings("ignore", message="Consolidated metadata")
         group = zarr.consolidate_metadata(group.store)
     if path is not None:
-        damage.seal(path)
+        damage.seal_store(path)
     return MapStore(group, plan, grid, path)
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short
 from stickslip.model.declaration import check_initial
@@ -88,7 +88,7 @@ class Batch:
     runs: Runs | None = None
 
 
-@checked
+@validated
 def sweep(
     system: System,
     over: Mapping[str, Any] | Sequence[str],

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.orbits.branches.chart import KNOWN_TO, Chart, extent_of, first_chart, renewed
@@ -94,7 +94,7 @@ class _Station:
     step: float = 0.0
 
 
-@checked
+@validated
 def continue_cycle(
     cycle: Cycle,
     parameter: str,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.certificates import Certificate, worst
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Guard, mode_field, switched
@@ -67,7 +67,7 @@ _ERROR = {"long_name": "by how much the eigenvalues may be wrong"}
 _DEFECT = {"long_name": "violation of the equilibrium conditions, relative to the state"}
 
 
-@checked
+@validated
 def continue_equilibrium(
     system: System,
     parameter: str,

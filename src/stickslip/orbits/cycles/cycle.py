@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.equations.field import MODE_NAMES, mode_name
@@ -267,7 +267,7 @@ class Cycle(Result):
         """Drift per time."""
         return self.drift / self.period
 
-    @checked
+    @validated
     def sensitivity(self, names: Sequence[str]) -> xarray.Dataset:
         """Derivatives of period, drift, speed, extremes, amplitudes and multipliers with respect to
         parameters.
@@ -430,7 +430,7 @@ class Cycle(Result):
         vars(cycle).update(said | changed)
         return cycle
 
-    @checked
+    @validated
     def mean(self, formula: str) -> float:
         """The mean of a formula over a period, (1/T) ∫ f dt, such as that of the force of a spring
         by which a system is pulled.
@@ -463,7 +463,7 @@ class Cycle(Result):
             )
         return found
 
-    @checked
+    @validated
     def cost_of_transport(self, weight: float | str) -> float:
         """Energy per distance and weight, without dimension.
 
@@ -539,7 +539,7 @@ def _complex(pairs: Sequence[Sequence[float]]) -> Array:
     return np.array([complex(*pair) for pair in pairs])
 
 
-@checked
+@validated
 def find_cycle(
     system: System,
     start: Trajectory | Cycle | SpecialPoint | Mapping[str, float] | ArrayLike | None = None,

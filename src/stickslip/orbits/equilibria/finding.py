@@ -15,7 +15,7 @@ from itertools import islice, product
 
 import numpy as np
 
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.certificates import worst
 from stickslip.equations.derive import MotionEquations, derive
 from stickslip.equations.field import Field, Guard, Mode, Region, mode_field, named_modes
@@ -40,7 +40,7 @@ _STARTS = 63
 _POLISH = 4  # Newton steps that put a point well inside a set onto its equations
 
 
-@checked
+@validated
 def equilibria(
     system: System,
     *,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.progress import told
@@ -38,7 +38,7 @@ _PER_SPAN = 64
 KEPT = 20_000_000  # numbers of z that are kept unless output says otherwise
 
 
-@checked
+@validated
 def evolve(
     problem: Evolution,
     times: Any = None,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.arrays import Array, Matrix, Vector, plain_array
 from stickslip.errors import DeclarationError
 from stickslip.machine_code.functions import entry_point
@@ -161,7 +161,7 @@ def plays(load: ArrayLike, radii: ArrayLike, initial: ArrayLike = 0.0) -> Array:
     return out
 
 
-@checked
+@validated
 def prandtl_ishlinskii(
     load: ArrayLike, radii: ArrayLike, weights: ArrayLike, *, initial: ArrayLike = 0.0
 ) -> Array:

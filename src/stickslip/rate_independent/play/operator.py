@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, within
 from stickslip.equations.field import MODE_NAMES
@@ -65,7 +65,7 @@ _FLAGS = {
 }
 
 
-@checked
+@validated
 def play(
     load: Given,
     threshold: Given | tuple[Given, Given],
@@ -294,14 +294,14 @@ class Play(Result):
 
     # -- at any time -------------------------------------------------------------------------------
 
-    @checked
+    @validated
     def position(self, t: ArrayLike, side: str = "right") -> Any:
         """z at given times alone; see :meth:`at`."""
         times, k = self._intervals(t, side)
         z = self._state(times, k).z
         return z[0].item() if np.ndim(t) == 0 else z.reshape(np.shape(t))
 
-    @checked
+    @validated
     def at(self, t: ArrayLike, side: str = "right") -> dict[str, Any]:
         """All quantities at given times, as exact as at the nodes.
 

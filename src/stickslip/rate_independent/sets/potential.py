@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip import page
-from stickslip.arguments import checked
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.sets.cones import ConeForm, polyhedron
@@ -65,7 +65,7 @@ class Dissipation(ABC):
         super().__init_subclass__(**more)
         for name in ("support", "exposed", "excess", "project", "average"):
             if name in vars(cls):
-                setattr(cls, name, checked(vars(cls)[name]))
+                setattr(cls, name, validated(vars(cls)[name]))
         if kind is not None:
             Dissipation.kinds[kind] = cls
 
@@ -155,18 +155,18 @@ class Dissipation(ABC):
         normals = np.vstack([axes, -axes, *([beyond / length] if length > 0 else [])])
         return polyhedron(normals, np.array([self.support(d, s) for d in normals]))
 
-    @checked
+    @validated
     def value(self, s: float, v: ArrayLike) -> float:
         """Ψ(s, v) for v of shape (n,)."""
         return self.support(v, s)
 
-    @checked
+    @validated
     def distance(self, xi: ArrayLike, s: float = 0.0) -> float:
         """Euclidean distance of ξ, shape (n,), from K(s)."""
         xi = self.vector(xi, "xi")
         return float(np.linalg.norm(xi - self.project(xi, s)))
 
-    @checked
+    @validated
     def contains(self, xi: ArrayLike, s: float = 0.0, tolerance: float = 1e-12) -> bool:
         """Whether ξ, shape (n,), lies in K(s), up to `tolerance` times its length, or that of K(s)
         towards it."""
@@ -247,7 +247,7 @@ class Dissipation(ABC):
         """
         return NOWHERE_NEAR
 
-    @checked
+    @validated
     def prox(self, v: ArrayLike, s: float = 0.0, step: float = 1.0) -> Array:
         """Proximal step: the w with the least ½|w − v|² + step Ψ(s, w), shape (n,).
 
