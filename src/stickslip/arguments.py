@@ -98,10 +98,10 @@ def check_argument(name: str, value: Any, kinds: tuple[ArgumentKind, ...]) -> No
     # None goes without saying
     said = [kind for kind in kinds if kind is not _KINDS["None"]] or list(kinds)
     expected = " or ".join(dict.fromkeys(kind.name for kind in said))
-    raise DeclarationError(name, f"expected {expected}, got {said_of(value)}", said[0].remedy)
+    raise DeclarationError(name, f"expected {expected}, got {argument_said(value)}", said[0].remedy)
 
 
-def said_of(value: Any) -> str:
+def argument_said(value: Any) -> str:
     """A value of the wrong kind, for a message."""
     if value is None or isinstance(value, bool | str | bytes):
         return short(repr(value))
