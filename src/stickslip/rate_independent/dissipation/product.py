@@ -11,7 +11,6 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from stickslip.arguments import check_fields
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.optimal_motion import gathered
@@ -34,7 +33,8 @@ class Product(Dissipation):
     factors: Sequence[Dissipation]
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        if not hasattr(self.factors, "__iter__"):
+            raise DeclarationError("factors", "it is no list", "Give a list of potentials")
         object.__setattr__(self, "factors", tuple(self.factors))
         if not self.factors:
             raise DeclarationError("factors", "there is none", "Give at least one potential")

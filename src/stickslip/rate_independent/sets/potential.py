@@ -254,12 +254,11 @@ class Dissipation(ABC):
         By Moreau's decomposition it is v minus its nearest point in step K(s).
         """
         v = self.vector(v, "v")
-        step = float(step)
-        if not (np.isfinite(step) and step > 0):
+        if not 0.0 < float(step) < np.inf:
             raise DeclarationError(
                 "step", f"{step} is not positive", "Give the length of a proximal step"
             )
-        return v - step * self.project(v / step, s)
+        return v - float(step) * self.project(v / float(step), s)
 
     def vector(self, given: ArrayLike, name: str) -> Array:
         """The argument as an array of shape (n,); refuses other sizes and NaN."""
