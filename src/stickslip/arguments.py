@@ -109,6 +109,8 @@ def argument_said(value: Any) -> str:
         return str(value) if abs(value) <= _MOST else "a whole number that is too large"
     if isinstance(value, Real | complex):
         return short(str(value))
+    if isinstance(value, list | tuple) and len(value) < 5 and all(map(_is_formula, value)):
+        return short(repr(value))
     if isinstance(value, type):
         return f"the class {value.__name__}"
     article = "an" if type(value).__name__[:1] in "aeiouAEIOU" else "a"
@@ -144,7 +146,8 @@ def _is_truth(value: Any) -> bool:
 
 
 def _is_pair(value: Any) -> bool:
-    return _is_list(value) and len(value) == 2 and all(map(is_real, value))
+    # What is not a number in it, functions refuse together with ranges.
+    return _is_list(value) and len(value) == 2 and all(is_real(v) or v != v for v in value)
 
 
 def _is_list(value: Any) -> bool:
@@ -195,7 +198,7 @@ def _is_formula(value: Any) -> bool:
 
 
 def _is_path(value: Any) -> bool:
-    return isinstance(value, str | os.PathLike) and "\0" not in str(value)
+    return isinstance(value, str | os.PathLike)
 
 
 _PATH = ArgumentKind("a path", 'Give a path, like "motion.nc"', _is_path)

@@ -61,10 +61,10 @@ def write(path: str | Path, data: xarray.Dataset, kind: str, form: int, **parts:
         whole.to_netcdf(partial, engine="netcdf4", format="NETCDF4")
         checksums.seal_file(partial)
         os.replace(partial, path)
-    except (OSError, RuntimeError) as error:  # the second: netCDF, where the disk is full
+    except (OSError, RuntimeError, ValueError) as error:  # netCDF on a full disk; no path at all
         raise StickslipError(f"{path}: cannot be written ({_reason(path, error)})") from None
     finally:
-        with suppress(OSError):
+        with suppress(OSError, ValueError):
             partial.unlink(missing_ok=True)
 
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.checksums import LAYOUT, TABLE
-from stickslip.errors import StickslipError, need
+from stickslip.errors import StickslipError, need, printable
 from stickslip.storage import PREFIX, readable
 from stickslip.sweeps import damage
 from stickslip.sweeps.damage import Chunk
@@ -352,8 +352,10 @@ def opened(
         If something else is there, another map, or another process is writing it; or the place is
         not writable.
     """
-    if not path.name:
-        raise StickslipError(f"{path}: no place for a map. Choose another --out, like map.zarr")
+    if not path.name or "\0" in str(path):
+        raise StickslipError(
+            f"{printable(str(path))}: no place for a map. Choose another --out, like map.zarr"
+        )
     with contextlib.ExitStack() as stack:
         try:
             store = _opened(stack, plan, path, extend, overwrite)
