@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from inspect import unwrap
+
 import pytest
 
 from stickslip import simulate
@@ -12,7 +14,7 @@ def flow(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str
     """Which flow `simulate` takes where none is asked for: closed forms where modes are affine, or
     Taylor steps everywhere."""
     chosen = "auto" if request.param == "closed forms" else "taylor"
-    defaults = simulate.__kwdefaults__
+    defaults = unwrap(simulate).__kwdefaults__
     assert defaults is not None
     monkeypatch.setitem(defaults, "flow", chosen)
     return request.param

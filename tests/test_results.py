@@ -202,6 +202,18 @@ def test_what_is_no_result_is_refused(tmp_path: Path) -> None:
         ss.Branch.open(tmp_path / "motion.nc")
 
 
+def test_an_empty_catalogue_has_an_empty_table() -> None:
+    rest = ss.System(
+        "rest",
+        coordinates={"x": ss.Inertial()},
+        kinetic="d_x**2/2",
+        contacts={"a": ss.Contact("d_x", 1.0)},
+        span=(0.0, 5.0),
+    )
+    table = ss.simulate(rest).event_catalogue().table
+    assert len(table) == 0 and {"start", "duration"} <= set(table.columns)
+
+
 def test_an_opened_cycle_goes_on(tmp_path: Path) -> None:
     system = SLIDER.with_parameters(V=0.18)
     cycle = ss.find_cycle(system)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import json
+import os
+import resource
 from pathlib import Path
+from typing import Any
 
+import netCDF4
 import numpy as np
 import pytest
 import xarray as xr
 
 import stickslip as ss
-from stickslip import packing, storage
+from stickslip import checksums, packing, storage
 from stickslip.packing import in_all, in_few
 
 
@@ -74,3 +79,100 @@ def test_files_of_both_layouts_are_opened(tmp_path: Path, monkeypatch: pytest.Mo
         assert again.certificate == motion.certificate
         assert again.dataset.identical(motion.dataset)
     assert (tmp_path / "new.nc").stat().st_size < (tmp_path / "old.nc").stat().st_size
+
+
+@pytest.fixture
+def stored(tmp_path: Path) -> Path:
+    motion = ss.simulate(ss.catalogue.belt_block(), (0.0, 3.0))
+    motion.save(tmp_path / "motion.nc")
+    return tmp_path / "motion.nc"
+
+
+def test_whatever_is_changed_is_named(stored: Path) -> None:
+    """By a program that writes the file anew; the checksum at its end is gone then."""
+    with netCDF4.Dataset(stored) as file:
+        variables = [n for n, v in file.variables.items() if v.size]
+        attributes = file.ncattrs()
+    content = stored.read_bytes()
+    assert len(variables) > 10 and len(attributes) > 8
+    for name in [*variables, *attributes]:
+        stored.write_bytes(content)
+        with netCDF4.Dataset(stored, "r+") as file:
+            if name in variables:
+                variable = file.variables[name]
+                variable.set_auto_mask(False)
+                values = variable[...]
+                values.flat[-1] = 0.123 if values.dtype.kind == "f" else values.flat[-1] + 1
+                variable[...] = values
+            else:
+                file.setncattr(name, f"_{file.getncattr(name)}")
+        with pytest.raises(ss.StickslipError, match=f"damaged: .*{name}|not a result"):
+            ss.open(stored)
+
+
+def test_what_others_add_is_no_damage(stored: Path) -> None:
+    expected = ss.open(stored).dataset
+    with netCDF4.Dataset(stored, "r+") as file:
+        file.note = "of Tuesday"
+        file.createVariable("mine", float)[...] = 1.0
+    assert ss.open(stored).dataset.identical(expected)
+    with xr.open_dataset(stored) as data:
+        data.load().to_netcdf(stored.with_name("copy.nc"))
+    assert ss.open(stored.with_name("copy.nc")).dataset.identical(expected)
+
+
+def test_files_without_checksums_are_called_unchecked(stored: Path) -> None:
+    expected = ss.open(stored).dataset
+    with netCDF4.Dataset(stored, "r+") as file:
+        file.delncattr(checksums.TABLE)
+    with pytest.raises(ss.StickslipError, match=f"damaged: {checksums.TABLE}"):
+        ss.open(stored)
+    with netCDF4.Dataset(stored, "r+") as file:
+        file.delncattr(checksums.LAYOUT)
+    with pytest.warns(match=r"motion\.nc: stored without checksums"):
+        assert ss.open(stored).dataset.identical(expected)
+
+
+def test_maps_without_checksums_are_called_unchecked(tmp_path: Path) -> None:
+    path = tmp_path / "map.zarr"
+    given: Any = (ss.catalogue.rocking_toy(), {"P": [1.1, 1.2]}, ["speed"], path)
+    expected = ss.sweep(*given).dataset.load()
+    described = json.loads((path / "zarr.json").read_text())
+    for key in (checksums.TABLE, checksums.LAYOUT):
+        del described["attributes"][key]
+    (path / "zarr.json").write_text(json.dumps(described))
+    for again in (lambda: ss.open(path), lambda: ss.sweep(*given)):
+        with pytest.warns(match=r"map\.zarr: stored without checksums"):
+            assert again().dataset.identical(expected)
+
+
+def test_a_full_disk_is_said(stored: Path) -> None:
+    motion = ss.open(stored)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    content = stored.read_bytes()
+    try:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))
+        with pytest.raises(ss.StickslipError, match=r"motion\.nc: cannot be written"):
+            motion.save(stored)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert stored.read_bytes() == content and [*stored.parent.iterdir()] == [stored]
+
+
+@pytest.mark.parametrize("make", ["fifo", "folder", "empty", "long", "nul"])
+def test_what_is_no_file_is_said(tmp_path: Path, make: str) -> None:
+    place: Path | str = tmp_path / make
+    match make:
+        case "fifo":
+            os.mkfifo(place)
+        case "folder":
+            Path(place).mkdir()
+        case "empty":
+            Path(place).touch()
+        case "long":
+            place = tmp_path / ("x" * 5000)
+        case "nul":
+            place = f"{tmp_path}/a\0b"
+    for read in (ss.open, ss.Trajectory.open, ss.Map.open):
+        with pytest.raises(ss.StickslipError):
+            read(place)

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self, cast
 
 from stickslip import page, storage
+from stickslip.arguments import validated
 from stickslip.certificates import Certificate, Residual
 from stickslip.errors import DeclarationError, short, suggestion
 
@@ -176,6 +177,7 @@ class Result:
         """Itself, as what every kind has to be."""
         return cast(Described, self)
 
+    @validated
     def __getitem__(self, name: str) -> xarray.DataArray:
         """A variable of the dataset, with its unit.
 
@@ -255,6 +257,7 @@ class Result:
             return draw(self, ax=ax)
         return plot_quantities(self._said.dataset, quantities, self.along, ax)
 
+    @validated
     def save(self, path: str | Path) -> None:
         """Write a netCDF-4 file that :func:`stickslip.open` reads back exactly.
 
@@ -267,6 +270,7 @@ class Result:
         storage.write(path, data, self.KIND, self.FORMAT, **parts)
 
     @classmethod
+    @validated
     def open(cls, path: str | Path) -> Self:
         """Read a stored result of this kind; nothing is computed again until it is asked for.
 
@@ -320,7 +324,7 @@ def flat(data: xarray.Dataset, along: str) -> pandas.DataFrame:
         if along not in variable.dims:
             continue
         values = variable.transpose(along, ...).values
-        rest = values.reshape(len(values), -1)
+        rest = values.reshape(len(values), math.prod(values.shape[1:]))
         many = variable.ndim > 1
         labels = [f"{name}_{i + 1}" for i in range(rest.shape[1])] if many else [str(name)]
         columns |= dict(zip(labels, rest.T, strict=True))

@@ -3,26 +3,32 @@
 Beside its data a file holds attributes ``stickslip_*``: the kind of the result, the format of that
 kind, the version that wrote it, and what else the result is made of, texts as they are and all
 other values as JSON. Where it would have hundreds of variables, it has a few larger ones
-(:mod:`stickslip.packing`).
+(:mod:`stickslip.packing`). All of it has checksums (:mod:`stickslip.checksums`).
 """
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
+import warnings
 from collections.abc import Container, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from shutil import disk_usage
 from typing import TYPE_CHECKING, Any
 
-from stickslip.errors import StickslipError
+from stickslip import checksums
+from stickslip.arguments import validated
+from stickslip.errors import StickslipError, short, some
 from stickslip.packing import in_all, in_few
 
 if TYPE_CHECKING:
     import xarray
 
 PREFIX = "stickslip_"
+_REMEDY = "Take a copy, or compute it again"
 
 
 def write(path: str | Path, data: xarray.Dataset, kind: str, form: int, **parts: Any) -> None:
@@ -51,12 +57,23 @@ def write(path: str | Path, data: xarray.Dataset, kind: str, form: int, **parts:
     texts = {PREFIX + key: text for key, text in as_texts(own).items()}
     partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        in_few(data).assign_attrs(texts).to_netcdf(partial, engine="netcdf4", format="NETCDF4")
+        whole = checksums.with_checksums(in_few(data).assign_attrs(texts))
+        whole.to_netcdf(partial, engine="netcdf4", format="NETCDF4")
+        checksums.seal_file(partial)
         os.replace(partial, path)
-    except OSError as error:
-        raise StickslipError(f"{path}: cannot be written ({error.strerror or error})") from None
+    except (OSError, RuntimeError, ValueError) as error:  # netCDF on a full disk; no path at all
+        raise StickslipError(f"{path}: cannot be written ({_reason(path, error)})") from None
     finally:
-        partial.unlink(missing_ok=True)
+        with suppress(OSError, ValueError):
+            partial.unlink(missing_ok=True)
+
+
+def _reason(path: Path, error: Exception) -> str:
+    """Why a file cannot be written; of a full disk HDF5 says *permission denied*."""
+    with suppress(OSError):
+        if disk_usage(path.parent).free < 2**16:
+            return os.strerror(errno.ENOSPC)
+    return getattr(error, "strerror", None) or str(error)
 
 
 def as_texts(parts: Mapping[str, Any]) -> dict[str, str]:
@@ -74,50 +91,87 @@ def reading(
     Raises
     ------
     StickslipError
-        If the file does not exist, or is not a stored result of that kind and format.
+        If the file does not exist, is damaged, or is not a stored result of that kind and format.
+
+    Warns
+    -----
+    UserWarning
+        If it was stored without checksums.
     """
     import xarray as xr
 
-    path = Path(path)
-    if not path.is_file():
-        raise StickslipError(f"{path}: there is no such file")
+    path = _whole(path)
     try:
         with xr.open_dataset(path, engine="netcdf4") as stored:
-            data = in_all(stored.load())
+            data = stored.load()
+        damage = checksums.damaged(data)
+        data = data if damage else in_all(data)
         own = {
             key.removeprefix(PREFIX): data.attrs.pop(key)
             for key in [*data.attrs]
             if key.startswith(PREFIX)
         }
+        for key in (checksums.TABLE, checksums.LAYOUT):
+            own.pop(key.removeprefix(PREFIX), None)
+        if damage:
+            raise StickslipError(f"{path}: damaged: {some(damage, 6)}. {_REMEDY}")
         if own["kind"] != kind:
             raise StickslipError(f"{path}: holds {named(own['kind'])}, not {named(kind)}")
         readable(path, own, form)
+        if damage is None:
+            unchecked(path)
         yield data, own
-    except (OSError, KeyError, ValueError, TypeError) as error:
-        if isinstance(error, StickslipError):
-            raise
-        raise StickslipError(f"{path}: not {named(kind)} stored by stickslip") from None
+    except StickslipError:
+        raise
+    except Exception as error:  # of a damaged file without checksums, libraries say anything
+        raise StickslipError(f"{path}: not {named(kind)} stored by stickslip") from error
 
 
+def unchecked(path: Path) -> None:
+    """Say that nobody can know whether a result is as it was written."""
+    text = f"{path}: stored without checksums, by an older version: damage would not be noticed"
+    warnings.warn(text, stacklevel=2)
+
+
+def _whole(path: str | Path) -> Path:
+    """The path of a file, unless its bytes are not those that were written.
+
+    Raises
+    ------
+    StickslipError
+        If they are not, or if there is no file.
+    """
+    path = Path(path)
+    try:
+        if not path.is_file():
+            there = "is no file" if path.exists() else "there is no such file"
+            raise StickslipError(f"{path}: {there}")
+        if checksums.intact(path):
+            return path
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise StickslipError(f"{short(str(path))}: cannot be read ({reason})") from None
+    raise StickslipError(f"{path}: damaged: its bytes are not those that were written. {_REMEDY}")
+
+
+@validated
 def kind_of(path: str | Path, known: Container[str]) -> str:
     """What kind of result a file holds; a folder is the store of a map.
 
     Raises
     ------
     StickslipError
-        If there is nothing, or nothing that is known.
+        If there is nothing, or nothing that is known, or the file is damaged.
     """
     import netCDF4
 
-    path = Path(path)
-    if path.is_dir():
+    if os.path.isdir(path):  # of what cannot be a path, Path.is_dir raises
         return "sweep"
-    if not path.exists():
-        raise StickslipError(f"{path}: there is no such file")
+    path = _whole(path)
     try:
         with netCDF4.Dataset(path) as file:
             kind = str(file.getncattr(f"{PREFIX}kind"))
-    except (OSError, AttributeError):
+    except Exception:  # of what is no such file, netCDF says anything
         kind = ""
     if kind not in known:
         raise StickslipError(

@@ -29,6 +29,7 @@ SHARES = {
     "evolutions": 0.1,
     "equilibrium_sets": 0.025,
     "formulas": 0.25,
+    "stored": 0.1,
 }
 
 

@@ -326,7 +326,12 @@ def test_check_finds_changed_data(tmp_path: Path) -> None:
         states = file["knot_state"][:]
         states[len(states) // 2, 0] += 1e-6
         file["knot_state"][:] = states
-    result = stickslip("check", "motion.nc")
+    assert "damaged: knot_state" in refused(stickslip("check", "motion.nc"))
+    with netCDF4.Dataset("motion.nc", "r+") as file:
+        file.delncattr("stickslip_checksums")
+        file.delncattr("stickslip_layout")
+    with pytest.warns(match="without checksums"):
+        result = stickslip("check", "motion.nc")
     assert result.exit_code == 1
     assert "not certified" in result.stdout
     with netCDF4.Dataset("other.nc", "w") as file:

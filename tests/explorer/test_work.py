@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import ast
+import json
+import re
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import stickslip as ss
 from stickslip.explorer.asking.answer import Answer
 from stickslip.explorer.asking.request import PageSetting, Request
-from stickslip.explorer.work import branches
+from stickslip.explorer.work import branches, export
 from stickslip.explorer.work.loop import NoLongerWanted, Patience, answers
 from stickslip.rate_independent.evolution.blocks import evolved
 from stickslip.rate_independent.play.operator import Play
@@ -101,3 +107,51 @@ def test_the_common_set_of_a_turning_ellipse_is_a_disc() -> None:
     assert_allclose(np.hypot(x, y), 0.25, rtol=1e-3)
     x, y = sets.arrays["set:0"]
     assert_allclose([np.abs(x).max(), np.abs(y).max()], [2.0, 0.25], rtol=1e-3)
+
+
+def shape_of(script: str) -> list[str]:
+    """What a script does: kinds of its nodes, and all names in it, but no texts and numbers."""
+    return [
+        f"{type(node).__name__} {getattr(node, 'id', '')}{getattr(node, 'attr', '')}"
+        for node in ast.walk(ast.parse(script))
+    ]
+
+
+# Quotes, line ends and what shells read, more often than chance would have them.
+HOSTILE = st.text(
+    st.sampled_from("\"'\\`$();#{}%\n\r\t/.-~ ab\u2028é") | st.characters(codec="utf-8")
+)
+
+
+@given(HOSTILE.filter(str.strip))
+@settings(max_examples=200, deadline=None)
+def test_what_is_taken_away_runs_nothing_of_a_model(name: str) -> None:
+    """Whatever a model file calls its system, the script and the command are the same but for the
+    name of a file, and that is no option and in no other folder."""
+
+    def taken(name: str) -> tuple[str, str]:
+        toml = SYSTEM.to_toml().replace('name = "block"', f"name = {json.dumps(name)}")
+        setting = PageSetting("", toml, {"k": 2.0}, {"x": 1.0}, 3.0)
+        return export.python_of(setting), export.command_of(setting)
+
+    try:
+        script, command = taken(name)
+    except ss.StickslipError:
+        return  # not every text is a name
+    plain_script, plain_command = taken("block")
+    assert shape_of(script) == shape_of(plain_script)
+    assert len(script.splitlines()) == len(plain_script.splitlines())
+    words, plain = shlex.split(command), shlex.split(plain_command)
+    assert [*words[:2], *words[3:]] == [*plain[:2], *plain[3:]]
+    (file,) = re.findall(r'ss\.load\("(.*)"\)', script)
+    assert file == words[2] == Path(file).name and re.fullmatch(r"[\w+][\w.+-]*\.toml", file)
+
+
+SYSTEM = ss.System(
+    "block",
+    parameters={"k": ss.Parameter(1.0)},
+    coordinates={"x": ss.Inertial()},
+    kinetic="d_x**2/2",
+    potential="k*x**2/2",
+    span=(0, 3),
+)

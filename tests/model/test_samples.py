@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import pickle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
 import stickslip as ss
+from stickslip.errors import DeclarationError
 from stickslip.machine_code.objects import address_of
 from stickslip.model.samples import SAMPLE_KINDS, SampleKind
 from stickslip.model.system_file import loads
@@ -127,7 +130,7 @@ WRONG = {
     "times[2]: the time 1 stands twice": ([0.0, 1.0, 1.0], [0.0, 1.0, 2.0], "linear", False),
     "times[2]: the time 0.5 comes after 1": ([0.0, 1.0, 0.5], [0.0, 1.0, 2.0], "linear", False),
     "values[1]: nan is no number": ([0.0, 1.0], [0.0, np.nan], "linear", False),
-    "not all of them are numbers": ([0.0, "x"], [0.0, 1.0], "linear", False),
+    "times: expected numbers, got a list": ([0.0, "x"], [0.0, 1.0], "linear", False),
     "they begin with 0 and end with 1": ([0.0, 1.0], [0.0, 1.0], "linear", True),
     "too close to be told apart": ([1e9, 1e9 + 1e-6], [0.0, 1.0], "linear", False),
 }
@@ -197,3 +200,74 @@ def test_spans_that_are_not_covered() -> None:
         )
     with pytest.raises(ss.DeclarationError, match=r"the time span is 0 \.\.\. 5\.1"):
         ss.simulate(shaken(samples), (0.0, 5.1))
+
+
+def test_the_span_that_stands_if_none_is_given_ends_with_the_samples(tmp_path: Path) -> None:
+    parts: dict[str, Any] = {
+        "coordinates": {"x": ss.Inertial()},
+        "kinetic": "d_x**2/2",
+        "potential": "x**2/2 - a*x",
+    }
+    late, early = ss.Samples([2.0, 7.0], [0.0, 1.0]), ss.Samples([-1.0, 5.0], [0.0, 1.0])
+    again = ss.Samples([0.0, 1.0, 2.0], [0.0, 1.0, 0.0], periodic=True)
+    for drives, span in (
+        ({"a": late}, (2.0, 7.0)),
+        ({"a": late, "b": early}, (2.0, 5.0)),
+        ({"a": again}, (0.0, 100.0)),
+        ({"a": "sin(t)"}, (0.0, 100.0)),
+    ):
+        system = ss.System("driven", drives=drives, **parts)
+        assert system.span == span and ss.simulate(system).t_span == span
+    driven = ss.System("driven", drives={"a": "sin(t)"}, **parts).configure({"a": late})
+    assert driven.span == (2.0, 7.0)
+    with pytest.raises(DeclarationError, match="samples cover"):
+        ss.simulate(ss.System("driven", drives={"a": late}, span=(0.0, 3.0), **parts))
+
+
+TABLES = {
+    "byte order mark": (b"\xef\xbb\xbft,x\n0,1\n1,2\n2,3\n", ""),
+    "semicolons": (b"t;x\n0;1\n1;2\n2;3\n", ""),
+    "blanks": (b" t   x\n 0   1\n1 2\n2 3\n", ""),
+    "line ends": (b"t,x\r\n0,1\r\n1,2\r\n2,3\r\n", ""),
+    "comments": (b"# of Tuesday, at noon\nt,x\n0,1\n1,2\n2,3\n", ""),
+    "empty": (b"", "is empty"),
+    "only blanks": (b" \n\n", "is empty"),
+    "decimal commas": (b"t;x\n0,0;1,0\n1,0;2,0\n2,5;3,5\n", "decimal points"),
+    "decimal commas, commas": (b"t,x\n0,0,1,0\n1,0,2,0\n2,5,3,5\n", "decimal points"),
+    "UTF-16": ("t,x\n0,1\n".encode("utf-16"), "no text file|not UTF-8"),
+    "Latin": ("t,x\n0,1\n# Größe\n".encode("latin-1"), "not UTF-8"),
+    "binary": (bytes(range(256)), "no text file"),
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_tables_of_both_readers(tmp_path: Path, name: str) -> None:
+    """Drives and records read the same tables, and refuse the same by the name of the file."""
+    content, wrong = TABLES[name]
+    file = tmp_path / "table.csv"
+    file.write_bytes(content)
+    readers: tuple[Any, ...] = (ss.Samples.read, lambda f: ss.Recording(f).column("x"))
+    for read in readers:
+        if wrong:
+            with pytest.raises(DeclarationError, match=rf"table\.csv.*({wrong})"):
+                read(file)
+        else:
+            found = read(file)
+            values = found.values if isinstance(found, ss.Samples) else found
+            np.testing.assert_array_equal(values, [1.0, 2.0, 3.0])
+
+
+def test_what_is_no_table(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "fifo")
+    places = {
+        tmp_path: "a directory",
+        tmp_path / "fifo": "no file that has an end",
+        Path("/dev/zero"): "no file that has an end",
+        tmp_path / "none.csv": "no such file",
+        tmp_path / ("x" * 5000): "cannot be read",
+    }
+    for place, said in places.items():
+        for read in (ss.Samples.read, ss.Recording):
+            with pytest.raises(DeclarationError, match=said) as raised:
+                read(place)
+            assert len(str(raised.value)) < 300

@@ -414,7 +414,7 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
         lambda: two.value(0, [1, 2, 3]),
         r"v: it has the shape \(3,\), but the potential lives on R\^2",
     ),
-    "vector of words": (lambda: two.project(["a", "b"]), r"xi: it is not a vector of numbers"),
+    "vector of words": (lambda: two.project(["a", "b"]), r"xi: expected numbers"),
     "vector with NaN": (lambda: two.distance([np.nan, 1]), r"xi\[0\]: it is nan"),
     "step": (lambda: two.prox([1, 2], step=0), r"step: 0 is not positive"),
     "metric too small": (

@@ -184,5 +184,5 @@ def test_initial_values_replace_the_declared_ones() -> None:
 def test_many_motions_refuse_numbers_that_are_none(given: dict[str, int], named: str) -> None:
     with pytest.raises(DeclarationError, match=named):
         ss.simulate_many(ss.catalogue.rocking_toy(), (0.0, 1.0), **given)  # type: ignore[arg-type]
-    with pytest.raises(DeclarationError, match="is no System"):
+    with pytest.raises(DeclarationError, match="expected a System"):
         ss.simulate_many("toy")  # type: ignore[arg-type]

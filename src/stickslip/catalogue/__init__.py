@@ -18,6 +18,7 @@ from pkgutil import iter_modules
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from stickslip.arguments import validated
 from stickslip.errors import DeclarationError, short, suggestion
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ def names() -> list[str]:
     )
 
 
+@validated
 def get(name: str, **given: Any) -> System:
     """The system of that name.
 

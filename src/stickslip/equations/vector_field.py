@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from stickslip import page
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.equations.derive import derive
 from stickslip.equations.field import MODE_NAMES, Field, mode_field
@@ -76,6 +77,7 @@ class VectorField:
         """The friction force of every contact, positive where it pushes forward, as formulas."""
         return {contact.name: _text(contact.force) for contact in self._field.contacts}
 
+    @validated
     def rates_at(self, values: Values | None = None) -> dict[str, float]:
         """Rates at a point; names that are not given are where `at` is.
 
@@ -87,10 +89,12 @@ class VectorField:
         numbers = self._numbers(self._field.rates, values)
         return dict(zip(self.state, numbers, strict=True))
 
+    @validated
     def jacobian_at(self, values: Values | None = None) -> Array:
         """Jacobian at a point, shape (n, n)."""
         return np.array([self._numbers(row, values) for row in self._field.jacobian])
 
+    @validated
     def forces_at(self, values: Values | None = None) -> dict[str, float]:
         """Friction forces at a point, by contact."""
         numbers = self._numbers([c.force for c in self._field.contacts], values)
@@ -101,6 +105,7 @@ class VectorField:
         return [self.system.declaration.value(e, point) for e in expressions]
 
 
+@validated
 def vector_field(
     system: System, modes: Mapping[str, str] | None = None, *, at: Values | None = None
 ) -> VectorField:

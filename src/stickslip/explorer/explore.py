@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote, unquote
 
 from stickslip import catalogue
+from stickslip.arguments import validated
 from stickslip.errors import StickslipError
 from stickslip.explorer.asking.limits import MOST_PAGES
 from stickslip.explorer.asking.request import FIRST_MODEL, GIVEN, packed_text
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from stickslip.model.system import System
 
 
+@validated
 def explore(
     system: System | str | None = None, *, port: int | None = None, browser: bool | None = None
 ) -> Explorer:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
+from stickslip.arguments import validated
 from stickslip.certificates import Certificate, worst
 from stickslip.errors import DeclarationError
 from stickslip.fitting.fit import Fit, criteria
@@ -194,6 +195,7 @@ class Comparison(Result):
         return cls(tuple(fits), data[names], flat)
 
 
+@validated
 def compare_systems(
     systems: Mapping[str, System] | Sequence[System],
     data: Any,

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate
+from stickslip.errors import DeclarationError
 from stickslip.fitting.problem import FitProblem, arguments_of, problem_again
 from stickslip.fitting.statistics import Statistics
 from stickslip.model.system import System
@@ -124,6 +126,7 @@ class Fit(Result):
 
     # -- how well it is determined -----------------------------------------------------------------
 
+    @validated
     def profile(
         self, name: str, *, progress: Callable[[float], None] | None = None
     ) -> xarray.Dataset:
@@ -151,6 +154,7 @@ class Fit(Result):
 
         return profile_of(self, name, progress)
 
+    @validated
     def draws(self, count: int = 500, *, seed: int = 0) -> xarray.Dataset:
         """Values of the unknowns as likely as the data make them: normally distributed, within
         their bounds.
@@ -168,6 +172,8 @@ class Fit(Result):
         import xarray as xr
 
         check_positive(count=count)
+        if seed < 0:
+            raise DeclarationError("seed", f"{seed} is negative", "Give a whole number from 0 on")
         low, high = self.problem.bounds
         rng = np.random.default_rng(seed)
         root = _root_of(self.covariance)
@@ -181,6 +187,7 @@ class Fit(Result):
         drawn = np.clip(drawn, low, high)
         return xr.Dataset({n: ("draw", drawn[:, j]) for j, n in enumerate(self.names)})
 
+    @validated
     def continue_cycle(
         self,
         parameter: str,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stickslip.arguments import validated
 from stickslip.certificates import Residual, worst
 from stickslip.fitting.fit import Fit
 from stickslip.fitting.problem import RTOL, Loss, fit_problem, suffix_of, table_columns
@@ -29,6 +30,7 @@ _UNLIKELY = 1e-3
 _SAME = 1e-6  # relative difference of costs of one minimum
 
 
+@validated
 def fit(
     system: System,
     data: Any,

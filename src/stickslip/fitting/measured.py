@@ -288,7 +288,7 @@ def _noise(
     else:
         try:
             sigma = np.full(len(rows), float(given))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise DeclarationError(where, f"{given!r} is no number", "Give a deviation") from None
     if not np.all(sigma > 0.0) or not np.all(np.isfinite(sigma)):
         raise DeclarationError(where, "a standard deviation is not positive", "Give one that is")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError, suggestion
 from stickslip.fitting.measured import Column, GivenUp, MeasuredRecord, Noise, read_recording
@@ -338,6 +339,7 @@ class FitProblem:
         return replace(self, unknowns=others, measured=tuple(measured), _kept=[])
 
 
+@validated
 def fit_problem(
     system: System,
     data: Any,

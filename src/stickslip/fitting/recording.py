@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from io import StringIO
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from stickslip.arguments import check_fields
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
+from stickslip.model.samples import (
+    DECIMAL_POINTS,
+    cells_in,
+    check_cells,
+    file_named,
+    lines_of,
+    separator_of,
+)
 
 if TYPE_CHECKING:
     import pandas
@@ -65,6 +76,7 @@ class Recording:
     events: str = ""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         object.__setattr__(self, "data", table_of(self.data))
 
     @property
@@ -114,7 +126,9 @@ class Recording:
             raise DeclarationError(
                 f"{self.source}, row {row + 1}, column '{short(name)}'",
                 f"'{short(str(given.iloc[row]))}' is no number",
-                "Leave the cell empty, or fill it",
+                DECIMAL_POINTS
+                if "," in str(given.iloc[row])
+                else "Leave the cell empty, or fill it",
             )
         if np.isinf(values).any():
             row = int(np.argmax(np.isinf(values)))
@@ -186,7 +200,7 @@ def table_of(data: Any) -> pandas.DataFrame:
     if isinstance(data, str | PathLike):
         return _read(Path(data))
     if isinstance(data, Mapping):
-        columns = {str(name): np.ravel(np.asarray(v, float)) for name, v in data.items()}
+        columns = {str(name): _numbers(str(name), v) for name, v in data.items()}
         if len({len(v) for v in columns.values()}) > 1:
             sizes = ", ".join(f"{name}: {len(v)}" for name, v in columns.items())
             raise DeclarationError(
@@ -202,21 +216,40 @@ def table_of(data: Any) -> pandas.DataFrame:
     )
 
 
+def _numbers(name: str, given: Any) -> Array:
+    try:
+        return np.ravel(np.asarray(given, float))
+    except (TypeError, ValueError, OverflowError):
+        raise DeclarationError(
+            f"data, column '{short(name)}'", "it is no array of numbers", "Give numbers"
+        ) from None
+
+
 def _read(path: Path) -> pandas.DataFrame:
     import pandas as pd
 
-    if not path.is_file():
-        raise DeclarationError(str(path), "there is no such file", "Check the path")
+    lines = [line.partition("#")[0] for line in lines_of(path)]
+    rows = [i for i, line in enumerate(lines) if line.strip()]
+    where = file_named(path)
+    if not rows:
+        raise DeclarationError(where, "the file is empty", "Give columns with a line of names")
+    separator = separator_of(lines[rows[0]])
+    names = cells_in(lines[rows[0]].strip(), separator)
+    for i in rows[1:]:
+        check_cells(cells_in(lines[i].strip(), separator), names, f"{where}, line {i + 1}")
     try:
-        table = pd.read_csv(path, sep=None, engine="python", comment="#", skipinitialspace=True)
-    except (ValueError, UnicodeDecodeError, pd.errors.ParserError, OSError) as error:
+        table = pd.read_csv(
+            StringIO("\n".join(lines[i].strip(" ") for i in rows)),
+            sep=separator or r"\s+",
+            skipinitialspace=True,
+            index_col=False,
+        )
+    except (ValueError, pd.errors.ParserError, csv.Error) as error:
         raise DeclarationError(
-            str(path),
+            where,
             f"it is no table of columns ({short(str(error))})",
             "Save it as text: columns with a line of names",
         ) from None
-    if table.shape[1] == 1 and " " in str(table.columns[0]).strip():
-        table = pd.read_csv(path, sep=r"\s+", comment="#")
     table.columns = [str(name).strip() for name in table.columns]
     table.attrs["source"] = str(path)
     return table

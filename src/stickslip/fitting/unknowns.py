@@ -165,7 +165,7 @@ def checked_bounds(name: str, bounds: Any, declared: tuple[float, float]) -> tup
         return declared
     try:
         low, high = (float(b) for b in cast(Any, bounds))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         low, high = math.nan, math.nan
     if not low < high:
         raise DeclarationError(

@@ -20,17 +20,19 @@ import math
 import weakref
 import zlib
 from base64 import b64decode, b64encode
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
+from stat import S_ISDIR, S_ISREG
 from typing import TYPE_CHECKING, Any, Literal
 from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.symbolic import expressions as ex
@@ -85,6 +87,7 @@ class Samples(TimeFunction):
     1.0
     """
 
+    @validated
     def __init__(
         self,
         times: ArrayLike,
@@ -116,6 +119,7 @@ class Samples(TimeFunction):
         self.source: dict[str, str] = dict(source or {})
 
     @classmethod
+    @validated
     def read(
         cls,
         file: str | PathLike[str],
@@ -700,7 +704,7 @@ def _unpacked(text: object, where: str) -> tuple[Array, Array]:
 def _numbers(part: Any, where: str) -> Array:
     try:
         return np.array(part, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DeclarationError(where, "not all of them are numbers", "Give numbers") from None
 
 
@@ -719,43 +723,21 @@ def columns_of(
     ------
     DeclarationError
     """
-    path = Path(file)
-    where = str(file)
-    try:
-        if path.stat().st_size > _MOST_BYTES:
-            raise DeclarationError(
-                where, f"the file has more than {_MOST_BYTES:,} bytes", "Give fewer samples"
-            )
-        text = path.read_bytes()
-    except FileNotFoundError:
-        raise DeclarationError(where, "there is no such file", "Check the path") from None
-    except IsADirectoryError:
-        raise DeclarationError(where, "this is a directory", "Name a file in it") from None
-    except OSError as error:
-        raise DeclarationError(
-            where, f"the file cannot be read ({error.strerror})", "Check its rights"
-        ) from None
-    if b"\x00" in text[:4096]:
-        raise DeclarationError(
-            where, "this is no text file", "Save it as text: columns with a line of names"
-        )
-    try:
-        lines = text.decode("utf-8-sig").splitlines()
-    except UnicodeDecodeError as error:
-        row = text.count(b"\n", 0, error.start) + 1
-        raise DeclarationError(where, f"line {row} is not UTF-8 text", "Save it as UTF-8") from None
+    where = file_named(file)
+    lines = lines_of(file)
     numbers = [i for i, line in enumerate(lines) if line.strip() and not line.startswith("#")]
     if not numbers:
         raise DeclarationError(where, "the file is empty", "Give columns with a line of names")
     heading = lines[numbers[0]]
-    separator = next((s for s in _SEPARATORS if s is None or s in heading), None)
-    names = [cell.strip() for cell in _cells(heading, separator)]
+    separator = separator_of(heading)
+    names = [cell.strip() for cell in cells_in(heading, separator)]
     wanted = _chosen(names, time, value, name, f"{where}, line {numbers[0] + 1}")
     places = [names.index(column) for column in wanted]
     rows = numbers[1:]
     columns = np.empty((2, len(rows)))
     for k, i in enumerate(rows):
-        cells = _cells(lines[i], separator)
+        cells = cells_in(lines[i], separator)
+        check_cells(cells, names, f"{where}, line {i + 1}")
         for column, place in enumerate(places):
             cell = cells[place].strip() if place < len(cells) else ""
             try:
@@ -764,9 +746,74 @@ def columns_of(
                 raise DeclarationError(
                     f"{where}, line {i + 1}, column '{short(wanted[column])}'",
                     f"'{short(cell)}' is no number" if cell else "there is no value",
-                    "Leave the row out, or fill it",
+                    DECIMAL_POINTS if "," in cell else "Leave the row out, or fill it",
                 ) from None
     return columns[0], columns[1], np.array(rows) + 1, wanted
+
+
+DECIMAL_POINTS = "Save the file with decimal points, like 0.5"
+
+
+def check_cells(cells: Sequence[str], names: Sequence[str], where: str) -> None:
+    """Refuse a row with more cells than there are names: which belong to which is not known.
+
+    Raises
+    ------
+    DeclarationError
+    """
+    if len(cells) > len(names) and any(cell.strip() for cell in cells[len(names) :]):
+        reason = f"it has {len(cells)} cells, and there are {len(names)} names of columns"
+        remedy = f"{DECIMAL_POINTS}, and one name for each column"
+        raise DeclarationError(where, reason, remedy)
+
+
+def file_named(file: str | PathLike[str]) -> str:
+    """A file, for a message; of a path that is too long, the beginning."""
+    return str(file) if len(str(file)) <= 200 else short(str(file))
+
+
+def lines_of(file: str | PathLike[str]) -> list[str]:
+    """Lines of a text file.
+
+    Raises
+    ------
+    DeclarationError
+        If it cannot be read, or is no text in UTF-8.
+    """
+    path = Path(file)
+    where = file_named(file)
+    try:
+        status = path.stat()
+        if not S_ISREG(status.st_mode):
+            what = "a directory" if S_ISDIR(status.st_mode) else "no file that has an end"
+            raise DeclarationError(where, f"this is {what}", "Name a file of columns")
+        if status.st_size > _MOST_BYTES:
+            raise DeclarationError(
+                where, f"the file has more than {_MOST_BYTES:,} bytes", "Give fewer samples"
+            )
+        text = path.read_bytes()
+    except FileNotFoundError:
+        raise DeclarationError(where, "there is no such file", "Check the path") from None
+    except (OSError, ValueError) as error:  # the second: no path at all
+        raise DeclarationError(
+            where,
+            f"the file cannot be read ({getattr(error, 'strerror', None) or error})",
+            "Check its name and its rights",
+        ) from None
+    if b"\x00" in text[:4096]:
+        raise DeclarationError(
+            where, "this is no text file", "Save it as text: columns with a line of names"
+        )
+    try:
+        return text.decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        row = text.count(b"\n", 0, error.start) + 1
+        raise DeclarationError(where, f"line {row} is not UTF-8 text", "Save it as UTF-8") from None
+
+
+def separator_of(heading: str) -> str | None:
+    """What stands between the columns of a table with this line of names; None: blanks."""
+    return next((s for s in _SEPARATORS if s is None or s in heading), None)
 
 
 def _chosen(names: list[str], time: str, value: str, own: str, where: str) -> tuple[str, str]:
@@ -802,7 +849,8 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _cells(line: str, separator: str | None) -> list[str]:
+def cells_in(line: str, separator: str | None) -> list[str]:
+    """Cells of a line of a table."""
     if '"' in line and separator is not None:
         return next(csv.reader([line], delimiter=separator))
     return line.split(separator)

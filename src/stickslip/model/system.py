@@ -13,6 +13,7 @@ from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
+from stickslip.arguments import validated
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import TimeFunction, formula_text
 
@@ -394,6 +395,18 @@ def _plain(value: Any, where: str) -> Any:
             return value
 
 
+_SPAN = (0.0, 100.0)
+
+
+def _known(drives: Mapping[str, Drive]) -> tuple[float, float]:
+    """The part of the span that stands if none is given of which all drives say something."""
+    start, stop = _SPAN
+    for drive in drives.values() if isinstance(drives, Mapping) else ():
+        if isinstance(drive, TimeFunction) and not drive.covers(start, stop):
+            start, stop = max(start, drive.span[0]), min(stop, drive.span[1])
+    return (start, stop) if start < stop else _SPAN
+
+
 @dataclass(frozen=True)
 class System:
     """A system declared by its energy and its dissipation potential.
@@ -427,7 +440,8 @@ class System:
         Default initial values of coordinates, rates of inertial coordinates and internal variables
         (else 0).
     span : (float, float)
-        Default time span.
+        Default time span; if it is left out, from 0 to 100, or for as long as all samples that
+        drive the system are known.
     time_unit : str
     conditions : mapping of str to Condition
         What is known to be necessary, by name.
@@ -456,13 +470,15 @@ class System:
     jumps: Mapping[str, Jump] = field(default_factory=dict[str, Jump])
     translation: Mapping[str, float] = field(default_factory=dict[str, float])
     initial: Mapping[str, float] = field(default_factory=dict[str, float])
-    span: tuple[float, float] = (0.0, 100.0)
+    span: tuple[float, float] = _SPAN
     time_unit: str = ""
     conditions: Mapping[str, Condition] = field(default_factory=dict[str, Condition])
     facts: Mapping[str, Formula] = field(default_factory=dict[str, Formula])
 
     def __post_init__(self) -> None:
         hold_plain(self)
+        if self.span == _SPAN:
+            object.__setattr__(self, "span", _known(self.drives))
         _ = self.declaration
         for doubt in self.doubts:
             warnings.warn(f"{self.name}: {doubt}", stacklevel=3)
@@ -538,6 +554,7 @@ class System:
     def __hash__(self) -> int:
         return hash((self.name, repr(self)))
 
+    @validated
     def configure(self, given: Mapping[str, Drive]) -> System:
         """The same system with other parameter values (numbers) and free functions (formulas).
 
@@ -564,6 +581,7 @@ class System:
         """Default values of the parameters."""
         return {name: p.default for name, p in self.parameters.items()}
 
+    @validated
     def evaluate(self, formula: Formula, values: Mapping[str, float] | None = None) -> float:
         """The value of a formula in the language of this declaration.
 

@@ -14,6 +14,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from stickslip.arguments import validated
 from stickslip.errors import DeclarationError
 from stickslip.model import toml
 from stickslip.model.system import (
@@ -97,6 +98,7 @@ _SYSTEMS = toml.Language(
 )
 
 
+@validated
 def load(path: str | PathLike[str]) -> System:
     """The system that a model file declares.
 

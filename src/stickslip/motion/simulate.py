@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.model.system import System
@@ -32,6 +33,7 @@ _CHUNK_BYTES = 2**26  # that these may take
 _NOWHERE = (Outcome.NO_BOUNDED_RATE, Outcome.NO_MODE, Outcome.NO_ACCELERATION)
 
 
+@validated
 def simulate(
     system: System,
     t_span: tuple[float, float] | None = None,
@@ -116,7 +118,7 @@ def check_span(span: object) -> tuple[float, float]:
     """Refuse a time span that is none."""
     try:
         start, end = (float(s) for s in span)  # type: ignore[union-attr]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DeclarationError(
             "t_span", f"{span!r} is not a time span", "Give (start, end)"
         ) from None

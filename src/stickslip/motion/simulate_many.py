@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual
 from stickslip.errors import DeclarationError
@@ -123,6 +124,7 @@ class Ensemble(Result):
         return cls(system, json.loads(parts["parameters"]), data)
 
 
+@validated
 def simulate_many(
     system: System,
     t_span: tuple[float, float] | None = None,
@@ -306,7 +308,7 @@ def columns(given: Mapping[str, ArrayLike] | None, where: str) -> dict[str, Arra
     for name, values in (given or {}).items():
         try:
             column = np.atleast_1d(np.asarray(values, dtype=float))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise DeclarationError(
                 f"{where}.{name}", f"{values!r} is not numeric", "Give a number or a 1-D array"
             ) from None

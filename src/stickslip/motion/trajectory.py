@@ -9,7 +9,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.equations.field import MODE_NAMES
@@ -408,7 +410,8 @@ class Trajectory(Result):
 
     # -- what a user asks for ----------------------------------------------------------------------
 
-    def at(self, t: Any, side: str = "right") -> dict[str, Any]:
+    @validated
+    def at(self, t: ArrayLike, side: str = "right") -> dict[str, Any]:
         """All quantities at given times, as accurate as at a switch.
 
         Parameters
@@ -605,6 +608,7 @@ class Trajectory(Result):
         states = zip(self._problem.compiled.layout.state, k.state[knot + 1].T, strict=True)
         return pd.DataFrame(columns | dict(states))
 
+    @validated
     def event_catalogue(self, *, energy: bool = True) -> EventCatalogue:
         """The slip events, each from the first slip after all contacts have stuck to the next time
         when all do: start, duration, size, energy.
@@ -624,10 +628,11 @@ class Trajectory(Result):
 
         return catalogue_of(self, energy)
 
+    @validated
     def sensitivity(
         self,
         names: Sequence[str],
-        times: Any = None,
+        times: ArrayLike | None = None,
         *,
         of: Sequence[str] | None = None,
         second_opinion: bool = False,

@@ -15,6 +15,7 @@ from itertools import pairwise, product
 
 import numpy as np
 
+from stickslip.arguments import check_fields
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short
 from stickslip.sweeps.request.axes import Grid
@@ -43,6 +44,9 @@ class Adaptive:
 
     by: tuple[str, ...] = ("outcome",)
     contrast: float = 0.05
+
+    def __post_init__(self) -> None:
+        check_fields(self)
 
 
 def check_adaptive(adaptive: Adaptive, store: MapStore) -> None:

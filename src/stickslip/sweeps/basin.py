@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.equations.derive import derive
 from stickslip.errors import ConvergenceError, DeclarationError
@@ -120,6 +121,7 @@ class SettledMotions:
     switches: Array
 
 
+@validated
 def basin(
     system: System,
     over: Mapping[str, Any] | Sequence[str],

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import NOTHING, Certificate, Residual, worst
 from stickslip.equations.derive import derive
@@ -58,6 +59,7 @@ _FIRST = 0.004  # part of the range in which a largest response is looked for at
 _PEAK = 1e-6  # to which the frequency of a largest response is known; the response to its square
 
 
+@validated
 def frequency_response(
     system: System,
     parameter: str,

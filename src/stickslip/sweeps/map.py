@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual
 from stickslip.model.system import System
@@ -20,7 +22,7 @@ from stickslip.results import Completion, Result, shortened
 from stickslip.storage import PREFIX
 from stickslip.sweeps.request.measures import LACKING, how_carried, measures_of
 from stickslip.sweeps.request.plan import FORMAT, INTERPOLATED, KIND, NOT_COMPUTED
-from stickslip.sweeps.store import stored_plan
+from stickslip.sweeps.store import read_map
 
 if TYPE_CHECKING:
     import pandas
@@ -241,20 +243,19 @@ class Map(Result):
         return cls(data.assign_attrs({PREFIX + key: text for key, text in parts.items()}))
 
     @classmethod
+    @validated
     def open(cls, path: str | Path) -> Self:
         """A stored map, finished or not; from a store, values are read when they are needed.
 
         Raises
         ------
         StickslipError
-            If there is no map at the path.
+            If there is no map at the path, or it is damaged. Points of which a file is missing
+            count as not computed.
         """
-        if Path(path).is_file():
-            return super().open(path)
-        import xarray as xr
-
-        stored_plan(Path(path))
-        return cls(xr.open_zarr(Path(path), chunks=None, consolidated=True))
+        if os.path.isdir(path):  # of what cannot be a path, Path.is_dir raises
+            return cls(read_map(Path(path)))
+        return super().open(path)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

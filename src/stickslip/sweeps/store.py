@@ -21,8 +21,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.errors import StickslipError, need
+from stickslip.checksums import LAYOUT, TABLE
+from stickslip.errors import StickslipError, need, printable
 from stickslip.storage import PREFIX, readable
+from stickslip.sweeps import damage
+from stickslip.sweeps.damage import Chunk
 from stickslip.sweeps.request.axes import Axis, Grid, make_grid
 from stickslip.sweeps.request.carry import Carry
 from stickslip.sweeps.request.plan import FORMAT, KIND, NOT_COMPUTED, Part, Plan
@@ -34,7 +37,6 @@ if TYPE_CHECKING:
 need("zarr", "maps")
 
 Slices = tuple[slice, ...]
-Chunk = tuple[int, ...]
 
 
 class MapStore:
@@ -93,41 +95,32 @@ class MapStore:
         try:
             return np.asarray(self.arrays[name][region])
         except (ValueError, RuntimeError) as error:
-            raise self.damage([(name, chunk)], str(error)) from None
+            raise _damaged(self.path, [(name, chunk)], str(error)) from None
 
-    def damage(self, chunks: list[tuple[str, Chunk]], reason: str = "") -> StickslipError:
-        """What to say about damaged chunks."""
-        shown = ", ".join(f"{name}/c/{'/'.join(map(str, chunk))}" for name, chunk in chunks[:3])
-        more = f" and {len(chunks) - 3} more" if len(chunks) > 3 else ""
-        why = f" ({' '.join(reason.split())})" if reason else ""
-        return StickslipError(
-            f"{self.path}: damaged: {shown}{more}{why}. The rest is intact; --repair computes "
-            "these chunks again"
-        )
+    def audit(self, repair: bool = False) -> None:
+        """Take the points of missing chunks for not computed, and those of damaged ones if they
+        are to be repaired.
 
-    def damaged(self) -> list[tuple[str, Chunk]]:
-        """Chunks whose checksum is wrong, or that are missing although their points are
-        computed."""
-        found = []
-        for chunk in self.grid.chunks():
-            for name in reversed(self.names):
-                try:
-                    values = self.read(name, chunk)
-                except StickslipError:
-                    found.append((name, chunk))
-                    continue
-                if name == "outcome" and np.all(values == NOT_COMPUTED):
-                    break
-                if not self._exists(name, chunk):
-                    found.append((name, chunk))
-        return found
+        Parameters
+        ----------
+        repair : bool
 
-    def forget(self, chunk: Chunk) -> None:
-        """Take a chunk for not computed."""
-        self._write("outcome", self.grid.region(chunk), NOT_COMPUTED)
+        Raises
+        ------
+        StickslipError
+            If chunks are damaged, and not to be repaired.
+        """
+        if self.path is None:
+            return
+        array = self.arrays["outcome"].metadata.to_dict()
+        found = damage.faults(self.path, self.names, array, self._is_empty)
+        if found.damaged and not repair:
+            raise _damaged(self.path, found.damaged)
+        for _, chunk in [*found.damaged, *found.missing]:
+            self._write("outcome", self.grid.region(chunk), NOT_COMPUTED)
 
-    def _exists(self, name: str, chunk: Chunk) -> bool:
-        return self.path is None or self.path.joinpath(name, "c", *map(str, chunk)).is_file()
+    def _is_empty(self, chunk: Chunk) -> bool:
+        return bool(np.all(self.read("outcome", chunk) == NOT_COMPUTED))
 
     def missing(self, chunk: Chunk, wanted: Array | None = None) -> Array:
         """Positions in a chunk, in C order, of the points that are not computed.
@@ -187,6 +180,7 @@ class MapStore:
             self.outcome[...] = table
 
     def _write(self, name: str, region: Slices, block: Array | int) -> None:
+        self._check_there()
         try:
             self.arrays[name][region] = block
         except OSError as error:
@@ -197,11 +191,86 @@ class MapStore:
                 "make room, and give the same command again"
             ) from None
 
+    def _check_there(self) -> None:
+        """Refuse to write into a store that somebody has removed: there would be a part of one."""
+        if self.path is not None and not damage.is_there(self.path):
+            raise StickslipError(
+                f"{self.path}: was removed while the map was computed. Give the same command again"
+            )
+
     def dataset(self) -> xarray.Dataset:
-        """The map; values are read from the store when they are needed."""
+        """The map; values are read from the store when they are needed.
+
+        Raises
+        ------
+        StickslipError
+            If the store was removed.
+        """
         import xarray as xr
 
-        return xr.open_zarr(self.group.store, chunks=None, consolidated=True)
+        self._check_there()
+        return _plain(xr.open_zarr(self.group.store, chunks=None, consolidated=True))
+
+
+def _plain(data: xarray.Dataset) -> xarray.Dataset:
+    """Without checksums, which are those of files."""
+    data.attrs = {key: value for key, value in data.attrs.items() if key not in (LAYOUT, TABLE)}
+    return data
+
+
+def _damaged(path: Path | None, chunks: list[tuple[str, Chunk]], why: str = "") -> StickslipError:
+    """What to say about damaged chunks."""
+    reason = f" ({' '.join(why.split())})" if why else ""
+    return StickslipError(
+        f"{path}: damaged: {damage.files(chunks)}{reason}. The rest is intact; --repair computes "
+        "these chunks again"
+    )
+
+
+def read_map(path: Path) -> xarray.Dataset:
+    """A stored map; values are read when they are needed.
+
+    Points of which a file is missing have the outcome -1, not computed.
+
+    Parameters
+    ----------
+    path : Path
+
+    Raises
+    ------
+    StickslipError
+        If it is no map of ours, or damaged.
+
+    Warns
+    -----
+    UserWarning
+        If files are missing, or it was stored without checksums.
+    """
+    import xarray as xr
+
+    arrays = damage.check_description(path, KIND)
+    stored_plan(path)
+    data = _plain(xr.open_zarr(path, chunks=None, consolidated=True))
+    names = [*(name for name in map(str, data.data_vars) if name != "outcome"), "outcome"]
+    sizes = arrays["outcome"]["chunk_grid"]["configuration"]["chunk_shape"]
+
+    def region(chunk: Chunk) -> Slices:
+        return tuple(slice(i * size, (i + 1) * size) for i, size in zip(chunk, sizes, strict=True))
+
+    def is_empty(chunk: Chunk) -> bool:
+        return bool(np.all(data["outcome"].variable[region(chunk)] == NOT_COMPUTED))
+
+    found = damage.faults(path, names, arrays["outcome"], is_empty)
+    if found.damaged:
+        raise _damaged(path, found.damaged)
+    if found.missing:
+        outcome = data["outcome"].copy(data=data["outcome"].values.copy())
+        for _, chunk in found.missing:
+            outcome.values[region(chunk)] = NOT_COMPUTED
+        data["outcome"] = outcome
+        text = f"missing: {damage.files(found.missing)}; their points count as not computed"
+        warnings.warn(f"{path}: {text}", stacklevel=3)
+    return data
 
 
 def _array(group: zarr.Group, name: str) -> zarr.Array:
@@ -241,6 +310,8 @@ def create(plan: Plan, path: Path | None) -> MapStore:
         # Zarr 3 has no word on consolidated metadata yet; xarray looks for them all the same.
         warnings.filterwarnings("ignore", message="Consolidated metadata")
         group = zarr.consolidate_metadata(group.store)
+    if path is not None:
+        damage.seal_store(path)
     return MapStore(group, plan, grid, path)
 
 
@@ -281,6 +352,10 @@ def opened(
         If something else is there, another map, or another process is writing it; or the place is
         not writable.
     """
+    if not path.name or "\0" in str(path):
+        raise StickslipError(
+            f"{printable(str(path))}: no place for a map. Choose another --out, like map.zarr"
+        )
     with contextlib.ExitStack() as stack:
         try:
             store = _opened(stack, plan, path, extend, overwrite)
@@ -299,6 +374,7 @@ def _opened(
     _finish_replacement(path)
     if not path.exists():
         return _replaced(plan, path, None)
+    damage.check_description(path, KIND)
     parts, axes = stored_plan(path)
     for leftover in [*path.rglob("*.partial"), *path.parent.glob(f".{path.name}.*.unfinished")]:
         shutil.rmtree(leftover) if leftover.is_dir() else leftover.unlink()
@@ -314,8 +390,7 @@ def _opened(
         )
     store = _existing(held, path)
     if extend and plan.difference(parts, axes):
-        if damaged := store.damaged():
-            raise store.damage(damaged)
+        store.audit()
         return _replaced(_extended(plan, held, path), path, store)
     return store
 
@@ -328,34 +403,29 @@ def _existing(plan: Plan, path: Path) -> MapStore:
 
 
 def stored_plan(path: Path) -> tuple[dict[str, str], tuple[Axis, ...]]:
-    """What a store says that it holds, and its axes.
+    """What a store whose description was checked says that it holds, and its axes.
 
     Raises
     ------
     StickslipError
-        If it is no map of ours.
+        If it cannot be read.
     """
     import zarr
 
-    if not path.exists():
-        raise StickslipError(f"{path}: there is no such store")
     try:
         group = zarr.open_group(path, mode="r", use_consolidated=False)
         parts = {
             k.removeprefix(PREFIX): str(v) for k, v in group.attrs.items() if k.startswith(PREFIX)
         }
-        if parts["kind"] != KIND:
-            raise KeyError(parts["kind"])
         readable(path, parts, FORMAT)
         axes = []
         for declared in json.loads(parts["axes"]):
             values = np.array([_array(group, name)[:] for name in declared["names"]])
             axes.append(Axis(tuple(declared["names"]), values, declared["spacing"]))
-    except (OSError, ValueError, KeyError, TypeError):
-        raise StickslipError(
-            f"{path}: not a map stored by stickslip, or its description is damaged; it is left as "
-            "it is"
-        ) from None
+    except StickslipError:
+        raise
+    except Exception as error:  # of a damaged store without checksums, zarr says anything
+        raise StickslipError(f"{path}: its description is damaged; it is left as it is") from error
     return parts, tuple(axes)
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short
 from stickslip.model.declaration import check_initial
@@ -87,6 +88,7 @@ class Batch:
     runs: Runs | None = None
 
 
+@validated
 def sweep(
     system: System,
     over: Mapping[str, Any] | Sequence[str],
@@ -177,7 +179,7 @@ def sweep(
             store = create(plan, None)
         else:
             store = stack.enter_context(opened(plan, Path(out), extend=extend, overwrite=overwrite))
-            _audit(store, repair)
+            store.audit(repair)
             store.load()
         if adaptive is not None:
             check_adaptive(adaptive, store)
@@ -254,15 +256,6 @@ def _check_carry(plan: Plan, adaptive: Adaptive | None, device: str) -> None:
             "points that need each other are not worked on side by side, as a GPU would",
             "Leave the work to the cpu",
         )
-
-
-def _audit(store: MapStore, repair: bool) -> None:
-    """Find damaged chunks; forget them if they are to be repaired."""
-    damaged = store.damaged()
-    if damaged and not repair:
-        raise store.damage(damaged)
-    for _, chunk in damaged:
-        store.forget(chunk)
 
 
 def _pool(scheduler: str, workers: int | None, device: str) -> Pool:

@@ -91,7 +91,7 @@ def _given(request: Request) -> tuple[Array, Array, str]:
             )
         try:
             columns.append(np.array(column, float))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise DeclarationError(
                 "data", f"its {key} are not all numbers", "Choose other columns"
             ) from None

@@ -4,6 +4,8 @@ library writes."""
 from __future__ import annotations
 
 import io
+import json
+import re
 import shlex
 import tempfile
 from collections.abc import Callable, Iterator
@@ -45,7 +47,7 @@ def export(request: Request, patience: Patience) -> Iterator[Answer]:
         raise StickslipError(
             f"the file has {len(data) / 1e6:.0f} MB, too many for a page; copy the command instead"
         )
-    name = f"{motion.system.name.replace(' ', '_')}.{form}"
+    name = _file(motion.system.name, form)
     yield Answer({"file": name, "type": _TYPES[form]}, {"bytes": np.frombuffer(data, np.uint8)})
 
 
@@ -54,10 +56,12 @@ def python_of(setting: PageSetting) -> str:
     system, numbers = system_of(setting)
     lines = ["import stickslip as ss", ""]
     if setting.toml:
-        lines.append(f'system = ss.load("{_file(system.name)}")  # the model file, saved there')
+        lines.append(f"system = ss.load({_quoted(_file(system.name))})  # the model file")
     else:
         given = {n: v for n, v in setting.values.items() if isinstance(v, str)}
-        lines.append(f"system = ss.catalogue.{setting.model}({_arguments(given)})")
+        # The name is one of the catalogue, and the others are of its parameters, by system_of.
+        values = ", ".join(f"{name}={_quoted(value)}" for name, value in given.items())
+        lines.append(f"system = ss.catalogue.{setting.model}({values})")
     start, end = shown_span(system, setting)
     said = [f"({start!r}, {end!r})"]
     if setting.initial:
@@ -101,12 +105,15 @@ def model_of(setting: PageSetting) -> str:
     return _file(system.name) if setting.toml else setting.model
 
 
-def _file(name: str) -> str:
-    return f"{name.replace(' ', '_')}.toml"
+def _file(name: str, ending: str = "toml") -> str:
+    """What a file is called that holds a system: its name may be any text."""
+    plain = re.sub(r"[^\w.+-]+", "_", name).strip("._-")
+    return f"{plain or 'system'}.{ending}"
 
 
-def _arguments(given: dict[str, str]) -> str:
-    return ", ".join(f"{name}={value!r}" for name, value in given.items())
+def _quoted(text: str) -> str:
+    """A text as Python reads it, whatever stands in it."""
+    return json.dumps(text, ensure_ascii=False)
 
 
 def _csv(motion: Trajectory) -> bytes:

@@ -32,7 +32,7 @@ def checked_window(trajectory: Trajectory, t: tuple[float, float]) -> tuple[floa
     first, last = float(trajectory.knots.time[0]), float(trajectory.knots.time[-1])
     try:
         low, high = map(float, t)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DeclarationError("t", f"{t!r} is no window of the time", "Give (low, high)") from None
     if not first <= low < high <= last:
         raise DeclarationError(

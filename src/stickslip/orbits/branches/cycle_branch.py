@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Residual, within
 from stickslip.errors import DeclarationError
@@ -96,6 +97,7 @@ class _Station:
     step: float = 0.0
 
 
+@validated
 def continue_cycle(
     cycle: Cycle,
     parameter: str,

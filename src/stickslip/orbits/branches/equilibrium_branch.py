@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arguments import validated
 from stickslip.certificates import Certificate, Residual, within, worst
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Guard, mode_field, switched
@@ -66,6 +67,7 @@ _ERROR = {"long_name": "by how much the eigenvalues may be wrong"}
 _DEFECT = {"long_name": "violation of the equilibrium conditions, relative to the state"}
 
 
+@validated
 def continue_equilibrium(
     system: System,
     parameter: str,
@@ -134,7 +136,7 @@ def checked_range(system: System, parameter: str, span: tuple[float, float]) -> 
     """The ends of a parameter's range, checked."""
     try:
         low, high = (float(v) for v in span)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DeclarationError(parameter, f"{span!r} is not a range", "Give (low, high)") from None
     for end in (low, high):
         system.declaration.check_range(parameter, end)

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arguments import validated
 from stickslip.certificates import Certificate, Residual, worst
 from stickslip.equations.field import mode_field
 from stickslip.errors import DeclarationError, StickslipError
@@ -57,6 +58,7 @@ _STEPS = StepControl(first=0.005, largest=0.02)
 Numbers = Callable[[Array], dict[str, float]]
 
 
+@validated
 def hopf_curve(
     system: System,
     point: SpecialPoint,
@@ -95,6 +97,7 @@ def hopf_curve(
     return curve.branch(system, "Hopf points", _hopf_problem(curve), steps or _STEPS)
 
 
+@validated
 def fold_curve(
     system: System,
     point: SpecialPoint,

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.model.system import System
@@ -69,6 +70,7 @@ _VANISHES = "the cycle shrinks to an equilibrium"
 _LOST = "no onset was found further on"
 
 
+@validated
 def stick_onset_curve(
     system: System,
     point: SpecialPoint,

@@ -23,9 +23,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stickslip.arguments import check_fields
 from stickslip.arrays import Array
 from stickslip.certificates import Residual
-from stickslip.errors import StickslipError
+from stickslip.errors import DeclarationError, StickslipError
 from stickslip.orbits.continuation.bracket import zero_between
 
 FunctionAndJacobian = Callable[[Array], tuple[Array, Array]]
@@ -123,6 +124,16 @@ class StepControl:
     turn: float = 0.2
     most: int = 5000
     rounding: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        for name in ("first", "smallest", "largest", "tolerance", "turn", "most"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                reason = f"{getattr(self, name)} is not positive and finite"
+                raise DeclarationError(f"steps.{name}", reason, "Give a positive number")
+        if self.smallest > self.largest:
+            reason = f"{self.smallest} is above the largest step, {self.largest}"
+            raise DeclarationError("steps.smallest", reason, "Give a smaller one")
 
 
 @dataclass(frozen=True)

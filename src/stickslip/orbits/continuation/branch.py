@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+from stickslip.arguments import validated
 from stickslip.certificates import Certificate, Residual, worst
 from stickslip.equations.field import Mode, Region
 from stickslip.model.system import System
@@ -147,6 +148,7 @@ class Branch(Result):
         """Whether it was followed to both ends."""
         return not any(end.stop is Stop.INTERRUPTED for end in self.ends)
 
+    @validated
     def of_kind(self, kind: str) -> list[SpecialPoint]:
         """The special points of a kind."""
         return [s for s in self.special if s.kind == kind]

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.equations.field import MODE_NAMES, mode_name
@@ -266,6 +267,7 @@ class Cycle(Result):
         """Drift per time."""
         return self.drift / self.period
 
+    @validated
     def sensitivity(self, names: Sequence[str]) -> xarray.Dataset:
         """Derivatives of period, drift, speed, extremes, amplitudes and multipliers with respect to
         parameters.
@@ -428,6 +430,7 @@ class Cycle(Result):
         vars(cycle).update(said | changed)
         return cycle
 
+    @validated
     def mean(self, formula: str) -> float:
         """The mean of a formula over a period, (1/T) ∫ f dt, such as that of the force of a spring
         by which a system is pulled.
@@ -460,6 +463,7 @@ class Cycle(Result):
             )
         return found
 
+    @validated
     def cost_of_transport(self, weight: float | str) -> float:
         """Energy per distance and weight, without dimension.
 
@@ -475,6 +479,8 @@ class Cycle(Result):
         """
         if isinstance(weight, str):
             weight = measure.weight(self.system, weight, self.parameters)
+        elif not 0.0 < weight < math.inf:
+            raise DeclarationError("weight", f"{weight} is no weight", "Give a positive number")
         return self.energy_per_distance / weight
 
     def describe(self) -> str:
@@ -533,6 +539,7 @@ def _complex(pairs: Sequence[Sequence[float]]) -> Array:
     return np.array([complex(*pair) for pair in pairs])
 
 
+@validated
 def find_cycle(
     system: System,
     start: Trajectory | Cycle | SpecialPoint | Mapping[str, float] | ArrayLike | None = None,
@@ -600,7 +607,7 @@ def _state(problem: Problem, start: Mapping[str, float] | ArrayLike | None) -> A
         return problem.initial_state(start or {})
     try:
         y = np.asarray(start, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         y = np.zeros(0)
     if y.shape != (len(names),):
         raise DeclarationError(

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.errors import ConvergenceError
+from stickslip.errors import ConvergenceError, some
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.orbits.cycles.lyapunov import Exponent, largest_exponent
@@ -159,12 +159,12 @@ def _at_rest(
         Of the frame.
     """
     names = problem.system.declaration.state
-    final = ", ".join(f"{name} = {value:.6g}" for name, value in zip(names, rest, strict=True))
+    final = some([f"{name} = {value:.6g}" for name, value in zip(names, rest, strict=True)], 8)
     tried = f"; before that, {before.reached}" if before is not None else ""
     moved = (
         {n: v for n, v in zip(names, velocity, strict=True) if v} if velocity is not None else {}
     )
-    along = ", ".join(f"{name} at the speed {v:.6g}" for name, v in moved.items())
+    along = some([f"{name} at the speed {v:.6g}" for name, v in moved.items()], 8)
     return ConvergenceError(
         f"a cycle of {problem.system.name}",
         (

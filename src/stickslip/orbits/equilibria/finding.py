@@ -16,6 +16,7 @@ from itertools import islice, product
 
 import numpy as np
 
+from stickslip.arguments import validated
 from stickslip.certificates import Residual, worst
 from stickslip.equations.derive import MotionEquations, derive
 from stickslip.equations.field import Field, Guard, Mode, Region, mode_field, named_modes
@@ -43,6 +44,7 @@ _KNOWN = 1e-9  # ends of sets, relative to their size
 _POLISH = 4  # Newton steps that put a point well inside a set onto its equations
 
 
+@validated
 def equilibria(
     system: System,
     *,

@@ -13,6 +13,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from stickslip.arguments import check_fields
 from stickslip.arrays import Array, plain_array
 from stickslip.errors import DeclarationError
 from stickslip.motion.between.observers import LASTED, STUCK, Sums
@@ -89,6 +90,7 @@ class Settings:
     max_events: int = 1_000_000
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not 1e-12 <= self.tolerance <= 1e-2:
             raise DeclarationError(
                 "tolerance", f"{self.tolerance!r} is out of range", "Choose 1e-12 ... 1e-2"

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
+from stickslip.arguments import validated
 from stickslip.certificates import NOTHING, Certificate, worst
 from stickslip.equations.derive import derive
 from stickslip.errors import ConvergenceError, DeclarationError
@@ -159,6 +160,7 @@ class GaitStudy(Result):
         )
 
 
+@validated
 def gait_study(
     system: System,
     parameter: str,
@@ -235,6 +237,7 @@ def gait_study(
     return GaitStudy(system, parameter, fixed, data, certificate)
 
 
+@validated
 def walking_threshold(
     system: System,
     parameter: str,
@@ -274,6 +277,7 @@ def walking_threshold(
     return _bisect(system, parameter, span, test, tolerance)
 
 
+@validated
 def sliding_threshold(
     system: System,
     parameter: str,

@@ -33,6 +33,8 @@ class Product(Dissipation):
     factors: Sequence[Dissipation]
 
     def __post_init__(self) -> None:
+        if not hasattr(self.factors, "__iter__"):
+            raise DeclarationError("factors", "it is no list", "Give a list of potentials")
         object.__setattr__(self, "factors", tuple(self.factors))
         if not self.factors:
             raise DeclarationError("factors", "there is none", "Give at least one potential")

@@ -8,6 +8,7 @@ from typing import SupportsFloat
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.averaging.semi_infinite import Intersection
@@ -44,6 +45,7 @@ class SupportFunction(Dissipation):
     at worst, where corners of K(s) meet curved parts, and everything takes some four times as long.
     """
 
+    @validated
     def __init__(
         self,
         function: Callable[[float, Array], SupportsFloat],

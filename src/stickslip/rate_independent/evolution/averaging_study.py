@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, worst
 from stickslip.errors import ConvergenceError, DeclarationError
@@ -151,6 +152,7 @@ class AveragingStudy(Result):
         return cls(data, restored_certificate(json.loads(parts["certificate"])), parts["stopped"])
 
 
+@validated
 def averaging_study(
     problem: Evolution,
     epsilons: Sequence[float],

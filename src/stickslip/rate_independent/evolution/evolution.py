@@ -213,7 +213,7 @@ class UnstableStart(DeclarationError):
 def _checked_state(given: Any, n: int) -> Array:
     try:
         state = np.array(given, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DeclarationError(
             "initial", f"{given!r} is no vector of numbers", f"Give {n} numbers"
         ) from None
@@ -237,7 +237,7 @@ def _checked_span(span: Any, ell: Signal) -> tuple[float, float]:
         span = ell.span if math.isfinite(ell.span[0]) else (0.0, 1.0)
     try:
         start, end = map(float, span)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DeclarationError("span", f"{span!r} is no time span", "Give (start, end)") from None
     if not (math.isfinite(start) and math.isfinite(end) and start < end):
         raise DeclarationError(

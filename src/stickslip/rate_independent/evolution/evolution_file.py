@@ -12,6 +12,7 @@ from __future__ import annotations
 from functools import partial
 from os import PathLike
 
+from stickslip.arguments import validated
 from stickslip.model import toml
 from stickslip.model.system import Parameter
 from stickslip.model.system_file import drive_entry
@@ -29,6 +30,7 @@ EVOLUTIONS = toml.Language(
 )
 
 
+@validated
 def load_evolution(path: str | PathLike[str]) -> EvolutionModel:
     """The evolution that a model file declares.
 

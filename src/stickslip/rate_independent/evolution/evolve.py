@@ -8,7 +8,9 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.progress import told
@@ -36,12 +38,13 @@ _PER_SPAN = 64
 KEPT = 20_000_000  # numbers of z that are kept unless output says otherwise
 
 
+@validated
 def evolve(
     problem: Evolution,
     times: Any = None,
     *,
     steps: int | None = None,
-    output: Any = None,
+    output: ArrayLike | None = None,
     observables: Mapping[str, Observable] | None = None,
     tolerance: float = 1e-3,
     kkt: float = KKT,
@@ -144,7 +147,7 @@ def step_times(problem: Evolution, times: Any, steps: int | None) -> tuple[Array
     """Times of the steps, the start included, and whether they may be halved."""
     try:
         times = np.array(times, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         times = np.empty(0)
     if (
         times.ndim != 1
@@ -193,7 +196,9 @@ def _filled(stops: Array, longest: float) -> Array:
 def output_times(output: Any, nodes: Array) -> Array | None:
     """Times at which z is asked for; None if it is a stride or nothing."""
     if output is None or np.ndim(output) == 0:
-        if output is not None and not (isinstance(output, int | np.integer) and output >= 1):
+        if output is not None and not (
+            isinstance(output, int | np.integer) and 1 <= output < 2**62
+        ):
             raise DeclarationError(
                 "output", f"{output!r} is no stride", "Give times, or keep every 1, 2, 3, ... steps"
             )

@@ -92,7 +92,7 @@ class EvolutionModel:
     @property
     def is_evolution(self) -> bool:
         """Whether there is more than a dissipation potential."""
-        return self.A != () or self.load != ()
+        return not (_absent(self.A) and _absent(self.load))
 
     @property
     def is_play(self) -> bool:
@@ -133,7 +133,7 @@ class EvolutionModel:
             If the model is a dissipation potential alone, or the evolution makes no sense.
         """
         for key in ("A", "load"):
-            if getattr(self, key) == ():
+            if _absent(getattr(self, key)):
                 raise toml.missing("", key)
         n = self.potential.dimension
         start, stop = self._numbers("span")
@@ -143,7 +143,7 @@ class EvolutionModel:
                 A=self._numbers("A"),
                 load=self._loads(),
                 dissipation=self.potential,
-                initial=[0.0] * n if self.initial == () else self._numbers("initial"),
+                initial=[0.0] * n if _absent(self.initial) else self._numbers("initial"),
                 epsilon=self._numbers("epsilon"),
                 span=(start, stop),
             )
@@ -170,7 +170,11 @@ class EvolutionModel:
             "period ε": self.epsilon,
             "span": self.span,
         }
-        rows = [(name, short(toml.text_of(value))) for name, value in shown.items() if value != ()]
+        rows = [
+            (name, short(toml.text_of(value)))
+            for name, value in shown.items()
+            if not _absent(value)
+        ]
         return page.whole(
             page.headline(self.title or self.name, self.source),
             page.tabled(rows),
@@ -291,3 +295,8 @@ def _evaluated(scope: Scope, value: Any, where: str) -> Any:
         items = cast(tuple[Any, ...], value)
         return [_evaluated(scope, item, f"{where}[{i}]") for i, item in enumerate(items)]
     return ex.evaluate(scope.parse(value, where), {})
+
+
+def _absent(table: object) -> bool:
+    """Whether a table was left out; a number of NumPy has no truth beside ()."""
+    return isinstance(table, tuple) and not table

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from stickslip.arguments import validated
 from stickslip.arrays import Array, Matrix, Vector, plain_array
 from stickslip.errors import DeclarationError
 from stickslip.machine_code.functions import entry_point
@@ -160,6 +161,7 @@ def plays(load: ArrayLike, radii: ArrayLike, initial: ArrayLike = 0.0) -> Array:
     return out
 
 
+@validated
 def prandtl_ishlinskii(
     load: ArrayLike, radii: ArrayLike, weights: ArrayLike, *, initial: ArrayLike = 0.0
 ) -> Array:
@@ -235,7 +237,7 @@ def samples(given: Any, where: str, finite: bool = False) -> Array:
     """
     try:
         values = plain_array(given)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DeclarationError(
             where, f"a {type(given).__name__} of something is no array of numbers", "Give numbers"
         ) from None

@@ -15,7 +15,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, within
 from stickslip.equations.field import MODE_NAMES
@@ -63,6 +65,7 @@ _FLAGS = {
 }
 
 
+@validated
 def play(
     load: Given,
     threshold: Given | tuple[Given, Given],
@@ -291,13 +294,15 @@ class Play(Result):
 
     # -- at any time -------------------------------------------------------------------------------
 
-    def position(self, t: Any, side: str = "right") -> Any:
+    @validated
+    def position(self, t: ArrayLike, side: str = "right") -> Any:
         """z at given times alone; see :meth:`at`."""
         times, k = self._intervals(t, side)
         z = self._state(times, k).z
         return z[0].item() if np.ndim(t) == 0 else z.reshape(np.shape(t))
 
-    def at(self, t: Any, side: str = "right") -> dict[str, Any]:
+    @validated
+    def at(self, t: ArrayLike, side: str = "right") -> dict[str, Any]:
         """All quantities at given times, as exact as at the nodes.
 
         Parameters

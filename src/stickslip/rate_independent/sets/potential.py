@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from stickslip import page
+from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.sets.cones import ConeForm, polyhedron
@@ -62,6 +63,9 @@ class Dissipation(ABC):
 
     def __init_subclass__(cls, kind: str | None = None, **more: Any) -> None:
         super().__init_subclass__(**more)
+        for name in ("support", "exposed", "excess", "project", "average"):
+            if name in vars(cls):
+                setattr(cls, name, validated(vars(cls)[name]))
         if kind is not None:
             Dissipation.kinds[kind] = cls
 
@@ -151,15 +155,18 @@ class Dissipation(ABC):
         normals = np.vstack([axes, -axes, *([beyond / length] if length > 0 else [])])
         return polyhedron(normals, np.array([self.support(d, s) for d in normals]))
 
+    @validated
     def value(self, s: float, v: ArrayLike) -> float:
         """Ψ(s, v) for v of shape (n,)."""
         return self.support(v, s)
 
+    @validated
     def distance(self, xi: ArrayLike, s: float = 0.0) -> float:
         """Euclidean distance of ξ, shape (n,), from K(s)."""
         xi = self.vector(xi, "xi")
         return float(np.linalg.norm(xi - self.project(xi, s)))
 
+    @validated
     def contains(self, xi: ArrayLike, s: float = 0.0, tolerance: float = 1e-12) -> bool:
         """Whether ξ, shape (n,), lies in K(s), up to `tolerance` times its length, or that of K(s)
         towards it."""
@@ -240,23 +247,24 @@ class Dissipation(ABC):
         """
         return NOWHERE_NEAR
 
+    @validated
     def prox(self, v: ArrayLike, s: float = 0.0, step: float = 1.0) -> Array:
         """Proximal step: the w with the least ½|w − v|² + step Ψ(s, w), shape (n,).
 
         By Moreau's decomposition it is v minus its nearest point in step K(s).
         """
         v = self.vector(v, "v")
-        if not (np.isfinite(step) and step > 0):
+        if not 0.0 < float(step) < np.inf:
             raise DeclarationError(
                 "step", f"{step} is not positive", "Give the length of a proximal step"
             )
-        return v - step * self.project(v / step, s)
+        return v - float(step) * self.project(v / float(step), s)
 
     def vector(self, given: ArrayLike, name: str) -> Array:
         """The argument as an array of shape (n,); refuses other sizes and NaN."""
         try:
             x = np.asarray(given, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise DeclarationError(
                 name, "it is not a vector of numbers", f"Give {self.dimension} numbers"
             ) from None
@@ -468,7 +476,7 @@ def spd(given: ArrayLike, n: int, where: str) -> Array:
 
     try:
         matrix = np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DeclarationError(
             where, "it is not a matrix of numbers", f"Give a {n} x {n} array"
         ) from None

@@ -319,7 +319,7 @@ def as_numbers(given: Any, where: str) -> Array:
     """
     try:
         return np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DeclarationError(
             where, f"a {type(given).__name__} of something is no array of numbers", "Give numbers"
         ) from None

@@ -146,7 +146,7 @@ class Signal(ABC):
         """A value as an array of this shape, up to axes of length 1."""
         try:
             value = np.asarray(given, dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise DeclarationError(
                 self.where,
                 f"no value at {self.clock.place(u)} (a {type(given).__name__} is no array of "

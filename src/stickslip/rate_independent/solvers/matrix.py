@@ -29,7 +29,7 @@ def checked_matrix(given: Any) -> Any:
             if sparse.issparse(given)
             else np.array(given, dtype=float)
         )
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DeclarationError(
             "A", "not a matrix of numbers", "Give an (n, n) array or sparse array"
         ) from None

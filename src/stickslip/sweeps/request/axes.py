@@ -168,7 +168,7 @@ def _axis(key: str, given: Any, seed: int) -> Axis:
         )
     try:
         values = np.array(given, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise DeclarationError(
             where, "its values are not numbers", f"Give numbers, or a text. {_FORM}"
         ) from None

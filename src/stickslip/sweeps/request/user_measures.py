@@ -117,7 +117,7 @@ class FunctionMeasure:
             return math.nan, REASONS.index("raised_an_error")
         try:
             value = float(found)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             return math.nan, REASONS.index("returned_no_number")
         return value, 0 if not math.isnan(value) else REASONS.index("returned_nan")
 

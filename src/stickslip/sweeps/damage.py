@@ -1,0 +1,176 @@
+"""What is damaged or missing in the store of a map, file by file.
+
+Every chunk ends in a checksum of its own, and ``zarr.json`` has those of all descriptions
+(:mod:`stickslip.checksums`). Files are compared as they are: nothing is decoded before it is known
+to be sound.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import product
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from stickslip import checksums
+from stickslip.errors import StickslipError, some
+from stickslip.storage import PREFIX, unchecked
+
+Chunk = tuple[int, ...]
+
+_DESCRIPTION = "zarr.json"
+_SUM = 4  # bytes of the checksum at the end of a chunk
+
+
+class Faults(NamedTuple):
+    """Chunks that cannot be used, each with the name of its variable.
+
+    Attributes
+    ----------
+    damaged : list of (str, tuple of int)
+        Those with a wrong checksum.
+    missing : list of (str, tuple of int)
+        Those that are not there although their points are computed.
+    """
+
+    damaged: list[tuple[str, Chunk]]
+    missing: list[tuple[str, Chunk]]
+
+
+def files(chunks: Iterable[tuple[str, Chunk]]) -> str:
+    """Files of chunks, for a message."""
+    return some(["/".join([name, "c", *map(str, chunk)]) for name, chunk in chunks], 6)
+
+
+def is_there(path: Path) -> bool:
+    """Whether there is a store."""
+    return (path / _DESCRIPTION).is_file()
+
+
+def seal_store(path: Path) -> None:
+    """Write checksums of all descriptions into a new store."""
+    place = path / _DESCRIPTION
+    described = json.loads(place.read_bytes())
+    own = described["attributes"]
+    own[checksums.LAYOUT] = "2"
+    own[checksums.TABLE] = json.dumps(checksums.checksums_of(own, _sums(_arrays(described))))
+    place.write_text(json.dumps(described, indent=2), encoding="utf-8")
+
+
+def check_description(path: Path, kind: str) -> dict[str, Any]:
+    """Descriptions of the arrays of a store, by name, if nothing but chunks of points can be
+    damaged.
+
+    Parameters
+    ----------
+    path : Path
+    kind : str
+        Of which the result has to be.
+
+    Raises
+    ------
+    StickslipError
+        If it is no such store, or a description or an axis is damaged.
+
+    Warns
+    -----
+    UserWarning
+        If it has no checksums of its descriptions.
+    """
+    if not path.exists():
+        raise StickslipError(f"{path}: there is no such store")
+    try:
+        described = json.loads((path / _DESCRIPTION).read_bytes())
+        own, arrays = described["attributes"], _arrays(described)
+        if own[f"{PREFIX}kind"] != kind:
+            raise KeyError(kind)
+        found = checksums.wrong_checksums(own, _sums(arrays))
+        damaged = [f"{_DESCRIPTION} ({', '.join(found)})"] if found else []
+        for name, array in arrays.items():
+            if _read(path / name / _DESCRIPTION) != array:
+                damaged.append(f"{name}/{_DESCRIPTION}")
+        for name in own["coordinates"].split():
+            chunks = [(name, chunk) for chunk in _chunks(arrays[name])]
+            damaged += [files([each]) for each in chunks if not _sound(_place(path, *each))]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        raise StickslipError(
+            f"{path}: not a map stored by stickslip, or its description is damaged "
+            f"({_DESCRIPTION}); it is left as it is"
+        ) from None
+    if damaged:
+        raise StickslipError(
+            f"{path}: damaged: {some(damaged, 6)}. It is left as it is: take a copy, or compute "
+            "the map again in another place"
+        )
+    if found is None:
+        unchecked(path)
+    return arrays
+
+
+def faults(
+    path: Path, names: Sequence[str], array: Mapping[str, Any], empty: Callable[[Chunk], bool]
+) -> Faults:
+    """Chunks of points that are damaged or missing.
+
+    Parameters
+    ----------
+    path : Path
+    names : sequence of str
+        Variables, of which the last, the outcomes, says which points are computed.
+    array : mapping
+        The description of one of them.
+    empty : callable
+        Whether a chunk of outcomes, which is sound, has none.
+    """
+    *others, last = names
+    found = Faults([], [])
+    for chunk in _chunks(array):
+        states = {name: _sound(_place(path, name, chunk)) for name in names}
+        if states[last] is None or all(states.values()):
+            continue
+        if states[last] and empty(chunk):
+            continue
+        found.damaged.extend((name, chunk) for name in names if states[name] is False)
+        found.missing.extend((name, chunk) for name in others if states[name] is None)
+    return found
+
+
+def _arrays(described: Mapping[str, Any]) -> dict[str, Any]:
+    return dict(described["consolidated_metadata"]["metadata"])
+
+
+def _sums(arrays: Mapping[str, Any]) -> dict[str, str]:
+    return {name: checksums.of(array) for name, array in arrays.items()}
+
+
+def _read(place: Path) -> Any:
+    """What a description says; None if it is none."""
+    try:
+        return json.loads(place.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return None
+
+
+def _chunks(array: Mapping[str, Any]) -> Iterator[Chunk]:
+    sizes = array["chunk_grid"]["configuration"]["chunk_shape"]
+    counts = [-(-n // size) for n, size in zip(array["shape"], sizes, strict=True)]
+    return product(*(range(count) for count in counts))
+
+
+def _place(path: Path, name: str, chunk: Chunk) -> Path:
+    return path.joinpath(name, "c", *map(str, chunk))
+
+
+def _sound(place: Path) -> bool | None:
+    """Whether a chunk has the right checksum; None if it is not there."""
+    import google_crc32c
+
+    try:
+        content = place.read_bytes()
+    except FileNotFoundError:
+        return None
+    except OSError:
+        return False
+    written = int.from_bytes(content[-_SUM:], "little")
+    return len(content) > _SUM and google_crc32c.value(content[:-_SUM]) == written
