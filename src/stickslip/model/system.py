@@ -398,7 +398,7 @@ def _plain(value: Any, where: str) -> Any:
 _SPAN = (0.0, 100.0)
 
 
-def _known(drives: Mapping[str, Drive]) -> tuple[float, float]:
+def _known(drives: Any) -> tuple[float, float]:
     """The part of the span that stands if none is given of which all drives say something."""
     start, stop = _SPAN
     for drive in drives.values() if isinstance(drives, Mapping) else ():
