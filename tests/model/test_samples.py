@@ -130,7 +130,7 @@ WRONG = {
     "times[2]: the time 1 stands twice": ([0.0, 1.0, 1.0], [0.0, 1.0, 2.0], "linear", False),
     "times[2]: the time 0.5 comes after 1": ([0.0, 1.0, 0.5], [0.0, 1.0, 2.0], "linear", False),
     "values[1]: nan is no number": ([0.0, 1.0], [0.0, np.nan], "linear", False),
-    "times: expected numbers, got a list": ([0.0, "x"], [0.0, 1.0], "linear", False),
+    "times: expected numbers, got [0.0": ([0.0, "x"], [0.0, 1.0], "linear", False),
     "they begin with 0 and end with 1": ([0.0, 1.0], [0.0, 1.0], "linear", True),
     "too close to be told apart": ([1e9, 1e9 + 1e-6], [0.0, 1.0], "linear", False),
 }

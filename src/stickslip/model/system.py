@@ -398,10 +398,13 @@ def _plain(value: Any, where: str) -> Any:
 _SPAN = (0.0, 100.0)
 
 
-def _known(drives: Mapping[str, Drive]) -> tuple[float, float]:
+def _known(drives: Any) -> tuple[float, float]:
     """The part of the span that stands if none is given of which all drives say something."""
     start, stop = _SPAN
-    for drive in drives.values() if isinstance(drives, Mapping) else ():
+    # What is no mapping is refused with the rest of the declaration.
+    if not isinstance(drives, Mapping):
+        return _SPAN
+    for drive in cast(Mapping[str, Any], drives).values():
         if isinstance(drive, TimeFunction) and not drive.covers(start, stop):
             start, stop = max(start, drive.span[0]), min(stop, drive.span[1])
     return (start, stop) if start < stop else _SPAN

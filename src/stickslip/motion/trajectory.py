@@ -676,7 +676,8 @@ class Trajectory(Result):
         """
         from stickslip.orbits.sensitivities.motion import dataset_of, sensitivities
 
-        return dataset_of(sensitivities(self, names, times, of), second_opinion)
+        when = None if times is None else np.asarray(times, float)
+        return dataset_of(sensitivities(self, names, when, of), second_opinion)
 
     @property
     def n_switches(self) -> int:

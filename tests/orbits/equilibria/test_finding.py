@@ -323,9 +323,9 @@ def test_only_inside_the_box() -> None:
         ),
         (lambda: continue_equilibrium(catalogue.spring_slider(), "V", (1, 0)), "low < high"),
         (
-            lambda: continue_equilibrium(catalogue.spring_slider(), "V", 3),
+            lambda: continue_equilibrium(catalogue.spring_slider(), "V", 3),  # type: ignore[arg-type]
             "expected a pair of numbers",
-        ),  # type: ignore[arg-type]
+        ),
         (
             lambda: continue_equilibrium(catalogue.spring_slider(), "V", (0, 1), start={"x": 1}),
             "not a part of the state",

@@ -184,7 +184,7 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
 
 def _axes(S: Array) -> tuple[Array, Array, Array]:
     """Eigenvectors and eigenvalues of matrices (m, n, n), and what is rounding of them."""
-    squares, axes = np.linalg.eigh((S + S.transpose(0, 2, 1)) / 2)
+    squares, axes = np.linalg.eigh(S / 2 + S.transpose(0, 2, 1) / 2)  # a sum of two may overflow
     return axes, squares, _ROUNDING * S.shape[1] * np.abs(S).max(axis=(1, 2))
 
 
