@@ -22,7 +22,7 @@ from stickslip.explorer.serving.server import Explorer
 
 @pytest.fixture(scope="module")
 def explorer() -> Iterator[Explorer]:
-    running = listening_explorer(None, port=0, most_pages=6).start()
+    running = listening_explorer(None, port=0).start()
     yield running
     running.close()
 

@@ -233,8 +233,9 @@ def unwrapped(guard: Expr) -> Expr:
 
 @lru_cache(maxsize=4096)
 def periodic_form(e: Expr) -> Expr:
-    """The same function, such that what repeats in it is seen: whole parts as what goes on less
-    what repeats, guards without their wraps, and signs of branches in front."""
+    """The same function but for its values at jumps, such that what repeats in it is seen: whole
+    parts as what goes on less what repeats, guards without their wraps, and signs of branches in
+    front."""
 
     def change(node: Expr) -> Expr | None:
         spelling = spelled(node)
@@ -242,11 +243,12 @@ def periodic_form(e: Expr) -> Expr:
             u = spelling[1][0]
             return periodic_form(u - _fraction(u))
         if node.op == "select":
-            made = ex.select(*map(periodic_form, node.args), strict=node.strict)
+            made = ex.select(*map(periodic_form, node.args))
             if made.op == "select":
                 guard, above, below = made.args
                 if _coefficient(below if above is ex.ZERO else above) < 0.0:
-                    return -ex.select(guard, -above, -below, strict=made.strict)
+                    return -ex.select(guard, -above, -below)
+                return ex.select(guard, above, below)  # which is not strict
             return made
         if node.op in FUNCTIONS and FUNCTIONS[node.op].crest is not None:
             (phase,) = node.args

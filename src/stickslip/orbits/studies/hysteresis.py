@@ -21,7 +21,7 @@ Transitions*, Springer 1996, chapter 2.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -40,6 +40,7 @@ from stickslip.symbolic.expressions import Expr
 if TYPE_CHECKING:
     from stickslip.rate_independent.play.operator import Play
 
+_ROUNDING = 1e-14  # a slope, relative to the values of a curve, that counts as 0
 _AFFINE = 1e-10  # a curve that misses a straight line by less, relative to its values, is one
 _REMEDY = (
     "Two rate-independent coordinates that only their distance and one other coordinate couple "
@@ -106,6 +107,10 @@ def extreme_of(one: PiecewiseAffine, other: PiecewiseAffine, sign: int = 1) -> P
     pick = np.minimum if sign > 0 else np.maximum
     nodes = np.union1d(one.nodes, other.nodes)
     gap = PiecewiseAffine.through(lambda x: one(x) - other(x), nodes)
+    # Where the curves are parallel, rounding errors are no slope.
+    least = _ROUNDING * max(np.max(np.abs(curve.values)) for curve in (one, other))
+    left, right = (slope if abs(slope) > least else 0.0 for slope in gap.slopes)
+    gap = replace(gap, slopes=(left, right))
     return PiecewiseAffine.through(
         lambda x: pick(one(x), other(x)), np.union1d(nodes, gap.crossings(0.0))
     )
