@@ -329,7 +329,7 @@ def test_who_compiles_the_engine_may_take_long_and_says_so(
         "shelf._is_readable = lambda: False\n"
     )
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("STICKSLIP_CACHE", str(tmp_path / "cache"))
     monkeypatch.setitem(SECONDS, "motion", 1.5)
     running = listening_explorer("rocking_toy", port=0).start()
 
