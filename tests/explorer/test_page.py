@@ -459,7 +459,7 @@ def test_what_the_motion_settles_on(screen: Screen) -> None:
     slider = "spring_slider?mu=2%2Fsqrt(alpha)&nu=0.05&V=0.15&.x=U&.y=alpha"
     screen.show(slider).motion()
     screen.press("#settle")
-    screen.until("explorer.phase.settled?.head.cycle")
+    screen.until("explorer.phase.settled?.numbers?.['c:U']")
     system = ss.catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05, V=0.15)
     cycle = ss.find_cycle(system)
     u = screen.numbers("explorer.phase.settled.numbers['c:U']")
