@@ -35,7 +35,7 @@ demo: .venv/ready machine-code
 test: .venv/ready-for-tests machine-code
 	$(BIN)/ruff check .
 	$(BIN)/pyright
-	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest -n 2 --dist loadfile --no-loadscope-reorder --max-worker-restart 1
 
 test-fast: .venv/ready-for-tests machine-code
 	$(BIN)/ruff check .
