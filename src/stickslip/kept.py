@@ -33,7 +33,9 @@ def kept(owner: object, kind: str) -> dict[Any, Any]:
     return found.setdefault(kind, {})
 
 
-def made_once(owner: object, kind: str, make: Callable[[], T], key: Any = None) -> T:
+def made_once(
+    owner: object, kind: str, make: Callable[[], T], key: Any = None, most: int | None = None
+) -> T:
     """What is made of an object, now or earlier.
 
     Parameters
@@ -44,8 +46,12 @@ def made_once(owner: object, kind: str, make: Callable[[], T], key: Any = None) 
     make : function
     key : object
         What else it depends on.
+    most : int, optional
+        How many to keep, where the keys are numbers that may take any value.
     """
     known = kept(owner, kind)
     if key not in known:
+        if len(known) == most:
+            known.clear()
         known[key] = make()
     return known[key]

@@ -8,6 +8,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.kept import made_once
 from stickslip.model.names import NORMAL
 from stickslip.model.schema import entry_key
 from stickslip.model.system import Kind
@@ -19,6 +20,49 @@ from stickslip.symbolic.expressions import Expr
 _HELD = 1e-9  # of the coordinates: how far from its constraint a start may be, at most
 _OVERLAP = 1e-12  # … and how far bodies may overlap
 _MOST_STEPS = 8  # of Newton's method onto constraints
+
+
+class _Gaps:
+    """The gaps of a system as functions of parameters, time, and state.
+
+    Parameters
+    ----------
+    problem : Problem
+
+    Attributes
+    ----------
+    held : array of bool, shape (gaps, 1)
+        Whether it is a side of a constraint.
+    place : list of int
+        Where the coordinates are among the names.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        declaration = problem.system.declaration
+        self.contacts = [c for c in problem.compiled.equations.contacts if c.gap is not None]
+        formulas = [c.gap for c in self.contacts if c.gap is not None]
+        sums = [[ex.add((g, 1.0), (h, 1.0)) for h in formulas] for g in formulas]
+        self.held: Array = np.array([[ex.ZERO in row] for row in sums])
+        self.coordinates = declaration.inertial
+        names = [*problem.system.parameters, "t", *declaration.state]
+        self.place = [names.index(q) for q in declaration.inertial]
+        self.values = evaluator(formulas, names)
+        slopes = [ex.derivative(g, q) for g in formulas for q in self.coordinates]
+        self.slopes = evaluator(slopes, names)
+        parts = [_terms(g) for g in formulas]
+        self._terms = evaluator([term for row in parts for term in row], names)
+        self._starts = np.cumsum([0, *map(len, parts)])[:-1]
+
+    def sizes(self, values: Array) -> Array:
+        """Sums of the moduli of the terms of the gaps, shape (gaps, motions)."""
+        return np.add.reduceat(np.abs(self._terms(values)), self._starts, axis=0)
+
+
+def _terms(e: Expr) -> list[Expr]:
+    """The terms of a sum, its constant first."""
+    if e.op != "sum":
+        return [e]
+    return [ex.num(float(e.value)), *(c * term for term, c in e.terms)]
 
 
 class _Openings:
@@ -34,50 +78,35 @@ class _Openings:
 
     Attributes
     ----------
-    held : array of bool, shape (gaps, 1)
-        Whether it is a side of a constraint.
     gaps, off, most : arrays, shape (gaps, motions)
         The gaps, by how much they are wrong, and how much of that may be rounding.
     """
 
     def __init__(self, problem: Problem, start: float, table: Array, states: Array) -> None:
-        declaration = problem.system.declaration
-        self.contacts = [c for c in problem.compiled.equations.contacts if c.gap is not None]
-        self.formulas = [c.gap for c in self.contacts if c.gap is not None]
-        sums = [[ex.add((g, 1.0), (h, 1.0)) for h in self.formulas] for g in self.formulas]
-        self.held: Array = np.array([[ex.ZERO in row] for row in sums])
-        self.names = [*problem.system.parameters, "t", *declaration.state]
-        self.coordinates = declaration.inertial
-        self.place = [self.names.index(q) for q in declaration.inertial]
+        self.of: _Gaps = made_once(problem.compiled, "gaps", lambda: _Gaps(problem))
         self.values = np.column_stack([table, np.full(len(states), start), states]).T
-        self.gaps: Array = evaluator(self.formulas, self.names)(self.values)
-        size = np.array([self.size(g) for g in self.formulas])
+        self.gaps: Array = self.of.values(self.values)
         # Where nothing else says how large a gap is, the coordinates do, here or as declared.
-        declared = [abs(problem.system.plain.initial.get(q, 0.0)) for q in self.coordinates]
-        most = np.maximum(np.max(np.abs(self.values[self.place]), axis=0), max(declared))
-        size = np.maximum(size, 1e-3 * most)
-        self.off: Array = np.where(self.held, np.abs(self.gaps), np.maximum(-self.gaps, 0.0))
-        self.most: Array = np.where(self.held, _HELD, _OVERLAP) * size
-
-    def size(self, e: Expr) -> Array:
-        """Sum of the moduli of the terms of an expression."""
-        terms = [c * term for term, c in e.terms] if e.op == "sum" else [e]
-        constant = abs(float(e.value)) if e.op == "sum" else 0.0
-        return constant + np.abs(evaluator(terms, self.names)(self.values)).sum(axis=0)
+        declared = [abs(problem.system.plain.initial.get(q, 0.0)) for q in self.of.coordinates]
+        most = np.maximum(np.max(np.abs(self.values[self.of.place]), axis=0), max(declared))
+        size = np.maximum(self.of.sizes(self.values), 1e-3 * most)
+        held = self.of.held
+        self.off: Array = np.where(held, np.abs(self.gaps), np.maximum(-self.gaps, 0.0))
+        self.most: Array = np.where(held, _HELD, _OVERLAP) * size
 
     def moved(self, i: int) -> Array:
         """Coordinates of a motion on the nearest state that is right."""
-        slopes = [ex.derivative(g, q) for g in self.formulas for q in self.coordinates]
         here = self.values[:, i].copy()
-        held = self.held[:, 0]
+        held = self.of.held[:, 0]
+        place = self.of.place
         for _ in range(_MOST_STEPS):
-            gaps = evaluator(self.formulas, self.names)(here)
+            gaps = self.of.values(here)
             active = np.where(held, gaps != 0.0, gaps < 0.0)
             if not active.any():
                 break
-            J = evaluator(slopes, self.names)(here).reshape(len(gaps), -1)[active]
-            here[self.place] -= np.linalg.lstsq(J, gaps[active], rcond=None)[0]
-        return here[self.place]
+            J = self.of.slopes(here).reshape(len(gaps), -1)[active]
+            here[place] -= np.linalg.lstsq(J, gaps[active], rcond=None)[0]
+        return here[place]
 
 
 def put_on_contacts(problem: Problem, start: float, table: Array, states: Array) -> Array:
@@ -98,7 +127,7 @@ def put_on_contacts(problem: Problem, start: float, table: Array, states: Array)
     wrong = np.any(found.off > 0.0, axis=0) & np.all(found.off <= found.most, axis=0)
     if wrong.any():
         states = states.copy()
-        own = [problem.system.declaration.state.index(q) for q in found.coordinates]
+        own = [problem.system.declaration.state.index(q) for q in found.of.coordinates]
         for i in np.flatnonzero(wrong):
             states[i, own] = found.moved(int(i))
     return states
@@ -119,8 +148,8 @@ def check_contacts(problem: Problem, start: float, y: Array) -> None:
     off, gap = float(found.off[i, 0]), float(found.gaps[i, 0])
     if not off > 0.0:
         return
-    name = found.contacts[i].name.removeprefix(NORMAL)
-    if found.held[i, 0]:
+    name = found.of.contacts[i].name.removeprefix(NORMAL)
+    if found.of.held[i, 0]:
         raise DeclarationError(
             f"{entry_key('contacts', name[:-2])}.constraint",
             f"it misses zero by {off:.6g} at the initial state",

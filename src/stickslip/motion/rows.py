@@ -1,0 +1,149 @@
+"""Where the compiled functions find things in a system, whatever its parameters are."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.equations.codegen.generate import INVERSES, Layout
+from stickslip.equations.codegen.program import pack
+from stickslip.kept import made_once
+from stickslip.motion.steps.arrays import PART, Rows
+from stickslip.symbolic import expressions as ex
+
+if TYPE_CHECKING:
+    from stickslip.equations.derive import MotionEquations
+    from stickslip.equations.native.systems import CompiledSystem
+
+
+def layout_rows(compiled: CompiledSystem) -> Rows:
+    """The rows of a system, without those that may become negative for some parameters."""
+    return made_once(compiled, "rows", lambda: _rows(compiled.equations, compiled.layout))
+
+
+def _rows(equations: MotionEquations, layout: Layout) -> Rows:
+    sizes = np.array(
+        [layout.sizes[k] for k in ("n", "nq", "nz", "nr", "na", "mq", "mz", "mr", "kinks")]
+    )
+    tables = (layout.u, layout.force, layout.plus, layout.minus, layout.kinks)
+    u, force, plus, minus, kinks = (np.array(table, dtype=np.int64) for table in tables)
+    noise = _places_of_sizes(layout)
+    pulled = {i for plane in equations.planes if plane.pull for i in plane.parts}
+    dropping = {i for i, *_ in layout.kinetic} - pulled
+    state = frozenset(layout.state)
+    watched = np.array(list(noise), dtype=np.int64)
+    return Rows(
+        sizes,
+        u,
+        force,
+        plus,
+        minus,
+        kinks,
+        watched,
+        np.array(list(noise.values()), dtype=np.int64),
+        np.zeros((0, 3), np.int64),
+        np.array(
+            [not guard.symbols & state for guard in equations.kinks],
+            dtype=np.int64,
+        ),
+        _vanishing(equations, layout),
+        np.array([c in dropping for c in range(len(u))], dtype=np.int64),
+        pack(layout),
+        *_coupling(layout),
+        *_openings(layout),
+        *_jumps(layout),
+        *_planes(layout),
+    )
+
+
+def _planes(layout: Layout) -> tuple[Array, Array]:
+    """Contacts in a plane, and the one that each contact is a component of."""
+    table = np.array(layout.planes, dtype=np.int64).reshape(-1, 10)
+    plane = np.full(len(layout.u), -1, np.int64)
+    for p, (first, second, *_) in enumerate(layout.planes):
+        plane[[first, second]] = p
+    return table, plane
+
+
+def _coupling(layout: Layout) -> tuple[Array, Array, Array, Array]:
+    """The components of the linear problems, what they have as members, where each contact
+    is, and which of their directions change on the way."""
+    parts = list[tuple[int, ...]]()
+    members = list[int]()
+    homes = np.full((len(layout.u), 2), -1, np.int64)
+    for matrix, name in enumerate(INVERSES):
+        seat = 0
+        for part in layout.coupled[name]:
+            n, m = len(part.coordinates), len(part.contacts)
+            for j, c in enumerate(part.contacts):
+                homes[c] = len(parts), seat + n + j
+            parts.append((matrix, seat, n, m, len(members), int(part.moving)))
+            members += [*part.coordinates, *part.contacts]
+            seat += n + m
+    homes[homes[:, PART] < 0, PART] = len(parts)
+    table = np.array(parts, dtype=np.int64).reshape(-1, 6)
+    turning = np.full((len(layout.u), layout.shape("J")[1]), -1, np.int64)
+    for place, row in layout.turning.items():
+        turning[place] = row
+    return table, np.array(members, dtype=np.int64), homes, turning
+
+
+def _openings(layout: Layout) -> tuple[Array, Array, Array, Array]:
+    """Rows of the gaps and of the restitution of contacts, whose friction each is, and the rows
+    of its coefficients; −1: of none."""
+    found = tuple(np.full(len(layout.u), -1, np.int64) for _ in range(3))
+    tables = (layout.gaps, layout.restitution, layout.parents)
+    for array, table in zip(found, tables, strict=True):
+        for c, value in table.items():
+            array[c] = value
+    friction = np.full((len(layout.u), 4), -1, np.int64)
+    for c, rows in layout.friction.items():
+        friction[c] = rows
+    return (*found, friction)  # type: ignore[return-value]
+
+
+def _jumps(layout: Layout) -> tuple[Array, Array]:
+    """Jumps of the state, and which parts of it have new values."""
+    table = list[tuple[int, ...]]()
+    landings = list[int]()
+    for kink, direction, places in layout.jumps:
+        table.append((kink, direction, len(landings), len(places)))
+        landings += places
+    return np.array(table, dtype=np.int64).reshape(-1, 4), np.array(landings, dtype=np.int64)
+
+
+def _places_of_sizes(layout: Layout) -> dict[int, int]:
+    """Rows that bound the step, with the places of the sizes of their terms: the state, then
+    guards."""
+    n = layout.sizes["n"]
+    contacts = len(layout.u)
+    kinks = len(layout.kinks)
+    noise = dict(enumerate(layout.rate_sizes))
+    others = {row: -1 for row in (*layout.plus, *layout.minus)}
+    others |= {row: 2 * contacts + c for c, row in enumerate(layout.force)}
+    others |= {row: c for c, row in enumerate(layout.u)}
+    others |= {row: 3 * contacts + j for j, row in enumerate(layout.kinks[:kinks])}
+    others |= {row: 3 * contacts + kinks + c for c, row in layout.gaps.items()}
+    for c, _, _, admissible, place, *_, slips, _ in layout.planes:
+        others |= {slips: c, admissible: place}
+    return noise | {row: others[row] for row in sorted(others) if row >= n}
+
+
+def _vanishing(equations: MotionEquations, layout: Layout) -> Array:
+    """The part of the state that is zero where a kink is, −1 where it is more than that."""
+    state = {name: i for i, name in enumerate(layout.state)}
+    felt = state.keys() | {"t"}
+    found = []
+    for guard in equations.kinks:
+        (name, *others) = sorted(guard.symbols & felt) or [""]
+        alone = (
+            not others
+            and name in state
+            and ex.substitute(guard, {name: ex.ZERO}, undefined=True) is ex.ZERO
+        )
+        found.append(
+            state[name] if alone and not ex.derivative(guard, name).symbols & {name} else -1
+        )
+    return np.array(found, dtype=np.int64)
