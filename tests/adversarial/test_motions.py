@@ -28,6 +28,7 @@ CHOSEN = {
     "travelling weakness, viscous": (1, 4, 6),
     "narrow wall, inertial": (1, 5, 6),
     "narrow in a state": (5, 6, 7),
+    "narrow in speed, inertial": (8, 68, 132),
     "thrown block": (4, 6, 8, 1006),
     "block on a sled": (1, 3, 4),
     "mutual friction": (28, 508, 515, 517),

@@ -64,6 +64,8 @@ _MOST_CORRECTIONS = 12  # iterations of Newton's method for each
 _SLOW = 0.03  # factor by which corrections fall where the matrix is made anew
 # part of a rounding error that is none, since what follows has to make up for it
 _NOTHING = 1.0 / 32.0
+_VAGUE = 1e-3  # part of its size to which a part of the state has to be known
+_AMPLIFIED = 1e3  # times that it may be worse where it is nothing but rounding errors of its rate
 _NUDGE = 2.0**-26  # of its size, by which a part of the state is changed for a derivative
 
 
@@ -315,7 +317,7 @@ def collocate(
             continue
         to_legendre(W, s, n, TERMS[tables_of(flow.order)], stages.values)
         drop_rounding(flow, stages.known)
-        excess = last_terms(flow, stages, seen)
+        excess = last_terms(flow, stages, step, seen)
         fits = 0.9 * max(excess, LEAST_SIZE) ** (-1.0 / s) if excess < np.inf else 0.0
         if not excess <= 1.0:
             step = step * max(0.1, fits)
@@ -670,8 +672,12 @@ def companion(rows: Rows, row: int) -> int:
 
 
 @compiled()
-def last_terms(flow: Flow, stages: Stages, seen: Array) -> float:
-    """The last two terms of the state and of all guards, in parts of what they may be."""
+def last_terms(flow: Flow, stages: Stages, step: float, seen: Array) -> float:
+    """The last two terms of the state and of all guards, in parts of what they may be.
+
+    Infinite where rounding errors leave nothing of a part of the state, as they do where Newton's
+    method has gone to states that no motion comes to: there every term would be one of them.
+    """
     W = flow.space.W
     mag = flow.space.mag
     noise = flow.rows.noise
@@ -685,6 +691,9 @@ def last_terms(flow: Flow, stages: Stages, seen: Array) -> float:
         size = LEAST_SIZE + max(span_of(W, row, s), span_of(W, companion(flow.rows, row), s))
         most = flow.tol * (size + flow.atol * seen[i])
         if i < n:
+            natural = EPSILON * mag[noise[i]] * step if noise[i] >= 0 else 0.0
+            if stages.known[i] > _VAGUE * (size + flow.atol * seen[i]) + _AMPLIFIED * natural:
+                return np.inf
             most += 16.0 * EPSILON * size + stages.known[i]
         else:
             most += (
