@@ -159,4 +159,14 @@ def talk(address: str, conversation: Callable[[Page], Coroutine[Any, Any, Any]])
         finally:
             await page.close()
 
+    return in_time(whole())
+
+
+def in_time(conversation: Coroutine[Any, Any, Any], seconds: float = 240.0) -> Any:
+    """What a conversation gives, unless something is waited for that does not come."""
+
+    async def whole() -> Any:
+        async with asyncio.timeout(seconds):
+            return await conversation
+
     return asyncio.run(whole())

@@ -14,7 +14,7 @@ import pytest
 from tornado.iostream import StreamClosedError
 from tornado.websocket import WebSocketClosedError
 
-from explorer.client import TOKEN, Page, get, talk
+from explorer.client import TOKEN, Page, get, in_time, talk
 from stickslip.explorer.asking.limits import MOST_LANES, MOST_LEVELS
 from stickslip.explorer.explore import listening_explorer
 from stickslip.explorer.serving.server import Explorer
@@ -161,7 +161,7 @@ def test_a_token_serves_once() -> None:
         assert await enters(last) is None
 
     try:
-        asyncio.run(whole())
+        in_time(whole())
     finally:
         running.close()
 
@@ -246,7 +246,7 @@ def survived(address: str, seeds: range) -> int:
         await other.close()
         return good
 
-    return asyncio.run(whole())
+    return in_time(whole(), 240.0 + len(seeds))
 
 
 async def _pulled(page: Page) -> int:
