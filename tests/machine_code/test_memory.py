@@ -59,6 +59,9 @@ def test_systems_that_are_gone_take_no_memory(
         assert motion.certificate.ok
         if i % 20 == 0:
             motion.sensitivity(["x"], [0.5])
+        if i % 40 == 0 and declare is plain:
+            assert ss.find_cycle(system).certificate.ok
+            assert len(ss.sweep(system, {"V": [0.1, 0.2]}, ["period"]).dataset["outcome"]) == 2
         compiled = motion._problem.compiled
         alive += map(weakref.ref, (system.declaration, compiled.equations))
         if declare is shaken:

@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.errors import DeclarationError, short
+from stickslip.kept import made_once
 from stickslip.model.system import System
 from stickslip.orbits.fields.lines_and_phases import Reading, read_formulas
 from stickslip.symbolic import expressions as ex
@@ -117,10 +118,9 @@ def _name(state: str) -> str:
     return f"velocity:{state}"
 
 
-@lru_cache(maxsize=256)
 def moving_frame(equations: MotionEquations, zero: frozenset[str]) -> MovingFrame:
     """The frame of a system with some parameters that are zero; what is read off it is kept."""
-    return MovingFrame(equations, zero)
+    return made_once(equations, "moving frame", lambda: MovingFrame(equations, zero), zero)
 
 
 def cells_of(equations: MotionEquations, values: Mapping[str, float]) -> Array:

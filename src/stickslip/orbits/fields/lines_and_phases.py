@@ -58,6 +58,8 @@ class Reading:
 
     def velocity(self, states: list[str], values: Mapping[str, float]) -> Array | None:
         """Of a frame in which time stands in phases alone; None if there is none."""
+        if not any("t" in line for line in self.lines):
+            return np.zeros(len(states))
         table = self._table(["t", *states], values)
         if not np.any(table[:, 0]):
             return np.zeros(len(states))

@@ -4,20 +4,26 @@ together."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
 
 import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Region, in_region
+from stickslip.kept import made_once
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr, substitute
 
+_MOST_KEPT = 1024  # expressions in regions, of each system
 
-@lru_cache(maxsize=1024)
+
 def _chosen(equations: MotionEquations, expression: Expr, region: Region) -> Expr:
     """An expression in a region, of the state, kept: maps ask for the same ones at every point."""
+    key = expression, region
+    return made_once(equations, "in regions", lambda: _found(equations, *key), key, _MOST_KEPT)
+
+
+def _found(equations: MotionEquations, expression: Expr, region: Region) -> Expr:
     regions = dict(zip(equations.kinks, region, strict=True))
     chosen = in_region(expression, regions, undefined=True)
     speeds = chosen.symbols & equations.speeds.keys()

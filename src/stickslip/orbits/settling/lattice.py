@@ -7,7 +7,6 @@ and a system that repeats in space is the same after every cell.
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.errors import DeclarationError
+from stickslip.kept import made_once
 from stickslip.motion.problem import Problem
 from stickslip.orbits.fields.clock import Clock, cells_of, clock, moving_frame
 
@@ -83,8 +83,12 @@ def forms_of(cells: list[Array]) -> Array:
     return found
 
 
-@lru_cache(maxsize=1024)
 def _may_have_cells(equations: MotionEquations, zero: frozenset[str]) -> bool:
+    """Whether it may have some, for parameters of which these are zero: found once."""
+    return made_once(equations, "may have cells", lambda: _has_cells(equations, zero), zero)
+
+
+def _has_cells(equations: MotionEquations, zero: frozenset[str]) -> bool:
     """Whether some shift of the state alone leaves all lines as they are, and turns a phase: of
     numbers that are in no relation to each other."""
     names = equations.declaration.parameters
