@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from functools import cache
 
 import numpy as np
@@ -60,3 +61,21 @@ def test_a_lump_that_starts_beside_one_that_comes_to_rest(seed: int) -> None:
     expected = by_ode(3, p)
     found = [motion.final[f"x{i}"] for i in (1, 2, 3)]
     np.testing.assert_allclose(found, expected, atol=1e-6 * np.max(np.abs(expected)))
+
+
+@pytest.mark.parametrize("n", [4, 6, 8])
+def test_long_ropes_cost_what_their_events_do(n: int) -> None:
+    """What relaxes within a millisecond does not shorten flights of ten seconds."""
+    rng = np.random.default_rng(n)
+    for _ in range(3):
+        p = {"a": 0.5 * np.sin(rng.uniform(0.5, 2.0) / n), "k": rng.uniform(100.0, 400.0)}
+        p |= {"c": 0.05, "V": 10.0 ** rng.uniform(-3.0, -2.5), "T": 1.0}
+        ss.simulate(rope(n), (0.0, 1e-9), parameters=p)  # compiled
+        began = time.process_time()
+        motion = ss.simulate(rope(n), parameters=p)
+        assert time.process_time() - began < 0.5
+        assert motion.outcome.ok
+        assert motion.certificate.ok, motion.certificate.verdict
+        expected = by_ode(n, p)
+        found = [motion.final[f"x{i}"] for i in range(1, n + 1)]
+        np.testing.assert_allclose(found, expected, atol=1e-6 * np.max(np.abs(expected)))
