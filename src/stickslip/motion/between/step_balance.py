@@ -49,6 +49,7 @@ from stickslip.motion.steps.arrays import (
     AIM,
     ASIDE,
     COMPONENT,
+    CONTACTS,
     COORDINATES,
     DIMENSION,
     DISSIPATED,
@@ -57,6 +58,7 @@ from stickslip.motion.steps.arrays import (
     INERTIAL,
     KINK,
     MASSIVE,
+    MATRIX,
     MEMBERS,
     NOWHERE,
     OK,
@@ -77,6 +79,7 @@ from stickslip.motion.steps.arrays import (
     Record,
     Rows,
     Space,
+    direction_entry,
     gap_size,
     is_component,
     is_loose,
@@ -828,6 +831,8 @@ def measure_piece(
         coefficients(machine, flow, Instant(piece.t + tau, y, mode, reg), 1, V)
         machine.powers(V, reg, flow.k.K, power)
         steps.work[i, SPENT] += weight * power[DISSIPATED]
+        if piece.acting < piece.h:
+            steps.work[i, SPENT] -= weight * power_of_residuals(flow, piece, tau)
         steps.work[i, FED] += weight * power[SUPPLIED]
         tally.total[FED_IN_ALL] += weight * abs(power[SUPPLIED])
         if check:
@@ -846,6 +851,48 @@ def measure_piece(
         time = counts_for(rows, space.mag, r, size, piece.h, piece.acting)
         steps.gap[i, r] += time * (LEBESGUE * largest + between)
     judge_law(rows, space, mode, piece.factor, tally)
+
+
+@compiled()
+def power_of_residuals(flow: Flow, piece: StepPiece, tau: float) -> float:
+    """What forces without mass do at a node by the difference between the rates that the law gives
+    there and those of the polynomials.
+
+    The way is that of the polynomials. Where they last longer than series, because something
+    decays, the rates of the law have errors that are forgotten at once; their power would be
+    counted all the time.
+
+    Parameters
+    ----------
+    flow : Flow
+        Its work space has the polynomials, and the values of the rows at the node.
+    piece : StepPiece
+    tau : float
+        The node.
+    """
+    rows = flow.rows
+    W = flow.space.W
+    V = flow.space.V
+    unit = W[rows.sizes[DIMENSION], 1]
+    first = 2 * rows.sizes[INERTIAL]
+    rates = rows.program.rates
+    power = 0.0
+    for part in rows.parts:
+        if part[MATRIX] == 0:
+            continue
+        n = part[COORDINATES]
+        members = rows.members[part[MEMBERS] :]
+        for i in range(n):
+            z = members[i]
+            force = 0.0
+            for j in range(n):
+                force += flow.k.C[z, j] * V[rates[first + members[j]], 0]
+            for j in range(part[CONTACTS]):
+                c = members[n + j]
+                force -= direction_entry(rows, flow.k.J, V, c, i) * V[rows.force[c], 0]
+            way = rate_on(W[first + z], piece.order, tau / unit) / unit
+            power += force * (V[rates[first + z], 0] - way)
+    return power
 
 
 @compiled()
