@@ -109,6 +109,7 @@ _MOST_PIECES = 512  # of a step
 _REST = 1e-4
 _CANCELS = 1e-5  # part of its terms against which a sum is measured in which they cancel
 _ROUNDINGS = 8.0  # rounding errors of a rate, in parts of the size of its terms
+_WALK = 16.0  # square root of the pieces after which rounding errors of the state count beside those
 _NEARBY = 1e3  # tolerances of a gap below which a contact may take part in an impact
 # Rows of Tally.state, columns of Tally.law and of Tally.kinks, and slots of Tally.total.
 LARGEST, _SWAY, _DEFECT, _ROUNDED = range(4)
@@ -227,6 +228,9 @@ class StepPiece(NamedTuple):
     factor : float
         From the discs of rows to what these may do between the nodes; infinite if that could not be
         made small.
+    rounding : float
+        Rounding errors by which forces and velocities may be off, in parts of their terms: those
+        of the state add up, at random, from piece to piece.
     """
 
     order: int
@@ -234,6 +238,7 @@ class StepPiece(NamedTuple):
     h: float
     acting: float
     factor: float
+    rounding: float
 
 
 @entry_point()
@@ -332,7 +337,9 @@ def audit_step(
             give_directions(flow.rows, mode, False)
             if not factor < np.inf:
                 h, steps.open[i] = longest, left  # no more is tried in this step
-        piece = StepPiece(order, base, h, min(h, series) if series > 0.0 else h, factor)
+        acting = min(h, series) if series > 0.0 else h
+        rounding = ROUNDING * max(1.0, math.sqrt(pieces) / _WALK)
+        piece = StepPiece(order, base, h, acting, factor, rounding)
         measure_piece(machine, flow, piece, mode, reg, check, i, steps, tally)
         if wanted.extremes:
             add_step(flow.rows, W, order, h, W[n, 1], flow.space.stack, sums)
@@ -850,7 +857,7 @@ def measure_piece(
         size = tally.state[LARGEST, r]
         time = counts_for(rows, space.mag, r, size, piece.h, piece.acting)
         steps.gap[i, r] += time * (LEBESGUE * largest + between)
-    judge_law(rows, space, mode, piece.factor, tally)
+    judge_law(rows, space, mode, piece, tally)
 
 
 @compiled()
@@ -1025,7 +1032,7 @@ def sample_law(
 
 
 @compiled()
-def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally) -> None:
+def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Tally) -> None:
     """By how much guards fail on a piece, at the nodes and between them.
 
     Parameters
@@ -1034,8 +1041,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
     space : Space
         With the guards at the nodes, and the discs.
     mode : array of int, shape (contacts,)
-    factor : float
-        From the discs to what may be between the nodes; infinite if that is not known.
+    piece : StepPiece
     tally : Tally
         Receives the largest.
     """
@@ -1045,6 +1051,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
     discs = space.discs
     samples = space.samples
     law = tally.law
+    factor = piece.factor
     for c in range(nc):
         if is_loose(rows, mode, c):
             continue
@@ -1058,8 +1065,8 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
         row = n + 3 * c
         loose = 0.0
         tight = 0.0
-        rounding = ROUNDING * mag[c]
-        unsure = ROUNDING * mag[2 * nc + c]
+        rounding = piece.rounding * mag[c]
+        unsure = piece.rounding * mag[2 * nc + c]
         if factor < np.inf:
             loose = strays(discs[rows.force[c]], factor)
             loose += max(strays(discs[rows.plus[c]], factor), strays(discs[rows.minus[c]], factor))
@@ -1194,7 +1201,7 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
     c : int
         The first component.
     factor : float
-        As of :func:`judge_law`.
+        As of :class:`StepPiece`.
     tally : Tally
         Receives the largest.
     """
@@ -1259,7 +1266,7 @@ def judge_opening(
     c : int
         The contact.
     factor : float
-        As of :func:`judge_law`.
+        As of :class:`StepPiece`.
     tally : Tally
         Receives the largest.
     """
