@@ -109,7 +109,8 @@ _MOST_PIECES = 512  # of a step
 _REST = 1e-4
 _CANCELS = 1e-5  # part of its terms against which a sum is measured in which they cancel
 _ROUNDINGS = 8.0  # rounding errors of a rate, in parts of the size of its terms
-_WALK = 16.0  # square root of the pieces after which rounding errors of the state count beside those
+# square root of the number of pieces after which rounding errors of the state count beside others
+_WALK = 16.0
 _NEARBY = 1e3  # tolerances of a gap below which a contact may take part in an impact
 # Rows of Tally.state, columns of Tally.law and of Tally.kinks, and slots of Tally.total.
 LARGEST, _SWAY, _DEFECT, _ROUNDED = range(4)

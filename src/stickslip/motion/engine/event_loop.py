@@ -29,6 +29,7 @@ from stickslip.motion.engine.guards import (
     first_event,
     germ,
     guard_of,
+    has_stopped,
     opens,
     resting,
     spell,
@@ -800,7 +801,9 @@ def decide(
         form = form_of(T, slot)
         if form.status != AFFINE or not flights.admissible(form, flight, lane.y, clock[RECENT]):
             return _UNDECIDED
-        guard = flights.germs(form, flight, omega, lane.counters[CAUSE], nk, clock[LAST])
+        fired = lane.counters[CAUSE]
+        stopped = has_stopped(flow.rows, lane.settled, fired)
+        guard = flights.germs(form, flight, omega, fired, nk, clock[LAST], stopped)
         if guard < 0:
             return _UNDECIDED if carries(form, flight, mode, nk, drops) else slot
         number = form.switch[guard]

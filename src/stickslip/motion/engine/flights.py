@@ -23,6 +23,7 @@ from stickslip.motion.engine.forms import (
     GERM_ORDERS,
     GUARDS,
     SLIDES,
+    STICKS,
     ClosedForms,
     Flight,
 )
@@ -140,7 +141,15 @@ def _terms(S: Array, G: Array, size: Array, k: int, near: float) -> float:
 
 
 @compiled(inline=True)
-def germs(form: ClosedForms, f: Flight, omega: Array, fired: int, kinks: int, last: float) -> int:
+def germs(
+    form: ClosedForms,
+    f: Flight,
+    omega: Array,
+    fired: int,
+    kinks: int,
+    last: float,
+    stopped: int,
+) -> int:
     """Least guard that becomes negative at once, or −1; the deciding order of each guard is left in
     the work space.
 
@@ -156,6 +165,9 @@ def germs(form: ClosedForms, f: Flight, omega: Array, fired: int, kinks: int, la
         The switch that has just fired, or −1, and the number of kinks.
     last : float
         Length of the last step.
+    stopped : int
+        The contact whose slip has just come to an end, or −1; see
+        :func:`stickslip.motion.engine.guards.has_stopped`.
     """
     v = f.v
     size = f.size
@@ -196,7 +208,8 @@ def germs(form: ClosedForms, f: Flight, omega: Array, fired: int, kinks: int, la
                 break
             if abs(value) > ROUNDING * terms:
                 floor = ROUNDING * _terms(S, G[g], size, k, near)
-                if k == 0 and switch_of(form.switch[g], kinks, len(form.held)) == fired:
+                just = switch_of(form.switch[g], kinks, len(form.held)) == fired
+                if k == 0 and just and (stopped < 0 or form.held[stopped] != STICKS):
                     floor *= _FIRED_ROUNDINGS
                 if abs(value) > floor:
                     break

@@ -55,7 +55,7 @@ class GuardRow(NamedTuple):
         What counts as zero, in parts of these scales.
     is_gap : bool
         Whether it is a gap: then its rate is a velocity, known to its own rounding errors however
-        small a bounce is beside those of the gap.
+        small a bounce is beside those of the gap; so is that of a slip that has just ended.
     """
 
     row: int
@@ -399,8 +399,44 @@ def guard_of(
 
 
 @compiled()
+def exactly(guard: GuardRow) -> GuardRow:
+    """The same guard, whose rate is known to its own rounding errors."""
+    return GuardRow(
+        guard.row,
+        guard.shift,
+        guard.sign,
+        guard.size,
+        guard.rate,
+        guard.near,
+        guard.precision,
+        True,
+    )
+
+
+@compiled()
+def has_stopped(rows: Rows, settled: Array, fired: int) -> int:
+    """The contact, of what has mass and on a line, whose slip has just come to an end; or −1.
+
+    It is its velocity that is zero by definition there; its force and its acceleration are known
+    as well as any other.
+
+    Parameters
+    ----------
+    rows : Rows
+    settled : array of int, shape (contacts,)
+        Mode before the last event.
+    fired : int
+        The switch that has just fired, or −1.
+    """
+    c = fired - len(rows.kinks)
+    if c < 0 or c >= rows.sizes[ON_INERTIAL] or opens(rows, c) or rows.plane[c] >= 0:
+        return NOWHERE
+    return c if abs(settled[c]) == 1 else NOWHERE
+
+
+@compiled()
 def scan(
-    flow: Flow, mode: Array, reg: Array, last: float, fired: int, slack: float
+    flow: Flow, mode: Array, reg: Array, settled: Array, last: float, fired: int, slack: float
 ) -> tuple[int, int]:
     """Look at all guards of a mode: (least guard that is violated at once, or −1; number of guards
     that may fire, or of those that are violated).
@@ -413,6 +449,8 @@ def scan(
         Its work space has the coefficients and the powers of the step; it receives what may fire,
         or what is violated.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
+    settled : array of int, shape (contacts,)
+        Mode before the last event.
     last : float
         Length of the last step.
     fired : int
@@ -431,12 +469,17 @@ def scan(
     violated = NOWHERE
     leapt = space.stood[nk]
     near = last / W[rows.sizes[DIMENSION], 1] + powers[1]
+    stopped = has_stopped(rows, settled, fired)
     for g in range(nk + 2 * nc + len(rows.doubtful)):
         if not is_asked(rows, mode, nk, g):
             continue
         just = switch_of(g, nk, nc) == fired or g == leapt
+        own = stopped >= 0 and nk <= g and contact_of(g, nk) == stopped
+        just = just and not (own and mode[stopped] == 0)
         precision = max(FIRED if just else 0.0, slack * ROUNDING)
         guard = guard_of(rows, space, mode, reg, g, near, precision)
+        if own and mode[stopped] != 0:
+            guard = exactly(guard)
         start = guard.sign * W[guard.row, 0] + (W[guard.shift, 0] if guard.shift >= 0 else 0.0)
         if start > guard.precision * (guard.size + guard.near * guard.rate) and start > fall(
             W, guard.row, guard.shift, guard.sign, N, powers

@@ -981,7 +981,7 @@ def try_mode(
     fired = lane.counters[CAUSE]
     unit = space.W[n, 1]
     fill_powers(space.powers, h / unit)
-    guard, count = scan(flow, mode, lane.reg, last, fired, slack)
+    guard, count = scan(flow, mode, lane.reg, lane.settled, last, fired, slack)
     if guard >= 0:
         return guard, count, h, h
     if hold_or_slide(flow.rows, space, mode, flow.order, last, fired, slack):
@@ -998,7 +998,7 @@ def try_mode(
     if step != h:
         length = (clock[NOW] + step) - clock[NOW]
         fill_powers(space.powers, length / space.W[n, 1])
-        guard, count = scan(flow, mode, lane.reg, last, fired, slack)
+        guard, count = scan(flow, mode, lane.reg, lane.settled, last, fired, slack)
     if stiff and (guard >= 0 or not step > 0.0):
         # A guard that vanishes is known better from its series.
         clock[IMPLICIT] = -RESTING
