@@ -738,6 +738,12 @@ def fly_on(
             slot = decide(machine, flow, g, T, flight, lane, several)
         if lane.counters[TAKEN] > 0 and passed_jumps(rows, flight.reg0, lane.reg)[0] > 0:
             slot = _UNDECIDED
+        tau, guard = 0.0, -1
+        if slot >= 0 and t < end:
+            form = form_of(T, slot)
+            tau, guard = flights.fly(form, flight, end - t, omega)
+            if not flights.arrive(form, flight, y, lane.seen, tau, omega):
+                slot = _UNDECIDED
         if slot == _UNDECIDED:
             copy(flight.mode0, mode)
             copy(flight.reg0, lane.reg)
@@ -747,17 +753,16 @@ def fly_on(
         count = note(rows, lane, task, count)
         if t >= end:
             return FINISHED, count
-        form = form_of(T, slot)
-        tau, guard = flights.fly(form, flight, end - t, omega)
         count_step(clock, lane.counters, tau, tau, t + tau if guard >= 0 else end)
-        flights.arrive(form, flight, y, tau, omega)
+        copy(flight.ahead, y)
         flown = slot
         fallen = guard
         if guard < 0:
             continue
-        if doubt_of(form.switch[guard], nk, nc) >= 0:
+        number = T.switch[slot, guard]
+        if doubt_of(number, nk, nc) >= 0:
             return -1, count
-        code = fire(form.switch[guard], lane, rows, task.max_events)
+        code = fire(number, lane, rows, task.max_events)
         if code >= 0:
             return code, count
 

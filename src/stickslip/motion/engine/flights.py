@@ -44,6 +44,7 @@ from stickslip.translator import compiled
 # rounding errors by which the guard of a switch that has just fired may be away from zero, where it
 # is by definition
 _FIRED_ROUNDINGS = 1e5
+_LOST = 1e-4  # part of what it is made of, of which a component is known well enough
 # Kinds of signals
 _NEVER = 0
 _LINE = 1
@@ -427,17 +428,20 @@ def fly(form: ClosedForms, f: Flight, room: float, omega: Array) -> tuple[float,
 
 
 @compiled(inline=True)
-def arrive(form: ClosedForms, f: Flight, x: Array, tau: float, omega: Array) -> None:
-    """Put x where it is at the end of the flight just found.
+def arrive(form: ClosedForms, f: Flight, x: Array, seen: Array, tau: float, omega: Array) -> bool:
+    """Find where x is at the end of the flight just found; False if a component is not known there,
+    because exponentials cancel in it: it has not been moved yet by more than their rounding errors.
 
     Parameters
     ----------
     form : ClosedForms
         Of the mode.
     f : Flight
-        With the changes of the exponentials.
+        With the changes of the exponentials; receives the state at the end.
     x : array, shape (n,)
-        State at the beginning; receives that at the end.
+        State at the beginning.
+    seen : array
+        Its first n entries, the largest modulus of each component so far, receive those at the end.
     tau : float
         Duration.
     omega : array, shape (waves,)
@@ -447,8 +451,14 @@ def arrive(form: ClosedForms, f: Flight, x: Array, tau: float, omega: Array) -> 
     b = f.b
     turned = f.turned
     first = len(form.c2) - n
+    known = True
+    most = 0.0
     for m in range(len(omega)):
         b[m] = f.spin[m] * turn(0.0, omega[m] * tau)
+        most += length(b[m])
+    for j in range(form.counts[EXPONENTS]):
+        most += length(turned[j])
+    most *= _LOST * form.widest
     for i in range(n):
         g = first + i
         change = 0.0
@@ -460,7 +470,64 @@ def arrive(form: ClosedForms, f: Flight, x: Array, tau: float, omega: Array) -> 
         for m in range(len(omega)):
             z = form.b[g, m]
             change += z.real * b[m].real - z.imag * b[m].imag
-        x[i] += change
+        f.ahead[i] = x[i] + change
+        seen[i] = max(abs(f.ahead[i]), seen[i])
+        if most > seen[i]:
+            known = known and is_moved(form, f, x, seen, i, tau, omega)
+    return known
+
+
+@compiled()
+def is_moved(
+    form: ClosedForms, f: Flight, x: Array, seen: Array, i: int, tau: float, omega: Array
+) -> bool:
+    """Whether a component is more than a small part of what it is made of, at the end of a flight
+    or in its middle, since a slip begins and ends at rest.
+
+    Parameters
+    ----------
+    i : int
+        The component; the others as of :func:`arrive`.
+    """
+    g = len(form.c2) - len(x) + i
+    terms = 0.0
+    for j in range(form.counts[EXPONENTS]):
+        terms += form.swing[g, j] * length(f.turned[j])
+    for m in range(len(omega)):
+        terms += form.swing[g, len(x) + m] * length(f.b[m])
+    if _LOST * terms > seen[i]:
+        seen[i] = max(seen[i], abs(half_way(form, f, x, i, tau, omega)))
+    return bool(_LOST * terms <= seen[i])
+
+
+@compiled()
+def half_way(form: ClosedForms, f: Flight, x: Array, i: int, tau: float, omega: Array) -> float:
+    """A component of the state in the middle of a flight.
+
+    Parameters
+    ----------
+    form : ClosedForms
+        Of the mode.
+    f : Flight
+        With the amplitudes of the exponentials.
+    x : array, shape (n,)
+        State at the beginning.
+    i : int
+        The component.
+    tau : float
+        Duration.
+    omega : array, shape (waves,)
+        Frequencies of the drives.
+    """
+    g = len(form.c2) - len(x) + i
+    h = 0.5 * tau
+    value = x[i] + h * (scalar_product(form.c1[g], f.v[0]) + h * form.c2[g])
+    for j in range(form.counts[EXPONENTS]):
+        lam = form.exponent[j]
+        value += (form.a[g, j] * f.r[j] * turn(lam.real * h, lam.imag * h)).real
+    for m in range(len(omega)):
+        value += (form.b[g, m] * f.spin[m] * turn(0.0, omega[m] * h)).real
+    return float(value)
 
 
 @compiled(inline=True)
