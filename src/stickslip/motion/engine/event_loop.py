@@ -739,8 +739,8 @@ def fly_on(
         if lane.counters[TAKEN] > 0 and passed_jumps(rows, flight.reg0, lane.reg)[0] > 0:
             slot = _UNDECIDED
         tau, guard = 0.0, -1
+        form = form_of(T, max(slot, 0))
         if slot >= 0 and t < end:
-            form = form_of(T, slot)
             tau, guard = flights.fly(form, flight, end - t, omega)
             if not flights.arrive(form, flight, y, lane.seen, tau, omega):
                 slot = _UNDECIDED
@@ -759,7 +759,7 @@ def fly_on(
         fallen = guard
         if guard < 0:
             continue
-        number = T.switch[slot, guard]
+        number = form.switch[guard]
         if doubt_of(number, nk, nc) >= 0:
             return -1, count
         code = fire(number, lane, rows, task.max_events)
