@@ -742,7 +742,9 @@ def fly_on(
         form = form_of(T, max(slot, 0))
         if slot >= 0 and t < end:
             tau, guard = flights.fly(form, flight, end - t, omega)
-            if not flights.arrive(form, flight, y, lane.seen, tau, omega):
+            if guard == flights.UNKNOWN or not flights.arrive(
+                form, flight, y, lane.seen, tau, omega
+            ):
                 slot = _UNDECIDED
         if slot == _UNDECIDED:
             copy(flight.mode0, mode)

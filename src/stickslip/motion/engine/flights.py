@@ -45,6 +45,7 @@ from stickslip.translator import compiled
 # is by definition
 _FIRED_ROUNDINGS = 1e5
 _LOST = 1e-4  # part of what it is made of, of which a component is known well enough
+UNKNOWN = -2  # what may be said instead of a guard
 # Kinds of signals
 _NEVER = 0
 _LINE = 1
@@ -281,7 +282,7 @@ def _turn_all(lam: Array, r: Array, nb: int, tau: float, turned: Array) -> None:
 @compiled(inline=True)
 def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
     """Say of each guard what kind of signal it is; returns the one that will probably fall first,
-    or −1."""
+    or −1; or UNKNOWN if one is lost among the exponentials that it is made of."""
     r = f.r
     modulus = f.modulus
     b = f.b
@@ -313,6 +314,8 @@ def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
         if form.decays[g] == 1 and c0 > reach and c1 >= 0.0 and c2 >= 0.0:
             continue  # what is in motion can never bring it down
         floor = ROUNDING * (terms + reach)
+        if f.orders[g] == 0 and f.value[g] <= floor:
+            return UNKNOWN
         real = 0
         waves = 0
         drives = 0
@@ -354,7 +357,7 @@ def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
 @compiled(inline=True)
 def fly(form: ClosedForms, f: Flight, room: float, omega: Array) -> tuple[float, int]:
     """The earliest event within `room`: (duration, guard or −1), with the changes of the
-    exponentials until then.
+    exponentials until then; or UNKNOWN instead of a guard.
 
     Parameters
     ----------
@@ -374,6 +377,8 @@ def fly(form: ClosedForms, f: Flight, room: float, omega: Array) -> tuple[float,
     nb = form.counts[EXPONENTS]
     amplitudes(form, f, omega)
     first = sort_guards(form, f, omega)
+    if first == UNKNOWN:
+        return 0.0, UNKNOWN
     limit = room
     which = -1
     known = False
