@@ -565,7 +565,6 @@ def fill_signals(T: ClosedForms, w: Making, slot: int, blocks: int) -> None:
     waves = T.b.shape[2]
     guards = T.counts[slot, GUARDS]
     first = T.c2.shape[1] - n
-    T.widest[slot] = 0.0
     for row in range(first + n):
         if guards <= row < first:
             continue
@@ -608,8 +607,6 @@ def fill_signals(T: ClosedForms, w: Making, slot: int, blocks: int) -> None:
                 total += a[b] * w.up[b, k] + (a[b] * w.down[b, k]).conjugate()
             T.b[slot, row, k] = total
             swing[n + k] = modulus(total)
-        for b in range(len(swing) if row >= first else 0):
-            T.widest[slot] = max(T.widest[slot], swing[b])
         T.drifts[slot, row] = 1 if drifts else 0
         if row < guards:
             T.decays[slot, row] = 1 if decays else 0

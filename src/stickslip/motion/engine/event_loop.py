@@ -29,7 +29,6 @@ from stickslip.motion.engine.guards import (
     first_event,
     germ,
     guard_of,
-    has_stopped,
     opens,
     resting,
     spell,
@@ -742,8 +741,8 @@ def fly_on(
         form = form_of(T, max(slot, 0))
         if slot >= 0 and t < end:
             tau, guard = flights.fly(form, flight, end - t, omega)
-            if guard == flights.UNKNOWN or not flights.arrive(
-                form, flight, y, lane.seen, tau, omega
+            if guard == flights.UNKNOWN or (
+                len(y) > flights.FEW and flights.is_lost(form, flight, y, lane.seen, tau, omega)
             ):
                 slot = _UNDECIDED
         if slot == _UNDECIDED:
@@ -756,7 +755,7 @@ def fly_on(
         if t >= end:
             return FINISHED, count
         count_step(clock, lane.counters, tau, tau, t + tau if guard >= 0 else end)
-        copy(flight.ahead, y)
+        flights.arrive(form, flight, y, tau, omega)
         flown = slot
         fallen = guard
         if guard < 0:
@@ -809,8 +808,7 @@ def decide(
         if form.status != AFFINE or not flights.admissible(form, flight, lane.y, clock[RECENT]):
             return _UNDECIDED
         fired = lane.counters[CAUSE]
-        stopped = has_stopped(flow.rows, lane.settled, fired)
-        guard = flights.germs(form, flight, omega, fired, nk, clock[LAST], stopped)
+        guard = flights.germs(form, flight, omega, fired, nk, clock[LAST], lane.settled)
         if guard < 0:
             return _UNDECIDED if carries(form, flight, mode, nk, drops) else slot
         number = form.switch[guard]

@@ -44,6 +44,7 @@ from stickslip.translator import compiled
 # rounding errors by which the guard of a switch that has just fired may be away from zero, where it
 # is by definition
 _FIRED_ROUNDINGS = 1e5
+FEW = 4  # components of a state that are moved at orders at which nothing is lost
 _LOST = 1e-4  # part of what it is made of, of which a component is known well enough
 UNKNOWN = -2  # what may be said instead of a guard
 # Kinds of signals
@@ -142,6 +143,12 @@ def _terms(S: Array, G: Array, size: Array, k: int, near: float) -> float:
     return total
 
 
+@compiled()
+def stops(form: ClosedForms, settled: Array, c: int) -> bool:
+    """Whether a contact with mass has slipped, and now sticks."""
+    return bool(form.held[c] == STICKS and abs(settled[c]) == 1)
+
+
 @compiled(inline=True)
 def germs(
     form: ClosedForms,
@@ -150,7 +157,7 @@ def germs(
     fired: int,
     kinks: int,
     last: float,
-    stopped: int,
+    settled: Array,
 ) -> int:
     """Least guard that becomes negative at once, or −1; the deciding order of each guard is left in
     the work space.
@@ -167,9 +174,8 @@ def germs(
         The switch that has just fired, or −1, and the number of kinks.
     last : float
         Length of the last step.
-    stopped : int
-        The contact whose slip has just come to an end, or −1; see
-        :func:`stickslip.motion.engine.guards.has_stopped`.
+    settled : array of int, shape (contacts,)
+        Mode before the last event.
     """
     v = f.v
     size = f.size
@@ -210,8 +216,9 @@ def germs(
                 break
             if abs(value) > ROUNDING * terms:
                 floor = ROUNDING * _terms(S, G[g], size, k, near)
-                just = switch_of(form.switch[g], kinks, len(form.held)) == fired
-                if k == 0 and just and (stopped < 0 or form.held[stopped] != STICKS):
+                just = k == 0 and switch_of(form.switch[g], kinks, len(form.held)) == fired
+                # Where a slip has ended, its velocity is zero by definition, not its force.
+                if just and (fired < kinks or not stops(form, settled, fired - kinks)):
                     floor *= _FIRED_ROUNDINGS
                 if abs(value) > floor:
                     break
@@ -279,6 +286,32 @@ def _turn_all(lam: Array, r: Array, nb: int, tau: float, turned: Array) -> None:
         turned[j] = r[j] * turn(lam[j].real * tau, lam[j].imag * tau) if r[j] != 0.0 else 0.0j
 
 
+@compiled()
+def vanishes(form: ClosedForms, f: Flight, g: int, omega: Array) -> bool:
+    """Whether a guard whose first derivatives vanish does so for good, up to rounding: it has no
+    part in any exponential, and does not drift.
+
+    Parameters
+    ----------
+    form : ClosedForms
+        Of the mode.
+    f : Flight
+        With the amplitudes.
+    g : int
+        The guard.
+    omega : array, shape (waves,)
+        Frequencies of the drives.
+    """
+    reach = 0.0
+    terms = f.terms[g]
+    for j in range(form.counts[EXPONENTS]):
+        reach += form.swing[g, j] * f.modulus[j]
+        terms += form.swing[g, j] * f.rounding[j]
+    for m in range(len(omega)):
+        reach += form.swing[g, len(f.r) + m]
+    return bool(reach <= ROUNDING * terms)
+
+
 @compiled(inline=True)
 def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
     """Say of each guard what kind of signal it is; returns the one that will probably fall first,
@@ -293,6 +326,8 @@ def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
     for g in range(form.counts[GUARDS]):
         f.kind[g] = _NEVER
         if f.orders[g] >= GERM_ORDERS:
+            if not vanishes(form, f, g, omega):
+                return UNKNOWN
             continue
         # c₀ and the amplitudes about it; what is too small to be seen does not count.
         c0 = f.value[g]
@@ -433,20 +468,17 @@ def fly(form: ClosedForms, f: Flight, room: float, omega: Array) -> tuple[float,
 
 
 @compiled(inline=True)
-def arrive(form: ClosedForms, f: Flight, x: Array, seen: Array, tau: float, omega: Array) -> bool:
-    """Find where x is at the end of the flight just found; False if a component is not known there,
-    because exponentials cancel in it: it has not been moved yet by more than their rounding errors.
+def arrive(form: ClosedForms, f: Flight, x: Array, tau: float, omega: Array) -> None:
+    """Put x where it is at the end of the flight just found.
 
     Parameters
     ----------
     form : ClosedForms
         Of the mode.
     f : Flight
-        With the changes of the exponentials; receives the state at the end.
+        With the changes of the exponentials.
     x : array, shape (n,)
-        State at the beginning.
-    seen : array
-        Its first n entries, the largest modulus of each component so far, receive those at the end.
+        State at the beginning; receives that at the end.
     tau : float
         Duration.
     omega : array, shape (waves,)
@@ -456,14 +488,8 @@ def arrive(form: ClosedForms, f: Flight, x: Array, seen: Array, tau: float, omeg
     b = f.b
     turned = f.turned
     first = len(form.c2) - n
-    known = True
-    most = 0.0
     for m in range(len(omega)):
         b[m] = f.spin[m] * turn(0.0, omega[m] * tau)
-        most += length(b[m])
-    for j in range(form.counts[EXPONENTS]):
-        most += length(turned[j])
-    most *= _LOST * form.widest
     for i in range(n):
         g = first + i
         change = 0.0
@@ -475,39 +501,43 @@ def arrive(form: ClosedForms, f: Flight, x: Array, seen: Array, tau: float, omeg
         for m in range(len(omega)):
             z = form.b[g, m]
             change += z.real * b[m].real - z.imag * b[m].imag
-        f.ahead[i] = x[i] + change
-        seen[i] = max(abs(f.ahead[i]), seen[i])
-        if most > seen[i]:
-            known = known and is_moved(form, f, x, seen, i, tau, omega)
-    return known
+        x[i] += change
 
 
 @compiled()
-def is_moved(
-    form: ClosedForms, f: Flight, x: Array, seen: Array, i: int, tau: float, omega: Array
-) -> bool:
-    """Whether a component is more than a small part of what it is made of, at the end of a flight
-    or in its middle, since a slip begins and ends at rest.
+def is_lost(form: ClosedForms, f: Flight, x: Array, seen: Array, tau: float, omega: Array) -> bool:
+    """Whether a component is no more than rounding errors of what it is made of, at the end of the
+    flight just found and in its middle, and has been no more before: exponentials cancel in what
+    others have not moved yet.
 
     Parameters
     ----------
-    i : int
-        The component; the others as of :func:`arrive`.
+    form, f, x, tau, omega
+        As of :func:`arrive`; nothing is changed.
+    seen : array
+        Its first n entries, the largest modulus of each component so far, receive those of this
+        flight.
     """
-    g = len(form.c2) - len(x) + i
-    terms = 0.0
-    for j in range(form.counts[EXPONENTS]):
-        terms += form.swing[g, j] * length(f.turned[j])
-    for m in range(len(omega)):
-        terms += form.swing[g, len(x) + m] * length(f.b[m])
-    if _LOST * terms > seen[i]:
-        seen[i] = max(seen[i], abs(half_way(form, f, x, i, tau, omega)))
-    return bool(_LOST * terms <= seen[i])
+    n = len(x)
+    lost = False
+    for i in range(n):
+        g = len(form.c2) - n + i
+        terms = 0.0
+        for j in range(form.counts[EXPONENTS]):
+            terms += form.swing[g, j] * length(f.turned[j])
+        for m in range(len(omega)):
+            terms += form.swing[g, n + m] * length(turn(0.0, omega[m] * tau))
+        for part in range(2):
+            if part == 0 or _LOST * terms > seen[i]:
+                on_way = abs(place_at(form, f, x, i, tau if part == 0 else 0.5 * tau, omega))
+                seen[i] = max(seen[i], on_way)
+        lost = lost or _LOST * terms > seen[i]
+    return lost
 
 
 @compiled()
-def half_way(form: ClosedForms, f: Flight, x: Array, i: int, tau: float, omega: Array) -> float:
-    """A component of the state in the middle of a flight.
+def place_at(form: ClosedForms, f: Flight, x: Array, i: int, tau: float, omega: Array) -> float:
+    """A component of the state on the way of a flight.
 
     Parameters
     ----------
@@ -520,18 +550,17 @@ def half_way(form: ClosedForms, f: Flight, x: Array, i: int, tau: float, omega: 
     i : int
         The component.
     tau : float
-        Duration.
+        Time since the beginning.
     omega : array, shape (waves,)
         Frequencies of the drives.
     """
     g = len(form.c2) - len(x) + i
-    h = 0.5 * tau
-    value = x[i] + h * (scalar_product(form.c1[g], f.v[0]) + h * form.c2[g])
+    value = x[i] + tau * (scalar_product(form.c1[g], f.v[0]) + tau * form.c2[g])
     for j in range(form.counts[EXPONENTS]):
         lam = form.exponent[j]
-        value += (form.a[g, j] * f.r[j] * turn(lam.real * h, lam.imag * h)).real
+        value += (form.a[g, j] * f.r[j] * turn(lam.real * tau, lam.imag * tau)).real
     for m in range(len(omega)):
-        value += (form.b[g, m] * f.spin[m] * turn(0.0, omega[m] * h)).real
+        value += (form.b[g, m] * f.spin[m] * turn(0.0, omega[m] * tau)).real
     return float(value)
 
 

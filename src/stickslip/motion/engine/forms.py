@@ -86,8 +86,6 @@ class ClosedForms(NamedTuple):
         Slots in use, by group.
     shortest : array
         Shortest time scale, 1/max |λ|.
-    widest : array
-        The largest coefficient of an exponential in a component of the state.
     """
 
     status: IntVector
@@ -118,7 +116,6 @@ class ClosedForms(NamedTuple):
     brake: Array3
     used: IntVector
     shortest: Vector
-    widest: Vector
 
 
 def make_closed_forms(
@@ -173,7 +170,6 @@ def make_closed_forms(
         brake=z((m, contacts, ns)),
         used=z(groups, i),
         shortest=z(m),
-        widest=z(m),
     )
 
 
@@ -215,7 +211,6 @@ def form_of(T: ClosedForms, slot: int) -> ClosedForms:
         T.brake[slot],
         T.used,
         T.shortest[slot],
-        T.widest[slot],
     )
 
 
@@ -299,8 +294,6 @@ class Flight(NamedTuple):
     kind, lead, c, floor, guess : arrays
         Of each guard: what kind of signal it is, its only exponential, its powers of τ, the
         rounding error of its values, and about when it falls.
-    ahead : array, shape (n,)
-        State at the end of a flight.
     making : Making
         In which new closed forms are made.
     """
@@ -327,7 +320,6 @@ class Flight(NamedTuple):
     stack: Matrix
     mode0: IntVector
     reg0: IntVector
-    ahead: Vector
     making: Making
 
 
@@ -364,6 +356,5 @@ def make_flight(rows: Rows, waves: int, timed: bool) -> Flight:
         stack=z((64, 36)),
         mode0=z(contacts, np.int64),
         reg0=z(kinks, np.int64),
-        ahead=z(n),
         making=make_making(rows, waves, timed),
     )
