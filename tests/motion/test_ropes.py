@@ -95,3 +95,35 @@ def test_work_is_that_of_the_way() -> None:
         assert motion.certificate.ok, (seed, motion.certificate.verdict)
         worst = max(worst, motion.certificate.residuals[0].value)
     assert worst < 1e-11
+
+
+@cache
+def heavy(n: int) -> ss.System:
+    """The same of n lumps with mass."""
+    light = rope(n)
+    return ss.System(
+        "heavy rope",
+        parameters=light.parameters | {"m": ss.Parameter(0.01)},
+        coordinates={f"x{i}": ss.Inertial() for i in range(1, n + 1)},
+        kinetic=" + ".join(f"m/2*d_x{i}**2" for i in range(1, n + 1)),
+        potential=light.potential,
+        viscous=light.viscous,
+        contacts=light.contacts,
+        span=(0.0, 1.0),
+    )
+
+
+@pytest.mark.parametrize("n", [4, 6, 8])
+def test_slack_ropes(n: int) -> None:
+    """Nothing is tense at first: what moves the lumps in the middle grows with high powers of time,
+    and is lost in sums of exponentials. It is lost in nothing that is certified."""
+    rng = np.random.default_rng(n)
+    for _ in range(8):
+        p = {"a": 0.5 * np.sin(rng.uniform(0.5, 2.0) / n), "k": rng.uniform(100.0, 400.0)}
+        p |= {"c": rng.uniform(0.2, 1.0), "V": 10.0 ** rng.uniform(-3.5, -2.5), "T": 1.0}
+        p["m"] = 10.0 ** rng.uniform(-3.0, -1.0)
+        motion = ss.simulate(
+            heavy(n), (0.0, 10.0 ** rng.uniform(-4.0, 0.0)), parameters=p, max_events=2000
+        )
+        assert motion.outcome.ok, (p, motion.message)
+        assert motion.certificate.ok, (p, motion.certificate.verdict)

@@ -143,7 +143,7 @@ def _terms(S: Array, G: Array, size: Array, k: int, near: float) -> float:
     return total
 
 
-@compiled()
+@compiled(inline=True)
 def stops(form: ClosedForms, settled: Array, c: int) -> bool:
     """Whether a contact with mass has slipped, and now sticks."""
     return bool(form.held[c] == STICKS and abs(settled[c]) == 1)
