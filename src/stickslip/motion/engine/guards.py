@@ -12,6 +12,7 @@ from stickslip.motion.steps.arrays import (
     DIMENSION,
     DOUBTED,
     DOUBTFUL,
+    EPSILON,
     FIRED,
     INSTANT,
     MASSIVE,
@@ -56,6 +57,8 @@ class GuardRow(NamedTuple):
     is_gap : bool
         Whether it is a gap: then its rate is a velocity, known to its own rounding errors however
         small a bounce is beside those of the gap; so is that of a slip that has just ended.
+    late : float
+        By how much the time of a zero is a rounded number, in parts of the step.
     """
 
     row: int
@@ -66,6 +69,7 @@ class GuardRow(NamedTuple):
     near: float
     precision: float
     is_gap: bool
+    late: float
 
 
 @compiled(relaxed=RELAXED)
@@ -132,6 +136,7 @@ def germ(
         if k > 0:
             largest = max(largest, abs(c[k]))
     floor = guard.precision * (guard.size + guard.near * guard.rate + largest)
+    floor += guard.late * abs(c[1])
     if c[0] > floor:
         return 1, 0
     if c[0] < -floor:
@@ -143,6 +148,8 @@ def germ(
     for k in range(1, N):
         # What has just begun to slip has the acceleration 0 by definition.
         at_least = floor if k > 1 else slipping
+        if k < N - 1:
+            at_least += guard.late * (k + 1) * abs(c[k + 1])
         if c[k] > at_least:
             return 1, k
         if c[k] < -at_least:
@@ -218,7 +225,7 @@ def stays(
     if abs(W[row, 0]) > precision * (size + near * rate):
         return False
     spare = space.pending[len(space.pending) - 1]
-    guard = GuardRow(row, NOWHERE, 1.0, size, rate, near, precision, False)
+    guard = GuardRow(row, NOWHERE, 1.0, size, rate, near, precision, False, 0.0)
     s, _ = germ(W, guard, N, space.powers, slack, spare)
     return s == 0
 
@@ -395,12 +402,21 @@ def guard_of(
     if nk <= g < nk + 2 * nc and rows.plane[i] >= 0:
         # how fast a speed changes is known however small it is
         is_gap = mode[i] != 0 and rows.planes[rows.plane[i], MASSIVE] == 1
-    return GuardRow(row, shift, sign, size, rate, around, exact, is_gap)  # pyright: ignore[reportArgumentType]
+    return GuardRow(row, shift, sign, size, rate, around, exact, is_gap, 0.0)  # pyright: ignore[reportArgumentType]
 
 
 @compiled()
-def exactly(guard: GuardRow) -> GuardRow:
-    """The same guard, whose rate is known to its own rounding errors."""
+def just_fired(guard: GuardRow, late: float, exact: bool) -> GuardRow:
+    """The same guard at an event of its own.
+
+    Parameters
+    ----------
+    guard : GuardRow
+    late : float
+        By how much the time of the event is a rounded number, in parts of the step.
+    exact : bool
+        Whether its rate is known to its own rounding errors.
+    """
     return GuardRow(
         guard.row,
         guard.shift,
@@ -409,7 +425,8 @@ def exactly(guard: GuardRow) -> GuardRow:
         guard.rate,
         guard.near,
         guard.precision,
-        True,
+        guard.is_gap or exact,
+        late,
     )
 
 
@@ -469,6 +486,8 @@ def scan(
     violated = NOWHERE
     leapt = space.stood[nk]
     near = last / W[rows.sizes[DIMENSION], 1] + powers[1]
+    late = 2.0 * EPSILON * abs(W[rows.sizes[DIMENSION], 0]) / W[rows.sizes[DIMENSION], 1]
+    late = late / powers[1] if powers[1] > 0.0 else 0.0
     stopped = has_stopped(rows, settled, fired)
     for g in range(nk + 2 * nc + len(rows.doubtful)):
         if not is_asked(rows, mode, nk, g):
@@ -478,8 +497,8 @@ def scan(
         just = just and not (own and mode[stopped] == 0)
         precision = max(FIRED if just else 0.0, slack * ROUNDING)
         guard = guard_of(rows, space, mode, reg, g, near, precision)
-        if own and mode[stopped] != 0:
-            guard = exactly(guard)
+        if just:
+            guard = just_fired(guard, late, own)
         start = guard.sign * W[guard.row, 0] + (W[guard.shift, 0] if guard.shift >= 0 else 0.0)
         if start > guard.precision * (guard.size + guard.near * guard.rate) and start > fall(
             W, guard.row, guard.shift, guard.sign, N, powers
