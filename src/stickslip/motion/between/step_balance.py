@@ -107,6 +107,7 @@ _NEGLIGIBLE = 1e-10  # part of its size that a quantity may have between the nod
 _MOST_PIECES = 512  # of a step
 # part of the velocity that forces would give to what sticks, against which it is measured
 _REST = 1e-4
+_LATE = 4.0 * EPSILON  # part of a time by which that of a kink or of an event may be wrong
 _CANCELS = 1e-5  # part of its terms against which a sum is measured in which they cancel
 _ROUNDINGS = 8.0  # rounding errors of a rate, in parts of the size of its terms
 # square root of the number of pieces after which rounding errors of the state count beside others
@@ -660,7 +661,7 @@ def enclose(
         spread(tape, mode, reg, 0, len(rows.program.code))
         for r in range(n):
             space.discs[r, SLOPE] = slope_range(space.W[r], N, powers) / unit
-        if encloses(rows, space, N, h, acting, factor, tally):
+        if encloses(rows, space, mode, N, h, acting, factor, tally):
             return factor
     return np.inf
 
@@ -723,7 +724,14 @@ def counts_for(rows: Rows, mag: Array, r: int, size: float, h: float, acting: fl
 
 @compiled()
 def encloses(
-    rows: Rows, space: Space, N: int, h: float, acting: float, factor: float, tally: Tally
+    rows: Rows,
+    space: Space,
+    mode: Array,
+    N: int,
+    h: float,
+    acting: float,
+    factor: float,
+    tally: Tally,
 ) -> bool:
     """Whether what may be between the nodes of a piece is negligible.
 
@@ -732,6 +740,7 @@ def encloses(
     rows : Rows
     space : Space
         With the coefficients, the discs and the powers of the piece.
+    mode : array of int, shape (contacts,)
     N : int
         Order of the polynomials.
     h, acting : float
@@ -758,6 +767,10 @@ def encloses(
             max(extent(W[rows.u[c]], N, powers), _CANCELS * mag[c], tally.law[c, _SPEED])
             + _REST * acting * mag[nc + c]
         )
+        if c < rows.sizes[ON_INERTIAL] and mode[c] == 0 and own_inverse(rows, space, c) != 0.0:
+            # Forces that begin with zero make a velocity, too.
+            made = extent(W[rows.force[c]], N - 1, powers) / abs(own_inverse(rows, space, c))
+            speed += _REST * acting * made
         if not strays(discs[rows.u[c]], factor) <= _NEGLIGIBLE * speed:
             return False
         forces = rows.force[c], rows.plus[c], rows.minus[c]
@@ -1033,8 +1046,19 @@ def sample_law(
 
 
 @compiled()
+def steepness(c: Array, N: int, x: float) -> float:
+    """Bound of the derivative of Σ c[k] τᵏ, k < N, for 0 ≤ τ ≤ x."""
+    total = 0.0
+    for k in range(N - 1, 0, -1):
+        total = total * x + k * abs(c[k])
+    return total
+
+
+@compiled()
 def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Tally) -> None:
     """By how much guards fail on a piece, at the nodes and between them.
+
+    What a force or a velocity does within a rounding error of the time is none of theirs.
 
     Parameters
     ----------
@@ -1053,6 +1077,8 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
     samples = space.samples
     law = tally.law
     factor = piece.factor
+    unit = space.W[n, 1]
+    late = _LATE * abs(piece.t) / unit
     for c in range(nc):
         if is_loose(rows, mode, c):
             continue
@@ -1066,8 +1092,17 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
         row = n + 3 * c
         loose = 0.0
         tight = 0.0
-        rounding = piece.rounding * mag[c]
+        up, down = (
+            steepness(space.W[rows.plus[c]], piece.order, piece.h / unit),
+            steepness(space.W[rows.minus[c]], piece.order, piece.h / unit),
+        )
+        rounding = piece.rounding * mag[c] + late * steepness(
+            space.W[rows.u[c]], piece.order, piece.h / unit
+        )
         unsure = piece.rounding * mag[2 * nc + c]
+        unsure += late * (
+            steepness(space.W[rows.force[c]], piece.order, piece.h / unit) + max(up, down)
+        )
         if factor < np.inf:
             loose = strays(discs[rows.force[c]], factor)
             loose += max(strays(discs[rows.plus[c]], factor), strays(discs[rows.minus[c]], factor))

@@ -34,6 +34,7 @@ from stickslip.motion.steps.step_size import impulse
 from stickslip.translator import RELAXED, compiled
 
 _LONGEST_END = 1024.0  # of a slip in a plane, in steps that are as short as times can be told apart
+_LATE = 2.0 * EPSILON  # part of a time by which that of an event may be wrong
 _PRIME = 576460752303423433  # 2⁵⁹ − 55: five times as much still fits into an integer
 # Columns of Space.labels: the number of a guard that may fire, and the degree of its polynomial;
 # negative if it is violated at once.
@@ -407,7 +408,7 @@ def guard_of(
 
 @compiled()
 def just_fired(guard: GuardRow, late: float, exact: bool) -> GuardRow:
-    """The same guard at an event of its own.
+    """The same guard at an event.
 
     Parameters
     ----------
@@ -486,7 +487,7 @@ def scan(
     violated = NOWHERE
     leapt = space.stood[nk]
     near = last / W[rows.sizes[DIMENSION], 1] + powers[1]
-    late = 2.0 * EPSILON * abs(W[rows.sizes[DIMENSION], 0]) / W[rows.sizes[DIMENSION], 1]
+    late = slack * _LATE * abs(W[rows.sizes[DIMENSION], 0]) / W[rows.sizes[DIMENSION], 1]
     late = late / powers[1] if powers[1] > 0.0 else 0.0
     stopped = has_stopped(rows, settled, fired)
     for g in range(nk + 2 * nc + len(rows.doubtful)):
@@ -497,7 +498,7 @@ def scan(
         just = just and not (own and mode[stopped] == 0)
         precision = max(FIRED if just else 0.0, slack * ROUNDING)
         guard = guard_of(rows, space, mode, reg, g, near, precision)
-        if just:
+        if just or slack > 1.0:
             guard = just_fired(guard, late, own)
         start = guard.sign * W[guard.row, 0] + (W[guard.shift, 0] if guard.shift >= 0 else 0.0)
         if start > guard.precision * (guard.size + guard.near * guard.rate) and start > fall(

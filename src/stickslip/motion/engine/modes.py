@@ -508,9 +508,11 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
     mag = flow.space.mag
     promise = flow.space.promise[PROMISED]
     tol = _LOOSER * flow.tol
+    late = INSTANT * abs(table[len(y), 0]) / h  # the end is a rounded time
     for i in range(len(y)):
         size = LEAST_SIZE + abs(y[i]) + abs(promise[i]) + flow.atol * seen[i]
         rounding = ROUNDING * mag[rows.noise[i]] * h if rows.noise[i] >= 0 else 0.0
+        rounding += late * abs(promise[i])
         rate = rows.program.rates[i]
         if rate < len(y) and rows.noise[rate] >= 0:
             # A velocity that is made by forces which nearly cancel is known no better.
