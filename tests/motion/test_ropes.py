@@ -103,7 +103,7 @@ def heavy(n: int) -> ss.System:
     light = rope(n)
     return ss.System(
         "heavy rope",
-        parameters=light.parameters | {"m": ss.Parameter(0.01)},
+        parameters={**light.parameters, "m": ss.Parameter(0.01)},
         coordinates={f"x{i}": ss.Inertial() for i in range(1, n + 1)},
         kinetic=" + ".join(f"m/2*d_x{i}**2" for i in range(1, n + 1)),
         potential=light.potential,

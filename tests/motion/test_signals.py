@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 from stickslip.arrays import Array
 from stickslip.motion.engine import signals
@@ -30,7 +29,11 @@ def first_fall(s: SignalSum, limit: float, floor: float) -> float:
     if not len(below):
         return math.inf
     i = int(below[0])
-    return brentq(lambda x: value(s, x), points[i - 1], points[i], xtol=1e-300, rtol=1e-15)
+    low, high = float(points[i - 1]), float(points[i])
+    for _ in range(200):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if value(s, middle) > 0.0 else (low, middle)
+    return high
 
 
 @pytest.mark.parametrize("seed", range(30))

@@ -742,7 +742,8 @@ def fly_on(
         if slot >= 0 and t < end:
             tau, guard = flights.fly(form, flight, end - t, omega)
             if guard == flights.UNKNOWN or (
-                len(y) > flights.FEW and flights.is_lost(form, flight, y, lane.seen, tau, omega)
+                len(y) > flights.FEW_COMPONENTS
+                and flights.is_drowned(form, flight, y, lane.seen, tau, omega)
             ):
                 slot = _UNDECIDED
         if slot == _UNDECIDED:

@@ -44,7 +44,7 @@ from stickslip.translator import compiled
 # rounding errors by which the guard of a switch that has just fired may be away from zero, where it
 # is by definition
 _FIRED_ROUNDINGS = 1e5
-FEW = 4  # components of a state that are moved at orders at which nothing is lost
+FEW_COMPONENTS = 4  # components of a state that are moved at orders at which nothing is lost
 _LOST = 1e-4  # part of what it is made of, of which a component is known well enough
 UNKNOWN = -2  # what may be said instead of a guard
 # Kinds of signals
@@ -287,7 +287,7 @@ def _turn_all(lam: Array, r: Array, nb: int, tau: float, turned: Array) -> None:
 
 
 @compiled()
-def vanishes(form: ClosedForms, f: Flight, g: int, omega: Array) -> bool:
+def stays_zero(form: ClosedForms, f: Flight, g: int, omega: Array) -> bool:
     """Whether a guard whose first derivatives vanish does so for good, up to rounding: it has no
     part in any exponential, and does not drift.
 
@@ -326,7 +326,7 @@ def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
     for g in range(form.counts[GUARDS]):
         f.kind[g] = _NEVER
         if f.orders[g] >= GERM_ORDERS:
-            if not vanishes(form, f, g, omega):
+            if not stays_zero(form, f, g, omega):
                 return UNKNOWN
             continue
         # c₀ and the amplitudes about it; what is too small to be seen does not count.
@@ -505,7 +505,9 @@ def arrive(form: ClosedForms, f: Flight, x: Array, tau: float, omega: Array) -> 
 
 
 @compiled()
-def is_lost(form: ClosedForms, f: Flight, x: Array, seen: Array, tau: float, omega: Array) -> bool:
+def is_drowned(
+    form: ClosedForms, f: Flight, x: Array, seen: Array, tau: float, omega: Array
+) -> bool:
     """Whether a component is no more than rounding errors of what it is made of, at the end of the
     flight just found and in its middle, and has been no more before: exponentials cancel in what
     others have not moved yet.

@@ -299,7 +299,7 @@ def expand_signal(s: SignalSum, start: float, h: float, work: Array) -> None:
 
 
 @compiled()
-def window(s: SignalSum, start: float) -> float:
+def window_from(s: SignalSum, start: float) -> float:
     """How long the Taylor polynomial of a signal at a time is good."""
     h = np.inf
     for j in range(len(s.lam)):
@@ -331,7 +331,7 @@ def first_of_many(
     order = rising
     N = _WINDOW_ORDER
     while start < limit:
-        h = min(window(s, start), limit - start)
+        h = min(window_from(s, start), limit - start)
         expand_signal(s, start, h, work)
         if order > 0:
             divide_out(work, order, N + 1)
