@@ -44,8 +44,8 @@ from stickslip.translator import compiled
 # rounding errors by which the guard of a switch that has just fired may be away from zero, where it
 # is by definition
 _FIRED_ROUNDINGS = 1e5
-FEW_COMPONENTS = 4  # components of a state that are moved at orders at which nothing is lost
-_LOST = 1e-4  # part of what it is made of, of which a component is known well enough
+FEW_COMPONENTS = 4  # of a state: none is moved at so high an order that it is lost
+_LOST = 1e-4  # of what it is made of: a smaller component has lost too many digits
 UNKNOWN = -2  # what may be said instead of a guard
 # Kinds of signals
 _NEVER = 0
@@ -288,8 +288,8 @@ def _turn_all(lam: Array, r: Array, nb: int, tau: float, turned: Array) -> None:
 
 @compiled()
 def stays_zero(form: ClosedForms, f: Flight, g: int, omega: Array) -> bool:
-    """Whether a guard whose first derivatives vanish does so for good, up to rounding: it has no
-    part in any exponential, and does not drift.
+    """Whether a guard whose first derivatives vanish does so for good: it has no part in any
+    exponential or wave, up to rounding.
 
     Parameters
     ----------
@@ -521,18 +521,25 @@ def is_drowned(
         flight.
     """
     n = len(x)
+    b = f.b
     lost = False
+    for m in range(len(omega)):
+        b[m] = f.spin[m] * turn(0.0, omega[m] * tau)
     for i in range(n):
         g = len(form.c2) - n + i
+        value = x[i] + tau * (scalar_product(form.c1[g], f.v[0]) + tau * form.c2[g])
         terms = 0.0
         for j in range(form.counts[EXPONENTS]):
+            z = form.a[g, j]
+            value += z.real * f.turned[j].real - z.imag * f.turned[j].imag
             terms += form.swing[g, j] * length(f.turned[j])
         for m in range(len(omega)):
-            terms += form.swing[g, n + m] * length(turn(0.0, omega[m] * tau))
-        for part in range(2):
-            if part == 0 or _LOST * terms > seen[i]:
-                on_way = abs(place_at(form, f, x, i, tau if part == 0 else 0.5 * tau, omega))
-                seen[i] = max(seen[i], on_way)
+            z = form.b[g, m]
+            value += z.real * b[m].real - z.imag * b[m].imag
+            terms += form.swing[g, n + m] * length(b[m])
+        seen[i] = max(seen[i], abs(value))
+        if _LOST * terms > seen[i]:
+            seen[i] = max(seen[i], abs(place_at(form, f, x, i, 0.5 * tau, omega)))
         lost = lost or _LOST * terms > seen[i]
     return lost
 
