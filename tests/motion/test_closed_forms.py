@@ -3,8 +3,10 @@ matrix exponential, and the formulas of the equations."""
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import product
 
+import mpmath
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -208,3 +210,55 @@ def test_neither_resonance_nor_dependent_eigenvectors_are_divided_by() -> None:
     block = ss.catalogue.forced_oscillator()
     at_resonance = pose(block, {"omega": 1.0})
     assert np.all(closed_forms(at_resonance, *all_modes(at_resonance)).status[[0, 2]] == SMOOTH)
+
+
+@cache
+def joined() -> ss.System:
+    """Two blocks joined by a spring, one on rough ground, the other pulled by a soft spring."""
+    names = ("k", "soft", "m", "mu", "V")
+    return ss.System(
+        "joined",
+        parameters={name: ss.Parameter(1.0) for name in names},
+        coordinates={"x": ss.Inertial(), "y": ss.Inertial()},
+        kinetic="d_x**2/2 + m*d_y**2/2",
+        potential="k/2*(x - y)**2 + soft/2*(x - V*t)**2",
+        contacts={"ground": ss.Contact("d_y", "mu")},
+        span=(0.0, 1.0),
+    )
+
+
+def slid(p: dict[str, float], at: dict[str, float], T: float) -> tuple[float, float]:
+    """Where the two are after a slip forward, by 40 digits."""
+    with mpmath.workdps(40):
+        k, soft, m, mu, V = (mpmath.mpf(p[name]) for name in ("k", "soft", "m", "mu", "V"))
+        A = mpmath.zeros(6)  # of x, y, d_x, d_y, 1, t
+        A[0, 2] = A[1, 3] = A[5, 4] = 1
+        A[2, 0], A[2, 1], A[2, 5] = -k - soft, k, soft * V
+        A[3, 0], A[3, 1], A[3, 4] = k / m, -k / m, -mu / m
+        start = mpmath.matrix([at["x"], at["y"], at["d_x"], at["d_y"], 1, 0])
+        end = mpmath.expm(A * T) * start
+        return float(end[0]), float(end[1])
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_what_is_soft_is_not_lost_beside_what_is_stiff(seed: int) -> None:
+    """A matrix adds both springs up: at k = 10⁸ the soft one has eight digits there."""
+    rng = np.random.default_rng(seed)
+    p = {"k": 10.0 ** rng.uniform(6.0, 8.5), "soft": rng.uniform(0.5, 2.0)}
+    p |= {"m": rng.uniform(0.5, 2.0), "mu": rng.uniform(0.05, 0.2), "V": rng.uniform(0.1, 0.5)}
+    start = {"x": 0.0, "y": 0.0, "d_x": 1.0, "d_y": 1.0}
+    motion = ss.simulate(joined(), parameters=p, initial=start)
+    assert motion.certificate.ok, motion.certificate.verdict
+    expected = slid(p, start, 1.0)
+    assert (motion.final["x"], motion.final["y"]) == pytest.approx(expected, rel=2e-12)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_stick_and_slip_of_what_is_joined_stiffly(seed: int) -> None:
+    """Springs whose rounding errors are thousands of times the friction's: certified."""
+    rng = np.random.default_rng(seed)
+    p = {"k": 10.0 ** rng.uniform(6.0, 8.5), "soft": rng.uniform(0.5, 2.0)}
+    p |= {"m": rng.uniform(0.5, 2.0), "mu": rng.uniform(0.3, 1.0), "V": rng.uniform(0.1, 0.5)}
+    motion = ss.simulate(joined(), (0.0, 10.0), parameters=p)
+    assert motion.outcome.ok
+    assert motion.certificate.ok, motion.certificate.verdict

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -349,6 +350,41 @@ def test_dead_zones_and_narrow_ramps(edges: tuple[str, float]) -> None:
                 )
             )
             assert motion.certificate.ok, (load, belt, motion.certificate.verdict)
+
+
+@cache
+def ramped(text: str, where: str) -> ss.System:
+    """A block on rough ground under a load, or on a belt, that changes within a time w."""
+    load, belt = (text, "0") if where == "load" else ("0", text)
+    names = ("begin", "w", "A", "B", "mu")
+    return ss.System(
+        "ramp",
+        parameters={name: ss.Parameter(1.0) for name in names},
+        drives={"v": belt},
+        coordinates={"x": ss.Inertial(force=load)},
+        kinetic="d_x**2/2",
+        potential="x**2/2",
+        contacts={"c": ss.Contact("d_x", "mu", "v")},
+        span=(0.0, 5.0),
+    )
+
+
+@pytest.mark.parametrize("where", ["load", "belt"])
+@pytest.mark.parametrize("ramp", ["smoothstep(t, begin, begin + w)", "clip((t - begin)/w, 0, 1)"])
+def test_ramps_of_any_width(ramp: str, where: str) -> None:
+    """Down to a few rounding errors of the time, where a force may pass its threshold within one:
+    certified, and a jump but for the width."""
+    rng = np.random.default_rng(5)
+    jump = ramped("B + A*heaviside(t - begin)", where)
+    for i in range(40):
+        p = {"begin": 0.0 if i % 8 == 0 else rng.uniform(0.2, 2.0)}
+        p |= {"w": 10.0 ** rng.uniform(-9.0, -3.0), "A": rng.uniform(0.3, 1.0)}
+        p |= {"B": float(rng.choice([0.0, 0.2])), "mu": rng.uniform(0.1, 0.4)}
+        motion = ss.simulate(ramped(f"B + A*{ramp}", where), parameters=p)
+        assert motion.outcome.ok, (p, motion.message)
+        assert motion.certificate.ok, (p, motion.certificate.verdict)
+        limit = ss.simulate(jump, parameters=p).final
+        assert motion.final["x"] == pytest.approx(limit["x"], abs=3.0 * p["w"] + 1e-11)
 
 
 @pytest.mark.parametrize("k", [-0.5, 0.0, 0.5])

@@ -49,6 +49,7 @@ from stickslip.motion.steps.arrays import (
     AIM,
     ASIDE,
     COMPONENT,
+    CONTACTS,
     COORDINATES,
     DIMENSION,
     DISSIPATED,
@@ -57,6 +58,7 @@ from stickslip.motion.steps.arrays import (
     INERTIAL,
     KINK,
     MASSIVE,
+    MATRIX,
     MEMBERS,
     NOWHERE,
     OK,
@@ -77,6 +79,7 @@ from stickslip.motion.steps.arrays import (
     Record,
     Rows,
     Space,
+    direction_entry,
     gap_size,
     is_component,
     is_loose,
@@ -104,8 +107,11 @@ _NEGLIGIBLE = 1e-10  # part of its size that a quantity may have between the nod
 _MOST_PIECES = 512  # of a step
 # part of the velocity that forces would give to what sticks, against which it is measured
 _REST = 1e-4
+_LATE = 4.0 * EPSILON  # part of a time by which that of a kink or of an event may be wrong
 _CANCELS = 1e-5  # part of its terms against which a sum is measured in which they cancel
 _ROUNDINGS = 8.0  # rounding errors of a rate, in parts of the size of its terms
+# square root of the number of pieces after which rounding errors of the state count beside others
+_WALK = 16.0
 _NEARBY = 1e3  # tolerances of a gap below which a contact may take part in an impact
 # Rows of Tally.state, columns of Tally.law and of Tally.kinks, and slots of Tally.total.
 LARGEST, _SWAY, _DEFECT, _ROUNDED = range(4)
@@ -224,6 +230,9 @@ class StepPiece(NamedTuple):
     factor : float
         From the discs of rows to what these may do between the nodes; infinite if that could not be
         made small.
+    rounding : float
+        Rounding errors by which forces and velocities may be off, in parts of their terms: those
+        of the state add up, at random, from piece to piece.
     """
 
     order: int
@@ -231,6 +240,7 @@ class StepPiece(NamedTuple):
     h: float
     acting: float
     factor: float
+    rounding: float
 
 
 @entry_point()
@@ -329,7 +339,9 @@ def audit_step(
             give_directions(flow.rows, mode, False)
             if not factor < np.inf:
                 h, steps.open[i] = longest, left  # no more is tried in this step
-        piece = StepPiece(order, base, h, min(h, series) if series > 0.0 else h, factor)
+        acting = min(h, series) if series > 0.0 else h
+        rounding = ROUNDING * max(1.0, math.sqrt(pieces) / _WALK)
+        piece = StepPiece(order, base, h, acting, factor, rounding)
         measure_piece(machine, flow, piece, mode, reg, check, i, steps, tally)
         if wanted.extremes:
             add_step(flow.rows, W, order, h, W[n, 1], flow.space.stack, sums)
@@ -649,7 +661,7 @@ def enclose(
         spread(tape, mode, reg, 0, len(rows.program.code))
         for r in range(n):
             space.discs[r, SLOPE] = slope_range(space.W[r], N, powers) / unit
-        if encloses(rows, space, N, h, acting, factor, tally):
+        if encloses(rows, space, mode, N, h, acting, factor, tally):
             return factor
     return np.inf
 
@@ -712,7 +724,14 @@ def counts_for(rows: Rows, mag: Array, r: int, size: float, h: float, acting: fl
 
 @compiled()
 def encloses(
-    rows: Rows, space: Space, N: int, h: float, acting: float, factor: float, tally: Tally
+    rows: Rows,
+    space: Space,
+    mode: Array,
+    N: int,
+    h: float,
+    acting: float,
+    factor: float,
+    tally: Tally,
 ) -> bool:
     """Whether what may be between the nodes of a piece is negligible.
 
@@ -721,6 +740,7 @@ def encloses(
     rows : Rows
     space : Space
         With the coefficients, the discs and the powers of the piece.
+    mode : array of int, shape (contacts,)
     N : int
         Order of the polynomials.
     h, acting : float
@@ -747,6 +767,10 @@ def encloses(
             max(extent(W[rows.u[c]], N, powers), _CANCELS * mag[c], tally.law[c, _SPEED])
             + _REST * acting * mag[nc + c]
         )
+        if c < rows.sizes[ON_INERTIAL] and mode[c] == 0 and own_inverse(rows, space, c) != 0.0:
+            # Forces that begin with zero make a velocity, too.
+            made = extent(W[rows.force[c]], N - 1, powers) / abs(own_inverse(rows, space, c))
+            speed += _REST * acting * made
         if not strays(discs[rows.u[c]], factor) <= _NEGLIGIBLE * speed:
             return False
         forces = rows.force[c], rows.plus[c], rows.minus[c]
@@ -828,6 +852,8 @@ def measure_piece(
         coefficients(machine, flow, Instant(piece.t + tau, y, mode, reg), 1, V)
         machine.powers(V, reg, flow.k.K, power)
         steps.work[i, SPENT] += weight * power[DISSIPATED]
+        if piece.acting < piece.h:
+            steps.work[i, SPENT] -= weight * power_of_residuals(flow, piece, tau)
         steps.work[i, FED] += weight * power[SUPPLIED]
         tally.total[FED_IN_ALL] += weight * abs(power[SUPPLIED])
         if check:
@@ -845,7 +871,49 @@ def measure_piece(
         size = tally.state[LARGEST, r]
         time = counts_for(rows, space.mag, r, size, piece.h, piece.acting)
         steps.gap[i, r] += time * (LEBESGUE * largest + between)
-    judge_law(rows, space, mode, piece.factor, tally)
+    judge_law(rows, space, mode, piece, tally)
+
+
+@compiled()
+def power_of_residuals(flow: Flow, piece: StepPiece, tau: float) -> float:
+    """What forces without mass do at a node by the difference between the rates that the law gives
+    there and those of the polynomials.
+
+    The way is that of the polynomials. Where they last longer than series, because something
+    decays, the rates of the law have errors that are forgotten at once; their power would be
+    counted all the time.
+
+    Parameters
+    ----------
+    flow : Flow
+        Its work space has the polynomials, and the values of the rows at the node.
+    piece : StepPiece
+    tau : float
+        The node.
+    """
+    rows = flow.rows
+    W = flow.space.W
+    V = flow.space.V
+    unit = W[rows.sizes[DIMENSION], 1]
+    first = 2 * rows.sizes[INERTIAL]
+    rates = rows.program.rates
+    power = 0.0
+    for part in rows.parts:
+        if part[MATRIX] == 0:
+            continue
+        n = part[COORDINATES]
+        members = rows.members[part[MEMBERS] :]
+        for i in range(n):
+            z = members[i]
+            force = 0.0
+            for j in range(n):
+                force += flow.k.C[z, j] * V[rates[first + members[j]], 0]
+            for j in range(part[CONTACTS]):
+                c = members[n + j]
+                force -= direction_entry(rows, flow.k.J, V, c, i) * V[rows.force[c], 0]
+            way = rate_on(W[first + z], piece.order, tau / unit) / unit
+            power += force * (V[rates[first + z], 0] - way)
+    return power
 
 
 @compiled()
@@ -978,8 +1046,19 @@ def sample_law(
 
 
 @compiled()
-def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally) -> None:
+def steepness(c: Array, N: int, x: float) -> float:
+    """Bound of the derivative of Σ c[k] τᵏ, k < N, for 0 ≤ τ ≤ x."""
+    total = 0.0
+    for k in range(N - 1, 0, -1):
+        total = total * x + k * abs(c[k])
+    return total
+
+
+@compiled()
+def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Tally) -> None:
     """By how much guards fail on a piece, at the nodes and between them.
+
+    What a force or a velocity does within a rounding error of the time is none of theirs.
 
     Parameters
     ----------
@@ -987,8 +1066,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
     space : Space
         With the guards at the nodes, and the discs.
     mode : array of int, shape (contacts,)
-    factor : float
-        From the discs to what may be between the nodes; infinite if that is not known.
+    piece : StepPiece
     tally : Tally
         Receives the largest.
     """
@@ -998,6 +1076,9 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
     discs = space.discs
     samples = space.samples
     law = tally.law
+    factor = piece.factor
+    unit = space.W[n, 1]
+    late = _LATE * abs(piece.t) / unit
     for c in range(nc):
         if is_loose(rows, mode, c):
             continue
@@ -1011,8 +1092,17 @@ def judge_law(rows: Rows, space: Space, mode: Array, factor: float, tally: Tally
         row = n + 3 * c
         loose = 0.0
         tight = 0.0
-        rounding = ROUNDING * mag[c]
-        unsure = ROUNDING * mag[2 * nc + c]
+        up, down = (
+            steepness(space.W[rows.plus[c]], piece.order, piece.h / unit),
+            steepness(space.W[rows.minus[c]], piece.order, piece.h / unit),
+        )
+        rounding = piece.rounding * mag[c] + late * steepness(
+            space.W[rows.u[c]], piece.order, piece.h / unit
+        )
+        unsure = piece.rounding * mag[2 * nc + c]
+        unsure += late * (
+            steepness(space.W[rows.force[c]], piece.order, piece.h / unit) + max(up, down)
+        )
         if factor < np.inf:
             loose = strays(discs[rows.force[c]], factor)
             loose += max(strays(discs[rows.plus[c]], factor), strays(discs[rows.minus[c]], factor))
@@ -1147,7 +1237,7 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
     c : int
         The first component.
     factor : float
-        As of :func:`judge_law`.
+        As of :class:`StepPiece`.
     tally : Tally
         Receives the largest.
     """
@@ -1212,7 +1302,7 @@ def judge_opening(
     c : int
         The contact.
     factor : float
-        As of :func:`judge_law`.
+        As of :class:`StepPiece`.
     tally : Tally
         Receives the largest.
     """

@@ -1,8 +1,8 @@
 """Closed forms of affine modes, made where a motion first enters them.
 
 Matrices of a mode (:mod:`.affine`) become the table that :mod:`.flights` follow. A mode whose
-eigenvectors are nearly dependent, or that is near resonance, is left to the Taylor steps, which
-need no such structure.
+eigenvectors are nearly dependent, whose eigenvalues are not known well enough, or that is near
+resonance, is left to the Taylor steps, which need no such structure.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from stickslip.motion.engine.forms import (
     Making,
 )
 from stickslip.motion.steps.arrays import (
+    EPSILON,
     INERTIAL,
     ON_INERTIAL,
     ON_VISCOUS,
@@ -42,6 +43,7 @@ _FOLLOWS = -1
 _LEADS = -2
 
 _CONDITION = 1e4
+_KNOWN = 1e-11  # part of an eigenvalue that rounding errors of the matrix may change
 _SLOW = 1e-6  # smallest eigenvalue, relative to the largest, that may be divided by
 # imaginary and real parts of eigenvalues, relative to the largest, that are rounding
 _REAL = 1e-12
@@ -229,9 +231,43 @@ def add_part(T: ClosedForms, w: Making, slot: int, count: int, blocks: int) -> i
                 V[w.members[i], blocks] = (2.0 if pair else 1.0) * p.vectors[i, j]
             if modulus(L[blocks, w.members[i]]) <= _ABSENT * left:
                 L[blocks, w.members[i]] = complex(0.0, 0.0)
+        if not is_known(w, count, blocks, value):
+            return -1
         T.exponent[slot, blocks] = value
         blocks += 1
     return blocks
+
+
+@compiled()
+def is_known(w: Making, count: int, block: int, value: complex) -> bool:
+    """Whether an eigenvalue is known for a turn, or a decay: rounding errors of the entries of the
+    matrix change it by at most |L| |F| |V| ε.
+
+    Where stiff and soft springs are added up in one entry, what is soft is lost; series keep the
+    springs apart.
+
+    Parameters
+    ----------
+    w : Making
+        With the eigenvectors, and the members of the part.
+    count : int
+        How many members there are.
+    block : int
+        Where the eigenvectors stand.
+    value : complex
+        The eigenvalue.
+    """
+    F = w.probes.F
+    size = modulus(value)
+    if size == 0.0:
+        return True
+    error = 0.0
+    for i in range(count):
+        made = 0.0
+        for j in range(count):
+            made += abs(F[w.members[i], w.members[j]]) * modulus(w.V[w.members[j], block])
+        error += modulus(w.L[block, w.members[i]]) * made
+    return EPSILON * error <= _KNOWN * size
 
 
 @compiled()

@@ -737,6 +737,15 @@ def fly_on(
             slot = decide(machine, flow, g, T, flight, lane, several)
         if lane.counters[TAKEN] > 0 and passed_jumps(rows, flight.reg0, lane.reg)[0] > 0:
             slot = _UNDECIDED
+        tau, guard = 0.0, -1
+        form = form_of(T, max(slot, 0))
+        if slot >= 0 and t < end:
+            tau, guard = flights.fly(form, flight, end - t, omega)
+            if guard == flights.UNKNOWN or (
+                len(y) > flights.FEW_COMPONENTS
+                and flights.is_drowned(form, flight, y, lane.seen, tau, omega)
+            ):
+                slot = _UNDECIDED
         if slot == _UNDECIDED:
             copy(flight.mode0, mode)
             copy(flight.reg0, lane.reg)
@@ -746,17 +755,16 @@ def fly_on(
         count = note(rows, lane, task, count)
         if t >= end:
             return FINISHED, count
-        form = form_of(T, slot)
-        tau, guard = flights.fly(form, flight, end - t, omega)
         count_step(clock, lane.counters, tau, tau, t + tau if guard >= 0 else end)
         flights.arrive(form, flight, y, tau, omega)
         flown = slot
         fallen = guard
         if guard < 0:
             continue
-        if doubt_of(form.switch[guard], nk, nc) >= 0:
+        number = form.switch[guard]
+        if doubt_of(number, nk, nc) >= 0:
             return -1, count
-        code = fire(form.switch[guard], lane, rows, task.max_events)
+        code = fire(number, lane, rows, task.max_events)
         if code >= 0:
             return code, count
 
@@ -800,7 +808,8 @@ def decide(
         form = form_of(T, slot)
         if form.status != AFFINE or not flights.admissible(form, flight, lane.y, clock[RECENT]):
             return _UNDECIDED
-        guard = flights.germs(form, flight, omega, lane.counters[CAUSE], nk, clock[LAST])
+        fired = lane.counters[CAUSE]
+        guard = flights.germs(form, flight, omega, fired, nk, clock[LAST], lane.settled)
         if guard < 0:
             return _UNDECIDED if carries(form, flight, mode, nk, drops) else slot
         number = form.switch[guard]

@@ -23,6 +23,7 @@ from stickslip.motion.engine.forms import (
     GERM_ORDERS,
     GUARDS,
     SLIDES,
+    STICKS,
     ClosedForms,
     Flight,
 )
@@ -43,6 +44,9 @@ from stickslip.translator import compiled
 # rounding errors by which the guard of a switch that has just fired may be away from zero, where it
 # is by definition
 _FIRED_ROUNDINGS = 1e5
+FEW_COMPONENTS = 4  # of a state: none is moved at so high an order that it is lost
+_LOST = 1e-4  # of what it is made of: a smaller component has lost too many digits
+UNKNOWN = -2  # what may be said instead of a guard
 # Kinds of signals
 _NEVER = 0
 _LINE = 1
@@ -140,7 +144,21 @@ def _terms(S: Array, G: Array, size: Array, k: int, near: float) -> float:
 
 
 @compiled(inline=True)
-def germs(form: ClosedForms, f: Flight, omega: Array, fired: int, kinks: int, last: float) -> int:
+def stops(form: ClosedForms, settled: Array, c: int) -> bool:
+    """Whether a contact with mass has slipped, and now sticks."""
+    return bool(form.held[c] == STICKS and abs(settled[c]) == 1)
+
+
+@compiled(inline=True)
+def germs(
+    form: ClosedForms,
+    f: Flight,
+    omega: Array,
+    fired: int,
+    kinks: int,
+    last: float,
+    settled: Array,
+) -> int:
     """Least guard that becomes negative at once, or −1; the deciding order of each guard is left in
     the work space.
 
@@ -156,6 +174,8 @@ def germs(form: ClosedForms, f: Flight, omega: Array, fired: int, kinks: int, la
         The switch that has just fired, or −1, and the number of kinks.
     last : float
         Length of the last step.
+    settled : array of int, shape (contacts,)
+        Mode before the last event.
     """
     v = f.v
     size = f.size
@@ -196,7 +216,9 @@ def germs(form: ClosedForms, f: Flight, omega: Array, fired: int, kinks: int, la
                 break
             if abs(value) > ROUNDING * terms:
                 floor = ROUNDING * _terms(S, G[g], size, k, near)
-                if k == 0 and switch_of(form.switch[g], kinks, len(form.held)) == fired:
+                just = k == 0 and switch_of(form.switch[g], kinks, len(form.held)) == fired
+                # Where a slip has ended, its velocity is zero by definition, not its force.
+                if just and (fired < kinks or not stops(form, settled, fired - kinks)):
                     floor *= _FIRED_ROUNDINGS
                 if abs(value) > floor:
                     break
@@ -264,10 +286,36 @@ def _turn_all(lam: Array, r: Array, nb: int, tau: float, turned: Array) -> None:
         turned[j] = r[j] * turn(lam[j].real * tau, lam[j].imag * tau) if r[j] != 0.0 else 0.0j
 
 
+@compiled()
+def stays_zero(form: ClosedForms, f: Flight, g: int, omega: Array) -> bool:
+    """Whether a guard whose first derivatives vanish does so for good: it has no part in any
+    exponential or wave, up to rounding.
+
+    Parameters
+    ----------
+    form : ClosedForms
+        Of the mode.
+    f : Flight
+        With the amplitudes.
+    g : int
+        The guard.
+    omega : array, shape (waves,)
+        Frequencies of the drives.
+    """
+    reach = 0.0
+    terms = f.terms[g]
+    for j in range(form.counts[EXPONENTS]):
+        reach += form.swing[g, j] * f.modulus[j]
+        terms += form.swing[g, j] * f.rounding[j]
+    for m in range(len(omega)):
+        reach += form.swing[g, len(f.r) + m]
+    return bool(reach <= ROUNDING * terms)
+
+
 @compiled(inline=True)
 def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
     """Say of each guard what kind of signal it is; returns the one that will probably fall first,
-    or −1."""
+    or −1; or UNKNOWN if one is lost among the exponentials that it is made of."""
     r = f.r
     modulus = f.modulus
     b = f.b
@@ -278,6 +326,8 @@ def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
     for g in range(form.counts[GUARDS]):
         f.kind[g] = _NEVER
         if f.orders[g] >= GERM_ORDERS:
+            if not stays_zero(form, f, g, omega):
+                return UNKNOWN
             continue
         # c₀ and the amplitudes about it; what is too small to be seen does not count.
         c0 = f.value[g]
@@ -299,6 +349,8 @@ def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
         if form.decays[g] == 1 and c0 > reach and c1 >= 0.0 and c2 >= 0.0:
             continue  # what is in motion can never bring it down
         floor = ROUNDING * (terms + reach)
+        if f.orders[g] == 0 and f.value[g] <= floor:
+            return UNKNOWN
         real = 0
         waves = 0
         drives = 0
@@ -340,7 +392,7 @@ def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
 @compiled(inline=True)
 def fly(form: ClosedForms, f: Flight, room: float, omega: Array) -> tuple[float, int]:
     """The earliest event within `room`: (duration, guard or −1), with the changes of the
-    exponentials until then.
+    exponentials until then; or UNKNOWN instead of a guard.
 
     Parameters
     ----------
@@ -360,6 +412,8 @@ def fly(form: ClosedForms, f: Flight, room: float, omega: Array) -> tuple[float,
     nb = form.counts[EXPONENTS]
     amplitudes(form, f, omega)
     first = sort_guards(form, f, omega)
+    if first == UNKNOWN:
+        return 0.0, UNKNOWN
     limit = room
     which = -1
     known = False
@@ -448,6 +502,75 @@ def arrive(form: ClosedForms, f: Flight, x: Array, tau: float, omega: Array) -> 
             z = form.b[g, m]
             change += z.real * b[m].real - z.imag * b[m].imag
         x[i] += change
+
+
+@compiled()
+def is_drowned(
+    form: ClosedForms, f: Flight, x: Array, seen: Array, tau: float, omega: Array
+) -> bool:
+    """Whether a component is no more than rounding errors of what it is made of, at the end of the
+    flight just found and in its middle, and has been no more before: exponentials cancel in what
+    others have not moved yet.
+
+    Parameters
+    ----------
+    form, f, x, tau, omega
+        As of :func:`arrive`; nothing is changed.
+    seen : array
+        Its first n entries, the largest modulus of each component so far, receive those of this
+        flight.
+    """
+    n = len(x)
+    b = f.b
+    lost = False
+    for m in range(len(omega)):
+        b[m] = f.spin[m] * turn(0.0, omega[m] * tau)
+    for i in range(n):
+        g = len(form.c2) - n + i
+        value = x[i] + tau * (scalar_product(form.c1[g], f.v[0]) + tau * form.c2[g])
+        terms = 0.0
+        for j in range(form.counts[EXPONENTS]):
+            z = form.a[g, j]
+            value += z.real * f.turned[j].real - z.imag * f.turned[j].imag
+            terms += form.swing[g, j] * length(f.turned[j])
+        for m in range(len(omega)):
+            z = form.b[g, m]
+            value += z.real * b[m].real - z.imag * b[m].imag
+            terms += form.swing[g, n + m] * length(b[m])
+        seen[i] = max(seen[i], abs(value))
+        if _LOST * terms > seen[i]:
+            seen[i] = max(seen[i], abs(place_at(form, f, x, i, 0.5 * tau, omega)))
+        lost = lost or _LOST * terms > seen[i]
+    return lost
+
+
+@compiled()
+def place_at(form: ClosedForms, f: Flight, x: Array, i: int, tau: float, omega: Array) -> float:
+    """A component of the state on the way of a flight.
+
+    Parameters
+    ----------
+    form : ClosedForms
+        Of the mode.
+    f : Flight
+        With the amplitudes of the exponentials.
+    x : array, shape (n,)
+        State at the beginning.
+    i : int
+        The component.
+    tau : float
+        Time since the beginning.
+    omega : array, shape (waves,)
+        Frequencies of the drives.
+    """
+    g = len(form.c2) - len(x) + i
+    value = x[i] + tau * (scalar_product(form.c1[g], f.v[0]) + tau * form.c2[g])
+    for j in range(form.counts[EXPONENTS]):
+        lam = form.exponent[j]
+        value += (form.a[g, j] * f.r[j] * turn(lam.real * tau, lam.imag * tau)).real
+    for m in range(len(omega)):
+        value += (form.b[g, m] * f.spin[m] * turn(0.0, omega[m] * tau)).real
+    return float(value)
 
 
 @compiled(inline=True)

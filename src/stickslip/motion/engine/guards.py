@@ -12,6 +12,7 @@ from stickslip.motion.steps.arrays import (
     DIMENSION,
     DOUBTED,
     DOUBTFUL,
+    EPSILON,
     FIRED,
     INSTANT,
     MASSIVE,
@@ -33,6 +34,7 @@ from stickslip.motion.steps.step_size import impulse
 from stickslip.translator import RELAXED, compiled
 
 _LONGEST_END = 1024.0  # of a slip in a plane, in steps that are as short as times can be told apart
+_LATE = 2.0 * EPSILON  # part of a time by which that of an event may be wrong
 _PRIME = 576460752303423433  # 2⁵⁹ − 55: five times as much still fits into an integer
 # Columns of Space.labels: the number of a guard that may fire, and the degree of its polynomial;
 # negative if it is violated at once.
@@ -55,7 +57,9 @@ class GuardRow(NamedTuple):
         What counts as zero, in parts of these scales.
     is_gap : bool
         Whether it is a gap: then its rate is a velocity, known to its own rounding errors however
-        small a bounce is beside those of the gap.
+        small a bounce is beside those of the gap; so is that of a slip that has just ended.
+    late : float
+        By how much the time of a zero is a rounded number, in parts of the step.
     """
 
     row: int
@@ -66,6 +70,7 @@ class GuardRow(NamedTuple):
     near: float
     precision: float
     is_gap: bool
+    late: float
 
 
 @compiled(relaxed=RELAXED)
@@ -132,6 +137,7 @@ def germ(
         if k > 0:
             largest = max(largest, abs(c[k]))
     floor = guard.precision * (guard.size + guard.near * guard.rate + largest)
+    floor += guard.late * abs(c[1])
     if c[0] > floor:
         return 1, 0
     if c[0] < -floor:
@@ -143,6 +149,8 @@ def germ(
     for k in range(1, N):
         # What has just begun to slip has the acceleration 0 by definition.
         at_least = floor if k > 1 else slipping
+        if k < N - 1:
+            at_least += guard.late * (k + 1) * abs(c[k + 1])
         if c[k] > at_least:
             return 1, k
         if c[k] < -at_least:
@@ -218,7 +226,7 @@ def stays(
     if abs(W[row, 0]) > precision * (size + near * rate):
         return False
     spare = space.pending[len(space.pending) - 1]
-    guard = GuardRow(row, NOWHERE, 1.0, size, rate, near, precision, False)
+    guard = GuardRow(row, NOWHERE, 1.0, size, rate, near, precision, False, 0.0)
     s, _ = germ(W, guard, N, space.powers, slack, spare)
     return s == 0
 
@@ -395,12 +403,58 @@ def guard_of(
     if nk <= g < nk + 2 * nc and rows.plane[i] >= 0:
         # how fast a speed changes is known however small it is
         is_gap = mode[i] != 0 and rows.planes[rows.plane[i], MASSIVE] == 1
-    return GuardRow(row, shift, sign, size, rate, around, exact, is_gap)  # pyright: ignore[reportArgumentType]
+    return GuardRow(row, shift, sign, size, rate, around, exact, is_gap, 0.0)  # pyright: ignore[reportArgumentType]
+
+
+@compiled()
+def just_fired(guard: GuardRow, late: float, exact: bool) -> GuardRow:
+    """The same guard at an event.
+
+    Parameters
+    ----------
+    guard : GuardRow
+    late : float
+        By how much the time of the event is a rounded number, in parts of the step.
+    exact : bool
+        Whether its rate is known to its own rounding errors.
+    """
+    return GuardRow(
+        guard.row,
+        guard.shift,
+        guard.sign,
+        guard.size,
+        guard.rate,
+        guard.near,
+        guard.precision,
+        guard.is_gap or exact,
+        late,
+    )
+
+
+@compiled()
+def has_stopped(rows: Rows, settled: Array, fired: int) -> int:
+    """The contact, of what has mass and on a line, whose slip has just come to an end; or −1.
+
+    It is its velocity that is zero by definition there; its force and its acceleration are known
+    as well as any other.
+
+    Parameters
+    ----------
+    rows : Rows
+    settled : array of int, shape (contacts,)
+        Mode before the last event.
+    fired : int
+        The switch that has just fired, or −1.
+    """
+    c = fired - len(rows.kinks)
+    if c < 0 or c >= rows.sizes[ON_INERTIAL] or opens(rows, c) or rows.plane[c] >= 0:
+        return NOWHERE
+    return c if abs(settled[c]) == 1 else NOWHERE
 
 
 @compiled()
 def scan(
-    flow: Flow, mode: Array, reg: Array, last: float, fired: int, slack: float
+    flow: Flow, mode: Array, reg: Array, settled: Array, last: float, fired: int, slack: float
 ) -> tuple[int, int]:
     """Look at all guards of a mode: (least guard that is violated at once, or −1; number of guards
     that may fire, or of those that are violated).
@@ -413,6 +467,8 @@ def scan(
         Its work space has the coefficients and the powers of the step; it receives what may fire,
         or what is violated.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
+    settled : array of int, shape (contacts,)
+        Mode before the last event.
     last : float
         Length of the last step.
     fired : int
@@ -431,12 +487,19 @@ def scan(
     violated = NOWHERE
     leapt = space.stood[nk]
     near = last / W[rows.sizes[DIMENSION], 1] + powers[1]
+    late = slack * _LATE * abs(W[rows.sizes[DIMENSION], 0]) / W[rows.sizes[DIMENSION], 1]
+    late = late / powers[1] if powers[1] > 0.0 else 0.0
+    stopped = has_stopped(rows, settled, fired)
     for g in range(nk + 2 * nc + len(rows.doubtful)):
         if not is_asked(rows, mode, nk, g):
             continue
         just = switch_of(g, nk, nc) == fired or g == leapt
+        own = stopped >= 0 and nk <= g and contact_of(g, nk) == stopped
+        just = just and not (own and mode[stopped] == 0)
         precision = max(FIRED if just else 0.0, slack * ROUNDING)
         guard = guard_of(rows, space, mode, reg, g, near, precision)
+        if just or slack > 1.0:
+            guard = just_fired(guard, late, own)
         start = guard.sign * W[guard.row, 0] + (W[guard.shift, 0] if guard.shift >= 0 else 0.0)
         if start > guard.precision * (guard.size + guard.near * guard.rate) and start > fall(
             W, guard.row, guard.shift, guard.sign, N, powers

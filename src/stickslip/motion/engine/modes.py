@@ -508,9 +508,11 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
     mag = flow.space.mag
     promise = flow.space.promise[PROMISED]
     tol = _LOOSER * flow.tol
+    late = INSTANT * abs(table[len(y), 0]) / h  # the end is a rounded time
     for i in range(len(y)):
         size = LEAST_SIZE + abs(y[i]) + abs(promise[i]) + flow.atol * seen[i]
         rounding = ROUNDING * mag[rows.noise[i]] * h if rows.noise[i] >= 0 else 0.0
+        rounding += late * abs(promise[i])
         rate = rows.program.rates[i]
         if rate < len(y) and rows.noise[rate] >= 0:
             # A velocity that is made by forces which nearly cancel is known no better.
@@ -981,7 +983,7 @@ def try_mode(
     fired = lane.counters[CAUSE]
     unit = space.W[n, 1]
     fill_powers(space.powers, h / unit)
-    guard, count = scan(flow, mode, lane.reg, last, fired, slack)
+    guard, count = scan(flow, mode, lane.reg, lane.settled, last, fired, slack)
     if guard >= 0:
         return guard, count, h, h
     if hold_or_slide(flow.rows, space, mode, flow.order, last, fired, slack):
@@ -998,7 +1000,7 @@ def try_mode(
     if step != h:
         length = (clock[NOW] + step) - clock[NOW]
         fill_powers(space.powers, length / space.W[n, 1])
-        guard, count = scan(flow, mode, lane.reg, last, fired, slack)
+        guard, count = scan(flow, mode, lane.reg, lane.settled, last, fired, slack)
     if stiff and (guard >= 0 or not step > 0.0):
         # A guard that vanishes is known better from its series.
         clock[IMPLICIT] = -RESTING

@@ -20,6 +20,8 @@ from stickslip.motion.engine.roots import NONE, divide_out, first_crossing
 from stickslip.translator import compiled
 
 _WINDOW_ORDER = 22
+_WINDOW = 1.5  # in which its polynomial is exact, in parts of the time in which a term changes
+_LONGEST = 700.0  # what the exponential function can take
 _EXACT = 1e-16  # relative error of a root that no further step can lessen
 
 
@@ -297,27 +299,39 @@ def expand_signal(s: SignalSum, start: float, h: float, work: Array) -> None:
 
 
 @compiled()
+def window_from(s: SignalSum, start: float) -> float:
+    """How long the Taylor polynomial of a signal at a time is good."""
+    h = np.inf
+    for j in range(len(s.lam)):
+        size = abs(s.lam[j])
+        if size > 0.0 and s.a[j] != 0.0j:
+            spent = max(-s.lam[j].real * start, 0.0) / (_WINDOW_ORDER + 1)
+            h = min(h, _WINDOW / size * math.exp(min(spent, _LONGEST)))
+    for m in range(len(s.omega)):
+        if s.omega[m] > 0.0 and s.b[m] != 0.0j:
+            h = min(h, _WINDOW / s.omega[m])
+    return h
+
+
+@compiled()
 def first_of_many(
     s: SignalSum, limit: float, floor: float, rising: int, work: Array, stack: Array
 ) -> float:
     """First fall of any signal: window after window, its Taylor polynomial and the roots of that.
+
+    What decays leaves room for longer windows, in which it is known as exactly as at the beginning,
+    in parts of what it was there: it takes some sixteen until nothing is left of it.
 
     Parameters
     ----------
     work, stack : arrays, shapes (WINDOW_ORDER + 1,) and that of :func:`.roots.first_crossing`
         Work space.
     """
-    fastest = 0.0
-    for j in range(len(s.lam)):
-        fastest = max(fastest, abs(s.lam[j]))
-    for m in range(len(s.omega)):
-        fastest = max(fastest, s.omega[m])
-    h = min(limit, 1.5 / fastest if fastest > 0.0 else limit)
     start = 0.0
     order = rising
     N = _WINDOW_ORDER
     while start < limit:
-        h = min(h, limit - start)
+        h = min(window_from(s, start), limit - start)
         expand_signal(s, start, h, work)
         if order > 0:
             divide_out(work, order, N + 1)
