@@ -1,5 +1,5 @@
-"""Branches of equilibria of a block that slides on a belt, on a wavy spring: over its load, and over
-the speed of the belt.
+"""Branches of equilibria of a block that slides on a belt, on a wavy spring: over its load, and
+over the speed of the belt.
 
 Along a branch the parameter is an explicit function of the place x. So the branch is known as a
 whole, folds are zeros of its derivative, and Hopf points are zeros of the damping where the
@@ -19,7 +19,7 @@ from scipy.optimize import brentq
 
 import stickslip as ss
 
-from .case import Rng, declaration, given, log_uniform, pick
+from .case import declaration, given, log_uniform, pick
 from .mechanics import Array
 from .motions import without_numbers
 from .registry import in_turn
