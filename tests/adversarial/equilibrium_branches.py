@@ -98,13 +98,14 @@ class Case:
 
     def system(self) -> ss.System:
         """What the library gets."""
+        kink = " + s*max(x - a, 0)**2/2" if self.numbers["s"] else ""
         return ss.System(
             "wavy spring",
             parameters=given(**self.numbers),
             functions={"m(u)": "r + (1 - r)*exp(-u)", "h(x)": "1 + e*tanh(x)"},
             coordinates={"x": ss.Inertial(force="F - c*(1 + b*cos(x))*d_x")},
             kinetic="d_x**2/2",
-            potential="k*x**2/2 + A/q*sin(q*x) + s*max(x - a, 0)**2/2",
+            potential=f"k*x**2/2 + A/q*sin(q*x){kink}",
             contacts={"belt": ss.Contact("d_x", "h(x)", "w", kinetic="m(speed)*h(x)")},
         )
 

@@ -325,3 +325,15 @@ def test_variables_that_nothing_restricts() -> None:
     assert rest.extent["z_guide"] == (-math.inf, math.inf)
     assert found.contains({"x": 1.0, "e": -1e5 * 1e-6 / 4.0, "z_guide": 1e-6})
     assert not found.contains({"x": 1.0, "e": 0.0, "z_guide": 1e-6})
+
+
+def test_what_is_zero_nowhere() -> None:
+    """The first belt of the conveyor always bears a little: there is no slip on both that is
+    steady, only the second belt carries the parcel away."""
+    found = ss.equilibria(ss.catalogue.conveyor())
+    (carried,) = found.sets
+    assert found.certificate.ok, found.message
+    low, high = carried.extent["x"]
+    assert abs(low) < 1e-9 and high == math.inf
+    assert carried.drift == {"y": pytest.approx(0.8)}
+    assert found.contains({"x": 0.1, "y": 3.0}) and not found.contains({"x": -0.1, "y": 3.0})

@@ -432,7 +432,7 @@ class _Search:
         try:
             parts = cover(conditions, self.invariant, self.origin, self.box)
         except Irreducible as reason:
-            return reason.empty and region is None
+            return reason.empty
         if region is not None and parts.isolated:
             return False
         if parts.undecided:

@@ -18,7 +18,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.enclosures import bounds
+from stickslip.symbolic.enclosures import bounds, sure_sign
 from stickslip.symbolic.expressions import Expr
 
 _MOST = 200  # inequalities that eliminating a force may leave
@@ -112,6 +112,8 @@ class _Elimination:
         for x in [x for x in self.forces if x in free]:
             if self._levered(x, free):
                 free.remove(x)
+        if any(sure_sign(e, self.ranges) for e in self.equal):
+            raise Irreducible(empty=True)
         if any(e.symbols & set(free) for e in self.equal):
             raise Irreducible
         if not all(self._vanishes(e) for e in self.equal):
