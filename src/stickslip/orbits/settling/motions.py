@@ -207,9 +207,9 @@ class Block:
     Parameters
     ----------
     known : Invariance, optional
-        By default translations are the declared one and those that formulas show, the period that of the first drive that
-        acts, and the frame is found in the closed forms; of what is moved along over something
-        that repeats in space, the formulas say both.
+        By default translations are the declared one and those that formulas show, the period is
+        that of the first drive that acts, and the frame is found in the closed forms; of what is
+        moved along over something that repeats in space, the formulas say both.
     """
 
     def __init__(
