@@ -178,7 +178,7 @@ def on_the_branch(case: Case) -> tuple[float, float]:
         out = np.flatnonzero(~((value >= low) & (value <= high)))
         if not len(out):
             raise NotKnown("the branch is too long")
-        last, beyond = x[out[0] - 1], x[out[0]]
+        last, beyond = float(x[out[0] - 1]), float(x[out[0]])
         bound = high if not case.value(beyond) < low else low
         if not np.isfinite(case.value(beyond)):
             raise NotKnown("the parameter goes to infinity")

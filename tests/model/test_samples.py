@@ -222,7 +222,8 @@ def test_the_span_that_stands_if_none_is_given_ends_with_the_samples(tmp_path: P
     driven = ss.System("driven", drives={"a": "sin(t)"}, **parts).configure({"a": late})
     assert driven.span == (2.0, 7.0)
     assert driven.configure({"a": "sin(t)"}).span == (0.0, 100.0)
-    for span in ((0.0, 3.0), (0.0, 100.0), [0, 100]):
+    asked: list[Any] = [(0.0, 3.0), (0.0, 100.0), [0, 100]]
+    for span in asked:
         with pytest.raises(DeclarationError, match="samples cover"):
             ss.simulate(ss.System("driven", drives={"a": late}, span=span, **parts))
 

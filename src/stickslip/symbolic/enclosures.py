@@ -1,9 +1,9 @@
 """Enclosures on expression trees: what no value of a formula, and no slope of it, can leave.
 
-One pass over a tree. The slope with respect to one name is enclosed along with the value. Where the
-branches of a function with a kink meet, it has the slopes of both; where they are not seen to meet,
-the function may jump, and the slope is unbounded. For many boxes at once see
-:mod:`stickslip.symbolic.boxes`.
+The formula is that of the tree, whose numbers have been combined already. One pass over it. The
+slope with respect to one name is enclosed along with the value. Where the branches of a function
+with a kink meet, it has the slopes of both; where they are not seen to meet, the function may jump,
+and the slope is unbounded. For many boxes at once see :mod:`stickslip.symbolic.boxes`.
 """
 
 from __future__ import annotations

@@ -284,12 +284,11 @@ class _Search:
                 raise DeclarationError(
                     f"point.{name}", "its value is missing", "Give all coordinates"
                 )
-        return any(
-            (self._is_at if isinstance(one, Equilibrium) else self._is_in)(
-                one, np.array([point.get(x, one.state[x]) for x in self.state])
-            )
-            for one in found
-        )
+        for one in found:
+            y = np.array([point.get(x, one.state[x]) for x in self.state])
+            if self._is_at(one, y) if isinstance(one, Equilibrium) else self._is_in(one, y):
+                return True
+        return False
 
     def _is_at(self, one: Equilibrium, y: Array) -> bool:
         """Whether a state is that of an isolated equilibrium, up to translation."""
