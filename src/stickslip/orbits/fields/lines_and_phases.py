@@ -102,7 +102,7 @@ class Reading:
         ]
         table = _numbers(rows, states, values)
         size = np.max(np.abs(table), axis=1, keepdims=True, initial=0.0)
-        found = simple_basis(_kernel(table / np.where(size > 0.0, size, 1.0)))
+        found = _echelon(_kernel(table / np.where(size > 0.0, size, 1.0)))
         kept = [k for k, shift in enumerate(found.T) if _leaves(rows, states, shift)]
         return found[:, kept]
 
@@ -165,16 +165,22 @@ def _kernel(matrix: Array) -> Array:
     return v[int(np.sum(s > _MAKES_UP * s[0])) if len(s) else 0 :].T
 
 
-def simple_basis(directions: Array) -> Array:
-    """Directions with as many exact zeros as possible, the largest component of each 1; shape (n,
-    directions)."""
+def _echelon(directions: Array) -> Array:
+    """The one basis of what some directions span in which each begins with a 1 where all others are
+    0, in order; shape (n, directions)."""
     rows = directions.T.copy()
-    for i in range(len(rows)):
-        j = int(np.argmax(np.abs(rows[i])))
-        rows[i] /= rows[i, j]
-        for k in range(len(rows)):
-            if k != i:
-                rows[k] -= rows[k, j] * rows[i]
+    done = 0
+    for j in range(rows.shape[1]):
+        if done == len(rows):
+            break
+        i = done + int(np.argmax(np.abs(rows[done:, j])))
+        if abs(rows[i, j]) <= _MAKES_UP:
+            continue
+        rows[[done, i]] = rows[[i, done]]
+        rows[done] /= rows[done, j]
+        others = np.arange(len(rows)) != done
+        rows[others] -= np.outer(rows[others, j], rows[done])
+        done += 1
     whole = np.round(rows)
     return np.where(np.abs(rows - whole) < _NEARLY_WHOLE, whole, rows).T
 

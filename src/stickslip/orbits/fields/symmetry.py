@@ -20,7 +20,6 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.orbits.fields.clock import Drives
-from stickslip.orbits.fields.lines_and_phases import simple_basis
 from stickslip.orbits.fields.mode_field import Piece
 
 _RANK = 1e-9  # singular values below this part of the largest are zero
@@ -213,12 +212,25 @@ def _split(free: Array) -> tuple[Array, Array | None]:
     """Shifts of the state, and the frame that goes with a shift of time, if there is one."""
     moving = np.abs(free[0]) > 1e-9 * np.max(np.abs(free), initial=0.0)
     if not np.any(moving):
-        return simple_basis(free[1:]), None
+        return _clean(free[1:]), None
     # Combinations without a shift of time are shifts of the state; of those that shift it by 1, the
     # frame is the shortest, up to shifts.
     _, _, v = np.linalg.svd(free[:1])
-    shifts = simple_basis(free[1:] @ v[1:].T)
+    shifts = _clean(free[1:] @ v[1:].T)
     frame = free[1:] @ free[0] / (free[0] @ free[0])
     if shifts.shape[1]:
         frame = frame - shifts @ np.linalg.lstsq(shifts, frame, rcond=None)[0]
     return shifts, np.where(np.abs(frame) > 1e-10 * (1.0 + np.max(np.abs(frame))), frame, 0.0)
+
+
+def _clean(directions: Array) -> Array:
+    """Directions with as many exact zeros as possible, the largest component of each 1."""
+    rows = directions.T.copy()
+    for i in range(len(rows)):
+        j = int(np.argmax(np.abs(rows[i])))
+        rows[i] /= rows[i, j]
+        for k in range(len(rows)):
+            if k != i:
+                rows[k] -= rows[k, j] * rows[i]
+    whole = np.round(rows)
+    return np.where(np.abs(rows - whole) < 1e-10, whole, rows).T
