@@ -28,6 +28,7 @@ SHARES = {
     "averages": 0.1,
     "evolutions": 0.1,
     "equilibrium_sets": 0.025,
+    "equilibrium_branches": 0.025,
     "formulas": 0.25,
     "stored": 0.1,
 }

@@ -173,6 +173,11 @@ def damaged(case: Case) -> tuple[Path, str]:
         first, *rest = name.parts
         shutil.rmtree(path / first) if rest else (path / first).unlink()
         return path, f"{first} removed"
+    chunks = [file for file in files if "c" in file.parts]
+    if rng.random() < 0.15:
+        source, target = (chunks[i] for i in rng.choice(len(chunks), 2, replace=False))
+        shutil.copyfile(path / source, path / target)
+        return path, f"{source} in the place of {target}"
     how, content = damage((path / name).read_bytes(), rng)
     (path / name).write_bytes(content)
     return path, f"{how} of {name}"

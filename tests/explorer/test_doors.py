@@ -9,9 +9,13 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
+from bokeh.document import Document
+from bokeh.models import Div
 from tornado.httpclient import HTTPClientError, HTTPRequest
 from tornado.websocket import websocket_connect
 
@@ -20,6 +24,7 @@ from stickslip.errors import DeclarationError
 from stickslip.explorer.asking.limits import MOST_MESSAGE, SECONDS
 from stickslip.explorer.asking.request import PageSetting, read_request, read_state
 from stickslip.explorer.explore import listening_explorer
+from stickslip.explorer.serving.doors import Leaving
 from stickslip.explorer.serving.server import Explorer
 
 
@@ -346,6 +351,29 @@ def test_who_compiles_the_engine_may_take_long_and_says_so(
         running.close()
     assert heads[0].get("compiling")
     assert [head["part"] for head in heads if "part" in head] == ["motion", "verdict"]
+
+
+def test_closing_a_page_looks_for_no_garbage(monkeypatch: pytest.MonkeyPatch) -> None:
+    """That would take a quarter of a second each, in which nobody is answered."""
+    leaving, document = Leaving(), Document()
+    leaving.modify_document(document)
+    document.add_root(Div(text="page"))
+    left: list[object] = []
+
+    def leave(session_context: object) -> None:
+        left.append(session_context)
+
+    class Receiver:
+        """Of changes, as a session is."""
+
+    session = Receiver()
+    document.callbacks.on_change_dispatch_to(session)
+    document.on_session_destroyed(leave)
+    context: Any = SimpleNamespace(_document=document)
+    monkeypatch.setattr("gc.collect", lambda generation=2: pytest.fail("it does"))
+    document.destroy(session)
+    asyncio.run(leaving.on_session_destroyed(context))
+    assert left == [context]
 
 
 def test_a_page_that_is_closed_stops_its_work(explorer: Explorer) -> None:

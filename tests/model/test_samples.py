@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import pickle
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -220,8 +221,36 @@ def test_the_span_that_stands_if_none_is_given_ends_with_the_samples(tmp_path: P
         assert system.span == span and ss.simulate(system).t_span == span
     driven = ss.System("driven", drives={"a": "sin(t)"}, **parts).configure({"a": late})
     assert driven.span == (2.0, 7.0)
-    with pytest.raises(DeclarationError, match="samples cover"):
-        ss.simulate(ss.System("driven", drives={"a": late}, span=(0.0, 3.0), **parts))
+    assert driven.configure({"a": "sin(t)"}).span == (0.0, 100.0)
+    asked: list[Any] = [(0.0, 3.0), (0.0, 100.0), [0, 100]]
+    for span in asked:
+        with pytest.raises(DeclarationError, match="samples cover"):
+            ss.simulate(ss.System("driven", drives={"a": late}, span=span, **parts))
+
+
+def test_a_span_that_is_given_as_the_default_is_given() -> None:
+    """Nothing shortens it, also not after a file, a copy or a change of parameters."""
+    late = ss.Samples([2.0, 7.0], [0.0, 1.0])
+    parts: dict[str, Any] = {
+        "parameters": {"k": ss.Parameter(1.0)},
+        "drives": {"a": "sin(t)"},
+        "coordinates": {"x": ss.Inertial()},
+        "kinetic": "d_x**2/2",
+        "potential": "k*x**2/2 - a*x",
+    }
+    asked = ss.System("driven", span=(0.0, 100.0), **parts)
+    own = ss.System("driven", **parts)
+    assert "span" in asked.to_toml() and "span" not in own.to_toml()
+    for change in (
+        lambda s: s,
+        lambda s: loads(s.to_toml()),
+        lambda s: pickle.loads(pickle.dumps(s)),
+        lambda s: s.with_parameters(k=2.0),
+        lambda s: s.plain,
+    ):
+        assert replace(change(own), drives={"a": late}).span == (2.0, 7.0)
+        with pytest.raises(DeclarationError, match=r"samples cover 2 \.\.\. 7"):
+            replace(change(asked), drives={"a": late})
 
 
 TABLES = {

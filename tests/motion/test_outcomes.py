@@ -287,3 +287,19 @@ def test_interrupted_by_the_user() -> None:
     assert 1e3 < motion.knots.time[-1] < 1e5
     assert motion.certificate.lawful
     assert motion.n_switches > 100
+
+
+@pytest.mark.parametrize("k", [1e9, 1e11, 2e12])
+def test_a_stop_without_a_piecewise_function_is_not_called_sliding_on_a_jump(k: float) -> None:
+    """A spring so stiff that rounding decides which mode goes on: the reason is not known."""
+    stiff = System(
+        "stiff",
+        coordinates={"x": Inertial()},
+        kinetic="d_x**2/2",
+        potential=f"{k}/2*(x - 0.1*t)**2",
+        contacts={"pad": Contact("d_x", 1.0, kinetic=0.6)},
+        span=(0.0, 20.0),
+    )
+    motion = simulate(stiff, max_events=100)
+    assert motion.outcome in (Outcome.NO_MODE, Outcome.EVENT_LIMIT)
+    assert not motion.certificate.ok

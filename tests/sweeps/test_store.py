@@ -342,6 +342,25 @@ def test_damaged_chunks_are_found_and_repaired(tmp_path: Path, name: str, how: s
     assert 0 < sum(stand_in.calls) <= chunk * 15
 
 
+@pytest.mark.parametrize(
+    ("source", "target"),
+    [("speed/c/0/0", "speed/c/1/0"), ("period/c/0/0", "speed/c/0/0"), ("P/c/0", "delta/c/0")],
+)
+def test_a_chunk_in_the_place_of_another_is_damage(
+    tmp_path: Path, source: str, target: str
+) -> None:
+    store = tmp_path / "toy.zarr"
+    sweep(TOY, OVER, MEASURE, store)
+    shutil.copyfile(store / source, store / target)
+    with pytest.raises(StickslipError, match=f"damaged: {target}"):
+        ss.open(store)
+    with pytest.raises(StickslipError, match=f"damaged: {target}"):
+        sweep(TOY, OVER, MEASURE, store)
+    if not target.startswith("delta"):
+        same(sweep(TOY, OVER, MEASURE, store, repair=True).dataset, exact())
+        same(ss.open(store).dataset, exact())
+
+
 def test_the_whole_store_may_be_moved(tmp_path: Path) -> None:
     sweep(TOY, OVER, MEASURE, tmp_path / "toy.zarr")
     shutil.move(tmp_path / "toy.zarr", tmp_path / "moved.zarr")

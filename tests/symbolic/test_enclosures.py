@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import between, enclosures, slopes
-from stickslip.symbolic.enclosures import bounds, joins
+from stickslip.symbolic.enclosures import bounds, joins, sure_sign
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Scope
 from stickslip.symbolic.pieces import STRUCTURES
@@ -321,3 +321,34 @@ def test_unknown_names_are_unbounded() -> None:
         (math.exp(-1.0), math.e), rel=1e-14
     )
     assert bounds(parse("3"), {}) == (3.0, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "sign"),
+    [
+        ("1 - tanh(x)", 1),
+        ("0.5*(tanh(x) + 1)*exp(y)", 1),
+        ("-exp(x)", -1),
+        ("exp(x) + exp(-y)", 1),
+        ("(erf(x) - 1)*(2 + sin(y))", -1),
+        ("expm1(x) + 1", 1),
+        ("a*(1 - tanh(x))/sqrt(a**2 + y**2)", 1),
+        ("(tanh(x) - 1)**2 + y**2", 1),
+        ("cosh(x) - 1", 0),
+        ("1 - sin(x)", 0),
+        ("x**2", 0),
+        ("exp(x) - exp(y)", 0),
+        ("smoothstep(x, 0, 1)", 0),
+        ("1 - erf(abs(x))*cos(y)", 0),
+        ("floor(x) + 1", 0),
+    ],
+)
+def test_what_comes_near_to_zero_and_is_not(text: str, sign: int) -> None:
+    assert sure_sign(parse(text), {"a": (2.0, 2.0)}) == sign
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(trees(), ENDS, ENDS)
+def test_a_sure_sign_is_that_of_all_values(e: Expr, x: float, y: float) -> None:
+    value, sign = exact(e, {"x": x, "y": y}), sure_sign(e, {})
+    assert value is None or sign == 0 or value * sign > 0

@@ -395,10 +395,14 @@ def _plain(value: Any, where: str) -> Any:
             return value
 
 
-_SPAN = (0.0, 100.0)
+class _NotGiven(tuple[float, float]):
+    """A time span that stands because none was given."""
 
 
-def _known(drives: Any) -> tuple[float, float]:
+_SPAN = _NotGiven((0.0, 100.0))
+
+
+def _known(drives: Any) -> _NotGiven:
     """The part of the span that stands if none is given of which all drives say something."""
     start, stop = _SPAN
     # What is no mapping is refused with the rest of the declaration.
@@ -407,7 +411,7 @@ def _known(drives: Any) -> tuple[float, float]:
     for drive in cast(Mapping[str, Any], drives).values():
         if isinstance(drive, TimeFunction) and not drive.covers(start, stop):
             start, stop = max(start, drive.span[0]), min(stop, drive.span[1])
-    return (start, stop) if start < stop else _SPAN
+    return _NotGiven((start, stop)) if start < stop else _SPAN
 
 
 @dataclass(frozen=True)
@@ -479,8 +483,9 @@ class System:
     facts: Mapping[str, Formula] = field(default_factory=dict[str, Formula])
 
     def __post_init__(self) -> None:
+        given = not isinstance(self.span, _NotGiven)
         hold_plain(self)
-        if self.span == _SPAN:
+        if not given:
             object.__setattr__(self, "span", _known(self.drives))
         _ = self.declaration
         for doubt in self.doubts:

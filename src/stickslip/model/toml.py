@@ -294,7 +294,8 @@ def as_toml(data: Any, groups: Sequence[str]) -> str:
 
 def _is_default(entry: Any, value: Any) -> bool:
     default = entry.default if entry.default_factory is MISSING else entry.default_factory()
-    return repr(value) == repr(default)  # 1, 1.0 and "1" are different things to say
+    # 1, 1.0 and "1" are different things to say, and so is what is given as the default is.
+    return type(value) is type(default) and repr(value) == repr(default)
 
 
 def _lines(key: str, value: Any) -> Iterator[str]:

@@ -79,9 +79,10 @@ class Outcome(Ended):
     NO_MODE = (
         22,
         "no admissible mode",
-        "No mode of the contacts that can open goes on from here; the reason is not known. It is "
-        "not Painlevé's paradox: friction changes the normal forces too little for that. At the "
-        "start of a motion, or after a jump of the state, look for bodies that overlap",
+        "No mode of the contacts goes on from here; the reason is not known. It is not Painlevé's "
+        "paradox: friction changes the normal forces too little for that, if at all. At the start "
+        "of a motion, or after a jump of the state, look for bodies that overlap; elsewhere for "
+        "forces so stiff that rounding decides",
     )
     NO_COLLISION = (
         18,

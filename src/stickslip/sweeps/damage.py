@@ -1,8 +1,10 @@
 """What is damaged or missing in the store of a map, file by file.
 
-Every chunk ends in a checksum of its own, and ``zarr.json`` has those of all descriptions
-(:mod:`stickslip.checksums`). Files are compared as they are: nothing is decoded before it is known
-to be sound.
+Every chunk says where it belongs and ends in a checksum of its own, and ``zarr.json`` has those of
+all descriptions (:mod:`stickslip.checksums`). Files are compared as they are: nothing is decoded
+before it is known to be sound. The place of a chunk, such as ``speed/c/0/1``, stands behind its
+values as a frame that decoders of Zstandard skip (RFC 8878, section 3.1.2), so that whoever reads
+Zarr reads it.
 """
 
 from __future__ import annotations
@@ -21,6 +23,8 @@ Chunk = tuple[int, ...]
 
 _DESCRIPTION = "zarr.json"
 _SUM = 4  # bytes of the checksum at the end of a chunk
+_SKIPPED = b"\x50\x2a\x4d\x18"  # how a frame begins that decoders skip
+_LAYOUT = "3"
 
 
 class Faults(NamedTuple):
@@ -40,7 +44,7 @@ class Faults(NamedTuple):
 
 def files(chunks: Iterable[tuple[str, Chunk]]) -> str:
     """Files of chunks, for a message."""
-    return some(["/".join([name, "c", *map(str, chunk)]) for name, chunk in chunks], 6)
+    return some([_key(name, chunk) for name, chunk in chunks], 6)
 
 
 def is_there(path: Path) -> bool:
@@ -53,7 +57,7 @@ def seal_store(path: Path) -> None:
     place = path / _DESCRIPTION
     described = json.loads(place.read_bytes())
     own = described["attributes"]
-    own[checksums.LAYOUT] = "2"
+    own[checksums.LAYOUT] = _LAYOUT
     own[checksums.TABLE] = json.dumps(checksums.checksums_of(own, _sums(_arrays(described))))
     place.write_text(json.dumps(described, indent=2), encoding="utf-8")
 
@@ -92,7 +96,8 @@ def check_description(path: Path, kind: str) -> dict[str, Any]:
                 damaged.append(f"{name}/{_DESCRIPTION}")
         for name in own["coordinates"].split():
             chunks = [(name, chunk) for chunk in _chunks(arrays[name])]
-            damaged += [files([each]) for each in chunks if not _sound(_place(path, *each))]
+            told = own.get(checksums.LAYOUT) == _LAYOUT
+            damaged += [files([each]) for each in chunks if not _sound(path, *each, told)]
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise StickslipError(
             f"{path}: not a map stored by stickslip, or its description is damaged "
@@ -125,8 +130,9 @@ def faults(
     """
     *others, last = names
     found = Faults([], [])
+    told = _tells_places(path)
     for chunk in _chunks(array):
-        states = {name: _sound(_place(path, name, chunk)) for name in names}
+        states = {name: _sound(path, name, chunk, told) for name in names}
         if states[last] is None or all(states.values()):
             continue
         if states[last] and empty(chunk):
@@ -158,19 +164,52 @@ def _chunks(array: Mapping[str, Any]) -> Iterator[Chunk]:
     return product(*(range(count) for count in counts))
 
 
-def _place(path: Path, name: str, chunk: Chunk) -> Path:
-    return path.joinpath(name, "c", *map(str, chunk))
+def _tells_places(path: Path) -> bool:
+    """Whether the chunks of a store say where they belong."""
+    return _read(path / _DESCRIPTION)["attributes"].get(checksums.LAYOUT) == _LAYOUT
 
 
-def _sound(place: Path) -> bool | None:
-    """Whether a chunk has the right checksum; None if it is not there."""
+def _key(name: str, chunk: Chunk) -> str:
+    return "/".join([name, "c", *map(str, chunk)])
+
+
+def is_chunk(key: str) -> bool:
+    """Whether a file of a store is a chunk."""
+    return "/c/" in key
+
+
+def placed(key: str, content: bytes) -> bytes:
+    """A chunk with its place, and its checksum of that, too.
+
+    Parameters
+    ----------
+    key : str
+        Where it belongs.
+    content : bytes
+        The chunk, which ends in its checksum.
+    """
     import google_crc32c
 
+    told = content[:-_SUM] + _frame(key)
+    return told + google_crc32c.value(told).to_bytes(_SUM, "little")
+
+
+def _frame(key: str) -> bytes:
+    return _SKIPPED + len(key.encode()).to_bytes(4, "little") + key.encode()
+
+
+def _sound(path: Path, name: str, chunk: Chunk, told: bool) -> bool | None:
+    """Whether a chunk has the right checksum and, where chunks say that, is in its place; None if
+    it is not there."""
+    import google_crc32c
+
+    key = _key(name, chunk)
     try:
-        content = place.read_bytes()
+        content = (path / key).read_bytes()
     except FileNotFoundError:
         return None
     except OSError:
         return False
     written = int.from_bytes(content[-_SUM:], "little")
-    return len(content) > _SUM and google_crc32c.value(content[:-_SUM]) == written
+    sound = len(content) > _SUM and google_crc32c.value(content[:-_SUM]) == written
+    return sound and (not told or content[:-_SUM].endswith(_frame(key)))

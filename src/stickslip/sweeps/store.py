@@ -33,6 +33,7 @@ from stickslip.sweeps.request.plan import FORMAT, KIND, NOT_COMPUTED, Part, Plan
 if TYPE_CHECKING:
     import xarray
     import zarr
+    from zarr.storage import LocalStore
 
 need("zarr", "maps")
 
@@ -288,7 +289,8 @@ def create(plan: Plan, path: Path | None) -> MapStore:
 
     lines = [] if plan.carry is None else list(plan.carry.path(plan.axes)[0])
     grid = make_grid(plan.axes, lines)
-    group = zarr.open_group(MemoryStore() if path is None else path, mode="w-", zarr_format=3)
+    place = MemoryStore() if path is None else _folder(path)
+    group = zarr.open_group(place, mode="w-", zarr_format=3)
     coordinates = plan.coordinates()
     group.attrs.update(
         {
@@ -313,6 +315,12 @@ def create(plan: Plan, path: Path | None) -> MapStore:
     if path is not None:
         damage.seal_store(path)
     return MapStore(group, plan, grid, path)
+
+
+def _folder(path: Path) -> LocalStore:
+    from stickslip.sweeps.folder import Folder
+
+    return Folder(path)
 
 
 def _new_array(
@@ -398,7 +406,7 @@ def _opened(
 def _existing(plan: Plan, path: Path) -> MapStore:
     import zarr
 
-    group = zarr.open_group(path, mode="r+", use_consolidated=False)
+    group = zarr.open_group(_folder(path), mode="r+", use_consolidated=False)
     return MapStore(group, plan, Grid(plan.axes, _array(group, "outcome").chunks), path)
 
 

@@ -1,9 +1,9 @@
 """Enclosures on expression trees: what no value of a formula, and no slope of it, can leave.
 
-One pass over a tree. The slope with respect to one name is enclosed along with the value. Where the
-branches of a function with a kink meet, it has the slopes of both; where they are not seen to meet,
-the function may jump, and the slope is unbounded. For many boxes at once see
-:mod:`stickslip.symbolic.boxes`.
+The formula is that of the tree, whose numbers have been combined already. One pass over it. The
+slope with respect to one name is enclosed along with the value. Where the branches of a function
+with a kink meet, it has the slopes of both; where they are not seen to meet, the function may jump,
+and the slope is unbounded. For many boxes at once see :mod:`stickslip.symbolic.boxes`.
 """
 
 from __future__ import annotations
@@ -30,6 +30,50 @@ _NOTHING = (0.0, 0.0)
 def bounds(expression: Expr, ranges: Mapping[str, tuple[float, float]]) -> tuple[float, float]:
     """Guaranteed bounds of an expression for names within given ranges (others are unbounded)."""
     return Enclosure([expression], ranges, FLOATS).values[expression]
+
+
+def sure_sign(expression: Expr, ranges: Mapping[str, tuple[float, float]]) -> int:
+    """1 or −1 if an expression is seen to have that sign wherever names have numbers in the given
+    ranges, even if it comes as near to zero as may be, as 1 − tanh x does; else 0.
+
+    Strictly monotone functions do not reach their limits.
+    """
+    known = Enclosure([expression], ranges, FLOATS).values
+    signs: dict[Expr, int] = {}
+    for e in walk([expression]):
+        low, high = known[e]
+        found = 1 if low > 0.0 else -1 if high < 0.0 else 0
+        match e.op:
+            case "prod" if not found:
+                found = 1
+                for base, p in e.terms:
+                    even, whole = p % 2.0 == 0.0, p.is_integer()
+                    own = signs[base]
+                    found *= abs(own) if even else own if whole else max(own, 0)
+            case "pow" if not found:
+                found = max(signs[e.args[0]], 0)
+            case "sum" if low >= 0.0 or high <= 0.0:
+                side = 1 if low >= 0.0 else -1
+                if any(
+                    _stays_off(t, known[t], signs[t], side if c > 0 else -side) for t, c in e.terms
+                ):
+                    found = side
+            case _ if e.op in FUNCTIONS and not found and (low >= 0.0 or high <= 0.0):
+                side = 1 if low >= 0.0 else -1
+                found = side if _stays_off(e, (low, high), 0, side) else 0
+        signs[e] = found
+    return signs[expression]
+
+
+def _stays_off(e: Expr, bounds: Interval, sign: int, side: int) -> bool:
+    """Whether an expression does not reach its lower bound (side 1) or its upper one (side −1)."""
+    end = bounds[0 if side > 0 else 1]
+    if end == 0.0 and sign == side:
+        return True
+    row = FUNCTIONS.get(e.op)
+    if row is None or row.limits is None or row.poles is not None or row.parity == "even":
+        return False
+    return row.domain == EVERYTHING and end in row.limits
 
 
 class Enclosure:

@@ -9,7 +9,9 @@ guard into an event.
 Values are those of IEEE arithmetic wherever they are computed. What overflows is infinite, so that
 what has a limit there comes to it: ``min(exp(x), 1)`` is 1 at x = 1000. What is undefined is NaN,
 poles included, and so is all that is made of it: ``max(sqrt(x), 3)`` has no value at x = −1. Terms
-that cancel identically are not part of an expression.
+that cancel identically are not part of an expression. Numbers are combined where an expression is
+made, rounded to the nearest: ``0.1 + 0.2`` is 0.30000000000000004 whichever way it is computed, and
+enclosures are those of the expression with that number.
 """
 
 from __future__ import annotations

@@ -262,3 +262,78 @@ def test_what_is_not_proved_is_said(tmp_path: Any) -> None:
     assert not many.certificate.ok
     many.save(tmp_path / "many.nc")
     assert ss.open(tmp_path / "many.nc").message == many.message
+
+
+# -- points in them --------------------------------------------------------------------------------
+
+
+def test_a_point_is_in_a_set_or_not() -> None:
+    """Gaps and holes are not part of sets, however far their extents reach."""
+    rng = np.random.default_rng(0)
+    for kind in (ss.Inertial, ss.Viscous, ss.RateIndependent):
+        found = ss.equilibria(block(WELLS, "1 + 0.3*cos(x)", kind))
+        for x in rng.uniform(-4.0, 4.0, 60):
+            margin = 1 + 0.3 * math.cos(x) - abs(0.766 * x + 1.345 * math.cos(2.319 * x))
+            assert found.contains({"x": float(x)}) == (margin >= 0.0)
+    assert not ss.equilibria(block(WELLS)).contains({"x": -1.5})
+
+
+def test_points_in_a_plane() -> None:
+    hat = ss.System(
+        "hat",
+        coordinates={"x": ss.Inertial(), "y": ss.Inertial()},
+        kinetic="(d_x**2 + d_y**2)/2",
+        potential="(x**2 + y**2 - 1)**2",
+        contacts={"b": ss.Contact(("d_x", "d_y"), 0.5)},
+    )
+    found = ss.equilibria(hat)
+    rng = np.random.default_rng(1)
+    for x, y in rng.uniform(-1.2, 1.2, (80, 2)):
+        r = math.hypot(x, y)
+        assert found.contains({"x": float(x), "y": float(y)}) == (4 * r * abs(r * r - 1) <= 0.5)
+    assert not found.contains({"x": 0.0, "y": 0.0, "d_x": 1e-3})
+
+
+def test_points_of_polyhedra_and_isolated_equilibria() -> None:
+    pair = ss.System(
+        "pair",
+        coordinates={"x": ss.Inertial(), "y": ss.Inertial()},
+        kinetic="(d_x**2 + d_y**2)/2",
+        potential="x**2/2 + (y - x)**2/2",
+        contacts={"a": ss.Contact("d_x", 1.0)},
+    )
+    found = ss.equilibria(pair)
+    assert found.contains({"x": 0.5, "y": 0.5})
+    assert not found.contains({"x": 0.5, "y": 0.6})
+    assert not found.contains({"x": 1.1, "y": 1.1})
+    belt = ss.equilibria(ss.catalogue.belt_block(V=0.3))
+    (one,) = belt.isolated
+    assert belt.contains(one.state)
+    assert not belt.contains({**one.state, "x": one.state["x"] + 1e-3})
+    with pytest.raises(ss.DeclarationError, match=r"point\.y: its value is missing"):
+        found.contains({"x": 0.5})
+    with pytest.raises(ss.DeclarationError, match="z: not a part of the state"):
+        found.contains({"x": 0.5, "y": 0.5, "z": 1.0})
+
+
+def test_variables_that_nothing_restricts() -> None:
+    """Bristles may be bent by any amount while the mass rests at its goal."""
+    found = ss.equilibria(ss.catalogue.lugre_positioner())
+    (rest,) = found.sets
+    assert found.certificate.ok, found.message
+    assert rest.extent["x"] == (1.0, 1.0) and rest.dimension == 1
+    assert rest.extent["z_guide"] == (-math.inf, math.inf)
+    assert found.contains({"x": 1.0, "e": -1e5 * 1e-6 / 4.0, "z_guide": 1e-6})
+    assert not found.contains({"x": 1.0, "e": 0.0, "z_guide": 1e-6})
+
+
+def test_what_is_zero_nowhere() -> None:
+    """The first belt of the conveyor always bears a little: there is no slip on both that is
+    steady, only the second belt carries the parcel away."""
+    found = ss.equilibria(ss.catalogue.conveyor())
+    (carried,) = found.sets
+    assert found.certificate.ok, found.message
+    low, high = carried.extent["x"]
+    assert abs(low) < 1e-9 and high == math.inf
+    assert carried.drift == {"y": pytest.approx(0.8)}
+    assert found.contains({"x": 0.1, "y": 3.0}) and not found.contains({"x": -0.1, "y": 3.0})

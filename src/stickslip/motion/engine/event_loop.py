@@ -344,7 +344,9 @@ def give_up(
         return (UNDEFINED if status == NAN else NO_INERTIA), count
     if has_gaps(rows):
         return (NO_ACCELERATION if is_paradox(machine, flow, lane) else NO_MODE), count
-    return (ON_JUMP if rows.sizes[RATE_INDEPENDENT] == 0 else NO_RATE), count
+    if rows.sizes[RATE_INDEPENDENT] > 0:
+        return NO_RATE, count
+    return (ON_JUMP if len(rows.kinks) > 0 else NO_MODE), count
 
 
 @compiled()

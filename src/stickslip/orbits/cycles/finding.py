@@ -52,6 +52,8 @@ _AGREES = 0.3
 # a cycle that has shrunk to this part of the motion it was found from is an equilibrium
 _COLLAPSED = 1e-4
 _REPELS = 1e-6  # no motion settles on a cycle with a multiplier this far outside the unit circle
+_LOOK = 0.01  # of the span: in which the velocity of a steady motion is seen
+_STEADY = 1e-10  # of the state: a smaller change is none
 _DIES_OUT = 1e-2  # a motion whose extent has fallen to this part dies out
 
 
@@ -304,6 +306,15 @@ class _Search:
 
     def _rests(self, time: float, fate: Settled, w: Window) -> ConvergenceError:
         velocity = w.symmetry.frame
+        if fate.outcome is Outcome.STEADY and w.symmetry.shifts.shape[1]:
+            # Along a translation, too.
+            motion = follow_freely(
+                self.problem, fate.time, fate.time + _LOOK * self.span, fate.state
+            )
+            times, states = motion.knots.time[[0, -1]], motion.knots.state[[0, -1]]
+            shift, size = states[1] - states[0], np.abs(states).max(axis=0)
+            moved = np.abs(shift) > _STEADY * size
+            velocity = np.where(moved, shift, 0.0) / max(float(times[1] - times[0]), 1e-300)
         return _at_rest(self.problem, time, fate.state, self.failure, velocity)
 
     def _ended(self, message: str) -> ConvergenceError:

@@ -62,7 +62,7 @@ class CoveredSets:
     undecided : str
         What is not known of others; empty if there are none.
     isolated : bool
-        Whether there is at most one state (up to translation), since nothing is free.
+        Whether there is at most one state, up to translation.
     """
 
     found: list[CoveredSet]
@@ -92,7 +92,7 @@ def cover(conditions: Conditions, invariant: Array, origin: Array, box: Ranges) 
     if len(reduced.free) > _MOST:
         raise Irreducible
     found = _Covered(conditions, reduced, origin, box)
-    return found.parts() if reduced.free else found.point()
+    return found.parts() if reduced.free else found.point(invariant.shape[1])
 
 
 def valued(
@@ -122,15 +122,16 @@ class _Covered:
             if x not in box and (turn := period(felt, x, self.values)):
                 self.repeats[x] = turn
 
-    def point(self) -> CoveredSets:
-        """Where nothing is free, there is one state or none."""
+    def point(self, translations: int) -> CoveredSets:
+        """Where nothing restricts what is free, if anything is: all such states, or none."""
+        isolated = self.reduced.dimension <= translations
         state = np.array([ex.evaluate(e, self.values) for e in self.formulas.values()]) + 0.0
         if not all(self._holds(e) for e in self.reduced.nonnegative):
-            return CoveredSets([], isolated=True)
+            return CoveredSets([], isolated=isolated)
         extent = self._extent({x: (v, v) for x, v in zip(self.states, state.tolist(), strict=True)})
         inside = state[:, None]
         part = CoveredSet(state, inside, extent, 0.0, self.reduced.dimension, {}, 0)
-        return CoveredSets([part] if self._asked(extent) else [], isolated=True)
+        return CoveredSets([part] if self._asked(extent) else [], isolated=isolated)
 
     def _holds(self, e: Expr) -> bool:
         """Whether a condition without unknowns is met, up to rounding."""

@@ -223,6 +223,41 @@ class Equilibria(Result):
             return super().__getitem__(name)
         return (*self.isolated, *self.sets)[name]
 
+    def contains(self, point: Mapping[str, float]) -> bool:
+        """Whether a point is one of the isolated equilibria, or in one of the sets.
+
+        This asks the conditions of rest, not the extents: a gap between two sets, or a hole in one,
+        is not part of them. Parts of the same sets that are further out than was looked count.
+
+        Parameters
+        ----------
+        point : mapping of str to float
+            Values of all coordinates and internal variables. Velocities that are left out are
+            those of the equilibria.
+
+        Raises
+        ------
+        DeclarationError
+            If it is no state of the system.
+
+        Examples
+        --------
+        >>> import stickslip as ss
+        >>> block = ss.System(
+        ...     "block",
+        ...     coordinates={"x": ss.Inertial()},
+        ...     kinetic="d_x**2/2",
+        ...     potential="(x**2 - 1)**2",
+        ...     contacts={"ground": ss.Contact("d_x", 0.5)},
+        ... )
+        >>> found = ss.equilibria(block)
+        >>> found.contains({"x": 0.1}), found.contains({"x": 0.5})
+        (True, False)
+        """
+        from stickslip.orbits.equilibria.finding import is_equilibrium
+
+        return is_equilibrium(self, point)
+
     @property
     def along(self) -> str:
         """Dimension of the dataset."""

@@ -21,7 +21,7 @@ from stickslip.certificates import Residual, worst
 from stickslip.equations.derive import MotionEquations, derive
 from stickslip.equations.field import Field, Guard, Mode, Region, mode_field, named_modes
 from stickslip.errors import DeclarationError, StickslipError, short
-from stickslip.model.declaration import DryContact
+from stickslip.model.declaration import DryContact, check_initial
 from stickslip.model.system import System
 from stickslip.orbits.equilibria import search
 from stickslip.orbits.equilibria.certificate import ON_BOUNDARY, certify_equilibrium, certify_set
@@ -77,6 +77,24 @@ def equilibria(
     """
     values = checked_values(system, parameters)
     return _Search(system, autonomous(system), values, box or {}).run()
+
+
+def is_equilibrium(found: Equilibria, point: Mapping[str, float]) -> bool:
+    """Whether a point is an isolated equilibrium that was found, or in a set.
+
+    Parameters
+    ----------
+    found : Equilibria
+    point : mapping of str to float
+        See :meth:`Equilibria.contains`.
+
+    Raises
+    ------
+    DeclarationError
+        If the point is no state.
+    """
+    looked = _Search(found.system, autonomous(found.system), found.parameters, {})
+    return looked.contains(found, point)
 
 
 def checked_values(system: System, parameters: Mapping[str, float] | None) -> dict[str, float]:
@@ -256,6 +274,46 @@ class _Search:
             tuple(dict.fromkeys(self.undecided)),
         )
 
+    def contains(self, found: Equilibria, point: Mapping[str, float]) -> bool:
+        """Whether a point is an isolated equilibrium, or in a set."""
+        rates = {f"d_{x}" for x in self.eq.declaration.inertial}
+        for name in point:
+            check_initial(self.system.declaration, name, point[name])
+        for name in self.state:
+            if name not in point and name not in rates:
+                raise DeclarationError(
+                    f"point.{name}", "its value is missing", "Give all coordinates"
+                )
+        for one in found:
+            y = np.array([point.get(x, one.state[x]) for x in self.state])
+            if self._is_at(one, y) if isinstance(one, Equilibrium) else self._is_in(one, y):
+                return True
+        return False
+
+    def _is_at(self, one: Equilibrium, y: Array) -> bool:
+        """Whether a state is that of an isolated equilibrium, up to translation."""
+        there = np.array(list(one.state.values()))
+        units = np.maximum(np.maximum(np.abs(y), np.abs(there)), 1e-6)
+        apart, along = (y - there) / units, self.invariant / units[:, None]
+        return float(np.max(np.abs(apart - along @ (np.linalg.pinv(along) @ apart)))) <= _KNOWN
+
+    def _is_in(self, one: EquilibriumSet, y: Array) -> bool:
+        """Whether a state meets the conditions of a set: of all sets of its modes, then."""
+        for region in one.regions:
+            if self._rests(one.mode):
+                conditions = all_stick(self.eq, one.mode, region, self.values)
+            elif (field := self._field(one.mode, region)) is not None:
+                steady = Steady(field, self.values, self.invariant, self.origin)
+                conditions = self._conditions(steady)
+            else:
+                continue
+            whole = conditions.completed(y)
+            if whole is not None:
+                equations, guards = certify_set(conditions, whole).residuals
+                if equations.value <= _KNOWN and guards.value >= -_KNOWN:
+                    return True
+        return False
+
     def _look_everywhere(self, candidates: Iterable[tuple[Mode, Region]]) -> None:
         """Look in all candidates, and in the regions that zeros outside their own region point
         to."""
@@ -373,7 +431,7 @@ class _Search:
         try:
             parts = cover(conditions, self.invariant, self.origin, self.box)
         except Irreducible as reason:
-            return reason.empty and region is None
+            return reason.empty
         if region is not None and parts.isolated:
             return False
         if parts.undecided:

@@ -18,7 +18,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.enclosures import bounds
+from stickslip.symbolic.enclosures import bounds, sure_sign
 from stickslip.symbolic.expressions import Expr
 
 _MOST = 200  # inequalities that eliminating a force may leave
@@ -112,6 +112,8 @@ class _Elimination:
         for x in [x for x in self.forces if x in free]:
             if self._levered(x, free):
                 free.remove(x)
+        if any(sure_sign(e, self.ranges) for e in self.equal):
+            raise Irreducible(empty=True)
         if any(e.symbols & set(free) for e in self.equal):
             raise Irreducible
         if not all(self._vanishes(e) for e in self.equal):
@@ -138,18 +140,22 @@ class _Elimination:
         )
 
     def _solvable(self, free: list[str]) -> tuple[str, Expr] | None:
-        """An unknown, and what an equation says it is."""
-        for x in free:
-            for n, e in enumerate(self.equal):
-                if x not in e.symbols or ex.bends(e, [x]):
-                    continue
-                slope = ex.derivative(e, x)
-                if x in slope.symbols or (slope.symbols & set(free) and x in self.states):
-                    continue
-                low, high = bounds(slope, self.ranges)
-                if low > 0.0 or high < 0.0:
-                    del self.equal[n]
-                    return x, -ex.substitute(e, {x: ex.ZERO}) / slope
+        """An unknown, and what the equation with the fewest unknowns that has it says it is."""
+        for names in (self.forces, self.states):
+            found: tuple[int, str, int, Expr] | None = None
+            for x in names:
+                for n, e in enumerate(self.equal) if x in free else ():
+                    count = len(e.symbols.intersection(free))
+                    if x not in e.symbols or (found and found[0] <= count) or ex.bends(e, [x]):
+                        continue
+                    slope = ex.derivative(e, x)
+                    varies = slope.symbols.intersection(free if x in self.states else [x])
+                    low, high = bounds(slope, self.ranges)
+                    if not varies and (low > 0.0 or high < 0.0):
+                        found = count, x, n, slope
+            if found is not None:
+                _, x, n, slope = found
+                return x, -ex.substitute(self.equal.pop(n), {x: ex.ZERO}) / slope
         return None
 
     def _put(self, x: str, value: Expr) -> None:

@@ -34,6 +34,7 @@ from stickslip.symbolic.functions import FUNCTIONS
 
 _MAKES_UP = 1e-9  # part of the terms of a line that may be left of them
 _ROUNDING = 1e-13  # of the largest velocity, or of the terms of a phase
+_NEARLY_WHOLE = 1e-10
 _MOST_CELLS = 24  # phases turn by whole numbers with a ratio of at most this
 
 Slopes = dict[str, Expr]
@@ -84,6 +85,28 @@ class Reading:
         return np.linalg.lstsq(
             table[:, 1:], -(change[:, 0] + change[:, 1:] @ velocity), rcond=None
         )[0]
+
+    def shifts(self, states: list[str], values: Mapping[str, float]) -> Array:
+        """Shifts of some states, of any size, that leave lines and phases as they are, whatever the
+        constants are; shape (states, shifts).
+
+        Parameters
+        ----------
+        states : list of str
+            Those that may be shifted.
+        values : mapping of str to float
+            Numbers for the constants that are in no relation to each other.
+        """
+        own = frozenset(states)
+        rows = [
+            {x: slope for x, slope in row.items() if x in own}
+            for row in (*self.lines, *self.phases)
+        ]
+        table = _numbers(rows, states, values)
+        size = np.max(np.abs(table), axis=1, keepdims=True, initial=0.0)
+        found = _echelon(_kernel(table / np.where(size > 0.0, size, 1.0)))
+        kept = [k for k, shift in enumerate(found.T) if _leaves(rows, states, shift)]
+        return found[:, kept]
 
     def winds(self, states: list[str], values: Mapping[str, float]) -> bool:
         """Whether some shift of the state alone leaves the lines as they are, and turns a phase."""
@@ -142,6 +165,35 @@ def _kernel(matrix: Array) -> Array:
     """Basis of what a matrix maps to zero, shape (columns, vectors)."""
     _, s, v = np.linalg.svd(np.vstack([matrix, np.zeros((1, matrix.shape[1]))]))
     return v[int(np.sum(s > _MAKES_UP * s[0])) if len(s) else 0 :].T
+
+
+def _echelon(directions: Array) -> Array:
+    """The one basis of what some directions span in which each begins with a 1 where all others are
+    0, in order; shape (n, directions)."""
+    rows = directions.T.copy()
+    done = 0
+    for j in range(rows.shape[1]):
+        if done == len(rows):
+            break
+        i = done + int(np.argmax(np.abs(rows[done:, j])))
+        if abs(rows[i, j]) <= _MAKES_UP:
+            continue
+        rows[[done, i]] = rows[[i, done]]
+        rows[done] /= rows[done, j]
+        others = np.arange(len(rows)) != done
+        rows[others] -= np.outer(rows[others, j], rows[done])
+        done += 1
+    whole = np.round(rows)
+    return np.where(np.abs(rows - whole) < _NEARLY_WHOLE, whole, rows).T
+
+
+def _leaves(rows: list[Slopes], states: list[str], shift: Array) -> bool:
+    """Whether a shift leaves lines and phases as they are, by their structure."""
+    weights = {x: float(w) for x, w in zip(states, shift, strict=True) if w != 0.0}
+    return all(
+        ex.add(*((slope, weights[x]) for x, slope in row.items() if x in weights)) is ex.ZERO
+        for row in rows
+    )
 
 
 def _solved(matrix: Array, right: Array) -> Array:

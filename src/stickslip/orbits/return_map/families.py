@@ -100,9 +100,14 @@ def _family(shooting: Shooting, orbit: Orbit, direction: Array) -> Family:
     along = ", ".join(
         f"{name}: {w:.4g}" for name, w in zip(names, change, strict=True) if abs(w) > 1e-6
     )
+    beside = (
+        "also beside translations"
+        if shooting.symmetry.shifts.shape[1]
+        else "although the system has no translation"
+    )
     return Family(
         f"a cycle of {shooting.problem.system.name}",
-        "the cycles come in a family, although the system has no translation: the one of period "
+        f"the cycles come in a family, {beside}: the one of period "
         f"{orbit.period:.9g} from {orbit.start} still closes if its state is moved along "
         f"({along}), so that all of them are marginally stable",
         "Nothing chooses one of them, such as damping or a contact that carries along what moves "

@@ -1,4 +1,4 @@
-"""Periods, frames and cells of motions over what repeats in space.
+"""Translations, and periods, frames and cells of motions over what repeats in space.
 
 The drives of a system stand in what is compiled, with their frequencies. What repeats in space is a
 drive only in the frame that goes with the motion, at a frequency that depends on how fast that is;
@@ -17,6 +17,10 @@ from stickslip.errors import DeclarationError
 from stickslip.kept import made_once
 from stickslip.motion.problem import Problem
 from stickslip.orbits.fields.clock import Clock, cells_of, clock, moving_frame
+
+_SAME = 1e-9  # part of a shift that is left of it beside others, below which it is made of them
+
+_MOST = 256  # states among which combinations are looked for
 
 
 class Lattice(NamedTuple):
@@ -83,6 +87,46 @@ def forms_of(cells: list[Array]) -> Array:
     return found
 
 
+def translations(equations: MotionEquations, declared: Array) -> Array:
+    """Directions in which the state may be shifted: the declared one (0 if there is none), and
+    those that formulas show beside it, orthogonal to each other; shape (directions, n)."""
+    found = made_once(equations, "translations", lambda: _translations(equations))
+    rows = [declared]
+    for shift in found.T:
+        rest = shift.copy()
+        for row in rows:
+            rest -= (rest @ row) / max(float(row @ row), 1e-300) * row
+        if np.max(np.abs(rest)) > _SAME * np.max(np.abs(shift)):
+            rows.append(rest)
+    return np.array(rows)
+
+
+def _translations(equations: MotionEquations) -> Array:
+    """Shifts of the state that formulas show, shape (n, shifts)."""
+    frame = moving_frame(equations, frozenset())
+    names = equations.declaration.state
+    # What a jump puts somewhere is not shifted with the rest.
+    put = {x for jump in equations.jumps for x in jump.values}
+    free = [x for x in frame.states if x not in put]
+    if len(free) > _MOST:
+        read = frame.reading
+        felt = set[str]().union(*read.lines, *read.phases)
+        free = [x for x in free if x not in felt]
+    try:
+        shifts = frame.reading.shifts(free, unrelated(equations, frozenset()))
+    except (ZeroDivisionError, OverflowError, np.linalg.LinAlgError):
+        shifts = np.zeros((len(free), 0))
+    found = np.zeros((len(names), shifts.shape[1]))
+    found[[names.index(x) for x in free]] = shifts
+    return found
+
+
+def unrelated(equations: MotionEquations, zero: frozenset[str]) -> dict[str, float]:
+    """Numbers for the parameters that are in no relation to each other."""
+    names = equations.declaration.parameters
+    return {x: 0.0 if x in zero else 1.0 + 0.1 * np.sin(i + 1) for i, x in enumerate(names)}
+
+
 def _may_have_cells(equations: MotionEquations, zero: frozenset[str]) -> bool:
     """Whether it may have some, for parameters of which these are zero: found once."""
     return made_once(equations, "may have cells", lambda: _has_cells(equations, zero), zero)
@@ -91,10 +135,8 @@ def _may_have_cells(equations: MotionEquations, zero: frozenset[str]) -> bool:
 def _has_cells(equations: MotionEquations, zero: frozenset[str]) -> bool:
     """Whether some shift of the state alone leaves all lines as they are, and turns a phase: of
     numbers that are in no relation to each other."""
-    names = equations.declaration.parameters
-    values = {x: 0.0 if x in zero else 1.0 + 0.1 * np.sin(i + 1) for i, x in enumerate(names)}
     frame = moving_frame(equations, zero)
     try:
-        return frame.reading.winds(frame.states, values)
+        return frame.reading.winds(frame.states, unrelated(equations, zero))
     except (ZeroDivisionError, OverflowError, np.linalg.LinAlgError):
         return True

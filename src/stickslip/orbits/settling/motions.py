@@ -38,7 +38,7 @@ from stickslip.orbits.settling.engine.tables import (
     make_found,
     make_marks,
 )
-from stickslip.orbits.settling.lattice import forms_of, lattice
+from stickslip.orbits.settling.lattice import forms_of, lattice, translations
 from stickslip.orbits.settling.proofs import Prover
 from stickslip.orbits.settling.repetition import Repetition
 from stickslip.progress import Stopped
@@ -207,9 +207,9 @@ class Block:
     Parameters
     ----------
     known : Invariance, optional
-        By default the translation is the declared one, the period that of the first drive that
-        acts, and the frame is found in the closed forms; of what is moved along over something
-        that repeats in space, the formulas say both.
+        By default translations are the declared one and those that formulas show, the period is
+        that of the first drive that acts, and the frame is found in the closed forms; of what is
+        moved along over something that repeats in space, the formulas say both.
     """
 
     def __init__(
@@ -388,12 +388,13 @@ def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
     last = settings.max_time or _SPANS * span
     look = span / _LOOKS
     closed = len(problem.empty_forms(1, 1).status) > 0
+    declared = np.array([float(system.plain.translation.get(x, 0.0)) for x in layout.state])
     return Rules(
         real=np.array(
             [0.0, last, look, _MARGIN * settings.tolerance, settings.atol, settings.tolerance]
         ),
         most=np.array([settings.max_cycles, settings.max_events, _ENDLESS, settings.longest_cycle]),
-        shifts=np.array([[float(system.plain.translation.get(x, 0.0)) for x in layout.state]]),
+        shifts=plain_array(translations(problem.compiled.equations, declared)),
         fine=np.array(problem.retrace),
         closely=closely,
         timed=layout.timed and not Repetition(problem.compiled.equations).plain,
