@@ -24,7 +24,7 @@ from stickslip.errors import DeclarationError
 from stickslip.motion.outcome import Outcome
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.cycles.cycle import find_cycle
-from stickslip.stopping import Stopped, scope, watching
+from stickslip.stopping.scopes import Stopped, scope, watching
 from stickslip.sweeps import basin as module
 from stickslip.sweeps import sweep as sweep_module
 from stickslip.sweeps.basin import basin

@@ -16,7 +16,7 @@ import pytest
 import stickslip as ss
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.orbits.settling.motions import Settings
-from stickslip.stopping import Stopped, watching
+from stickslip.stopping.scopes import Stopped, watching
 from stickslip.sweeps.adaptive import Adaptive
 from stickslip.sweeps.sweep import Progress, sweep
 from stickslip.sweeps.work import scheduler

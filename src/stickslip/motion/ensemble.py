@@ -23,7 +23,7 @@ from stickslip.motion.steps.arrays import (
     Task,
 )
 from stickslip.motion.steps.stiff import WATCHED
-from stickslip.stopping import check
+from stickslip.stopping.scopes import heed
 
 
 @dataclass
@@ -108,7 +108,7 @@ class Lanes:
         while True:
             count = event_loop.integrate(p.machine, flow, p.shared_flight, self.forms, *lanes, task)
             # What was cut short without a reason goes on; a record is the caller's to go on with.
-            if not check() or record is not None:
+            if not heed() or record is not None:
                 return count
 
 

@@ -28,7 +28,7 @@ from stickslip.motion.steps.arrays import (
     Space,
     make_space,
 )
-from stickslip.stopping import flagged
+from stickslip.stopping.scopes import flagged
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds
 

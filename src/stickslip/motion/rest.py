@@ -11,7 +11,7 @@ from stickslip.motion.engine.flights import mode_key
 from stickslip.motion.engine.forms import AFFINE
 from stickslip.motion.knots import Knots
 from stickslip.motion.steps.arrays import ROUNDING
-from stickslip.stopping import whole
+from stickslip.stopping.scopes import unbroken
 
 if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
@@ -82,7 +82,7 @@ def _stays(problem: Problem, knots: Knots) -> bool:
         sample(problem.machine, flow, *given)
         return flow
 
-    flow = whole(sampled)
+    flow = unbroken(sampled)
     rates = np.abs(out[0, problem.rows.program.rates])
     places = problem.rows.program.rate_sizes
     sizes = np.where(places >= 0, flow.space.mag[places], 0.0)

@@ -23,7 +23,7 @@ from stickslip.motion.starts import (
     put_on_contacts,
 )
 from stickslip.progress import told
-from stickslip.stopping import TimeUp, check_limit, watching
+from stickslip.stopping.scopes import TimeUp, check_limit, watching
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory

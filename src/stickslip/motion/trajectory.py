@@ -24,7 +24,7 @@ from stickslip.motion.knots import IS_CLOSED, IS_OPEN, Knots
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.results import Result, listed
-from stickslip.stopping import whole
+from stickslip.stopping.scopes import unbroken
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.pieces import unwrapped
@@ -302,7 +302,7 @@ class Trajectory(Result):
         out = np.empty((len(clock), p.compiled.layout.rows + 3))
         work = dense.make_scratch(p.rows, (p.compiled.layout.rows, 2))
         given = self._seen, k.record, index, clock, work, out
-        whole(lambda: dense.sample(p.machine, p.flow(retracing=True), *given))
+        unbroken(lambda: dense.sample(p.machine, p.flow(retracing=True), *given))
         return out
 
     def _states_at(self, times: Array, index: Array) -> Array:
@@ -313,7 +313,7 @@ class Trajectory(Result):
         out = np.empty((len(times), k.state.shape[1]))
         work = dense.make_scratch(p.rows, (0, 2))
         given = self._seen, k.record, index, times - k.origin, work, out
-        whole(lambda: dense.states_at(p.machine, p.flow(retracing=True), *given))
+        unbroken(lambda: dense.states_at(p.machine, p.flow(retracing=True), *given))
         return out
 
     @cached_property
@@ -410,7 +410,7 @@ class Trajectory(Result):
             )
             return accounts
 
-        return whole(audited)
+        return unbroken(audited)
 
     # -- what a user asks for ----------------------------------------------------------------------
 
@@ -475,7 +475,7 @@ class Trajectory(Result):
         out = np.empty((len(wanted), len(times)))
         work = make_scratch(p.rows, (p.order + 2, len(wanted)))
         given = self._seen, k.record, index, times - k.origin, wanted, work, out
-        whole(lambda: trace_rows(p.machine, p.flow()._replace(tol=TOLERANCE), *given))
+        unbroken(lambda: trace_rows(p.machine, p.flow()._replace(tol=TOLERANCE), *given))
         values = dict(zip(names, out, strict=True))
         self._without_contact(values, index)
         return values

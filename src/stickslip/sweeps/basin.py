@@ -32,7 +32,7 @@ from stickslip.orbits.equilibria.equilibrium import Equilibrium
 from stickslip.orbits.equilibria.finding import equilibria
 from stickslip.orbits.fields.steady import invariant_directions
 from stickslip.progress import told
-from stickslip.stopping import check_limit, watching
+from stickslip.stopping.scopes import check_limit, watching
 from stickslip.sweeps.map import Basin
 from stickslip.sweeps.request.axes import Axis, read_axes
 from stickslip.sweeps.request.measures import LACKING, known_for_a_time

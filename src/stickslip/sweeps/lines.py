@@ -41,7 +41,7 @@ from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.orbits.fields.clock import Clock, clock
 from stickslip.orbits.return_map.recurrence import SHORTEST
 from stickslip.progress import Show, watched
-from stickslip.stopping import TimeUp, check, limited
+from stickslip.stopping.scopes import TimeUp, heed, limited
 from stickslip.sweeps.carried import carried
 from stickslip.sweeps.request.axes import read_axes
 from stickslip.sweeps.response import FrequencyResponse
@@ -368,7 +368,7 @@ def _follow(
             branches.append(continue_cycle(cycle, wanted.parameter, wanted.span, steps=steps))
             if branches[-1].outcome.interrupted:
                 raise KeyboardInterrupt
-            check()
+            heed()
             lines.missed += not _passes(wanted, branches[-1], cycle)
     lines.peak = _peak(wanted, branches)
 

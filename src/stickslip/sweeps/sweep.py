@@ -22,7 +22,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import pose
 from stickslip.orbits.settling.engine.tables import DEVICE_LANES
 from stickslip.progress import PATIENCE, watched
-from stickslip.stopping import check_limit
+from stickslip.stopping.scopes import check_limit
 from stickslip.sweeps.adaptive import Adaptive, check_adaptive, rounds
 from stickslip.sweeps.map import Map
 from stickslip.sweeps.request.axes import read_axes

@@ -59,6 +59,22 @@ Out = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Folder for the results.  [default: out/NAME]"),
 ]
+TimeLimit = Annotated[
+    float | None,
+    typer.Option(
+        "--time-limit",
+        metavar="SECONDS",
+        help="Wall-clock time after which it ends; what was computed is kept.",
+    ),
+]
+TimeLimitOfEach = Annotated[
+    float | None,
+    typer.Option(
+        "--time-limit",
+        metavar="SECONDS",
+        help="Wall-clock time after which a motion is given up; the others go on.",
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON and nothing else.")]
 ShowProgress = Callable[..., None]
 

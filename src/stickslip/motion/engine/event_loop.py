@@ -750,7 +750,7 @@ def fly_on(
             return FINISHED, count
         form = form_of(T, slot)
         tau, guard = flights.fly(form, flight, end - t, omega)
-        count_step(clock, lane.counters, tau, tau, t + tau if guard >= 0 else end)
+        count_step(clock, lane.counters, tau, tau, end if guard < 0 and tau >= end - t else t + tau)
         flights.arrive(form, flight, y, tau, omega)
         flown = slot
         fallen = guard

@@ -28,6 +28,7 @@ from stickslip.motion.engine.forms import (
 )
 from stickslip.motion.engine.guards import switch_of
 from stickslip.motion.engine.signals import (
+    MOST_WINDOWS,
     SignalSum,
     Wave,
     first_of_bend,
@@ -36,6 +37,7 @@ from stickslip.motion.engine.signals import (
     first_of_wave,
     length,
     rough_acos,
+    window_of_many,
 )
 from stickslip.motion.steps.arrays import ROUNDING
 from stickslip.translator import compiled
@@ -340,7 +342,7 @@ def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
 @compiled(inline=True)
 def fly(form: ClosedForms, f: Flight, room: float, omega: Array) -> tuple[float, int]:
     """The earliest event within `room`: (duration, guard or −1), with the changes of the
-    exponentials until then.
+    exponentials until then. Without an event the duration is `room`, or as far as was looked.
 
     Parameters
     ----------
@@ -404,6 +406,10 @@ def fly(form: ClosedForms, f: Flight, room: float, omega: Array) -> tuple[float,
             for m in range(len(omega)):
                 b[m] = form.b[g, m] * f.spin[m]
             parts = SignalSum(f.c[g], a[:nb], lam[:nb], b, omega)
+            # A flight does not last for ever: what wants it to end has to be heard.
+            farthest = MOST_WINDOWS * window_of_many(parts)
+            if farthest < limit:
+                limit, which, known = farthest, -1, False
             found = first_of_many(parts, limit, floor, rising, f.taylor, f.stack)
         if found <= limit:
             known = known and found == limit

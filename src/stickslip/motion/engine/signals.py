@@ -19,6 +19,7 @@ from stickslip.arrays import Array
 from stickslip.motion.engine.roots import NONE, divide_out, first_crossing
 from stickslip.translator import compiled
 
+MOST_WINDOWS = 100_000  # of a signal that are searched at once: a tenth of a second
 _WINDOW_ORDER = 22
 _EXACT = 1e-16  # relative error of a root that no further step can lessen
 
@@ -297,6 +298,17 @@ def expand_signal(s: SignalSum, start: float, h: float, work: Array) -> None:
 
 
 @compiled()
+def window_of_many(s: SignalSum) -> float:
+    """A time in which no part of a signal turns far; infinite if none turns."""
+    fastest = 0.0
+    for j in range(len(s.lam)):
+        fastest = max(fastest, abs(s.lam[j]))
+    for m in range(len(s.omega)):
+        fastest = max(fastest, s.omega[m])
+    return 1.5 / fastest if fastest > 0.0 else np.inf
+
+
+@compiled()
 def first_of_many(
     s: SignalSum, limit: float, floor: float, rising: int, work: Array, stack: Array
 ) -> float:
@@ -304,15 +316,12 @@ def first_of_many(
 
     Parameters
     ----------
+    limit : float
+        End of the search, not more than `MOST_WINDOWS` windows away.
     work, stack : arrays, shapes (WINDOW_ORDER + 1,) and that of :func:`.roots.first_crossing`
         Work space.
     """
-    fastest = 0.0
-    for j in range(len(s.lam)):
-        fastest = max(fastest, abs(s.lam[j]))
-    for m in range(len(s.omega)):
-        fastest = max(fastest, s.omega[m])
-    h = min(limit, 1.5 / fastest if fastest > 0.0 else limit)
+    h = min(limit, window_of_many(s))
     start = 0.0
     order = rising
     N = _WINDOW_ORDER

@@ -67,7 +67,7 @@ from stickslip.orbits.cycles.period import part_of
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.damped_newton import CLOSED, Closed
 from stickslip.orbits.return_map.mode_sequence import LOSS
-from stickslip.stopping import limited
+from stickslip.stopping.scopes import limited
 
 _STEPS = StepControl(first=0.01, largest=0.25, tolerance=1e-8, turn=0.3, rounding=KNOWN_TO)
 _IN_CHART = 8  # points before the chart is made anew

@@ -28,7 +28,7 @@ from stickslip.arrays import Array
 from stickslip.certificates import Residual
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.orbits.continuation.bracket import zero_between
-from stickslip.stopping import TimeUp
+from stickslip.stopping.scopes import TimeUp, heed
 
 FunctionAndJacobian = Callable[[Array], tuple[Array, Array]]
 Test = str | int
@@ -466,6 +466,7 @@ def trace(
     told = 0
     try:
         while ended is None:
+            heed()
             ended, step = tracer.advance(path, step)
             if progress is not None:
                 for point in path.points[told:]:

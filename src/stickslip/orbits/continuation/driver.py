@@ -36,7 +36,7 @@ from stickslip.orbits.continuation.arclength import (
     trace,
 )
 from stickslip.progress import PATIENCE, watched
-from stickslip.stopping import TimeUp
+from stickslip.stopping.scopes import TimeUp
 
 _T = TypeVar("_T")
 _P = TypeVar("_P")

@@ -40,7 +40,7 @@ from stickslip.orbits.cycles.measure import ContactShare, Phase
 from stickslip.orbits.return_map.damped_newton import Closed
 from stickslip.orbits.return_map.mode_sequence import nearest_change
 from stickslip.results import Result, listed, restored_certificate
-from stickslip.stopping import limited
+from stickslip.stopping.scopes import limited
 
 if TYPE_CHECKING:
     import xarray

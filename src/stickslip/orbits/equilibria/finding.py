@@ -36,7 +36,7 @@ from stickslip.orbits.equilibria.equilibrium import (
 from stickslip.orbits.equilibria.reduction import Irreducible
 from stickslip.orbits.equilibria.stick_sets import Conditions, all_stick, dimension
 from stickslip.orbits.fields.steady import Array, Steady, invariant_directions
-from stickslip.stopping import watching
+from stickslip.stopping.scopes import watching
 from stickslip.symbolic import expressions as ex
 
 _MOST = 4096  # modes times regions that are all tried

@@ -49,7 +49,7 @@ from stickslip.orbits.fields.engine.variations import (
 )
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.saltation import Strike, saltation, strikes_of
-from stickslip.stopping import check
+from stickslip.stopping.scopes import heed
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -126,7 +126,7 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
         if code == PASSED:
             break
         if code == HALTED:
-            check()
+            heed()
         elif code == CROWDED:
             work = _work(trajectory, pieces, run, int(run.event[BEGINS]))
         elif code == CORNER:

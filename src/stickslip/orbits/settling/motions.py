@@ -42,7 +42,7 @@ from stickslip.orbits.settling.engine.tables import (
 from stickslip.orbits.settling.lattice import forms_of, lattice
 from stickslip.orbits.settling.proofs import Prover
 from stickslip.orbits.settling.repetition import Repetition
-from stickslip.stopping import TimeUp, check, flagged, watching
+from stickslip.stopping.scopes import TimeUp, flagged, heed, watching
 
 POINT_SLOTS = 12  # closed forms of every point
 _SHARED_SLOTS = 64  # closed forms of all points
@@ -359,7 +359,7 @@ class Block:
         phase = self.marks.numbers[:, PHASE]
         while np.any((phase != DONE) & (phase != WAITING)):
             compiled()
-            check()
+            heed()
             if np.any(phase == PROVING):
                 where.ask()
                 self.prover.prove(self.lanes, self.engine(self.lanes), self.settling)
@@ -387,7 +387,7 @@ class Here:
     @property
     def engine(self) -> Engine:
         """With the flags of this thread."""
-        self._engine = listening(self._engine)
+        self._engine = _flagged_engine(self._engine)
         return self._engine
 
     def settle(self) -> None:
@@ -405,7 +405,7 @@ class Here:
         """Measure exponents."""
         from stickslip.orbits.settling.engine import exponents
 
-        twins = self._twins = listening(self._twins or self.block.engine(self.block.twins))
+        twins = self._twins = _flagged_engine(self._twins or self.block.engine(self.block.twins))
         exponents.grow_all(self.engine, twins, *self.block.settling, self.block.found)
 
     def ask(self) -> None:
@@ -418,7 +418,7 @@ class Here:
         """Everything is here."""
 
 
-def listening(engine: Engine) -> Engine:
+def _flagged_engine(engine: Engine) -> Engine:
     """An engine with the flags of this thread."""
     flow = engine.flow
     return engine._replace(flow=flow._replace(space=flagged(flow.space)))

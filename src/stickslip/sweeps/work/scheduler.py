@@ -7,6 +7,7 @@ a point does not depend on who computes it, nor on what else is computed.
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import signal
 import threading
@@ -29,7 +30,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError
-from stickslip.stopping import Stopped, watching
+from stickslip.stopping.scopes import Stopped, watching
 
 _T = TypeVar("_T")
 _R = TypeVar("_R")
@@ -239,11 +240,24 @@ def local_cluster(workers: int | None) -> Iterator[str]:
         raise StickslipError(
             "a cluster needs dask.distributed; install stickslip[cluster]"
         ) from None
-    # Without an address it would take a port that another cluster may have.
-    options: dict[str, Any] = {"threads_per_worker": 1, "dashboard_address": ":0"}
-    made: Any = LocalCluster(n_workers=workers or os.cpu_count() or 1, **options)
-    with made as cluster:
-        yield cluster.scheduler_address
+
+    def made() -> Any:
+        # Ctrl-C reaches all processes of a terminal. Workers, and those that take their places,
+        # inherit from this thread that it is not for them.
+        if hasattr(signal, "pthread_sigmask"):
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        # Without an address it would take a port that another cluster may have.
+        options: dict[str, Any] = {"threads_per_worker": 1, "dashboard_address": ":0"}
+        options["silence_logs"] = logging.CRITICAL
+        return LocalCluster(n_workers=workers or os.cpu_count() or 1, **options)
+
+    with ThreadPoolExecutor(1) as helper:
+        starting = helper.submit(made)
+        try:
+            yield starting.result().scheduler_address
+        finally:
+            with contextlib.suppress(Exception):  # whatever becomes of it, it goes with the process
+                starting.result().close(timeout=ANSWER_WITHIN)
 
 
 def distribute(
