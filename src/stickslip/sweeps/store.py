@@ -252,9 +252,12 @@ def read_map(path: Path) -> xarray.Dataset:
     """
     import xarray as xr
 
+    from stickslip.sweeps.files import MapFiles
+
     arrays = damage.check_description(path, KIND)
     stored_plan(path)
-    data = _plain(xr.open_zarr(path, chunks=None, consolidated=True))
+    files = MapFiles.opened(path)
+    data = _plain(xr.open_zarr(files, chunks=None, consolidated=True))
     names = [*(name for name in map(str, data.data_vars) if name != "outcome"), "outcome"]
     sizes = arrays["outcome"]["chunk_grid"]["configuration"]["chunk_shape"]
 
@@ -290,9 +293,12 @@ def create(plan: Plan, path: Path | None) -> MapStore:
     import zarr
     from zarr.storage import MemoryStore
 
+    from stickslip.sweeps.files import MapFiles
+
     lines = [] if plan.carry is None else list(plan.carry.path(plan.axes)[0])
     grid = make_grid(plan.axes, lines)
-    group = zarr.open_group(MemoryStore() if path is None else path, mode="w-", zarr_format=3)
+    place = MemoryStore() if path is None else MapFiles(path)
+    group = zarr.open_group(place, mode="w-", zarr_format=3)
     coordinates = plan.coordinates()
     group.attrs.update(
         {
@@ -402,7 +408,9 @@ def _opened(
 def _existing(plan: Plan, path: Path) -> MapStore:
     import zarr
 
-    group = zarr.open_group(path, mode="r+", use_consolidated=False)
+    from stickslip.sweeps.files import MapFiles
+
+    group = zarr.open_group(MapFiles(path), mode="r+", use_consolidated=False)
     return MapStore(group, plan, Grid(plan.axes, _array(group, "outcome").chunks), path)
 
 

@@ -234,6 +234,8 @@ def _client(address: str) -> Any:
 @contextlib.contextmanager
 def local_cluster(workers: int | None) -> Iterator[str]:
     """The address of a cluster on this machine, for the time of a block."""
+    from multiprocessing.resource_tracker import ensure_running
+
     try:
         from distributed import LocalCluster
     except ImportError:
@@ -243,7 +245,9 @@ def local_cluster(workers: int | None) -> Iterator[str]:
 
     def made() -> Any:
         # Ctrl-C reaches all processes of a terminal. Workers, and those that take their places,
-        # inherit from this thread that it is not for them.
+        # inherit from this thread that it is not for them. (Whoever starts the tracker takes that
+        # back.)
+        ensure_running()
         if hasattr(signal, "pthread_sigmask"):
             signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         # Without an address it would take a port that another cluster may have.
