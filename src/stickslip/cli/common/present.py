@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -152,6 +153,8 @@ def present(
                 result = work(progress)
         except ConvergenceError as failure:
             finish(str(failure), NOT_CERTIFIED)
+        if result.outcome.interrupted and sys.stderr.isatty():
+            typer.echo("ending; what was computed is written, unless Ctrl-C comes again", err=True)
         if files.data:
             result.save(place / files.data)
         for name, table in files.tables.items():
