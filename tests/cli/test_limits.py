@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
@@ -111,3 +114,28 @@ def test_control_c_is_answered_by_one_sentence(words: tuple[str, ...], said: str
     assert said in errors
     if words[0] != "run":  # which still draws what it has
         assert time.monotonic() - began < 15.0  # however busy the machine is
+
+
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="there are no groups of processes")
+@pytest.mark.usefixtures("endless")
+def test_control_c_ends_a_local_cluster_by_one_sentence() -> None:
+    """It reaches all processes of the terminal, the workers too."""
+    pytest.importorskip("distributed")
+    over = "--over Q=0.4:0.5:3 --measure amplitude --max-time 1e9 --out m.zarr --local-cluster"
+    words = [sys.executable, "-m", "stickslip.cli", "sweep", "endless.toml", *over.split()]
+    pipes: dict[str, Any] = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    process = subprocess.Popen([*words, "--workers", "2"], start_new_session=True, **pipes)
+    try:
+        deadline = time.monotonic() + 120.0
+        while not Path("m.zarr/zarr.json").exists():
+            assert time.monotonic() < deadline and process.poll() is None
+            time.sleep(0.1)
+        time.sleep(2.0)
+        os.killpg(process.pid, signal.SIGINT)
+        output, errors = process.communicate(timeout=60.0)
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+    assert process.returncode == 130 and "Traceback" not in output + errors
+    assert errors.startswith("stickslip: interrupted; 0 of 3 points are in m.zarr"), errors
+    assert errors.count("\n") == 1

@@ -109,7 +109,7 @@ def test_a_limit_that_is_not_reached_changes_no_bit() -> None:
     np.testing.assert_array_equal(one.knots.state, other.knots.state)
     over = {"P": "0.8:1.4:5", "delta": "log:0.02:0.3:5"}
     maps = [ss.sweep(toy, over, ["speed", "lyapunov"], time_limit=x) for x in (None, 1e4)]
-    for name in maps[0].dataset.data_vars:
+    for name in map(str, maps[0].dataset.data_vars):
         assert maps[0][name].values.tobytes() == maps[1][name].values.tobytes()
     cycles = [ss.find_cycle(toy, time_limit=limit) for limit in (None, 1e4)]
     assert cycles[0].period == cycles[1].period

@@ -103,7 +103,11 @@ def hearing(wish: Array) -> Iterator[None]:
         yield
         return
     watchman = _hired()
-    before = signal.set_wakeup_fd(watchman.rope, warn_on_full_buffer=False)
+    try:
+        before = signal.set_wakeup_fd(watchman.rope, warn_on_full_buffer=False)
+    except ValueError:  # the main thread of an interpreter in another one is told nothing, either
+        yield
+        return
     watchman.keyboard, watchman.others = wish, before
     try:
         yield

@@ -345,15 +345,15 @@ class Block:
             others = np.arange(len(phase)) != i
             kept = phase[others].copy()
             phase[others] = WAITING
-            try:
-                with watching(limit) as scope:
+            with watching(limit) as scope:
+                try:
                     self._until_done(compiled, where)
-            except TimeUp as up:
-                if not scope.ends(up):
-                    raise
-                self.marks.outcome[i], phase[i] = Outcome.TIME_UP.code, DONE
-            finally:
-                phase[others] = kept
+                except TimeUp as up:
+                    if not scope.ends(up):
+                        raise
+                    self.marks.outcome[i], phase[i] = Outcome.TIME_UP.code, DONE
+                finally:
+                    phase[others] = kept
 
     def _until_done(self, compiled: Callable[[], None], where: Loops) -> None:
         phase = self.marks.numbers[:, PHASE]
