@@ -419,7 +419,7 @@ def batch(motion: Motion) -> Run:
     table = np.tile(list(problem.parameters.values()), (BATCH, 1))
 
     def run() -> tuple[Array, int]:
-        now, _ = advance(problem, table, states, (0.0, motion.span), 10**6, 1)
+        now, *_ = advance(problem, table, states, (0.0, motion.span), 10**6, 1)
         return now.y[0], int(now.counters[0, 1])
 
     return run

@@ -91,7 +91,7 @@ def batch(key: str) -> Callable[[], tuple[np.ndarray, int]]:
     order = [system.declaration.state.index(name) for name in reference.variables]
 
     def run() -> tuple[np.ndarray, int]:
-        now, _ = advance(problem, table, states, (0.0, reference.span), 10**6, 1)
+        now, *_ = advance(problem, table, states, (0.0, reference.span), 10**6, 1)
         switches = now.counters[0, 1] if system.contacts else now.counters[0, 3]
         return now.y[0, order], int(switches)
 

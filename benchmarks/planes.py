@@ -92,7 +92,7 @@ def by_loop(motion: Motion) -> Run:
     table = np.tile(list(problem.parameters.values()), (BATCH, 1))
 
     def run() -> tuple[Array, int]:
-        now, _ = follow_all(problem, table, states, (0.0, motion.span), 10**6, 1)
+        now, *_ = follow_all(problem, table, states, (0.0, motion.span), 10**6, 1)
         return now.y[0], int(now.counters[0, 1])
 
     return run

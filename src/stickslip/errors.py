@@ -53,6 +53,10 @@ class ConvergenceError(StickslipError, RuntimeError):
         super().__init__(f"{where}: {reached}. {remedy}" if remedy else f"{where}: {reached}")
 
 
+class TimeLimitError(ConvergenceError):
+    """The limit of wall-clock time was reached before there was a result."""
+
+
 class MissingPackageError(StickslipError, ImportError):
     """A package that an extra of the installation brings is not there."""
 

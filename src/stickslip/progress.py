@@ -23,10 +23,6 @@ _page: _Page | None = None  # a cell of a notebook, too
 _Listener = TypeVar("_Listener", bound=Callable[..., None])
 
 
-class Stopped(Exception):
-    """A task was given up, since there was a wish to stop."""
-
-
 class Show(Protocol):
     """Takes the fraction that is done (None: nobody knows) and a few words."""
 

@@ -69,6 +69,12 @@ class Completion(Ended):
     INTERRUPTED = (1, "interrupted", "Stopped by the user; what was computed is kept")
     STOPPED_EARLY = (2, "stopped early", "A part could not be computed; those before it are kept")
     NOTHING_FOUND = (3, "nothing found", "There is none, or it was not where was looked")
+    TIME_UP = (
+        4,
+        "time limit reached",
+        "The limit of wall-clock time was reached; what was computed is kept. Raise time_limit to "
+        "go on",
+    )
 
 
 @dataclass(frozen=True)

@@ -150,7 +150,7 @@ def objective(
     length = np.linalg.norm(d.reshape(-1, m), axis=1)
     friction = (radii * length).sum() if lower is None else np.maximum(radii * d, lower * d).sum()
     terms = d @ (A @ d) / 2, -(r @ d), friction
-    return sum(terms), sum(map(abs, terms))
+    return float(sum(terms)), float(sum(map(abs, terms)))
 
 
 # ------------------------------------------------------------------------------------------------
@@ -200,15 +200,16 @@ def test_random_problems_agree_with_clarabel(seed: int, m: int) -> None:
         lower, upper = random_box(rng, n)
         result = solver.step(r, lower, upper)
         expected = by_clarabel(A, r, upper, 1, lower)
+        rows = upper, lower
     else:
         radii = rng.uniform(0.0, 1.0, n // m) * (rng.random(n // m) > 0.2)
         result = solver.step(r, radii=radii)
         expected = by_clarabel(A, r, radii, m)
+        rows = (radii,)
         assert violation_of_groups(A, r, result.delta, radii) <= 1e-8 * radii.max()
     assert result.outcome is StepOutcome.CONVERGED
     # What is above the minimum by h is away from it by e with ½ e·A e ≤ h, whatever the condition
     # of A. Clarabel is above it by what it is asked for.
-    rows = (upper, lower) if m == 1 else (radii,)
     (own, size), (its, _) = (objective(A, r, d, m, *rows) for d in (result.delta, expected))
     above = its - own
     assert -1e-12 * size <= above <= 1e-9 * size

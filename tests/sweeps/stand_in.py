@@ -14,7 +14,7 @@ import pytest
 from stickslip.arrays import Array
 from stickslip.model.system import System
 from stickslip.orbits.settling import motions
-from stickslip.progress import Stopped
+from stickslip.stopping.scopes import heed
 
 calls: list[int] = []
 """Number of points of each call."""
@@ -32,16 +32,15 @@ def measure_chunk(
     measures: Sequence[str],
     settings: motions.Settings,
     device: str = "cpu",
-    stop: Array | None = None,
     section: bool = False,
     start: float | None = None,
+    time_limit: float | None = None,
 ) -> dict[str, Array]:
     """Rocking toys that walk outside a circle around (P, δ) = (1, 0.1)."""
     given = {**initial, **parameters}
     calls.append(len(next(iter(given.values()))))
     time.sleep(getattr(settings, "pause", 0.0))
-    if stop is not None and stop[0]:
-        raise Stopped
+    heed()
     return closed_form(system, given, measures)
 
 

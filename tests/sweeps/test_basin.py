@@ -24,7 +24,7 @@ from stickslip.errors import DeclarationError
 from stickslip.motion.outcome import Outcome
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.cycles.cycle import find_cycle
-from stickslip.progress import Stopped
+from stickslip.stopping.scopes import Stopped, scope, watching
 from stickslip.sweeps import basin as module
 from stickslip.sweeps import sweep as sweep_module
 from stickslip.sweeps.basin import basin
@@ -235,13 +235,12 @@ def test_an_oscillation_whose_damper_sticks_is_no_rest() -> None:
 def test_interruption_keeps_what_has_arrived(monkeypatch: pytest.MonkeyPatch) -> None:
     computed = sweep_module.compute
 
-    def once(
-        work: Work, columns: dict[str, np.ndarray], stop: np.ndarray, runs: None = None
-    ) -> object:
+    def once(work: Work, columns: dict[str, np.ndarray], runs: None = None) -> object:
         if columns["psi"][0] > 0.0 or columns["d_psi"][0] > 0.0:
             raise Stopped
-        stop[0] = 1  # what is under way when Ctrl-C comes may still end
-        return computed(work, columns, np.zeros(1, np.int64))
+        scope().wish[0] = 1
+        with watching(wish=np.zeros(1, np.int64)):
+            return computed(work, columns)  # what is under way when Ctrl-C comes may still end
 
     monkeypatch.setattr(sweep_module, "compute", once)
     monkeypatch.setattr(scheduler, "_PULSE", 60.0)  # however busy the machine is

@@ -16,6 +16,7 @@ import pytest
 import stickslip as ss
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.orbits.settling.motions import Settings
+from stickslip.stopping.scopes import Stopped, watching
 from stickslip.sweeps.adaptive import Adaptive
 from stickslip.sweeps.sweep import Progress, sweep
 from stickslip.sweeps.work import scheduler
@@ -155,8 +156,8 @@ def test_compiled_loops_see_the_wish_to_stop() -> None:
     threading.Timer(0.5, lambda: stop.fill(1)).start()
     system = ss.catalogue.forced_oscillator(force="P*cos(omega*t) + P/2*cos(sqrt(2)*omega*t)")
     settings = Settings(max_time=1e9, max_cycles=10**9, max_events=10**12)
-    with pytest.raises(scheduler.Stopped):
-        measure_chunk(system, {}, {"omega": np.full(8, 0.5)}, (), settings, stop=stop)
+    with watching(wish=stop), pytest.raises(Stopped):
+        measure_chunk(system, {}, {"omega": np.full(8, 0.5)}, (), settings)
     assert 0.4 < time.monotonic() - began < 5.0
 
 

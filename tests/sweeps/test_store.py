@@ -24,7 +24,7 @@ from stickslip.sweeps.request.axes import read_axes
 from stickslip.sweeps.request.measures import OWN
 from stickslip.sweeps.request.user_measures import FormulaMeasure, read_measures
 from stickslip.sweeps.store import create, opened
-from stickslip.sweeps.sweep import Map, _tasks, make_plan, sweep
+from stickslip.sweeps.sweep import Map, Progress, _tasks, make_plan, sweep
 from stickslip.symbolic import expressions as ex
 from sweeps import stand_in
 
@@ -367,3 +367,59 @@ def test_the_whole_store_may_be_moved(tmp_path: Path) -> None:
     stand_in.calls.clear()
     same(sweep(TOY, OVER, MEASURE, tmp_path / "moved.zarr").dataset, exact())
     assert not stand_in.calls
+
+
+def chunks_of(store: Path) -> list[Path]:
+    """Files of all chunks of points."""
+    names = ("speed", "outcome", "certificate", "lacking", "excess")
+    return sorted(f for name in names for f in (store / name / "c").rglob("*") if f.is_file())
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_what_is_removed_from_an_open_map_is_said(tmp_path: Path, seed: int) -> None:
+    """Values are read when they are needed; what is gone by then is no NaN."""
+    store = tmp_path / "toy.zarr"
+    swept = sweep(TOY, OVER, ["speed"], store)
+    found = Map.open(store)
+    chosen = np.random.default_rng(seed).choice(np.array(chunks_of(store), object))
+    if seed % 3 == 0:
+        shutil.rmtree(store)
+    else:
+        chosen.unlink()
+    name = chosen.relative_to(store).parts[0]
+    with pytest.raises(StickslipError, match=r"toy\.zarr: .*was removed after the map was opened"):
+        found[name].load()
+    if seed % 3 == 0:
+        with pytest.raises(StickslipError, match="was removed after the map was opened"):
+            swept[name].load()
+
+
+def test_points_that_were_never_computed_are_no_loss(tmp_path: Path) -> None:
+    """A chunk that was not there when the map was opened is one that is not computed."""
+
+    def enough(state: Progress) -> None:
+        if state.new:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        sweep(
+            TOY,
+            {"P": "0.6:1.6:40", "delta": "0.01:0.2:40"},
+            ["speed"],
+            tmp_path / "toy.zarr",
+            progress=enough,
+        )
+    found = Map.open(tmp_path / "toy.zarr")
+    assert np.isnan(found["speed"].values).any() and found.outcome.interrupted
+
+
+def test_a_map_whose_files_are_removed_while_it_is_computed(tmp_path: Path) -> None:
+    store = tmp_path / "toy.zarr"
+
+    def remove(state: Progress) -> None:
+        if state.new:
+            shutil.rmtree(store, ignore_errors=True)
+
+    with pytest.raises(StickslipError, match=r"toy\.zarr: was removed while the map was computed"):
+        sweep(TOY, {"P": "0.6:1.6:40", "delta": "0.01:0.2:40"}, ["speed"], store, progress=remove)
+    assert not store.exists()

@@ -7,39 +7,38 @@ import signal
 import time
 from pathlib import Path
 
-from stickslip.arrays import Array
-from stickslip.progress import Stopped
+from stickslip.stopping.scopes import heed
 
 
-def square(number: int, stop: Array) -> int:
+def square(number: int) -> int:
     return number * number
 
 
-def die_once(task: tuple[str, int], stop: Array) -> int:
+def die_once(task: tuple[str, int]) -> int:
     """The square, unless this is the first one to see the number 3."""
     folder, number = task
     if number == 3:
         try:
             (Path(folder) / "died").touch(exist_ok=False)
         except FileExistsError:
-            return square(number, stop)
+            return square(number)
         os.kill(os.getpid(), signal.SIGKILL)
-    return square(number, stop)
+    return square(number)
 
 
-def die_always(task: tuple[str, int], stop: Array) -> int:
+def die_always(task: tuple[str, int]) -> int:
     if task[1] == 3:
         os.kill(os.getpid(), signal.SIGKILL)
-    return square(task[1], stop)
+    return square(task[1])
 
 
-def fail(number: int, stop: Array) -> int:
+def fail(number: int) -> int:
     raise ArithmeticError(f"no square of {number}")
 
 
-def until_stopped(folder: str, stop: Array) -> int:
-    """Says that it has begun, and goes on until it sees the flag."""
+def until_stopped(folder: str) -> int:
+    """Says that it has begun, and goes on until there is a wish to stop."""
     (Path(folder) / "begun").touch()
-    while stop[0] == 0:
+    while not heed():
         time.sleep(0.01)
-    raise Stopped
+    return 0

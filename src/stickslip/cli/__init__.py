@@ -21,6 +21,7 @@ def main() -> None:
         warnings.showwarning = lambda message, *_, **__: once(str(message))
         app()
     except KeyboardInterrupt:
+        print("stickslip: interrupted; nothing new was written", file=sys.stderr)
         sys.exit(130)
 
 

@@ -23,6 +23,7 @@ from stickslip.motion.steps.arrays import (
     Task,
 )
 from stickslip.motion.steps.stiff import WATCHED
+from stickslip.stopping.scopes import heed
 
 
 @dataclass
@@ -98,13 +99,17 @@ class Lanes:
         return len(self.forms.status) // len(self.forms.used)
 
     def advance(self, end: float, max_events: int, record: Record | None = None) -> int:
-        """Run the compiled loop once over all lanes; returns the number of recorded steps (of a
-        single lane)."""
+        """Follow all lanes to their end, or a single one until the record is full; returns the
+        number of recorded steps."""
         p = self.problem
         task = Task(float(end), max_events, record is not None, record or no_record())
         flow = p.flow(self.constants)
         lanes = self.group, self.codes, self.now
-        return event_loop.integrate(p.machine, flow, p.shared_flight, self.forms, *lanes, task)
+        while True:
+            count = event_loop.integrate(p.machine, flow, p.shared_flight, self.forms, *lanes, task)
+            # What was cut short without a reason goes on; a record is the caller's to go on with.
+            if not heed() or record is not None:
+                return count
 
 
 def no_record() -> Record:

@@ -47,6 +47,12 @@ class Outcome(Ended):
         "A formula has no finite value here (log or sqrt of a negative number, asin beyond 1, "
         "overflow)",
     )
+    TIME_UP = (
+        23,
+        "time limit reached",
+        "The limit of wall-clock time was reached; what was computed is kept. Raise time_limit to "
+        "go on",
+    )
     INTERRUPTED = (9, "interrupted", "Stopped by the user; what was computed is kept")
     PERIODIC = (10, "periodic", "The motion has settled on a cycle")
     STEADY = (11, "steady", "The motion has settled on steady sliding or another equilibrium")

@@ -28,6 +28,7 @@ from stickslip.motion.steps.arrays import (
     Space,
     make_space,
 )
+from stickslip.stopping.scopes import flagged
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds
 
@@ -123,7 +124,7 @@ class Problem:
         tol, atol = self.retrace if retracing else (self.tolerance, self.atol)
         k = self.constants if constants is None else constants
         bench = self._bench
-        space = bench.space = bench.space or self.space()
+        space = bench.space = flagged(bench.space or self.space())
         # What was followed before had other parameters, and another unit of time.
         space.known[-1] = 1
         space.W[self.rows.sizes[DIMENSION], 1] = 1.0
@@ -188,9 +189,8 @@ class Problem:
 
     def space(self) -> Space:
         """New work space for the Taylor steps."""
-        return make_space(
-            self.rows, self.compiled.layout.rows, self.compiled.layout.magnitudes, self.order
-        )
+        layout = self.compiled.layout
+        return flagged(make_space(self.rows, layout.rows, layout.magnitudes, self.order))
 
     def flight(self) -> Flight:
         """New work space for the closed forms."""

@@ -11,9 +11,11 @@ from stickslip.motion.engine.flights import mode_key
 from stickslip.motion.engine.forms import AFFINE
 from stickslip.motion.knots import Knots
 from stickslip.motion.steps.arrays import ROUNDING
+from stickslip.stopping.scopes import unbroken
 
 if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
+    from stickslip.motion.steps.arrays import Flow
 
 
 def rests_forever(problem: Problem, knots: Knots) -> bool:
@@ -72,9 +74,15 @@ def _stays(problem: Problem, knots: Knots) -> bool:
     )
     out = np.empty((1, layout.rows + 3))
     work = make_scratch(problem.rows, (layout.rows, 2))
-    flow = problem.flow(retracing=True)
     seen = np.zeros(len(problem.rows.watched))
-    sample(problem.machine, flow, seen, last.record, np.zeros(1, np.int64), last.clock, work, out)
+    given = seen, last.record, np.zeros(1, np.int64), last.clock, work, out
+
+    def sampled() -> Flow:
+        flow = problem.flow(retracing=True)
+        sample(problem.machine, flow, *given)
+        return flow
+
+    flow = unbroken(sampled)
     rates = np.abs(out[0, problem.rows.program.rates])
     places = problem.rows.program.rate_sizes
     sizes = np.where(places >= 0, flow.space.mag[places], 0.0)

@@ -23,11 +23,12 @@ from stickslip.motion.starts import (
     put_on_contacts,
 )
 from stickslip.progress import told
+from stickslip.stopping.scopes import TimeUp, check_limit, watching
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
-_CHUNK = 4096  # steps between looks at the clock and the keyboard
+_CHUNK = 4096  # steps between looks at how far it is
 _CHUNK_BYTES = 2**26  # that these may take
 # how a motion may end that has no start
 _NOWHERE = (Outcome.NO_BOUNDED_RATE, Outcome.NO_MODE, Outcome.NO_ACCELERATION)
@@ -44,6 +45,7 @@ def simulate(
     atol: float = 1e-12,
     max_events: int = 1_000_000,
     flow: Literal["auto", "taylor"] = "auto",
+    time_limit: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
     """The motion of a system, switch by switch.
@@ -65,6 +67,8 @@ def simulate(
     flow : str
         ``"auto"``: in closed form where a mode is affine, else by Taylor series. ``"taylor"``:
         always by Taylor series, to see that both agree.
+    time_limit : float, optional
+        Seconds of wall-clock time after which the motion ends as it is.
     progress : callable, optional
         Called now and then with the fraction done.
 
@@ -91,9 +95,13 @@ def simulate(
     y = problem.initial_state(initial or {})
     y = put_on_contacts(problem, start, numbers_of(problem), y[None])[0]
     check_positive(max_events=max_events)
-    with told(progress, f"moving {system.name}") as show:
-        most = max_events + system.declaration.kinks_known(start, end)
-        code, knots = run_loop(problem, start, end, y, most, show)
+    check_limit(time_limit)
+    with watching(time_limit) as scope:
+        with told(progress, f"moving {system.name}") as show:
+            most = max_events + system.declaration.kinks_known(start, end)
+            code, knots, ended = run_loop(problem, start, end, y, most, show)
+        if ended is not None and not scope.ends(ended):
+            raise ended
     outcome = Outcome.from_code(code)
     if outcome in _NOWHERE and len(knots.clock) == 1:
         check_contacts(problem, start, y)
@@ -136,8 +144,9 @@ def run_loop(
     y: Array,
     max_events: int,
     progress: Callable[[float], None] | None = None,
-) -> tuple[int, Knots]:
-    """Run the compiled loop chunk by chunk; Ctrl-C between two chunks keeps what is done.
+) -> tuple[int, Knots, BaseException | None]:
+    """Run the compiled loop chunk by chunk; what is done is kept if Ctrl-C or a limit of time ends
+    it.
 
     The compiled loops count time from the origin of the problem.
 
@@ -156,6 +165,8 @@ def run_loop(
     code : int
         Of an :class:`Outcome`.
     knots : Knots
+    ended : KeyboardInterrupt, TimeUp or None
+        What ended it, if it is one of these.
     """
     from stickslip.motion.ensemble import Lanes
     from stickslip.motion.steps.arrays import FULL, NOW, Constants
@@ -169,19 +180,26 @@ def run_loop(
     contacts = lanes.now.mode.shape[1]
     kinks = lanes.now.reg.shape[1]
     pieces: list[Knots] = []
+    counts: list[int] = []
+    ended: BaseException | None = None
     most = min(_CHUNK, _CHUNK_BYTES // (8 * len(y) + contacts + kinks + 16) + 1)
     size = 64
     try:
         while lanes.codes[0] >= FULL:
             size = min(2 * size, most)
             record = Knots.empty(size, len(y), contacts, kinks, problem.origin)
-            count = lanes.advance(end, max_events, record.record)
-            pieces.append(record.first(count))
+            record.clock.fill(np.nan)
+            pieces.append(record)
+            counts.append(lanes.advance(end, max_events, record.record))
             if progress is not None:
                 progress((clock[NOW] - begin) / (end - begin))
         code = int(lanes.codes[0])
-    except KeyboardInterrupt:
-        code = Outcome.INTERRUPTED.code
+    except (KeyboardInterrupt, TimeUp) as why:
+        ended = why
+        code = (Outcome.TIME_UP if isinstance(why, TimeUp) else Outcome.INTERRUPTED).code
+        if len(counts) < len(pieces):  # how many steps it was has not been said
+            counts.append(int(np.count_nonzero(pieces[-1].clock <= clock[NOW])))
+    pieces = [piece.first(count) for piece, count in zip(pieces, counts, strict=True)]
     knots = (
         Knots.joined(pieces) if pieces else Knots.empty(0, len(y), contacts, kinks, problem.origin)
     )
@@ -191,4 +209,4 @@ def run_loop(
         mode = np.sign(now.mode[0], out=now.mode[0].copy(), where=~carried)
         last = Knots.single(clock[NOW], now.y[0], mode, now.reg[0], problem.origin)
         knots = Knots.joined([knots, last])
-    return code, knots
+    return code, knots, ended

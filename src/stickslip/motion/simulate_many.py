@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -22,8 +23,9 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import MOTION_SLOTS, Problem, pose
 from stickslip.motion.simulate import check_positive, check_span
 from stickslip.motion.starts import put_on_contacts
-from stickslip.motion.steps.arrays import CROSSED, NOW, SWITCHES, TAKEN, Lane
+from stickslip.motion.steps.arrays import CROSSED, FULL, NOW, SWITCHES, TAKEN, Lane
 from stickslip.results import Completion, Result
+from stickslip.stopping.scopes import Stopped, TimeUp, check_limit, heed, scope, watching
 
 if TYPE_CHECKING:
     import xarray
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 BATCH_SLOTS = 12  # closed forms kept for each set of parameters of a batch
 _BLOCK_BYTES = 32e6  # for the closed forms of the motions that are worked on together
 _MOST_LANES = 2048
+_PULSE = 0.25  # seconds after which a wish to stop is noticed
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -79,6 +82,10 @@ class Ensemble(Result):
     @property
     def outcome(self) -> Completion:
         """Whether all came to their end."""
+        if Outcome.INTERRUPTED in self.counts:
+            return Completion.INTERRUPTED
+        if Outcome.TIME_UP in self.counts:
+            return Completion.TIME_UP
         every = all(outcome.ok for outcome in self.counts)
         return Completion.FINISHED if every else Completion.STOPPED_EARLY
 
@@ -134,6 +141,7 @@ def simulate_many(
     rtol: float = 1e-10,
     atol: float = 1e-12,
     max_events: int = 1_000_000,
+    time_limit: float | None = None,
     workers: int | None = None,
 ) -> Ensemble:
     """Final states of many motions of a system.
@@ -147,6 +155,8 @@ def simulate_many(
         What varies from motion to motion; numbers hold for all. All arrays have the same length.
     rtol, atol, max_events
         As in :func:`simulate`.
+    time_limit : float, optional
+        Seconds of wall-clock time after which all motions end as they are.
     workers : int, optional
         Threads; by default all cores. The result does not depend on it.
 
@@ -171,6 +181,7 @@ def simulate_many(
             f"{system!r} is no System",
             "Give a System, such as ss.catalogue.rocking_toy()",
         )
+    check_limit(time_limit)
     check_positive(max_events=max_events, **({} if workers is None else {"workers": workers}))
     start, end = check_span(system.span if t_span is None else t_span)
     system.declaration.check_span(start, end)
@@ -180,9 +191,12 @@ def simulate_many(
     states = initial_states(system, given_initial, count)
     problem = replace(pose_all(system, given_parameters, rtol, atol), origin=start)
     states = put_on_contacts(problem, start, table, states)
-    now, codes = follow_all(
-        problem, table, states, (0.0, end - start), max_events, workers or os.cpu_count() or 1
-    )
+    with watching(time_limit) as own:
+        now, codes, ended = follow_all(
+            problem, table, states, (0.0, end - start), max_events, workers or os.cpu_count() or 1
+        )
+        if ended is not None and not own.ends(ended):
+            raise ended
     data = {
         name: ("trajectory", np.broadcast_to(v, count).copy())
         for name, v in {**given_initial, **given_parameters}.items()
@@ -221,9 +235,9 @@ def follow_all(
     span: tuple[float, float],
     max_events: int,
     workers: int,
-) -> tuple[Lane, Array]:
-    """Follow motions with the parameters of the rows of a table: where they are at their end, and
-    outcome codes.
+) -> tuple[Lane, Array, BaseException | None]:
+    """Follow motions with the parameters of the rows of a table: where they are at their end,
+    outcome codes, and the KeyboardInterrupt or TimeUp that ended those that have not come there.
 
     The span is counted from the origin of the problem.
 
@@ -250,17 +264,32 @@ def follow_all(
         max(_MOST_LANES, -(-len(states) // workers)) if shared else lanes_of_block(problem, slots)
     )
     blocks = [slice(i, i + lanes) for i in range(0, len(states), lanes)]
+    ended: BaseException | None = None
+    around = scope()
+    wish = np.zeros(1, np.int64)
+
+    def follow(block: slice) -> tuple[Lane, Array]:
+        with watching(wish=wish, around=around):
+            return follow_block(problem, table[block], states[block], span, max_events, slots)
+
     with ThreadPoolExecutor(workers) as pool:
-        done = list(
-            pool.map(
-                lambda b: follow_block(problem, table[b], states[b], span, max_events, slots),
-                blocks,
-            )
-        )
+        futures = [pool.submit(follow, block) for block in blocks]
+        try:
+            while wait(futures, timeout=_PULSE).not_done:
+                heed()
+        except (KeyboardInterrupt, Stopped, TimeUp) as why:
+            ended = why
+            wish[0] = 1
+        done = [future.result() for future in futures]
     now = type(done[0][0])(
         *(np.concatenate(parts) for parts in zip(*(lane for lane, _ in done), strict=True))
     )
-    return now, np.concatenate([codes for _, codes in done])
+    codes = np.concatenate([codes for _, codes in done])
+    if np.any(codes >= FULL):
+        ended = ended or TimeUp(around.owner)
+        outcome = Outcome.TIME_UP if isinstance(ended, TimeUp) else Outcome.INTERRUPTED
+        codes[codes >= FULL] = outcome.code
+    return now, codes, ended
 
 
 def lanes_of_block(problem: Problem, slots: int) -> int:
@@ -278,7 +307,7 @@ def follow_block(
     max_events: int,
     slots: int,
 ) -> tuple[Lane, Array]:
-    """Follow some motions to their end.
+    """Follow some motions to their end, or until there is a wish to stop.
 
     Parameters
     ----------
@@ -298,7 +327,8 @@ def follow_block(
     sets, group = distinct(table)
     forms = problem.empty_forms(len(sets), slots)
     lanes = Lanes.start(problem, problem.constants_of(sets), group, states, span, forms)
-    lanes.advance(span[1], max_events)
+    with suppress(Stopped, TimeUp):
+        lanes.advance(span[1], max_events)
     return lanes.now, lanes.codes
 
 

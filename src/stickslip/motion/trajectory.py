@@ -24,6 +24,7 @@ from stickslip.motion.knots import IS_CLOSED, IS_OPEN, Knots
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.results import Result, listed
+from stickslip.stopping.scopes import unbroken
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.pieces import unwrapped
@@ -299,9 +300,9 @@ class Trajectory(Result):
 
         p, k = self._problem, self.knots
         out = np.empty((len(clock), p.compiled.layout.rows + 3))
-        flow = p.flow(retracing=True)
         work = dense.make_scratch(p.rows, (p.compiled.layout.rows, 2))
-        dense.sample(p.machine, flow, self._seen, k.record, index, clock, work, out)
+        given = self._seen, k.record, index, clock, work, out
+        unbroken(lambda: dense.sample(p.machine, p.flow(retracing=True), *given))
         return out
 
     def _states_at(self, times: Array, index: Array) -> Array:
@@ -310,10 +311,9 @@ class Trajectory(Result):
 
         p, k = self._problem, self.knots
         out = np.empty((len(times), k.state.shape[1]))
-        flow = p.flow(retracing=True)
-        clock = times - k.origin
         work = dense.make_scratch(p.rows, (0, 2))
-        dense.states_at(p.machine, flow, self._seen, k.record, index, clock, work, out)
+        given = self._seen, k.record, index, times - k.origin, work, out
+        unbroken(lambda: dense.states_at(p.machine, p.flow(retracing=True), *given))
         return out
 
     @cached_property
@@ -382,7 +382,7 @@ class Trajectory(Result):
         return np.asarray(found)
 
     def _integrate(
-        self, times: Array, states: Array, index: Array, ends: Array, whole: bool = False
+        self, times: Array, states: Array, index: Array, ends: Array, checked: bool = False
     ) -> Accounts:
         """Follow the motion from given times and states, inside the steps of the knots `index`, to
         `ends`, for its work.
@@ -395,18 +395,22 @@ class Trajectory(Result):
         p, k = self._problem, self.knots
         knots = k.record
         starts = Record(times, states, knots.mode[index], knots.region[index], knots.cause[index])
-        after = Record(*(part[1:] for part in knots)) if whole else starts
-        accounts = step_balance.make_accounts(len(ends), p.rows)
-        step_balance.audit_steps(
-            p.machine,
-            p.flow(retracing=True),
-            self._seen,
-            starts,
-            after._replace(time=ends),
-            step_balance.Wanted(whole, whole),
-            accounts,
-        )
-        return accounts
+        after = Record(*(part[1:] for part in knots)) if checked else starts
+
+        def audited() -> Accounts:
+            accounts = step_balance.make_accounts(len(ends), p.rows)
+            step_balance.audit_steps(
+                p.machine,
+                p.flow(retracing=True),
+                self._seen,
+                starts,
+                after._replace(time=ends),
+                step_balance.Wanted(checked, checked),
+                accounts,
+            )
+            return accounts
+
+        return unbroken(audited)
 
     # -- what a user asks for ----------------------------------------------------------------------
 
@@ -469,10 +473,9 @@ class Trajectory(Result):
         p, k = self._problem, self.knots
         wanted = np.array([self._rows[name] for name in names], dtype=np.int64)
         out = np.empty((len(wanted), len(times)))
-        flow = p.flow()._replace(tol=TOLERANCE)
-        clock = times - k.origin
-        work = make_scratch(p.rows, (flow.order + 2, len(wanted)))
-        trace_rows(p.machine, flow, self._seen, k.record, index, clock, wanted, work, out)
+        work = make_scratch(p.rows, (p.order + 2, len(wanted)))
+        given = self._seen, k.record, index, times - k.origin, wanted, work, out
+        unbroken(lambda: trace_rows(p.machine, p.flow()._replace(tol=TOLERANCE), *given))
         values = dict(zip(names, out, strict=True))
         self._without_contact(values, index)
         return values

@@ -32,6 +32,7 @@ from stickslip.orbits.equilibria.equilibrium import Equilibrium
 from stickslip.orbits.equilibria.finding import equilibria
 from stickslip.orbits.fields.steady import invariant_directions
 from stickslip.progress import told
+from stickslip.stopping.scopes import check_limit, watching
 from stickslip.sweeps.map import Basin
 from stickslip.sweeps.request.axes import Axis, read_axes
 from stickslip.sweeps.request.measures import LACKING, known_for_a_time
@@ -130,6 +131,7 @@ def basin(
     parameters: Mapping[str, float] | None = None,
     settings: Settings | None = None,
     workers: int | None = None,
+    time_limit: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Basin:
     """Which attractor each state of a section of initial states reaches.
@@ -149,6 +151,8 @@ def basin(
         How a motion settles, and the accuracy.
     workers : int, optional
         Threads; by default all cores. The result does not depend on it.
+    time_limit : float, optional
+        Seconds of wall-clock time that a motion may take; one that takes longer counts as stopped.
     progress : callable, optional
         Called now and then with the fraction done.
 
@@ -171,6 +175,7 @@ def basin(
     from stickslip.orbits.settling.motions import Settings
 
     settings = settings or Settings()
+    check_limit(time_limit)
     if known_for_a_time(system):
         raise DeclarationError(
             "basin",
@@ -198,7 +203,8 @@ def basin(
         def share(state: Progress) -> None:
             show(state.done / state.total)
 
-        interrupted = not compute_missing(store, Pool("threads", workers), None, share)
+        pool = Pool("threads", workers)
+        interrupted = not compute_missing(store, pool, None, share, time_limit=time_limit)
     done = store.outcome.ravel() >= 0
     label = np.full(done.size, ON_ITS_WAY)
     lacks = np.full(done.size, LACKING.index("result"))
@@ -208,7 +214,8 @@ def basin(
         sizes = [
             0.5 * np.ptp(varying[x]) if x in varying else 0.0 for x in system.declaration.state
         ]
-        census = _Census(problem, found, np.array(sizes))
+        with watching():  # what is interrupted in it ends all of it
+            census = _Census(problem, found, np.array(sizes))
         label[done], reached = census.label, census.reached
         lacks[done] = found.lacking
     data = _dataset(system, varying, label, reached, lacks, interrupted)

@@ -7,7 +7,7 @@ Frequency responses ask for the cycle; maps, which carry the state in the same w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from stickslip.equations.derive import derive
 from stickslip.errors import ConvergenceError
@@ -27,7 +27,7 @@ def carried(
     parameters: Mapping[str, float] | None = None,
     initial: Mapping[str, float] | None = None,
     progress: Callable[[int], None] | None = None,
-) -> list[Cycle | str]:
+) -> Iterator[Cycle | str]:
     """The cycles that a motion settles on while a parameter takes one value after the other.
 
     Each motion goes on from the state of the last one, at the same phase of the drives.
@@ -45,12 +45,11 @@ def carried(
     progress : callable, optional
         Called with the number of each value before it is taken.
 
-    Returns
-    -------
-    list of Cycle or str
+    Yields
+    ------
+    Cycle or str
         Where there is no cycle, why; the next motion goes on from where that one came to.
     """
-    found: list[Cycle | str] = []
     handed: Handed | None = None
     for i, value in enumerate(values):
         if progress is not None:
@@ -68,12 +67,11 @@ def carried(
         try:
             cycle = find_cycle(system, motion)
         except ConvergenceError as failure:
-            found.append(str(failure))
             last = motion.knots
             handed = handed_on(system, own, float(last.time[-1]), last.state[-1])
+            yield str(failure)
         else:
-            found.append(cycle)
             place = cycle.closed.orbit.legs[0].place.state
             rate = cycle.closed.orbit.shift / cycle.period
             handed = handed_on(system, own, cycle.time, place, rate)
-    return found
+            yield cycle

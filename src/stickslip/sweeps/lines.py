@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -41,6 +41,7 @@ from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.orbits.fields.clock import Clock, clock
 from stickslip.orbits.return_map.recurrence import SHORTEST
 from stickslip.progress import Show, watched
+from stickslip.stopping.scopes import TimeUp, heed, limited
 from stickslip.sweeps.carried import carried
 from stickslip.sweeps.request.axes import read_axes
 from stickslip.sweeps.response import FrequencyResponse
@@ -72,6 +73,7 @@ def frequency_response(
     initial: Mapping[str, float] | None = None,
     points: int = 25,
     steps: StepControl | None = None,
+    time_limit: float | None = None,
 ) -> FrequencyResponse:
     """The response of a system to a drive, over the frequency of the drive.
 
@@ -98,6 +100,8 @@ def frequency_response(
         Of a sweep, from one end of the range to the other.
     steps : StepControl, optional
         Along the lines.
+    time_limit : float, optional
+        Seconds of wall-clock time after which the response is what was found.
 
     Returns
     -------
@@ -132,16 +136,19 @@ def frequency_response(
     for one in wanted:
         one.check()
     found = list[_Lines]()
-    complete = True
-    with watched("frequency response") as show:
+    ended: BaseException | None = None
+    what = f"a response of {system.name}"
+    with limited(time_limit, what) as scope, watched("frequency response") as show:
         try:
             for i, one in enumerate(wanted):
-                tell = _part(show, i, len(wanted))
-                found.append(_follow(one, np.linspace(low, high, points), initial, steps, tell))
-                complete = complete and all(b.complete for b in found[-1].branches)
-        except KeyboardInterrupt:
-            complete = False
-    return _response(system, fixed, level, found, complete)
+                found.append(_Lines(one, np.linspace(low, high, points)))
+                _follow(found[-1], initial, steps, _part(show, i, len(wanted)))
+        except (KeyboardInterrupt, TimeUp) as why:
+            found = [one for one in found if any(one.met.values())]
+            if not found or not scope.ends(why):
+                raise
+            ended = why
+    return _response(system, fixed, level, found, ended)
 
 
 def _levels(
@@ -295,64 +302,75 @@ class _Lines:
 
     wanted: _Level
     grid: Array
-    swept: list[list[Cycle | str]]
-    branches: list[Branch]
-    missed: int
-    peak: Cycle | None
+    met: dict[str, list[Cycle | str]] = field(default_factory=dict)
+    branches: list[Branch] = field(default_factory=list)
+    missed: int = 0
+    peak: Cycle | None = None
+
+    @property
+    def swept(self) -> list[list[Cycle | str]]:
+        """What each sweep met, at all values of the grid."""
+        both: list[list[Cycle | str]] = []
+        for direction in _DIRECTIONS:
+            met = self.met.get(direction, [])
+            whole = met + ["the sweep was broken off"] * (len(self.grid) - len(met))
+            both.append(whole if direction == "up" else whole[::-1])
+        return both
 
 
 def _follow(
-    wanted: _Level,
-    grid: Array,
+    lines: _Lines,
     initial: Mapping[str, float] | None,
     steps: StepControl | None,
     show: Callable[[float, str], None],
-) -> _Lines:
+) -> None:
     """Sweep up and down at a level, and follow the lines that the sweeps meet.
 
     Parameters
     ----------
-    wanted : _Level
-    grid : array
-        Values of the frequency.
+    lines : _Lines
+        Receives what is found.
     initial : mapping, optional
         Start of the sweeps.
     steps : StepControl, optional
     show : function
         Takes how much is done, and what.
     """
-    swept: list[list[Cycle | str]] = []
+    wanted = lines.wanted
     for k, direction in enumerate(_DIRECTIONS):
-        values = grid if direction == "up" else grid[::-1]
+        values = lines.grid if direction == "up" else lines.grid[::-1]
+        met = lines.met[direction] = []
 
         def tell(i: int, k: int = k, values: Array = values) -> None:
             text = f"sweep {_DIRECTIONS[k]}, {wanted.parameter} = {values[i]:.6g}"
             show((k + i / len(values)) / 3.0, text)
 
-        found = carried(
+        for found in carried(
             wanted.system,
             wanted.parameter,
             values.tolist(),
             parameters=wanted.fixed,
             initial=initial,
             progress=tell,
-        )
-        swept.append(found if direction == "up" else found[::-1])
+        ):
+            met.append(found)
     show(2.0 / 3.0, "lines")
     cycles = list[Cycle]()
-    for both in zip(*swept, strict=True):
+    for both in zip(*lines.swept, strict=True):
         met = [c for c in both if isinstance(c, Cycle) and c.certificate.ok]
         x = wanted.coordinate
         cycles += met[:1] + [c for c in met[1:] if not _alike(met[0], c, x)]
     # Where a contact rests that never slips is told by neighbours that slip: these come first.
     cycles.sort(key=lambda c: -sum(s.slip_time > 0.0 for s in c.contacts.values()))
-    branches: list[Branch] = []
-    missed = 0
+    branches = lines.branches
     for cycle in cycles:
         if not any(_passes(wanted, b, cycle) for b in branches):
             branches.append(continue_cycle(cycle, wanted.parameter, wanted.span, steps=steps))
-            missed += not _passes(wanted, branches[-1], cycle)
-    return _Lines(wanted, grid, swept, branches, missed, _peak(wanted, branches))
+            if branches[-1].outcome.interrupted:
+                raise KeyboardInterrupt
+            heed()
+            lines.missed += not _passes(wanted, branches[-1], cycle)
+    lines.peak = _peak(wanted, branches)
 
 
 def _passes(wanted: _Level, branch: Branch, cycle: Cycle) -> bool:
@@ -502,7 +520,11 @@ def _backbone(level: str, found: list[_Lines]) -> list[Cycle]:
 
 
 def _response(
-    system: System, fixed: dict[str, float], level: str, found: list[_Lines], complete: bool
+    system: System,
+    fixed: dict[str, float],
+    level: str,
+    found: list[_Lines],
+    ended: BaseException | None,
 ) -> FrequencyResponse:
     """Everything that was found as one result.
 
@@ -513,11 +535,9 @@ def _response(
     level : str
     found : list of _Lines
         Of the levels, in their order.
-    complete : bool
-        Whether no level is missing.
+    ended : KeyboardInterrupt, TimeUp or None
+        What has ended it before everything was found.
     """
-    if not found:
-        raise KeyboardInterrupt
     wanted = found[0].wanted
     special: list[SpecialPoint] = []
     notes: list[str] = []
@@ -543,7 +563,8 @@ def _response(
         special,
         notes,
         _certificate(found),
-        complete,
+        ended is None,
+        isinstance(ended, TimeUp),
     )
 
 

@@ -110,13 +110,18 @@ class Map(Result):
     @property
     def outcome(self) -> Completion:
         """Whether every point is there."""
-        left = bool(np.any(self._codes == NOT_COMPUTED))
-        return Completion.INTERRUPTED if left else Completion.FINISHED
+        if np.any(self._codes == NOT_COMPUTED):
+            return Completion.INTERRUPTED
+        late = np.any(self._codes == Outcome.TIME_UP.code)
+        return Completion.TIME_UP if late else Completion.FINISHED
 
     @property
     def message(self) -> str:
         """How many points there are."""
         done = f"{self.computed:,} of {self._codes.size:,} points are computed"
+        late = int(np.count_nonzero(self._codes == Outcome.TIME_UP.code))
+        if self.outcome is Completion.TIME_UP:
+            return f"{done}; {late:,} of them took longer than the time limit"
         return done if self.outcome.ok else f"{done}; the same call goes on"
 
     @cached_property

@@ -48,6 +48,8 @@ class FrequencyResponse(Result):
         Folds, grazing and the like of all lines; ``index`` is the number of the point.
     notes : list of str
         Why a sweep has found no cycle somewhere, and why lines end inside the range.
+    complete, time_up : bool
+        Whether all was followed; if not, whether the time limit ended it, or the user.
     """
 
     KIND: ClassVar[str] = "frequency response"
@@ -63,6 +65,7 @@ class FrequencyResponse(Result):
     notes: list[str]
     certificate: Certificate
     complete: bool = True
+    time_up: bool = False
 
     def __repr__(self) -> str:
         data = self.dataset
@@ -91,7 +94,7 @@ class FrequencyResponse(Result):
     def outcome(self) -> Completion:
         """Whether there is any response, and all of it was followed."""
         if not self.complete:
-            return Completion.INTERRUPTED
+            return Completion.TIME_UP if self.time_up else Completion.INTERRUPTED
         some = self.dataset.sizes["point"] > 0
         return Completion.FINISHED if some else Completion.NOTHING_FOUND
 
@@ -181,6 +184,7 @@ class FrequencyResponse(Result):
             "notes": self.notes,
             "certificate": asdict(self.certificate),
             "complete": self.complete,
+            "time_up": self.time_up,
         }
 
     @classmethod
@@ -200,6 +204,7 @@ class FrequencyResponse(Result):
             json.loads(parts["notes"]),
             restored_certificate(json.loads(parts["certificate"])),
             json.loads(parts["complete"]),
+            json.loads(parts.get("time_up", "false")),
         )
 
 

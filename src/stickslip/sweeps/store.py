@@ -23,6 +23,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.checksums import LAYOUT, TABLE
 from stickslip.errors import StickslipError, need, printable
+from stickslip.motion.outcome import Outcome
 from stickslip.storage import PREFIX, readable
 from stickslip.sweeps import damage
 from stickslip.sweeps.damage import Chunk
@@ -33,7 +34,6 @@ from stickslip.sweeps.request.plan import FORMAT, KIND, NOT_COMPUTED, Part, Plan
 if TYPE_CHECKING:
     import xarray
     import zarr
-    from zarr.storage import LocalStore
 
 need("zarr", "maps")
 
@@ -83,6 +83,9 @@ class MapStore:
         for chunk in self.grid.chunks():
             region = self.grid.region(chunk)
             self.outcome[region] = self.read("outcome", chunk)
+        if self.plan.carry is None:
+            # With more time, or on a less busy machine, these may arrive.
+            self.outcome[self.outcome == Outcome.TIME_UP.code] = NOT_COMPUTED
 
     def read(self, name: str, chunk: Chunk) -> Array:
         """One chunk of a variable.
@@ -249,9 +252,12 @@ def read_map(path: Path) -> xarray.Dataset:
     """
     import xarray as xr
 
+    from stickslip.sweeps.files import MapFiles
+
     arrays = damage.check_description(path, KIND)
     stored_plan(path)
-    data = _plain(xr.open_zarr(path, chunks=None, consolidated=True))
+    files = MapFiles.opened(path)
+    data = _plain(xr.open_zarr(files, chunks=None, consolidated=True))
     names = [*(name for name in map(str, data.data_vars) if name != "outcome"), "outcome"]
     sizes = arrays["outcome"]["chunk_grid"]["configuration"]["chunk_shape"]
 
@@ -287,9 +293,11 @@ def create(plan: Plan, path: Path | None) -> MapStore:
     import zarr
     from zarr.storage import MemoryStore
 
+    from stickslip.sweeps.files import MapFiles
+
     lines = [] if plan.carry is None else list(plan.carry.path(plan.axes)[0])
     grid = make_grid(plan.axes, lines)
-    place = MemoryStore() if path is None else _folder(path)
+    place = MemoryStore() if path is None else MapFiles(path)
     group = zarr.open_group(place, mode="w-", zarr_format=3)
     coordinates = plan.coordinates()
     group.attrs.update(
@@ -315,12 +323,6 @@ def create(plan: Plan, path: Path | None) -> MapStore:
     if path is not None:
         damage.seal_store(path)
     return MapStore(group, plan, grid, path)
-
-
-def _folder(path: Path) -> LocalStore:
-    from stickslip.sweeps.folder import Folder
-
-    return Folder(path)
 
 
 def _new_array(
@@ -406,7 +408,9 @@ def _opened(
 def _existing(plan: Plan, path: Path) -> MapStore:
     import zarr
 
-    group = zarr.open_group(_folder(path), mode="r+", use_consolidated=False)
+    from stickslip.sweeps.files import MapFiles
+
+    group = zarr.open_group(MapFiles(path), mode="r+", use_consolidated=False)
     return MapStore(group, plan, Grid(plan.axes, _array(group, "outcome").chunks), path)
 
 

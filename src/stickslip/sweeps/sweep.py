@@ -22,6 +22,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import pose
 from stickslip.orbits.settling.engine.tables import DEVICE_LANES
 from stickslip.progress import PATIENCE, watched
+from stickslip.stopping.scopes import check_limit
 from stickslip.sweeps.adaptive import Adaptive, check_adaptive, rounds
 from stickslip.sweeps.map import Map
 from stickslip.sweeps.request.axes import read_axes
@@ -106,6 +107,7 @@ def sweep(
     extend: bool = False,
     overwrite: bool = False,
     repair: bool = False,
+    time_limit: float | None = None,
     progress: Callable[[Progress], None] | None = None,
 ) -> Map:
     """Measure a system over parameters and initial values.
@@ -155,6 +157,10 @@ def sweep(
         Replace a stored map.
     repair : bool
         Compute damaged chunks again.
+    time_limit : float, optional
+        Seconds of wall-clock time that a point may take; one that takes longer has the outcome
+        ``time limit reached``, and is tried again when the map is taken up again (not where points
+        carry the state).
     progress : callable, optional
         Called as points are done.
 
@@ -173,7 +179,8 @@ def sweep(
     """
     plan = make_plan(system, over, measure, initial, settings, seed, carry)
     _check_carry(plan, adaptive, device)
-    pool = _pool(scheduler, workers, device)
+    check_limit(time_limit)
+    pool = _pool(scheduler, workers, device, time_limit)
     with contextlib.ExitStack() as stack:
         if out is None:
             store = create(plan, None)
@@ -188,7 +195,7 @@ def sweep(
             def share(state: Progress) -> None:
                 show(state.done / state.total, state.describe())
 
-            compute_missing(store, pool, adaptive, progress or share, device)
+            compute_missing(store, pool, adaptive, progress or share, device, time_limit)
         return Map(store.dataset())
 
 
@@ -258,9 +265,12 @@ def _check_carry(plan: Plan, adaptive: Adaptive | None, device: str) -> None:
         )
 
 
-def _pool(scheduler: str, workers: int | None, device: str) -> Pool:
+def _pool(scheduler: str, workers: int | None, device: str, time_limit: float | None) -> Pool:
     """Who does the work, checked."""
     if device == "gpu":
+        if time_limit is not None:
+            reason = "a GPU follows all motions of a chunk side by side"
+            raise DeclarationError("time_limit", reason, "Limit max_time or max_events instead")
         from stickslip.sweeps.work.device import check_device
 
         if scheduler != "threads":
@@ -279,6 +289,7 @@ def compute_missing(
     adaptive: Adaptive | None,
     progress: Callable[[Progress], None] | None = None,
     device: str = "cpu",
+    time_limit: float | None = None,
 ) -> bool:
     """Compute what is missing; True if it came to its end.
 
@@ -294,8 +305,10 @@ def compute_missing(
         Is told of :class:`Progress`.
     device : str
         ``"cpu"`` or ``"gpu"``.
+    time_limit : float, optional
+        Seconds that each point may take.
     """
-    work = work_of(store.plan, device)
+    work = work_of(store.plan, device, time_limit)
     if pool.scheduler == "processes":
         check_sendable(work)
     tell = _Teller(store, progress)
@@ -358,8 +371,8 @@ def _of_lines(lines: LinesToDo) -> Iterator[Batch | None]:
         yield Batch([(chunk, inside)], grid.columns(grid.region(chunk), inside), runs)
 
 
-def _work(work: Work, task: Batch, stop: Array) -> dict[str, Array]:
-    return compute(work, task.columns, stop, task.runs)
+def _work(work: Work, task: Batch) -> dict[str, Array]:
+    return compute(work, task.columns, task.runs)
 
 
 class _Teller:

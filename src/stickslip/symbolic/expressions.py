@@ -22,6 +22,7 @@ import re
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
+from threading import RLock
 from weakref import WeakValueDictionary
 
 from stickslip.symbolic.functions import ARGUMENT, FUNCTIONS
@@ -134,6 +135,7 @@ class Expr:
 
 _nodes: WeakValueDictionary[tuple, Expr] = WeakValueDictionary()
 _recent: deque[Expr] = deque(maxlen=10_000)  # for systems that are declared again and again
+_LOCK = RLock()
 
 
 def _node(
@@ -147,10 +149,12 @@ def _node(
         text = "|".join(
             [op, repr(value), *(a.key for a in args), *(f"{e.key}*{c!r}" for e, c in terms)]
         )
-        node = _nodes[identity] = Expr(
-            op, value, args, terms, hashlib.sha1(text.encode()).hexdigest()
-        )
-        _recent.append(node)
+        made = Expr(op, value, args, terms, hashlib.sha1(text.encode()).hexdigest())
+        with _LOCK:  # another thread may just have made the same
+            node = _nodes.get(identity)
+            if node is None:
+                node = _nodes[identity] = made
+                _recent.append(node)
     return node
 
 

@@ -76,7 +76,7 @@ def measured(
     states = initial_states(system, start, points)
     block = Block(replace(problem, origin=system.span[0]), table, states, settings, True)
     block.rules = block.rules._replace(leaping=leaps)
-    found = block.run(Here, False, np.zeros(1, np.int64))
+    found = block.run(Here, False)
     shifted = np.any(block.rules.shifts != 0.0, axis=0)
     # of what is translated, how far it comes
     low = np.where(shifted, 0.0, found.sums.low)

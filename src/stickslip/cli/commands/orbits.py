@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -17,6 +18,8 @@ from stickslip.cli.common.present import (
     Out,
     ParameterOptions,
     ShowProgress,
+    TimeLimit,
+    TimeLimitOfEach,
     folder_of,
     present,
 )
@@ -40,6 +43,7 @@ def run_command(
         float | None, typer.Option("--until", metavar="T", help="End of the time span.")
     ] = None,
     rtol: Annotated[float, typer.Option("--rtol", help="Accuracy of the whole motion.")] = 1e-10,
+    time_limit: TimeLimit = None,
     out: Out = None,
     json_: Json = False,
 ) -> None:
@@ -57,7 +61,8 @@ def run_command(
     span = (system.span[0], system.span[1] if until is None else until)
 
     def work(progress: ShowProgress) -> Trajectory:
-        return simulate(system, span, initial=start, rtol=rtol, progress=progress)
+        limits: dict[str, Any] = {"rtol": rtol, "time_limit": time_limit}
+        return simulate(system, span, initial=start, progress=progress, **limits)
 
     present("moving", out or folder_of(system.name), MOTION_FILES, work, json_)
 
@@ -115,6 +120,7 @@ def cycle_command(
     model: Model,
     settings: ParameterOptions = None,
     initial: Initial = None,
+    time_limit: TimeLimit = None,
     out: Out = None,
     json_: Json = False,
 ) -> None:
@@ -130,7 +136,7 @@ def cycle_command(
     start = given(initial)
 
     def work(progress: ShowProgress) -> Cycle:
-        return find_cycle(system, start)
+        return find_cycle(system, start, time_limit=time_limit)
 
     folder = out or folder_of(system.name, "cycle")
     present(f"cycle of {system.name}", folder, CYCLE, work, json_)
@@ -150,6 +156,7 @@ def branch_command(
             "--cycle", help="Follow a cycle, as where time drives the system or its state jumps."
         ),
     ] = False,
+    time_limit: TimeLimit = None,
     out: Out = None,
     json_: Json = False,
 ) -> None:
@@ -178,9 +185,15 @@ def branch_command(
     cycles = cycles or equations.timed or bool(equations.jumps)
 
     def work(progress: ShowProgress) -> Branch:
-        if cycles:
-            return continue_cycle(find_cycle(system, start, parameters=at), parameter, (low, high))
-        return continue_equilibrium(system, parameter, (low, high), start=start, parameters=at)
+        over = parameter, (low, high)
+        if not cycles:
+            options: dict[str, Any] = {"start": start, "parameters": at}
+            return continue_equilibrium(system, *over, time_limit=time_limit, **options)
+        began = time.monotonic()
+        cycle = find_cycle(system, start, parameters=at, time_limit=time_limit)
+        spent = time.monotonic() - began
+        left = None if time_limit is None else max(time_limit - spent, 1e-3)
+        return continue_cycle(cycle, *over, time_limit=left)
 
     folder = out or folder_of(system.name, "branch")
     present(f"branch of {system.name}", folder, BRANCH, work, json_)
@@ -219,6 +232,7 @@ def response_command(
     ] = 25,
     settings: ParameterOptions = None,
     initial: Initial = None,
+    time_limit: TimeLimit = None,
     out: Out = None,
     json_: Json = False,
 ) -> None:
@@ -248,6 +262,7 @@ def response_command(
             drive=drive,
             initial=start,
             points=points,
+            time_limit=time_limit,
         )
 
     folder = out or folder_of(system.name, "response")
@@ -266,6 +281,7 @@ def basin_command(
     ],
     settings: ParameterOptions = None,
     initial: Initial = None,
+    time_limit: TimeLimitOfEach = None,
     out: Out = None,
     json_: Json = False,
 ) -> None:
@@ -287,7 +303,7 @@ def basin_command(
     system = load_model(model, settings or [])
 
     def work(progress: ShowProgress) -> Basin:
-        return find(system, over, initial=start, progress=progress)
+        return find(system, over, initial=start, progress=progress, time_limit=time_limit)
 
     folder = out or folder_of(system.name, "basin")
     present(f"basin of {system.name}", folder, BASIN, work, json_)

@@ -10,9 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from stickslip.cli.common.ending import EXIT_INTERRUPTED, finish
+from stickslip.cli.common.ending import EXIT_INTERRUPTED, NOT_CERTIFIED, finish
 from stickslip.cli.common.models import assignments, load_model, numbers, spans
-from stickslip.cli.common.present import Initial, Model, ParameterOptions, folder_of
+from stickslip.cli.common.present import (
+    Initial,
+    Model,
+    ParameterOptions,
+    TimeLimitOfEach,
+    folder_of,
+)
 from stickslip.cli.common.report import print_summary
 from stickslip.errors import DeclarationError
 from stickslip.storage import named
@@ -121,12 +127,14 @@ def sweep_command(
     ] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a stored map.")] = False,
     repair: Annotated[bool, typer.Option("--repair", help="Compute damaged chunks again.")] = False,
+    time_limit: TimeLimitOfEach = None,
 ) -> None:
     """Measure a system over parameters and initial values.
 
     Writes a Zarr store, chunk by chunk; the same command takes up what was interrupted.
 
-    Exit code: 0 complete, 2 wrong input, 130 interrupted (what was computed is kept).
+    Exit code: 0 complete, 1 a point took longer than its time limit, 2 wrong input, 130 interrupted
+    (what was computed is kept).
     """
     from stickslip import sweep as compute
     from stickslip.sweeps.work.chunk import Settings as MapSettings
@@ -157,6 +165,7 @@ def sweep_command(
                 extend=extend,
                 overwrite=overwrite,
                 repair=repair,
+                time_limit=time_limit,
                 progress=progress,
             )
     except KeyboardInterrupt:
@@ -169,6 +178,8 @@ def sweep_command(
         done = f"{found.computed:,} of {found.dataset['outcome'].size:,} points are in {path}"
         finish(f"interrupted; {done}; the same command goes on", EXIT_INTERRUPTED)
     print_summary(summary, more=[("written", str(path))])
+    if not found.outcome.ok:
+        raise typer.Exit(NOT_CERTIFIED)
 
 
 def plot_command(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -58,6 +59,22 @@ Initial = Annotated[
 Out = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Folder for the results.  [default: out/NAME]"),
+]
+TimeLimit = Annotated[
+    float | None,
+    typer.Option(
+        "--time-limit",
+        metavar="SECONDS",
+        help="Wall-clock time after which it ends; what was computed is kept.",
+    ),
+]
+TimeLimitOfEach = Annotated[
+    float | None,
+    typer.Option(
+        "--time-limit",
+        metavar="SECONDS",
+        help="Wall-clock time after which a motion is given up; the others go on.",
+    ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON and nothing else.")]
 ShowProgress = Callable[..., None]
@@ -136,6 +153,8 @@ def present(
                 result = work(progress)
         except ConvergenceError as failure:
             finish(str(failure), NOT_CERTIFIED)
+        if result.outcome.interrupted and sys.stderr.isatty():
+            typer.echo("ending; what was computed is written, unless Ctrl-C comes again", err=True)
         if files.data:
             result.save(place / files.data)
         for name, table in files.tables.items():

@@ -23,6 +23,7 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Record,
     Rows,
+    is_stopped,
 )
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.stiff import follow_mode
@@ -84,6 +85,8 @@ def states_at(
     known = False
     final = len(knots.time) - 1
     for i in range(len(times)):
+        if is_stopped(flow.space):
+            return
         knot = index[i]
         if knot != last or times[i] < base:
             last = knot
@@ -99,7 +102,7 @@ def states_at(
             start = Instant(base, y, mode, reg)
             order, h, _ = follow_mode(machine, flow, start, left, 0.0, seen)
             known = True
-        while known and times[i] - base > h:
+        while known and times[i] - base > h and not is_stopped(flow.space):
             for r in range(n):
                 y[r] = horner(W[r], order, h / W[n, 1])
             base = base + h

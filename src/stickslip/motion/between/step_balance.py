@@ -83,6 +83,7 @@ from stickslip.motion.steps.arrays import (
     gap_size,
     is_component,
     is_loose,
+    is_stopped,
     own_inverse,
     plain_coefficients,
     set_mode,
@@ -265,6 +266,8 @@ def audit_steps(
     accounts : Accounts
     """
     for i in range(len(ends.time)):
+        if is_stopped(flow.space):
+            return
         length = ends.time[i] - starts.time[i]
         count_times(flow.rows, starts.mode[i], ends.mode[i], length, accounts.sums)
         if length > 0.0:
@@ -318,6 +321,8 @@ def audit_step(
     order = flow.order
     h = left
     while left > 0.0:
+        if is_stopped(flow.space):
+            return
         start = Instant(base, y, mode, reg)
         order, h, series = follow_mode(machine, flow, start, left, last, seen)
         h = min(left, max(h, 1e-12 * left))

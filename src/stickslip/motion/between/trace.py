@@ -17,6 +17,7 @@ from stickslip.motion.steps.arrays import (
     Instant,
     Machine,
     Record,
+    is_stopped,
 )
 from stickslip.motion.steps.stiff import follow_mode
 from stickslip.translator import compiled
@@ -63,6 +64,8 @@ def trace_rows(
     full = flow.order
     last = len(knots.time) - 1
     for i in range(len(times)):
+        if is_stopped(flow.space):
+            return
         fresh = index[i] != knot
         if fresh:
             knot = index[i]
@@ -71,7 +74,7 @@ def trace_rows(
             copy(knots.region[knot], reg)
             copy(knots.state[knot], y)
             resolve(rows, flow.k, flow.space, mode)
-        while fresh or times[i] - base > h:
+        while fresh or (times[i] - base > h and not is_stopped(flow.space)):
             if not fresh:
                 for r in range(n):
                     y[r] = horner(W[r], full, h / W[n, 1])

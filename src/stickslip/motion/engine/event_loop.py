@@ -107,6 +107,7 @@ from stickslip.motion.steps.arrays import (
     Task,
     flow_of,
     is_component,
+    is_stopped,
     remember_gaps,
 )
 from stickslip.motion.steps.jumps import due_jump, fires, make_jump, passed_jumps
@@ -160,7 +161,8 @@ def integrate(
         Without slots: Taylor steps only.
     group : array of int, shape (lanes,)
     codes : array of int, shape (lanes,)
-        FULL where a lane is to go on; receives the outcome code.
+        FULL where a lane is to go on; receives the outcome code, or FULL where the record is, or
+        where there is a wish to stop.
     lanes : Lane
         Of all lanes (a leading axis).
     task : Task
@@ -214,7 +216,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
     promised = 0.0
     before = Before(0.0, 0.0, 0.0, 0.0, NOWHERE)
     while True:
-        if is_full(task, rows, count) and not again:
+        if not again and (is_full(task, rows, count) or (promised == 0.0 and is_stopped(space))):
             return FULL, count
         t, fired = clock[NOW], counters[CAUSE]
         hold = fired >= 0 or is_time_to_look(rows, counters[TAKEN])
@@ -724,7 +726,7 @@ def fly_on(
     several = total(rows.drops) > 1
     flown, fallen = -1, -1
     while True:
-        if task.recording and count == len(task.record.time):
+        if (task.recording and count == len(task.record.time)) or is_stopped(flow.space):
             return FULL, count
         t, fired = clock[NOW], lane.counters[CAUSE]
         for c in range(nc):
@@ -757,7 +759,7 @@ def fly_on(
         count = note(rows, lane, task, count)
         if t >= end:
             return FINISHED, count
-        count_step(clock, lane.counters, tau, tau, t + tau if guard >= 0 else end)
+        count_step(clock, lane.counters, tau, tau, end if guard < 0 and tau >= end - t else t + tau)
         flights.arrive(form, flight, y, tau, omega)
         flown = slot
         fallen = guard

@@ -392,7 +392,8 @@ def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
 @compiled(inline=True)
 def fly(form: ClosedForms, f: Flight, room: float, omega: Array) -> tuple[float, int]:
     """The earliest event within `room`: (duration, guard or −1), with the changes of the
-    exponentials until then; or UNKNOWN instead of a guard.
+    exponentials until then; or UNKNOWN instead of a guard. Without an event the duration is `room`,
+    or as far as was looked.
 
     Parameters
     ----------
@@ -458,7 +459,10 @@ def fly(form: ClosedForms, f: Flight, room: float, omega: Array) -> tuple[float,
             for m in range(len(omega)):
                 b[m] = form.b[g, m] * f.spin[m]
             parts = SignalSum(f.c[g], a[:nb], lam[:nb], b, omega)
-            found = first_of_many(parts, limit, floor, rising, f.taylor, f.stack)
+            found, looked = first_of_many(parts, limit, floor, rising, f.taylor, f.stack)
+            # A search does not last for ever: a wish to end has to be heard.
+            if looked < limit:
+                limit, which, known = looked, -1, False
         if found <= limit:
             known = known and found == limit
             limit, which = found, g

@@ -19,6 +19,7 @@ from stickslip.arrays import Array
 from stickslip.motion.engine.roots import NONE, divide_out, first_crossing
 from stickslip.translator import compiled
 
+_MOST_WINDOWS = 100_000  # of a signal that are searched at once: a tenth of a second
 _WINDOW_ORDER = 22
 _WINDOW = 1.5  # in which its polynomial is exact, in parts of the time in which a term changes
 _LONGEST = 700.0  # what the exponential function can take
@@ -316,21 +317,26 @@ def window_from(s: SignalSum, start: float) -> float:
 @compiled()
 def first_of_many(
     s: SignalSum, limit: float, floor: float, rising: int, work: Array, stack: Array
-) -> float:
-    """First fall of any signal: window after window, its Taylor polynomial and the roots of that.
+) -> tuple[float, float]:
+    """First fall of any signal, and how far was looked: window after window, its Taylor polynomial
+    and the roots of that.
 
     What decays leaves room for longer windows, in which it is known as exactly as at the beginning,
     in parts of what it was there: it takes some sixteen until nothing is left of it.
 
     Parameters
     ----------
+    limit : float
+        End of the search; it ends before that after `_MOST_WINDOWS`.
     work, stack : arrays, shapes (WINDOW_ORDER + 1,) and that of :func:`.roots.first_crossing`
         Work space.
     """
     start = 0.0
     order = rising
     N = _WINDOW_ORDER
-    while start < limit:
+    for _ in range(_MOST_WINDOWS):
+        if not start < limit:
+            break
         h = min(window_from(s, start), limit - start)
         expand_signal(s, start, h, work)
         if order > 0:
@@ -338,12 +344,12 @@ def first_of_many(
         elif work[0] <= floor:
             # Touching zero at the seam of two windows: its sign decides there.
             if work[1] < 0.0:
-                return start
+                return start, limit
             work[0] = abs(work[0])
         if work[0] > 0.0:
             x = first_crossing(work, N - order, 1.0, floor, stack)
             if x < NONE:
-                return start + x * h
+                return start + x * h, limit
         start += h
         order = 0
-    return np.inf
+    return np.inf, min(start, limit)

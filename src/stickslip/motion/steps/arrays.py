@@ -230,6 +230,9 @@ class Space(NamedTuple):
     landed, stood : arrays
         New values of the state in all jumps; and the regions before a mode is chosen, then the kink
         whose jump has just been taken, −1: none.
+    wish, late : arrays of int, shape (1,)
+        Not zero once there is a wish to stop, and once the time is up
+        (:mod:`stickslip.stopping`).
     """
 
     W: Matrix
@@ -268,6 +271,8 @@ class Space(NamedTuple):
     begun: Matrix
     answer: Matrix
     aims: Matrix
+    wish: IntVector
+    late: IntVector
 
 
 class Lane(NamedTuple):
@@ -386,6 +391,12 @@ class Instant(NamedTuple):
 def flow_of(flow: Flow, g: int) -> Flow:
     """The same for one of many sets of parameters."""
     return Flow(flow.rows, row_of(flow.k, g), flow.space, flow.order, flow.tol, flow.atol)
+
+
+@compiled()
+def is_stopped(space: Space) -> bool:
+    """Whether compiled loops have to return."""
+    return bool(space.wish[0] != 0 or space.late[0] != 0)
 
 
 @compiled()
@@ -517,5 +528,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         begun=z((table_rows if len(rows.planes) else 0, FEWEST_ORDERS + 1)),
         answer=z((2 * len(rows.planes), 2 * len(rows.planes))),
         aims=z((9 * len(rows.planes), N + 1)),
+        wish=z(1, np.int64),
+        late=z(1, np.int64),
         stages=z((2 * implicit + 8 + n, max(implicit, len(rows.watched), N // 2 + 1))),
     )

@@ -38,6 +38,7 @@ from stickslip.orbits.branches.special_points import (
     vanishes_at,
 )
 from stickslip.orbits.continuation.arclength import (
+    BROKEN_OFF,
     Ending,
     Path,
     Point,
@@ -66,6 +67,7 @@ from stickslip.orbits.cycles.period import part_of
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.damped_newton import CLOSED, Closed
 from stickslip.orbits.return_map.mode_sequence import LOSS
+from stickslip.stopping.scopes import limited
 
 _STEPS = StepControl(first=0.01, largest=0.25, tolerance=1e-8, turn=0.3, rounding=KNOWN_TO)
 _IN_CHART = 8  # points before the chart is made anew
@@ -104,6 +106,7 @@ def continue_cycle(
     span: tuple[float, float],
     *,
     steps: StepControl | None = None,
+    time_limit: float | None = None,
     progress: Tell | None = None,
 ) -> Branch:
     """Follow a cycle while a parameter changes.
@@ -116,6 +119,8 @@ def continue_cycle(
     span : (float, float)
         Its range, with the cycle's own value inside.
     steps : Steps, optional
+    time_limit : float, optional
+        Seconds of wall-clock time after which the branch ends as it is.
     progress : callable, optional
         Called with every new point (``.side``, ``.values``). By default there is a bar.
 
@@ -157,8 +162,11 @@ def continue_cycle(
         raise DeclarationError(
             "cycle", f"it is at {parameter} = {value:g}, outside ({low:g}, {high:g})", "Enclose it"
         )
-    follower = _Follower(cycle, parameter, (low, high), steps or _STEPS)
-    with told_of_points(progress, "following the cycle") as tell:
+    with (
+        limited(time_limit, f"a branch of {cycle.system.name}"),
+        told_of_points(progress, "following the cycle") as tell,
+    ):
+        follower = _Follower(cycle, parameter, (low, high), steps or _STEPS)
         back, forth, ends = both_ways(lambda sign: follower.follow(sign, tell), -1.0)
     return follower.branch(back, forth, ends)
 
@@ -332,7 +340,7 @@ class _Follower:
 
     def _end(self, path: Path, stations: list[_Station], before: int) -> Ending | None:
         """Why the branch ends here, if it does."""
-        if path.ended.stop in (Stop.INTERRUPTED, Stop.RANGE):
+        if path.ended.stop in (*BROKEN_OFF, Stop.RANGE):
             return path.ended
         if path.ended.stop is Stop.EVENT and path.ended.test != "carried":
             return Ending(

@@ -51,6 +51,7 @@ from stickslip.orbits.fields.steady import (
     invariant_directions,
     rightmost_first,
 )
+from stickslip.stopping.scopes import limited
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
@@ -76,6 +77,7 @@ def continue_equilibrium(
     start: Equilibrium | Mapping[str, float] | None = None,
     parameters: Mapping[str, float] | None = None,
     steps: StepControl | None = None,
+    time_limit: float | None = None,
     progress: Tell | None = None,
 ) -> Branch:
     """Follow an equilibrium while a parameter changes.
@@ -94,6 +96,8 @@ def continue_equilibrium(
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     steps : Steps, optional
+    time_limit : float, optional
+        Seconds of wall-clock time after which the branch ends as it is.
     progress : callable, optional
         Called with every new point (``.side``, ``.values``). By default there is a bar.
 
@@ -127,7 +131,10 @@ def continue_equilibrium(
         steps or _STEPS,
     )
     x = np.append(origin, values[parameter])
-    with told_of_points(progress, "following the equilibrium") as tell:
+    with (
+        limited(time_limit, f"a branch of {system.name}"),
+        told_of_points(progress, "following the equilibrium") as tell,
+    ):
         back, forth, ends = both_ways(lambda sign: follower.follow(first, x, sign, tell), 1.0)
     return follower.branch(system, back, forth, ends)
 

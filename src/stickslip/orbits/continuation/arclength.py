@@ -28,6 +28,7 @@ from stickslip.arrays import Array
 from stickslip.certificates import Residual
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.orbits.continuation.bracket import zero_between
+from stickslip.stopping.scopes import TimeUp, heed
 
 FunctionAndJacobian = Callable[[Array], tuple[Array, Array]]
 Test = str | int
@@ -56,6 +57,7 @@ class Stop(Enum):
     LIMIT = "limit on points"
     LOST = "lost"
     INTERRUPTED = "interrupted"
+    TIME_UP = "time limit"
 
 
 class Ending(NamedTuple):
@@ -67,6 +69,9 @@ class Ending(NamedTuple):
 
 
 INTERRUPTED = Ending(Stop.INTERRUPTED, "interrupted")
+TIME_UP = Ending(Stop.TIME_UP, "the time limit was reached")
+BROKEN_OFF = (Stop.INTERRUPTED, Stop.TIME_UP)
+"""How a curve ends that goes on."""
 
 
 class Limit(NamedTuple):
@@ -461,6 +466,7 @@ def trace(
     told = 0
     try:
         while ended is None:
+            heed()
             ended, step = tracer.advance(path, step)
             if progress is not None:
                 for point in path.points[told:]:
@@ -468,6 +474,8 @@ def trace(
                 told = len(path.points)
     except KeyboardInterrupt:
         ended = INTERRUPTED
+    except TimeUp:
+        ended = TIME_UP
     return replace(path, ended=ended)
 
 

@@ -12,7 +12,7 @@ from stickslip.arguments import validated
 from stickslip.certificates import Certificate, Residual, worst
 from stickslip.equations.field import Mode, Region
 from stickslip.model.system import System
-from stickslip.orbits.continuation.arclength import Ending, Stop
+from stickslip.orbits.continuation.arclength import BROKEN_OFF, Ending, Stop
 from stickslip.results import (
     Completion,
     Result,
@@ -146,7 +146,7 @@ class Branch(Result):
     @property
     def complete(self) -> bool:
         """Whether it was followed to both ends."""
-        return not any(end.stop is Stop.INTERRUPTED for end in self.ends)
+        return not any(end.stop in BROKEN_OFF for end in self.ends)
 
     @validated
     def of_kind(self, kind: str) -> list[SpecialPoint]:
@@ -173,7 +173,10 @@ class Branch(Result):
     @property
     def outcome(self) -> Completion:
         """Whether it was followed to both ends."""
-        return Completion.FINISHED if self.complete else Completion.INTERRUPTED
+        if self.complete:
+            return Completion.FINISHED
+        late = any(end.stop is Stop.TIME_UP for end in self.ends)
+        return Completion.TIME_UP if late else Completion.INTERRUPTED
 
     @property
     def message(self) -> str:

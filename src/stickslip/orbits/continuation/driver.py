@@ -18,8 +18,10 @@ from typing import Generic, TypeVar
 
 from stickslip.arrays import Array
 from stickslip.orbits.continuation.arclength import (
+    BROKEN_OFF,
     INTERRUPTED,
     NOT_DEFINED,
+    TIME_UP,
     Accept,
     Breaks,
     Ending,
@@ -34,6 +36,7 @@ from stickslip.orbits.continuation.arclength import (
     trace,
 )
 from stickslip.progress import PATIENCE, watched
+from stickslip.stopping.scopes import TimeUp
 
 _T = TypeVar("_T")
 _P = TypeVar("_P")
@@ -176,6 +179,8 @@ def follow_branch(
             start = beyond
     except KeyboardInterrupt:
         return INTERRUPTED
+    except TimeUp:
+        return TIME_UP
     except NOT_DEFINED as failure:
         return Ending(Stop.LOST, f"{lost} ({failure})")
 
@@ -191,11 +196,11 @@ def both_ways(
     side : function
         sign ↦ what is found in a direction, the start first, and the end.
     first : float
-        The direction that is followed first; if it leads back to the start, or the user stops it,
-        the other one is not followed, and nothing is found there.
+        The direction that is followed first; if it leads back to the start, or is broken off, the
+        other one is not followed, and nothing is found there.
     """
     one, end = side(first)
-    if end.stop in (Stop.CLOSED, Stop.INTERRUPTED):
+    if end.stop in (Stop.CLOSED, *BROKEN_OFF):
         other, other_end = [], end
     else:
         other, other_end = side(-first)

@@ -40,6 +40,7 @@ from stickslip.orbits.cycles.measure import ContactShare, Phase
 from stickslip.orbits.return_map.damped_newton import Closed
 from stickslip.orbits.return_map.mode_sequence import nearest_change
 from stickslip.results import Result, listed, restored_certificate
+from stickslip.stopping.scopes import limited
 
 if TYPE_CHECKING:
     import xarray
@@ -545,6 +546,7 @@ def find_cycle(
     start: Trajectory | Cycle | SpecialPoint | Mapping[str, float] | ArrayLike | None = None,
     *,
     parameters: Mapping[str, float] | None = None,
+    time_limit: float | None = None,
 ) -> Cycle:
     """The cycle near a motion, a state, another cycle or a Hopf point.
 
@@ -560,6 +562,8 @@ def find_cycle(
     parameters : mapping of str to float, optional
         Values that replace the defaults, or those of `start`. At a Hopf point the value of the
         branch's parameter tells which of the cycles is meant; by default a small one.
+    time_limit : float, optional
+        Seconds of wall-clock time that it may take.
 
     Returns
     -------
@@ -572,8 +576,18 @@ def find_cycle(
     ConvergenceError
         If the motion comes to rest, does not come back, or Newton's method does not converge; if
         the cycles come in a family without a translation. The message says what was tried and what
-        came nearest.
+        came nearest. A :class:`stickslip.errors.TimeLimitError`, which is one, if the time is up.
     """
+    with limited(time_limit, f"a cycle of {system.name}"):
+        return _found(system, start, parameters)
+
+
+def _found(
+    system: System,
+    start: Trajectory | Cycle | SpecialPoint | Mapping[str, float] | ArrayLike | None,
+    parameters: Mapping[str, float] | None,
+) -> Cycle:
+    """The cycle; see :func:`find_cycle`."""
     from stickslip.motion.trajectory import Trajectory
 
     if isinstance(start, SpecialPoint):

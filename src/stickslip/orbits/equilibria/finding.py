@@ -36,6 +36,7 @@ from stickslip.orbits.equilibria.equilibrium import (
 from stickslip.orbits.equilibria.reduction import Irreducible
 from stickslip.orbits.equilibria.stick_sets import Conditions, all_stick, dimension
 from stickslip.orbits.fields.steady import Array, Steady, invariant_directions
+from stickslip.stopping.scopes import watching
 from stickslip.symbolic import expressions as ex
 
 _MOST = 4096  # modes times regions that are all tried
@@ -76,7 +77,8 @@ def equilibria(
         If an argument is wrong, or the system depends on time.
     """
     values = checked_values(system, parameters)
-    return _Search(system, autonomous(system), values, box or {}).run()
+    with watching():  # what is interrupted in it ends all of it
+        return _Search(system, autonomous(system), values, box or {}).run()
 
 
 def is_equilibrium(found: Equilibria, point: Mapping[str, float]) -> bool:

@@ -33,6 +33,7 @@ from stickslip.orbits.fields.engine.variations import (
     CROWDED,
     ENDS,
     GRAZED,
+    HALTED,
     MEETING,
     MET,
     PASSED,
@@ -48,6 +49,7 @@ from stickslip.orbits.fields.engine.variations import (
 )
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.saltation import Strike, saltation, strikes_of
+from stickslip.stopping.scopes import heed
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -115,12 +117,17 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
     run = _prepared(trajectory, pieces, directions)
     listed = pieces.listed
     problem = trajectory._problem
-    flow = problem.flow(retracing=True)
     work = _work(trajectory, pieces, run, 2 * STAGES * len(run.piece))
     meeting = _Meeting(trajectory, pieces, run)
     start = 0
-    while (code := vary(problem.machine, flow, listed, run, work, start)) != PASSED:
-        if code == CROWDED:
+    while True:
+        flow = problem.flow(retracing=True)
+        code = vary(problem.machine, flow, listed, run, work, start)
+        if code == PASSED:
+            break
+        if code == HALTED:
+            heed()
+        elif code == CROWDED:
             work = _work(trajectory, pieces, run, int(run.event[BEGINS]))
         elif code == CORNER:
             start = meeting.pass_through()

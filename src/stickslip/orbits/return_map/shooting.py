@@ -66,11 +66,10 @@ def follow_freely(problem: Problem, start: float, end: float, y: Array) -> Traje
     from stickslip.motion import simulate
     from stickslip.motion.trajectory import Trajectory
 
-    code, knots = simulate.run_loop(problem, start, end, y, MOST_EVENTS)
-    outcome = Outcome.from_code(code)
-    if outcome is Outcome.INTERRUPTED:
-        raise KeyboardInterrupt
-    return Trajectory(problem, (start, end), knots, outcome)
+    code, knots, ended = simulate.run_loop(problem, start, end, y, MOST_EVENTS)
+    if ended is not None:
+        raise ended
+    return Trajectory(problem, (start, end), knots, Outcome.from_code(code))
 
 
 def arrivals(problem: Problem, start: float, end: float, states: Array) -> list[Array | None]:

@@ -20,6 +20,7 @@ from stickslip.orbits.settling.engine.attraction import (
     prove_all,
 )
 from stickslip.orbits.settling.engine.tables import LEAPT, PHASE, PROVING
+from stickslip.stopping.scopes import heed
 
 if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
@@ -47,16 +48,13 @@ class Attraction:
         self.table = np.ascontiguousarray(table)
         self._claims: Claims | None = None
 
-    def prove(
-        self, engine: Engine, settling: tuple[Marks, Rules, Lane, Bench], stop: Array
-    ) -> Array:
+    def prove(self, engine: Engine, settling: tuple[Marks, Rules, Lane, Bench]) -> Array:
         """Which lanes that were carried on by hand come to their cycles by themselves.
 
         Parameters
         ----------
         engine, settling
             As of :func:`stickslip.orbits.settling.engine.attraction.prove_all`.
-        stop : array, shape (1,)
 
         Returns
         -------
@@ -71,9 +69,11 @@ class Attraction:
                 return np.zeros(len(self.table), bool)
             self._claims = self._made(engine, bench)
         self._claims.verdict[:] = OPEN_CLAIM
-        while stop[0] == 0:
+        while True:
             claims = self._claims
-            prove_all(engine, *settling, claims, stop)
+            prove_all(engine, *settling, claims)
+            if heed():
+                continue
             missing = np.flatnonzero(claims.verdict == UNKNOWN_MODE)
             if len(missing) == 0:
                 break

@@ -29,6 +29,7 @@ from stickslip.orbits.settling.engine.tables import (
     MEASURING,
     PHASE,
     PROVING,
+    WAITING,
     Bench,
     Engine,
     Found,
@@ -41,7 +42,7 @@ from stickslip.orbits.settling.engine.tables import (
 from stickslip.orbits.settling.lattice import forms_of, lattice, translations
 from stickslip.orbits.settling.proofs import Prover
 from stickslip.orbits.settling.repetition import Repetition
-from stickslip.progress import Stopped
+from stickslip.stopping.scopes import TimeUp, flagged, heed, watching
 
 POINT_SLOTS = 12  # closed forms of every point
 _SHARED_SLOTS = 64  # closed forms of all points
@@ -295,21 +296,33 @@ class Block:
             lanes.now,
         )
 
-    def settle(self, stop: Array) -> None:
+    def settle(self) -> None:
         """Follow all motions until they have settled; where, and on what, is left in `saved` and in
         the marks."""
-        loops = Here(self, stop)
-        self._until_done(loops.settle, stop, loops)
+        loops = Here(self)
+        self._until_done(loops.settle, loops)
 
-    def run(self, where: Callable[[Block, Array], Loops], exponents: bool, stop: Array) -> Observed:
-        """Follow and measure all points."""
+    def run(
+        self, where: Callable[[Block], Loops], exponents: bool, time_limit: float | None = None
+    ) -> Observed:
+        """Follow and measure all points.
+
+        Parameters
+        ----------
+        where : function
+            Where the loops run.
+        exponents : bool
+            Whether Lyapunov exponents are measured.
+        time_limit : float, optional
+            Seconds of wall-clock time that each point may take.
+        """
         marks = self.marks
-        loops = where(self, stop)
-        self._until_done(loops.advance, stop, loops)
+        loops = where(self)
+        self._in_time(loops.advance, loops, time_limit)
         loops.fetch()
         if exponents:
             marks.numbers[np.isin(marks.outcome, [o.code for o in MEASURED]), PHASE] = MEASURING
-            self._until_done(loops.grow_apart, stop, loops)
+            self._in_time(loops.grow_apart, loops, time_limit)
             loops.fetch()
         self._name_rest()
         return Observed(
@@ -322,15 +335,34 @@ class Block:
             self.excess,
         )
 
-    def _until_done(self, compiled: Callable[[], None], stop: Array, where: Loops) -> None:
+    def _in_time(self, compiled: Callable[[], None], where: Loops, limit: float | None) -> None:
+        """Follow all motions to their end, one after the other if their time is limited."""
+        if limit is None:
+            self._until_done(compiled, where)
+            return
         phase = self.marks.numbers[:, PHASE]
-        while np.any(phase != DONE):
+        for i in np.flatnonzero(phase != DONE):
+            others = np.arange(len(phase)) != i
+            kept = phase[others].copy()
+            phase[others] = WAITING
+            with watching(limit) as scope:
+                try:
+                    self._until_done(compiled, where)
+                except TimeUp as up:
+                    if not scope.ends(up):
+                        raise
+                    self.marks.outcome[i], phase[i] = Outcome.TIME_UP.code, DONE
+                finally:
+                    phase[others] = kept
+
+    def _until_done(self, compiled: Callable[[], None], where: Loops) -> None:
+        phase = self.marks.numbers[:, PHASE]
+        while np.any((phase != DONE) & (phase != WAITING)):
             compiled()
-            if stop[0] != 0:
-                raise Stopped
+            heed()
             if np.any(phase == PROVING):
                 where.ask()
-                self.prover.prove(self.lanes, self.engine(self.lanes), self.settling, stop)
+                self.prover.prove(self.lanes, self.engine(self.lanes), self.settling)
                 where.answer()
 
     def _name_rest(self) -> None:
@@ -347,28 +379,34 @@ class Block:
 class Here:
     """The compiled loops on this processor."""
 
-    def __init__(self, block: Block, stop: Array) -> None:
+    def __init__(self, block: Block) -> None:
         self.block = block
-        self.engine: Engine = block.engine(block.lanes)
-        self.stop = stop
+        self._engine: Engine = block.engine(block.lanes)
+        self._twins: Engine | None = None
+
+    @property
+    def engine(self) -> Engine:
+        """With the flags of this thread."""
+        self._engine = _flagged_engine(self._engine)
+        return self._engine
 
     def settle(self) -> None:
         """Settle only."""
-        settling.settle_all(self.engine, *self.block.settling, self.stop)
+        settling.settle_all(self.engine, *self.block.settling)
         phase = self.block.marks.numbers[:, PHASE]
         phase[phase == MEASURING] = DONE
 
     def advance(self) -> None:
         """Measure what has settled, settle the rest."""
-        measuring.measure_all(self.engine, *self.block.settling, self.block.found, self.stop)
-        settling.settle_all(self.engine, *self.block.settling, self.stop)
+        measuring.measure_all(self.engine, *self.block.settling, self.block.found)
+        settling.settle_all(self.engine, *self.block.settling)
 
     def grow_apart(self) -> None:
         """Measure exponents."""
         from stickslip.orbits.settling.engine import exponents
 
-        twins = self.block.engine(self.block.twins)
-        exponents.grow_all(self.engine, twins, *self.block.settling, self.block.found, self.stop)
+        twins = self._twins = _flagged_engine(self._twins or self.block.engine(self.block.twins))
+        exponents.grow_all(self.engine, twins, *self.block.settling, self.block.found)
 
     def ask(self) -> None:
         """Everything is here."""
@@ -378,6 +416,12 @@ class Here:
 
     def fetch(self) -> None:
         """Everything is here."""
+
+
+def _flagged_engine(engine: Engine) -> Engine:
+    """An engine with the flags of this thread."""
+    flow = engine.flow
+    return engine._replace(flow=flow._replace(space=flagged(flow.space)))
 
 
 def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:

@@ -118,7 +118,6 @@ class Prover:
         lanes: Lanes,
         engine: Engine,
         settling: tuple[Marks, Rules, Lane, Bench],
-        stop: Array,
     ) -> None:
         """Decide all motions that ask: they are measured next, or go on.
 
@@ -128,10 +127,9 @@ class Prover:
         engine : Engine
             Their compiled loop.
         settling : Marks, Rules, Lane and Bench
-        stop : array, shape (1,)
         """
         marks, _, saved, _ = settling
-        self._take_back(engine, settling, stop)
+        self._take_back(engine, settling)
         index = np.flatnonzero(marks.numbers[:, PHASE] == PROVING)
         if len(index) == 0:
             return
@@ -185,15 +183,13 @@ class Prover:
         for part, kept in zip(lanes.now, saved, strict=True):
             part[late] = kept[late]
 
-    def _take_back(
-        self, engine: Engine, settling: tuple[Marks, Rules, Lane, Bench], stop: Array
-    ) -> None:
+    def _take_back(self, engine: Engine, settling: tuple[Marks, Rules, Lane, Bench]) -> None:
         """Let motions go on by themselves that do not come to where they were carried by hand."""
         marks = settling[0]
         claimed = (marks.numbers[:, PHASE] == PROVING) & (marks.numbers[:, LEAPT] > 0)
         if not np.any(claimed):
             return
-        comes = self.attraction.prove(engine, settling, stop)
+        comes = self.attraction.prove(engine, settling)
         marks.outcome[claimed & ~comes] = _NOTHING
         marks.numbers[claimed & ~comes, PHASE] = SETTLING
         marks.numbers[claimed & ~comes, LEAPT] = -1

@@ -80,7 +80,7 @@ def settle_motion(
         False,
         known=known,
     )
-    block.settle(np.zeros(1, np.int64))
+    block.settle()
     marks = block.marks
     layout, jumps = problem.compiled.layout, problem.compiled.equations.jumps
     leaps = bool(layout.gaps or jumps) and period == 0.0

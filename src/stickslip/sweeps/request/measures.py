@@ -38,7 +38,6 @@ from stickslip.motion.between.observers import LASTED, STUCK
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
 from stickslip.orbits.settling.motions import ATTRACTORS, MEASURED, Observed
-from stickslip.progress import Stopped
 from stickslip.sweeps.request import one_period
 from stickslip.sweeps.request.carry import CARRIED
 from stickslip.sweeps.request.one_period import PeriodRule
@@ -254,7 +253,6 @@ def measured_again(
     observed: Observed,
     measures: Sequence[str],
     settings: Settings,
-    stop: Array,
 ) -> dict[str, Array]:
     """Values of those measures that need the motion of the period itself; NaN for what has none,
     and no harmonic where there is rest.
@@ -266,12 +264,6 @@ def measured_again(
     observed : Observed
     measures : sequence of str
     settings : Settings
-    stop : array of int, shape (1,)
-
-    Raises
-    ------
-    Stopped
-        If there was a wish to stop.
     """
     from stickslip.motion.simulate import simulate
 
@@ -284,8 +276,6 @@ def measured_again(
         result[m][still] = 0.0
     system = problem.system
     for i in np.flatnonzero(moving) if wanted else ():
-        if stop[0] != 0:
-            raise Stopped
         begin = float(observed.time[i])
         motion = simulate(
             system,

@@ -24,7 +24,6 @@ from stickslip.motion.starts import put_on_contacts
 from stickslip.orbits.fields.stable_set import excess, settle_friction
 from stickslip.orbits.settling.engine.tables import ENERGY, LAW, MOTION, make_found
 from stickslip.orbits.settling.motions import POINT_SLOTS, Block, Here, Observed, Settings
-from stickslip.progress import Stopped
 from stickslip.sweeps.request.measures import (
     certified_below,
     known_for_a_time,
@@ -41,9 +40,9 @@ def measure_chunk(
     measures: Sequence[str],
     settings: Settings,
     device: str = "cpu",
-    stop: Array | None = None,
     section: bool = False,
     start: float | None = None,
+    time_limit: float | None = None,
 ) -> dict[str, Array]:
     """Measures of what motions settle on.
 
@@ -57,13 +56,13 @@ def measure_chunk(
     settings : Settings
     device : str
         ``"cpu"`` or ``"gpu"``.
-    stop : array of int, shape (1,), optional
-        Looked at all the time; not zero once there is a wish to stop.
     section : bool
         Whether the points are states of a section, which share their parameters (and so their
         closed forms); one that friction cannot hold starts at the nearest place at which it can.
     start : float, optional
         When the motions begin; by default with the span of the system.
+    time_limit : float, optional
+        Seconds of wall-clock time that each point may take.
 
     Returns
     -------
@@ -92,9 +91,8 @@ def measure_chunk(
     if section:
         settle_friction(problem.compiled.equations, problem.parameters, states, problem.origin)
     closely = needs_close_look(system, measures)
-    stop = np.zeros(1, np.int64) if stop is None else stop
     if known_for_a_time(system):
-        seen = _over_the_span(problem, table, states, settings, stop)
+        seen = _over_the_span(problem, table, states, settings, time_limit)
         return measured(problem, seen, measures, certified_below(settings))
     exponents = "lyapunov" in measures
     if device == "gpu":
@@ -109,17 +107,17 @@ def measure_chunk(
     shared = section and device == "cpu"
     blocks = [slice(i, i + lanes) for i in range(0, count, lanes)]
     motions = (Block(problem, table[b], states[b], settings, closely, shared) for b in blocks)
-    found = [block.run(loops, exponents, stop) for block in motions]
+    found = [block.run(loops, exponents, time_limit) for block in motions]
     parts = [
         measured(problem, observed, measures, certified_below(settings))
-        | measured_again(problem, table[b], observed, measures, settings, stop)
+        | measured_again(problem, table[b], observed, measures, settings)
         for b, observed in zip(blocks, found, strict=True)
     ]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def _over_the_span(
-    problem: Problem, table: Array, states: Array, settings: Settings, stop: Array
+    problem: Problem, table: Array, states: Array, settings: Settings, time_limit: float | None
 ) -> Observed:
     """Motions from the start to the end of the declared span, under drives that are known for a
     time only.
@@ -129,7 +127,8 @@ def _over_the_span(
     problem : Problem
     table, states : arrays, shapes (points, parameters) and (points, n)
     settings : Settings
-    stop : array of int, shape (1,)
+    time_limit : float, optional
+        Seconds that each may take.
     """
     from stickslip.motion.simulate import simulate
 
@@ -141,8 +140,6 @@ def _over_the_span(
     found = make_found(len(states), len(names), len(problem.rows.u))
     outcome = np.full(len(states), Outcome.OUTSIDE.code)
     for i in np.flatnonzero(beyond == 0.0):
-        if stop[0] != 0:
-            raise Stopped
         motion = simulate(
             system,
             initial=dict(zip(names, states[i].tolist(), strict=True)),
@@ -150,6 +147,7 @@ def _over_the_span(
             rtol=settings.rtol,
             atol=settings.atol,
             max_events=settings.max_events,
+            time_limit=time_limit,
         )
         outcome[i] = motion.outcome.code
         for whole, own in zip(found.sums, motion.audit.sums, strict=True):

@@ -163,11 +163,9 @@ class OnDevice:
     Parameters
     ----------
     block : Block
-    stop : array
-        Seen by the host; no launch takes long.
     """
 
-    def __init__(self, block: Block, stop: Array) -> None:
+    def __init__(self, block: Block) -> None:
         self.block = block
         self.device: Device = find_device()
         self.count: int = len(block.lanes.codes)
@@ -188,7 +186,6 @@ class OnDevice:
             each(memory.put, block.rules._replace(most=most)),
             self.saved,
             self.found,
-            memory.put(np.zeros(1, np.int64)),  # pyright: ignore[reportArgumentType]
         )
 
     def advance(self) -> None:

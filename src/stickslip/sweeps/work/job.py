@@ -13,7 +13,6 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.model.system import System
-from stickslip.progress import Stopped
 from stickslip.sweeps.request.measures import OWN
 from stickslip.sweeps.request.plan import Plan
 from stickslip.sweeps.request.user_measures import (
@@ -46,6 +45,8 @@ class Work:
         ``"cpu"`` or ``"gpu"``: where the compiled loops run.
     section, carries : bool
         See :class:`stickslip.sweeps.request.plan.Plan`; whether points carry the state.
+    time_limit : float, optional
+        Seconds of wall-clock time that each point may take.
     """
 
     model: str
@@ -55,15 +56,16 @@ class Work:
     device: str = "cpu"
     section: bool = False
     carries: bool = False
+    time_limit: float | None = None
 
 
-def work_of(plan: Plan, device: str = "cpu") -> Work:
+def work_of(plan: Plan, device: str = "cpu", time_limit: float | None = None) -> Work:
     """The work that a plan asks for at its points."""
     asked = tuple(asked_again(measure) for measure in plan.measures)
     initial = tuple(plan.initial.items())
     model = plan.system.to_toml()
     carries = plan.carry is not None
-    return Work(model, asked, initial, plan.settings, device, plan.section, carries)
+    return Work(model, asked, initial, plan.settings, device, plan.section, carries, time_limit)
 
 
 def check_sendable(work: Work) -> None:
@@ -90,9 +92,7 @@ def _prepared(work: Work) -> tuple[System, tuple[Measure, ...]]:
     return system, read_measures(system, work.asked)
 
 
-def compute(
-    work: Work, columns: Mapping[str, Array], stop: Array, runs: Runs | None = None
-) -> dict[str, Array]:
+def compute(work: Work, columns: Mapping[str, Array], runs: Runs | None = None) -> dict[str, Array]:
     """Everything that is stored of some points.
 
     Parameters
@@ -100,8 +100,6 @@ def compute(
     work : Work
     columns : mapping of str to array, shape (points,)
         Parameters and initial values that vary.
-    stop : array of int, shape (1,)
-        Not zero once there is a wish to stop.
     runs : Runs, optional
         Of points that carry the state.
 
@@ -116,12 +114,12 @@ def compute(
         If there was a wish to stop.
     """
     if runs is not None:
-        return _along(work, columns, stop, runs)
-    found = _side_by_side(work, columns, stop)
+        return _along(work, columns, runs)
+    found = _side_by_side(work, columns)
     return {name: found[name] for name in _stored(work)}
 
 
-def _along(work: Work, columns: Mapping[str, Array], stop: Array, runs: Runs) -> dict[str, Array]:
+def _along(work: Work, columns: Mapping[str, Array], runs: Runs) -> dict[str, Array]:
     """Points one after the other, each from where the one before has come to."""
     from stickslip.sweeps.work.carrying import handed_by, stored_of
     from stickslip.sweeps.work.handed import Handed, taken_up
@@ -136,7 +134,7 @@ def _along(work: Work, columns: Mapping[str, Array], stop: Array, runs: Runs) ->
         own = {name: float(v[0]) for name, v in here.items() if name in system.parameters}
         own = {**system.values, **own}
         begun = None if handed is None else taken_up(system, handed, own)
-        found[i] = _side_by_side(work, here, stop, begun)
+        found[i] = _side_by_side(work, here, begun)
         given = Handed(own, begun[0], handed.state) if begun and handed else None
         handed = left[i] = handed_by(system, own, found[i], given)
     stored = {name: np.concatenate([one[name] for one in found]) for name in _stored(work)}
@@ -153,7 +151,6 @@ def _stored(work: Work) -> list[str]:
 def _side_by_side(
     work: Work,
     columns: Mapping[str, Array],
-    stop: Array,
     begun: tuple[float, Array] | None = None,
 ) -> dict[str, Array]:
     """Points by themselves; with `begun`, one that begins at that time in that state."""
@@ -185,9 +182,9 @@ def _side_by_side(
         tuple(needed),
         work.settings,
         work.device,
-        stop,
         work.section,
         origin,
+        work.time_limit,
     )
     known = {**system.values, **_start(system, initial), **parameters, **found}
     result = dict(found)
@@ -196,7 +193,7 @@ def _side_by_side(
         if isinstance(measure, FormulaMeasure):
             result[name], result[f"{name}_missing"] = measure.values(known, count)
         elif isinstance(measure, FunctionMeasure):
-            values = _by_function(measure, system, initial, parameters, work.settings, stop, origin)
+            values = _by_function(measure, system, initial, parameters, work, origin)
             result[name], result[f"{name}_missing"] = values
     return result
 
@@ -213,8 +210,7 @@ def _by_function(
     system: System,
     initial: Mapping[str, Array],
     parameters: Mapping[str, Array],
-    settings: Settings,
-    stop: Array,
+    work: Work,
     start: float,
 ) -> tuple[Array, Array]:
     """A function of the whole motion, point by point, and why it is missing.
@@ -224,8 +220,7 @@ def _by_function(
     measure : FunctionMeasure
     system : System
     initial, parameters : mapping of str to array, shape (points,)
-    settings : Settings
-    stop : array of int, shape (1,)
+    work : Work
     start : float
         When the motions begin; they last as long as the span of the system.
     """
@@ -234,16 +229,15 @@ def _by_function(
     count = len(next(iter({**initial, **parameters}.values())))
     values, why = np.full(count, np.nan), np.zeros(count, np.int8)
     for i in range(count):
-        if stop[0] != 0:
-            raise Stopped
         motion = simulate(
             system,
             (start, start + system.span[1] - system.span[0]),
             initial={name: float(column[i]) for name, column in initial.items()},
             parameters={name: float(column[i]) for name, column in parameters.items()},
-            rtol=settings.rtol,
-            atol=settings.atol,
-            max_events=settings.max_events,
+            rtol=work.settings.rtol,
+            atol=work.settings.atol,
+            max_events=work.settings.max_events,
+            time_limit=work.time_limit,
         )
         values[i], why[i] = measure.value(motion)
     return values, why

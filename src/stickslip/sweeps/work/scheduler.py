@@ -7,6 +7,7 @@ a point does not depend on who computes it, nor on what else is computed.
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import signal
 import threading
@@ -29,7 +30,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError
-from stickslip.progress import Stopped
+from stickslip.stopping.scopes import Stopped, watching
 
 _T = TypeVar("_T")
 _R = TypeVar("_R")
@@ -145,10 +146,8 @@ class Pool:
         """Workers that work side by side now."""
         return self.count if self._client is None else max(1, sum(self._client.nthreads().values()))
 
-    def submit(
-        self, function: Callable[[_T, Array], _R], task: _T
-    ) -> tuple[Future[_R | None], Executor]:
-        """Hand out a task with the flag that is to be looked at; who has it is told, too."""
+    def submit(self, function: Callable[[_T], _R], task: _T) -> tuple[Future[_R | None], Executor]:
+        """Hand out a task; who has it is told, too."""
         try:
             return self._hand_out(function, task)
         except BrokenExecutor:
@@ -156,7 +155,7 @@ class Pool:
             return self._hand_out(function, task)
 
     def _hand_out(
-        self, function: Callable[[_T, Array], _R], task: _T
+        self, function: Callable[[_T], _R], task: _T
     ) -> tuple[Future[_R | None], Executor]:
         executor = self._executor = self._executor or self._open()
         if self.scheduler == "threads":
@@ -203,15 +202,16 @@ def _raise_flag(key: str) -> None:
     _flag_of(key)[0] = 1
 
 
-def _attempt(function: Callable[[_T, Array], _R], task: _T, flag: Array) -> _R | None:
+def _attempt(function: Callable[[_T], _R], task: _T, flag: Array) -> _R | None:
     """The result of a task; None if it was given up."""
     try:
-        return function(task, flag)
+        with watching(wish=flag):
+            return function(task)
     except Stopped:
         return None
 
 
-def _attempt_elsewhere(function: Callable[[_T, Array], _R], task: _T, key: str) -> _R | None:
+def _attempt_elsewhere(function: Callable[[_T], _R], task: _T, key: str) -> _R | None:
     return _attempt(function, task, _flag_of(key))
 
 
@@ -234,29 +234,46 @@ def _client(address: str) -> Any:
 @contextlib.contextmanager
 def local_cluster(workers: int | None) -> Iterator[str]:
     """The address of a cluster on this machine, for the time of a block."""
+    from multiprocessing.resource_tracker import ensure_running
+
     try:
         from distributed import LocalCluster
     except ImportError:
         raise StickslipError(
             "a cluster needs dask.distributed; install stickslip[cluster]"
         ) from None
-    # Without an address it would take a port that another cluster may have.
-    options: dict[str, Any] = {"threads_per_worker": 1, "dashboard_address": ":0"}
-    made: Any = LocalCluster(n_workers=workers or os.cpu_count() or 1, **options)
-    with made as cluster:
-        yield cluster.scheduler_address
+
+    def made() -> Any:
+        # Ctrl-C reaches all processes of a terminal. Workers, and those that take their places,
+        # inherit from this thread that it is not for them. (Whoever starts the tracker takes that
+        # back.)
+        ensure_running()
+        if hasattr(signal, "pthread_sigmask"):
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        # Without an address it would take a port that another cluster may have.
+        options: dict[str, Any] = {"threads_per_worker": 1, "dashboard_address": ":0"}
+        options["silence_logs"] = logging.CRITICAL
+        return LocalCluster(n_workers=workers or os.cpu_count() or 1, **options)
+
+    with ThreadPoolExecutor(1) as helper:
+        starting = helper.submit(made)
+        try:
+            yield starting.result().scheduler_address
+        finally:
+            with contextlib.suppress(Exception):  # whatever becomes of it, it goes with the process
+                starting.result().close(timeout=ANSWER_WITHIN)
 
 
 def distribute(
-    function: Callable[[_T, Array], _R], tasks: Iterable[_T | None], pool: Pool, stop: Interrupt
+    function: Callable[[_T], _R], tasks: Iterable[_T | None], pool: Pool, stop: Interrupt
 ) -> Iterator[tuple[_T, _R]]:
     """Results of tasks, in the order in which they are ready; few are under way at any time.
 
     Parameters
     ----------
     function : callable
-        Of a task and the flag of the pool; raises Stopped if it sees it raised. Its results are not
-        None.
+        Of a task; it runs in a scope with the flag of the pool (:mod:`stickslip.stopping`). Its
+        results are not None.
     tasks : iterable
         Looked at one by one, as workers become free. None says that all others wait for what is
         under way: they are asked for again when some of that is done.

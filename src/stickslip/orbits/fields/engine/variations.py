@@ -11,7 +11,7 @@ from stickslip.arrays import Array, Array3, IntArray3, IntMatrix, IntVector, Mat
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.between.dense import Scratch, states_at
 from stickslip.motion.engine.guards import opens
-from stickslip.motion.steps.arrays import COMPONENT, Flow, Machine, Record, Rows
+from stickslip.motion.steps.arrays import COMPONENT, Flow, Machine, Record, Rows, is_stopped
 from stickslip.motion.steps.jumps import fired_jump
 from stickslip.orbits.fields.engine.interpreter import LANES, Instructions, perform
 from stickslip.translator import compiled
@@ -31,7 +31,7 @@ _LEAST_PIVOT = 0.1  # a pivot below this part of its column is exchanged
 
 # What becomes of an event, or of the pass: it may need more room for its nodes, or stand at a knot
 # at which the state jumps.
-PASSED, GRAZED, CORNER, UNEXPLAINED, CROWDED, STRUCK = range(6)
+PASSED, GRAZED, CORNER, UNEXPLAINED, CROWDED, STRUCK, HALTED = range(7)
 # Entries of Pass.event.
 BEGINS, ENDS, MEETING, MET = range(4)
 
@@ -815,8 +815,8 @@ def vary(
     int
         `PASSED`; or `CORNER` where guards meet that do not meet for neighbours, `STRUCK` where the
         state jumps (of both the caller has to say what comes after it, and to go on from there),
-        `UNEXPLAINED` where no guard has fired, or `CROWDED` with the number of nodes for which
-        there has to be room as the event.
+        `UNEXPLAINED` where no guard has fired, `CROWDED` with the number of nodes for which there
+        has to be room as the event, or `HALTED` if there is a wish to stop.
     """
     if start == 0:
         nodes = resolve_steps(listed, run, work)
@@ -831,6 +831,8 @@ def vary(
     node = 0
     i = 0
     while i < knots - 1:
+        if is_stopped(flow.space):
+            return HALTED
         if i >= start:
             flow_through(listed, run, work, i, node)
         node += nodes_of(listed, run, i)

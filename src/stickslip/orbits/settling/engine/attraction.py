@@ -39,6 +39,7 @@ from stickslip.motion.steps.arrays import (
     Flow,
     Lane,
     Machine,
+    is_stopped,
 )
 from stickslip.orbits.fields.engine.variations import (
     ALIKE,
@@ -148,7 +149,7 @@ class Claims(NamedTuple):
 
 @entry_point()
 def prove_all(
-    e: Engine, m: Marks, rules: Rules, saved: Many[Lane], bench: Bench, c: Claims, stop: IntVector
+    e: Engine, m: Marks, rules: Rules, saved: Many[Lane], bench: Bench, c: Claims
 ) -> None:
     """See whether motions that were carried on by hand come to their cycles by themselves.
 
@@ -159,13 +160,12 @@ def prove_all(
         does not matter, and changes.
     c : Claims
         Receives the verdicts.
-    stop : array, shape (1,)
-        Not zero once there is a wish to stop.
     """
     for i in range(len(e.codes)):
         claimed = m.numbers[i, PHASE] == PROVING and m.numbers[i, LEAPT] > 0
-        if claimed and c.verdict[i] == OPEN_CLAIM and stop[0] == 0:
-            c.verdict[i] = prove_lane(e, m, rules, saved, bench, c, i)
+        if claimed and c.verdict[i] == OPEN_CLAIM and not is_stopped(e.flow.space):
+            verdict = prove_lane(e, m, rules, saved, bench, c, i)
+            c.verdict[i] = OPEN_CLAIM if is_stopped(e.flow.space) else verdict
 
 
 @compiled()

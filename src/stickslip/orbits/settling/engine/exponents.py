@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from stickslip.arrays import Array, IntVector, Many
+from stickslip.arrays import Array, Many
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.steps.arrays import (
     DIMENSION,
@@ -15,6 +15,7 @@ from stickslip.motion.steps.arrays import (
     RATE_INDEPENDENT,
     VISCOUS,
     Lane,
+    is_stopped,
 )
 from stickslip.orbits.settling.engine.settling import UNRECORDED, copy_lane, follow_lane
 from stickslip.orbits.settling.engine.tables import (
@@ -38,14 +39,7 @@ _CHANGE = 1e-7  # of the size of the motion
 
 @entry_point()
 def grow_all(
-    e: Engine,
-    twin: Engine,
-    m: Marks,
-    rules: Rules,
-    saved: Many[Lane],
-    bench: Bench,
-    found: Found,
-    stop: IntVector,
+    e: Engine, twin: Engine, m: Marks, rules: Rules, saved: Many[Lane], bench: Bench, found: Found
 ) -> None:
     """Exponents of all lanes that are in the phase of being measured, as far as they come.
 
@@ -53,11 +47,9 @@ def grow_all(
     ----------
     twin : Engine
         The same with lanes of its own.
-    stop : array, shape (1,)
-        Not zero once there is a wish to stop.
     """
     for i in range(len(e.codes)):
-        grow_lane(e, twin, m, rules, saved, bench, found, stop, i)
+        grow_lane(e, twin, m, rules, saved, bench, found, i)
 
 
 @compiled()
@@ -69,7 +61,6 @@ def grow_lane(
     saved: Lane,
     bench: Bench,
     found: Found,
-    stop: Array,
     i: int,
 ) -> None:
     """The exponent of one lane, if it is in the phase of being measured.
@@ -85,12 +76,10 @@ def grow_lane(
     bench : Bench
     found : Found
         Receives the exponent.
-    stop : array, shape (1,)
-        Not zero once there is a wish to stop.
     i : int
     """
     if m.numbers[i, PHASE] == MEASURING and grow_apart(
-        e, twin, m, rules, saved, bench, found.exponent, stop, i
+        e, twin, m, rules, saved, bench, found.exponent, i
     ):
         m.numbers[i, PHASE] = DONE
 
@@ -104,7 +93,6 @@ def grow_apart(
     saved: Lane,
     bench: Bench,
     exponent: Array,
-    stop: Array,
     i: int,
 ) -> bool:
     """Largest Lyapunov exponent: a motion and its twin, which is put back close to it after every
@@ -125,8 +113,6 @@ def grow_apart(
     bench : Bench
     exponent : array, shape (lanes,)
         Receives the exponent.
-    stop : array, shape (1,)
-        Not zero once there is a wish to stop.
     i : int
     """
     s = e.lanes
@@ -147,7 +133,7 @@ def grow_apart(
             w.y[i, r] += _CHANGE * size[r] * math.cos(1.0 + r) if r < first or r >= last else 0.0
         total = 0.0
         for turn in range(_TURNS):
-            if stop[0] != 0:
+            if is_stopped(e.flow.space):
                 return False
             t += stretch
             follow_lane(e, i, t, rules.most[1], UNRECORDED, bench.record)
@@ -169,4 +155,4 @@ def grow_apart(
             exponent[i] = total / ((_TURNS - _SKIPPED) * stretch)
             return True
     exponent[i] = np.nan
-    return True
+    return not is_stopped(e.flow.space)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stickslip.arrays import Array, IntVector, Many
+from stickslip.arrays import Array, Many
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.between.observers import Sums, reset
 from stickslip.motion.between.step_balance import (
@@ -33,6 +33,7 @@ from stickslip.motion.steps.arrays import (
     Instant,
     Lane,
     Record,
+    is_stopped,
 )
 from stickslip.motion.steps.starting import coefficients
 from stickslip.orbits.settling.engine.returns import (
@@ -141,6 +142,8 @@ def measure(
         rest = knots_of(record, carried, len(record.time))
         count = carried + follow_lane(e, i, stop, rules.most[1], RECORDED, rest)
         code = e.codes[i]
+        if is_stopped(e.flow.space):
+            return
         if code != FULL and code != FINISHED:
             m.outcome[i] = code
             return
@@ -570,28 +573,22 @@ def look_closer(m: Marks, rules: Rules, lanes: Lane, saved: Lane, bench: Bench, 
 
 @entry_point()
 def measure_all(
-    e: Engine,
-    m: Marks,
-    rules: Rules,
-    saved: Many[Lane],
-    bench: Bench,
-    found: Found,
-    stop: IntVector,
+    e: Engine, m: Marks, rules: Rules, saved: Many[Lane], bench: Bench, found: Found
 ) -> None:
     """Measure all lanes that have settled, as far as they come without the host.
 
     Parameters
     ----------
-    e, m, rules, saved, bench, found, stop : tuples and array
+    e, m, rules, saved, bench, found : tuples
         As of :func:`advance_lane`.
     """
     for i in range(len(e.codes)):
-        measure_lane(e, m, rules, saved, bench, found, stop, i)
+        measure_lane(e, m, rules, saved, bench, found, i)
 
 
 @compiled()
 def advance_lane(
-    e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array, i: int
+    e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, i: int
 ) -> None:
     """Settle and measure one lane, as far as it comes; its phase is left in the marks.
 
@@ -604,30 +601,30 @@ def advance_lane(
     bench : Bench
     found : Found
         Receives what is measured.
-    stop : array, shape (1,)
-        Not zero once there is a wish to stop.
     i : int
     """
     if m.numbers[i, PHASE] == SETTLING:
-        settle_lane(e, m, rules, saved, bench, stop, i)
-    measure_lane(e, m, rules, saved, bench, found, stop, i)
+        settle_lane(e, m, rules, saved, bench, i)
+    measure_lane(e, m, rules, saved, bench, found, i)
 
 
 @compiled()
 def measure_lane(
-    e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, stop: Array, i: int
+    e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, found: Found, i: int
 ) -> None:
     """Measure a lane if it has settled; it may have to settle again.
 
     Parameters
     ----------
-    e, m, rules, saved, bench, found, stop : tuples and array
+    e, m, rules, saved, bench, found : tuples
         As of :func:`advance_lane`.
     i : int
     """
     numbers = m.numbers[i]
-    if numbers[PHASE] == MEASURING and stop[0] == 0:
+    if numbers[PHASE] == MEASURING and not is_stopped(e.flow.space):
         measure(e, m, rules, saved, bench, found, i)
+        if is_stopped(e.flow.space):
+            return  # it is measured again, from the beginning
         numbers[PHASE] = DONE
         closure = found.audit[i, CLOSURE]
         awry = m.outcome[i] == PERIODIC and closure > rules.real[3]

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 
-from stickslip.arrays import Array, IntVector, Many
+from stickslip.arrays import Array, Many
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.event_loop import integrate
 from stickslip.motion.engine.guards import stands
@@ -49,6 +49,7 @@ from stickslip.motion.steps.arrays import (
     Record,
     Task,
     flow_of,
+    is_stopped,
 )
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import better
@@ -227,9 +228,7 @@ def dies_out(
 
 
 @entry_point()
-def settle_all(
-    e: Engine, m: Marks, rules: Rules, saved: Many[Lane], bench: Bench, stop: IntVector
-) -> None:
+def settle_all(e: Engine, m: Marks, rules: Rules, saved: Many[Lane], bench: Bench) -> None:
     """Follow all lanes until they have settled, as far as they come without the host.
 
     Parameters
@@ -239,18 +238,14 @@ def settle_all(
     rules : Rules
     saved : Lane
     bench : Bench
-    stop : array, shape (1,)
-        Not zero once there is a wish to stop.
     """
     for i in range(len(e.codes)):
         if m.numbers[i, PHASE] == SETTLING:
-            settle_lane(e, m, rules, saved, bench, stop, i)
+            settle_lane(e, m, rules, saved, bench, i)
 
 
 @compiled()
-def settle_lane(
-    e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, stop: Array, i: int
-) -> None:
+def settle_lane(e: Engine, m: Marks, rules: Rules, saved: Lane, bench: Bench, i: int) -> None:
     """Follow a lane until its phase is another one, or there is a wish to stop.
 
     What is to be measured then starts at the saved state, and lasts as long as the marks say.
@@ -262,8 +257,6 @@ def settle_lane(
     rules : Rules
     saved : Lane
     bench : Bench
-    stop : array, shape (1,)
-        Not zero once there is a wish to stop.
     i : int
     """
     s = e.lanes
@@ -273,7 +266,7 @@ def settle_lane(
         take_back(m, s, saved, i)
     known = 0
     for _ in range(rules.most[2]):
-        if stop[0] != 0:
+        if is_stopped(e.flow.space):
             return
         smooth = numbers[EVENTLESS] == 1
         count = follow_lane(

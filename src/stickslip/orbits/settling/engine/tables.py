@@ -28,7 +28,9 @@ SETTLING = 0
 PROVING = 1
 MEASURING = 2
 DONE = 3
-"""Phases of a motion; what it settles on is proved on the host."""
+WAITING = 4
+"""Phases of a motion; what it settles on is proved on the host. One that is WAITING has its turn
+later."""
 
 (
     PHASE,

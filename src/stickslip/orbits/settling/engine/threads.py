@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from stickslip.arrays import IntVector, Many
+from stickslip.arrays import Many
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.forms import Flight
 from stickslip.motion.steps.arrays import Flow, Lane, Space
@@ -29,7 +29,7 @@ class Shared(NamedTuple):
     ----------
     desks : Desk
         Of all threads (a leading axis).
-    marks, rules, saved, found, stop : tuples and array
+    marks, rules, saved, found : tuples
         As of :func:`stickslip.orbits.settling.engine.measuring.advance_lane`.
     """
 
@@ -38,7 +38,6 @@ class Shared(NamedTuple):
     rules: Rules
     saved: Many[Lane]
     found: Found
-    stop: IntVector
 
 
 @compiled()
@@ -54,7 +53,7 @@ def advance_thread(e: Engine, w: Shared, a: int) -> None:
     """Settle and measure lane a, thread a at its own desk instead of in the work space of e."""
     desk = row_of(w.desks, a)
     mine = at_desk(e, desk)
-    advance_lane(mine, w.marks, w.rules, w.saved, desk.bench, w.found, w.stop, a)
+    advance_lane(mine, w.marks, w.rules, w.saved, desk.bench, w.found, a)
 
 
 @entry_point()
@@ -62,4 +61,4 @@ def grow_thread(e: Engine, twin: Engine, w: Shared, a: int) -> None:
     """The exponent of a lane and its twin: likewise."""
     desk = row_of(w.desks, a)
     mine, other = at_desk(e, desk), at_desk(twin, desk)
-    grow_lane(mine, other, w.marks, w.rules, w.saved, desk.bench, w.found, w.stop, a)
+    grow_lane(mine, other, w.marks, w.rules, w.saved, desk.bench, w.found, a)

@@ -1,0 +1,222 @@
+"""Scopes: what a computation listens to, and how it ends before it is done."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.errors import DeclarationError, TimeLimitError
+from stickslip.stopping.watchman import hearing, timed
+
+_T = TypeVar("_T")
+
+
+class Stopped(BaseException):
+    """A task was given up, since there was a wish to stop.
+
+    As KeyboardInterrupt, it is no Exception: it passes through what a user's function catches.
+    """
+
+
+class TimeUp(BaseException):
+    """The limit of wall-clock time of a scope was reached.
+
+    Attributes
+    ----------
+    scope : Watch
+        Whose limit it was.
+    """
+
+    def __init__(self, scope: Watch) -> None:
+        super().__init__(f"the time limit of {scope.limit:g} s was reached")
+        self.scope = scope
+
+
+class Watch:
+    """What a computation listens to.
+
+    Attributes
+    ----------
+    wish, late : arrays of int, shape (1,)
+        Not zero once there is a wish to stop, and once the time is up.
+    keyboard : bool
+        Whether the wish is only that Python has a look at its signals.
+    until : float
+        When the time is up, by :func:`time.monotonic`.
+    limit : float
+        Seconds that were allowed; infinite without a limit of its own.
+    owner : Watch
+        Whose time is up first: this one's, or that of one around it.
+    inner : bool
+        Whether there is one around it.
+    """
+
+    def __init__(self, outer: Watch | None, limit: float, wish: Array | None) -> None:
+        self.limit = limit
+        self.until: float = time.monotonic() + limit if limit < math.inf else math.inf
+        self.owner: Watch = self
+        self.keyboard: bool = outer is None and wish is None
+        self.wish: Array = np.zeros(1, np.int64)
+        self.late: Array = np.zeros(1, np.int64)
+        if wish is not None:
+            self.wish = wish
+        elif outer is not None:
+            self.wish, self.keyboard = outer.wish, outer.keyboard
+        self.inner: bool = outer is not None
+        if outer is not None and outer.until <= self.until:
+            self.until, self.late, self.owner = outer.until, outer.late, outer.owner
+
+    def ends(self, why: BaseException) -> bool:
+        """Whether the computation of this scope is what ends, and not one that it is a part of:
+        its own time is up, or the user has interrupted the outermost one."""
+        return why.scope is self if isinstance(why, TimeUp) else not self.inner
+
+
+class _Here(threading.local):
+    """The scope of a thread."""
+
+    scope: Watch | None = None
+
+
+_here = _Here()
+_NEVER = Watch(None, math.inf, None)  # of a thread that listens to nothing
+
+
+def scope() -> Watch:
+    """The innermost scope of this thread."""
+    return _here.scope or _NEVER
+
+
+@contextlib.contextmanager
+def watching(
+    limit: float | None = None, wish: Array | None = None, around: Watch | None = None
+) -> Iterator[Watch]:
+    """Open a scope in this thread, for the time of a block.
+
+    Parameters
+    ----------
+    limit : float, optional
+        Seconds of wall-clock time.
+    wish : array of int, shape (1,), optional
+        Somebody else's flag; by default that of the scope around it, or, in the main thread, one
+        that Ctrl-C raises.
+    around : Watch, optional
+        Of the thread that this one works for; by default the innermost one of this thread.
+    """
+    before = _here.scope
+    outer = around or before
+    inner = Watch(outer, math.inf if limit is None else limit, wish)
+    with contextlib.ExitStack() as stack:
+        stack.callback(setattr, _here, "scope", before)
+        _here.scope = inner
+        if inner.keyboard and outer is None:
+            stack.enter_context(hearing(inner.wish))
+        if inner.owner is inner and limit is not None:
+            stack.enter_context(timed(inner.late, inner.until))
+        yield inner
+
+
+@contextlib.contextmanager
+def limited(limit: float | None, what: str) -> Iterator[Watch]:
+    """A scope for what has no result unless it comes to its end.
+
+    Parameters
+    ----------
+    limit : float, optional
+        Seconds of wall-clock time.
+    what : str
+        What is computed.
+
+    Raises
+    ------
+    DeclarationError
+        If the limit is none.
+    TimeLimitError
+        If the time is up before the end of the block.
+    """
+    check_limit(limit)
+    with watching(limit) as own:
+        try:
+            yield own
+        except TimeUp as up:
+            if not own.ends(up):
+                raise
+            raise TimeLimitError(
+                what, f"none was found within the time limit of {limit:g} s", "Raise time_limit"
+            ) from None
+
+
+def heed() -> bool:
+    """End the computation if there is a reason to.
+
+    Returns
+    -------
+    bool
+        Whether a compiled call may have been cut short although there is none: then it is repeated,
+        or goes on.
+
+    Raises
+    ------
+    TimeUp
+        If the time is up.
+    Stopped
+        If there was a wish to stop.
+    """
+    now = scope()
+    if now.late[0] != 0:
+        raise TimeUp(now.owner)
+    if now.wish[0] == 0:
+        return False
+    if not now.keyboard:
+        raise Stopped
+    # Python has had its look; a handler that wants to end the computation has raised something.
+    now.wish[0] = 0
+    return True
+
+
+def unbroken(call: Callable[[], _T]) -> _T:
+    """What a compiled call computes that is not cut short.
+
+    Parameters
+    ----------
+    call : function
+        May be called again.
+    """
+    if _here.scope is None:
+        with watching():
+            return unbroken(call)
+    while True:
+        found = call()
+        if not heed():
+            return found
+
+
+def flagged(space: Any) -> Any:
+    """Work space of compiled functions with the flags of this thread."""
+    now = scope()
+    if space.wish is now.wish and space.late is now.late:
+        return space
+    return space._replace(wish=now.wish, late=now.late)
+
+
+def check_limit(limit: float | None) -> None:
+    """Refuse a limit of wall-clock time that is none.
+
+    Raises
+    ------
+    DeclarationError
+    """
+    if limit is None:
+        return
+    number = isinstance(limit, (int, float, np.integer, np.floating))
+    if isinstance(limit, bool) or not number or not 0.0 < limit < math.inf:
+        raise DeclarationError(
+            "time_limit", f"{limit!r} is no duration", "Give seconds, a positive number"
+        )
