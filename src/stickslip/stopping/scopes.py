@@ -118,24 +118,27 @@ class watching:
         self._around = around
         self._before: Watch | None = None
         self._heard: Heard | None = None
+        self._expected: Array | None = None
 
     def __enter__(self) -> Watch:
         self._before = _here.scope
         outer = self._around or self._before
-        self._scope = Watch(outer, math.inf if self._limit is None else self._limit, self._wish)
-        _here.scope = self._scope
-        if outer is None and self._scope.keyboard:
-            self._heard = hear(self._scope.wish)
-        if self._scope.owner is self._scope and self._limit is not None:
-            expect(self._scope.late, self._scope.until)
-        return self._scope
+        inner = Watch(outer, math.inf if self._limit is None else self._limit, self._wish)
+        if outer is None and inner.keyboard:
+            self._heard = hear(inner.wish)
+        if inner.owner is inner and self._limit is not None:
+            expect(inner.late, inner.until)
+            self._expected = inner.late
+        # Last: an exception before leaves the scope as it was.
+        _here.scope = inner
+        return inner
 
     def __exit__(self, *error: object) -> None:
         _here.scope = self._before
         if self._heard is not None:
             hear_no_more(self._heard)
-        if self._limit is not None:
-            expect_no_more(self._scope.late)
+        if self._expected is not None:
+            expect_no_more(self._expected)
 
 
 @contextlib.contextmanager
