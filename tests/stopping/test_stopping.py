@@ -346,6 +346,11 @@ def test_the_limit_of_the_outer_scope_ends_the_inner_one() -> None:
     with watching(0.1) as outer, pytest.raises(TimeUp) as up:
         ss.simulate(ENDLESS, FOR_EVER, max_events=MANY, time_limit=100.0)
     assert outer.ends(up.value)
+    with watching(0.5) as outer:
+        ss.simulate(ENDLESS, (0.0, 10.0), time_limit=100.0)  # which takes nothing of it away
+        with pytest.raises(TimeUp) as up:
+            ss.simulate(ENDLESS, FOR_EVER, max_events=MANY)
+        assert outer.ends(up.value)
     with watching(100.0):
         found = ss.simulate(ENDLESS, FOR_EVER, max_events=MANY, time_limit=0.1)
     assert found.outcome is ss.Outcome.TIME_UP

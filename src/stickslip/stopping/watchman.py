@@ -8,8 +8,7 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Iterator
-from typing import Any
+from typing import NamedTuple
 
 from stickslip.arrays import Array
 
@@ -24,15 +23,12 @@ class _Watchman:
 
         self._bell, self._rope = socket.socketpair()  # who pulls wakes it
         self._rope.setblocking(False)
+        # Where a byte wakes it: the number of a signal, or 0.
+        self.rope: int = self._rope.fileno()
         self.due: dict[int, tuple[float, Array]] = {}
         self.keyboard: Array | None = None
         self.others: int = -1  # who else wants to know of signals
         threading.Thread(target=self._watch, name="stickslip watchman", daemon=True).start()
-
-    @property
-    def rope(self) -> int:
-        """File descriptor to which a byte is written to wake it: the number of a signal, or 0."""
-        return self._rope.fileno()
 
     def wake(self) -> None:
         """Let it look at what is due."""
@@ -67,6 +63,8 @@ _hiring = threading.Lock()
 def _hired() -> _Watchman:
     """The watchman of this process."""
     global _watchman
+    if _watchman is not None:
+        return _watchman
     with _hiring:
         if _watchman is None:
             _watchman = _Watchman()
@@ -83,34 +81,43 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_dismiss)
 
 
-@contextlib.contextmanager
-def timed(late: Array, until: float) -> Iterator[None]:
-    """Raise a flag at a time, by :func:`time.monotonic`, if the block lasts until then."""
+def expect(late: Array, until: float) -> None:
+    """Raise a flag at a time, by :func:`time.monotonic`."""
     watchman = _hired()
     watchman.due[id(late)] = until, late
     watchman.wake()
-    try:
-        yield
-    finally:
-        watchman.due.pop(id(late), None)
 
 
-@contextlib.contextmanager
-def hearing(wish: Array) -> Iterator[None]:
-    """Raise a flag at Ctrl-C, in the main thread; no other is told of signals."""
-    heard: Any = signal.getsignal(signal.SIGINT)
-    if threading.current_thread() is not threading.main_thread() or not callable(heard):
-        yield
-        return
+def expect_no_more(late: Array) -> None:
+    """Leave a flag as it is."""
+    if _watchman is not None:
+        _watchman.due.pop(id(late), None)
+
+
+class Heard(NamedTuple):
+    """Who listened to signals before."""
+
+    watchman: _Watchman
+    before: int
+
+
+def hear(wish: Array) -> Heard | None:
+    """Raise a flag at Ctrl-C from now on; None where nobody is told of signals: in any thread but
+    the main one."""
+    if threading.current_thread() is not threading.main_thread():
+        return None
     watchman = _hired()
     try:
         before = signal.set_wakeup_fd(watchman.rope, warn_on_full_buffer=False)
-    except ValueError:  # the main thread of an interpreter in another one is told nothing, either
-        yield
-        return
+    except ValueError:  # the main thread of an interpreter in another one
+        return None
+    if before == watchman.rope:  # an exception came before it was given back
+        before = -1
     watchman.keyboard, watchman.others = wish, before
-    try:
-        yield
-    finally:
-        watchman.keyboard = None
-        signal.set_wakeup_fd(before)
+    return Heard(watchman, before)
+
+
+def hear_no_more(heard: Heard) -> None:
+    """Give signals back to who listened to them before."""
+    heard.watchman.keyboard = None
+    signal.set_wakeup_fd(heard.before)

@@ -164,8 +164,17 @@ class Pool:
 
     def give_up(self) -> None:
         """Raise the flag of those who do not share the memory of this machine."""
-        if self._client is not None:
-            self._client.run(_raise_flag, self._key, on_error="ignore")
+        if self._client is None:
+            return
+        # A worker that has just died never answers.
+        telling = threading.Thread(
+            target=self._client.run,
+            args=(_raise_flag, self._key),
+            kwargs={"on_error": "ignore"},
+            daemon=True,
+        )
+        telling.start()
+        telling.join(ANSWER_WITHIN)
 
     def _open(self) -> Executor:
         if self._client is not None:
