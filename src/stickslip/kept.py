@@ -7,7 +7,7 @@ its keys weakly. Here an object has the cache itself.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar, overload
 
 T = TypeVar("T")
 
@@ -55,3 +55,31 @@ def made_once(
             known.clear()
         known[key] = make()
     return known[key]
+
+
+class cached_property(Generic[T]):
+    """A property that is worked out once, as that of :mod:`functools`.
+
+    Before Python 3.12 that one has a lock for all objects of a class: two threads that need
+    properties of each other's objects would wait for ever. Here both may work out the same.
+    """
+
+    def __init__(self, function: Callable[[Any], T]) -> None:
+        self.function = function
+        self.__doc__ = function.__doc__
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    @overload
+    def __get__(self, instance: None, owner: type | None = None) -> cached_property[T]: ...
+
+    @overload
+    def __get__(self, instance: object, owner: type | None = None) -> T: ...
+
+    def __get__(self, instance: object, owner: type | None = None) -> cached_property[T] | T:
+        if instance is None:
+            return self
+        known = instance.__dict__
+        value = known[self.name] = self.function(instance)
+        return value

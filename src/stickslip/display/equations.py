@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar, cast
 
 from stickslip.display.friction import AnyFriction, Friction, PlaneFriction
@@ -35,6 +34,7 @@ from stickslip.display.tree import (
     sum_of,
     times,
 )
+from stickslip.kept import cached_property
 from stickslip.model.declaration import DryContact
 from stickslip.model.names import normal_force
 from stickslip.model.system import Unilateral

@@ -16,12 +16,11 @@ every function with kinks; which region, and which mode, is decided while the mo
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import NamedTuple
 
 from stickslip.equations.coupling import components
 from stickslip.errors import DeclarationError
-from stickslip.kept import made_once
+from stickslip.kept import cached_property, made_once
 from stickslip.model.declaration import Declaration, DryContact, StateJump
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex

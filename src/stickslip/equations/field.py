@@ -11,12 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 from stickslip.equations.derive import MotionEquations, Plane
 from stickslip.errors import DeclarationError
-from stickslip.kept import made_once
+from stickslip.kept import cached_property, made_once
 from stickslip.model.names import NORMAL, normal_force
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from stickslip.arrays import Array
 from stickslip.equations.derive import derive
 from stickslip.equations.field import MODE_NAMES, Field, mode_field
 from stickslip.errors import DeclarationError, short
+from stickslip.kept import cached_property
 from stickslip.model.system import System
 from stickslip.symbolic.expressions import Expr, substitute, to_text
 

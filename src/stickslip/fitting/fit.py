@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -16,6 +15,7 @@ from stickslip.certificates import Certificate
 from stickslip.errors import DeclarationError
 from stickslip.fitting.problem import FitProblem, arguments_of, problem_again
 from stickslip.fitting.statistics import Statistics
+from stickslip.kept import cached_property
 from stickslip.model.system import System
 from stickslip.model.units import with_unit
 from stickslip.motion.simulate import check_positive

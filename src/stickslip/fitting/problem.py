@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -17,6 +16,7 @@ from stickslip.errors import DeclarationError, StickslipError, suggestion
 from stickslip.fitting.measured import Column, GivenUp, MeasuredRecord, Noise, read_recording
 from stickslip.fitting.recording import CLOCKS, Recording, as_recordings
 from stickslip.fitting.unknowns import FreeRange, Unknown, read_unknowns
+from stickslip.kept import cached_property
 from stickslip.model.system import Formula, System
 from stickslip.motion.knots import Knots
 from stickslip.motion.problem import pose

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stickslip.kept import cached_property
 from stickslip.translator import Compiled
 
 if TYPE_CHECKING:

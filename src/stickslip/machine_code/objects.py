@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from ctypes.util import find_library
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 from threading import RLock
 from typing import Any, NamedTuple
@@ -16,6 +16,7 @@ from weakref import WeakValueDictionary
 
 from llvmlite import binding as llvm
 
+from stickslip.kept import cached_property
 from stickslip.machine_code.store import cache_folder, keep, stored
 
 # How hard LLVM's code generation works. Loops are optimised first. Straight code, as of a system,

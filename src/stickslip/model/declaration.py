@@ -7,10 +7,10 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
-from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
 from stickslip.errors import DeclarationError, short, some, suggestion
+from stickslip.kept import cached_property
 from stickslip.model.names import (
     DeclaredNames,
     Range,

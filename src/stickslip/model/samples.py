@@ -22,7 +22,6 @@ import zlib
 from base64 import b64decode, b64encode
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from stat import S_ISDIR, S_ISREG
@@ -35,6 +34,7 @@ from numpy.typing import ArrayLike
 from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
+from stickslip.kept import cached_property
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import TimeFunction

@@ -10,10 +10,10 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 from stickslip.arguments import validated
+from stickslip.kept import cached_property
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import TimeFunction, formula_text
 

@@ -13,10 +13,10 @@ import re
 import warnings
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING, TypeVar, cast
 
 from stickslip.errors import DeclarationError, suggestion
+from stickslip.kept import cached_property
 from stickslip.model.names import DeclaredNames, key_of, normal_force, parse_range
 from stickslip.model.schema import check_shape, entry_key, wrong_kind
 from stickslip.model.system import (

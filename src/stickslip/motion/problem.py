@@ -6,7 +6,6 @@ import math
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +13,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import ORDERS
 from stickslip.errors import DeclarationError
-from stickslip.kept import made_once
+from stickslip.kept import cached_property, made_once
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
 from stickslip.motion.engine.forms import MOST_SWITCHES, make_closed_forms, make_flight

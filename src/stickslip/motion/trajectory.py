@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -16,6 +15,7 @@ from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError, StickslipError
+from stickslip.kept import cached_property
 from stickslip.model.names import normal_force
 from stickslip.model.quantities import FORCES, contact_key, forces_of, quantity
 from stickslip.model.system import System

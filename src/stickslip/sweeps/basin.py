@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.equations.derive import derive
 from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.kept import cached_property
 from stickslip.model.quantities import drift_units, quantity
 from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome

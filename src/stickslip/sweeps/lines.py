@@ -16,7 +16,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +26,7 @@ from stickslip.arrays import Array
 from stickslip.certificates import NOTHING, Certificate, Residual, worst
 from stickslip.equations.derive import derive
 from stickslip.errors import ConvergenceError, DeclarationError, suggestion
+from stickslip.kept import cached_property
 from stickslip.model.quantities import contact_key, described, described_as, quantity
 from stickslip.model.system import System
 from stickslip.motion.problem import pose

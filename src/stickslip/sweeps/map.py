@@ -6,7 +6,6 @@ import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -15,6 +14,7 @@ import numpy as np
 from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual
+from stickslip.kept import cached_property
 from stickslip.model.system import System
 from stickslip.model.units import with_unit
 from stickslip.motion.outcome import Outcome

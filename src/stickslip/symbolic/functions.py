@@ -19,9 +19,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, Literal
+
+from stickslip.kept import cached_property
 
 if TYPE_CHECKING:
     from stickslip.symbolic.expressions import Expr

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +15,7 @@ from stickslip.certificates import Certificate, Residual
 from stickslip.cli.common.models import settings_of
 from stickslip.cli.common.present import Files, Json, Out, ShowProgress, folder_of, present
 from stickslip.errors import DeclarationError
+from stickslip.kept import cached_property
 from stickslip.model.names import measured_drives
 from stickslip.results import Completion, Summary, certificate_rows, listed
 

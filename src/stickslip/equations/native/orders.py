@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from functools import cached_property
 from typing import Any
 
 from stickslip.equations.codegen.generate import ORDERS, Generated
@@ -33,6 +32,7 @@ from stickslip.equations.native.tables import (
     grouped,
     pattern_of_instruction,
 )
+from stickslip.kept import cached_property
 from stickslip.machine_code.functions import Kernel
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.scalars import Scalar

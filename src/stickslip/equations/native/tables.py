@@ -9,7 +9,6 @@ all.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from functools import cached_property
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -17,6 +16,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.native.arithmetic import Arithmetic, Count, Operand
 from stickslip.equations.native.routines import InRegister, Routine, in_register
+from stickslip.kept import cached_property
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.scalars import Scalar, Store, element
 from stickslip.symbolic.tape import Instruction, Op, ParameterExpressions, Scaled
@@ -143,9 +143,9 @@ class Tabled(Routine):
 
     def _column(self, numbers: Array) -> Register:
         """The address of a new column of the table."""
-        self._bytes += bytes(-len(self._bytes) % 8)
+        self._bytes.extend(bytes(-len(self._bytes) % 8))
         place = len(self._bytes)
-        self._bytes += numbers.tobytes()
+        self._bytes.extend(numbers.tobytes())
         return self.at(self._table, place, "i8")
 
     def _whole(self, column: int | Progression | Register, i: Register) -> int | Whole:

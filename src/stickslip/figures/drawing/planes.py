@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +25,7 @@ from stickslip.figures.drawing.style import (
     symbol,
 )
 from stickslip.figures.drawing.thinning import Curve
+from stickslip.kept import cached_property
 from stickslip.model.quantities import contact_key, quantity
 from stickslip.model.units import unit_label
 from stickslip.symbolic import expressions as ex

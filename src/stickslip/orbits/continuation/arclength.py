@@ -18,7 +18,6 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import Enum
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,6 +26,7 @@ from stickslip.arguments import check_fields
 from stickslip.arrays import Array
 from stickslip.certificates import Residual
 from stickslip.errors import DeclarationError, StickslipError
+from stickslip.kept import cached_property
 from stickslip.orbits.continuation.bracket import zero_between
 from stickslip.stopping.scopes import TimeUp, heed
 

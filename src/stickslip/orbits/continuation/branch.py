@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from stickslip.arguments import validated
 from stickslip.certificates import Certificate, Residual, worst
 from stickslip.equations.field import Mode, Region
+from stickslip.kept import cached_property
 from stickslip.model.system import System
 from stickslip.orbits.continuation.arclength import BROKEN_OFF, Ending, Stop
 from stickslip.results import (

@@ -13,7 +13,6 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -24,6 +23,7 @@ from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.equations.field import MODE_NAMES, mode_name
 from stickslip.errors import DeclarationError, short
+from stickslip.kept import cached_property
 from stickslip.model.quantities import described, drift_units, per_distance_unit
 from stickslip.model.system import System
 from stickslip.model.units import with_unit

@@ -6,12 +6,12 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self, overload
 
 from stickslip.certificates import NOTHING, Certificate, Residual, worst
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Guard, Mode, Region, mode_name, named_modes
+from stickslip.kept import cached_property
 from stickslip.model.names import NORMAL
 from stickslip.model.quantities import quantity
 from stickslip.model.system import System

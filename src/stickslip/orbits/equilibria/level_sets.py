@@ -19,13 +19,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from itertools import pairwise, product
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.kept import cached_property
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import enclosures, slopes
 from stickslip.symbolic.expressions import Expr

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Mode, Region, in_region
+from stickslip.kept import cached_property
 from stickslip.orbits.equilibria.reduction import Reduced, reduce
 from stickslip.orbits.fields.steady import ResidualFunction
 from stickslip.symbolic import expressions as ex

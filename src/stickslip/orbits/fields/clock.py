@@ -11,7 +11,6 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +18,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.errors import DeclarationError, short
-from stickslip.kept import made_once
+from stickslip.kept import cached_property, made_once
 from stickslip.model.system import System
 from stickslip.orbits.fields.lines_and_phases import Reading, read_formulas
 from stickslip.symbolic import expressions as ex

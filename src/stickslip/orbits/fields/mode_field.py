@@ -5,13 +5,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Field, mode_field, switched
+from stickslip.kept import cached_property
 from stickslip.motion.between.dense import make_scratch
 from stickslip.motion.steps.arrays import Rows
 from stickslip.orbits.fields.engine.variations import Leave, Listed, PassSpace, room_for_pass

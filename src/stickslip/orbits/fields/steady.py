@@ -18,13 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from stickslip.arrays import AnyArray as Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Field
+from stickslip.kept import cached_property
 from stickslip.orbits.fields.instructions import Evaluator, PointFunction
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr

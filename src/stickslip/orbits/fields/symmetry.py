@@ -13,12 +13,12 @@ composed.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.kept import cached_property
 from stickslip.orbits.fields.clock import Drives
 from stickslip.orbits.fields.mode_field import Piece
 

@@ -18,13 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import permutations
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.kept import cached_property
 from stickslip.orbits.fields import slips
 from stickslip.orbits.fields.engine.variations import (
     ALIKE,

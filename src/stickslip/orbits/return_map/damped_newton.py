@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, StickslipError
+from stickslip.kept import cached_property
 from stickslip.motion.problem import Problem
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.return_map.held import held_positions, same_held

@@ -19,13 +19,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError
+from stickslip.kept import cached_property
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
 from stickslip.orbits.fields.clock import Clock, cells_of

@@ -13,9 +13,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 
 from stickslip.equations.derive import MotionEquations
+from stickslip.kept import cached_property
 from stickslip.orbits.fields.lines_and_phases import Slopes, read_formulas
 from stickslip.symbolic import expressions as ex
 

@@ -22,7 +22,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -32,6 +31,7 @@ from numpy.typing import ArrayLike
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations, derive
 from stickslip.errors import DeclarationError
+from stickslip.kept import cached_property
 from stickslip.model.system import Kind, System
 from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.symbolic import expressions as ex

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.kept import cached_property
 from stickslip.rate_independent.sets.potential import Dissipation
 from stickslip.rate_independent.sets.stretches import AtPhases
 from stickslip.rate_independent.signals.signal import wrapped

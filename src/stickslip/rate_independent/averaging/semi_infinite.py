@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from numpy.typing import ArrayLike
 
 from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.kept import cached_property
 from stickslip.rate_independent.averaging.cover import NO_PHASES, Cover, Looked
 from stickslip.rate_independent.averaging.minima import golden_section, sharpened
 from stickslip.rate_independent.averaging.optimal_motion import measure_with_sum

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.kept import cached_property
 from stickslip.rate_independent.averaging.semi_infinite import Intersection
 from stickslip.rate_independent.dissipation.parabolas import Parabolas
 from stickslip.rate_independent.sets.cones import ConeForm, ellipsoid

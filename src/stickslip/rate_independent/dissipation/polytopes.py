@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.arrays import Array
+from stickslip.kept import cached_property
 from stickslip.rate_independent.sets.projections import (
     nearest_in_hull,
     nearest_in_polyhedron,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 from typing import Any, Self
 
@@ -13,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.kept import cached_property
 from stickslip.rate_independent.averaging.optimal_motion import gathered
 from stickslip.rate_independent.averaging.semi_infinite import Intersection
 from stickslip.rate_independent.sets.cones import ConeForm, product_of_cones

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -14,6 +13,7 @@ from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, worst
 from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.kept import cached_property
 from stickslip.progress import told
 from stickslip.rate_independent.evolution.blocks import TESTS, Gauge, Motion, motion_of
 from stickslip.rate_independent.evolution.evolution import Evolution, UnstableStart

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual
 from stickslip.errors import ConvergenceError
+from stickslip.kept import cached_property
 from stickslip.rate_independent.evolution.audit import start_state
 from stickslip.rate_independent.evolution.evolution import Evolution
 from stickslip.rate_independent.evolution.evolve import KKT, evolve, step_times

@@ -5,13 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual
+from stickslip.kept import cached_property
 from stickslip.rate_independent.evolution.outcome import EvolutionOutcome
 from stickslip.results import Result, listed
 

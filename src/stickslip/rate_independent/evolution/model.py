@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
-from functools import cached_property
 from typing import Any, cast
 
 from stickslip import page
 from stickslip.errors import DeclarationError, short
+from stickslip.kept import cached_property
 from stickslip.model import toml
 from stickslip.model.names import DeclaredNames, check_covered, measured_drives, reconfigured
 from stickslip.model.schema import check_shape

@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -22,6 +21,7 @@ from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, within
 from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError
+from stickslip.kept import cached_property
 from stickslip.model.samples import Samples
 from stickslip.motion.simulate import check_span
 from stickslip.motion.trajectory import GRID

@@ -9,13 +9,13 @@ phase by phase.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.arrays import Array
+from stickslip.kept import cached_property
 from stickslip.rate_independent.sets.projections import nearest_in_metric, onto_balls
 from stickslip.rate_independent.sets.stretches import AtPhases
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 from numpy.typing import NDArray
 
 from stickslip.arrays import Array
+from stickslip.kept import cached_property
 from stickslip.rate_independent.signals import chebyshev as ch
 from stickslip.rate_independent.signals.panels import Panels, Source, finite_source, fitted
 from stickslip.rate_independent.signals.signal import Minima, Signal, Variable, finite, wrapped

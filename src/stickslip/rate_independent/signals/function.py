@@ -6,7 +6,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.kept import cached_property
 from stickslip.rate_independent.signals import chebyshev as ch
 from stickslip.rate_independent.signals.panels import Panels, Source, finite_source, fitted
 from stickslip.rate_independent.signals.signal import Signal, Variable

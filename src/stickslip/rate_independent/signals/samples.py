@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.kept import cached_property
 from stickslip.model.samples import Samples
 from stickslip.rate_independent.signals import chebyshev as ch
 from stickslip.rate_independent.signals.panels import Panels
