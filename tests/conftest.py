@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import signal
 from inspect import unwrap
 
 import pytest
 
 from stickslip import simulate
+
+# What a shell starts in the background ignores Ctrl-C, and so does all that it starts.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(params=["closed forms", "Taylor steps"])

@@ -61,7 +61,7 @@ def test_what_has_decayed_does_not_shorten_the_search(
         expand(s, start, h, work)
 
     monkeypatch.setattr(signals, "expand_signal", counted)
-    found = first_of_many(s, limit, floor, 0, np.zeros(33), np.zeros((64, 36)))
+    found, _ = first_of_many(s, limit, floor, 0, np.zeros(33), np.zeros((64, 36)))
     expected = first_fall(s, limit, floor)
     if math.isfinite(expected):
         slope = abs(value(s, expected * (1 + 1e-6)) - value(s, expected * (1 - 1e-6))) / 2e-6
