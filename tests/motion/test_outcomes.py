@@ -289,10 +289,9 @@ def test_interrupted_by_the_user() -> None:
     assert motion.n_switches > 100
 
 
-@pytest.mark.parametrize("k", [1e9, 1e11, 2e12])
-def test_a_stop_without_a_piecewise_function_is_not_called_sliding_on_a_jump(k: float) -> None:
-    """A spring so stiff that rounding decides which mode goes on: the reason is not known. Slips
-    that are shorter than rounding errors of the time may be passed over, which is seen."""
+@pytest.mark.parametrize("k", [1e9, 1e11])
+def test_slips_of_a_very_stiff_spring_are_followed(k: float) -> None:
+    """One of them lasts ten microseconds, and is no end of the motion."""
     stiff = System(
         "stiff",
         coordinates={"x": Inertial()},
@@ -302,6 +301,5 @@ def test_a_stop_without_a_piecewise_function_is_not_called_sliding_on_a_jump(k: 
         span=(0.0, 20.0),
     )
     motion = simulate(stiff, max_events=100)
-    passed_over = [Outcome.FINISHED] if k > 1e12 else []
-    assert motion.outcome in (Outcome.NO_MODE, Outcome.EVENT_LIMIT, *passed_over)
-    assert not motion.certificate.ok
+    assert motion.outcome is Outcome.EVENT_LIMIT
+    assert motion.certificate.lawful
