@@ -17,6 +17,7 @@ from tornado.websocket import WebSocketClosedError
 from explorer.client import TOKEN, Page, get, in_time, talk
 from stickslip.explorer.asking.limits import MOST_LANES, MOST_LEVELS
 from stickslip.explorer.explore import listening_explorer
+from stickslip.explorer.serving import server
 from stickslip.explorer.serving.server import Explorer
 
 
@@ -126,8 +127,10 @@ def test_many_questions_of_one_page(explorer: Explorer) -> None:
     talk(explorer.address, attack)
 
 
-def test_a_token_serves_once() -> None:
+def test_a_token_serves_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Who kept tokens gets no more pages than there is room for, and none after it was left."""
+    monkeypatch.setattr(server, "_KEEP", 1_000)
+    monkeypatch.setattr(server, "_CHECK", 250)
     running = listening_explorer(None, port=0, most_pages=2).start()
 
     async def room() -> str:
@@ -157,7 +160,7 @@ def test_a_token_serves_once() -> None:
         assert page is not None
         await page.close()
         await room()
-        await asyncio.sleep(6.0)
+        await asyncio.sleep(2.0)
         assert await enters(last) is None
 
     try:
