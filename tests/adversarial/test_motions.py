@@ -41,6 +41,7 @@ CHOSEN = {
     "late belt": (0, 1),
     "kinetic force negative": (0, 1),
     "pads side by side": (2, 4, 9),
+    "pair with a pulse": (11,),
     "hyperstatic with static above kinetic": (0, 1, 7),
 }
 

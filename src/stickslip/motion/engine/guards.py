@@ -58,8 +58,9 @@ class GuardRow(NamedTuple):
     is_gap : bool
         Whether it is a gap: then its rate is a velocity, known to its own rounding errors however
         small a bounce is beside those of the gap; so is that of a slip that has just ended.
-    late : float
-        By how much the time of a zero is a rounded number, in parts of the step.
+    late, turning : float
+        By how much the time of a zero, and that at which its derivatives vanish, too, is a rounded
+        number, in parts of the step.
     """
 
     row: int
@@ -71,6 +72,7 @@ class GuardRow(NamedTuple):
     precision: float
     is_gap: bool
     late: float
+    turning: float
 
 
 @compiled(relaxed=RELAXED)
@@ -150,7 +152,7 @@ def germ(
         # What has just begun to slip has the acceleration 0 by definition.
         at_least = floor if k > 1 else slipping
         if k < N - 1:
-            at_least += guard.late * (k + 1) * abs(c[k + 1])
+            at_least += guard.turning * (k + 1) * abs(c[k + 1])
         if c[k] > at_least:
             return 1, k
         if c[k] < -at_least:
@@ -226,7 +228,7 @@ def stays(
     if abs(W[row, 0]) > precision * (size + near * rate):
         return False
     spare = space.pending[len(space.pending) - 1]
-    guard = GuardRow(row, NOWHERE, 1.0, size, rate, near, precision, False, 0.0)
+    guard = GuardRow(row, NOWHERE, 1.0, size, rate, near, precision, False, 0.0, 0.0)
     s, _ = germ(W, guard, N, space.powers, slack, spare)
     return s == 0
 
@@ -403,18 +405,18 @@ def guard_of(
     if nk <= g < nk + 2 * nc and rows.plane[i] >= 0:
         # how fast a speed changes is known however small it is
         is_gap = mode[i] != 0 and rows.planes[rows.plane[i], MASSIVE] == 1
-    return GuardRow(row, shift, sign, size, rate, around, exact, is_gap, 0.0)  # pyright: ignore[reportArgumentType]
+    return GuardRow(row, shift, sign, size, rate, around, exact, is_gap, 0.0, 0.0)  # pyright: ignore[reportArgumentType]
 
 
 @compiled()
-def just_fired(guard: GuardRow, late: float, exact: bool) -> GuardRow:
+def just_fired(guard: GuardRow, late: float, turning: float, exact: bool) -> GuardRow:
     """The same guard at an event.
 
     Parameters
     ----------
     guard : GuardRow
-    late : float
-        By how much the time of the event is a rounded number, in parts of the step.
+    late, turning : float
+        As of a guard.
     exact : bool
         Whether its rate is known to its own rounding errors.
     """
@@ -428,6 +430,7 @@ def just_fired(guard: GuardRow, late: float, exact: bool) -> GuardRow:
         guard.precision,
         guard.is_gap or exact,
         late,
+        turning,
     )
 
 
@@ -499,7 +502,9 @@ def scan(
         precision = max(FIRED if just else 0.0, slack * ROUNDING)
         guard = guard_of(rows, space, mode, reg, g, near, precision)
         if just or slack > 1.0:
-            guard = just_fired(guard, late, own)
+            # A ramp begins at a kink; the force of a contact turns where it does, unless that
+            # leaves no mode.
+            guard = just_fired(guard, late, late if g < nk or slack > 1.0 else 0.0, own)
         start = guard.sign * W[guard.row, 0] + (W[guard.shift, 0] if guard.shift >= 0 else 0.0)
         if start > guard.precision * (guard.size + guard.near * guard.rate) and start > fall(
             W, guard.row, guard.shift, guard.sign, N, powers
