@@ -47,7 +47,7 @@ class MapFiles(LocalStore):
             If it was there, or the whole map was.
         """
         found = await super().get(key, *args, **options)
-        if found is None and "/c/" in key:
+        if found is None and damage.is_chunk(key):
             if not damage.is_there(self.root):
                 raise StickslipError(f"{self.root}: was removed after the map was opened")
             if key in self.expected:

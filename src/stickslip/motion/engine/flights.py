@@ -512,9 +512,9 @@ def arrive(form: ClosedForms, f: Flight, x: Array, tau: float, omega: Array) -> 
 def is_drowned(
     form: ClosedForms, f: Flight, x: Array, seen: Array, tau: float, omega: Array
 ) -> bool:
-    """Whether a component is no more than rounding errors of what it is made of, at the end of the
-    flight just found and in its middle, and has been no more before: exponentials cancel in what
-    others have not moved yet.
+    """Whether a component of the state is lost in rounding: at the end of the flight just found and
+    at its midpoint it is below the rounding error of its terms, and it has never been larger. This
+    happens where exponentials cancel, in components that the others have not moved yet.
 
     Parameters
     ----------
