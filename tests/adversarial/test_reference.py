@@ -333,6 +333,23 @@ def test_time_runs_out_after_what_the_garbage_collector_does() -> None:
         gc.callbacks.remove(busy)
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_time_runs_out_after_a_finalizer() -> None:
+    """What is raised there is ignored, too: the limit is said again."""
+
+    class Slow:
+        def __del__(self) -> None:
+            start = time.process_time()
+            while time.process_time() - start < 0.1:
+                pass
+
+    with pytest.raises(OutOfTime), at_most(0.02):
+        slow = Slow()
+        del slow
+        while True:
+            pass
+
+
 @pytest.mark.parametrize("inner", [0.02, 10.0])
 def test_time_runs_out_around_what_has_a_limit_of_its_own(inner: float) -> None:
     with pytest.raises(OutOfTime), at_most(0.1):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import inspect
 import signal
 import time
 from collections.abc import Iterator
@@ -11,7 +12,7 @@ from dataclasses import dataclass, field
 from types import FrameType
 from typing import Any
 
-_LATER = 0.01  # s, after which a signal that came at a bad moment comes again
+_LATER = 0.01  # s, after which a limit that was reached is said again
 AGREED = "agreed"
 REFUSED = "refused"
 NOT_CERTIFIED = "not certified"
@@ -58,21 +59,22 @@ def _collects(frame: FrameType | None) -> bool:
 @contextmanager
 def at_most(seconds: float) -> Iterator[None]:
     """Raise OutOfTime in the body after that much time of the processor (in the main thread of a
-    process)."""
+    process), and again until the body ends: what is raised in a finalizer, or in the callback of a
+    weak reference, is ignored."""
+    own = inspect.currentframe()
 
     def stop(number: int, frame: FrameType | None) -> None:
-        if _collects(frame):
-            signal.setitimer(signal.ITIMER_PROF, _LATER)
-            return
-        raise OutOfTime(f"no answer within {seconds:g} s")
+        if frame is not own and not _collects(frame):
+            raise OutOfTime(f"no answer within {seconds:g} s")
 
     before = signal.signal(signal.SIGPROF, stop)
     outer, _ = signal.getitimer(signal.ITIMER_PROF)  # what an outer one has left, or 0
-    signal.setitimer(signal.ITIMER_PROF, min(seconds, outer or seconds))
+    signal.setitimer(signal.ITIMER_PROF, min(seconds, outer or seconds), _LATER)
     started = time.process_time()
     try:
         yield
     finally:
         left = max(outer - (time.process_time() - started), _LATER) if outer > 0.0 else 0.0
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
         signal.signal(signal.SIGPROF, before)
-        signal.setitimer(signal.ITIMER_PROF, left)
+        signal.setitimer(signal.ITIMER_PROF, left, _LATER if left else 0.0)
