@@ -20,9 +20,12 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.certificates import Residual
 from stickslip.orbits.branches.chart import NOT_CLOSED, Chart, renewed
+from stickslip.orbits.branches.onset import nearest_onset
 from stickslip.orbits.branches.special_points import HIDDEN, Happening, measured_change, turning
 from stickslip.orbits.continuation.arclength import NOT_DEFINED, Lost, Point, correct, direction
+from stickslip.orbits.continuation.bracket import zero_between
 from stickslip.orbits.continuation.branch import SOLVED_TO
+from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.return_map.held import HELD
 from stickslip.orbits.return_map.mode_sequence import (
     Sequence,
@@ -49,6 +52,8 @@ _ALONG = 0.9
 _BACK = -1.0 + 1e-6  # cosine of a direction that leads back where one came from
 _DIRECTIONS = 3  # that are tried one after the other
 _HELD_TO = 10.0 * HELD  # what is known of cycles on which a contact is carried along
+# how far along a ray the onset of a stick is looked for
+_AROUND = (1e-9, -1e-9, 1e-8, -1e-8, 1e-7, -1e-7)
 _FURTHER = 100.0  # how much further beyond a corner one looks whether a contact slips both ways
 # how far beyond a corner the other side is looked for …
 _AHEAD = (1e-11, 3e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
@@ -93,8 +98,10 @@ class Corner:
 
     Attributes
     ----------
-    x, beside : arrays
-        Unknowns there, in the chart of this side, and a little before.
+    cycle : Cycle
+        The cycle there.
+    beside : array
+        Unknowns a little before, in the chart of this side.
     what : Happening
         What changes.
     turn : Residual
@@ -103,7 +110,7 @@ class Corner:
         None if no cycle goes on from there.
     """
 
-    x: Array
+    cycle: Cycle
     beside: Array
     what: Happening
     turn: Residual
@@ -153,12 +160,17 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
         kind, note = change_of(contacts, here, after)
         onward = None if is_open(after) else _onward(there, y, towards, trial, here)
     left = nearest_change(there.orbit(y).motion, there.shooting.pieces)
+    rays = (chart, x, tangent), (there, y, towards)
+    cycle = None
+    if kind == "stick onset":
+        with suppress(*_FAILURES):
+            y = _along(rays[1], _to_the_onset(rays[1]))
+            cycle = there.cycle(y)
     if onward is not None and not onward.gap(y, chart.on_edge).ok:
-        # What is too short to count ends before the place where both sides meet; a stick is located
-        # by its margin.
+        # What is too short to count ends before the place where both sides meet.
         if kind != "stick onset":
             with suppress(*_FAILURES):
-                x, y = _meeting((chart, x, tangent), (there, y, towards), onward)
+                x, y = _moved(rays, _to_the_meeting(rays[1], onward))
         if edge is None and not onward.gap(y, chart.on_edge).ok:
             onward = _onward(there, y, towards, trial, here, _NEARER)
     if edge is None and onward is not None:
@@ -173,39 +185,73 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
             onward = None  # sides that do not meet are two branches
     ahead = 0.0 if onward is None else _unit(onward.chart, onward.x, onward.towards)[-1]
     what = Happening(kind, note, residuals)
-    return Corner(x, beside, what, turning(tangent[-1], ahead), onward)
+    cycle = cycle or chart.cycle(x)
+    return Corner(cycle, beside, what, turning(tangent[-1], ahead), onward)
 
 
 _Ray = tuple[Chart, Array, Array]
 """A chart, unknowns in it and a direction in their units."""
 
 
-def _meeting(ray: _Ray, same: _Ray, onward: BeyondCorner) -> tuple[Array, Array]:
-    """Where this side, given in two charts, is nearest to the line along which it goes on; the
-    unknowns in both charts."""
-    _, y, towards = same
+def _to_the_onset(ray: _Ray) -> float:
+    """How far along a ray the margin vanishes of the contact that begins to stick.
+
+    A stick that is too short to count begins before the sequence changes.
+    """
+    chart, y, _ = ray
+    pieces = chart.shooting.pieces
+    onset = nearest_onset(chart.orbit(y).motion, pieces)
+
+    seen: dict[float, float] = {}
+
+    def margin(length: float) -> float:
+        seen[length] = onset.margin(chart.orbit(_along(ray, length)).motion, pieces)
+        return seen[length]
+
+    here = margin(0.0)
+    if abs(here) <= SOLVED_TO:
+        return 0.0
+    # At the onset itself derivatives jump, so that nothing may be found there.
+    with suppress(*_FAILURES):
+        for far in _AROUND:
+            if here * margin(far) < 0.0:
+                zero_between(margin, 0.0, far, here, seen[far])
+                return min(seen, key=lambda length: abs(seen[length]))
+    return min(seen, key=lambda length: abs(seen[length]))
+
+
+def _to_the_meeting(ray: _Ray, onward: BeyondCorner) -> float:
+    """How far along a ray it is nearest to the line along which the branch goes on."""
+    _, y, towards = ray
     units = onward.chart.scale(onward.x)
     ahead = _unit(onward.chart, onward.x, onward.towards)
     lines = np.column_stack([towards, -ahead])
-    length = float(np.linalg.lstsq(lines, (onward.x - y) / units, rcond=None)[0][0])
+    return float(np.linalg.lstsq(lines, (onward.x - y) / units, rcond=None)[0][0])
+
+
+def _moved(rays: tuple[_Ray, _Ray], length: float) -> tuple[Array, Array]:
+    """The cycle at a distance along two rays that start from one cycle, given in two charts; the
+    distance is that along the second.
+
+    Raises
+    ------
+    Lost
+        If it is further than what is too short to count can hide.
+    """
     if abs(length) > HIDDEN:
         raise Lost("the sides do not meet")
     # Period and parameter have the same units in both charts.
-    parts = [
-        float(np.linalg.norm(tangent[chart.shooting.time :])) for chart, _, tangent in (ray, same)
-    ]
+    parts = [float(np.linalg.norm(tangent[chart.shooting.time :])) for chart, _, tangent in rays]
     lengths = length * parts[1] / max(parts[0], 1e-300), length
-    x, y = (
-        correct(
-            chart,
-            start + chart.scale(start) * tangent * way,
-            chart.scale(start),
-            tangent,
-            _TOLERANCE,
-        )
-        for (chart, start, tangent), way in zip((ray, same), lengths, strict=True)
-    )
+    x, y = (_along(ray, way) for ray, way in zip(rays, lengths, strict=True))
     return x, y
+
+
+def _along(ray: _Ray, length: float) -> Array:
+    """The cycle at a distance along a ray."""
+    chart, start, tangent = ray
+    units = chart.scale(start)
+    return correct(chart, start + units * tangent * length, units, tangent, _TOLERANCE)
 
 
 def _happens(chart: Chart, point: Point, x: Array, tangent: Array) -> bool:

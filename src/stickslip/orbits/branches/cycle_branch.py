@@ -226,7 +226,7 @@ class _Follower:
             if bent is not None:
                 beyond = self._around(stations, chart, bent)
                 if beyond is None:
-                    where = f"{self.parameter} = {bent.x[-1]:.12g}"
+                    where = f"{self.parameter} = {bent.cycle.parameters[self.parameter]:.12g}"
                     return Ending(Stop.EVENT, f"{LOSS} at {where}: {bent.what.note}")
                 there = renewed(beyond.chart, beyond.x, beyond.towards)
                 return self._start(*there, self.steps.first)
@@ -310,9 +310,9 @@ class _Follower:
         happened = [what]
         if onward and bent.turn.ok:
             happened.append(Happening("fold", NOT_SMOOTH, (*what.residuals, bent.turn)))
-        if not chart.cycle(bent.x).certificate.ok:
+        if not bent.cycle.certificate.ok:
             self._add(stations, chart.cycle(bent.beside), [])
-        self._add(stations, chart.cycle(bent.x), happened)
+        self._add(stations, bent.cycle, happened)
         if onward:
             self._add(stations, onward.chart.cycle(onward.x), [])
         return onward

@@ -114,9 +114,11 @@ def _reversing(motion: Trajectory, pieces: Pieces, contact: int) -> list[float]:
     p = _numbers(motion)
     switch = k.region.shape[1] + contact
     margins = []
+    # The end of the slip before, not the start of the one after: a stick between them may be too
+    # short to count.
     turns = [
-        b
-        for (a, _), (b, _) in pairwise(segments(motion))
+        end
+        for (a, end), (b, _) in pairwise(segments(motion))
         if k.mode[a, contact] * k.mode[b, contact] == -1
     ]
     for knot in (*turns, *(begin for _, begin in _sticks(motion, contact, -1))):
