@@ -15,6 +15,7 @@ every function with kinks; which region, and which mode, is decided while the mo
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -244,8 +245,25 @@ class MotionEquations:
         return ex.add(*moved, (c.speed, -1.0))
 
     def pressing(self, i: int) -> list[int]:
-        """The contact that can open whose normal force is in the friction of contact i, if any."""
+        """Contacts that can open whose normal forces are in the friction of contact i."""
         return _pressing(self.contacts, i)
+
+    def rubs_alone(self, i: int) -> bool:
+        """Whether a contact has friction without a normal force."""
+        return self._alone[i]
+
+    @cached_property
+    def _alone(self) -> list[bool]:
+        normals = {f"lambda:{j}": ex.ZERO for j, c in enumerate(self.contacts) if c.opens}
+        sides = [(c.plus, c.minus, c.kinetic_plus, c.kinetic_minus) for c in self.contacts]
+        return [any(ex.substitute(e, normals) is not ex.ZERO for e in own) for own in sides]
+
+    def is_loose(self, i: int, mode: Sequence[int]) -> bool:
+        """Whether a contact has friction under normal forces alone, and all that press it are
+        open in a mode."""
+        pressing = self.pressing(i)
+        opened = all(mode[n] != 0 for n in pressing)
+        return bool(pressing) and opened and not self.rubs_alone(i)
 
     def surface_acceleration(self, i: int) -> Expr:
         """What J a is in stick: ẇ − J̇ q̇."""

@@ -330,8 +330,8 @@ class _Solver:
         return found
 
     def is_loose(self, i: int) -> bool:
-        """Whether contact i is the friction of one that is open."""
-        return any(self.mode[n] != 0 for n in self.eq.pressing(i))
+        """Whether all that presses contact i is open."""
+        return self.eq.is_loose(i, self.mode)
 
     def is_open(self, i: int) -> bool:
         """Whether contact i is the normal direction of one that is open."""
@@ -380,7 +380,7 @@ class _Solver:
         for i in held:
             e = ex.ZERO if i in settled else self.fix(eq.contacts[i].restitution)
             asked[i] = -(ex.ONE + e) * self.velocity(i)
-        given = {i: self.slip_force(i) for i in rubbing if self.mode[i] != 0}
+        given = {i: self.impulse(i, struck) for i in rubbing if self.mode[i] != 0}
         for plane in eq.planes:
             if plane.parts[0] in given:
                 self.check_straight(plane, [*asked, *given])
@@ -423,6 +423,14 @@ class _Solver:
         uneven += [response(i, k) for i in plane.parts for k in struck if k not in own]
         if not all(map(vanishes, uneven)):
             raise ZeroDivisionError("the direction after the impact has no formula")
+
+    def impulse(self, i: int, struck: list[int]) -> Expr:
+        """Impulse of the friction of contact i, which slips, under normal impulses of what is
+        struck. What does not depend on them has none."""
+        others = {f"lambda:{n}": ex.ZERO for n in self.eq.pressing(i) if n not in struck}
+        force = ex.substitute(self.slip_force(i), others)
+        bounded = ex.substitute(force, {f"lambda:{n}": ex.ZERO for n in struck})
+        return force - bounded
 
     def slip_force(self, i: int) -> Expr:
         """Friction force of contact i, which slips; in it normal forces may be unknown."""

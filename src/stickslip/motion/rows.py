@@ -10,7 +10,7 @@ from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import INVERSES, Layout
 from stickslip.equations.codegen.program import pack
 from stickslip.kept import made_once
-from stickslip.motion.steps.arrays import PART, Rows
+from stickslip.motion.steps.arrays import PART, RUBBING, Rows
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
@@ -53,6 +53,7 @@ def _rows(equations: MotionEquations, layout: Layout) -> Rows:
         pack(layout),
         *_coupling(layout),
         *_openings(layout),
+        *_links(equations, layout),
         *_jumps(layout),
         *_planes(layout),
     )
@@ -90,18 +91,23 @@ def _coupling(layout: Layout) -> tuple[Array, Array, Array, Array]:
     return table, np.array(members, dtype=np.int64), homes, turning
 
 
-def _openings(layout: Layout) -> tuple[Array, Array, Array, Array]:
-    """Rows of the gaps and of the restitution of contacts, whose friction each is, and the rows
-    of its coefficients; −1: of none."""
-    found = tuple(np.full(len(layout.u), -1, np.int64) for _ in range(3))
-    tables = (layout.gaps, layout.restitution, layout.parents)
-    for array, table in zip(found, tables, strict=True):
+def _openings(layout: Layout) -> tuple[Array, Array]:
+    """Rows of the gaps and of the restitution of contacts, −1: of none."""
+    found = tuple(np.full(len(layout.u), -1, np.int64) for _ in range(2))
+    for array, table in zip(found, (layout.gaps, layout.restitution), strict=True):
         for c, value in table.items():
             array[c] = value
-    friction = np.full((len(layout.u), 4), -1, np.int64)
-    for c, rows in layout.friction.items():
-        friction[c] = rows
-    return (*found, friction)  # type: ignore[return-value]
+    return found  # type: ignore[return-value]
+
+
+def _links(equations: MotionEquations, layout: Layout) -> tuple[Array, Array, Array, Array]:
+    """What rubs under which normal force, where the links of each contact begin, the rows of the
+    coefficients, and which contacts have other friction, too."""
+    table = np.array([link[:2] for link in layout.links], dtype=np.int64).reshape(-1, 2)
+    friction = np.array([link[2] for link in layout.links], dtype=np.int64).reshape(-1, 4)
+    first = np.searchsorted(table[:, RUBBING], np.arange(len(layout.u) + 1))
+    alone = np.array([equations.rubs_alone(c) for c in range(len(layout.u))], dtype=np.int64)
+    return table, first.astype(np.int64), friction, alone
 
 
 def _jumps(layout: Layout) -> tuple[Array, Array]:

@@ -86,10 +86,11 @@ class Layout:
         Of each contact in a plane its components, the first row of its direction, that of
         s² − |A⁻¹λ|², the place of the size of that, the rows of Au, of s, and of what is not
         negative in slip, and 1 if it has mass.
-    parents : dict of int to int
-        For what rubs under a normal force, the contact that has it.
-    friction : dict of int to tuple of int
-        … and the rows of its coefficients: kinetic against slip forward and back, static likewise.
+    links : list of (int, int, tuple of int)
+        What rubs under a normal force, the contact that has it, and the rows of the coefficients:
+        kinetic against slip forward and back, static likewise; contact by contact.
+    pressed : int
+        The most normal forces in the friction of a contact, at least 1.
     jumps : list of (int, int, list of int)
         Of each jump the number of its kink, its direction, and which parts of the state have new
         values.
@@ -118,8 +119,8 @@ class Layout:
     gaps: dict[int, int] = field(default_factory=dict)
     restitution: dict[int, int] = field(default_factory=dict)
     planes: list[tuple[int, ...]] = field(default_factory=list)
-    parents: dict[int, int] = field(default_factory=dict)
-    friction: dict[int, tuple[int, ...]] = field(default_factory=dict)
+    pressed: int = 1
+    links: list[tuple[int, int, tuple[int, ...]]] = field(default_factory=list)
     jumps: list[tuple[int, int, list[int]]] = field(default_factory=list)
 
     def shape(self, name: str) -> tuple[int, ...]:
@@ -134,7 +135,7 @@ class Layout:
             "K": (max(len(self.constants), 1),),
             "M": (s["nq"], widest["Rq"]),
             "C": (s["nz"], widest["Rz"]),
-            "J": (s["mq"] + s["mz"], max(widest.values()) + 1),
+            "J": (s["mq"] + s["mz"], max(widest.values()) + self.pressed),
             "omega": (self.frequencies,),
         }
         return shapes[name]
@@ -188,7 +189,8 @@ class _Generator:
             mr=self.mr,
             kinks=len(equations.kinks),
         )
-        self.layout = Layout(d.state, sizes)
+        pressed = [len(equations.pressing(i)) for i in range(self.mq)]
+        self.layout = Layout(d.state, sizes, pressed=max([1, *pressed]))
         rows = {name: i for i, name in enumerate(d.state)} | {"t": self.n}
         regions = {guard: i for i, guard in enumerate(equations.kinks)}
         self.tape = Tape(self.constants, rows, self.n + 1, regions)
@@ -323,16 +325,15 @@ class _Generator:
         return not all(map(self.constants.is_constant, entries))
 
     def rubs_evenly(self, i: int) -> bool:
-        """Whether the friction of a contact under normal forces has one constant coefficient."""
-        slopes = self.pressed_slopes(i)
-        return len(set(slopes)) <= 1 and all(map(self.constants.is_constant, slopes))
+        """Whether the friction of a contact under each normal force has one constant
+        coefficient."""
+        found = [set(self.pressed_slopes(i, normal)) for normal in self.eq.pressing(i)]
+        return all(len(own) == 1 and self.constants.is_constant(*own) for own in found)
 
-    def pressed_slopes(self, i: int) -> list[Expr]:
-        """What a unit of normal force adds to the friction of a contact, and to its threshold,
+    def pressed_slopes(self, i: int, normal: int) -> list[Expr]:
+        """What a unit of a normal force adds to the friction of a contact, and to its threshold,
         either way."""
-        sides = self.friction(i)
-        normals = [f"lambda:{n}" for n in self.eq.pressing(i)]
-        return [ex.derivative(side, force) for force in normals for side in sides]
+        return [ex.derivative(side, f"lambda:{normal}") for side in self.friction(i)]
 
     def moving_entries(
         self, part: Component, names: list[str], matrix: Mapping[tuple[int, int], Expr]
@@ -361,16 +362,16 @@ class _Generator:
             pressing = frozenset(self.eq.pressing(c))
             for other in part.contacts:
                 if other in pressing:
-                    found.append(self.pressed_entry(c))
+                    found.append(self.pressed_entry(c, other))
                 else:
                     found.append(self.fixed_entry(c, ex.ZERO, ex.ONE if c == other else ex.ZERO))
         assert len(found) == (n + len(part.contacts)) ** 2
         return tuple(found)
 
-    def pressed_entry(self, i: int) -> Instruction:
-        """What a unit of normal force adds to λᵢ + σk = 0 in slip."""
+    def pressed_entry(self, i: int, normal: int) -> Instruction:
+        """What a unit of a normal force adds to λᵢ + σk = 0 in slip."""
         zero = self.tape.row(ex.ZERO)
-        slopes = tuple(self.tape.row(-slope) for slope in self.pressed_slopes(i))
+        slopes = tuple(self.tape.row(-slope) for slope in self.pressed_slopes(i, normal))
         entry = Instruction(Op.SIDE, self.tape.new_row(0), (zero, *slopes), place=i)
         self.tape.emit(max(self.tape.stage[row] for row in slopes), entry)
         return entry
@@ -769,8 +770,7 @@ class _Generator:
                 layout.gaps[i] = tape.row(c.gap)
                 self.note(self.gap_sizes + i, self.size(c.gap))
             for normal in self.eq.pressing(i):
-                layout.parents[i] = normal
-                layout.friction[i] = self.coefficients(i, normal)
+                layout.links.append((i, normal, self.coefficients(i, normal)))
             if c.gap is not None or c.on:
                 layout.restitution[i] = tape.row(c.restitution)
 
@@ -820,11 +820,12 @@ class _Generator:
             for x, e in c.direction.items()
             if self.constants.is_constant(e)
         ]
-        friction = self.layout.shape("J")[1] - 1
+        last = self.layout.shape("J")[1] - 1
         entries += [
-            Store("J", (i, friction), scalar(self.pressed_slopes(i)[0]))
+            Store("J", (i, last - k), scalar(self.pressed_slopes(i, normal)[0]))
             for i in range(self.mq)
-            if self.eq.pressing(i) and self.rubs_evenly(i)
+            if self.rubs_evenly(i)
+            for k, normal in enumerate(self.eq.pressing(i))
         ]
         frequencies = enumerate(self.eq.frequencies)
         entries += [Store("omega", (i,), abs(scalar(e))) for i, e in frequencies]

@@ -54,7 +54,9 @@ from stickslip.motion.steps.arrays import (
     ON_INERTIAL,
     OTHER,
     PART,
+    PRESSING,
     ROUNDING,
+    RUBBING,
     SENSE,
     SPAN,
     WIDEST,
@@ -66,7 +68,6 @@ from stickslip.motion.steps.arrays import (
     Space,
     direction_entry,
     is_component,
-    is_loose,
     set_mode,
 )
 from stickslip.motion.steps.starting import coefficients, secular_root
@@ -274,7 +275,26 @@ def best_impulse(machine: Machine, flow: Flow, at: Instant) -> int:
 def takes_part(rows: Rows, tried: Array, c: int) -> bool:
     """Whether a contact may have an impulse: it is near, or the friction of one that is."""
     near = opens(rows, c) and tried[_NEAR, c] == 1
-    return bool(near or (rows.parents[c] >= 0 and tried[_NEAR, rows.parents[c]] == 1))
+    return bool(near or is_pressed(rows, tried, c))
+
+
+@compiled()
+def is_pressed(rows: Rows, tried: Array, c: int) -> bool:
+    """Whether a contact rubs under the normal force of one that takes part."""
+    for link in range(rows.first_link[c], rows.first_link[c + 1]):
+        if tried[_NEAR, rows.links[link, PRESSING]] == 1:
+            return True
+    return False
+
+
+@compiled()
+def friction_of(rows: Rows, work: Array, sense: int, c: int) -> float:
+    """The impulse of friction that normal impulses allow: Σ μ Λ_N, with the coefficients in a row
+    of the work space."""
+    total = 0.0
+    for link in range(rows.first_link[c], rows.first_link[c + 1]):
+        total += work[sense, link] * work[IMPULSE, rows.links[link, PRESSING]]
+    return total
 
 
 @compiled()
@@ -293,7 +313,8 @@ def put_responses(machine: Machine, flow: Flow, at: Instant) -> bool:
     rows = flow.rows
     space = flow.space
     for c in range(rows.sizes[ON_INERTIAL]):
-        back = rows.parents[c] >= 0 and rows.plane[c] < 0 and space.impact[BEFORE, c] < 0.0
+        rubbing = rows.first_link[c + 1] > rows.first_link[c]
+        back = rubbing and rows.plane[c] < 0 and space.impact[BEFORE, c] < 0.0
         at.mode[c] = -1 if back else 1
     if not resolve(rows, flow.k, space, at.mode):
         return False
@@ -311,7 +332,7 @@ def put_friction(rows: Rows, space: Space) -> None:
     """Coefficients of friction in an impact, of slip and where it holds."""
     work = space.impact
     for c in range(rows.sizes[ON_INERTIAL]):
-        if rows.parents[c] < 0:
+        if rows.first_link[c + 1] == rows.first_link[c]:
             continue
         slow = _SLOW * space.mag[c]
         forward, back = work[BEFORE, c] > slow, work[BEFORE, c] < -slow
@@ -321,13 +342,14 @@ def put_friction(rows: Rows, space: Space) -> None:
                 forward = forward or abs(work[BEFORE, i]) > _SLOW * space.mag[i]
             back = forward
         for side in range(2):
-            kinetic = space.V[rows.friction[c, side], 0]
-            static = space.V[rows.friction[c, 2 + side], 0]
             slid, turned = (forward, back) if side == 0 else (back, forward)
             # in a plane nothing is turned back
             returns = turned and rows.plane[c] < 0
-            work[FORWARD + side, c] = static if returns else kinetic
-            work[HOLDS_FORWARD + side, c] = kinetic if slid else static
+            for link in range(rows.first_link[c], rows.first_link[c + 1]):
+                kinetic = space.V[rows.friction[link, side], 0]
+                static = space.V[rows.friction[link, 2 + side], 0]
+                work[FORWARD + side, link] = static if returns else kinetic
+                work[HOLDS_FORWARD + side, link] = kinetic if slid else static
 
 
 @compiled()
@@ -399,8 +421,8 @@ def aim_impulses(rows: Rows, space: Space, mode: Array) -> None:
     for p in range(len(rows.planes)):
         c, o = rows.planes[p, COMPONENT], rows.planes[p, OTHER]
         if slides_along(rows, space.tried, mode, c):
-            x = work[FORWARD, c] * work[BEFORE, c]
-            y = work[FORWARD, o] * work[BEFORE, o]
+            x = work[FORWARD, rows.first_link[c]] * work[BEFORE, c]
+            y = work[FORWARD, rows.first_link[o]] * work[BEFORE, o]
             size = math.hypot(x, y)
             work[SENSE, c] = x / size if size > 0.0 else 1.0
             work[SENSE, o] = y / size if size > 0.0 else 0.0
@@ -416,8 +438,9 @@ def turn_impulses(rows: Rows, space: Space, mode: Array) -> bool:
         c, o = rows.planes[p, COMPONENT], rows.planes[p, OTHER]
         if not slides_along(rows, space.tried, mode, c):
             continue
-        f, g = work[FORWARD, c], work[FORWARD, o]
-        pressed = work[IMPULSE, rows.parents[c]]
+        one, two = rows.first_link[c], rows.first_link[o]
+        f, g = work[FORWARD, one], work[FORWARD, two]
+        pressed = work[IMPULSE, rows.links[one, PRESSING]]
         if not (f * pressed > 0.0):
             continue
         # w + D n, which is the same whatever n is
@@ -440,20 +463,36 @@ def moved_on(work: Array, c: int) -> float:
 def is_held(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
     """Whether the velocity of a contact after an impact is asked for, so that its impulse is
     unknown."""
-    return bool(mode[c] == 0 and takes_part(rows, tried, c) and not is_loose(rows, mode, c))
+    return bool(mode[c] == 0 and takes_part(rows, tried, c) and not is_free(rows, tried, mode, c))
 
 
 @compiled()
-def rubs(work: Array, mode: Array, c: int) -> float:
-    """The coefficient of friction of what slips in an impact."""
-    return float(work[FORWARD, c] if mode[c] > 0 else work[BACK, c])
+def is_free(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
+    """Whether a contact rubs, but only under normal forces that have no impulse."""
+    first, end = rows.first_link[c], rows.first_link[c + 1]
+    for link in range(first, end):
+        normal = rows.links[link, PRESSING]
+        if tried[_NEAR, normal] == 1 and mode[normal] == 0:
+            return False
+    return bool(end > first)
+
+
+@compiled()
+def slips_towards(mode: Array, c: int) -> int:
+    """The row of coefficients of friction of what slips in an impact."""
+    return FORWARD if mode[c] > 0 else BACK
 
 
 @compiled()
 def slides_along(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
     """Whether a contact rubs in an impact."""
-    normal = rows.parents[c]
-    return bool(normal >= 0 and tried[_NEAR, normal] == 1 and mode[normal] == 0 and mode[c] != 0)
+    if mode[c] == 0:
+        return False
+    for link in range(rows.first_link[c], rows.first_link[c + 1]):
+        normal = rows.links[link, PRESSING]
+        if tried[_NEAR, normal] == 1 and mode[normal] == 0:
+            return True
+    return False
 
 
 @compiled()
@@ -481,9 +520,10 @@ def solve_impulses(rows: Rows, space: Space, mode: Array) -> bool:
         for b in range(mq):
             if is_held(rows, tried, mode, b):
                 entry = G[a, b]
-                for c in range(mq):
-                    if rows.parents[c] == b and slides_along(rows, tried, mode, c):
-                        entry -= work[SENSE, c] * rubs(work, mode, c) * G[a, c]
+                for link in range(len(rows.links)):
+                    c = rows.links[link, RUBBING]
+                    if rows.links[link, PRESSING] == b and slides_along(rows, tried, mode, c):
+                        entry -= work[SENSE, c] * work[slips_towards(mode, c), link] * G[a, c]
                 system[size, column] = entry
                 column += 1
         system[size, column] = -(1.0 + work[RESTITUTION, a]) * work[BEFORE, a]
@@ -497,9 +537,8 @@ def solve_impulses(rows: Rows, space: Space, mode: Array) -> bool:
             place += 1
     for c in range(mq):
         if slides_along(rows, tried, mode, c):
-            work[IMPULSE, c] = (
-                -work[SENSE, c] * rubs(work, mode, c) * work[IMPULSE, rows.parents[c]]
-            )
+            allowed = friction_of(rows, work, slips_towards(mode, c), c)
+            work[IMPULSE, c] = -work[SENSE, c] * allowed
     return True
 
 
@@ -557,7 +596,10 @@ def set_in_motion(rows: Rows, space: Space, mode: Array) -> int:
     for c in range(rows.sizes[ON_INERTIAL]):
         side = 0 if mode[c] > 0 else 1
         if slides_along(rows, space.tried, mode, c) and not is_component(rows, c):
-            found += 1 if work[FORWARD + side, c] < work[HOLDS_FORWARD + side, c] else 0
+            drops = False
+            for link in range(rows.first_link[c], rows.first_link[c + 1]):
+                drops = drops or work[FORWARD + side, link] < work[HOLDS_FORWARD + side, link]
+            found += 1 if drops else 0
     return found
 
 
@@ -635,16 +677,15 @@ def judge_impulses(rows: Rows, work: Array, tried: Array, mode: Array) -> tuple[
         moved = moved_on(work, c)
         if opens(rows, c) and tried[_NEAR, c] == 1:
             right = right and (work[IMPULSE, c] >= -strong if mode[c] == 0 else moved >= -fast)
-        elif rows.parents[c] >= 0 and tried[_NEAR, rows.parents[c]] == 1:
-            normal = rows.parents[c]
-            if mode[normal] != 0 or is_component(rows, c):
+        elif is_pressed(rows, tried, c):
+            if is_free(rows, tried, mode, c) or is_component(rows, c):
                 continue
             if rows.plane[c] >= 0:
                 right = right and obeys_in_plane(rows, work, mode, c, strong, fast)
             elif mode[c] == 0:
-                pressed = work[IMPULSE, normal]
-                right = right and work[IMPULSE, c] >= -work[HOLDS_FORWARD, c] * pressed - strong
-                right = right and work[IMPULSE, c] <= work[HOLDS_BACK, c] * pressed + strong
+                least = -friction_of(rows, work, HOLDS_FORWARD, c)
+                most = friction_of(rows, work, HOLDS_BACK, c)
+                right = right and least - strong <= work[IMPULSE, c] <= most + strong
             else:
                 right = right and mode[c] * moved >= -fast
     return gained, size, right
@@ -668,15 +709,16 @@ def obeys_in_plane(
         Impulses and velocities that are zero.
     """
     o = rows.planes[rows.plane[c], OTHER]
-    f, g = work[FORWARD, c], work[FORWARD, o]
+    one, two = rows.first_link[c], rows.first_link[o]
+    f, g = work[FORWARD, one], work[FORWARD, two]
     if mode[c] == 0:
-        f, g = work[HOLDS_FORWARD, c], work[HOLDS_FORWARD, o]
+        f, g = work[HOLDS_FORWARD, one], work[HOLDS_FORWARD, two]
         x, y = work[IMPULSE, c], work[IMPULSE, o]
         if not f > 0.0:
             return bool(math.hypot(x, y) <= strong)
         larger = max(f, g)
         held = math.hypot(x / f, y / g) * larger
-        return bool(held <= larger * work[IMPULSE, rows.parents[c]] + strong)
+        return bool(held <= larger * work[IMPULSE, rows.links[one, PRESSING]] + strong)
     n, m = work[SENSE, c], work[SENSE, o]
     x, y = f * moved_on(work, c), g * moved_on(work, o)
     little = max(f, g) * fast
@@ -705,7 +747,7 @@ def guess_mode(rows: Rows, tried: Array, work: Array, mode: Array) -> None:
                 after = -work[RESTITUTION, c] * work[BEFORE, c]
             mode[c] = 1 if after > 1e-10 * largest else 0
     for c in range(rows.sizes[ON_INERTIAL]):
-        if rows.parents[c] >= 0 and tried[_NEAR, rows.parents[c]] == 1:
+        if is_pressed(rows, tried, c):
             mode[c] = tried[_CHOSEN, c]
     loosen_friction(rows, mode)
 
@@ -773,10 +815,11 @@ def is_paradox(machine: Machine, flow: Flow, lane: Lane) -> bool:
     for n in range(rows.sizes[ON_INERTIAL]):
         if known and opens(rows, n) and space.tried[_NEAR, n] == 1:
             left = space.delassus[n, n] * (1.0 - _ALMOST)
-            for c in range(rows.sizes[ON_INERTIAL]):
-                rubbing = rows.parents[c] >= 0 and space.tried[_NEAR, rows.parents[c]] == 1
+            for link in range(len(rows.links)):
+                c = rows.links[link, RUBBING]
+                rubbing = space.tried[_NEAR, rows.links[link, PRESSING]] == 1
                 if rubbing and rows.homes[c, PART] == rows.homes[n, PART]:
-                    mu = max(space.impact[HOLDS_FORWARD, c], space.impact[HOLDS_BACK, c])
+                    mu = max(space.impact[HOLDS_FORWARD, link], space.impact[HOLDS_BACK, link])
                     left -= mu * abs(space.delassus[n, c])
             found = found or left <= 0.0
     return found

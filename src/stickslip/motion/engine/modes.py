@@ -56,6 +56,7 @@ from stickslip.motion.steps.arrays import (
     OTHER,
     OVERFLOW,
     PART,
+    PRESSING,
     PROMISED,
     RATE_INDEPENDENT,
     RECENT,
@@ -77,6 +78,7 @@ from stickslip.motion.steps.arrays import (
     is_component,
     is_loose,
     own_inverse,
+    presses,
     set_mode,
 )
 from stickslip.motion.steps.starting import coefficients
@@ -115,7 +117,8 @@ _LOOSER = 1e4  # tolerances by which the rates at the end of a step may break it
 def resolvent(
     A: Array,
     J: Array,
-    parents: Array,
+    links: Array,
+    first_link: Array,
     members: Array,
     n: int,
     m: int,
@@ -130,10 +133,10 @@ def resolvent(
     ----------
     A, J : arrays
         Mass matrix, or viscous matrix, and contact directions: rows of all coordinates and
-        contacts, with a column for each coordinate of their component; the last of J has
+        contacts, with a column for each coordinate of their component; the last ones of J have
         coefficients of friction.
-    parents : array of int
-        The contact whose normal force presses each, or negative.
+    links, first_link : arrays of int
+        What rubs under which normal forces.
     members : array of int, shape (n + m,)
         The coordinates, then the contacts.
     n, m : int
@@ -163,11 +166,13 @@ def resolvent(
                 scratch[n + c, i] = J[members[n + c], i]
         else:
             scratch[n + c, n + c] = 1.0
-            parent = parents[members[n + c]]
-            for other in range(m if parent >= 0 else 0):
-                if members[n + other] == parent:
-                    sense = 1.0 if mode[members[n + c]] > 0 else -1.0
-                    scratch[n + c, n + other] = sense * J[members[n + c], J.shape[1] - 1]
+            own = members[n + c]
+            sense = 1.0 if mode[own] > 0 else -1.0
+            for link in range(first_link[own], first_link[own + 1]):
+                coefficient = J[own, J.shape[1] - 1 - (link - first_link[own])]
+                for other in range(m):
+                    if members[n + other] == links[link, PRESSING]:
+                        scratch[n + c, n + other] = sense * coefficient
     return invert(scratch, n + m, R)
 
 
@@ -197,7 +202,8 @@ def resolve(rows: Rows, k: Constants, space: Space, mode: Array) -> bool:
         if not resolvent(
             k.M if inertial else k.C,
             k.J,
-            rows.parents,
+            rows.links,
+            rows.first_link,
             rows.members[first:],
             n,
             m,
@@ -381,7 +387,7 @@ def is_rubbed(rows: Rows, J: Array, table: Array, c: int, i: int) -> bool:
         The contact, and the place of the coordinate in the component.
     """
     for p in range(len(rows.planes)):
-        if rows.parents[rows.planes[p, COMPONENT]] == c:
+        if presses(rows, c, rows.planes[p, COMPONENT]):
             x = direction_entry(rows, J, table, rows.planes[p, COMPONENT], i)
             y = direction_entry(rows, J, table, rows.planes[p, OTHER], i)
             if x != 0.0 or y != 0.0:

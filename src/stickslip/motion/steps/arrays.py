@@ -84,6 +84,8 @@ FEWEST_ORDERS = 8  # of a Taylor series
 COMPONENT, OTHER, AIM, ADMISSIBLE, ADMISSIBLE_SIZE, AHEAD, ASIDE, STATIC, SLIPS, MASSIVE = range(10)
 # Columns of Rows.doubtful.
 DOUBTED, SLIPPING, TOWARDS = range(3)
+# Columns of Rows.links.
+RUBBING, PRESSING = range(2)
 # Slots of Lane.clock, and of Lane.counters: see there.
 NOW, LAST, LONG_AGO, SPAN, RECENT, UNIT, IMPLICIT, SERIES, SINCE = range(9)
 HAPPENED, SWITCHES, CAUSE, CROSSED, TAKEN, WORD = range(6)
@@ -131,10 +133,15 @@ class Rows(NamedTuple):
     gaps, restitution : arrays of int, shape (contacts,)
         Rows of the gaps of contacts that can open, and of the restitution of these and of their
         friction; −1: none.
-    parents : array of int, shape (contacts,)
-        For what rubs under a normal force, the contact that has it; −1: of others.
-    friction : array of int, shape (contacts, 4)
-        Rows of its coefficients: kinetic against slip forward and back, static likewise.
+    links : array of int, shape (links, 2)
+        Contacts that rub under a normal force (RUBBING), each with the contact that has it
+        (PRESSING), contact by contact.
+    first_link : array of int, shape (contacts + 1,)
+        Where the links of each contact begin, and end with those of the next.
+    friction : array of int, shape (links, 4)
+        Rows of the coefficients: kinetic against slip forward and back, static likewise.
+    alone : array of int, shape (contacts,)
+        1 for each contact that has friction without a normal force, too.
     jumps : array of int, shape (jumps, 4)
         By the columns from `KINK` to `LANDINGS`.
     landings : array of int
@@ -164,8 +171,10 @@ class Rows(NamedTuple):
     turning: IntMatrix
     gaps: IntVector
     restitution: IntVector
-    parents: IntVector
+    links: IntMatrix
+    first_link: IntVector
     friction: IntMatrix
+    alone: IntVector
     jumps: IntMatrix
     landings: IntVector
     planes: IntMatrix
@@ -177,7 +186,8 @@ class Constants(NamedTuple):
     parameters.
 
     A row of M, C and J has a column for each coordinate of the component that it belongs to; the
-    last column of J is the coefficient of friction under a normal force, where that is constant.
+    last columns of J, from the last one back, are the coefficients of friction under normal forces,
+    where these are constant.
     """
 
     K: Vector
@@ -411,7 +421,7 @@ def own_inverse(rows: Rows, space: Space, c: int) -> float:
 
 
 # Rows of Space.impact: the largest gap of a contact so far, the sense in which it slips in an
-# impact, and the coefficients of friction against slip forward and back, and where it holds.
+# impact; and by link, coefficients of friction against slip forward and back, and where it holds.
 WIDEST, SENSE, FORWARD, BACK, HOLDS_FORWARD, HOLDS_BACK = range(6, 12)
 
 
@@ -451,8 +461,21 @@ def is_component(rows: Rows, c: int) -> bool:
 
 @compiled()
 def is_loose(rows: Rows, mode: Array, c: int) -> bool:
-    """Whether a contact is the friction of one that is open."""
-    return bool(rows.parents[c] >= 0 and mode[rows.parents[c]] != 0)
+    """Whether a contact has friction under normal forces alone, and all that press it are open."""
+    first, end = rows.first_link[c], rows.first_link[c + 1]
+    for link in range(first, end):
+        if mode[rows.links[link, PRESSING]] == 0:
+            return False
+    return bool(end > first and rows.alone[c] == 0)
+
+
+@compiled()
+def presses(rows: Rows, n: int, c: int) -> bool:
+    """Whether the normal force of contact n is in the friction of contact c."""
+    for link in range(rows.first_link[c], rows.first_link[c + 1]):
+        if rows.links[link, PRESSING] == n:
+            return True
+    return False
 
 
 @compiled()
@@ -518,7 +541,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         labels=z((guards, 2), np.int64),
         known=np.ones(mq + mz + 1, np.int64),
         asked=z(len(rows.parts) + 1, np.int64),
-        impact=z((12, max(nq, nc))),
+        impact=z((12, max(nq, nc, len(rows.links)))),
         tried=z((3, max(nc, 1)), np.int64),
         response=z((nq, struck)),
         delassus=z((struck, struck)),

@@ -169,18 +169,38 @@ def possible_modes(
             both = both[-1:]
         found.append([{first: m, second: m} for m in both])
     in_plane = {i for plane in equations.planes for i in plane.parts}
-    rubbing = {i for i in range(len(alone)) if equations.pressing(i)}
-    for i, c in enumerate(equations.contacts):
-        if c.opens:
-            own = [j for j in sorted(rubbing) if i in equations.pressing(j)]
-            closed = [
-                {i: 0, **dict(zip(own, slips, strict=True))}
-                for slips in product(*(alone[j] for j in own))
+    opening = [i for i, c in enumerate(equations.contacts) if c.opens]
+    pressing = {i: equations.pressing(i) for i in range(len(alone))}
+    choices: list[dict[int, int]]
+    others = dict[int, list[dict[int, int]]]()
+    for normals, rubbing in _joined(opening, pressing):
+        choices = []
+        for states in product((0, 1), repeat=len(normals)):
+            opened = dict(zip(normals, states, strict=True))
+            mode = [opened.get(i, 0) for i in range(len(alone))]
+            sides = [(1,) if equations.is_loose(j, mode) else alone[j] for j in rubbing]
+            choices += [
+                {**opened, **dict(zip(rubbing, slips, strict=True))} for slips in product(*sides)
             ]
-            found.append([*closed, {i: 1, **dict.fromkeys(own, 1)}])
-        elif i not in rubbing and i not in in_plane:
-            found.append([{i: m} for m in alone[i]])
-    return found
+        others[normals[0]] = choices
+    free = [i for i in range(len(alone)) if not pressing[i] and i not in {*opening, *in_plane}]
+    others |= {i: [{i: m} for m in alone[i]] for i in free}
+    return [*found, *(others[i] for i in sorted(others))]
+
+
+def _joined(
+    opening: list[int], pressing: dict[int, list[int]]
+) -> list[tuple[list[int], list[int]]]:
+    """Contacts that can open, with what rubs under their normal forces: together where something
+    rubs under several."""
+    groups = [({n}, {j for j, normals in pressing.items() if n in normals}) for n in opening]
+    found = list[tuple[set[int], set[int]]]()
+    for normals, rubbing in groups:
+        for other in [o for o in found if o[1] & rubbing]:
+            found.remove(other)
+            normals, rubbing = normals | other[0], rubbing | other[1]
+        found.append((normals, rubbing))
+    return [(sorted(normals), sorted(rubbing)) for normals, rubbing in found]
 
 
 _Piece = tuple[Mapping[str, tuple[float, float]], Conditions]  # with its extent
@@ -379,7 +399,7 @@ class _Search:
         """Whether contacts stick in a mode, and nothing slides."""
         sticks = False
         for i, (c, m) in enumerate(zip(self.eq.contacts, mode, strict=True)):
-            if c.opens or any(mode[n] != 0 for n in self.eq.pressing(i)):
+            if c.opens or self.eq.is_loose(i, mode):
                 continue
             turns = bool(c.speed.symbols & frozenset(self.state))
             if m != 0 or not (turns or surface_speed(c, self.values) == 0.0):

@@ -289,7 +289,7 @@ def all_stick(
             # 0 ≤ N ⟂ g ≥ 0
             equal.append(fix(c.gap) if mode[i] == 0 else h)
             nonnegative.append(h if mode[i] == 0 else fix(c.gap))
-        elif any(mode[n] != 0 for n in equations.pressing(i)):
+        elif equations.is_loose(i, mode):
             equal.append(h)
         elif not c.plane:
             nonnegative += [h + fix(c.plus), fix(c.minus) - h]

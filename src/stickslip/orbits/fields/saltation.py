@@ -310,7 +310,9 @@ def _modes(equations: MotionEquations, near: set[int]) -> Iterator[Mode]:
         # What takes no part rubs in no way, and components slip together.
         apart = any(mode[i] != mode[j] for i, j in (plane.parts for plane in equations.planes))
         if not apart and all(
-            mode[i] == 1 for i in range(len(mode)) for n in equations.pressing(i) if mode[n] != 0
+            mode[i] == 1
+            for i in range(len(mode))
+            if equations.pressing(i) and all(mode[n] != 0 for n in equations.pressing(i))
         ):
             yield mode
 

@@ -17,7 +17,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.motion.knots import Knots
-from stickslip.motion.steps.arrays import AIM, COMPONENT, MASSIVE
+from stickslip.motion.steps.arrays import AIM, COMPONENT, MASSIVE, is_loose
 from stickslip.orbits.fields.mode_field import Piece
 from stickslip.orbits.fields.saltation import Saltation
 
@@ -109,8 +109,8 @@ def passages(motion: Trajectory) -> list[float]:
         return []
     k = motion.knots
     slips = k.mode[:, rows.planes[:, COMPONENT]] != 0
-    normal = rows.parents[rows.planes[:, COMPONENT]]
-    slips &= (normal < 0) | (k.mode[:, normal] == 0)
+    for p, c in enumerate(rows.planes[:, COMPONENT]):
+        slips[:, p] &= [not is_loose(rows, mode, c) for mode in k.mode]
     speed = motion._sample_clock(k.clock, np.arange(len(k.clock)))[:, rows.planes[:, AIM] + 2]
     massive = rows.planes[:, MASSIVE] == 1
     through = slips[1:] & slips[:-1] & (speed[1:] == 0.0) & massive
