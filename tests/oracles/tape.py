@@ -616,7 +616,8 @@ def _direction(i: Instruction, _: Factor) -> Step:
 
     def step(c: Call, k: int) -> None:
         W, mode = c.W, c.mode(i.place)
-        if mode == 0 or any(c.mode(normal) != 0 for normal in i.pressed):
+        opened = [c.mode(normal) != 0 for normal in i.pressed]
+        if mode == 0 or (opened and all(opened)):
             W[i.row : r + 1, k] = 0.0
             return
         if mode == DIRECTION_GIVEN:

@@ -36,7 +36,7 @@ from stickslip.display.tree import (
 )
 from stickslip.kept import cached_property
 from stickslip.model.declaration import DryContact
-from stickslip.model.names import normal_force
+from stickslip.model.names import key_of, normal_force
 from stickslip.model.system import Unilateral
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.formulas import compared
@@ -197,6 +197,12 @@ class Equations:
 
     def _force(self, declared: DryContact, x: str) -> Node:
         """Contribution of a contact to the left side of the balance of x."""
+        if declared.side_of:
+            first, _ = map(normal_force, self.system.constraints[declared.side_of])
+            if declared.name != first:
+                return NOUGHT  # both sides have one force, with its sign
+            weight = self._reader.read(ex.to_text(declared.direction[x]))
+            return negate(times(weight, self._holding(declared.side_of)))
         if declared.opens:
             weight = self._reader.read(ex.to_text(declared.direction[x]))
             return negate(times(weight, Name(declared.name)))
@@ -313,6 +319,23 @@ class Equations:
 
     __repr__ = __str__
 
+    @staticmethod
+    def _holding(name: str) -> Node:
+        """The force of a constraint."""
+        return Name(f"lamda_{key_of(name)}")
+
+    def constraints(self) -> list[Relation]:
+        """What constraints hold at zero, and the moduli of their forces."""
+        system = self.system
+        found = list[Relation]()
+        for name, sides in system.constraints.items():
+            modulus = Call("abs", (self._holding(name),))
+            found += [
+                Relation("=", self._reader.read(system.with_gaps[sides[0]].gap), NOUGHT),
+                Relation("=", Name(normal_force(name)), modulus),
+            ]
+        return found
+
     def openings(self) -> list[tuple[Node, Node]]:
         """Normal forces and gaps of the contacts that can open."""
         gaps = {normal_force(name): c.gap for name, c in self.system.unilateral.items()}
@@ -338,6 +361,7 @@ class Equations:
             laws = group[0].laws(write, group[0].index if len(group) == 1 else "_i")
             rows += [rf"\text{{if }} {when}: \quad & {law}" for when, law in laws]
         rows += [rf"0 \leq {write(n)} &\perp {write(gap)} \geq 0" for n, gap in self.openings()]
+        rows += [f"{write(r.left)} &= {write(r.right)}" for r in self.constraints()]
         for jump in self.jumps():
             when = f"{write(jump.guard)} {jump.sign} 0"
             rows.append(rf"\text{{if }} {when}: \quad & {jump.moves(write)}")
@@ -385,6 +409,7 @@ class _Text:
             ("Equations of motion", self.motion()),
             ("Friction", self.friction()),
             ("Contacts that can open", self.openings()),
+            ("Constraints", [self.write(r) for r in self.equations.constraints()]),
             ("Jumps", self.jumps()),
             ("with", self.definitions()),
             ("Parameters", self.parameters()),

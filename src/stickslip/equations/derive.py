@@ -212,8 +212,9 @@ class MotionEquations:
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
-        """What contacts were declared as: both components of one in a plane have one name."""
-        return tuple(c.name.removesuffix(f" {c.plane}") for c in self.contacts)
+        """What contacts were declared as: both components of one in a plane have one name, and
+        sides of constraints none."""
+        return tuple("" if c.side_of else c.name.removesuffix(f" {c.plane}") for c in self.contacts)
 
     @cached_property
     def guards_alone(self) -> frozenset[Expr]:

@@ -186,11 +186,14 @@ def named_modes(contacts: Sequence[str], mode: Sequence[int]) -> dict[str, str]:
     Parameters
     ----------
     contacts : sequence of str
-        Names in the engine's order; both components of a contact in a plane have its name.
+        Names in the engine's order; both components of a contact in a plane have its name, and
+        sides of constraints none.
     mode : sequence of int
     """
     found = {
-        name: mode_name(m, contacts.count(name) > 1) for name, m in zip(contacts, mode, strict=True)
+        name: mode_name(m, contacts.count(name) > 1)
+        for name, m in zip(contacts, mode, strict=True)
+        if name
     }
     friction = {normal_force(name): name for name in contacts}
     for name, m in zip(contacts, mode, strict=True):

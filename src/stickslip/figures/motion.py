@@ -111,7 +111,7 @@ class _Overview:
         named = {normal_force(name): name for name in self.system.unilateral}
         named |= {part: name for name, parts in self.system.planes.items() for part in parts}
         shown = [
-            named.get(c.name, c.name)
+            c.side_of or named.get(c.name, c.name)
             for c in self.declaration.contacts
             if coordinates is None or self.shown & c.direction.keys()
         ]
@@ -120,6 +120,11 @@ class _Overview:
         planes = [InPlane(trajectory, name) for name in self.names if name in self.system.planes]
         self.in_plane = {plane.key: plane for plane in planes}
         self.opening = [contact_key(name) for name in self.names if name in self.system.unilateral]
+        self.held = [
+            key
+            for key in map(contact_key, self.system.constraints)
+            if key in self.contacts and not self.rubs(key)
+        ]
         self.motion = Sampled(trajectory, t)
         part = slice(self.motion.first, self.motion.first + self.motion.steps)
         modes = {key: mode[part] for key, mode in trajectory.modes.items()}
@@ -175,6 +180,7 @@ class _Overview:
             names += [f"{kind}_{key}" for key in rubbing for kind in FORCES]
             names += [name for plane in self.in_plane.values() for name in plane.traced]
             names += [f"gap_{key}" for key in self.opening]
+            names += [f"normal_{key}" for key in self.held]
         motion = self.motion
         planes = self.planes()
         whole = self.whole
@@ -273,10 +279,14 @@ class _Overview:
         panels += [self.trace(names) for names in internal]
         if len(self.contacts) > _MANY:
             return [*panels, self.mode_map]
-        return panels + [
-            self.friction(name) if self.is_held(contact_key(name)) else self.gap(name)
-            for name in self.names
-        ]
+        return panels + [self.contact(name) for name in self.names]
+
+    def contact(self, name: str) -> Callable[[Axes], None]:
+        """The panel of a contact: its friction, the force of a constraint without, or a gap."""
+        key = contact_key(name)
+        if key in self.held:
+            return self.holding(name)
+        return self.friction(name) if self.is_held(key) else self.gap(name)
 
     def by_unit(self, names: list[str]) -> list[list[str]]:
         """Names in groups that share an axis."""
@@ -412,6 +422,19 @@ class _Overview:
             held = (key for key in self.contacts if self.is_held(key) and key not in self.in_plane)
             if key == next(held):
                 self.explain(axes, "friction force", "thresholds")
+
+        return panel
+
+    def holding(self, name: str) -> Callable[[Axes], None]:
+        """Modulus of the force of a constraint."""
+        quantity = f"normal_{contact_key(name)}"
+
+        def panel(axes: Axes) -> None:
+            self._line(axes, quantity, BLUE, zorder=3)
+            _roomy(axes, self.values[quantity])
+            unit = unit_label(self.unit(quantity))
+            axes.set_ylabel(r"$|N|$" + (f"  [{unit}]" if unit else ""))
+            axes.set_title(name)
 
         return panel
 

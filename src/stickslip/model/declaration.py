@@ -20,7 +20,7 @@ from stickslip.model.names import (
     parse_range,
 )
 from stickslip.model.schema import PLANAR, check_shape, entry_key
-from stickslip.model.system import CROSSINGS, Contact, Kind, Unilateral
+from stickslip.model.system import CROSSINGS, Contact, Kind, Side, Unilateral
 from stickslip.model.units import check_unit
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -61,6 +61,8 @@ class DryContact:
         `minus` and the kinetic forces then are those of abs(A⁻¹λ).
     axis : Expr
         Of a component, the entry of A.
+    side_of : str
+        Of a side of a constraint, the name of that.
     """
 
     name: str
@@ -77,6 +79,7 @@ class DryContact:
     restitution: Expr = ex.ZERO
     plane: int = 0
     axis: Expr = ex.ONE
+    side_of: str = ""
 
     @property
     def opens(self) -> bool:
@@ -596,9 +599,10 @@ class _Reader:
             why="A direction is a linear combination of rates, with coefficients of t, inertial "
             "coordinates and parameters",
         )
-        self.normals = {
-            normal_force(name): ex.sym(normal_force(name)) for name in system.unilateral
-        }
+        self.normals = {normal_force(name): ex.sym(normal_force(name)) for name in system.with_gaps}
+        for name, sides in system.constraints.items():
+            own = [(self.normals[normal_force(side)], 1.0) for side in sides]
+            self.normals[normal_force(name)] = ex.add(*own)
         self.pressed = self.scope(
             self.state,
             self.velocities,
@@ -689,6 +693,7 @@ class _Reader:
             contact.unit,
             gap=gap,
             restitution=parts[0],
+            side_of=contact.of if isinstance(contact, Side) else "",
         )
         mu = self.motion.parse(contact.mu, f"{where}.mu")
         if not ex.evaluate(mu, self.start) >= 0.0:
@@ -882,7 +887,7 @@ class _Reader:
                     "for viscous coordinates it may not depend on the speed",
                     "Declare the coordinate inertial, or put the slope into 'viscous'",
                 )
-        self._check_pressed(where, (plus, minus, *kinetic))
+        self._check_pressed(where, (plus, minus, *kinetic), in_plane=bool(declared))
         places = self.surface if declared and inertial else self.clock
         speed = places.parse(contact.surface_speed, f"{where}.surface_speed")
         check_unit(contact.unit, f"{where}.unit")
@@ -898,29 +903,42 @@ class _Reader:
                 )
         return DryContact(name, kind, direction, plus, minus, *kinetic, speed, contact.unit)
 
-    def _check_pressed(self, where: str, forces: tuple[Expr, ...]) -> None:
-        """Refuse friction whose sides, at rest or sliding, belong to different normal forces, or to
-        none: an impact knows one coefficient of a contact."""
-        own = [force.symbols & self.normals.keys() for force in forces]
-        if any(own) and (len(set(map(frozenset, own))) > 1 or forces[0] is not forces[1]):
-            name = min(set().union(*own))
+    def _check_pressed(self, where: str, forces: tuple[Expr, ...], in_plane: bool) -> None:
+        """Refuse coefficients of friction that are negative, or larger in sliding than at rest;
+        and in a plane a part without a normal force, or several coefficients."""
+        own = set().union(*(force.symbols & self.normals.keys() for force in forces))
+        for name in sorted(own):
+            slopes = [ex.evaluate(ex.derivative(force, name), self.start) for force in forces]
+            plus, minus, *sliding = slopes
+            if not all(
+                0.0 <= slope <= static * (1 + 1e-12)
+                for slope, static in zip(sliding, (plus, minus), strict=True)
+            ):
+                raise DeclarationError(
+                    where,
+                    f"its coefficients under {name} are {plus:g} at rest and {sliding[0]:g} in "
+                    "sliding at the start",
+                    "They are not negative, and sliding friction is at most the threshold",
+                )
+        nothing = dict.fromkeys(own, ex.ZERO)
+        rest = [ex.substitute(force, nothing) for force in forces]
+        uneven = any(len({ex.derivative(force, name) for name in own}) > 1 for force in forces)
+        if in_plane and own and (uneven or any(e is not ex.ZERO for e in rest)):
             raise DeclarationError(
-                where,
-                f"only a part of its friction is proportional to {name}, or by two coefficients",
-                f"Write threshold and kinetic like 'mu*{name}', the same for both directions",
+                f"{where}.threshold",
+                f"in a plane it is not proportional to {min(own)} alone",
+                f"Write it like 'mu*{min(own)}', and give other friction a contact of its own",
             )
 
     def _check_proportional(self, where: str, force: Expr) -> None:
-        """Refuse a friction force that is not proportional to one normal force, if it has any."""
+        """Refuse a friction force that is not linear in normal forces."""
         own = force.symbols & self.normals.keys()
         slopes = [ex.derivative(force, name) for name in own]
-        bent = any(slope.symbols & own for slope in slopes) or ex.bends(force, own)
-        rest = ex.substitute(force, dict.fromkeys(own, ex.ZERO))
-        if own and (bent or len(own) > 1 or rest is not ex.ZERO):
+        if any(slope.symbols & own for slope in slopes) or ex.bends(force, own):
             raise DeclarationError(
                 where,
-                f"it is not proportional to {min(own)}",
-                f"Write it like 'mu*{min(own)}', and give other friction a contact of its own",
+                f"it is not linear in {min(own)}",
+                f"Write it like '0.5 + mu*{min(own)}', with a coefficient without normal forces",
             )
 
     def _pair(self, given: object, where: str, scope: Scope) -> tuple[Expr, Expr]:
@@ -1101,7 +1119,7 @@ class _Reader:
         """Values at the start, at rest where none is declared."""
         state = dict.fromkeys([*self.state, *self.rates, "speed"], 0.0)
         given = {k: float(v) for k, v in self.system.initial.items() if is_finite(v)}
-        pressed = {normal_force(name): 0.0 for name in self.system.unilateral}
+        pressed = {normal_force(name): 0.0 for name in self.system.with_gaps}
         return {**state, **given, **self.system.values, **pressed, "t": float(self.system.span[0])}
 
 

@@ -62,6 +62,10 @@ def quantity(system: System, name: str) -> dict[str, str]:
             )
     if name in _ENERGIES:
         return described_as(name.replace("_", " "), energy_unit(system))
+    for contact, (side, _) in system.constraints.items():
+        if name == f"normal_{contact_key(contact)}":
+            unit = force_unit(system, normal_force(side))
+            return described_as(f"modulus of the force of {contact}", unit)
     for contact in system.unilateral:
         key = contact_key(contact)
         normal = normal_force(contact)
@@ -120,8 +124,9 @@ def slip_unit(system: System, contact: str) -> str | None:
 
 def force_unit(system: System, contact: str) -> str | None:
     """The unit of a friction force: the declared one, or what makes its work an energy."""
-    if system.dry_contacts[contact].unit:
-        return system.dry_contacts[contact].unit
+    declared = next(c for c in system.declaration.contacts if c.name == contact)
+    if declared.unit:
+        return declared.unit
     work = energy_unit(system)
     speed = slip_unit(system, contact)
     if work is None or speed is None:

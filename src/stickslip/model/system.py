@@ -203,9 +203,8 @@ class Unilateral:
     along a line or in a plane.
 
     Thresholds of all contacts of inertial coordinates may use its normal force, by the name
-    ``normal_foot`` for a contact called foot; one that several normal forces press, or other forces
-    as well, is written out as a contact for each of them. Friction in a plane may not change the
-    normal force that presses it.
+    ``normal_foot`` for a contact called foot; they are linear in normal forces, of which there may
+    be several. Friction in a plane has one, which it may not change.
 
     Attributes
     ----------
@@ -250,13 +249,25 @@ class Unilateral:
 
 
 @dataclass(frozen=True)
+class Side(Unilateral):
+    """One side of a constraint, as it is written out.
+
+    Attributes
+    ----------
+    of : str
+        Name of the constraint.
+    """
+
+    of: str = ""
+
+
+@dataclass(frozen=True)
 class Bilateral:
     """A constraint g(q, t) = 0 that holds from both sides, such as a bead on a wire or a pin in a
     slot, with Coulomb's friction μ|N|.
 
-    Written out, it is two contacts that face each other, g ≥ 0 and −g ≥ 0, of which one carries at
-    a time: ``wire 1`` and ``wire 2`` for a constraint called wire. Thresholds of all contacts of
-    inertial coordinates may use |N|, by the name ``normal_wire``.
+    Thresholds of all contacts of inertial coordinates may use |N|, by the name ``normal_wire``
+    for a constraint called wire.
 
     Attributes
     ----------
@@ -514,7 +525,7 @@ class System:
         for name, contact in self.plain.contacts.items():
             if isinstance(contact, Contact):
                 found |= contact.components(name)
-            elif isinstance(contact, Unilateral):
+            elif isinstance(contact, Unilateral) and not isinstance(contact, Side):
                 found |= self._parts_of(name, contact)
         return found
 
@@ -543,13 +554,31 @@ class System:
     def rubbing(self) -> dict[str, tuple[str, ...]]:
         """What a person calls a dry contact, with the names of its components: one, or two in a
         plane."""
+        from stickslip.model.names import normal_force
+
         of = {part: (name, parts) for name, parts in self.planes.items() for part in parts}
-        return dict(of.get(name, (name, (name,))) for name in self.dry_contacts)
+        normals = set(map(normal_force, self.unilateral))
+        rubs = [name for name in self.dry_contacts if name not in normals]
+        return dict(of.get(name, (name, (name,))) for name in rubs)
 
     @cached_property
     def unilateral(self) -> dict[str, Unilateral]:
         """Contacts that can open."""
+        return {n: c for n, c in self.with_gaps.items() if not isinstance(c, Side)}
+
+    @cached_property
+    def with_gaps(self) -> dict[str, Unilateral]:
+        """Contacts that can open, and both sides of constraints."""
         return {n: c for n, c in self.plain.contacts.items() if isinstance(c, Unilateral)}
+
+    @cached_property
+    def constraints(self) -> dict[str, tuple[str, ...]]:
+        """What holds from both sides, with the names of the sides."""
+        found: dict[str, tuple[str, ...]] = {}
+        for name, contact in self.with_gaps.items():
+            if isinstance(contact, Side):
+                found[contact.of] = (*found.get(contact.of, ()), name)
+        return found
 
     @cached_property
     def doubts(self) -> list[str]:

@@ -1,10 +1,9 @@
-"""A system written out: what computes knows neither laws with names, nor constraints, nor
-thresholds of several normal forces; what is left of them is a declaration like any other.
+"""A system written out: what computes knows neither laws with names nor constraints; what is left
+of them is a declaration like any other.
 
 A law becomes thresholds, forces, internal variables and sliders behind springs, with the contact's
-name behind each of their names; a constraint two contacts that face each other; a threshold
-Σ μⱼNⱼ + s a contact for each of these forces along the same direction, since |λ| ≤ Σ μⱼNⱼ + s means
-λ = Σ λⱼ + λ₀ with |λⱼ| ≤ μⱼNⱼ and |λ₀| ≤ s, and in slip each of them is −σ times its own.
+name behind each of their names; a constraint two contacts that face each other, and friction under
+the sum of their forces.
 """
 
 from __future__ import annotations
@@ -30,6 +29,7 @@ from stickslip.model.system import (
     Kind,
     LawContact,
     RateIndependent,
+    Side,
     System,
     Unilateral,
     Viscous,
@@ -67,7 +67,6 @@ def write_out(system: System) -> System:
             work.constraint(name, contact)
         else:
             work.contacts[name] = contact
-    work.share_thresholds()
     if work.contacts == system.contacts:
         return system
     with warnings.catch_warnings():
@@ -87,10 +86,6 @@ class _WrittenOut:
 
     Attributes
     ----------
-    pressing : dict of str to Expr
-        What the names of normal forces mean: that of a constraint is the sum of its sides.
-    holds : bool
-        Whether there is a constraint.
     ranges : list of (str, str, str)
         Of each parameter of a law: where it stands, what it is called now, its range.
     origins : dict of str to str
@@ -106,8 +101,6 @@ class _WrittenOut:
         self.potential: list[Formula] = [system.potential]
         self.initial = dict(system.initial)
         self.translation = dict(system.translation)
-        self.pressing: dict[str, ex.Expr] = {}
-        self.holds = False
         self.ranges: list[tuple[str, str, str]] = []
         self.origins: dict[str, str] = {}
 
@@ -203,27 +196,26 @@ class _WrittenOut:
                 self.push(x, slope, force)
 
     def constraint(self, name: str, contact: Bilateral) -> None:
-        """Write a constraint out: two contacts that face each other."""
+        """Write a constraint out: two contacts that face each other, and friction under the sum of
+        their forces, of which one vanishes."""
         where = entry_key("contacts", name)
         self.check_held(contact.constraint, f"{where}.constraint")
-        normals: list[ex.Expr] = []
-        for label, side in ((f"{name} 1", ""), (f"{name} 2", "-")):
+        for i, sign in enumerate(("", "-"), 1):
+            label = f"{name} side {i}"
+            side = Side(f"{sign}({contact.constraint})", unit=contact.unit, of=name)
             self.origins[f"{entry_key('contacts', label)}.gap"] = f"{where}.constraint"
-            self.add_contact(
-                label,
-                Unilateral(
-                    f"{side}({contact.constraint})",
-                    contact.direction,
-                    contact.mu,
-                    contact.surface_speed,
-                    unit=contact.unit,
-                    axes=contact.axes,
-                ),
-                where,
+            self.add_contact(label, side, where)
+        if contact.direction:
+            force = f"({contact.mu})*{normal_force(name)}"
+            speed, axes = contact.surface_speed, contact.axes
+            rubs = Contact(contact.direction, force, speed, unit=contact.unit, axes=axes)
+            self.add_contact(name, rubs, where)
+        elif contact.mu != 0.0:
+            raise DeclarationError(
+                f"{where}.direction",
+                "friction has no direction",
+                "Give the relative velocity, like direction = 'd_x'",
             )
-            normals.append(ex.sym(normal_force(label)))
-        self.holds = True
-        self.pressing[normal_force(name)] = ex.add(*((normal, 1.0) for normal in normals))
 
     def check_held(self, constraint: Formula, where: str) -> None:
         """Refuse a constraint that does not hold at the start."""
@@ -240,73 +232,6 @@ class _WrittenOut:
                 f"it is {here:g} at the initial state, and has to be zero",
                 "Start where it holds",
             )
-
-    def share_thresholds(self) -> None:
-        """Let each contact whose friction several forces press be one for each of them."""
-        for name, contact in self.contacts.items():
-            if isinstance(contact, Unilateral):
-                own = normal_force(name)
-                self.pressing[own] = ex.sym(own)
-        if not self.pressing:
-            return
-        contacts, self.contacts = self.contacts, {}
-        for name, contact in contacts.items():
-            parts = self.shares(name, contact) if isinstance(contact, Contact) else []
-            where = entry_key("contacts", name)
-            if len(parts) < 2:
-                self.contacts[name] = parts[0] if parts else contact
-            elif isinstance(contact, Contact) and isinstance(contact.direction, tuple):
-                raise DeclarationError(
-                    f"{where}.threshold",
-                    f"it has {len(parts)} parts, and a contact in a plane one",
-                    "Write it like 'mu*normal_foot', or give a Unilateral its own friction",
-                )
-            else:
-                for i, part in enumerate(parts, 1):
-                    self.add_contact(f"{name} {i}", part, where)
-
-    def shares(self, name: str, contact: Contact) -> list[Contact]:
-        """What friction is made of: a part for each normal force, and what else there is; nothing
-        where it is not linear in normal forces, or is a part as it stands."""
-        where = entry_key("contacts", name)
-        texts = [contact.threshold, contact.kinetic]
-        sides = [text if isinstance(text, tuple) else (text, text) for text in texts]
-        known = {word: ex.sym(word) for word in (*self.pressing, "speed")}
-        scope = Scope({**self.scope.names, **known}, self.scope.definitions)
-        try:
-            read = [
-                ex.substitute(scope.parse(text, where), self.pressing)
-                for pair in sides
-                for text in pair
-                if text is not None
-            ]
-        except DeclarationError:
-            return []  # which the declaration says better
-        forces = sorted({n for e in self.pressing.values() for n in e.symbols})
-        forces = [n for n in forces if any(n in e.symbols for e in read)]
-        found: list[list[ex.Expr]] = []
-        for n in forces:
-            slopes = [ex.derivative(e, n) for e in read]
-            if any(slope.symbols & set(forces) for slope in slopes) or any(
-                ex.bends(e, forces) for e in read
-            ):
-                return []
-            found.append([slope * ex.sym(n) for slope in slopes])
-        rest = [ex.substitute(e, dict.fromkeys(forces, ex.ZERO)) for e in read]
-        if not found or any(e is not ex.ZERO for e in rest):
-            found.append(rest)
-        if len(found) == 1 and not self.holds:
-            return []
-        return [self.share(contact, part, where) for part in found]
-
-    @staticmethod
-    def share(contact: Contact, sides: list[ex.Expr], where: str) -> Contact:
-        """A contact with a part of its friction: that of both directions at rest, then sliding."""
-        pairs = [
-            tuple(formula_text(e, where) for e in sides[i : i + 2]) for i in range(0, len(sides), 2)
-        ]
-        plain = [pair[0] if pair[0] == pair[1] else (pair[0], pair[1]) for pair in pairs]
-        return replace(contact, threshold=plain[0], kinetic=plain[1] if len(plain) > 1 else None)
 
     def add_contact(self, label: str, contact: AnyContact, where: str) -> None:
         """Add a contact that the one declared somewhere is written out as, unless its name is

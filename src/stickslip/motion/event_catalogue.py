@@ -233,15 +233,14 @@ def catalogue_of(motion: Trajectory, energy: bool = True) -> EventCatalogue:
     import xarray as xr
 
     system = motion.system
-    if not system.dry_contacts:
+    if not system.rubbing:
         raise DeclarationError(
             "contacts", f"{system.name} has no dry contacts", "Slip events need one at least"
         )
     k = motion.knots
-    slipping = k.slip != 0
-    runs = _runs(slipping, k.clock)
     names, columns = _columns(motion)
-    slipping = slipping[:, [own[0] for own in columns]]
+    slipping = _slipping(motion, [own[0] for own in columns])
+    runs = _runs(slipping, k.clock)
     own = np.logical_or.reduceat(slipping, runs.ravel())[::2] if len(runs) else slipping[:0]
     # What has stuck all the time has not slipped, and its difference is rounding.
     moved = _slips(motion, runs)
@@ -274,6 +273,18 @@ def catalogue_of(motion: Trajectory, energy: bool = True) -> EventCatalogue:
     )
     span = float(k.time[0]), float(k.time[-1])
     return EventCatalogue(system, dict(motion.parameters), data, span, certificate)
+
+
+def _slipping(motion: Trajectory, numbers: list[int]) -> Array:
+    """Whether contacts, given by their numbers in the engine, slip from every knot on. What is open
+    says nothing."""
+    mode = motion.knots.slip
+    equations = motion._problem.compiled.equations
+    found = mode[:, numbers] != 0
+    for j, c in enumerate(numbers):
+        if equations.pressing(c) and not equations.rubs_alone(c):
+            found[:, j] &= np.any(mode[:, equations.pressing(c)] == 0, axis=1)
+    return found
 
 
 def _columns(motion: Trajectory) -> tuple[Array, list[list[int]]]:

@@ -179,7 +179,7 @@ class Trajectory(Result):
                 rows[f"slip_speed_{key}"] = layout.u[i]
         for key, i in self._openings.items():
             rows |= {f"normal_{key}": layout.force[i], f"gap_{key}": layout.gaps[i]}
-        return rows
+        return rows | {f"normal_{contact_key(name)}": i for name, i in layout.carrying.items()}
 
     @cached_property
     def _contacts(self) -> dict[str, int]:
@@ -211,6 +211,8 @@ class Trajectory(Result):
         for key, i in self._openings.items():
             closed = found.get(key, np.full(len(mode), IS_CLOSED))
             found[key] = np.where(mode[:, i] == 0, closed, IS_OPEN).astype(np.int8)
+        for key in map(contact_key, self.system.constraints):
+            found.setdefault(key, np.full(len(mode), IS_CLOSED, np.int8))
         return found
 
     @cached_property
@@ -556,7 +558,7 @@ class Trajectory(Result):
         if contact is None:
             return quantity(self.system, name)
         words = ["slip-", "stick", "slip+"]
-        if contact in self.system.unilateral:
+        if contact in self.system.unilateral or contact in self.system.constraints:
             words += ["open", "closed"]
         first = -1
         if contact in self.system.planes:
@@ -571,7 +573,7 @@ class Trajectory(Result):
     @cached_property
     def _contact_of_mode(self) -> dict[str, str]:
         """Contacts by the names under which their modes are published."""
-        names = [*self.system.rubbing, *self.system.unilateral]
+        names = [*self.system.rubbing, *self.system.unilateral, *self.system.constraints]
         found = {contact_key(contact): contact for contact in names}
         return {f"mode_{key}": contact for key, contact in found.items() if key in self.modes}
 
@@ -693,7 +695,7 @@ class Trajectory(Result):
         equations = self._problem.compiled.equations
         named = {normal_force(name): name for name in self.system.unilateral}
         named |= {part: name for name, parts in self.system.planes.items() for part in parts}
-        names = [named.get(c.name, c.name) for c in equations.contacts]
+        names = [c.side_of or named.get(c.name, c.name) for c in equations.contacts]
         return list(dict.fromkeys(names))
 
     @cached_property

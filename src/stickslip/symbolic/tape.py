@@ -119,7 +119,7 @@ class Instruction:
     definite : int
         Of RATES: so many leading rows and columns have to be positive definite.
     pressed : tuple of int
-        Of DIRECTION: the contact whose normal force is in the friction, if there is one.
+        Of DIRECTION: the contacts whose normal forces are in the friction.
     """
 
     op: Op

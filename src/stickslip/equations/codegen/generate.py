@@ -86,6 +86,8 @@ class Layout:
         Of each contact in a plane its components, the first row of its direction, that of
         s² − |A⁻¹λ|², the place of the size of that, the rows of Au, of s, and of what is not
         negative in slip, and 1 if it has mass.
+    carrying : dict of str to int
+        Rows of the force of constraints, the sum of those of their sides.
     links : list of (int, int, tuple of int)
         What rubs under a normal force, the contact that has it, and the rows of the coefficients:
         kinetic against slip forward and back, static likewise; contact by contact.
@@ -120,6 +122,7 @@ class Layout:
     restitution: dict[int, int] = field(default_factory=dict)
     planes: list[tuple[int, ...]] = field(default_factory=list)
     pressed: int = 1
+    carrying: dict[str, int] = field(default_factory=dict)
     links: list[tuple[int, int, tuple[int, ...]]] = field(default_factory=list)
     jumps: list[tuple[int, int, list[int]]] = field(default_factory=list)
 
@@ -765,6 +768,11 @@ class _Generator:
                 over = _times(self.constants.scalar(2.0 / axis**2), abs(_start(layout.force[i])))
                 parts.append(_times(over, element("mag", 2 * self.nc + i)))
             self.note(place, added(parts))
+        sides: dict[str, list[tuple[Expr, float]]] = {}
+        for i, c in enumerate(self.eq.contacts):
+            if c.side_of:
+                sides.setdefault(c.side_of, []).append((ex.sym(f"lambda:{i}"), 1.0))
+        layout.carrying = {name: tape.row(ex.add(*forces)) for name, forces in sides.items()}
         for i, c in enumerate(self.eq.contacts):
             if c.gap is not None:
                 layout.gaps[i] = tape.row(c.gap)

@@ -96,12 +96,14 @@ class Routine(Arithmetic):
         return self.once((how, i, number), lambda: self.compare(how, mode, number))
 
     def is_free(self, i: Count, pressed: tuple[int, ...]) -> Register:
-        """Whether a contact sticks, or a contact that presses it is open."""
-        found = self.is_mode(i, "eq", 0)
-        for normal in pressed:
-            tests = found, self.is_mode(normal, "ne", 0)
-            found = self.once(("free", i, normal), partial(self.either, *tests))
-        return found
+        """Whether a contact sticks, or all contacts that press it are open."""
+        sticks = self.is_mode(i, "eq", 0)
+        if not pressed:
+            return sticks
+        opened, *others = (self.is_mode(normal, "ne", 0) for normal in pressed)
+        for k, other in enumerate(others):
+            opened = self.once(("open", i, k), partial(self.both, opened, other))
+        return self.once(("free", i), partial(self.either, sticks, opened))
 
     def is_above(self, i: Count) -> Register:
         """Whether a kink is in its upper region."""

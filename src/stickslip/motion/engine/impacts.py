@@ -438,11 +438,11 @@ def turn_impulses(rows: Rows, space: Space, mode: Array) -> bool:
         c, o = rows.planes[p, COMPONENT], rows.planes[p, OTHER]
         if not slides_along(rows, space.tried, mode, c):
             continue
-        one, two = rows.first_link[c], rows.first_link[o]
-        f, g = work[FORWARD, one], work[FORWARD, two]
-        pressed = work[IMPULSE, rows.links[one, PRESSING]]
-        if not (f * pressed > 0.0):
+        f, g = work[FORWARD, rows.first_link[c]], work[FORWARD, rows.first_link[o]]
+        if not friction_of(rows, work, FORWARD, c) > 0.0:
             continue
+        # All that press a contact in a plane do it with one coefficient.
+        pressed = friction_of(rows, work, FORWARD, c) / f
         # w + D n, which is the same whatever n is
         n, m = work[SENSE, c], work[SENSE, o]
         a, b, d = f * G[c, c] * f * pressed, f * G[c, o] * g * pressed, g * G[o, o] * g * pressed
@@ -718,7 +718,7 @@ def obeys_in_plane(
             return bool(math.hypot(x, y) <= strong)
         larger = max(f, g)
         held = math.hypot(x / f, y / g) * larger
-        return bool(held <= larger * work[IMPULSE, rows.links[one, PRESSING]] + strong)
+        return bool(held <= larger * friction_of(rows, work, HOLDS_FORWARD, c) / f + strong)
     n, m = work[SENSE, c], work[SENSE, o]
     x, y = f * moved_on(work, c), g * moved_on(work, o)
     little = max(f, g) * fast

@@ -581,8 +581,8 @@ def dataset(parameters: Iterable[str], cycles: list[Cycle], steps: Array) -> xar
         data["energy_per_distance"] = measured("energy_per_distance")
     equations = cycles[0].trajectory._problem.compiled.equations
     for i, contact in enumerate(equations.contacts):
-        if contact.plane > 1:
-            continue  # what is said of its first component is said of both
+        if contact.plane > 1 or contact.side_of:
+            continue  # what is said of the first component is said of both
         peaks = [c._sums.peak[i] for c in cycles]
         if contact.opens:
             what = quantity(system, contact.name)

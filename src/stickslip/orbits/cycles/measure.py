@@ -108,6 +108,10 @@ def contact_shares(motion: Trajectory, sums: Sums) -> dict[str, ContactShare]:
     for name, (first, second) in motion.system.planes.items():
         own, other = found.pop(first), found.pop(second)
         found[name] = replace(own, dissipated=own.dissipated + other.dissipated)
+    for name, sides in motion.system.constraints.items():
+        for side in sides:
+            found.pop(normal_force(side))
+        found.setdefault(name, ContactShare(0.0, lasted, 0.0))
     impacts = motion.impacts
     for name in motion.system.unilateral:
         closed = found.pop(normal_force(name)).stick_time

@@ -101,7 +101,7 @@ def change_of(contacts: list[str], before: Sequence, after: Sequence) -> tuple[s
             if was != comes:
                 return kind, f"contact '{own}' {said[was]}"
     for i, name in enumerate(contacts):
-        if name.startswith(NORMAL):
+        if not name or name.startswith(NORMAL):
             continue
         stuck, sticks = (any(mode[i] == 0 for mode, _ in s) for s in (before, after))
         if stuck != sticks:
@@ -149,6 +149,8 @@ def _difference(contacts: list[str], a: ModeAndRegion, b: ModeAndRegion) -> str:
     from stickslip.equations.field import mode_name
 
     def said(contact: str, m: int, n: int) -> str:
+        if not contact:
+            return "the force of a constraint changes its sign"
         if contact.startswith(NORMAL):
             own = contact.removeprefix(NORMAL)
             words = "is struck" if _IMPACT in (m, n) else "is about to open or to close"
