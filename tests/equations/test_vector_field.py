@@ -92,11 +92,28 @@ def test_too_many_contacts_stick() -> None:
         name="twice",
         coordinates={"x": ss.Inertial()},
         kinetic="d_x**2/2",
-        contacts={name: ss.Contact("d_x", threshold=1) for name in ("above", "below")},
+        contacts={
+            "above": ss.Contact("d_x", threshold=1),
+            "below": ss.Contact("2*d_x", threshold=1),
+        },
     )
     with pytest.raises(ss.DeclarationError, match="not determined"):
         ss.vector_field(twice, {"above": "stick", "below": "stick"})
     assert ss.vector_field(twice, {"above": "stick", "below": "slip+"}).state == ("x", "d_x")
+
+
+def test_contacts_that_are_one() -> None:
+    """Along one direction contacts stick and slip together."""
+    twice = ss.System(
+        name="twice",
+        coordinates={"x": ss.Inertial()},
+        kinetic="d_x**2/2",
+        contacts={name: ss.Contact("d_x", threshold=1) for name in ("above", "below")},
+    )
+    with pytest.raises(ss.DeclarationError, match="'above' and 'below' rub along one direction"):
+        ss.vector_field(twice, {"above": "stick", "below": "slip+"})
+    slips = ss.vector_field(twice, {"above": "slip+", "below": "slip+"})
+    assert slips.rates_at({"x": 0.0, "d_x": 1.0})["d_x"] == -2.0
 
 
 def test_values_of_formulas() -> None:

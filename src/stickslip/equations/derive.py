@@ -23,11 +23,13 @@ from stickslip.equations.coupling import components
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property, made_once
 from stickslip.model.declaration import Declaration, DryContact, StateJump
+from stickslip.model.names import JOINED
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
 _KINDS = tuple(Kind)
+_NO_FORCE = 1e-300  # beside every threshold
 
 
 @dataclass(frozen=True)
@@ -148,6 +150,9 @@ class MotionEquations:
         Ordered by kind: inertial, viscous, then rate-independent in the order of their coordinates.
         Components of a contact in a plane slip with the mode 1; their forces then are those of the
         direction n, whose components are the symbols ``n:i``.
+    members : list of tuple of DryContact
+        What each of them was declared as: several that rub along one direction on one surface are
+        one, since stick is a velocity that is zero, whichever of them holds.
     planes : list of Plane
         Contacts in a plane.
     inertial_force, viscous_force : list of Expr
@@ -174,6 +179,7 @@ class MotionEquations:
 
     declaration: Declaration
     contacts: list[DryContact]
+    members: list[tuple[DryContact, ...]]
     planes: list[Plane]
     inertial_force: list[Expr]
     viscous_force: list[Expr]
@@ -215,6 +221,25 @@ class MotionEquations:
         """What contacts were declared as: both components of one in a plane have one name, and
         sides of constraints none."""
         return tuple("" if c.side_of else c.name.removesuffix(f" {c.plane}") for c in self.contacts)
+
+    @cached_property
+    def numbers(self) -> dict[str, int]:
+        """The number of each contact by its name, and by those of what it was declared as."""
+        found = {c.name: i for i, c in enumerate(self.contacts)}
+        return found | {c.name: i for i, own in enumerate(self.members) for c in own}
+
+    def part(self, i: int, c: DryContact) -> tuple[Expr, Expr, Expr, Expr, Expr]:
+        """The force of one of the members of a contact: in stick, and against slip forward and
+        back, by the sliding forces and by the thresholds.
+
+        Forces in stick are not unique: each has as much room, in parts of its own thresholds, as
+        the sum of them.
+        """
+        whole = self.contacts[i]
+        width = ex.add((whole.plus, 1.0), (whole.minus, 1.0), (ex.num(_NO_FORCE), 1.0))
+        below = ex.sym(f"lambda:{i}") + whole.plus
+        held = below * (c.plus + c.minus) / width - c.plus
+        return held, c.kinetic_plus, c.kinetic_minus, c.plus, c.minus
 
     @cached_property
     def guards_alone(self) -> frozenset[Expr]:
@@ -308,7 +333,10 @@ def _equations_of(d: Declaration) -> MotionEquations:
     contacts = sorted(
         d.contacts, key=lambda c: (_KINDS.index(c.kind), own.get(next(iter(c.direction)), 0))
     )
+    groups = _together(contacts)
+    contacts = [_sum_of(own) for own in groups]
     normals = {c.name: ex.sym(f"lambda:{i}") for i, c in enumerate(contacts) if c.opens}
+    members = [tuple(_name_speed(c, i, normals) for c in own) for i, own in enumerate(groups)]
     contacts = [_name_speed(c, i, normals) for i, c in enumerate(contacts)]
     planes = _planes(contacts)
     for plane in planes:
@@ -356,6 +384,7 @@ def _equations_of(d: Declaration) -> MotionEquations:
     return MotionEquations(
         declaration=d,
         contacts=contacts,
+        members=members,
         planes=planes,
         inertial_force=inertial_force,
         viscous_force=viscous_force,
@@ -377,6 +406,34 @@ def _equations_of(d: Declaration) -> MotionEquations:
 def _formulas_of(jumps: list[StateJump]) -> list[Expr]:
     """Guards and new values."""
     return [e for jump in jumps for e in (jump.guard, *jump.values.values())]
+
+
+def _together(contacts: list[DryContact]) -> list[list[DryContact]]:
+    """Contacts along lines, in groups that rub along one direction on one surface."""
+    found: dict[object, list[DryContact]] = {}
+    for i, c in enumerate(contacts):
+        alone = c.opens or c.plane or c.kind == Kind.RATE_INDEPENDENT
+        direction = tuple(sorted(c.direction.items(), key=lambda item: item[0]))
+        key = i if alone else (c.kind, direction, c.speed, c.restitution)
+        found.setdefault(key, []).append(c)
+    return list(found.values())
+
+
+def _sum_of(own: list[DryContact]) -> DryContact:
+    """The contact whose friction is that of several."""
+    if len(own) == 1:
+        return own[0]
+
+    def total(side: str) -> Expr:
+        return ex.add(*((getattr(c, side), 1.0) for c in own))
+
+    sides = ("plus", "minus", "kinetic_plus", "kinetic_minus")
+    return replace(
+        own[0],
+        name=JOINED.join(c.name for c in own),
+        on=next((c.on for c in own if c.on), ""),
+        **{side: total(side) for side in sides},
+    )
 
 
 def _name_speed(c: DryContact, i: int, normals: dict[str, Expr]) -> DryContact:

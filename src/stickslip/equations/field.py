@@ -16,7 +16,8 @@ from typing import NamedTuple
 from stickslip.equations.derive import MotionEquations, Plane
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property, made_once
-from stickslip.model.names import NORMAL, normal_force
+from stickslip.model.declaration import DryContact
+from stickslip.model.names import JOINED, NORMAL, normal_force
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -42,6 +43,10 @@ class ContactField:
         1 and 2 for the components of a contact in a plane.
     room : Expr
         Of the first of these: s² − |A⁻¹λ|² in stick, |Au| in slip.
+    side_of : str
+        Of a side of a constraint, the name of that.
+    parts : tuple of (str, Expr, Expr, Expr)
+        Of several contacts that are one: name, force, s⁺ and s⁻ of each.
     """
 
     name: str
@@ -54,6 +59,8 @@ class ContactField:
     loose: bool = False
     plane: int = 0
     room: Expr = ex.ZERO
+    side_of: str = ""
+    parts: tuple[tuple[str, Expr, Expr, Expr], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -186,16 +193,17 @@ def named_modes(contacts: Sequence[str], mode: Sequence[int]) -> dict[str, str]:
     Parameters
     ----------
     contacts : sequence of str
-        Names in the engine's order; both components of a contact in a plane have its name, and
-        sides of constraints none.
+        Names in the engine's order; both components of a contact in a plane have its name, sides
+        of constraints none, and contacts that are one theirs, joined.
     mode : sequence of int
     """
     found = {
-        name: mode_name(m, contacts.count(name) > 1)
-        for name, m in zip(contacts, mode, strict=True)
-        if name
+        name: mode_name(m, contacts.count(label) > 1)
+        for label, m in zip(contacts, mode, strict=True)
+        if label
+        for name in label.split(JOINED)
     }
-    friction = {normal_force(name): name for name in contacts}
+    friction = {normal_force(name): name for name in found}
     for name, m in zip(contacts, mode, strict=True):
         if name in friction or name.startswith(NORMAL):
             del found[name]
@@ -510,7 +518,19 @@ class _Solver:
         loose = self.is_loose(i)
         plus, minus = self.fix(c.plus), self.fix(c.minus)
         room = self.room(i) if c.plane == 1 else ex.ZERO
-        return ContactField(c.name, c.kind, u, force, plus, minus, gap, loose, c.plane, room)
+        own = self.eq.members[i]
+        parts = tuple(self.part(i, m) for m in own) if len(own) > 1 else ()
+        return ContactField(
+            *(c.name, c.kind, u, force, plus, minus, gap, loose, c.plane, room, c.side_of, parts)
+        )
+
+    def part(self, i: int, c: DryContact) -> tuple[str, Expr, Expr, Expr]:
+        """Name, force and thresholds of one of the members of contact i."""
+        held, *sides = self.eq.part(i, c)
+        mode = self.mode[i]
+        against = sides[2 * (abs(mode) // 2) + (0 if mode > 0 else 1)]
+        force = held if mode == 0 else -against if mode > 0 else against
+        return c.name, self.fix(force), self.fix(c.plus), self.fix(c.minus)
 
     def room(self, i: int) -> Expr:
         """What must be nonnegative of a contact in a plane, by its first component."""

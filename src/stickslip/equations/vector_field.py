@@ -143,7 +143,7 @@ def vector_field(
     {'U': -9.8, 'alpha': 12.0}
     """
     equations = derive(system.declaration)
-    names = [contact.name for contact in equations.contacts]
+    names = [c.name for own in equations.members for c in own]
     given = dict(modes or {})
     for name in names:
         if given.get(name) not in _SIGNS:
@@ -160,7 +160,11 @@ def vector_field(
     point = {**system.values, **(at or {})}
     kinks = [substitute(g, equations.speeds) for g in equations.kinks]
     region = tuple(int(system.declaration.value(g, point) >= 0.0) for g in kinks)
-    mode = tuple(_SIGNS[given[name]] for name in names)
+    for own in equations.members:
+        if len({given[c.name] for c in own}) > 1:
+            said = " and ".join(f"'{short(c.name)}'" for c in own)
+            raise DeclarationError("modes", f"{said} rub along one direction", "Give them one mode")
+    mode = tuple(_SIGNS[given[own[0].name]] for own in equations.members)
     try:
         found = mode_field(equations, mode, region)
     except ZeroDivisionError:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, cast
 from stickslip.errors import DeclarationError, short, some, suggestion
 from stickslip.kept import cached_property
 from stickslip.model.names import (
+    JOINED,
     DeclaredNames,
     Range,
     check_covered,
@@ -621,6 +622,12 @@ class _Reader:
         )
         self.order = {f"d_{x}": i for i, x in enumerate(result.coordinates)}
         for name, contact in system.plain.contacts.items():
+            if JOINED in name:
+                raise DeclarationError(
+                    entry_key("contacts", name),
+                    f"'{JOINED}' joins the names of contacts that rub along one direction",
+                    "Give it another name",
+                )
             if isinstance(contact, Unilateral):
                 result.contacts += self._unilateral(name, contact)
             else:

@@ -288,11 +288,13 @@ def _slipping(motion: Trajectory, numbers: list[int]) -> Array:
 
 
 def _columns(motion: Trajectory) -> tuple[Array, list[list[int]]]:
-    """Names of the dry contacts, and the numbers of their components in the engine."""
-    numbers = {c.name: i for i, c in enumerate(motion._problem.compiled.equations.contacts)}
-    groups = {
-        name: [numbers[part] for part in parts] for name, parts in motion.system.rubbing.items()
-    }
+    """Names of the dry contacts, and the numbers of their components in the engine. Those that are
+    one have one name."""
+    equations = motion._problem.compiled.equations
+    groups: dict[str, list[int]] = {}
+    for i, (name, c) in enumerate(zip(equations.labels, equations.contacts, strict=True)):
+        if not c.opens:
+            groups.setdefault(name, []).append(i)
     return np.array([*groups], dtype=object), [*groups.values()]
 
 

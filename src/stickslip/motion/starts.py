@@ -151,7 +151,7 @@ def check_contacts(problem: Problem, start: float, y: Array) -> None:
     name = found.of.contacts[i].name.removeprefix(NORMAL)
     if found.of.held[i, 0]:
         raise DeclarationError(
-            f"{entry_key('contacts', name[:-2])}.constraint",
+            f"{entry_key('contacts', found.of.contacts[i].side_of)}.constraint",
             f"it misses zero by {off:.6g} at the initial state",
             "Start where it holds",
         )

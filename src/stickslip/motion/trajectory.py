@@ -165,15 +165,18 @@ class Trajectory(Result):
         rows |= {name: row for name, row in layout.named.items() if name not in rows}
         for parts in self.system.rubbing.values():
             kinds = forces_of(parts)
-            for key in map(contact_key, parts):
+            for name in parts:
+                key = contact_key(name)
                 if key not in contacts:
                     continue
                 i = contacts[key]
+                whole = layout.force[i], layout.plus[i], layout.minus[i]
+                force, plus, minus = layout.parts.get(name, whole)
                 own = {
-                    "friction": layout.force[i],
-                    "threshold": layout.plus[i],
-                    "threshold_plus": layout.plus[i],
-                    "threshold_minus": layout.minus[i],
+                    "friction": force,
+                    "threshold": plus,
+                    "threshold_plus": plus,
+                    "threshold_minus": minus,
                 }
                 rows |= {f"{kind}_{key}": own[kind] for kind in kinds}
                 rows[f"slip_speed_{key}"] = layout.u[i]
@@ -185,16 +188,16 @@ class Trajectory(Result):
     def _contacts(self) -> dict[str, int]:
         """Key of each contact that rubs in the order of declaration, with its number in the engine;
         in a plane of each of its components."""
-        numbers = enumerate(self._problem.compiled.equations.contacts)
-        order = {c.name: i for i, c in numbers if not c.opens}
-        names = [name for name in self.system.dry_contacts if name in order]
-        return {contact_key(name): order[name] for name in names}
+        equations = self._problem.compiled.equations
+        numbers = equations.numbers
+        names = [n for n in self.system.dry_contacts if not equations.contacts[numbers[n]].opens]
+        return {contact_key(name): numbers[name] for name in names}
 
     @cached_property
     def _openings(self) -> dict[str, int]:
         """Key of each contact that can open, with the number of its normal direction."""
-        order = {c.name: i for i, c in enumerate(self._problem.compiled.equations.contacts)}
-        return {contact_key(name): order[normal_force(name)] for name in self.system.unilateral}
+        numbers = self._problem.compiled.equations.numbers
+        return {contact_key(name): numbers[normal_force(name)] for name in self.system.unilateral}
 
     @cached_property
     def modes(self) -> dict[str, Array]:
@@ -591,16 +594,14 @@ class Trajectory(Result):
         mode = self._published
         changes = np.hstack([np.diff(mode, axis=0), self._crossed, self._jumped])
         knot, which = np.nonzero(changes)
-        names = [*self._names_of_modes] + [
-            f"{ex.to_text(unwrapped(g))} = 0" for g in equations.kinks
-        ]
+        names = [*self._columns] + [f"{ex.to_text(unwrapped(g))} = 0" for g in equations.kinks]
         names += self.system.jumps
         # The names of the modes −1, 0, 1, of what can open, then those of the regions 0, 1, and of
         # the sides of a jump; last, of a slip in a plane.
         words = [MODE_NAMES[mode] for mode in (-1, 0, 1)]
         words = [*words, "open", "closed", "below", "above", "before", "after", _SLIP]
         said = mode + 1
-        in_plane = np.array([name in self.system.planes for name in self._names_of_modes], bool)
+        in_plane = np.array([name in self.system.planes for name in self._columns], bool)
         said[:, in_plane] = np.where(mode[:, in_plane] == 1, len(words) - 1, 1)
         values = np.hstack([said, k.region + 5, np.full((len(mode), len(equations.jumps)), 7)])
         leaps = which >= mode.shape[1] + len(equations.kinks)
@@ -689,19 +690,32 @@ class Trajectory(Result):
         """Number of changes between stick and slip, over all contacts."""
         return int(np.count_nonzero(np.diff(self._published, axis=0)))
 
-    @property
-    def _names_of_modes(self) -> list[str]:
-        """Contacts in the order of the engine, each once."""
+    @cached_property
+    def _columns(self) -> dict[str, Array]:
+        """Modes at the knots of what switches as one, by name, in the order of the engine: of
+        contacts that are one with others the mode of all, and whether they are open."""
         equations = self._problem.compiled.equations
-        named = {normal_force(name): name for name in self.system.unilateral}
-        named |= {part: name for name, parts in self.system.planes.items() for part in parts}
-        names = [c.side_of or named.get(c.name, c.name) for c in equations.contacts]
-        return list(dict.fromkeys(names))
+        opening = {normal_force(name): name for name in self.system.unilateral}
+        planes = {part: name for name, parts in self.system.planes.items() for part in parts}
+        shared = {c.name for own in equations.members if len(own) > 1 for c in own}
+        found: dict[str, Array] = {}
+        for i, c in enumerate(equations.contacts):
+            if c.side_of:
+                continue
+            name = opening.get(c.name) or planes.get(c.name, c.name)
+            if len(equations.members[i]) > 1:
+                found[name] = self.knots.slip[:, i]
+            elif name in shared:
+                closed = self.knots.mode[:, i] == 0
+                found[name] = np.where(closed, IS_CLOSED, IS_OPEN).astype(np.int8)
+            else:
+                found[name] = self.modes[contact_key(name)]
+        return found
 
     @cached_property
     def _published(self) -> Array:
-        """Modes at the knots, a column for each contact, in the order of the engine."""
-        columns = [self.modes[contact_key(name)] for name in self._names_of_modes]
+        """Modes at the knots, a column for each of these."""
+        columns = [*self._columns.values()]
         return np.stack(columns, axis=1) if columns else self.knots.slip
 
     @property

@@ -224,19 +224,24 @@ def basin(
 
 def _measures(problem: Problem) -> tuple[str, ...]:
     """What tells attractors apart."""
-    state, contacts = problem.system.declaration.state, problem.system.rubbing
     return (
         *("time", "duration", "switches"),
-        *(f"{name}:{x}" for name in _COMPONENTS for x in state),
-        *(f"stick_fraction:{contact}" for contact in contacts),
+        *(f"{name}:{x}" for name in _COMPONENTS for x in problem.system.declaration.state),
+        *dict.fromkeys(f"stick_fraction:{contact}" for contact in _contacts(problem)),
     )
+
+
+def _contacts(problem: Problem) -> list[str]:
+    """A name for each contact of the engine: the one that was declared, if it has one."""
+    named = {part: name for name, parts in problem.system.rubbing.items() for part in parts}
+    members = problem.compiled.equations.members
+    return [named.get(own[0].name, own[0].name) for own in members]
 
 
 def _settled(problem: Problem, store: MapStore, done: Array) -> SettledMotions:
     """What motions have settled on, of the points of a map that are done."""
     state = problem.system.declaration.state
-    named = {part: name for name, parts in problem.system.rubbing.items() for part in parts}
-    contacts = [named[contact.name] for contact in problem.compiled.equations.contacts]
+    contacts = _contacts(problem)
 
     def column(name: str) -> Array:
         return store.whole(name).ravel()[done]

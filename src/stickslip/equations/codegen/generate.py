@@ -26,6 +26,7 @@ import numpy as np
 
 from stickslip.equations.coupling import Component, components
 from stickslip.equations.derive import MotionEquations, Plane
+from stickslip.model.declaration import DryContact
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -88,6 +89,8 @@ class Layout:
         negative in slip, and 1 if it has mass.
     carrying : dict of str to int
         Rows of the force of constraints, the sum of those of their sides.
+    parts : dict of str to (int, int, int)
+        Of contacts that are one with others, the rows of force and thresholds.
     links : list of (int, int, tuple of int)
         What rubs under a normal force, the contact that has it, and the rows of the coefficients:
         kinetic against slip forward and back, static likewise; contact by contact.
@@ -123,6 +126,7 @@ class Layout:
     planes: list[tuple[int, ...]] = field(default_factory=list)
     pressed: int = 1
     carrying: dict[str, int] = field(default_factory=dict)
+    parts: dict[str, tuple[int, int, int]] = field(default_factory=dict)
     links: list[tuple[int, int, tuple[int, ...]]] = field(default_factory=list)
     jumps: list[tuple[int, int, list[int]]] = field(default_factory=list)
 
@@ -768,11 +772,15 @@ class _Generator:
                 over = _times(self.constants.scalar(2.0 / axis**2), abs(_start(layout.force[i])))
                 parts.append(_times(over, element("mag", 2 * self.nc + i)))
             self.note(place, added(parts))
-        sides: dict[str, list[tuple[Expr, float]]] = {}
+        for i, own in enumerate(self.eq.members):
+            for c in own if len(own) > 1 else ():
+                rows = self.part(i, c), tape.row(c.plus), tape.row(c.minus)
+                layout.parts[c.name] = rows
+        facing: dict[str, list[tuple[Expr, float]]] = {}
         for i, c in enumerate(self.eq.contacts):
             if c.side_of:
-                sides.setdefault(c.side_of, []).append((ex.sym(f"lambda:{i}"), 1.0))
-        layout.carrying = {name: tape.row(ex.add(*forces)) for name, forces in sides.items()}
+                facing.setdefault(c.side_of, []).append((ex.sym(f"lambda:{i}"), 1.0))
+        layout.carrying = {name: tape.row(ex.add(*forces)) for name, forces in facing.items()}
         for i, c in enumerate(self.eq.contacts):
             if c.gap is not None:
                 layout.gaps[i] = tape.row(c.gap)
@@ -781,6 +789,14 @@ class _Generator:
                 layout.links.append((i, normal, self.coefficients(i, normal)))
             if c.gap is not None or c.on:
                 layout.restitution[i] = tape.row(c.restitution)
+
+    def part(self, i: int, c: DryContact) -> int:
+        """Row of the force of one of the members of a contact."""
+        sides = tuple(map(self.tape.row, self.eq.part(i, c)))
+        stage = max(self.tape.stage[row] for row in sides)
+        row = self.tape.new_row(stage)
+        self.tape.emit(stage, Instruction(Op.SIDE, row, sides, place=i))
+        return row
 
     def coefficients(self, i: int, normal: int) -> tuple[int, ...]:
         """Rows of the coefficients of friction of contact i under a normal force."""

@@ -99,11 +99,16 @@ def phases(motion: Trajectory) -> tuple[Phase, ...]:
 
 def contact_shares(motion: Trajectory, sums: Sums) -> dict[str, ContactShare]:
     """Time and energy of every contact."""
-    contacts = motion._problem.compiled.equations.contacts
+    members = motion._problem.compiled.equations.members
     lasted = float(sums.total[LASTED])
     found = {
-        contact.name: ContactShare(float(stick), lasted - float(stick), float(work))
-        for contact, stick, work in zip(contacts, sums.stick, sums.work, strict=True)
+        contact.name: ContactShare(
+            float(stick),
+            lasted - float(stick),
+            float(work) if len(own) == 1 else _work_of(motion, contact.name),
+        )
+        for own, stick, work in zip(members, sums.stick, sums.work, strict=True)
+        for contact in own
     }
     for name, (first, second) in motion.system.planes.items():
         own, other = found.pop(first), found.pop(second)
@@ -123,6 +128,14 @@ def contact_shares(motion: Trajectory, sums: Sums) -> dict[str, ContactShare]:
             own.stick_time, closed - own.stick_time, own.dissipated, lasted - closed, float(lost)
         )
     return found
+
+
+def _work_of(motion: Trajectory, name: str) -> float:
+    """Energy that one of several contacts dissipates which slip as one."""
+    key = contact_key(name)
+    period = float(motion.knots.time[-1] - motion.knots.time[0])
+    power, _ = mean(motion, f"friction_{key}*slip_speed_{key}")
+    return -period * power
 
 
 def weight(system: System, text: str, values: Mapping[str, float]) -> float:

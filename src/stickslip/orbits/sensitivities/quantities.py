@@ -34,6 +34,14 @@ def published(equations: MotionEquations, field: Field) -> dict[str, Expr]:
     found |= {f"d_{name}": rate for name, rate in rates.items() if f"d_{name}" not in found}
     found |= {f"dd_{q}": rates[f"d_{q}"] for q in d.inertial}
     for c in field.contacts:
+        if c.side_of:
+            name = f"normal_{contact_key(c.side_of)}"
+            found[name] = ex.add((found.get(name, ex.ZERO), 1.0), (c.force, 1.0))
+            continue
+        for name, force, plus, minus in c.parts:
+            key = contact_key(name)
+            found |= {f"friction_{key}": force, f"slip_speed_{key}": c.u}
+            found |= {f"threshold_plus_{key}": plus, f"threshold_minus_{key}": minus}
         if c.gap is not None:
             found |= {c.name: c.force, f"gap_{c.name.removeprefix(NORMAL)}": c.gap}
             continue

@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.equations.derive import derive
 from stickslip.errors import DeclarationError
 from stickslip.model.system import System
 from stickslip.motion.between.observers import LASTED, STUCK
@@ -57,7 +58,7 @@ def _component(problem: Problem, of: str) -> int:
 
 def _contact(problem: Problem, of: str) -> list[int]:
     """Numbers of a contact: of one in a plane of both components, which slip together."""
-    numbers = {c.name: i for i, c in enumerate(problem.compiled.equations.contacts)}
+    numbers = problem.compiled.equations.numbers
     return [numbers[part] for part in problem.system.rubbing.get(of, (of,))]
 
 
@@ -209,7 +210,9 @@ def _named(system: System, measure: str) -> Named:
         "force": list(system.dry_contacts),
         "quantity": one_period.quantities(system),
     }.get(MEASURES[name].of, [])
-    if of and of not in known and MEASURES[name].of != "weight":
+    opening = [c.name for c in system.declaration.contacts if c.opens]
+    unknown = of not in known and not (MEASURES[name].of == "contact" and of in opening)
+    if of and unknown and MEASURES[name].of != "weight":
         remedy = f"Known: {', '.join(known)}" if known else f"Ask for '{name}'"
         raise DeclarationError(f"measure.{name}", f"there is no '{of}'", remedy)
     if name == "speed" and not of and not system.translation:
@@ -218,6 +221,17 @@ def _named(system: System, measure: str) -> Named:
             f"{system.name} declares no translation",
             "Name a component, like speed:x",
         )
+    asked = of or (next(iter(system.dry_contacts), "") if name == "mean_force" else "")
+    if name in {"peak_force", "mean_force"}:
+        for own in derive(system.declaration).members:
+            others = " and ".join(f"'{c.name}'" for c in own if c.name != asked)
+            if others and asked in {c.name for c in own}:
+                raise DeclarationError(
+                    f"measure.{name}",
+                    f"'{asked}' rubs along the direction of {others}: while they stick, only the "
+                    "sum of their forces is determined",
+                    "Declare one contact with the sum of their thresholds",
+                )
     one_period.check_period_measure(system, name, of)
     if known_for_a_time(system) and name not in _OF_A_SPAN:
         raise DeclarationError(
