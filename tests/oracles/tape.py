@@ -98,6 +98,7 @@ class Interpreted:
         self._clock = len(layout.state)
         self._rates = layout.rates
         self._steps = [step_of(i, generated.constants) for i in layout.instructions]
+        self._shown = [step_of(i, generated.constants) for i in layout.shown]
         self._setup = _statements(generated.setup)
         self._sizes = _statements(generated.sizes)
         self._residual = _statements(generated.residual)
@@ -135,6 +136,8 @@ class Interpreted:
         try:
             for k in range(N):
                 for step in self._steps:
+                    step(c, k)
+                for step in self._shown if k == 0 else ():
                     step(c, k)
                 W[:clock, k + 1] = W[self._rates, k] * (c.unit / (k + 1))
         except Undetermined as problem:

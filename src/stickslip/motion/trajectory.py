@@ -16,7 +16,7 @@ from stickslip.certificates import Certificate
 from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.kept import cached_property
-from stickslip.model.names import normal_force
+from stickslip.model.names import JOINED, normal_force
 from stickslip.model.quantities import FORCES, contact_key, forces_of, quantity
 from stickslip.model.system import System
 from stickslip.motion.certify import certify_trajectory
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from stickslip.model.declaration import DryContact
     from stickslip.motion.between.observers import Sums
     from stickslip.motion.between.step_balance import Accounts
     from stickslip.motion.event_catalogue import EventCatalogue
@@ -592,7 +593,8 @@ class Trajectory(Result):
         equations = self._problem.compiled.equations
         k = self.knots
         mode = self._published
-        changes = np.hstack([np.diff(mode, axis=0), self._crossed, self._jumped])
+        switched, joined = self._switched
+        changes = np.hstack([switched, self._crossed, self._jumped])
         knot, which = np.nonzero(changes)
         names = [*self._columns] + [f"{ex.to_text(unwrapped(g))} = 0" for g in equations.kinks]
         names += self.system.jumps
@@ -604,10 +606,13 @@ class Trajectory(Result):
         in_plane = np.array([name in self.system.planes for name in self._columns], bool)
         said[:, in_plane] = np.where(mode[:, in_plane] == 1, len(words) - 1, 1)
         values = np.hstack([said, k.region + 5, np.full((len(mode), len(equations.jumps)), 7)])
+        said_of = np.array(names, dtype=object)[which]
+        for i, place in enumerate(zip(knot, which, strict=True) if joined else ()):
+            said_of[i] = joined.get(place, said_of[i])
         leaps = which >= mode.shape[1] + len(equations.kinks)
         columns = {
             "time": k.time[knot + 1],
-            "contact": np.array(names, dtype=object)[which],
+            "contact": said_of,
             "from": np.array(words, dtype=object)[values[knot, which]],
             "to": np.array(words, dtype=object)[values[knot + 1, which] + leaps],
         }
@@ -688,35 +693,68 @@ class Trajectory(Result):
     @property
     def n_switches(self) -> int:
         """Number of changes between stick and slip, over all contacts."""
-        return int(np.count_nonzero(np.diff(self._published, axis=0)))
+        return int(np.count_nonzero(self._switched[0]))
 
     @cached_property
     def _columns(self) -> dict[str, Array]:
-        """Modes at the knots of what switches as one, by name, in the order of the engine: of
-        contacts that are one with others the mode of all, and whether they are open."""
+        """Modes at the knots of what switches as one, by name, in the order of the engine.
+
+        Of contacts that are one with others that is the mode of all, and of those among them that
+        can open whether they are open; but each of contacts that can all open has its own.
+        """
         equations = self._problem.compiled.equations
         opening = {normal_force(name): name for name in self.system.unilateral}
         planes = {part: name for name, parts in self.system.planes.items() for part in parts}
-        shared = {c.name for own in equations.members if len(own) > 1 for c in own}
         found: dict[str, Array] = {}
-        for i, c in enumerate(equations.contacts):
-            if c.side_of:
+        for i, (c, own) in enumerate(zip(equations.contacts, equations.members, strict=True)):
+            if c.side_of or self._opens_apart(own):
                 continue
             name = opening.get(c.name) or planes.get(c.name, c.name)
-            if len(equations.members[i]) > 1:
-                found[name] = self.knots.slip[:, i]
-            elif name in shared:
+            together = next((o for o in equations.members if len(o) > 1 and _has(o, name)), own)
+            if len(own) > 1:
+                pressing = equations.pressing(i)
+                free = np.full(len(self.knots.mode), bool(pressing) and not equations.rubs_alone(i))
+                loose = free & np.all(self.knots.mode[:, pressing] != 0, axis=1)
+                found[name] = np.where(loose, IS_OPEN, self.knots.slip[:, i]).astype(np.int8)
+            elif len(together) > 1 and not self._opens_apart(together):
                 closed = self.knots.mode[:, i] == 0
                 found[name] = np.where(closed, IS_CLOSED, IS_OPEN).astype(np.int8)
             else:
                 found[name] = self.modes[contact_key(name)]
         return found
 
+    def _opens_apart(self, own: tuple[DryContact, ...]) -> bool:
+        """Whether several contacts that are one can each open."""
+        return len(own) > 1 and all(c.name in self.system.unilateral for c in own)
+
     @cached_property
     def _published(self) -> Array:
         """Modes at the knots, a column for each of these."""
         columns = [*self._columns.values()]
         return np.stack(columns, axis=1) if columns else self.knots.slip
+
+    @cached_property
+    def _switched(self) -> tuple[Array, dict[tuple[int, int], str]]:
+        """Changes of these columns from knot to knot; and what contacts are called that can open
+        and switch as one, by knot and column of the first: the others' changes are left out."""
+        mode = self._published
+        changes = np.diff(mode, axis=0)
+        names = [*self._columns]
+        joined: dict[tuple[int, int], str] = {}
+        for own in self._problem.compiled.equations.members:
+            if not self._opens_apart(own):
+                continue
+            columns = [names.index(c.name) for c in own]
+            for knot in np.flatnonzero(np.count_nonzero(changes[:, columns], axis=1) > 1):
+                alike: dict[tuple[int, int], list[int]] = {}
+                for j in columns:
+                    if changes[knot, j]:
+                        way = int(mode[knot, j]), int(mode[knot + 1, j])
+                        alike.setdefault(way, []).append(j)
+                for first, *others in alike.values():
+                    changes[knot, others] = 0
+                    joined[int(knot), first] = JOINED.join(names[j] for j in (first, *others))
+        return changes, joined
 
     @property
     def n_kinks(self) -> int:
@@ -882,3 +920,7 @@ class Trajectory(Result):
         trajectory = cls(problem, tuple(settings["t_span"]), knots, outcome, settings["rtol"])
         trajectory.wall_time = settings["wall_time"]
         return trajectory
+
+
+def _has(contacts: tuple[DryContact, ...], name: str) -> bool:
+    return any(c.name == name for c in contacts)

@@ -136,6 +136,23 @@ class Instruction:
     pressed: tuple[int, ...] = ()
 
 
+def rows_read(i: Instruction) -> list[int]:
+    """Rows that an instruction depends on."""
+    if i.op is Op.IMPLICIT:
+        # its slope is an order behind
+        return list(i.inputs[1:])
+    rows = [*i.inputs, *(part.row for part in i.parts if part.row is not None)]
+    rows += [entry.row for entry in i.entries if entry.inputs]
+    if i.op in (Op.SOLVE, Op.RATES):
+        rows += range(i.inputs[0], i.inputs[0] + i.size)
+    return rows
+
+
+def rows_made(i: Instruction) -> range:
+    """Rows that an instruction fills."""
+    return range(i.row, i.row + (i.size or OUTPUTS.get(i.op, 1)))
+
+
 @dataclass
 class ParameterExpressions:
     """Parameter-only expressions, computed once per set of parameters."""

@@ -38,6 +38,8 @@ from stickslip.symbolic.tape import (
     ParameterExpressions,
     Scaled,
     Tape,
+    rows_made,
+    rows_read,
     scalars_of,
 )
 
@@ -73,6 +75,8 @@ class Layout:
         Rows that are read beyond order 0.
     instructions : list of Instruction
         The tape, in the order of its computation.
+    shown : list of Instruction
+        What follows at order 0: rows that results show, and nothing else depends on.
     constants : dict of Expr to int
         What stands in K, and where.
     coupled : dict of str to list of Component
@@ -114,6 +118,7 @@ class Layout:
     rows: int = 0
     kept: list[int] = field(default_factory=list)
     instructions: list[Instruction] = field(default_factory=list)
+    shown: list[Instruction] = field(default_factory=list)
     constants: dict[Expr, int] = field(default_factory=dict)
     magnitudes: int = 0
     frequencies: int = 0
@@ -668,6 +673,10 @@ class _Generator:
         for _, _, first, admissible, _, *sides, _, slips, _ in layout.planes:
             guards += [first, first + 1, first + 2, admissible, *sides, slips]
         layout.kept = sorted({*range(self.n), *guards})
+        needed = _closure(layout.instructions, {*layout.kept, *layout.rates})
+        tape, layout.instructions = layout.instructions, []
+        for i in tape:
+            (layout.instructions if needed & {*rows_made(i)} else layout.shown).append(i)
         sizes = self.magnitudes
         return Generated(layout, self.constants, setup, sizes, residual, powers, landings)
 
@@ -936,6 +945,17 @@ class _Generator:
         names = {s: _start(row) for s, row in self.tape.names.items()}
         v = scalars_of(targets, names, self.tape.regions, self.constants)
         return [Store("out", (i,), v[e]) for i, e in enumerate(targets)]
+
+
+def _closure(instructions: list[Instruction], wanted: set[int]) -> set[int]:
+    """Rows, and all that they depend on."""
+    before = -1
+    while len(wanted) > before:
+        before = len(wanted)
+        for i in reversed(instructions):
+            if wanted & {*rows_made(i)}:
+                wanted |= {*rows_read(i), *i.inputs}
+    return wanted
 
 
 _TIME = Scalar("name", name="t")

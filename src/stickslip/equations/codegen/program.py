@@ -10,7 +10,7 @@ from stickslip.arrays import IntMatrix, IntVector, Vector
 from stickslip.equations.codegen.generate import MATRICES, Layout
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.tape import OUTPUTS, Instruction, Op, Scaled
+from stickslip.symbolic.tape import Instruction, Op, Scaled, rows_made, rows_read
 
 # Columns of a row of code: operation, row of the result, operands, place, size.
 OPERATION, RESULT, FIRST, SECOND, THIRD, FOURTH, FIFTH, PLACE, SIZE = range(9)
@@ -66,7 +66,7 @@ def pack(layout: Layout) -> Program:
     hiding = _hiding(layout)
     needed = _needed(layout.instructions, hiding)
     ordered = [i for i in layout.instructions if i in needed] + [
-        i for i in layout.instructions if i not in needed
+        i for i in [*layout.instructions, *layout.shown] if i not in needed
     ]
     read = {row for i in needed for row in rows_read(i)}
     packer = _Packer(layout.constants)
@@ -82,23 +82,6 @@ def pack(layout: Layout) -> Program:
         rates=np.array(layout.rates, dtype=np.int64),
         rate_sizes=layout.rate_sizes,
     )
-
-
-def rows_read(i: Instruction) -> list[int]:
-    """Rows that an instruction depends on."""
-    if i.op is Op.IMPLICIT:
-        # its slope is an order behind
-        return list(i.inputs[1:])
-    rows = [*i.inputs, *(part.row for part in i.parts if part.row is not None)]
-    rows += [entry.row for entry in i.entries if entry.inputs]
-    if i.op in (Op.SOLVE, Op.RATES):
-        rows += range(i.inputs[0], i.inputs[0] + i.size)
-    return rows
-
-
-def rows_made(i: Instruction) -> range:
-    """Rows that an instruction fills."""
-    return range(i.row, i.row + (i.size or OUTPUTS.get(i.op, 1)))
 
 
 def _hiding(layout: Layout) -> set[Instruction]:

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from typing import Any
 
 from stickslip.equations.codegen.generate import ORDERS, Generated
-from stickslip.equations.codegen.program import rows_made, rows_read
 from stickslip.equations.codegen.series import INDEFINITE, SINGULAR
 from stickslip.equations.native.arithmetic import Count, Operand, Pair
 from stickslip.equations.native.kernels import (
@@ -36,7 +35,15 @@ from stickslip.kept import cached_property
 from stickslip.machine_code.functions import Kernel
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.scalars import Scalar
-from stickslip.symbolic.tape import DIRECTION_GIVEN, OUTPUTS, Instruction, Op, Scaled
+from stickslip.symbolic.tape import (
+    DIRECTION_GIVEN,
+    OUTPUTS,
+    Instruction,
+    Op,
+    Scaled,
+    rows_made,
+    rows_read,
+)
 from stickslip.translator.assembly import REAL, Register
 
 _OVERFLOW = 350.0  # exponent from which an exponential counts as infinite
@@ -92,6 +99,12 @@ class Series(Routine):
         """Order k of all rows."""
         for instruction in self.layout.instructions:
             _WRITERS[instruction.op](self, instruction, k)
+        self.show(k)
+
+    def show(self, k: Order) -> None:
+        """Order 0 of rows that are only shown."""
+        for instruction in self.layout.shown if k == 0 else ():
+            _WRITERS[instruction.op](self, instruction, 0)
 
     def integrate(self, k: int, step: Operand) -> None:
         """Order k + 1 of the state."""
@@ -623,6 +636,7 @@ class LoopedSeries(Tabled, Series):
                 _WRITERS[pattern.op](self, filled_instruction(pattern, wholes, reals), k)
 
             self.repeat(repetitions, body)
+        self.show(k)
 
     def _integrate(self, k: Order, after: Order, step: Operand) -> None:
         """The order after k of the state."""
