@@ -4,6 +4,7 @@ events, statistics and certificates are the same however the friction is written
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -144,3 +145,55 @@ def test_a_name_that_looks_joined() -> None:
     """What joins names stands in none."""
     with pytest.raises(ss.DeclarationError, match="joins the names of contacts"):
         system({"a + b": ss.Contact("d_x", 1.0)})
+
+
+_SLIDING = "0.08 + 0.07*exp(-speed/0.2)"
+WEAKENING = {
+    "formula": {
+        "f": ss.Unilateral("y"),
+        "c": ss.Contact("d_x", "0.15*normal_f", 0.3, kinetic=f"({_SLIDING})*normal_f"),
+    },
+    "floor": {"c": ss.Unilateral("y", "d_x", 0.15, 0.3, kinetic=_SLIDING)},
+    "constraint": {"c": ss.Bilateral("y", "d_x", 0.15, 0.3, kinetic=_SLIDING)},
+    "law": {
+        "f": ss.Unilateral("y"),
+        "c": ss.laws.stribeck(
+            "d_x", surface_speed=0.3, F_s="0.15*normal_f", F_c="0.08*normal_f", v_s=0.2
+        ),
+    },
+}
+
+
+def weakening(contacts: Mapping[str, ss.Contact]) -> ss.System:
+    """A mass on a belt, pressed by a force that varies."""
+    return ss.System(
+        name="weakening",
+        coordinates={"x": ss.Inertial(), "y": ss.Inertial()},
+        kinetic="(d_x**2 + d_y**2)/2",
+        potential="10*y + x**2/2 - 3*y*sin(3*t)",
+        contacts=contacts,
+        initial={"x": 0.2},
+        span=(0, 10),
+    )
+
+
+@pytest.mark.parametrize("how", ["floor", "constraint", "law"])
+def test_kinetic_coefficients(how: str, tmp_path: Path) -> None:
+    """Sliding friction below the threshold under a normal force, however it is written."""
+    plain, found = (ss.simulate(weakening(WEAKENING[name])) for name in ("formula", how))
+    assert plain.certificate.ok
+    assert found.certificate.ok, found.certificate
+    assert found.n_switches == plain.n_switches == 3
+    for name, value in plain.final.items():
+        assert found.final[name] == pytest.approx(value, abs=1e-13)
+    file = tmp_path / "weakening.toml"
+    file.write_text(weakening(WEAKENING[how]).to_toml())
+    assert ss.load(file) == weakening(WEAKENING[how])
+
+
+def test_laws_that_know_no_normal_force() -> None:
+    """What has a state or sliders of its own is refused under a normal force."""
+    for law in (ss.laws.dahl, ss.laws.jenkins):
+        contacts = {"f": ss.Unilateral("y"), "c": law("d_x", F_c="0.15*normal_f", k=5.0)}
+        with pytest.raises(ss.DeclarationError, match="cannot depend on a normal force"):
+            weakening(contacts)

@@ -717,21 +717,24 @@ class _Reader:
                     "Give the relative velocity, like direction = 'd_x'",
                 )
             return [normal]
-        rubs = self._dry(name, replace(contact.friction(name), threshold=contact.mu))
+        coefficients = replace(
+            contact.friction(name), threshold=contact.mu, kinetic=contact.kinetic
+        )
+        rubs = self._dry(name, coefficients)
         if rubs[0].kind != Kind.INERTIAL:
             raise DeclarationError(
                 f"{where}.direction",
                 f"its coordinates are {rubs[0].kind}",
                 "A contact that can open moves inertial coordinates",
             )
-        force = mu * ex.sym(normal_force(name))
+        normal_here = ex.sym(normal_force(name))
         friction = [
             replace(
                 part,
-                plus=force,
-                minus=force,
-                kinetic_plus=force,
-                kinetic_minus=force,
+                plus=part.plus * normal_here,
+                minus=part.minus * normal_here,
+                kinetic_plus=part.kinetic_plus * normal_here,
+                kinetic_minus=part.kinetic_minus * normal_here,
                 on=normal_force(name),
                 restitution=parts[1],
             )

@@ -216,6 +216,8 @@ class Unilateral:
         in a plane.
     mu : str or float
         Coefficient of friction μ ≥ 0; may depend on the state and on time.
+    kinetic : str or float, optional
+        Coefficient in sliding, at most μ; may depend on the speed too, as ``speed``. By default μ.
     surface_speed : str, float or pair of these
         Speed w(t) of the surface along the direction; in a plane as of a :class:`Contact`.
     restitution, tangential_restitution : str or float
@@ -235,17 +237,14 @@ class Unilateral:
     tangential_restitution: Formula = 0.0
     unit: str = ""
     axes: Axes = (1.0, 1.0)
+    kinetic: Formula | None = None
 
     def __post_init__(self) -> None:
         hold_plain(self)
 
     def friction(self, name: str) -> Contact:
         """What rubs, as a contact under the normal force of the one that is called by a name."""
-        from stickslip.model.names import normal_force
-
-        threshold = f"({self.mu})*{normal_force(name)}"
-        speed, unit, axes = self.surface_speed, self.unit, self.axes
-        return Contact(self.direction, threshold, speed, unit=unit, axes=axes)
+        return _rubbing(self, name)
 
 
 @dataclass(frozen=True)
@@ -274,7 +273,7 @@ class Bilateral:
     constraint : str
         g(q, t), a function of inertial coordinates and time, zero at the initial state. N is the
         force that does work on it, so for friction it has to be a length in the units of that.
-    direction, mu, surface_speed, unit, axes
+    direction, mu, surface_speed, unit, axes, kinetic
         As in a :class:`Unilateral`.
     """
 
@@ -284,9 +283,24 @@ class Bilateral:
     surface_speed: SurfaceSpeed = 0.0
     unit: str = ""
     axes: Axes = (1.0, 1.0)
+    kinetic: Formula | None = None
 
     def __post_init__(self) -> None:
         hold_plain(self)
+
+    def friction(self, name: str) -> Contact:
+        """What rubs, as a contact under the normal force of the one that is called by a name."""
+        return _rubbing(self, name)
+
+
+def _rubbing(contact: Unilateral | Bilateral, name: str) -> Contact:
+    """Coulomb's friction under the normal force of a contact."""
+    from stickslip.model.names import normal_force
+
+    normal = normal_force(name)
+    kinetic = None if contact.kinetic is None else f"({contact.kinetic})*{normal}"
+    speed, unit, axes = contact.surface_speed, contact.unit, contact.axes
+    return Contact(contact.direction, f"({contact.mu})*{normal}", speed, kinetic, unit, axes)
 
 
 @dataclass(frozen=True)

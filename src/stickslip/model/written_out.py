@@ -145,6 +145,15 @@ class _WrittenOut:
                     f"the {parameter.meaning} is missing",
                     f"Add it, as in: {needed} = {parameter.default:g}",
                 )
+        of_forces = law.dry and not law.functions
+        for own, value in contact.values.items():
+            if self.is_pressed(value) and not of_forces:
+                raise DeclarationError(
+                    f"{where}.{own}",
+                    "a law with a state or sliders of its own cannot depend on a normal force",
+                    "Use one with a threshold, such as 'stribeck', or give the normal force as a "
+                    "formula of time and state",
+                )
         key = key_of(name)
         words = {own: f"{own}_{key}" for own in (*known, *law.internal)}
         signatures = {text: parse_signature(text, text)[0] for text in law.functions}
@@ -156,6 +165,9 @@ class _WrittenOut:
             return
         for own, parameter in known.items():
             value = contact.values.get(own, parameter.default)
+            if self.is_pressed(value):
+                words[own] = f"({value})"  # no function may use a normal force
+                continue
             words[own] = self.define(f"{where}.{own}", words[own], value, parameter.range)
         for text, body in law.functions.items():
             self.take(self.functions, _renamed(text, words), _renamed(body, words), where)
@@ -206,10 +218,7 @@ class _WrittenOut:
             self.origins[f"{entry_key('contacts', label)}.gap"] = f"{where}.constraint"
             self.add_contact(label, side, where)
         if contact.direction:
-            force = f"({contact.mu})*{normal_force(name)}"
-            speed, axes = contact.surface_speed, contact.axes
-            rubs = Contact(contact.direction, force, speed, unit=contact.unit, axes=axes)
-            self.add_contact(name, rubs, where)
+            self.add_contact(name, contact.friction(name), where)
         elif contact.mu != 0.0:
             raise DeclarationError(
                 f"{where}.direction",
@@ -292,6 +301,15 @@ class _WrittenOut:
         """The unit of displacements along a direction, if all coordinates say the same."""
         units = {self.system.coordinates[x].unit for x in slopes}
         return units.pop() if len(units) == 1 else ""
+
+    def is_pressed(self, value: object) -> bool:
+        """Whether a parameter of a law is a formula of normal forces."""
+        normals = {
+            normal_force(name)
+            for name, contact in self.system.contacts.items()
+            if isinstance(contact, Unilateral | Bilateral)
+        }
+        return isinstance(value, str) and bool(normals & {*_WORD.findall(value)})
 
     def define(self, where: str, name: str, value: object, interval: str) -> str:
         """What a parameter of a law is called: by its value if that is a name or nothing, else a
