@@ -44,7 +44,7 @@ from stickslip.machine_code.interface import (
     SystemFunction,
 )
 from stickslip.machine_code.objects import addresses
-from stickslip.motion.engine.tables import run_setups
+from stickslip.motion.steps.tables import run_setups
 from stickslip.motion.problem import pose
 from stickslip.motion.steps.arrays import (
     Constants,
