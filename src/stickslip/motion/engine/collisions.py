@@ -56,6 +56,7 @@ from stickslip.motion.engine.impacts import (
     put_change,
     put_responses,
     put_velocities,
+    residual_of,
     restitution_of,
     set_in_motion,
     settles,
@@ -106,7 +107,9 @@ _YIELDS = 1e-8  # part of its own response by which each of many contacts yields
 _WRONG = 1e-12  # part of the largest by which something has the wrong sign
 _PATIENCE = 6  # times that all wrong modes are changed together while they do not become fewer
 _FIRST_ROUNDS, _LAST_ROUNDS = 8, 2048  # of relaxation
-_EXACTLY = 4  # times that what has yielded is taken away
+_EXACTLY = 8  # times that what has yielded is taken away, until what is held has rates of
+_EXACT = 1e-15  # … this part of the largest, and they may be
+_HOLDS = 1e-10  # … this at the end
 _STRAIGHT = 1e-14  # turn of a slip in a plane that is none
 _MOST_TURNS = 20000  # of impacts one after the other
 _NONE_LEFT = 1e-26  # part of the energy of the first approach below which there is none
@@ -145,7 +148,10 @@ def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
         tried[KEPT, c] = lane.mode[c]
     put_restitution(rows, space)
     for _ in range(mq + 1):
-        found = struck(machine, flow, here)
+        if rows.in_turn == 1:
+            found = impulses_in_turn(machine, flow, here)
+        else:
+            found = best_impulse(machine, flow, here)
         for c in range(mq):
             lane.mode[c] = tried[KEPT, c]
         if found != JUMPED:
@@ -174,10 +180,13 @@ def put_restitution(rows: Rows, space: Space) -> None:
         space.impact[RESTITUTION, c] = e
 
 
+# -- together --------------------------------------------------------------------------------------
+
+
 @compiled()
-def struck(machine: Machine, flow: Flow, at: Instant) -> int:
-    """Impulses by the law of the system, the velocities after them and the change of the rates, in
-    the work space.
+def best_impulse(machine: Machine, flow: Flow, at: Instant) -> int:
+    """Impulses that all obey the law at once; they are left in the work space, with the velocities
+    after them and the change of the rates.
 
     Parameters
     ----------
@@ -192,19 +201,14 @@ def struck(machine: Machine, flow: Flow, at: Instant) -> int:
     int
         From JUMPED to CREATES.
     """
-    if flow.rows.in_turn == 1:
-        return struck_in_turn(machine, flow, at)
     if not put_responses(machine, flow, at):
         return NO_IMPULSE
-    return struck_together(flow.rows, flow.space, at.mode)
-
-
-# -- together --------------------------------------------------------------------------------------
+    return answer_together(flow.rows, flow.space, at.mode)
 
 
 @compiled()
-def struck_together(rows: Rows, space: Space, mode: Array) -> int:
-    """The same by the law for all contacts at once, with their responses in the work space."""
+def answer_together(rows: Rows, space: Space, mode: Array) -> int:
+    """The same, with the responses to impulses in the work space."""
     total = modes_of(rows, space.tried)
     found = NO_IMPULSE
     if total <= _FEW_MODES:
@@ -448,17 +452,15 @@ def pivot(rows: Rows, space: Space, mode: Array) -> bool:
 def is_right(rows: Rows, space: Space, mode: Array) -> bool:
     """Whether the impulses of a mode obey the law, once nothing yields any more."""
     work = space.impact
+    residual = np.inf
     for _ in range(_EXACTLY):
         if not solve_mode(rows, space, mode, 1.0) < np.inf:
             return False
-        _, _, right = judge_impulses(rows, work, space.tried, mode)
-        fastest = largest_jump(rows, work)
-        for c in range(rows.sizes[ON_INERTIAL]):
-            if is_held(rows, space.tried, mode, c):
-                right = right and abs(moved_on(work, c)) <= 1e-10 * fastest
-        if right:
-            return True
-    return False
+        residual = residual_of(rows, space, mode)
+        if residual <= _EXACT:
+            break
+    _, _, right = judge_impulses(rows, work, space.tried, mode)
+    return right and residual <= _HOLDS
 
 
 @compiled()
@@ -714,8 +716,8 @@ def right_mode_in_plane(
 
 
 @compiled()
-def struck_in_turn(machine: Machine, flow: Flow, at: Instant) -> int:
-    """As :func:`struck`, one impact after the other.
+def impulses_in_turn(machine: Machine, flow: Flow, at: Instant) -> int:
+    """As :func:`best_impulse`, one impact after the other.
 
     Parameters
     ----------
@@ -754,7 +756,7 @@ def struck_in_turn(machine: Machine, flow: Flow, at: Instant) -> int:
         for c in range(mq):
             if tried[NEAR, c] == 1 and energy_of(rows, space, c) < (1.0 - _EQUAL) * most:
                 tried[NEAR, c] = 0
-        found = struck_together(rows, space, at.mode)
+        found = answer_together(rows, space, at.mode)
         if found != JUMPED:
             break
         found = NO_IMPULSE  # if there is no end of it
@@ -848,7 +850,6 @@ def distance_of_jump(
     """
     rows = flow.rows
     space = flow.space
-    work = space.impact
     nq = rows.sizes[INERTIAL]
     least = 0.0
     for q in range(nq):
@@ -861,7 +862,7 @@ def distance_of_jump(
     if near == 0:
         return float(least)
     if rows.in_turn == 1:
-        found = struck_in_turn(machine, flow, before) == JUMPED
+        found = impulses_in_turn(machine, flow, before) == JUMPED
         return distance_of_change(space, before.y, after, nq) if found else np.inf
     if not put_responses(machine, flow, before):
         return np.inf
@@ -877,7 +878,7 @@ def distance_of_jump(
         if right and broken == fewest:
             put_change(rows, space)
             least = min(least, distance_of_change(space, before.y, after, nq))
-    if least == np.inf and struck_together(rows, space, before.mode) == JUMPED:
+    if least == np.inf and answer_together(rows, space, before.mode) == JUMPED:
         least = distance_of_change(space, before.y, after, nq)
     return float(least)
 

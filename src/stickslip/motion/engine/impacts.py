@@ -85,6 +85,7 @@ _TOGETHER = 1e-13  # of the time that a motion may last: what of bouncing is lef
 _AT_FIRST = 1e-9  # square of the part of its time that says how large the gaps of a motion are
 _ALMOST = 1e-2  # of the paradox: a motion that runs into it ends a little before
 _SINGULAR = 1e-13  # part of its row below which a pivot is zero
+_HOLDS = 1e-8  # part of the largest velocity that what is held may have
 
 
 @compiled()
@@ -325,7 +326,21 @@ def try_impulses(rows: Rows, space: Space, mode: Array, number: int) -> tuple[bo
         if not turn_impulses(rows, space, mode):
             break
     gained, size, right = judge_impulses(rows, space.impact, space.tried, mode)
-    return right, gained, size
+    return right and residual_of(rows, space, mode) <= _HOLDS, gained, size
+
+
+@compiled()
+def residual_of(rows: Rows, space: Space, mode: Array) -> float:
+    """The largest velocity after an impact of what is held, which should have none, in parts of the
+    largest of all. Equations whose rank is not full may have solutions that are rounding errors."""
+    work = space.impact
+    most = 0.0
+    fastest = 0.0
+    for c in range(rows.sizes[ON_INERTIAL]):
+        fastest = max(fastest, abs(work[BEFORE, c]), abs(work[AFTER, c]))
+        if is_held(rows, space.tried, mode, c):
+            most = max(most, abs(moved_on(work, c)))
+    return most / fastest if fastest > 0.0 else 0.0
 
 
 @compiled()
