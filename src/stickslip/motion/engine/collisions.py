@@ -37,11 +37,10 @@ from stickslip.motion.engine.impacts import (
     CHANGE,
     CHOSEN,
     IMPULSE,
-    KEPT,
+    MODE_BEFORE,
     MOST_MODES,
     NEAR,
     RESTITUTION,
-    SLOW,
     approaching,
     friction_of,
     given_restitution,
@@ -96,23 +95,24 @@ from stickslip.translator import compiled
 # only such that create energy.
 NO_IMPACT, JUMPED, NO_IMPULSE, CREATES = range(4)
 # More rows of Space.impact: velocities before the first of several impacts; the changes of the
-# rates in all of them, by coordinate; restitution, whatever recedes; impulses of relaxation.
-_FIRST, _TOTAL, _GIVEN, _RELAXED = range(12, 16)
+# rates in all of them, by coordinate; restitution, whatever recedes; impulses of relaxation; how
+# hard slips in planes are to turn.
+_FIRST, _TOTAL, _GIVEN, _RELAXED, _TURNS = range(12, 17)
 # More rows of Space.tried: what slips although it was at rest; all that are closed while only some
 # take part; and the places of unknowns among the equations.
 _RELEASED, _CLOSED, _PLACE = range(3, 6)
 _FEW_MODES = 216  # that are all tried: three feet with friction along a line
 _CREATED = 1e-9  # part of the energy of an impact that may be a rounding error
-_YIELDS = 1e-8  # part of its own response by which each of many contacts yields
+_YIELDS = 1e-6  # part of its own response by which each of many contacts yields
 _WRONG = 1e-12  # part of the largest by which something has the wrong sign
 _PATIENCE = 6  # times that all wrong modes are changed together while they do not become fewer
 _FIRST_ROUNDS, _LAST_ROUNDS = 8, 2048  # of relaxation
-_EXACTLY = 8  # times that what has yielded is taken away, until what is held has rates of
+_EXACTLY = 12  # times that what has yielded is taken away, until what is held has rates of
 _EXACT = 1e-15  # … this part of the largest, and they may be
 _HOLDS = 1e-10  # … this at the end
-_STRAIGHT = 1e-14  # turn of a slip in a plane that is none
+_NEARLY_STRAIGHT, _STRAIGHT = 1e-3, 1e-14  # turns of slips in planes that are small, and none
 _MOST_TURNS = 20000  # of impacts one after the other
-_NONE_LEFT = 1e-26  # part of the energy of the first approach below which there is none
+_NONE_LEFT = 1e-29  # part of the energy of the first approach below which there is none
 _EQUAL = 1e-9  # part by which energies of approach are equal
 
 
@@ -145,7 +145,7 @@ def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
     mq = rows.sizes[ON_INERTIAL]
     nq = rows.sizes[INERTIAL]
     for c in range(mq):
-        tried[KEPT, c] = lane.mode[c]
+        tried[MODE_BEFORE, c] = lane.mode[c]
     put_restitution(rows, space)
     for _ in range(mq + 1):
         if rows.in_turn == 1:
@@ -153,7 +153,7 @@ def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
         else:
             found = best_impulse(machine, flow, here)
         for c in range(mq):
-            lane.mode[c] = tried[KEPT, c]
+            lane.mode[c] = tried[MODE_BEFORE, c]
         if found != JUMPED:
             return found
         for q in range(nq):
@@ -276,13 +276,13 @@ def find_impulses(rows: Rows, space: Space, mode: Array) -> bool:
     for _ in range(mq + 1):
         if not relax_and_pivot(rows, space, mode):
             return False
-        if not release(rows, space, mode):
+        if not release_slips(rows, space, mode):
             return True
     return False
 
 
 @compiled()
-def release(rows: Rows, space: Space, mode: Array) -> bool:
+def release_slips(rows: Rows, space: Space, mode: Array) -> bool:
     """Give what slips its kinetic friction; whether that changes anything."""
     work = space.impact
     changed = False
@@ -316,7 +316,7 @@ def relax_and_pivot(rows: Rows, space: Space, mode: Array) -> bool:
     rounds = _FIRST_ROUNDS
     while rounds <= _LAST_ROUNDS:
         for _ in range(rounds):
-            relax(rows, space, mode)
+            relax_contacts(rows, space, mode)
         for c in range(mq):
             work[_RELAXED, c] = work[IMPULSE, c]
         if pivot(rows, space, mode):
@@ -324,8 +324,30 @@ def relax_and_pivot(rows: Rows, space: Space, mode: Array) -> bool:
         for c in range(mq):
             work[IMPULSE, c] = work[_RELAXED, c]
         put_velocities(rows, space)
+        relax_contacts(rows, space, mode)
+        if is_relaxed(rows, space, mode):
+            return True
         rounds *= 2
     return False
+
+
+@compiled()
+def is_relaxed(rows: Rows, space: Space, mode: Array) -> bool:
+    """Whether relaxation has come to an end: where friction holds more contacts than there are
+    freedoms no choice of modes may explain itself, but impulses obey the law."""
+    work = space.impact
+    largest = 0.0
+    off = 0.0
+    for c in range(rows.sizes[ON_INERTIAL]):
+        largest = max(largest, abs(work[IMPULSE, c]))
+        if slides_along(rows, space.tried, mode, c):
+            if rows.plane[c] < 0:
+                work[SENSE, c] = mode[c]
+            row = limit_of(space.tried, c, mode[c] > 0)
+            allowed = friction_of(rows, work, row, c)
+            off = max(off, abs(work[IMPULSE, c] + work[SENSE, c] * allowed))
+    _, _, right = judge_impulses(rows, work, space.tried, mode)
+    return right and off <= _WRONG * largest and residual_of(rows, space, mode) <= _WRONG
 
 
 @compiled()
@@ -340,7 +362,7 @@ def push(rows: Rows, space: Space, c: int, impulse: float) -> None:
 
 
 @compiled()
-def relax(rows: Rows, space: Space, mode: Array) -> None:
+def relax_contacts(rows: Rows, space: Space, mode: Array) -> None:
     """Let each contact obey its law beside the others as they are, one after the other; and note
     its mode."""
     work = space.impact
@@ -416,7 +438,17 @@ def axes_of(rows: Rows, space: Space, c: int) -> tuple[float, float]:
 
 @compiled()
 def aim(rows: Rows, space: Space, c: int, x: float, y: float) -> None:
-    """Let a contact in a plane slip along a velocity."""
+    """Let a contact in a plane slip along a velocity.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+    c : int
+        Its first component.
+    x, y : float
+        The velocity.
+    """
     o = rows.planes[rows.plane[c], OTHER]
     f, g = axes_of(rows, space, c)
     size = math.hypot(f * x, g * y)
@@ -435,12 +467,16 @@ def pivot(rows: Rows, space: Space, mode: Array) -> bool:
     fewest = mq + 1
     patience = _PATIENCE
     for _ in range(4 * mq + 20):
-        turned = solve_mode(rows, space, mode, 0.0)
+        turned = solve_mode(rows, space, mode, True)
         if not turned < np.inf:
             return False
         wrong = change_modes(rows, space, mode, patience > 0)
-        if wrong == 0 and turned <= _STRAIGHT:
-            return is_right(rows, space, mode)
+        if wrong == 0 and turned <= _NEARLY_STRAIGHT:
+            if is_right(rows, space, mode):
+                return True
+            wrong = change_modes(rows, space, mode, False)
+            if wrong == 0:
+                return False
         if wrong < fewest:
             fewest, patience = wrong, _PATIENCE
         elif wrong > 0:
@@ -454,10 +490,11 @@ def is_right(rows: Rows, space: Space, mode: Array) -> bool:
     work = space.impact
     residual = np.inf
     for _ in range(_EXACTLY):
-        if not solve_mode(rows, space, mode, 1.0) < np.inf:
+        turned = solve_mode(rows, space, mode, False)
+        if not turned < np.inf:
             return False
         residual = residual_of(rows, space, mode)
-        if residual <= _EXACT:
+        if residual <= _EXACT and turned <= _STRAIGHT:
             break
     _, _, right = judge_impulses(rows, work, space.tried, mode)
     return right and residual <= _HOLDS
@@ -472,7 +509,7 @@ def is_unknown(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
 
 
 @compiled()
-def solve_mode(rows: Rows, space: Space, mode: Array, kept: float) -> float:
+def solve_mode(rows: Rows, space: Space, mode: Array, afresh: bool) -> float:
     """Impulses in a mode where contacts yield a little, and the velocities after them.
 
     Parameters
@@ -480,9 +517,9 @@ def solve_mode(rows: Rows, space: Space, mode: Array, kept: float) -> float:
     rows : Rows
     space : Space
     mode : array of int
-    kept : float
-        Part of the impulses so far from which contacts yield: with 1 instead of 0 what has yielded
-        before is taken away.
+    afresh : bool
+        Whether they yield from nothing. Else they yield from the impulses so far, so that what has
+        yielded is taken away.
 
     Returns
     -------
@@ -499,19 +536,30 @@ def solve_mode(rows: Rows, space: Space, mode: Array, kept: float) -> float:
         if is_unknown(rows, tried, mode, c):
             tried[_PLACE, c] = size
             size += 1
+            if mode[c] != 0:
+                work[_TURNS, c] = resistance_to_turning(rows, space, c)
+    for c in range(mq if afresh else 0):
+        work[IMPULSE, c] = 0.0
+        work[AFTER, c] = work[BEFORE, c]
     for c in range(mq):
         row = tried[_PLACE, c]
         if row < 0:
             continue
         for k in range(size):
             system[row, k] = 0.0
-        system[row, size] = -asked(rows, space, mode, c)
+        moved = moved_on(work, c)
+        if mode[c] != 0:
+            # what is left across a slip in a plane
+            o = rows.planes[rows.plane[c], OTHER]
+            f, g = axes_of(rows, space, c)
+            moved = g * work[SENSE, c] * moved_on(work, o) - f * work[SENSE, o] * moved
+        system[row, size] = -moved
     for c in range(mq):
         column = tried[_PLACE, c]
         if column < 0:
             continue
         if mode[c] != 0:
-            put_turn(rows, space, mode, c, size)
+            put_turn(rows, space, mode, c)
             continue
         add_response(rows, space, mode, c, 1.0, column)
         if opens(rows, c):
@@ -520,26 +568,10 @@ def solve_mode(rows: Rows, space: Space, mode: Array, kept: float) -> float:
                 if rows.links[link, PRESSING] == c and slides_along(rows, tried, mode, b):
                     weight = -work[SENSE, b] * work[limit_of(tried, b, mode[b] > 0), link]
                     add_response(rows, space, mode, b, weight, column)
-        yields = _YIELDS * space.delassus[c, c]
-        system[column, column] += yields
-        system[column, size] += kept * yields * work[IMPULSE, c]
+        system[column, column] += _YIELDS * space.delassus[c, c]
     if not solve_equations(system, size):
         return np.inf
     return take_solution(rows, space, mode, size)
-
-
-@compiled()
-def asked(rows: Rows, space: Space, mode: Array, c: int) -> float:
-    """What the impulses have to cancel in the equation of a contact: (1 + e) γ⁻, or its part across
-    a slip in a plane."""
-    work = space.impact
-    first = (1.0 + work[RESTITUTION, c]) * work[BEFORE, c]
-    if mode[c] == 0:
-        return float(first)
-    o = rows.planes[rows.plane[c], OTHER]
-    f, g = axes_of(rows, space, c)
-    second = (1.0 + work[RESTITUTION, o]) * work[BEFORE, o]
-    return float(g * work[SENSE, c] * second - f * work[SENSE, o] * first)
 
 
 @compiled()
@@ -576,22 +608,39 @@ def add_response(rows: Rows, space: Space, mode: Array, b: int, weight: float, c
 
 
 @compiled()
-def put_turn(rows: Rows, space: Space, mode: Array, c: int, size: int) -> None:
+def put_turn(rows: Rows, space: Space, mode: Array, c: int) -> None:
     """The column of the turn of a slip in a plane: with n + τ/Λ_N t for its direction n, t across
-    it, the impulse is −A(Λ_N n + τ t), and t·Aξ = ρ τ/Λ_N with ρ = n·Aξ."""
+    it, the impulse is −A(Λ_N n + τ t), and t·Aξ = ρ τ/Λ_N with ρ = n·Aξ.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        Its equations receive it.
+    mode : array of int
+    c : int
+        The first component.
+    """
     work = space.impact
     o = rows.planes[rows.plane[c], OTHER]
     f, g = axes_of(rows, space, c)
-    n, m = work[SENSE, c], work[SENSE, o]
     column = space.tried[_PLACE, c]
-    add_response(rows, space, mode, c, f * m, column)
-    add_response(rows, space, mode, o, -g * n, column)
-    ahead = max(n * f * moved_on(work, c) + m * g * moved_on(work, o), 0.0)
+    add_response(rows, space, mode, c, f * work[SENSE, o], column)
+    add_response(rows, space, mode, o, -g * work[SENSE, c], column)
+    space.impulses[column, column] -= work[_TURNS, c]
+
+
+@compiled()
+def resistance_to_turning(rows: Rows, space: Space, c: int) -> float:
+    """ρ/Λ_N of a slip in a plane, by its first component; what is hardly pressed does not turn."""
+    work = space.impact
+    o = rows.planes[rows.plane[c], OTHER]
+    f, g = axes_of(rows, space, c)
+    ahead = work[SENSE, c] * f * moved_on(work, c) + work[SENSE, o] * g * moved_on(work, o)
     pressed = work[IMPULSE, rows.links[rows.first_link[c], PRESSING]]
     own = f * f * space.delassus[c, c] + g * g * space.delassus[o, o]
-    turns = ahead / pressed if pressed > 0.0 else np.inf
-    # what is hardly pressed does not turn
-    space.impulses[column, column] -= min(turns, 1e8 * own) + _YIELDS * own
+    turns = max(ahead, 0.0) / pressed if pressed > 0.0 else np.inf
+    return float(min(turns, 1e8 * own) + _YIELDS * own)
 
 
 @compiled()
@@ -604,7 +653,8 @@ def take_solution(rows: Rows, space: Space, mode: Array, size: int) -> float:
     turned = 0.0
     for c in range(mq):
         place = tried[_PLACE, c]
-        work[IMPULSE, c] = space.impulses[place, size] if place >= 0 and mode[c] == 0 else 0.0
+        if place >= 0 and mode[c] == 0:
+            work[IMPULSE, c] += space.impulses[place, size]
     for c in range(mq):
         if not slides_along(rows, tried, mode, c) or is_component(rows, c):
             continue
@@ -692,7 +742,19 @@ def right_mode(rows: Rows, space: Space, mode: Array, c: int, strong: float, fas
 def right_mode_in_plane(
     rows: Rows, space: Space, mode: Array, c: int, strong: float, fast: float
 ) -> int:
-    """The same for a contact in a plane, by its first component."""
+    """The same for a contact in a plane.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        Its direction becomes that of its impulse where it begins to slip.
+    mode : array of int
+    c : int
+        Its first component.
+    strong, fast : float
+        Impulses and velocities that are zero.
+    """
     work = space.impact
     o = rows.planes[rows.plane[c], OTHER]
     f, g = axes_of(rows, space, c)
@@ -783,8 +845,8 @@ def energy_of(rows: Rows, space: Space, c: int) -> float:
     friction, if it were stopped."""
     approach = min(space.impact[BEFORE, c], 0.0)
     own = space.delassus[c, c]
-    slow = not opens(rows, c) or space.tried[NEAR, c] == 0 or -approach <= SLOW * space.mag[c]
-    return 0.0 if slow or not own > 0.0 else float(approach * approach / own)
+    near = opens(rows, c) and space.tried[NEAR, c] == 1
+    return float(approach * approach / own) if near and own > 0.0 else 0.0
 
 
 @compiled()

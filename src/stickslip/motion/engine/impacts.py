@@ -77,10 +77,10 @@ BEFORE, AFTER, IMPULSE, RESTITUTION, CHANGE, BEST = range(6)
 # … and in FORWARD and BACK coefficients of friction against slip in either sense, and in
 # HOLDS_FORWARD and HOLDS_BACK how much friction holds.
 # Rows of Space.tried: which contacts take part, the mode before, and the best mode so far.
-NEAR, KEPT, CHOSEN = range(3)
+NEAR, MODE_BEFORE, CHOSEN = range(3)
 MOST_MODES = 65536  # that are ever tried
 _MOST_TURNS = 60  # of directions in planes
-SLOW = 1e-12  # part of their terms below which velocities are zero
+_SLOW = 1e-12  # part of their terms below which velocities are zero
 _TOGETHER = 1e-13  # of the time that a motion may last: what of bouncing is left then is none
 _AT_FIRST = 1e-9  # square of the part of its time that says how large the gaps of a motion are
 _ALMOST = 1e-2  # of the paradox: a motion that runs into it ends a little before
@@ -120,7 +120,7 @@ def approaching(
             near = abs(space.V[rows.gaps[c], 0]) <= slack * touching(flow, c, last)
             closed = near or c == fired
             space.tried[NEAR, c] = 1 if closed else 0
-            if closed and work[BEFORE, c] < -SLOW * space.mag[c]:
+            if closed and work[BEFORE, c] < -_SLOW * space.mag[c]:
                 found += 1
     return found
 
@@ -172,7 +172,7 @@ def first_approaching(machine: Machine, flow: Flow, here: Instant, last: float, 
         return NOWHERE
     space = flow.space
     for c in range(flow.rows.sizes[ON_INERTIAL]):
-        slow = -SLOW * space.mag[c]
+        slow = -_SLOW * space.mag[c]
         near = opens(flow.rows, c) and space.tried[NEAR, c] == 1
         if near and space.impact[BEFORE, c] < slow and not (going and here.mode[c] == 0):
             return c
@@ -251,12 +251,12 @@ def put_friction(rows: Rows, space: Space) -> None:
     for c in range(rows.sizes[ON_INERTIAL]):
         if rows.first_link[c + 1] == rows.first_link[c]:
             continue
-        slow = SLOW * space.mag[c]
+        slow = _SLOW * space.mag[c]
         forward, back = work[BEFORE, c] > slow, work[BEFORE, c] < -slow
         if rows.plane[c] >= 0:
             plane = rows.planes[rows.plane[c]]
             for i in (plane[COMPONENT], plane[OTHER]):
-                forward = forward or abs(work[BEFORE, i]) > SLOW * space.mag[i]
+                forward = forward or abs(work[BEFORE, i]) > _SLOW * space.mag[i]
             back = forward
         for side in range(2):
             slid, turned = (forward, back) if side == 0 else (back, forward)
@@ -737,11 +737,11 @@ def is_paradox(machine: Machine, flow: Flow, lane: Lane) -> bool:
     space = flow.space
     here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
     for c in range(len(lane.mode)):
-        space.tried[KEPT, c] = lane.mode[c]
+        space.tried[MODE_BEFORE, c] = lane.mode[c]
     approaching(machine, flow, here, lane.clock[LAST], NOWHERE, 1.0)
     known = put_responses(machine, flow, here)
     for c in range(len(lane.mode)):
-        lane.mode[c] = space.tried[KEPT, c]
+        lane.mode[c] = space.tried[MODE_BEFORE, c]
     found = False
     for n in range(rows.sizes[ON_INERTIAL]):
         if known and opens(rows, n) and space.tried[NEAR, n] == 1:

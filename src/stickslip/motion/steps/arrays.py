@@ -544,7 +544,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         labels=z((guards, 2), np.int64),
         known=np.ones(mq + mz + 1, np.int64),
         asked=z(len(rows.parts) + 1, np.int64),
-        impact=z((16, max(nq, nc, len(rows.links)))),
+        impact=z((17, max(nq, nc, len(rows.links)))),
         tried=z((6, max(nc, 1)), np.int64),
         response=z((nq, struck)),
         delassus=z((struck, struck)),
