@@ -108,9 +108,8 @@ _WRONG = 1e-12  # part of the largest by which something has the wrong sign
 _PATIENCE = 6  # times that all wrong modes are changed together while they do not become fewer
 _FIRST_ROUNDS, _LAST_ROUNDS = 8, 2048  # of relaxation
 _EXACTLY = 12  # times that what has yielded is taken away, until what is held has rates of
-_EXACT = 1e-15  # … this part of the largest, and they may be
-_HOLDS = 1e-10  # … this at the end
-_NEARLY_STRAIGHT, _STRAIGHT = 1e-3, 1e-14  # turns of slips in planes that are small, and none
+_EXACT, _NEARLY, _HOLDS = 1e-15, 1e-12, 1e-10
+_STRAIGHT = 1e-3  # turn of slips in planes that is small
 _MOST_TURNS = 20000  # of impacts one after the other
 _NONE_LEFT = 1e-29  # part of the energy of the first approach below which there is none
 _EQUAL = 1e-9  # part by which energies of approach are equal
@@ -471,7 +470,7 @@ def pivot(rows: Rows, space: Space, mode: Array) -> bool:
         if not turned < np.inf:
             return False
         wrong = change_modes(rows, space, mode, patience > 0)
-        if wrong == 0 and turned <= _NEARLY_STRAIGHT:
+        if wrong == 0 and turned <= _STRAIGHT:
             if is_right(rows, space, mode):
                 return True
             wrong = change_modes(rows, space, mode, False)
@@ -489,12 +488,14 @@ def is_right(rows: Rows, space: Space, mode: Array) -> bool:
     """Whether the impulses of a mode obey the law, once nothing yields any more."""
     work = space.impact
     residual = np.inf
+    off = np.inf
     for _ in range(_EXACTLY):
         turned = solve_mode(rows, space, mode, False)
         if not turned < np.inf:
             return False
         residual = residual_of(rows, space, mode)
-        if residual <= _EXACT and turned <= _STRAIGHT:
+        before, off = off, max(residual, turned)
+        if off <= _EXACT or (off <= _NEARLY and off > 0.5 * before):
             break
     _, _, right = judge_impulses(rows, work, space.tried, mode)
     return right and residual <= _HOLDS

@@ -230,11 +230,13 @@ def put_responses(machine: Machine, flow: Flow, at: Instant) -> bool:
     rows = flow.rows
     space = flow.space
     for c in range(rows.sizes[ON_INERTIAL]):
-        rubbing = rows.first_link[c + 1] > rows.first_link[c]
-        back = rubbing and rows.plane[c] < 0 and space.impact[BEFORE, c] < 0.0
-        at.mode[c] = -1 if back else 1
+        at.mode[c] = 1
     if not resolve(rows, flow.k, space, at.mode):
         return False
+    for c in range(rows.sizes[ON_INERTIAL]):
+        rubbing = rows.first_link[c + 1] > rows.first_link[c]
+        if rubbing and rows.plane[c] < 0 and space.impact[BEFORE, c] < 0.0:
+            at.mode[c] = -1
     if coefficients(machine, flow, at, 1, space.V) != OK:
         return False
     for p in range(len(rows.parts)):
@@ -290,17 +292,25 @@ def put_part(rows: Rows, space: Space, J: Array, p: int) -> None:
         if not takes_part(rows, space.tried, c):
             continue
         for i in range(n):
-            total = 0.0
-            for k in range(n):
-                total += space.Rq[first + i, k] * direction_entry(rows, J, space.V, c, k)
-            space.response[members[i], c] = total
+            space.response[members[i], c] = 0.0
         for other in range(m):
-            b = members[n + other]
-            total = 0.0
-            for i in range(n):
-                weight = direction_entry(rows, J, space.V, b, i)
-                total += weight * space.response[members[i], c]
-            space.delassus[b, c] = total
+            space.delassus[members[n + other], c] = 0.0
+        # Directions have few entries that are not zero.
+        for k in range(n):
+            weight = direction_entry(rows, J, space.V, c, k)
+            if weight != 0.0:
+                for i in range(n):
+                    space.response[members[i], c] += space.Rq[first + i, k] * weight
+    for other in range(m):
+        b = members[n + other]
+        for i in range(n):
+            weight = direction_entry(rows, J, space.V, b, i)
+            if weight == 0.0:
+                continue
+            for j in range(m):
+                c = members[n + j]
+                if takes_part(rows, space.tried, c):
+                    space.delassus[b, c] += weight * space.response[members[i], c]
 
 
 @compiled()
