@@ -190,6 +190,10 @@ def test_order_and_halves_do_not_matter(feet: int) -> None:
             assert_allclose(after(body.picked([0, feet - 1])), new, rtol=0, atol=1e-10)
             halves = body.picked(np.repeat(np.arange(feet), 2).tolist())
             assert_allclose(after(halves), new, rtol=0, atol=1e-10)
+            # Which foot has how much of the impulse matters where each rubs in its own way.
+            uneven = body._replace(mu=mu * rng.uniform(size=feet))
+            again = after(uneven.picked(rng.permutation(feet)))
+            assert_allclose(again, after(uneven), rtol=0, atol=1e-9)
             body = drawn(rng, 4, feet, 0.1)
             new = after(body)
             if not isinstance(new, Outcome):
