@@ -177,6 +177,17 @@ def test_with_friction(d: int, feet: int, mu: float) -> None:
         assert body.energy(new) <= body.energy(body.v) * (1 + 1e-12)
 
 
+@pytest.mark.parametrize("d", [1, 2])
+def test_no_rounding_error_is_an_impulse(d: int) -> None:
+    """Two feet of a body with fewer freedoms than directions, each with its own restitution: the
+    law explains the velocities, or there is no impact. Equations without a solution have none."""
+    rng = np.random.default_rng(d)
+    for _ in range(100):
+        body = drawn(rng, d, 2, 0.5)._replace(e=rng.uniform(size=2))
+        new = after(body)
+        assert isinstance(new, Outcome) or unexplained(body, new) <= 1e-9
+
+
 @pytest.mark.parametrize("feet", [4, 8, 20])
 def test_order_and_halves_do_not_matter(feet: int) -> None:
     """Feet in another order, or each in two halves, and for a body on a floor the outer ones alone:
