@@ -436,6 +436,15 @@ def axes_of(rows: Rows, space: Space, c: int) -> tuple[float, float]:
 
 
 @compiled()
+def pressed_by(rows: Rows, space: Space, c: int) -> float:
+    """The normal impulse under which a contact in a plane rubs, by its first component; all that
+    press it do it with one coefficient."""
+    row = limit_of(space.tried, c, True)
+    f = space.impact[row, rows.first_link[c]]
+    return friction_of(rows, space.impact, row, c) / f if f > 0.0 else 0.0
+
+
+@compiled()
 def aim(rows: Rows, space: Space, c: int, x: float, y: float) -> None:
     """Let a contact in a plane slip along a velocity.
 
@@ -638,7 +647,7 @@ def resistance_to_turning(rows: Rows, space: Space, c: int) -> float:
     o = rows.planes[rows.plane[c], OTHER]
     f, g = axes_of(rows, space, c)
     ahead = work[SENSE, c] * f * moved_on(work, c) + work[SENSE, o] * g * moved_on(work, o)
-    pressed = work[IMPULSE, rows.links[rows.first_link[c], PRESSING]]
+    pressed = pressed_by(rows, space, c)
     own = f * f * space.delassus[c, c] + g * g * space.delassus[o, o]
     turns = max(ahead, 0.0) / pressed if pressed > 0.0 else np.inf
     return float(min(turns, 1e8 * own) + _YIELDS * own)
@@ -664,7 +673,7 @@ def take_solution(rows: Rows, space: Space, mode: Array, size: int) -> float:
             work[IMPULSE, c] = -work[SENSE, c] * allowed
             continue
         o = rows.planes[rows.plane[c], OTHER]
-        pressed = work[IMPULSE, rows.links[rows.first_link[c], PRESSING]]
+        pressed = pressed_by(rows, space, c)
         if pressed > 0.0:
             turn = space.impulses[tried[_PLACE, c], size] / pressed
             turn = max(-1.0, min(1.0, turn))
@@ -765,7 +774,7 @@ def right_mode_in_plane(
             aim(rows, space, c, work[BEFORE, c], work[BEFORE, o])
             return 1
         x, y = work[IMPULSE, c] / f, work[IMPULSE, o] / g
-        pressed = work[IMPULSE, rows.links[rows.first_link[c], PRESSING]]
+        pressed = pressed_by(rows, space, c)
         size = math.hypot(x, y)
         if larger * (size - pressed) <= strong:
             return 0
