@@ -68,6 +68,7 @@ EVERYTHING = System(
         "b": Contact("d_z", threshold=("1", 2)),
         "ψ": Contact("d_u", threshold="1"),
     },
+    impacts="in turn",
     jumps={
         "over, and 'back'": Jump("x - 1", {"x": 0, "d_x": -0.5, "alpha": "2*alpha"}, "falling"),
         "either": Jump("alpha", {"beta": "-beta"}),

@@ -396,7 +396,9 @@ class _Text:
     def openings(self) -> list[str]:
         """0 ≤ N ⟂ g ≥ 0 for each of them."""
         pairs = self.equations.openings()
-        return [f"0 ≤ {self.write(force)} ⟂ {self.write(gap)} ≥ 0" for force, gap in pairs]
+        lines = [f"0 ≤ {self.write(force)} ⟂ {self.write(gap)} ≥ 0" for force, gap in pairs]
+        in_turn = ["impacts one after the other"] if self.system.impacts == "in turn" else []
+        return lines + in_turn
 
     def lines(self) -> list[str]:
         system = self.system

@@ -96,6 +96,8 @@ class _Page:
                 yield _section(title, [self.write(node)])
         yield self.balances()
         yield self.friction()
+        if self.system.impacts == "in turn":
+            yield _section("Impacts", ["<mtext>one after the other</mtext>"])
         yield self.jumps()
         yield self.definitions()
 

@@ -97,7 +97,7 @@ ENGINE = Library(
             "motion.between.trace",
             "motion.engine.event_loop",
             "motion.engine.flights",
-            "motion.engine.tables",
+            "motion.steps.tables",
             "orbits.fields.engine.interpreter",
             "orbits.fields.engine.variations",
             "orbits.settling.engine.attraction",

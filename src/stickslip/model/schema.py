@@ -11,6 +11,7 @@ from typing import Any
 from stickslip.errors import DeclarationError, short
 from stickslip.model.system import (
     CROSSINGS,
+    IMPACT_LAWS,
     AnyContact,
     Condition,
     Coordinate,
@@ -44,6 +45,7 @@ _EXPECTED = {
     ),
     "Axes": ("a pair of half axes", "Write it like [1.0, 0.6]"),
     "Passing": ("how a guard passes through zero", 'Write "falling", "rising" or "both"'),
+    "ImpactLaw": ("a law of impacts", 'Write "together" or "in turn"'),
     "Direction": ("one linear combination of rates", PLANAR),
     "Direction | tuple[Direction, Direction]": (
         "a linear combination of rates, or a pair of them",
@@ -128,6 +130,8 @@ def _has_kind(value: Any, kind: str) -> bool:
             return isinstance(value, str) or _is_pair(value, "str")
         case "Passing":
             return isinstance(value, str) and value in CROSSINGS
+        case "ImpactLaw":
+            return isinstance(value, str) and value in IMPACT_LAWS
         case "float":
             return isinstance(value, Real) and not isinstance(value, bool)
         case "int":
@@ -164,7 +168,7 @@ def wrong_kind(value: Any, expected: str, where: str) -> DeclarationError:
         "bool": "true or false",
     }
     kind = type(value).__name__
-    if expected == "Passing":
+    if expected in ("Passing", "ImpactLaw"):
         names |= {"str": f"'{short(str(value))}'"}
     found = (
         names.get(kind, f"a value of type {kind}") if not _has_kind(value, "float") else "a number"

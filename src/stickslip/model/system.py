@@ -34,6 +34,10 @@ Passing = str
 """How a guard passes through zero: a key of :data:`CROSSINGS`."""
 CROSSINGS = {"falling": -1, "both": 0, "rising": 1}
 """The sign of its rate where it does."""
+ImpactLaw = str
+"""What contacts do that close at once: one of :data:`IMPACT_LAWS`."""
+IMPACT_LAWS = ("together", "in turn")
+"""All impulses obey the law at once, or one impact comes after the other."""
 
 
 class Kind(StrEnum):
@@ -464,6 +468,12 @@ class System:
         Φ(t, x, α); the quadratic viscous part of the dissipation potential.
     contacts : mapping of str to Contact
         Or to a friction law with a name, such as ``ss.laws.stribeck("d_x", ...)``.
+    impacts : {"together", "in turn"}
+        What contacts do that close at once. By default the impulses of all of them obey Newton's
+        and Coulomb's laws together: two balls of equal mass that touch fly off together when a
+        third one strikes them. In turn, only the contact whose approach carries the most kinetic
+        energy has an impact, then the next one, until none approaches: then the last ball alone
+        flies off, as in Newton's cradle.
     jumps : mapping of str to Jump
         Where the state jumps.
     translation : mapping of str to float
@@ -499,6 +509,7 @@ class System:
     potential: Formula = 0.0
     viscous: Formula = 0.0
     contacts: Mapping[str, AnyContact] = field(default_factory=dict[str, AnyContact])
+    impacts: ImpactLaw = "together"
     jumps: Mapping[str, Jump] = field(default_factory=dict[str, Jump])
     translation: Mapping[str, float] = field(default_factory=dict[str, float])
     initial: Mapping[str, float] = field(default_factory=dict[str, float])

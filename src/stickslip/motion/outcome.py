@@ -93,8 +93,9 @@ class Outcome(Ended):
     NO_COLLISION = (
         18,
         "no admissible impact",
-        "No impulses obey the law of impacts here, or there are too many contacts to try all of "
-        "their modes",
+        "No impulses were found that obey the law of impacts. Where bodies touch at more places "
+        "than they can move, restitution has to be the same at all of them, or zero; or let the "
+        "impacts come in turn",
     )
     CREATES_ENERGY = (
         19,

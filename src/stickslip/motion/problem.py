@@ -150,7 +150,7 @@ class Problem:
     def constants_of(self, table: Array) -> Constants:
         """The same for a table of parameters, shape (groups, parameters): arrays with a leading
         axis."""
-        from stickslip.motion.engine.tables import run_setups
+        from stickslip.motion.steps.tables import run_setups
 
         layout = self.compiled.layout
         groups = len(table)
@@ -203,7 +203,8 @@ class Problem:
         doubtful = made_once(
             self.compiled, "doubtful rows", lambda: self._doubtful(boxes), tuple(boxes.items()), 64
         )
-        return layout_rows(self.compiled)._replace(doubtful=doubtful)
+        in_turn = int(self.system.impacts == "in turn")
+        return layout_rows(self.compiled)._replace(doubtful=doubtful, in_turn=in_turn)
 
     def _doubtful(self, boxes: dict[str, tuple[float, float]]) -> Array:
         """Rows of thresholds that are not nonnegative for every state, and of kinetic laws that may

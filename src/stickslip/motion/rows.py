@@ -56,6 +56,7 @@ def _rows(equations: MotionEquations, layout: Layout) -> Rows:
         *_links(equations, layout),
         *_jumps(layout),
         *_planes(layout),
+        0,
     )
 
 

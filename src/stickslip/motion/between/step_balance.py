@@ -38,8 +38,8 @@ from stickslip.motion.between.nodes import (
     most,
 )
 from stickslip.motion.between.observers import Sums, add_step, count_times, make_sums
+from stickslip.motion.engine.collisions import distance_of_jump
 from stickslip.motion.engine.guards import opens, resting
-from stickslip.motion.engine.impacts import distance_of_jump
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import (

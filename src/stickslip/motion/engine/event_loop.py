@@ -14,6 +14,7 @@ from stickslip.equations.codegen.series import INDEFINITE
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine import flights
 from stickslip.motion.engine.closed_forms import make_form
+from stickslip.motion.engine.collisions import CREATES, JUMPED, NO_IMPULSE, collide
 from stickslip.motion.engine.forms import (
     AFFINE,
     GERM_ORDERS,
@@ -34,10 +35,6 @@ from stickslip.motion.engine.guards import (
     spell,
 )
 from stickslip.motion.engine.impacts import (
-    CREATES,
-    JUMPED,
-    NO_IMPULSE,
-    collide,
     first_approaching,
     is_paradox,
     open_all,

@@ -27,14 +27,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from stickslip.arrays import Array
 from stickslip.motion.engine.guards import loosen_friction, opens
 from stickslip.motion.engine.modes import resolve, stop, touching
 from stickslip.motion.steps.arrays import (
     BACK,
-    CAUSE,
     COMPONENT,
     CONTACTS,
     COORDINATES,
@@ -73,9 +70,6 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.starting import coefficients, secular_root
 from stickslip.translator import compiled
 
-# What :func:`collide` says: nothing collides; velocities have jumped; no impulse obeys the law; or
-# only such that create energy.
-NO_IMPACT, JUMPED, NO_IMPULSE, CREATES = range(4)
 # Rows of Space.impact: velocities of contacts before and after, impulses, and the restitution that
 # counts; by coordinate, the change of the rates; the best impulses so far; and in SENSE, behind
 # them, the sign of what slips, or its direction n in a plane.
@@ -83,64 +77,15 @@ BEFORE, AFTER, IMPULSE, RESTITUTION, CHANGE, BEST = range(6)
 # … and in FORWARD and BACK coefficients of friction against slip in either sense, and in
 # HOLDS_FORWARD and HOLDS_BACK how much friction holds.
 # Rows of Space.tried: which contacts take part, the mode before, and the best mode so far.
-_NEAR, _KEPT, _CHOSEN = range(3)
-_MOST_MODES = 65536
+NEAR, MODE_BEFORE, CHOSEN = range(3)
+MOST_MODES = 65536  # that are ever tried
 _MOST_TURNS = 60  # of directions in planes
-_CREATED = 1e-9  # part of the energy of an impact that may be a rounding error
 _SLOW = 1e-12  # part of their terms below which velocities are zero
 _TOGETHER = 1e-13  # of the time that a motion may last: what of bouncing is left then is none
 _AT_FIRST = 1e-9  # square of the part of its time that says how large the gaps of a motion are
 _ALMOST = 1e-2  # of the paradox: a motion that runs into it ends a little before
 _SINGULAR = 1e-13  # part of its row below which a pivot is zero
-
-
-@compiled()
-def collide(machine: Machine, flow: Flow, lane: Lane, last: float) -> int:
-    """Let velocities jump where a gap is closed and would become negative.
-
-    Parameters
-    ----------
-    machine : Machine
-    flow : Flow
-    lane : Lane
-        Its rates jump, and its mode becomes a guess of the next one.
-    last : float
-        Length of the last step.
-
-    Returns
-    -------
-    int
-        From NO_IMPACT to CREATES.
-    """
-    rows = flow.rows
-    space = flow.space
-    work = space.impact
-    tried = space.tried
-    here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
-    fired = lane.counters[CAUSE] - len(rows.kinks)
-    if approaching(machine, flow, here, last, fired, 1.0) == 0:
-        return NO_IMPACT
-    mq = rows.sizes[ON_INERTIAL]
-    nq = rows.sizes[INERTIAL]
-    for c in range(mq):
-        tried[_KEPT, c] = lane.mode[c]
-        work[RESTITUTION, c] = restitution_of(rows, space, c)
-    for _ in range(mq + 1):
-        found = best_impulse(machine, flow, here)
-        for c in range(mq):
-            lane.mode[c] = tried[_KEPT, c]
-        if found != JUMPED:
-            return found
-        for q in range(nq):
-            lane.y[nq + q] += work[CHANGE, q]
-        guess_mode(rows, tried, work, lane.mode)
-        stop_what_is_held(machine, flow, lane)
-        if not settles(machine, flow, lane):
-            return JUMPED
-        # What is left of the bounces cannot be told from none: once more, without restitution.
-        for q in range(nq):
-            lane.y[nq + q] -= work[CHANGE, q]
-    return JUMPED
+_HOLDS = 1e-8  # part of the largest velocity that what is held may have
 
 
 @compiled()
@@ -170,11 +115,11 @@ def approaching(
     found = 0
     for c in range(rows.sizes[ON_INERTIAL]):
         work[BEFORE, c] = space.V[rows.u[c], 0]
-        space.tried[_NEAR, c] = 0
+        space.tried[NEAR, c] = 0
         if opens(rows, c):
             near = abs(space.V[rows.gaps[c], 0]) <= slack * touching(flow, c, last)
             closed = near or c == fired
-            space.tried[_NEAR, c] = 1 if closed else 0
+            space.tried[NEAR, c] = 1 if closed else 0
             if closed and work[BEFORE, c] < -_SLOW * space.mag[c]:
                 found += 1
     return found
@@ -184,9 +129,15 @@ def approaching(
 def restitution_of(rows: Rows, space: Space, c: int) -> float:
     """Restitution of a contact in the impact at hand. What recedes before it has none: γ⁺ ≥ −e γ⁻
     would let it come back."""
-    row = rows.restitution[c]
     recedes = opens(rows, c) and space.impact[BEFORE, c] > 0.0
-    return 0.0 if row < 0 or recedes else float(space.V[row, 0])
+    return 0.0 if recedes else given_restitution(rows, space, c)
+
+
+@compiled()
+def given_restitution(rows: Rows, space: Space, c: int) -> float:
+    """Restitution that is declared for a contact."""
+    row = rows.restitution[c]
+    return 0.0 if row < 0 else float(space.V[row, 0])
 
 
 @compiled()
@@ -222,7 +173,7 @@ def first_approaching(machine: Machine, flow: Flow, here: Instant, last: float, 
     space = flow.space
     for c in range(flow.rows.sizes[ON_INERTIAL]):
         slow = -_SLOW * space.mag[c]
-        near = opens(flow.rows, c) and space.tried[_NEAR, c] == 1
+        near = opens(flow.rows, c) and space.tried[NEAR, c] == 1
         if near and space.impact[BEFORE, c] < slow and not (going and here.mode[c] == 0):
             return c
     return NOWHERE
@@ -238,43 +189,9 @@ def open_all(rows: Rows, mode: Array) -> None:
 
 
 @compiled()
-def best_impulse(machine: Machine, flow: Flow, at: Instant) -> int:
-    """Of the impulses that obey the law and set as little in motion as they can, those that lose
-    most energy; they are left in the work space, with the velocities after them and the change of
-    the rates."""
-    rows = flow.rows
-    space = flow.space
-    work = space.impact
-    tried = space.tried
-    if not put_responses(machine, flow, at):
-        return NO_IMPULSE
-    total = modes_of(rows, tried)
-    least = np.inf
-    exchanged = 0.0
-    fewest = 2 * len(at.mode) + 2
-    for number in range(total if total <= _MOST_MODES else 0):
-        right, gained, size = try_impulses(rows, space, at.mode, number)
-        broken = set_in_motion(rows, space, at.mode)
-        if gained > _CREATED * size:
-            broken += len(at.mode) + 1
-        if right and (broken < fewest or (broken == fewest and gained < least)):
-            least, exchanged, fewest = gained, size, broken
-            for c in range(rows.sizes[ON_INERTIAL]):
-                work[BEST, c] = work[IMPULSE, c]
-                tried[_CHOSEN, c] = at.mode[c]
-    if not least < np.inf:
-        return NO_IMPULSE
-    for c in range(rows.sizes[ON_INERTIAL]):
-        work[IMPULSE, c] = work[BEST, c]
-    put_velocities(rows, space)
-    put_change(rows, space)
-    return JUMPED if least <= _CREATED * exchanged else CREATES
-
-
-@compiled()
 def takes_part(rows: Rows, tried: Array, c: int) -> bool:
     """Whether a contact may have an impulse: it is near, or the friction of one that is."""
-    near = opens(rows, c) and tried[_NEAR, c] == 1
+    near = opens(rows, c) and tried[NEAR, c] == 1
     return bool(near or is_pressed(rows, tried, c))
 
 
@@ -282,7 +199,7 @@ def takes_part(rows: Rows, tried: Array, c: int) -> bool:
 def is_pressed(rows: Rows, tried: Array, c: int) -> bool:
     """Whether a contact rubs under the normal force of one that takes part."""
     for link in range(rows.first_link[c], rows.first_link[c + 1]):
-        if tried[_NEAR, rows.links[link, PRESSING]] == 1:
+        if tried[NEAR, rows.links[link, PRESSING]] == 1:
             return True
     return False
 
@@ -313,11 +230,13 @@ def put_responses(machine: Machine, flow: Flow, at: Instant) -> bool:
     rows = flow.rows
     space = flow.space
     for c in range(rows.sizes[ON_INERTIAL]):
-        rubbing = rows.first_link[c + 1] > rows.first_link[c]
-        back = rubbing and rows.plane[c] < 0 and space.impact[BEFORE, c] < 0.0
-        at.mode[c] = -1 if back else 1
+        at.mode[c] = 1
     if not resolve(rows, flow.k, space, at.mode):
         return False
+    for c in range(rows.sizes[ON_INERTIAL]):
+        rubbing = rows.first_link[c + 1] > rows.first_link[c]
+        if rubbing and rows.plane[c] < 0 and space.impact[BEFORE, c] < 0.0:
+            at.mode[c] = -1
     if coefficients(machine, flow, at, 1, space.V) != OK:
         return False
     for p in range(len(rows.parts)):
@@ -373,17 +292,25 @@ def put_part(rows: Rows, space: Space, J: Array, p: int) -> None:
         if not takes_part(rows, space.tried, c):
             continue
         for i in range(n):
-            total = 0.0
-            for k in range(n):
-                total += space.Rq[first + i, k] * direction_entry(rows, J, space.V, c, k)
-            space.response[members[i], c] = total
+            space.response[members[i], c] = 0.0
         for other in range(m):
-            b = members[n + other]
-            total = 0.0
-            for i in range(n):
-                weight = direction_entry(rows, J, space.V, b, i)
-                total += weight * space.response[members[i], c]
-            space.delassus[b, c] = total
+            space.delassus[members[n + other], c] = 0.0
+        # Directions have few entries that are not zero.
+        for k in range(n):
+            weight = direction_entry(rows, J, space.V, c, k)
+            if weight != 0.0:
+                for i in range(n):
+                    space.response[members[i], c] += space.Rq[first + i, k] * weight
+    for other in range(m):
+        b = members[n + other]
+        for i in range(n):
+            weight = direction_entry(rows, J, space.V, b, i)
+            if weight == 0.0:
+                continue
+            for j in range(m):
+                c = members[n + j]
+                if takes_part(rows, space.tried, c):
+                    space.delassus[b, c] += weight * space.response[members[i], c]
 
 
 @compiled()
@@ -409,7 +336,21 @@ def try_impulses(rows: Rows, space: Space, mode: Array, number: int) -> tuple[bo
         if not turn_impulses(rows, space, mode):
             break
     gained, size, right = judge_impulses(rows, space.impact, space.tried, mode)
-    return right, gained, size
+    return right and residual_of(rows, space, mode) <= _HOLDS, gained, size
+
+
+@compiled()
+def residual_of(rows: Rows, space: Space, mode: Array) -> float:
+    """The largest velocity after an impact of what is held, which should have none, in parts of the
+    largest of all. Equations whose rank is not full may have solutions that are rounding errors."""
+    work = space.impact
+    most = 0.0
+    fastest = 0.0
+    for c in range(rows.sizes[ON_INERTIAL]):
+        fastest = max(fastest, abs(work[BEFORE, c]), abs(work[AFTER, c]))
+        if is_held(rows, space.tried, mode, c):
+            most = max(most, abs(moved_on(work, c)))
+    return most / fastest if fastest > 0.0 else 0.0
 
 
 @compiled()
@@ -472,7 +413,7 @@ def is_free(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
     first, end = rows.first_link[c], rows.first_link[c + 1]
     for link in range(first, end):
         normal = rows.links[link, PRESSING]
-        if tried[_NEAR, normal] == 1 and mode[normal] == 0:
+        if tried[NEAR, normal] == 1 and mode[normal] == 0:
             return False
     return bool(end > first)
 
@@ -490,7 +431,7 @@ def slides_along(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
         return False
     for link in range(rows.first_link[c], rows.first_link[c + 1]):
         normal = rows.links[link, PRESSING]
-        if tried[_NEAR, normal] == 1 and mode[normal] == 0:
+        if tried[NEAR, normal] == 1 and mode[normal] == 0:
             return True
     return False
 
@@ -624,8 +565,8 @@ def modes_of(rows: Rows, tried: Array) -> int:
     slips."""
     total = 1
     for c in range(rows.sizes[ON_INERTIAL]):
-        if total <= _MOST_MODES:
-            if opens(rows, c) and tried[_NEAR, c] == 1:
+        if total <= MOST_MODES:
+            if opens(rows, c) and tried[NEAR, c] == 1:
                 total *= 2
             elif takes_part(rows, tried, c) and not is_component(rows, c):
                 total *= 3 if rows.plane[c] < 0 else 2
@@ -675,7 +616,7 @@ def judge_impulses(rows: Rows, work: Array, tried: Array, mode: Array) -> tuple[
     right = True
     for c in range(rows.sizes[ON_INERTIAL]):
         moved = moved_on(work, c)
-        if opens(rows, c) and tried[_NEAR, c] == 1:
+        if opens(rows, c) and tried[NEAR, c] == 1:
             right = right and (work[IMPULSE, c] >= -strong if mode[c] == 0 else moved >= -fast)
         elif is_pressed(rows, tried, c):
             if is_free(rows, tried, mode, c) or is_component(rows, c):
@@ -741,14 +682,14 @@ def guess_mode(rows: Rows, tried: Array, work: Array, mode: Array) -> None:
     # Rounding errors are those of the jump, not of how fast a contact slides on meanwhile.
     largest = largest_jump(rows, work)
     for c in range(rows.sizes[ON_INERTIAL]):
-        if opens(rows, c) and tried[_NEAR, c] == 1:
+        if opens(rows, c) and tried[NEAR, c] == 1:
             after = work[AFTER, c]
-            if tried[_CHOSEN, c] == 0:
+            if tried[CHOSEN, c] == 0:
                 after = -work[RESTITUTION, c] * work[BEFORE, c]
             mode[c] = 1 if after > 1e-10 * largest else 0
     for c in range(rows.sizes[ON_INERTIAL]):
         if is_pressed(rows, tried, c):
-            mode[c] = tried[_CHOSEN, c]
+            mode[c] = tried[CHOSEN, c]
     loosen_friction(rows, mode)
 
 
@@ -789,7 +730,7 @@ def settles(machine: Machine, flow: Flow, lane: Lane) -> bool:
         return False
     for c in range(rows.sizes[ON_INERTIAL]):
         e = work[RESTITUTION, c]
-        if opens(rows, c) and space.tried[_NEAR, c] == 1 and lane.mode[c] == 1 and e > 0.0:
+        if opens(rows, c) and space.tried[NEAR, c] == 1 and lane.mode[c] == 1 and e > 0.0:
             speed = space.W[rows.u[c], 0]
             falling = -2.0 * space.W[rows.gaps[c], 2] / (unit * unit)
             if falling > 0.0 and 2.0 * speed <= _TOGETHER * lane.clock[SPAN] * falling * (1.0 - e):
@@ -806,87 +747,20 @@ def is_paradox(machine: Machine, flow: Flow, lane: Lane) -> bool:
     space = flow.space
     here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
     for c in range(len(lane.mode)):
-        space.tried[_KEPT, c] = lane.mode[c]
+        space.tried[MODE_BEFORE, c] = lane.mode[c]
     approaching(machine, flow, here, lane.clock[LAST], NOWHERE, 1.0)
     known = put_responses(machine, flow, here)
     for c in range(len(lane.mode)):
-        lane.mode[c] = space.tried[_KEPT, c]
+        lane.mode[c] = space.tried[MODE_BEFORE, c]
     found = False
     for n in range(rows.sizes[ON_INERTIAL]):
-        if known and opens(rows, n) and space.tried[_NEAR, n] == 1:
+        if known and opens(rows, n) and space.tried[NEAR, n] == 1:
             left = space.delassus[n, n] * (1.0 - _ALMOST)
             for link in range(len(rows.links)):
                 c = rows.links[link, RUBBING]
-                rubbing = space.tried[_NEAR, rows.links[link, PRESSING]] == 1
+                rubbing = space.tried[NEAR, rows.links[link, PRESSING]] == 1
                 if rubbing and rows.homes[c, PART] == rows.homes[n, PART]:
                     mu = max(space.impact[HOLDS_FORWARD, link], space.impact[HOLDS_BACK, link])
                     left -= mu * abs(space.delassus[n, c])
             found = found or left <= 0.0
     return found
-
-
-@compiled()
-def distance_of_jump(
-    machine: Machine,
-    flow: Flow,
-    before: Instant,
-    after: Array,
-    last: float,
-    only: int,
-    slack: float,
-) -> float:
-    """How far a jump of the rates is from the nearest one that obeys the law of impacts.
-
-    Parameters
-    ----------
-    machine : Machine
-    flow : Flow
-    before : Instant
-        Before the jump; its mode is used up.
-    after : array
-        State after it.
-    last : float
-        Length of the step that ends there.
-    only : int
-        A contact beside which none takes part that is open; negative: all do that touch.
-    slack : float
-        As of :func:`approaching`.
-
-    Returns
-    -------
-    float
-        Largest difference of a rate; infinite if no impulses obey the law.
-    """
-    rows = flow.rows
-    space = flow.space
-    work = space.impact
-    nq = rows.sizes[INERTIAL]
-    least = 0.0
-    for q in range(nq):
-        least = max(least, abs(after[nq + q] - before.y[nq + q]))
-    near = approaching(machine, flow, before, last, only, slack)
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if only >= 0 and c != only and before.mode[c] != 0:
-            space.tried[_NEAR, c] = 0
-        work[RESTITUTION, c] = restitution_of(rows, space, c)
-    if near == 0:
-        return float(least)
-    total = modes_of(rows, space.tried)
-    least = np.inf
-    fewest = len(before.mode) + 1
-    if not put_responses(machine, flow, before):
-        return np.inf
-    for number in range(total if total <= _MOST_MODES else 0):
-        right, gained, size = try_impulses(rows, space, before.mode, number)
-        right = right and gained <= _CREATED * size
-        broken = set_in_motion(rows, space, before.mode)
-        if right and broken < fewest:
-            least, fewest = np.inf, broken
-        if right and broken == fewest:
-            put_change(rows, space)
-            off = 0.0
-            for q in range(nq):
-                jump = after[nq + q] - before.y[nq + q]
-                off = max(off, abs(jump - work[CHANGE, q]))
-            least = min(least, off)
-    return float(least)

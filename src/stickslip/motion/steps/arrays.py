@@ -150,6 +150,8 @@ class Rows(NamedTuple):
         Contacts in a plane, by the columns from `COMPONENT` to `MASSIVE`.
     plane : array of int, shape (contacts,)
         Which of them each contact is a component of; −1: of none.
+    in_turn : int
+        1 if contacts that close at once have impacts one after the other.
     """
 
     sizes: IntVector
@@ -179,6 +181,7 @@ class Rows(NamedTuple):
     landings: IntVector
     planes: IntMatrix
     plane: IntVector
+    in_turn: int
 
 
 class Constants(NamedTuple):
@@ -541,8 +544,8 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         labels=z((guards, 2), np.int64),
         known=np.ones(mq + mz + 1, np.int64),
         asked=z(len(rows.parts) + 1, np.int64),
-        impact=z((12, max(nq, nc, len(rows.links)))),
-        tried=z((3, max(nc, 1)), np.int64),
+        impact=z((17, max(nq, nc, len(rows.links)))),
+        tried=z((6, max(nc, 1)), np.int64),
         response=z((nq, struck)),
         delassus=z((struck, struck)),
         impulses=z((struck, struck + 1)),

@@ -17,7 +17,7 @@ R. I. Leine, H. Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical S
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import chain, product
+from itertools import chain, islice, product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 _SAME = 1e-7  # part of the velocities by which a jump may miss what its map says
 _EXACT = 1e-11  # … and what is no miss
 _SMALL = 3e-8  # part of the first speed of bounces below which they are taken together
+_MOST_MODES = 4096  # of an impact that are tried
 _TANGENT = 1e-9  # part of its terms below which a gap closes without speed
 
 
@@ -276,7 +277,7 @@ def _mode_of(
     closed = {i for i, c in enumerate(equations.contacts) if c.opens and left.field.mode[i] == 0}
     # Mostly it is the one of last time, which a rounding error tells.
     latest: dict[tuple[int, frozenset[int]], Mode] = kept(left, "latest impacts")
-    candidates = _modes(equations, {*closed, contact})
+    candidates = islice(_modes(equations, {*closed, contact}), _MOST_MODES)
     if closing in latest:
         candidates = chain([latest[closing]], candidates)
     best: Mode | None = None

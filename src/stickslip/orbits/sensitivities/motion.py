@@ -242,7 +242,10 @@ def follow(
     found = variation(fine, pieces, directions)
     missing = [(float(trajectory.knots.time[0]), refused)] if refused else []
     missing += [(t, "events coincide that do not for neighbours") for t in found.corners]
-    missing += [(t, "a guard is touched without speed") for t in found.grazings]
+    why = "a guard is touched without speed"
+    if trajectory.system.impacts == "in turn":
+        why += ", or several impacts come in turn"
+    missing += [(t, why) for t in found.grazings]
     if touching:
         missing += touched(trajectory, pieces)
     return Followed(found, sorted(missing))
