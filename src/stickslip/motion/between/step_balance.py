@@ -26,6 +26,14 @@ import numpy as np
 
 from stickslip.arrays import Array, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
+from stickslip.motion.between.impulses import (
+    BROKEN,
+    FASTEST,
+    GIVEN,
+    TERMS,
+    UNEXPLAINED,
+    explain_jump,
+)
 from stickslip.motion.between.nodes import (
     COUNT,
     GAUSS_NODES,
@@ -39,7 +47,6 @@ from stickslip.motion.between.nodes import (
 )
 from stickslip.motion.between.observers import Sums, add_step, count_times, make_sums
 from stickslip.motion.engine.guards import opens, resting
-from stickslip.motion.engine.impacts import distance_of_jump
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import (
@@ -113,7 +120,6 @@ _CANCELS = 1e-5  # part of its terms against which a sum is measured in which th
 _ROUNDINGS = 8.0  # rounding errors of a rate, in parts of the size of its terms
 # square root of the number of pieces after which rounding errors of the state count beside others
 _WALK = 16.0
-_NEARBY = 1e3  # tolerances of a gap below which a contact may take part in an impact
 # Rows of Tally.state, columns of Tally.law and of Tally.kinks, and slots of Tally.total.
 LARGEST, _SWAY, _DEFECT, _ROUNDED = range(4)
 _EXCESS, _OFF_THRESHOLD, _CREEP, _BACKWARDS, _FORCE, _SPEED, _HELD, _OVERLAP, _OPENING = range(9)
@@ -552,33 +558,34 @@ def close_impact(
     h : float
         Length of the last piece.
     cause : int
-        The contact that has closed. Whether others that are closed but for rounding errors, or
-        for the tolerance, take part is not decided by the law: all of it is admissible.
+        The contact that has closed.
     i : int
         The step.
     accounts : Accounts
         Is added to.
     """
-    space = flow.space
-    nq = flow.rows.sizes[INERTIAL]
-    steps = accounts.steps
+    rows, space = flow.rows, flow.space
+    nq = rows.sizes[INERTIAL]
+    steps, tally = accounts.steps, accounts.tally
     arrived = Instant(at.t, space.trial, at.mode, at.reg)
     lost = energy_in(machine, flow, arrived)
     for c in range(len(at.mode)):
         space.labels[c, 0] = at.mode[c]
-    off = np.inf
-    for attempt in range(3):
-        for c in range(len(at.mode)):
-            at.mode[c] = space.labels[c, 0]
-        only = cause if attempt == 1 else NOWHERE
-        slack = _NEARBY if attempt == 2 else 1.0
-        off = min(off, distance_of_jump(machine, flow, arrived, at.y, h, only, slack))
+    found = space.explained
+    for c in range(rows.sizes[ON_INERTIAL]):
+        found[FASTEST, c] = tally.law[c, _SPEED]
+    explain_jump(machine, flow, arrived, at.y, h, cause)
     for c in range(len(at.mode)):
         at.mode[c] = space.labels[c, 0]
+    for c in range(rows.sizes[ON_INERTIAL]):
+        tally.law[c, _CREEP] = most(tally.law[c, _CREEP], found[BROKEN, c])
+        tally.law[c, _HELD] = most(tally.law[c, _HELD], found[GIVEN, c])
     for q in range(nq):
         # What the law does not explain stays as a gap of the step; the rest is none.
         space.trial[nq + q] = at.y[nq + q]
-        steps.gap[i, nq + q] += off
+        steps.gap[i, nq + q] += found[UNEXPLAINED, q]
+        tally.state[_SWAY, nq + q] = most(tally.state[_SWAY, nq + q], found[TERMS, q])
+        tally.state[_SWAY, q] = most(tally.state[_SWAY, q], h * found[TERMS, q])
     lost -= energy_in(machine, flow, arrived)
     steps.work[i, SPENT] += lost
 
@@ -1037,11 +1044,11 @@ def sample_law(
             samples[row, g] = held + up
             samples[row + 1, g] = down - held
             samples[row + 2, g] = u
-        if abs(mode[c]) == 2:
-            law[c, _HELD] = most(law[c, _HELD], mag[nc + c] * h if c < mq else mag[c])
-        elif mode[c] == 0:
+        if mode[c] == 0:
             law[c, _HELD] = most(law[c, _HELD], free_speed(rows, space, c, h))
         else:
+            law[c, _HELD] = most(law[c, _HELD], mag[nc + c] * h if c < mq else mag[c])
+        if abs(mode[c]) == 1:
             samples[row, g] = mode[c] * u
             samples[row + 2, g] = held + (up if mode[c] > 0 else -down)
     for j in range(len(rows.kinks)):

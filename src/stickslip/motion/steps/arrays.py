@@ -225,6 +225,8 @@ class Space(NamedTuple):
         Of impacts; see :mod:`stickslip.motion.engine.impacts`.
     response, delassus, impulses : arrays, shapes (nq, mq), (mq, mq), (mq, mq + 1)
         M⁻¹Jᵀ and J M⁻¹ Jᵀ of contacts that take part in an impact, and the equations of impulses.
+    rays, shares, explained : arrays, shapes (mq + 1, mq + 1), (mq + 1, mq + 2), (10, nq or mq)
+        Of the audit of an impact; see :mod:`stickslip.motion.between.impulses`.
     begun, answer, aims : arrays
         Of slips in a plane that begin; see :mod:`stickslip.motion.steps.starting`.
     landed, stood : arrays
@@ -266,6 +268,9 @@ class Space(NamedTuple):
     response: Matrix
     delassus: Matrix
     impulses: Matrix
+    rays: Matrix
+    shares: Matrix
+    explained: Matrix
     landed: Vector
     stood: IntVector
     begun: Matrix
@@ -523,6 +528,9 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         response=z((nq, struck)),
         delassus=z((struck, struck)),
         impulses=z((struck, struck + 1)),
+        rays=z((struck + 1, struck + 1)),
+        shares=z((struck + 1, struck + 2)),
+        explained=z((10, max(nq, nc) if struck else 0)),
         landed=z(max(len(rows.landings), 1)),
         stood=np.full(nk + 1, -1, np.int64),
         begun=z((table_rows if len(rows.planes) else 0, FEWEST_ORDERS + 1)),
