@@ -58,11 +58,12 @@ from stickslip.motion.steps.starting import coefficients
 from stickslip.translator import compiled
 
 # Rows of Space.explained. By contact: the largest speed so far, which is given; γ⁺ as recorded;
-# γ⁺ + e γ⁻; the size of its terms; the part of the jump of γ that is left; the size of an impulse, in
-# which rays may cancel; by how much γ⁺ + e γ⁻ breaks the law; the size of the velocities that
-# impulses give. By coordinate: the part of the jump of a rate that is left, and the size of its
-# terms.
-FASTEST, _REACHED, _MOVED, _SIZE, _LEFT, _STRONG, BROKEN, GIVEN, UNEXPLAINED, TERMS = range(10)
+# γ⁺ + e γ⁻; the size of its terms; the part of the jump of γ that is left; the size of an impulse,
+# in which rays may cancel; by how much γ⁺ + e γ⁻ breaks the law; the size of what impulses change.
+# By coordinate: the part of the jump of a rate that is left; the size of its terms.
+FASTEST, _REACHED, _MOVED, _SIZE, _LEFT, _STRONG, BROKEN, CONTACT_TERMS, RATES_LEFT, RATE_TERMS = (
+    range(10)
+)
 # Rows of Space.tried: which contacts are near, and the mode before; then what they do in the
 # impact.
 _NEAR, _KEPT, _DONE = range(3)
@@ -115,7 +116,7 @@ def explain_jump(
     strikes = approaching(machine, flow, before, last, cause, _NEARBY)
     for c in range(mq):
         work[RESTITUTION, c] = restitution_of(rows, space, c)
-        if settles(space, c, space.mag[c]):
+        if rests_at_last(space, c, space.mag[c]):
             work[RESTITUTION, c] = 0.0
         work[IMPULSE, c], found[_STRONG, c] = 0.0, 0.0
         space.tried[_DONE, c] = _APART
@@ -127,7 +128,7 @@ def explain_jump(
             space.tried[_NEAR, c] = 0
         judge_jump(rows, space, before.y, after, cause)
         if not definite:
-            found[UNEXPLAINED, 0] = np.inf
+            found[RATES_LEFT, 0] = np.inf
         return
     for c in range(mq):
         found[_SIZE, c] += passed_on(rows, space, c)
@@ -142,12 +143,12 @@ def explain_jump(
     if best < trial - 1:
         fit_impulses(rows, space, before.y, after, cause, best)
     if creates_energy(rows, space):
-        found[UNEXPLAINED, 0] = np.inf
+        found[RATES_LEFT, 0] = np.inf
     ask_for_rest(machine, flow, before, after)
 
 
 @compiled()
-def settles(space: Space, c: int, size: float) -> bool:
+def rests_at_last(space: Space, c: int, size: float) -> bool:
     """Whether a contact does not rebound, and would do so with next to no velocity: of infinitely
     many impacts that follow faster and faster, the last are left out.
 
@@ -234,7 +235,7 @@ def fit_impulses(
         steep = steepest_ray(rows, space, number)
         if not steep > _FLAT * scale:
             break
-        number, gone_on = balance(rows, space, number + 1)
+        number, gone_on = balance_rays(rows, space, number + 1)
         put_left(rows, space, number)
         if not gone_on:
             break
@@ -324,7 +325,7 @@ def pushed(rows: Rows, space: Space, number: int, c: int) -> float:
 
 
 @compiled()
-def balance(rows: Rows, space: Space, number: int) -> tuple[int, bool]:
+def balance_rays(rows: Rows, space: Space, number: int) -> tuple[int, bool]:
     """Give rays the weights for which nothing is left along any of them, without those whose
     weights would not be positive; how many are left, and whether the last has become one of them.
 
@@ -407,8 +408,8 @@ def judge_jump(rows: Rows, space: Space, before: Array, after: Array, cause: int
     nq = rows.sizes[INERTIAL]
     mq = rows.sizes[ON_INERTIAL]
     for q in range(nq):
-        found[UNEXPLAINED, q] = after[nq + q] - before[nq + q]
-        found[TERMS, q] = abs(found[UNEXPLAINED, q])
+        found[RATES_LEFT, q] = after[nq + q] - before[nq + q]
+        found[RATE_TERMS, q] = abs(found[RATES_LEFT, q])
     jump = largest_rate(rows, space)
     for c in range(mq):
         # Others that are as good may have another size, and cancel.
@@ -417,11 +418,11 @@ def judge_jump(rows: Rows, space: Space, before: Array, after: Array, cause: int
             part = rows.parts[rows.homes[c, PART]]
             for i in range(part[COORDINATES]):
                 q = rows.members[part[MEMBERS] + i]
-                found[UNEXPLAINED, q] -= space.response[q, c] * work[IMPULSE, c]
+                found[RATES_LEFT, q] -= space.response[q, c] * work[IMPULSE, c]
                 most = max(found[_STRONG, c], alone)
-                found[TERMS, q] += abs(space.response[q, c]) * most
+                found[RATE_TERMS, q] += abs(space.response[q, c]) * most
     for q in range(nq):
-        found[UNEXPLAINED, q] = abs(found[UNEXPLAINED, q])
+        found[RATES_LEFT, q] = abs(found[RATES_LEFT, q])
     largest = largest_rate(rows, space)
     for c in range(mq):
         off = 0.0
@@ -436,10 +437,10 @@ def judge_jump(rows: Rows, space: Space, before: Array, after: Array, cause: int
         found[BROKEN, c] = off
         if off > 0.0 and has_impulse(rows, space, c) and space.delassus[c, c] > 0.0:
             largest = max(largest, off / math.sqrt(space.delassus[c, c]))
-        found[GIVEN, c] = passed_on(rows, space, c)
+        found[CONTACT_TERMS, c] = passed_on(rows, space, c)
         for b in range(mq):
             if found[_STRONG, b] != 0.0 and rows.homes[b, PART] == rows.homes[c, PART]:
-                found[GIVEN, c] += abs(space.delassus[c, b]) * found[_STRONG, b]
+                found[CONTACT_TERMS, c] += abs(space.delassus[c, b]) * found[_STRONG, b]
     return largest / jump if jump > 0.0 else 0.0
 
 
@@ -450,7 +451,7 @@ def largest_rate(rows: Rows, space: Space) -> float:
     for part in rows.parts:
         for i in range(part[COORDINATES] if part[MATRIX] == 0 else 0):
             own = space.Rq[part[FIRST_ROW] + i, i]
-            off = abs(space.explained[UNEXPLAINED, rows.members[part[MEMBERS] + i]])
+            off = abs(space.explained[RATES_LEFT, rows.members[part[MEMBERS] + i]])
             if own > 0.0 and off > largest * math.sqrt(own):
                 largest = off / math.sqrt(own)
     return largest
@@ -501,4 +502,4 @@ def ask_for_rest(machine: Machine, flow: Flow, before: Instant, after: Array) ->
         for q in range(nq):
             jump = after[nq + q] - before.y[nq + q]
             off = abs(jump - work[CHANGE, q])
-            found[UNEXPLAINED, q] = max(found[UNEXPLAINED, q], off)
+            found[RATES_LEFT, q] = max(found[RATES_LEFT, q], off)

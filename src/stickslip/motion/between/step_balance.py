@@ -28,10 +28,10 @@ from stickslip.arrays import Array, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.between.impulses import (
     BROKEN,
+    CONTACT_TERMS,
     FASTEST,
-    GIVEN,
-    TERMS,
-    UNEXPLAINED,
+    RATE_TERMS,
+    RATES_LEFT,
     explain_jump,
 )
 from stickslip.motion.between.nodes import (
@@ -579,13 +579,13 @@ def close_impact(
         at.mode[c] = space.labels[c, 0]
     for c in range(rows.sizes[ON_INERTIAL]):
         tally.law[c, _CREEP] = most(tally.law[c, _CREEP], found[BROKEN, c])
-        tally.law[c, _HELD] = most(tally.law[c, _HELD], found[GIVEN, c])
+        tally.law[c, _HELD] = most(tally.law[c, _HELD], found[CONTACT_TERMS, c])
     for q in range(nq):
         # What the law does not explain stays as a gap of the step; the rest is none.
         space.trial[nq + q] = at.y[nq + q]
-        steps.gap[i, nq + q] += found[UNEXPLAINED, q]
-        tally.state[_SWAY, nq + q] = most(tally.state[_SWAY, nq + q], found[TERMS, q])
-        tally.state[_SWAY, q] = most(tally.state[_SWAY, q], h * found[TERMS, q])
+        steps.gap[i, nq + q] += found[RATES_LEFT, q]
+        tally.state[_SWAY, nq + q] = most(tally.state[_SWAY, nq + q], found[RATE_TERMS, q])
+        tally.state[_SWAY, q] = most(tally.state[_SWAY, q], h * found[RATE_TERMS, q])
     lost -= energy_in(machine, flow, arrived)
     steps.work[i, SPENT] += lost
 
