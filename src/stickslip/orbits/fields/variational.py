@@ -202,6 +202,15 @@ class _Meeting:
         event = self.run.event
         i, last = int(event[BEGINS]), int(event[ENDS])
         switches = [int(s) for s in event[MET : MET + event[MEETING]]]
+        made, piece = self.pieces.made, self.run.piece
+        left, right = made[piece[i - 1]], made[piece[last]]
+        changed, resting = _changed(left, right), self._resting(left, i)
+        if changed <= resting and changed <= self._resting(right, i):
+            # Forces are shared in another way: they are not unique, and the motion has no event.
+            self.run.after[i : last + 1] = self.run.after[i]
+            return last
+        # What others hold at rest fires with them, however its own velocity is rounded.
+        switches = [s for s in switches if s in changed or s not in resting]
         self.run.after[i : last + 1] = self._corner(i, last, switches) @ self.run.after[i]
         return last
 
@@ -244,6 +253,13 @@ class _Meeting:
             found |= {s.knot: (s, here) for s, here in zip(own, leaves, strict=True)}
         return found
 
+    def _resting(self, piece: Piece, i: int) -> set[int]:
+        """The switches of contacts that rest in a piece, at a knot."""
+        t, y = float(self.knots.time[i]), self.knots.state[i]
+        kinks = len(piece.field.region)
+        contacts = range(len(piece.field.mode))
+        return {kinks + c for c in contacts if piece.rests(c, t, y, self.p)}
+
     def _corner(self, i: int, last: int, switches: list[int]) -> Array:
         """S where several guards vanish at once."""
         arrived = self.run.after[i]
@@ -270,11 +286,21 @@ class _Meeting:
             g = int(min(falling, key=lambda g: abs(here.value[g])))
             if abs(here.value[g]) > together * abs(here.fall[g]):
                 return None  # once the others have switched, this one need not
-            piece = (
-                right
-                if switch == order[-1]
-                else self.pieces(*piece.switched(switch, right.setting(switch)))
-            )
+            try:
+                piece = (
+                    right
+                    if switch == order[-1]
+                    else self.pieces(*piece.switched(switch, right.setting(switch)))
+                )
+            except ZeroDivisionError:
+                return None  # rates are not determined between the two
             if jump(here, g, piece.rates(t, y, self.p), here.terms[g], S) == GRAZED:
                 self.grazings.append(t)
         return S
+
+
+def _changed(left: Piece, right: Piece) -> set[int]:
+    """The switches that are set otherwise in another piece."""
+    kinks = len(left.field.region)
+    switches = range(kinks + len(left.field.mode))
+    return {s for s in switches if left.setting(s) != right.setting(s)}
