@@ -112,6 +112,13 @@ class Piece:
         left = slope - bounds.T @ np.linalg.lstsq(bounds.T, slope, rcond=None)[0]
         return float(np.max(np.abs(left))) <= _DEPENDENT * float(np.max(np.abs(slope)))
 
+    def carried(self, t: float, y: Array, p: Array) -> set[int]:
+        """The switches of contacts that others hold at rest, though they do not stick in this mode:
+        their guards are velocities that are zero but for rounding errors."""
+        kinks = len(self.field.region)
+        modes = enumerate(self.field.mode)
+        return {kinks + c for c, mode in modes if mode != 0 and self.rests(c, t, y, p)}
+
     @property
     def bound(self) -> int:
         """Number of constraints."""
