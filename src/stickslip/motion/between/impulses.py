@@ -3,12 +3,8 @@
 Once the velocities on both sides of an impact are known, the law
 (:mod:`stickslip.motion.engine.impacts`) leaves a convex cone of impulses Λ: what has separated has
 none, what slips afterwards rubs in one direction, what does not has any friction that can be held.
-So no modes have to be tried. In the cone, the impulse is found whose jump M⁻¹JᵀΛ is nearest to the
-one that was recorded, by non-negative least squares in the metric of M (C. L. Lawson & R. J.
-Hanson, *Solving Least Squares Problems*, 1974, chapter 23). A ray of the cone is the impulse of one
-contact with its friction; rays are made when they are needed, each the steepest that there is, so
-that a set of forces counts by its support function alone. Where impulses are not unique, any will
-do.
+So no modes have to be tried: in the cone, the impulse is found whose jump M⁻¹JᵀΛ is nearest to the
+one that was recorded (:mod:`stickslip.motion.between.cones`).
 """
 
 from __future__ import annotations
@@ -18,6 +14,16 @@ import math
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.motion.between.cones import (
+    FORCE,
+    LEAST,
+    MOST,
+    PRESSES,
+    STRONG,
+    WANTED,
+    fit_cones,
+    no_cones,
+)
 from stickslip.motion.engine.guards import opens
 from stickslip.motion.engine.impacts import (
     BEFORE,
@@ -30,12 +36,10 @@ from stickslip.motion.engine.impacts import (
     put_responses,
     restitution_of,
     set_in_motion,
-    solve_equations,
 )
 from stickslip.motion.steps.arrays import (
     BACK,
     COORDINATES,
-    EPSILON,
     FIRST_ROW,
     FORWARD,
     HOLDS_BACK,
@@ -58,12 +62,9 @@ from stickslip.motion.steps.starting import coefficients
 from stickslip.translator import compiled
 
 # Rows of Space.explained. By contact: the largest speed so far, which is given; γ⁺ as recorded;
-# γ⁺ + e γ⁻; the size of its terms; the part of the jump of γ that is left; the size of an impulse,
-# in which rays may cancel; by how much γ⁺ + e γ⁻ breaks the law; the size of what impulses change.
-# By coordinate: the part of the jump of a rate that is left; the size of its terms.
-FASTEST, _REACHED, _MOVED, _SIZE, _LEFT, _STRONG, BROKEN, CONTACT_TERMS, RATES_LEFT, RATE_TERMS = (
-    range(10)
-)
+# γ⁺ + e γ⁻; the size of its terms; by how much γ⁺ + e γ⁻ breaks the law; the size of what impulses
+# change. By coordinate: the part of the jump of a rate that is left; the size of its terms.
+FASTEST, _REACHED, _MOVED, _SIZE, BROKEN, CONTACT_TERMS, RATES_LEFT, RATE_TERMS = range(8)
 # Rows of Space.tried: which contacts are near, and the mode before; then what they do in the
 # impact.
 _NEAR, _KEPT, _DONE = range(3)
@@ -76,8 +77,6 @@ _SLOW, _SLOWER = 1e-10, 1e-13
 _TRIALS = 3
 _SETTLED = 1e-9  # the same for velocities with which a contact would rebound, but rests
 _EXPLAINED = 1e-12  # part of a jump that may be left unexplained before another is tried
-_FLAT = 16.0 * EPSILON  # part of the jump below which nothing is left of it
-_MOST_RAYS = 60  # tried for each contact
 
 
 @compiled()
@@ -118,7 +117,7 @@ def explain_jump(
         work[RESTITUTION, c] = restitution_of(rows, space, c)
         if rests_at_last(space, c, space.mag[c]):
             work[RESTITUTION, c] = 0.0
-        work[IMPULSE, c], found[_STRONG, c] = 0.0, 0.0
+        work[IMPULSE, c], space.cones[STRONG, c] = 0.0, 0.0
         space.tried[_DONE, c] = _APART
         found[_MOVED, c] = found[_REACHED, c] + work[RESTITUTION, c] * work[BEFORE, c]
         found[_SIZE, c] += space.mag[c]
@@ -211,9 +210,7 @@ def fit_impulses(
     trial : int
         Says what is slow.
     """
-    found = space.explained
-    done = space.tried[_DONE]
-    scale = 0.0
+    found, done = space.explained, space.tried[_DONE]
     for c in range(rows.sizes[ON_INERTIAL]):
         zero = is_slow(found, c, trial)
         if opens(rows, c):
@@ -221,25 +218,53 @@ def fit_impulses(
         elif rows.plane[c] >= 0:
             o = rows.planes[rows.plane[c], OTHER]
             if not is_component(rows, c):
-                zero = zero and is_slow(found, o, trial)
-                done[c] = 0 if zero else 1
+                done[c] = 0 if zero and is_slow(found, o, trial) else 1
                 done[o] = done[c]
         else:
             done[c] = 0 if zero else (1 if found[_MOVED, c] > 0.0 else -1)
-        if has_impulse(rows, space, c) and space.delassus[c, c] > 0.0:
-            jump = abs(found[_REACHED, c] - space.impact[BEFORE, c])
-            scale = max(scale, jump / math.sqrt(space.delassus[c, c]))
-    number = 0
-    put_left(rows, space, number)
-    for _ in range(_MOST_RAYS * rows.sizes[ON_INERTIAL]):
-        steep = steepest_ray(rows, space, number)
-        if not steep > _FLAT * scale:
-            break
-        number, gone_on = balance_rays(rows, space, number + 1)
-        put_left(rows, space, number)
-        if not gone_on:
-            break
+    fit_cones(rows, space, put_cones(rows, space))
+    for c in range(rows.sizes[ON_INERTIAL]):
+        space.impact[IMPULSE, c] = space.cones[FORCE, c]
     return judge_jump(rows, space, before, after, cause)
+
+
+@compiled()
+def put_cones(rows: Rows, space: Space) -> float:
+    """The cones of the impulses that the law leaves, and the jumps of the velocities of contacts,
+    which are wanted; the size of these."""
+    work, cones, moved = space.impact, space.cones, space.explained[_MOVED]
+    done = space.tried[_DONE]
+    scale = 0.0
+    no_cones(rows, space)
+    for c in range(rows.sizes[ON_INERTIAL]):
+        cones[WANTED, c] = space.explained[_REACHED, c] - work[BEFORE, c]
+        if has_impulse(rows, space, c) and space.delassus[c, c] > 0.0:
+            scale = max(scale, abs(cones[WANTED, c]) / math.sqrt(space.delassus[c, c]))
+        if opens(rows, c):
+            cones[PRESSES, c] = 1.0 if done[c] == _TOUCHING else 0.0
+        elif rows.parents[c] < 0 or is_component(rows, c):
+            continue
+        elif done[c] == 0:
+            cones[LEAST, c], cones[MOST, c] = -work[HOLDS_FORWARD, c], work[HOLDS_BACK, c]
+            if rows.plane[c] >= 0:
+                o = rows.planes[rows.plane[c], OTHER]
+                for i in (c, o):
+                    cones[LEAST, i], cones[MOST, i] = (
+                        -work[HOLDS_FORWARD, i],
+                        work[HOLDS_FORWARD, i],
+                    )
+        elif rows.plane[c] >= 0:
+            o = rows.planes[rows.plane[c], OTHER]
+            f, g = work[FORWARD, c], work[FORWARD, o]
+            size = math.hypot(f * moved[c], g * moved[o])
+            if size > 0.0:
+                cones[MOST, c] = -f * f * moved[c] / size
+                cones[MOST, o] = -g * g * moved[o] / size
+            cones[LEAST, c], cones[LEAST, o] = cones[MOST, c], cones[MOST, o]
+        else:
+            cones[MOST, c] = -work[FORWARD, c] if done[c] > 0 else work[BACK, c]
+            cones[LEAST, c] = cones[MOST, c]
+    return scale
 
 
 @compiled()
@@ -247,146 +272,6 @@ def is_slow(found: Array, c: int, trial: int) -> bool:
     """Whether γ⁺ + e γ⁻ of a contact may be zero."""
     size = found[_SIZE, c] + (found[FASTEST, c] if trial == _TRIALS - 1 else 0.0)
     return bool(abs(found[_MOVED, c]) <= (_SLOWER if trial == 1 else _SLOW) * size)
-
-
-@compiled()
-def steepest_ray(rows: Rows, space: Space, number: int) -> float:
-    """Make the ray along which what is left of the jump falls most, behind those that there are;
-    its steepness, in the metric of M (0: there is none)."""
-    done = space.tried[_DONE]
-    mq = rows.sizes[ON_INERTIAL]
-    most = 0.0
-    chosen = -1
-    for n in range(mq):
-        if opens(rows, n) and done[n] == _TOUCHING:
-            put_ray(rows, space, n, number)
-            falls = 0.0
-            square = 0.0
-            for c in range(mq):
-                if space.rays[number, c] != 0.0:
-                    falls += space.rays[number, c] * space.explained[_LEFT, c]
-                    square += space.rays[number, c] * pushed(rows, space, number, c)
-            if falls > 0.0 and square > 0.0 and falls > most * math.sqrt(square):
-                most, chosen = falls / math.sqrt(square), n
-    if chosen >= 0:
-        put_ray(rows, space, chosen, number)
-    return most
-
-
-@compiled()
-def put_ray(rows: Rows, space: Space, n: int, number: int) -> None:
-    """A unit impulse of a contact, with the friction that what is left of the jump asks for most.
-
-    Parameters
-    ----------
-    rows : Rows
-    space : Space
-        Receives it, with the weight 0 behind it.
-    n : int
-        The contact.
-    number : int
-        Place of the ray.
-    """
-    work, left = space.impact, space.explained[_LEFT]
-    moved, done = space.explained[_MOVED], space.tried[_DONE]
-    ray = space.rays[number]
-    mq = rows.sizes[ON_INERTIAL]
-    for c in range(mq + 1):
-        ray[c] = 0.0
-    ray[n] = 1.0
-    for c in range(mq):
-        if rows.parents[c] != n or is_component(rows, c):
-            continue
-        if rows.plane[c] >= 0:
-            o = rows.planes[rows.plane[c], OTHER]
-            slips = done[c] != 0
-            f, g = work[FORWARD, c], work[FORWARD, o]
-            x, y = -f * moved[c], -g * moved[o]
-            if not slips:
-                f, g = work[HOLDS_FORWARD, c], work[HOLDS_FORWARD, o]
-                x, y = f * left[c], g * left[o]
-            size = math.hypot(x, y)
-            if size > 0.0:
-                ray[c], ray[o] = f * x / size, g * y / size
-        elif done[c] != 0:
-            ray[c] = -work[FORWARD, c] if done[c] > 0 else work[BACK, c]
-        else:
-            ray[c] = work[HOLDS_BACK, c] if left[c] > 0.0 else -work[HOLDS_FORWARD, c]
-
-
-@compiled()
-def pushed(rows: Rows, space: Space, number: int, c: int) -> float:
-    """The velocity that a ray gives to a contact."""
-    total = 0.0
-    for b in range(rows.sizes[ON_INERTIAL]):
-        if space.rays[number, b] != 0.0 and rows.homes[b, PART] == rows.homes[c, PART]:
-            total += space.delassus[c, b] * space.rays[number, b]
-    return total
-
-
-@compiled()
-def balance_rays(rows: Rows, space: Space, number: int) -> tuple[int, bool]:
-    """Give rays the weights for which nothing is left along any of them, without those whose
-    weights would not be positive; how many are left, and whether the last has become one of them.
-
-    Parameters
-    ----------
-    rows : Rows
-    space : Space
-        With the rays, and what is left of the jump beside them.
-    number : int
-        How many rays there are.
-    """
-    mq = rows.sizes[ON_INERTIAL]
-    rays = space.rays
-    shares = space.shares
-    entered = True
-    while number > 0:
-        for i in range(number):
-            for j in range(number):
-                shares[i, j] = 0.0
-            shares[i, number] = 0.0
-            for c in range(mq):
-                if rays[i, c] != 0.0:
-                    shares[i, number] += rays[i, c] * space.explained[_LEFT, c]
-                    for j in range(number):
-                        shares[i, j] += rays[i, c] * pushed(rows, space, j, c)
-        if not solve_equations(shares, number):
-            return number - 1, False  # the last is made of the others
-        part = 1.0
-        first = -1
-        for j in range(number):
-            change = shares[j, number]
-            if rays[j, mq] + change <= 0.0 and (first < 0 or rays[j, mq] < -part * change):
-                part, first = min(part, -rays[j, mq] / change) if change < 0.0 else 0.0, j
-        for j in range(number):
-            rays[j, mq] += part * shares[j, number]
-        if first < 0:
-            return number, entered
-        entered = entered and first < number - 1
-        for j in range(first, number - 1):
-            for c in range(mq + 1):
-                rays[j, c] = rays[j + 1, c]
-        number -= 1
-        put_left(rows, space, number)
-    return 0, False
-
-
-@compiled()
-def put_left(rows: Rows, space: Space, number: int) -> None:
-    """Add up the impulses of rays, and what they leave of the jump of each contact."""
-    work, found = space.impact, space.explained
-    mq = rows.sizes[ON_INERTIAL]
-    for c in range(mq):
-        work[IMPULSE, c], found[_STRONG, c] = 0.0, 0.0
-        for j in range(number):
-            work[IMPULSE, c] += space.rays[j, mq] * space.rays[j, c]
-            found[_STRONG, c] += space.rays[j, mq] * abs(space.rays[j, c])
-    for c in range(mq):
-        found[_LEFT, c] = found[_REACHED, c] - work[BEFORE, c]
-        for b in range(mq):
-            if work[IMPULSE, b] != 0.0 and rows.homes[b, PART] == rows.homes[c, PART]:
-                found[_LEFT, c] -= space.delassus[c, b] * work[IMPULSE, b]
 
 
 @compiled()
@@ -404,7 +289,7 @@ def judge_jump(rows: Rows, space: Space, before: Array, after: Array, cause: int
     cause : int
         The contact that has closed.
     """
-    work, found = space.impact, space.explained
+    work, found, strong = space.impact, space.explained, space.cones[STRONG]
     nq = rows.sizes[INERTIAL]
     mq = rows.sizes[ON_INERTIAL]
     for q in range(nq):
@@ -414,12 +299,12 @@ def judge_jump(rows: Rows, space: Space, before: Array, after: Array, cause: int
     for c in range(mq):
         # Others that are as good may have another size, and cancel.
         alone = impulse_alone(rows, space, c)
-        if found[_STRONG, c] != 0.0 or alone > 0.0:
+        if strong[c] != 0.0 or alone > 0.0:
             part = rows.parts[rows.homes[c, PART]]
             for i in range(part[COORDINATES]):
                 q = rows.members[part[MEMBERS] + i]
                 found[RATES_LEFT, q] -= space.response[q, c] * work[IMPULSE, c]
-                most = max(found[_STRONG, c], alone)
+                most = max(strong[c], alone)
                 found[RATE_TERMS, q] += abs(space.response[q, c]) * most
     for q in range(nq):
         found[RATES_LEFT, q] = abs(found[RATES_LEFT, q])
@@ -439,8 +324,8 @@ def judge_jump(rows: Rows, space: Space, before: Array, after: Array, cause: int
             largest = max(largest, off / math.sqrt(space.delassus[c, c]))
         found[CONTACT_TERMS, c] = passed_on(rows, space, c)
         for b in range(mq):
-            if found[_STRONG, b] != 0.0 and rows.homes[b, PART] == rows.homes[c, PART]:
-                found[CONTACT_TERMS, c] += abs(space.delassus[c, b]) * found[_STRONG, b]
+            if strong[b] != 0.0 and rows.homes[b, PART] == rows.homes[c, PART]:
+                found[CONTACT_TERMS, c] += abs(space.delassus[c, b]) * strong[b]
     return largest / jump if jump > 0.0 else 0.0
 
 
