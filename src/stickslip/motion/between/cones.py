@@ -3,11 +3,11 @@ what is wanted.
 
 Where it is known what closes, slips and rests, the law leaves a convex set of forces. It is the sum
 of cones: a unit of a normal force, with the friction that it can press; and a unit of a threshold,
-which is wanted exactly once, with the forces within it. The point nearest to what is wanted is found
-by non-negative least squares in the metric of M⁻¹, that of accelerations or of jumps of velocities
-(C. L. Lawson & R. J. Hanson, *Solving Least Squares Problems*, 1974, chapter 23). Rays are made
-when they are needed, each the steepest that there is, so that a set of forces counts by its support
-function alone. No modes are tried, and where forces are not unique, any will do.
+which is wanted exactly once, with the forces within it. The point nearest to what is wanted is
+found by non-negative least squares in the metric of M⁻¹, that of accelerations or of jumps of
+velocities (C. L. Lawson & R. J. Hanson, *Solving Least Squares Problems*, 1974, chapter 23). Rays
+are made when they are needed, each the steepest that there is, so that a set of forces counts by
+its support function alone. No modes are tried, and where forces are not unique, any will do.
 """
 
 from __future__ import annotations
@@ -44,7 +44,11 @@ from stickslip.translator import compiled
     WEIGHT,
     LEFT_ALONE,
 ) = range(11)
-CONES = 11
+_OF_A_FIT = 11
+# Rows that only forces need (:mod:`stickslip.motion.between.forces`): what a contact does, and the
+# size of its force; its force in the mode; a force that others come on top of; coefficients of
+# friction; and differences to the force in the mode, at both ends of a piece.
+RESTS, SIZE, KEPT, SHARES, PUSHES_ON, PUSHES_BACK, DIFFERENCE = range(11, 18)
 _FLAT = 16.0 * EPSILON  # part of what is wanted below which nothing is left of it
 _MOST_RAYS = 60  # tried for each contact
 
@@ -227,6 +231,6 @@ def put_left(rows: Rows, space: Space, number: int) -> None:
 @compiled()
 def no_cones(rows: Rows, space: Space) -> None:
     """Begin with no forces at all."""
-    for i in range(CONES):
+    for i in range(_OF_A_FIT):
         for c in range(rows.sizes[ON_INERTIAL]):
             space.cones[i, c] = 0.0

@@ -26,6 +26,8 @@ import numpy as np
 
 from stickslip.arrays import Array, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
+from stickslip.motion.between.cones import RESTS, SIZE
+from stickslip.motion.between.forces import share_forces
 from stickslip.motion.between.impulses import (
     BROKEN,
     CONTACT_TERMS,
@@ -883,7 +885,48 @@ def measure_piece(
         size = tally.state[LARGEST, r]
         time = counts_for(rows, space.mag, r, size, piece.h, piece.acting)
         steps.gap[i, r] += time * (LEBESGUE * largest + between)
+    if asks_for_others(rows, space, mode, tally):
+        share_forces(machine, flow, Instant(piece.t, y, mode, reg), piece.order, piece.h)
     judge_law(rows, space, mode, piece, tally)
+
+
+@compiled()
+def asks_for_others(rows: Rows, space: Space, mode: Array, tally: Tally) -> bool:
+    """Whether forces of what rests do not obey the law at a node; what rests is put into the work
+    space.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the guards at the nodes.
+    mode : array of int, shape (contacts,)
+    tally : Tally
+        Sizes.
+    """
+    if len(space.delassus) == 0:
+        return False
+    law, samples = tally.law, space.samples
+    asked = False
+    for c in range(rows.sizes[ON_INERTIAL]):
+        row = rows.sizes[DIMENSION] + 3 * c
+        space.cones[SIZE, c] = law[c, _FORCE]
+        space.cones[RESTS, c] = 0.0
+        guards = 0
+        if opens(rows, c):
+            guards = 1 if mode[c] == 0 else 0
+        elif rows.plane[c] < 0 and not is_loose(rows, mode, c):
+            guards = 2 if resting(mode[c]) else 0
+            if not resting(mode[c]) and rows.parents[c] >= 0:
+                speed = max(law[c, _SPEED], _REST * law[c, _HELD])
+                still = rows.drops[c] == 0 and largest_of(samples[row]) <= _NEGLIGIBLE * speed
+                space.cones[RESTS, c] = 1.0 if still else -1.0
+        if guards > 0:
+            space.cones[RESTS, c] = 1.0
+        for part in range(guards):
+            for g in range(COUNT):
+                asked = asked or samples[row + part, g] < -_NEGLIGIBLE * law[c, _FORCE]
+    return asked
 
 
 @compiled()

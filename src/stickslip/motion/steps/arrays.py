@@ -531,7 +531,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         response=z((nq, struck)),
         delassus=z((struck, struck)),
         impulses=z((struck, struck + 1)),
-        cones=z((16, struck)),
+        cones=z((19, struck)),
         rays=z((2 * struck + 1, 2 * struck + 1)),
         shares=z((2 * struck + 1, 2 * struck + 2)),
         explained=z((8, max(nq, nc) if struck else 0)),
