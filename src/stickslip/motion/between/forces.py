@@ -60,6 +60,7 @@ from stickslip.translator import compiled
 
 _HELD, _RUBS = 1, -1  # in the row RESTS; 0: its force is that of the mode
 _SAME = 1e-11  # part of its size by which what has to be the same may differ
+_LITTLE = 1.5e-9  # part of its bounds below which there is no room
 _INSIDE = 4  # trials: how far from the bounds of the law forces have to be
 
 
@@ -106,6 +107,29 @@ def share_forces(machine: Machine, flow: Flow, at: Instant, order: int, h: float
                 return True
             shift_guards(rows, space, at.mode, -1.0)
     return False
+
+
+@compiled()
+def widest_room(machine: Machine, flow: Flow, at: Instant) -> float:
+    """How far from the bounds of the law some forces of what rests may keep, as a part of these; 0
+    if there is no room.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        In the `Space.cones` of its work space RESTS and SIZE say what rests, and the sizes of
+        forces.
+    at : Instant
+    """
+    if len(flow.rows.planes) > 0:
+        return 0.0
+    room = 0.0
+    wider = _LITTLE
+    while wider < 1.0 and fit_forces(machine, flow, at, wider, 0):
+        room = wider
+        wider *= 8.0
+    return room
 
 
 @compiled()

@@ -27,7 +27,7 @@ import numpy as np
 from stickslip.arrays import Array, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.between.cones import RESTS, SIZE
-from stickslip.motion.between.forces import share_forces
+from stickslip.motion.between.forces import share_forces, widest_room
 from stickslip.motion.between.impulses import (
     BROKEN,
     CONTACT_TERMS,
@@ -1078,6 +1078,7 @@ def sample_law(
             # What is closed has no size but that of what forces would do to it.
             size = max(abs(gap), mag[3 * nc + len(rows.kinks) + c], _REST * h * h * mag[nc + c])
             law[c, _OPENING] = most(law[c, _OPENING], size)
+            law[c, _HELD] = most(law[c, _HELD], mag[nc + c] * h)
             space.impact[WIDEST, c] = law[c, _OPENING]
             samples[row, g] = held if mode[c] == 0 else gap
             samples[row + 1, g] = gap
@@ -1416,6 +1417,8 @@ def judge_beginning(
     at = Instant(starts.time[i], starts.state[i], mode, reg)
     if hold_beginnings(machine, flow, at, starts, ends, i):
         c, room = least_room(flow, at, slips, tally)
+        if c < 0 and room == 0.0:
+            c, room = shared_room(machine, flow, at, slips, tally)
         if c >= 0:
             tally.law[c, _EXCESS] = most(tally.law[c, _EXCESS], room * tally.law[c, _FORCE])
 
@@ -1534,8 +1537,8 @@ def is_still(rows: Rows, space: Space, c: int) -> bool:
 @compiled()
 def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int, float]:
     """Which of the contacts that are held is nearest to its threshold, and the part of its force by
-    which it is below; −1 where something else keeps them from resting: another contact, what may
-    happen beyond a kink, or a gap that may close.
+    which it is below; −1 and 0 where one has no room; −1 and −1 where something else keeps them
+    from resting: another contact, what may happen beyond a kink, or a gap that may close.
 
     Parameters
     ----------
@@ -1557,24 +1560,59 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
     late = 0.5 * EPSILON * abs(at.t) / unit
     for j in range(len(rows.kinks)):
         if rows.timed[j] == 0 and abs(W[rows.kinks[j], 0]) <= ROUNDING * mag[3 * nc + j]:
-            return NOWHERE, 0.0
+            return NOWHERE, -1.0
     first = NOWHERE
     least = np.inf
+    full = False
     for c in range(nc):
         if is_component(rows, c) or is_loose(rows, mode, c):
             continue
         if opens(rows, c):
             gap = abs(W[rows.gaps[c], 0]) - ROUNDING * gap_size(rows, flow.space, c)
             if W[rows.force[c], 0] < 0.0 if mode[c] == 0 else gap <= 0.0:
-                return NOWHERE, 0.0
+                return NOWHERE, -1.0
         elif resting(mode[c]):
             room = room_left(rows, flow.space, c, late, tally.law[c, _FORCE])
             carried = abs(mode[c]) != 2 or abs(W[rows.u[c], 1]) <= ROUNDING * mag[nc + c] * unit
-            if not room > 0.0 or not carried:
-                return NOWHERE, 0.0
+            if not carried:
+                return NOWHERE, -1.0
+            full = full or not room > 0.0
             if not resting(slips[c]) and room < least:
                 first, least = c, room
-    return first, least
+    return (NOWHERE, 0.0) if full else (first, least)
+
+
+@compiled()
+def shared_room(
+    machine: Machine, flow: Flow, at: Instant, slips: Array, tally: Tally
+) -> tuple[int, float]:
+    """The same where forces are not unique: the room of those that have most; −1 if there is none.
+
+    Parameters
+    ----------
+    machine, flow, at, slips, tally
+        As of :func:`least_room`.
+    """
+    rows, space = flow.rows, flow.space
+    begins = NOWHERE
+    held = 0
+    if len(space.delassus) == 0:
+        return NOWHERE, 0.0
+    for c in range(rows.sizes[ON_INERTIAL]):
+        rests = 0.0
+        if opens(rows, c):
+            rests = 1.0 if at.mode[c] == 0 else 0.0
+        elif not is_loose(rows, at.mode, c):
+            slides = -1.0 if rows.parents[c] >= 0 else 0.0
+            rests = 1.0 if resting(at.mode[c]) else slides
+            if resting(at.mode[c]) and not resting(slips[c]):
+                begins = c
+        held += 1 if rests > 0.0 else 0
+        space.cones[RESTS, c], space.cones[SIZE, c] = rests, tally.law[c, _FORCE]
+    if held < 2 or begins < 0:
+        return NOWHERE, 0.0
+    room = widest_room(machine, flow, at)
+    return (begins, room) if room > 0.0 else (NOWHERE, 0.0)
 
 
 @compiled()
