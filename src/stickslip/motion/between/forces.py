@@ -58,7 +58,9 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.starting import coefficients
 from stickslip.translator import compiled
 
-_HELD, _RUBS = 1, -1  # in the row RESTS; 0: its force is that of the mode
+# In the row RESTS, what others than the force of the mode, which is 0 there, stand for: what is
+# closed or sticks in the mode; what rests though it is open, or loose, in it; what rubs.
+HOLDS, TOUCHES, RUBS = 1, 2, -1
 _SAME = 1e-11  # part of its size by which what has to be the same may differ
 _LITTLE = 1.5e-9  # part of its bounds below which there is no room
 _INSIDE = 4  # trials: how far from the bounds of the law forces have to be
@@ -258,7 +260,7 @@ def put_law(rows: Rows, space: Space, mode: Array, room: float, end: int) -> boo
         up, down = V[rows.plus[c], 0], V[rows.minus[c], 0]
         on, back = 0.0, 0.0
         if n >= 0:
-            first = 2 if cones[RESTS, c] == _HELD else 0
+            first = 0 if cones[RESTS, c] == RUBS else 2
             on, back = V[rows.friction[c, first], 0], V[rows.friction[c, first + 1], 0]
         if end == 0:
             cones[PUSHES_ON, c], cones[PUSHES_BACK, c] = on, back
@@ -266,7 +268,7 @@ def put_law(rows: Rows, space: Space, mode: Array, room: float, end: int) -> boo
         if not off <= _SAME * (abs(on) + abs(back)):
             return False
         pressed = cones[KEPT, n] if n >= 0 else 0.0
-        if cones[RESTS, c] == _RUBS:
+        if cones[RESTS, c] == RUBS:
             share = -on if mode[c] > 0 else back
             cones[LEAST, c], cones[MOST, c] = share, share
             cones[SHARES, c] = share * cones[SHARES, n]
@@ -332,9 +334,9 @@ def shift_guards(rows: Rows, space: Space, mode: Array, sign: float) -> None:
             row = rows.sizes[DIMENSION] + 3 * c
             change = sign * between(cones, c, part)
             if opens(rows, c):
-                if cones[RESTS, c] != 0.0:
+                if cones[RESTS, c] == HOLDS:
                     samples[row, g] += change
-            elif cones[RESTS, c] == _HELD:
+            elif cones[RESTS, c] == HOLDS:
                 n = rows.parents[c]
                 pressed = sign * between(cones, n, part) if n >= 0 else 0.0
                 on, back = cones[PUSHES_ON, c], cones[PUSHES_BACK, c]
@@ -358,9 +360,11 @@ def between(cones: Array, c: int, part: float) -> float:
 
 @compiled()
 def is_admissible(rows: Rows, space: Space, mode: Array) -> bool:
-    """Whether the guards of what rests are nowhere negative, but for rounding errors."""
+    """Whether the guards of what rests are nowhere negative, but for rounding errors; where the
+    mode has no force, differences that change evenly are admissible between if they are at the
+    ends."""
     for c in range(rows.sizes[ON_INERTIAL]):
-        if space.cones[RESTS, c] <= 0.0:
+        if space.cones[RESTS, c] != HOLDS:
             continue
         row = rows.sizes[DIMENSION] + 3 * c
         little = _SAME * space.cones[SIZE, c]

@@ -27,7 +27,7 @@ import numpy as np
 from stickslip.arrays import Array, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.between.cones import RESTS, SIZE
-from stickslip.motion.between.forces import share_forces, widest_room
+from stickslip.motion.between.forces import HOLDS, RUBS, TOUCHES, share_forces, widest_room
 from stickslip.motion.between.impulses import (
     BROKEN,
     CONTACT_TERMS,
@@ -885,13 +885,13 @@ def measure_piece(
         size = tally.state[LARGEST, r]
         time = counts_for(rows, space.mag, r, size, piece.h, piece.acting)
         steps.gap[i, r] += time * (LEBESGUE * largest + between)
-    if asks_for_others(rows, space, mode, tally):
+    if asks_for_others(rows, space, mode, piece, tally):
         share_forces(machine, flow, Instant(piece.t, y, mode, reg), piece.order, piece.h)
     judge_law(rows, space, mode, piece, tally)
 
 
 @compiled()
-def asks_for_others(rows: Rows, space: Space, mode: Array, tally: Tally) -> bool:
+def asks_for_others(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Tally) -> bool:
     """Whether forces of what rests do not obey the law at a node; what rests is put into the work
     space.
 
@@ -901,6 +901,7 @@ def asks_for_others(rows: Rows, space: Space, mode: Array, tally: Tally) -> bool
     space : Space
         With the guards at the nodes.
     mode : array of int, shape (contacts,)
+    piece : StepPiece
     tally : Tally
         Sizes.
     """
@@ -915,18 +916,51 @@ def asks_for_others(rows: Rows, space: Space, mode: Array, tally: Tally) -> bool
         guards = 0
         if opens(rows, c):
             guards = 1 if mode[c] == 0 else 0
+            wide = largest_of(samples[row]) > ROUNDING * gap_size(rows, space, c)
+            if mode[c] != 0 and not wide and stays_still(rows, space, c, piece, tally):
+                space.cones[RESTS, c] = TOUCHES
         elif rows.plane[c] < 0 and not is_loose(rows, mode, c):
             guards = 2 if resting(mode[c]) else 0
             if not resting(mode[c]) and rows.parents[c] >= 0:
-                speed = max(law[c, _SPEED], _REST * law[c, _HELD])
-                still = rows.drops[c] == 0 and largest_of(samples[row]) <= _NEGLIGIBLE * speed
-                space.cones[RESTS, c] = 1.0 if still else -1.0
+                still = rows.drops[c] == 0 and stays_still(rows, space, c, piece, tally)
+                space.cones[RESTS, c] = HOLDS if still else RUBS
         if guards > 0:
-            space.cones[RESTS, c] = 1.0
+            space.cones[RESTS, c] = HOLDS
         for part in range(guards):
             for g in range(COUNT):
                 asked = asked or samples[row + part, g] < -_NEGLIGIBLE * law[c, _FORCE]
+    for c in range(rows.sizes[ON_INERTIAL] if asked else 0):
+        n = rows.parents[c]
+        if n >= 0 and space.cones[RESTS, n] == TOUCHES:
+            still = stays_still(rows, space, c, piece, tally)
+            space.cones[RESTS, c] = TOUCHES if still else 0.0
+            # Friction that slips would press, too: not asked for here.
+            space.cones[RESTS, n] = space.cones[RESTS, n] if still else 0.0
     return asked
+
+
+@compiled()
+def stays_still(rows: Rows, space: Space, c: int, piece: StepPiece, tally: Tally) -> bool:
+    """Whether the velocity of a contact is nothing but rounding errors in a piece.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the polynomials.
+    c : int
+    piece : StepPiece
+    tally : Tally
+        Sizes.
+    """
+    W = space.W[rows.u[c]]
+    x = piece.h / space.W[rows.sizes[DIMENSION], 1]
+    moved = 0.0
+    for k in range(piece.order - 1, -1, -1):
+        moved = moved * x + abs(W[k])
+    made = piece.acting * space.mag[len(rows.u) + c]
+    speed = max(tally.law[c, _SPEED], _REST * max(tally.law[c, _HELD], made))
+    return moved <= _NEGLIGIBLE * speed
 
 
 @compiled()
