@@ -37,8 +37,8 @@ from stickslip.translator import compiled
     FORCE,
     STRONG,
     PRESSES,
-    LEAST,
-    MOST,
+    LEAST_SHARE,
+    MOST_SHARE,
     LEAST_ALONE,
     MOST_ALONE,
     WEIGHT,
@@ -48,7 +48,7 @@ _OF_A_FIT = 11
 # Rows that only forces need (:mod:`stickslip.motion.between.forces`): what a contact does, and the
 # size of its force; its force in the mode; a force that others come on top of; coefficients of
 # friction; and differences to the force in the mode, at both ends of a piece.
-RESTS, SIZE, KEPT, SHARES, PUSHES_ON, PUSHES_BACK, DIFFERENCE = range(11, 18)
+RESTS, FORCE_SIZE, IN_MODE, SHARES, PUSHES_ON, PUSHES_BACK, DIFFERENCE = range(11, 18)
 _FLAT = 16.0 * EPSILON  # part of what is wanted below which nothing is left of it
 _MOST_RAYS = 60  # tried for each contact
 
@@ -126,11 +126,11 @@ def put_ray(rows: Rows, space: Space, own: int, number: int) -> None:
         if rows.parents[c] != own or is_component(rows, c):
             continue
         if rows.plane[c] < 0:
-            ray[c] = cones[MOST, c] if cones[LEFT, c] > 0.0 else cones[LEAST, c]
+            ray[c] = cones[MOST_SHARE, c] if cones[LEFT, c] > 0.0 else cones[LEAST_SHARE, c]
             continue
         o = rows.planes[rows.plane[c], OTHER]
-        f, g = cones[MOST, c], cones[MOST, o]
-        if cones[LEAST, c] == f and cones[LEAST, o] == g:
+        f, g = cones[MOST_SHARE, c], cones[MOST_SHARE, o]
+        if cones[LEAST_SHARE, c] == f and cones[LEAST_SHARE, o] == g:
             ray[c], ray[o] = f, g
             continue
         x, y = f * cones[LEFT, c], g * cones[LEFT, o]

@@ -16,19 +16,19 @@ from stickslip.arrays import Array
 from stickslip.motion.between.cones import (
     DIFFERENCE,
     FORCE,
-    KEPT,
-    LEAST,
+    FORCE_SIZE,
+    IN_MODE,
     LEAST_ALONE,
+    LEAST_SHARE,
     LEFT,
     LEFT_ALONE,
-    MOST,
     MOST_ALONE,
+    MOST_SHARE,
     PRESSES,
     PUSHES_BACK,
     PUSHES_ON,
     RESTS,
     SHARES,
-    SIZE,
     WANTED,
     WEIGHT,
     fit_cones,
@@ -67,7 +67,7 @@ _INSIDE = 4  # trials: how far from the bounds of the law forces have to be
 
 
 @compiled()
-def inside(trial: int) -> float:
+def kept_room(trial: int) -> float:
     """The part of the room that forces have to keep in a trial."""
     return 0.0 if trial == _INSIDE - 1 else 0.3 * 0.1**trial
 
@@ -82,7 +82,7 @@ def share_forces(machine: Machine, flow: Flow, at: Instant, order: int, h: float
     machine : Machine
     flow : Flow
         Its work space has the polynomials and the guards at the nodes; in `Space.cones`, RESTS and
-        SIZE say what rests, and the sizes of forces. Receives the guards.
+        FORCE_SIZE say what rests, and the sizes of forces. Receives the guards.
     at : Instant
         Begin of the piece; its state is used up.
     order : int
@@ -102,7 +102,7 @@ def share_forces(machine: Machine, flow: Flow, at: Instant, order: int, h: float
                 for r in range(len(at.y)):
                     at.y[r] = horner(space.W[r], order, tau / unit)
                 here = Instant(at.t + tau, at.y, at.mode, at.reg)
-                found = fit_forces(machine, flow, here, inside(trial), end)
+                found = fit_forces(machine, flow, here, kept_room(trial), end)
         if found:
             shift_guards(rows, space, at.mode, 1.0)
             if is_admissible(rows, space, at.mode):
@@ -120,7 +120,7 @@ def widest_room(machine: Machine, flow: Flow, at: Instant) -> float:
     ----------
     machine : Machine
     flow : Flow
-        In the `Space.cones` of its work space RESTS and SIZE say what rests, and the sizes of
+        In the `Space.cones` of its work space RESTS and FORCE_SIZE say what rests, and the sizes of
         forces.
     at : Instant
     """
@@ -209,7 +209,7 @@ def fit_forces(machine: Machine, flow: Flow, at: Instant, room: float, end: int)
             continue
         for b in range(mq):
             if cones[RESTS, b] != 0.0 and rows.homes[b, PART] == rows.homes[c, PART]:
-                cones[WANTED, c] += space.delassus[c, b] * (cones[KEPT, b] - cones[SHARES, b])
+                cones[WANTED, c] += space.delassus[c, b] * (cones[IN_MODE, b] - cones[SHARES, b])
         alone = max(abs(cones[LEAST_ALONE, c]), abs(cones[MOST_ALONE, c]))
         cones[WEIGHT, c] = alone * alone * own
         scale = max(scale, abs(cones[WANTED, c]) / math.sqrt(own), alone * math.sqrt(own))
@@ -221,7 +221,7 @@ def fit_forces(machine: Machine, flow: Flow, at: Instant, room: float, end: int)
                 return False
             if not abs(cones[LEFT_ALONE, c]) <= _SAME * cones[WEIGHT, c]:
                 return False
-            cones[DIFFERENCE + end, c] = cones[FORCE, c] + cones[SHARES, c] - cones[KEPT, c]
+            cones[DIFFERENCE + end, c] = cones[FORCE, c] + cones[SHARES, c] - cones[IN_MODE, c]
     return True
 
 
@@ -244,9 +244,9 @@ def put_law(rows: Rows, space: Space, mode: Array, room: float, end: int) -> boo
     normals = 0.0
     closed = 0
     for c in range(mq):
-        cones[KEPT, c] = V[rows.force[c], 0]
+        cones[IN_MODE, c] = V[rows.force[c], 0]
         if opens(rows, c) and cones[RESTS, c] != 0.0:
-            normals += abs(cones[KEPT, c])
+            normals += abs(cones[IN_MODE, c])
             closed += 1
     for c in range(mq):
         cones[SHARES, c] = 0.0
@@ -256,7 +256,7 @@ def put_law(rows: Rows, space: Space, mode: Array, room: float, end: int) -> boo
     for c in range(mq):
         if opens(rows, c) or cones[RESTS, c] == 0.0:
             continue
-        held, n = cones[KEPT, c], rows.parents[c]
+        held, n = cones[IN_MODE, c], rows.parents[c]
         up, down = V[rows.plus[c], 0], V[rows.minus[c], 0]
         on, back = 0.0, 0.0
         if n >= 0:
@@ -267,19 +267,19 @@ def put_law(rows: Rows, space: Space, mode: Array, room: float, end: int) -> boo
         off = abs(on - cones[PUSHES_ON, c]) + abs(back - cones[PUSHES_BACK, c])
         if not off <= _SAME * (abs(on) + abs(back)):
             return False
-        pressed = cones[KEPT, n] if n >= 0 else 0.0
+        pressed = cones[IN_MODE, n] if n >= 0 else 0.0
         if cones[RESTS, c] == RUBS:
             share = -on if mode[c] > 0 else back
-            cones[LEAST, c], cones[MOST, c] = share, share
+            cones[LEAST_SHARE, c], cones[MOST_SHARE, c] = share, share
             cones[SHARES, c] = share * cones[SHARES, n]
             # what is left beside the normal force has to be nothing
-            if not abs(held - share * pressed) <= _SAME * cones[SIZE, c]:
+            if not abs(held - share * pressed) <= _SAME * cones[FORCE_SIZE, c]:
                 return False
         else:
             inner = 1.0 - room
-            cones[LEAST, c], cones[MOST, c] = -inner * on, inner * back
+            cones[LEAST_SHARE, c], cones[MOST_SHARE, c] = -inner * on, inner * back
             alone = inner * max(up - on * pressed, 0.0), inner * max(down - back * pressed, 0.0)
-            if max(alone[0], alone[1]) > _SAME * cones[SIZE, c]:
+            if max(alone[0], alone[1]) > _SAME * cones[FORCE_SIZE, c]:
                 cones[LEAST_ALONE, c], cones[MOST_ALONE, c] = -alone[0], alone[1]
     return True
 
@@ -332,13 +332,13 @@ def shift_guards(rows: Rows, space: Space, mode: Array, sign: float) -> None:
         part = (GAUSS_NODES[g] - GAUSS_NODES[0]) / last
         for c in range(rows.sizes[ON_INERTIAL]):
             row = rows.sizes[DIMENSION] + 3 * c
-            change = sign * between(cones, c, part)
+            change = sign * difference_at(cones, c, part)
             if opens(rows, c):
                 if cones[RESTS, c] == HOLDS:
                     samples[row, g] += change
             elif cones[RESTS, c] == HOLDS:
                 n = rows.parents[c]
-                pressed = sign * between(cones, n, part) if n >= 0 else 0.0
+                pressed = sign * difference_at(cones, n, part) if n >= 0 else 0.0
                 on, back = cones[PUSHES_ON, c], cones[PUSHES_BACK, c]
                 if abs(mode[c]) == 1:
                     # Of what others hold at its threshold, guards are made here.
@@ -353,7 +353,7 @@ def shift_guards(rows: Rows, space: Space, mode: Array, sign: float) -> None:
 
 
 @compiled()
-def between(cones: Array, c: int, part: float) -> float:
+def difference_at(cones: Array, c: int, part: float) -> float:
     """The difference of a force at a part of the way from one end to the other."""
     return float((1.0 - part) * cones[DIFFERENCE, c] + part * cones[DIFFERENCE + 1, c])
 
@@ -367,7 +367,7 @@ def is_admissible(rows: Rows, space: Space, mode: Array) -> bool:
         if space.cones[RESTS, c] != HOLDS:
             continue
         row = rows.sizes[DIMENSION] + 3 * c
-        little = _SAME * space.cones[SIZE, c]
+        little = _SAME * space.cones[FORCE_SIZE, c]
         carried = not opens(rows, c) and abs(mode[c]) == 1
         first = row + 1 if carried else row
         for guard in range(first, first + (1 if opens(rows, c) else 2)):

@@ -16,8 +16,8 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.motion.between.cones import (
     FORCE,
-    LEAST,
-    MOST,
+    LEAST_SHARE,
+    MOST_SHARE,
     PRESSES,
     STRONG,
     WANTED,
@@ -245,11 +245,14 @@ def put_cones(rows: Rows, space: Space) -> float:
         elif rows.parents[c] < 0 or is_component(rows, c):
             continue
         elif done[c] == 0:
-            cones[LEAST, c], cones[MOST, c] = -work[HOLDS_FORWARD, c], work[HOLDS_BACK, c]
+            cones[LEAST_SHARE, c], cones[MOST_SHARE, c] = (
+                -work[HOLDS_FORWARD, c],
+                work[HOLDS_BACK, c],
+            )
             if rows.plane[c] >= 0:
                 o = rows.planes[rows.plane[c], OTHER]
                 for i in (c, o):
-                    cones[LEAST, i], cones[MOST, i] = (
+                    cones[LEAST_SHARE, i], cones[MOST_SHARE, i] = (
                         -work[HOLDS_FORWARD, i],
                         work[HOLDS_FORWARD, i],
                     )
@@ -258,12 +261,15 @@ def put_cones(rows: Rows, space: Space) -> float:
             f, g = work[FORWARD, c], work[FORWARD, o]
             size = math.hypot(f * moved[c], g * moved[o])
             if size > 0.0:
-                cones[MOST, c] = -f * f * moved[c] / size
-                cones[MOST, o] = -g * g * moved[o] / size
-            cones[LEAST, c], cones[LEAST, o] = cones[MOST, c], cones[MOST, o]
+                cones[MOST_SHARE, c] = -f * f * moved[c] / size
+                cones[MOST_SHARE, o] = -g * g * moved[o] / size
+            cones[LEAST_SHARE, c], cones[LEAST_SHARE, o] = (
+                cones[MOST_SHARE, c],
+                cones[MOST_SHARE, o],
+            )
         else:
-            cones[MOST, c] = -work[FORWARD, c] if done[c] > 0 else work[BACK, c]
-            cones[LEAST, c] = cones[MOST, c]
+            cones[MOST_SHARE, c] = -work[FORWARD, c] if done[c] > 0 else work[BACK, c]
+            cones[LEAST_SHARE, c] = cones[MOST_SHARE, c]
     return scale
 
 

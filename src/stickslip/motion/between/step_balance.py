@@ -26,7 +26,7 @@ import numpy as np
 
 from stickslip.arrays import Array, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
-from stickslip.motion.between.cones import RESTS, SIZE
+from stickslip.motion.between.cones import FORCE_SIZE, RESTS
 from stickslip.motion.between.forces import HOLDS, RUBS, TOUCHES, share_forces, widest_room
 from stickslip.motion.between.impulses import (
     BROKEN,
@@ -911,7 +911,7 @@ def asks_for_others(rows: Rows, space: Space, mode: Array, piece: StepPiece, tal
     asked = False
     for c in range(rows.sizes[ON_INERTIAL]):
         row = rows.sizes[DIMENSION] + 3 * c
-        space.cones[SIZE, c] = law[c, _FORCE]
+        space.cones[FORCE_SIZE, c] = law[c, _FORCE]
         space.cones[RESTS, c] = 0.0
         guards = 0
         if opens(rows, c):
@@ -1642,7 +1642,7 @@ def shared_room(
             if resting(at.mode[c]) and not resting(slips[c]):
                 begins = c
         held += 1 if rests > 0.0 else 0
-        space.cones[RESTS, c], space.cones[SIZE, c] = rests, tally.law[c, _FORCE]
+        space.cones[RESTS, c], space.cones[FORCE_SIZE, c] = rests, tally.law[c, _FORCE]
     if held < 2 or begins < 0:
         return NOWHERE, 0.0
     room = widest_room(machine, flow, at)
