@@ -3,9 +3,9 @@
 Where more contacts are closed, or stick, than there are freedoms, a mode has one choice of forces,
 a step one mode, and the law asks for any choice that is admissible. So where the forces of the mode
 are not, others with the same effect are looked for at both ends of a piece
-(:mod:`stickslip.motion.between.cones`), well inside the law if that can be. Their differences to
-those of the mode, JᵀΔ = 0, are the same on the whole piece if directions do not turn in it: so the
-law is asked between the nodes, too, as it is asked of the forces of the mode.
+(:mod:`stickslip.motion.between.cones`), well inside the law if that can be. Directions must not
+turn in it; then differences to the forces of the mode that change evenly from end to end have no
+effect, JᵀΔ = 0, and the law is asked between the nodes, too, as it is asked of those of the mode.
 """
 
 from __future__ import annotations
