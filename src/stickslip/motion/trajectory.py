@@ -607,7 +607,8 @@ class Trajectory(Result):
         said[:, in_plane] = np.where(mode[:, in_plane] == 1, len(words) - 1, 1)
         values = np.hstack([said, k.region + 5, np.full((len(mode), len(equations.jumps)), 7)])
         said_of = np.array(names, dtype=object)[which]
-        for i, place in enumerate(zip(knot, which, strict=True) if joined else ()):
+        places = zip(knot.tolist(), which.tolist(), strict=True) if joined else ()
+        for i, place in enumerate(places):
             said_of[i] = joined.get(place, said_of[i])
         leaps = which >= mode.shape[1] + len(equations.kinks)
         columns = {

@@ -26,6 +26,17 @@ import numpy as np
 
 from stickslip.arrays import Array, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
+from stickslip.motion.between.cones import FORCE_SIZE, RESTS
+from stickslip.motion.between.forces import HOLDS, RUBS, TOUCHES, share_forces, widest_room
+from stickslip.motion.between.impulses import (
+    BROKEN,
+    CONTACT_TERMS,
+    FASTEST,
+    RATE_TERMS,
+    RATES_LEFT,
+    explain_in_turn,
+    explain_jump,
+)
 from stickslip.motion.between.nodes import (
     COUNT,
     GAUSS_NODES,
@@ -38,7 +49,6 @@ from stickslip.motion.between.nodes import (
     most,
 )
 from stickslip.motion.between.observers import Sums, add_step, count_times, make_sums
-from stickslip.motion.engine.collisions import distance_of_jump
 from stickslip.motion.engine.guards import opens, resting
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.engine.roots import horner
@@ -66,8 +76,10 @@ from stickslip.motion.steps.arrays import (
     ON_VISCOUS,
     OTHER,
     PART,
+    PRESSING,
     RATE_INDEPENDENT,
     ROUNDING,
+    RUBBING,
     STATIC,
     STORED,
     SUPPLIED,
@@ -113,7 +125,6 @@ _CANCELS = 1e-5  # part of its terms against which a sum is measured in which th
 _ROUNDINGS = 8.0  # rounding errors of a rate, in parts of the size of its terms
 # square root of the number of pieces after which rounding errors of the state count beside others
 _WALK = 16.0
-_NEARBY = 1e3  # tolerances of a gap below which a contact may take part in an impact
 # Rows of Tally.state, columns of Tally.law and of Tally.kinks, and slots of Tally.total.
 LARGEST, _SWAY, _DEFECT, _ROUNDED = range(4)
 _EXCESS, _OFF_THRESHOLD, _CREEP, _BACKWARDS, _FORCE, _SPEED, _HELD, _OVERLAP, _OPENING = range(9)
@@ -552,33 +563,37 @@ def close_impact(
     h : float
         Length of the last piece.
     cause : int
-        The contact that has closed. Whether others that are closed but for rounding errors, or
-        for the tolerance, take part is not decided by the law: all of it is admissible.
+        The contact that has closed.
     i : int
         The step.
     accounts : Accounts
         Is added to.
     """
-    space = flow.space
-    nq = flow.rows.sizes[INERTIAL]
-    steps = accounts.steps
+    rows, space = flow.rows, flow.space
+    nq = rows.sizes[INERTIAL]
+    steps, tally = accounts.steps, accounts.tally
     arrived = Instant(at.t, space.trial, at.mode, at.reg)
     lost = energy_in(machine, flow, arrived)
     for c in range(len(at.mode)):
         space.labels[c, 0] = at.mode[c]
-    off = np.inf
-    for attempt in range(3):
-        for c in range(len(at.mode)):
-            at.mode[c] = space.labels[c, 0]
-        only = cause if attempt == 1 else NOWHERE
-        slack = _NEARBY if attempt == 2 else 1.0
-        off = min(off, distance_of_jump(machine, flow, arrived, at.y, h, only, slack))
+    found = space.explained
+    for c in range(rows.sizes[ON_INERTIAL]):
+        found[FASTEST, c] = tally.law[c, _SPEED]
+    if rows.in_turn == 1:
+        explain_in_turn(machine, flow, arrived, at.y, h, cause)
+    else:
+        explain_jump(machine, flow, arrived, at.y, h, cause)
     for c in range(len(at.mode)):
         at.mode[c] = space.labels[c, 0]
+    for c in range(rows.sizes[ON_INERTIAL]):
+        tally.law[c, _CREEP] = most(tally.law[c, _CREEP], found[BROKEN, c])
+        tally.law[c, _HELD] = most(tally.law[c, _HELD], found[CONTACT_TERMS, c])
     for q in range(nq):
         # What the law does not explain stays as a gap of the step; the rest is none.
         space.trial[nq + q] = at.y[nq + q]
-        steps.gap[i, nq + q] += off
+        steps.gap[i, nq + q] += found[RATES_LEFT, q]
+        tally.state[_SWAY, nq + q] = most(tally.state[_SWAY, nq + q], found[RATE_TERMS, q])
+        tally.state[_SWAY, q] = most(tally.state[_SWAY, q], h * found[RATE_TERMS, q])
     lost -= energy_in(machine, flow, arrived)
     steps.work[i, SPENT] += lost
 
@@ -876,7 +891,83 @@ def measure_piece(
         size = tally.state[LARGEST, r]
         time = counts_for(rows, space.mag, r, size, piece.h, piece.acting)
         steps.gap[i, r] += time * (LEBESGUE * largest + between)
+    if asks_for_others(rows, space, mode, piece, tally):
+        share_forces(machine, flow, Instant(piece.t, y, mode, reg), piece.order, piece.h)
     judge_law(rows, space, mode, piece, tally)
+
+
+@compiled()
+def asks_for_others(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Tally) -> bool:
+    """Whether forces of what rests do not obey the law at a node; what rests is put into the work
+    space.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the guards at the nodes.
+    mode : array of int, shape (contacts,)
+    piece : StepPiece
+    tally : Tally
+        Sizes.
+    """
+    if len(space.delassus) == 0:
+        return False
+    law, samples = tally.law, space.samples
+    asked = False
+    for c in range(rows.sizes[ON_INERTIAL]):
+        row = rows.sizes[DIMENSION] + 3 * c
+        space.cones[FORCE_SIZE, c] = law[c, _FORCE]
+        space.cones[RESTS, c] = 0.0
+        guards = 0
+        if opens(rows, c):
+            guards = 1 if mode[c] == 0 else 0
+            wide = largest_of(samples[row]) > ROUNDING * gap_size(rows, space, c)
+            if mode[c] != 0 and not wide and stays_still(rows, space, c, piece, tally):
+                space.cones[RESTS, c] = TOUCHES
+        elif rows.plane[c] < 0 and not is_loose(rows, mode, c):
+            guards = 2 if resting(mode[c]) else 0
+            rubs = rows.first_link[c + 1] > rows.first_link[c]
+            if not resting(mode[c]) and rubs and rows.alone[c] == 0:
+                still = rows.drops[c] == 0 and stays_still(rows, space, c, piece, tally)
+                space.cones[RESTS, c] = HOLDS if still else RUBS
+        if guards > 0:
+            space.cones[RESTS, c] = HOLDS
+        for part in range(guards):
+            for g in range(COUNT):
+                asked = asked or samples[row + part, g] < -_NEGLIGIBLE * law[c, _FORCE]
+    for link in range(len(rows.links) if asked else 0):
+        c, n = rows.links[link, RUBBING], rows.links[link, PRESSING]
+        if space.cones[RESTS, n] == TOUCHES and is_loose(rows, mode, c):
+            still = stays_still(rows, space, c, piece, tally)
+            space.cones[RESTS, c] = TOUCHES if still else 0.0
+            # Friction that slips would press, too: not asked for here.
+            space.cones[RESTS, n] = space.cones[RESTS, n] if still else 0.0
+    return asked
+
+
+@compiled()
+def stays_still(rows: Rows, space: Space, c: int, piece: StepPiece, tally: Tally) -> bool:
+    """Whether the velocity of a contact is nothing but rounding errors in a piece.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the polynomials.
+    c : int
+    piece : StepPiece
+    tally : Tally
+        Sizes.
+    """
+    W = space.W[rows.u[c]]
+    x = piece.h / space.W[rows.sizes[DIMENSION], 1]
+    moved = 0.0
+    for k in range(piece.order - 1, -1, -1):
+        moved = moved * x + abs(W[k])
+    made = piece.acting * space.mag[len(rows.u) + c]
+    speed = max(tally.law[c, _SPEED], _REST * max(tally.law[c, _HELD], made))
+    return moved <= _NEGLIGIBLE * speed
 
 
 @compiled()
@@ -1028,6 +1119,7 @@ def sample_law(
             # What is closed has no size but that of what forces would do to it.
             size = max(abs(gap), mag[3 * nc + len(rows.kinks) + c], _REST * h * h * mag[nc + c])
             law[c, _OPENING] = most(law[c, _OPENING], size)
+            law[c, _HELD] = most(law[c, _HELD], mag[nc + c] * h)
             space.impact[WIDEST, c] = law[c, _OPENING]
             samples[row, g] = held if mode[c] == 0 else gap
             samples[row + 1, g] = gap
@@ -1037,11 +1129,11 @@ def sample_law(
             samples[row, g] = held + up
             samples[row + 1, g] = down - held
             samples[row + 2, g] = u
-        if abs(mode[c]) == 2:
-            law[c, _HELD] = most(law[c, _HELD], mag[nc + c] * h if c < mq else mag[c])
-        elif mode[c] == 0:
+        if mode[c] == 0:
             law[c, _HELD] = most(law[c, _HELD], free_speed(rows, space, c, h))
         else:
+            law[c, _HELD] = most(law[c, _HELD], mag[nc + c] * h if c < mq else mag[c])
+        if abs(mode[c]) == 1:
             samples[row, g] = mode[c] * u
             samples[row + 2, g] = held + (up if mode[c] > 0 else -down)
     for j in range(len(rows.kinks)):
@@ -1366,6 +1458,8 @@ def judge_beginning(
     at = Instant(starts.time[i], starts.state[i], mode, reg)
     if hold_beginnings(machine, flow, at, starts, ends, i):
         c, room = least_room(flow, at, slips, tally)
+        if c < 0 and room == 0.0:
+            c, room = shared_room(machine, flow, at, slips, tally)
         if c >= 0:
             tally.law[c, _EXCESS] = most(tally.law[c, _EXCESS], room * tally.law[c, _FORCE])
 
@@ -1484,8 +1578,8 @@ def is_still(rows: Rows, space: Space, c: int) -> bool:
 @compiled()
 def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int, float]:
     """Which of the contacts that are held is nearest to its threshold, and the part of its force by
-    which it is below; −1 where something else keeps them from resting: another contact, what may
-    happen beyond a kink, or a gap that may close.
+    which it is below; −1 and 0 where one has no room; −1 and −1 where something else keeps them
+    from resting: another contact, what may happen beyond a kink, or a gap that may close.
 
     Parameters
     ----------
@@ -1507,24 +1601,59 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
     late = 0.5 * EPSILON * abs(at.t) / unit
     for j in range(len(rows.kinks)):
         if rows.timed[j] == 0 and abs(W[rows.kinks[j], 0]) <= ROUNDING * mag[3 * nc + j]:
-            return NOWHERE, 0.0
+            return NOWHERE, -1.0
     first = NOWHERE
     least = np.inf
+    full = False
     for c in range(nc):
         if is_component(rows, c) or is_loose(rows, mode, c):
             continue
         if opens(rows, c):
             gap = abs(W[rows.gaps[c], 0]) - ROUNDING * gap_size(rows, flow.space, c)
             if W[rows.force[c], 0] < 0.0 if mode[c] == 0 else gap <= 0.0:
-                return NOWHERE, 0.0
+                return NOWHERE, -1.0
         elif resting(mode[c]):
             room = room_left(rows, flow.space, c, late, tally.law[c, _FORCE])
             carried = abs(mode[c]) != 2 or abs(W[rows.u[c], 1]) <= ROUNDING * mag[nc + c] * unit
-            if not room > 0.0 or not carried:
-                return NOWHERE, 0.0
+            if not carried:
+                return NOWHERE, -1.0
+            full = full or not room > 0.0
             if not resting(slips[c]) and room < least:
                 first, least = c, room
-    return first, least
+    return (NOWHERE, 0.0) if full else (first, least)
+
+
+@compiled()
+def shared_room(
+    machine: Machine, flow: Flow, at: Instant, slips: Array, tally: Tally
+) -> tuple[int, float]:
+    """The same where forces are not unique: the room of those that have most; −1 if there is none.
+
+    Parameters
+    ----------
+    machine, flow, at, slips, tally
+        As of :func:`least_room`.
+    """
+    rows, space = flow.rows, flow.space
+    begins = NOWHERE
+    held = 0
+    if len(space.delassus) == 0:
+        return NOWHERE, 0.0
+    for c in range(rows.sizes[ON_INERTIAL]):
+        rests = 0.0
+        if opens(rows, c):
+            rests = 1.0 if at.mode[c] == 0 else 0.0
+        elif not is_loose(rows, at.mode, c):
+            slides = -1.0 if rows.first_link[c + 1] > rows.first_link[c] else 0.0
+            rests = 1.0 if resting(at.mode[c]) else slides
+            if resting(at.mode[c]) and not resting(slips[c]):
+                begins = c
+        held += 1 if rests > 0.0 else 0
+        space.cones[RESTS, c], space.cones[FORCE_SIZE, c] = rests, tally.law[c, _FORCE]
+    if held < 2 or begins < 0:
+        return NOWHERE, 0.0
+    room = widest_room(machine, flow, at)
+    return (begins, room) if room > 0.0 else (NOWHERE, 0.0)
 
 
 @compiled()

@@ -889,16 +889,11 @@ def choose_by_velocities(rows: Rows, space: Space) -> None:
 
 
 @compiled()
-def distance_of_jump(
-    machine: Machine,
-    flow: Flow,
-    before: Instant,
-    after: Array,
-    last: float,
-    only: int,
-    slack: float,
-) -> float:
-    """How far a jump of the rates is from the nearest one that obeys the law of impacts.
+def change_in_turn(
+    machine: Machine, flow: Flow, before: Instant, last: float, only: int, slack: float
+) -> bool:
+    """Find the change of the rates by impacts in turn, and leave it in the work space; whether
+    there is one.
 
     Parameters
     ----------
@@ -906,59 +901,17 @@ def distance_of_jump(
     flow : Flow
     before : Instant
         Before the jump; its mode is used up.
-    after : array
-        State after it.
     last : float
         Length of the step that ends there.
     only : int
         A contact beside which none takes part that is open; negative: all do that touch.
     slack : float
         As of :func:`~stickslip.motion.engine.impacts.approaching`.
-
-    Returns
-    -------
-    float
-        Largest difference of a rate; infinite if no impulses obey the law.
     """
-    rows = flow.rows
-    space = flow.space
-    nq = rows.sizes[INERTIAL]
-    least = 0.0
-    for q in range(nq):
-        least = max(least, abs(after[nq + q] - before.y[nq + q]))
+    rows, space = flow.rows, flow.space
     near = approaching(machine, flow, before, last, only, slack)
     for c in range(rows.sizes[ON_INERTIAL]):
         if only >= 0 and c != only and before.mode[c] != 0:
             space.tried[NEAR, c] = 0
     put_restitution(rows, space)
-    if near == 0:
-        return float(least)
-    if rows.in_turn == 1:
-        found = impulses_in_turn(machine, flow, before) == JUMPED
-        return distance_of_change(space, before.y, after, nq) if found else np.inf
-    if not put_responses(machine, flow, before):
-        return np.inf
-    total = modes_of(rows, space.tried)
-    least = np.inf
-    fewest = len(before.mode) + 1
-    for number in range(total if total <= _FEW_MODES else 0):
-        right, gained, size = try_impulses(rows, space, before.mode, number)
-        right = right and gained <= _CREATED * size
-        broken = set_in_motion(rows, space, before.mode)
-        if right and broken < fewest:
-            least, fewest = np.inf, broken
-        if right and broken == fewest:
-            put_change(rows, space)
-            least = min(least, distance_of_change(space, before.y, after, nq))
-    if least == np.inf and answer_together(rows, space, before.mode) == JUMPED:
-        least = distance_of_change(space, before.y, after, nq)
-    return float(least)
-
-
-@compiled()
-def distance_of_change(space: Space, before: Array, after: Array, nq: int) -> float:
-    """Largest difference between a jump of the rates and the change in the work space."""
-    off = 0.0
-    for q in range(nq):
-        off = max(off, abs(after[nq + q] - before[nq + q] - space.impact[CHANGE, q]))
-    return off
+    return bool(near > 0 and impulses_in_turn(machine, flow, before) == JUMPED)

@@ -39,6 +39,7 @@ OFF_SURFACE = 3
 ASTRAY = 4
 OVERFLOW = 5
 
+MOST_SHARED = 64  # contacts whose forces an audit may share in another way: their work space is n²
 MOST_IMPLICIT = 500  # components of a state that implicit steps may have: their work space is n²
 AUDIT_NODES = 18  # of an audit, in a piece of a step
 EPSILON = 2.220446049250313e-16
@@ -238,6 +239,9 @@ class Space(NamedTuple):
         Of impacts; see :mod:`stickslip.motion.engine.impacts`.
     response, delassus, impulses : arrays, shapes (nq, mq), (mq, mq), (mq, mq + 1)
         M⁻¹Jᵀ and J M⁻¹ Jᵀ of contacts that take part in an impact, and the equations of impulses.
+    cones, rays, shares, explained : arrays
+        Of audits of forces and impulses; see :mod:`stickslip.motion.between.cones` and
+        :mod:`stickslip.motion.between.impulses`.
     begun, answer, aims : arrays
         Of slips in a plane that begin; see :mod:`stickslip.motion.steps.starting`.
     landed, stood : arrays
@@ -279,6 +283,10 @@ class Space(NamedTuple):
     response: Matrix
     delassus: Matrix
     impulses: Matrix
+    cones: Matrix
+    rays: Matrix
+    shares: Matrix
+    explained: Matrix
     landed: Vector
     stood: IntVector
     begun: Matrix
@@ -513,7 +521,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
     moving = [int(p[COORDINATES] + p[CONTACTS]) for p in rows.parts if p[MOVING]]
     most = max([nr, *moving])  # unknowns of a problem whose matrix changes on the way
     guards = nk + 2 * nc + len(rows.doubtful) + 1
-    struck = mq if np.any(rows.gaps >= 0) else 0
+    struck = mq if np.any(rows.gaps >= 0) or mq <= MOST_SHARED else 0
     implicit = N // 2 * n if n <= MOST_IMPLICIT else 0
     W = z((table_rows, N + 1))
     V = z((table_rows, 2))
@@ -549,6 +557,10 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         response=z((nq, struck)),
         delassus=z((struck, struck)),
         impulses=z((struck, struck + 1)),
+        cones=z((19, max(struck, len(rows.links)) if struck else 0)),
+        rays=z((2 * struck + 1, 2 * struck + 1)),
+        shares=z((2 * struck + 1, 2 * struck + 2)),
+        explained=z((8, max(nq, nc) if struck else 0)),
         landed=z(max(len(rows.landings), 1)),
         stood=np.full(nk + 1, -1, np.int64),
         begun=z((table_rows if len(rows.planes) else 0, FEWEST_ORDERS + 1)),

@@ -12,12 +12,15 @@ from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Field, mode_field, switched
 from stickslip.kept import cached_property
+from stickslip.model.system import Kind
 from stickslip.motion.between.dense import make_scratch
 from stickslip.motion.steps.arrays import Rows
 from stickslip.orbits.fields.engine.variations import Leave, Listed, PassSpace, room_for_pass
 from stickslip.orbits.fields.instructions import Listing, PointFunction, packed
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
+
+_DEPENDENT = 1e-9  # part of its size by which a gradient may miss the span of others
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,7 @@ class Piece:
             e.symbols & moving for row in rows for e in row[: len(field.state)]
         )
         self.slopes: PointFunction = PointFunction(field, [e for row in rows for e in row])
+        self._speeds: dict[int, PointFunction] = {}
 
     def rates(self, t: float | Array, y: Array, p: Array) -> Array:
         """The field, at a point or at many."""
@@ -92,6 +96,28 @@ class Piece:
         states)."""
         values = self._dependence(t, y, p)
         return np.moveaxis(values.reshape(-1, 1 + len(y), len(t)), -1, 0)
+
+    def rests(self, contact: int, t: float, y: Array, p: Array) -> bool:
+        """Whether what sticks holds a contact with mass at rest, too, whatever its own mode says:
+        its velocity is zero for all states that keep the constraints."""
+        c = self.field.contacts[contact]
+        if c.kind != Kind.INERTIAL or c.loose:
+            return False
+        if contact not in self._speeds:
+            self._speeds[contact] = PointFunction(self.field, self._with_slopes([c.u]))
+        slope = self._speeds[contact](t, y, p)[2:]
+        bounds = self.bounds(t, y, p).slopes
+        if not len(bounds):
+            return False
+        left = slope - bounds.T @ np.linalg.lstsq(bounds.T, slope, rcond=None)[0]
+        return float(np.max(np.abs(left))) <= _DEPENDENT * float(np.max(np.abs(slope)))
+
+    def carried(self, t: float, y: Array, p: Array) -> set[int]:
+        """The switches of contacts that others hold at rest, though they do not stick in this mode:
+        their guards are velocities that are zero but for rounding errors."""
+        kinks = len(self.field.region)
+        modes = enumerate(self.field.mode)
+        return {kinks + c for c, mode in modes if mode != 0 and self.rests(c, t, y, p)}
 
     @property
     def bound(self) -> int:

@@ -129,12 +129,10 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
             heed()
         elif code == CROWDED:
             work = _work(trajectory, pieces, run, int(run.event[BEGINS]))
-        elif code == CORNER:
-            start = meeting.pass_through()
         elif code == STRUCK:
             start = meeting.strike()
         else:
-            raise AssertionError("a mode has changed, and no guard of it has fired")
+            start = meeting.pass_through(code == CORNER)
     grazed = run.knots.time[run.outcome == GRAZED] + run.origin
     grazings = tuple(sorted([*map(float, grazed), *meeting.grazings, *slips.passages(trajectory)]))
     corners = tuple(meeting.corners)
@@ -196,12 +194,31 @@ class _Meeting:
         self.corners: list[float] = []
         self.grazings: list[float] = []
 
-    def pass_through(self) -> int:
+    def pass_through(self, fired: bool) -> int:
         """Enter what comes after the events at which the pass has stopped; returns the knot from
-        which it goes on."""
+        which it goes on.
+
+        Parameters
+        ----------
+        fired : bool
+            Whether guards have fired; if none has, no derivative is known where a mode has changed.
+        """
         event = self.run.event
         i, last = int(event[BEGINS]), int(event[ENDS])
-        switches = [int(s) for s in event[MET : MET + event[MEETING]]]
+        switches = [int(s) for s in event[MET : MET + event[MEETING]]] if fired else []
+        made, piece = self.pieces.made, self.run.piece
+        left, right = made[piece[i - 1]], made[piece[last]]
+        resting = self._resting(left, i)
+        still = resting & self._resting(right, i)
+        if _changed(left, right) <= still:
+            # Forces are shared in another way: they are not unique, and the motion has no event.
+            self.run.after[i : last + 1] = self.run.after[i]
+            self.run.late[i] = np.nan
+            return last
+        # Nor does it matter how those are shared that rest on, and of what others carry, which has
+        # no guard but a velocity, that is rounded to either side of zero.
+        moot = {s for s in resting if s in still or left.setting(s) != 0}
+        switches = [s for s in switches if s not in moot]
         self.run.after[i : last + 1] = self._corner(i, last, switches) @ self.run.after[i]
         return last
 
@@ -244,6 +261,13 @@ class _Meeting:
             found |= {s.knot: (s, here) for s, here in zip(own, leaves, strict=True)}
         return found
 
+    def _resting(self, piece: Piece, i: int) -> set[int]:
+        """The switches of contacts that rest in a piece, at a knot."""
+        t, y = float(self.knots.time[i]), self.knots.state[i]
+        kinks = len(piece.field.region)
+        contacts = range(len(piece.field.mode))
+        return {kinks + c for c in contacts if piece.rests(c, t, y, self.p)}
+
     def _corner(self, i: int, last: int, switches: list[int]) -> Array:
         """S where several guards vanish at once."""
         arrived = self.run.after[i]
@@ -251,7 +275,7 @@ class _Meeting:
         images = [S @ arrived for S in routes if S is not None]
         size = max((float(np.max(np.abs(image))) for image in images), default=0.0)
         apart = any(np.max(np.abs(image - images[0])) > ALIKE * size for image in images)
-        if apart or len(images) < len(routes) or len(switches) > 3:
+        if apart or len(images) < len(routes) or not 0 < len(switches) <= 3:
             self.corners.append(float(self.knots.time[i]))
         return next((S for S in routes if S is not None), np.eye(len(arrived)))
 
@@ -270,11 +294,21 @@ class _Meeting:
             g = int(min(falling, key=lambda g: abs(here.value[g])))
             if abs(here.value[g]) > together * abs(here.fall[g]):
                 return None  # once the others have switched, this one need not
-            piece = (
-                right
-                if switch == order[-1]
-                else self.pieces(*piece.switched(switch, right.setting(switch)))
-            )
+            try:
+                piece = (
+                    right
+                    if switch == order[-1]
+                    else self.pieces(*piece.switched(switch, right.setting(switch)))
+                )
+            except ZeroDivisionError:
+                return None  # rates are not determined between the two
             if jump(here, g, piece.rates(t, y, self.p), here.terms[g], S) == GRAZED:
                 self.grazings.append(t)
         return S
+
+
+def _changed(left: Piece, right: Piece) -> set[int]:
+    """The switches that are set otherwise in another piece."""
+    kinks = len(left.field.region)
+    switches = range(kinks + len(left.field.mode))
+    return {s for s in switches if left.setting(s) != right.setting(s)}

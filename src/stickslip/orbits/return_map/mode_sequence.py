@@ -283,6 +283,8 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
     scales = np.abs(guards).max(axis=1, initial=0.0)
     here = guards[:, 1:-1]
     lowest = (here < guards[:, :-2]) & (here <= guards[:, 2:]) & (scales[:, None] > 0.0)
+    carried = piece.carried(float(k.time[a]), k.state[a], p)
+    lowest[[int(switch) in carried for switch in piece.switches]] = False
 
     def at(row: int, i: int) -> Dip:
         def guard(t: float) -> float:

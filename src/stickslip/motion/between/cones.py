@@ -1,0 +1,247 @@
+"""Admissible forces, or impulses, by least squares: which of those that a law allows are nearest to
+what is wanted.
+
+Where it is known what closes, slips and rests, the law leaves a convex set of forces. It is the sum
+of cones: a unit of a normal force, with the friction that it can press; and a unit of a threshold,
+which is wanted exactly once, with the forces within it. The point nearest to what is wanted is
+found by non-negative least squares in the metric of M⁻¹, that of accelerations or of jumps of
+velocities (C. L. Lawson & R. J. Hanson, *Solving Least Squares Problems*, 1974, chapter 23). Rays
+are made when they are needed, each the steepest that there is, so that a set of forces counts by
+its support function alone. No modes are tried, and where forces are not unique, any will do.
+"""
+
+from __future__ import annotations
+
+import math
+
+from stickslip.motion.engine.impacts import solve_equations
+from stickslip.motion.steps.arrays import (
+    EPSILON,
+    ON_INERTIAL,
+    OTHER,
+    PART,
+    PRESSING,
+    RUBBING,
+    Rows,
+    Space,
+    is_component,
+)
+from stickslip.translator import compiled
+
+# Rows of Space.cones, by contact: the velocity that is wanted; what the forces leave of it; their
+# sum, and its size, in which rays may cancel; 1 for a normal force that there may be; by link, the
+# least and the largest friction of a unit of the normal force; by contact, those of the threshold
+# (in a plane, the largest along each axis; the least is the largest where the friction is given);
+# the weight with which the threshold is wanted, and what is left of it.
+(
+    WANTED,
+    LEFT,
+    FORCE,
+    STRONG,
+    PRESSES,
+    LEAST_SHARE,
+    MOST_SHARE,
+    LEAST_ALONE,
+    MOST_ALONE,
+    WEIGHT,
+    LEFT_ALONE,
+) = range(11)
+_OF_A_FIT = 11
+# Rows that only forces need (:mod:`stickslip.motion.between.forces`): what a contact does, and the
+# size of its force; its force in the mode; a force that others come on top of; by link,
+# coefficients of friction; and by contact, differences to the force in the mode, at both ends of a
+# piece.
+RESTS, FORCE_SIZE, IN_MODE, SHARES, PUSHES_ON, PUSHES_BACK, DIFFERENCE = range(11, 18)
+_FLAT = 16.0 * EPSILON  # part of what is wanted below which nothing is left of it
+_MOST_RAYS = 60  # tried for each contact
+
+
+@compiled()
+def fit_cones(rows: Rows, space: Space, scale: float) -> None:
+    """Find the forces nearest to what is wanted.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With Delassus' matrix, and the cones; receives the forces, and what they leave.
+    scale : float
+        Size of what is wanted, in the metric.
+    """
+    number = 0
+    put_left(rows, space, number)
+    for _ in range(_MOST_RAYS * rows.sizes[ON_INERTIAL]):
+        if not steepest_ray(rows, space, number) > _FLAT * scale:
+            break
+        number, entered = balance_rays(rows, space, number + 1)
+        put_left(rows, space, number)
+        if not entered:
+            break
+
+
+@compiled()
+def steepest_ray(rows: Rows, space: Space, number: int) -> float:
+    """Make the ray along which what is left falls most, behind those that there are; its steepness
+    (0: there is none)."""
+    cones = space.cones
+    mq = rows.sizes[ON_INERTIAL]
+    most = 0.0
+    chosen = -1
+    for own in range(2 * mq):
+        if (own < mq and cones[PRESSES, own] > 0.0) or (
+            own >= mq and cones[WEIGHT, own - mq] > 0.0
+        ):
+            put_ray(rows, space, own, number)
+            falls = falls_along(rows, space, number)
+            square = product_of(rows, space, number, number)
+            if falls > 0.0 and square > 0.0 and falls > most * math.sqrt(square):
+                most, chosen = falls / math.sqrt(square), own
+    if chosen >= 0:
+        put_ray(rows, space, chosen, number)
+    return most
+
+
+@compiled()
+def put_ray(rows: Rows, space: Space, own: int, number: int) -> None:
+    """A unit of a normal force with the friction that what is left asks for most, or a unit of a
+    threshold.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        Receives it: the forces of all contacts, the parts of their thresholds, and the weight 0.
+    own : int
+        The contact; those with a threshold are counted behind all others.
+    number : int
+        Place of the ray.
+    """
+    cones, ray = space.cones, space.rays[number]
+    mq = rows.sizes[ON_INERTIAL]
+    for c in range(2 * mq + 1):
+        ray[c] = 0.0
+    ray[own] = 1.0
+    if own >= mq:
+        c = own - mq
+        ray[c] = cones[MOST_ALONE, c] if cones[LEFT, c] > 0.0 else cones[LEAST_ALONE, c]
+        return
+    for link in range(len(rows.links)):
+        c = rows.links[link, RUBBING]
+        if rows.links[link, PRESSING] != own or is_component(rows, c):
+            continue
+        if rows.plane[c] < 0:
+            ray[c] = cones[MOST_SHARE if cones[LEFT, c] > 0.0 else LEAST_SHARE, link]
+            continue
+        o = rows.planes[rows.plane[c], OTHER]
+        second = link_beside(rows, link, o)
+        f, g = cones[MOST_SHARE, link], cones[MOST_SHARE, second]
+        if cones[LEAST_SHARE, link] == f and cones[LEAST_SHARE, second] == g:
+            ray[c], ray[o] = f, g
+            continue
+        x, y = f * cones[LEFT, c], g * cones[LEFT, o]
+        size = math.hypot(x, y)
+        if size > 0.0:
+            ray[c], ray[o] = f * x / size, g * y / size
+
+
+@compiled()
+def link_beside(rows: Rows, link: int, o: int) -> int:
+    """The link of the other component of a contact in a plane under the same normal force."""
+    return int(link - rows.first_link[rows.links[link, RUBBING]] + rows.first_link[o])
+
+
+@compiled()
+def falls_along(rows: Rows, space: Space, i: int) -> float:
+    """How fast the square of what is left falls along a ray."""
+    cones, ray = space.cones, space.rays[i]
+    mq = rows.sizes[ON_INERTIAL]
+    total = 0.0
+    for c in range(mq):
+        if ray[c] != 0.0:
+            total += ray[c] * cones[LEFT, c]
+        if ray[mq + c] != 0.0:
+            total += ray[mq + c] * cones[LEFT_ALONE, c]
+    return total
+
+
+@compiled()
+def product_of(rows: Rows, space: Space, i: int, j: int) -> float:
+    """Product of two rays in the metric."""
+    mq = rows.sizes[ON_INERTIAL]
+    total = 0.0
+    for c in range(mq):
+        if space.rays[i, c] != 0.0:
+            for b in range(mq):
+                if space.rays[j, b] != 0.0 and rows.homes[b, PART] == rows.homes[c, PART]:
+                    total += space.rays[i, c] * space.delassus[c, b] * space.rays[j, b]
+        total += space.cones[WEIGHT, c] * space.rays[i, mq + c] * space.rays[j, mq + c]
+    return total
+
+
+@compiled()
+def balance_rays(rows: Rows, space: Space, number: int) -> tuple[int, bool]:
+    """Give rays the weights for which nothing is left along any of them, without those whose
+    weights would not be positive; how many are left, and whether the last has become one of them.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the rays, and what is left beside them.
+    number : int
+        How many rays there are.
+    """
+    rays, shares = space.rays, space.shares
+    weight = 2 * rows.sizes[ON_INERTIAL]
+    entered = True
+    while number > 0:
+        for i in range(number):
+            for j in range(number):
+                shares[i, j] = product_of(rows, space, i, j)
+            shares[i, number] = falls_along(rows, space, i)
+        if not solve_equations(shares, number):
+            return number - 1, False  # the last is made of the others
+        part = 1.0
+        first = -1
+        for j in range(number):
+            change = shares[j, number]
+            if rays[j, weight] + change <= 0.0 and (first < 0 or rays[j, weight] < -part * change):
+                part, first = min(part, -rays[j, weight] / change) if change < 0.0 else 0.0, j
+        for j in range(number):
+            rays[j, weight] += part * shares[j, number]
+        if first < 0:
+            return number, entered
+        entered = entered and first < number - 1
+        for j in range(first, number - 1):
+            for c in range(weight + 1):
+                rays[j, c] = rays[j + 1, c]
+        number -= 1
+        put_left(rows, space, number)
+    return 0, False
+
+
+@compiled()
+def put_left(rows: Rows, space: Space, number: int) -> None:
+    """Add up the forces of rays, and what they leave of what is wanted."""
+    cones, rays = space.cones, space.rays
+    mq = rows.sizes[ON_INERTIAL]
+    for c in range(mq):
+        cones[FORCE, c], cones[STRONG, c] = 0.0, 0.0
+        cones[LEFT_ALONE, c] = cones[WEIGHT, c]
+        for j in range(number):
+            cones[FORCE, c] += rays[j, 2 * mq] * rays[j, c]
+            cones[STRONG, c] += rays[j, 2 * mq] * abs(rays[j, c])
+            cones[LEFT_ALONE, c] -= rays[j, 2 * mq] * rays[j, mq + c] * cones[WEIGHT, c]
+    for c in range(mq):
+        cones[LEFT, c] = cones[WANTED, c]
+        for b in range(mq):
+            if cones[FORCE, b] != 0.0 and rows.homes[b, PART] == rows.homes[c, PART]:
+                cones[LEFT, c] -= space.delassus[c, b] * cones[FORCE, b]
+
+
+@compiled()
+def no_cones(rows: Rows, space: Space) -> None:
+    """Begin with no forces at all."""
+    for i in range(_OF_A_FIT):
+        for c in range(max(rows.sizes[ON_INERTIAL], len(rows.links))):
+            space.cones[i, c] = 0.0

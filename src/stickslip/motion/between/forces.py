@@ -1,0 +1,385 @@
+"""Forces that are not unique: whether some that are admissible explain what rests.
+
+Where more contacts are closed, or stick, than there are freedoms, a mode has one choice of forces,
+a step one mode, and the law asks for any choice that is admissible. So where the forces of the mode
+are not, others with the same effect are looked for at both ends of a piece
+(:mod:`stickslip.motion.between.cones`), well inside the law if that can be. Directions must not
+turn in it; then differences to the forces of the mode that change evenly from end to end have no
+effect, JᵀΔ = 0, and the law is asked between the nodes, too, as it is asked of those of the mode.
+"""
+
+from __future__ import annotations
+
+import math
+
+from stickslip.arrays import Array
+from stickslip.motion.between.cones import (
+    DIFFERENCE,
+    FORCE,
+    FORCE_SIZE,
+    IN_MODE,
+    LEAST_ALONE,
+    LEAST_SHARE,
+    LEFT,
+    LEFT_ALONE,
+    MOST_ALONE,
+    MOST_SHARE,
+    PRESSES,
+    PUSHES_BACK,
+    PUSHES_ON,
+    RESTS,
+    SHARES,
+    WANTED,
+    WEIGHT,
+    fit_cones,
+    no_cones,
+)
+from stickslip.motion.between.nodes import COUNT, GAUSS_NODES, least_on_nodes
+from stickslip.motion.engine.guards import opens
+from stickslip.motion.engine.modes import resolve
+from stickslip.motion.engine.roots import horner
+from stickslip.motion.steps.arrays import (
+    CONTACTS,
+    COORDINATES,
+    DIMENSION,
+    FIRST_ROW,
+    MATRIX,
+    MEMBERS,
+    OK,
+    ON_INERTIAL,
+    PART,
+    PRESSING,
+    Flow,
+    Instant,
+    Machine,
+    Rows,
+    Space,
+    direction_entry,
+)
+from stickslip.motion.steps.starting import coefficients
+from stickslip.translator import compiled
+
+# In the row RESTS, what others than the force of the mode, which is 0 there, stand for: what is
+# closed or sticks in the mode; what rests though it is open, or loose, in it; what rubs.
+HOLDS, TOUCHES, RUBS = 1, 2, -1
+_SAME = 1e-11  # part of its size by which what has to be the same may differ
+_LITTLE = 1.5e-9  # part of its bounds below which there is no room
+_INSIDE = 4  # trials: how far from the bounds of the law forces have to be
+
+
+@compiled()
+def kept_room(trial: int) -> float:
+    """The part of the room that forces have to keep in a trial."""
+    return 0.0 if trial == _INSIDE - 1 else 0.3 * 0.1**trial
+
+
+@compiled()
+def share_forces(machine: Machine, flow: Flow, at: Instant, order: int, h: float) -> bool:
+    """Look for other forces of what rests in a piece that obey the law; if there are any, their
+    guards take the place of those of the mode.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        Its work space has the polynomials and the guards at the nodes; in `Space.cones`, RESTS and
+        FORCE_SIZE say what rests, and the sizes of forces. Receives the guards.
+    at : Instant
+        Begin of the piece; its state is used up.
+    order : int
+        Of the polynomials.
+    h : float
+        Length of the piece.
+    """
+    rows, space = flow.rows, flow.space
+    unit = space.W[rows.sizes[DIMENSION], 1]
+    if len(rows.planes) > 0 or not goes_straight(rows, space, order, h / unit):
+        return False
+    for trial in range(_INSIDE):
+        found = True
+        for end in range(2):
+            if found:
+                tau = h * GAUSS_NODES[end * (COUNT - 1)]
+                for r in range(len(at.y)):
+                    at.y[r] = horner(space.W[r], order, tau / unit)
+                here = Instant(at.t + tau, at.y, at.mode, at.reg)
+                found = fit_forces(machine, flow, here, kept_room(trial), end)
+        if found:
+            shift_guards(rows, space, at.mode, 1.0)
+            if is_admissible(rows, space, at.mode):
+                return True
+            shift_guards(rows, space, at.mode, -1.0)
+    return False
+
+
+@compiled()
+def widest_room(machine: Machine, flow: Flow, at: Instant) -> float:
+    """How far from the bounds of the law some forces of what rests may keep, as a part of these; 0
+    if there is no room.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        In the `Space.cones` of its work space RESTS and FORCE_SIZE say what rests, and the sizes of
+        forces.
+    at : Instant
+    """
+    if len(flow.rows.planes) > 0:
+        return 0.0
+    room = 0.0
+    wider = _LITTLE
+    while wider < 1.0 and fit_forces(machine, flow, at, wider, 0):
+        room = wider
+        wider *= 8.0
+    return room
+
+
+@compiled()
+def goes_straight(rows: Rows, space: Space, order: int, x: float) -> bool:
+    """Whether the directions of contacts do not turn.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the polynomials.
+    order : int
+        Of these.
+    x : float
+        Length of the piece, in the unit of their time.
+    """
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if space.cones[RESTS, c] == 0.0:
+            continue
+        size = 0.0
+        turns = 0.0
+        for j in range(rows.parts[rows.homes[c, PART], COORDINATES]):
+            row = rows.turning[c, j]
+            if row < 0:
+                size = max(size, 1.0)
+                continue
+            size = max(size, abs(space.W[row, 0]))
+            power = 1.0
+            for i in range(1, order):
+                power *= x
+                turns += abs(space.W[row, i]) * power
+        if not turns <= _SAME * size:
+            return False
+    return True
+
+
+@compiled()
+def fit_forces(machine: Machine, flow: Flow, at: Instant, room: float, end: int) -> bool:
+    """Find admissible forces of what rests, with the effect of those of the mode.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        Its work space receives the difference.
+    at : Instant
+    room : float
+        Part of what the law allows from whose bounds they keep away.
+    end : int
+        Which end of the piece it is.
+    """
+    rows, space = flow.rows, flow.space
+    cones = space.cones
+    mq = rows.sizes[ON_INERTIAL]
+    if coefficients(machine, flow, at, 1, space.V) != OK:
+        return False
+    no_cones(rows, space)
+    if not put_law(rows, space, at.mode, room, end):
+        return False
+    free = space.tried[0]
+    for c in range(len(at.mode)):
+        free[c] = 1
+    known = resolve(rows, flow.k, space, free)
+    freed = Instant(at.t, at.y, free, at.reg)
+    known = known and coefficients(machine, flow, freed, 1, space.V) == OK
+    if known:
+        for p in range(len(rows.parts)):
+            put_delassus(rows, space, flow.k.J, p)
+    if not resolve(rows, flow.k, space, at.mode) or not known:
+        return False
+    scale = 0.0
+    for c in range(mq):
+        own = space.delassus[c, c]
+        if cones[RESTS, c] == 0.0 or not own > 0.0:
+            continue
+        for b in range(mq):
+            if cones[RESTS, b] != 0.0 and rows.homes[b, PART] == rows.homes[c, PART]:
+                cones[WANTED, c] += space.delassus[c, b] * (cones[IN_MODE, b] - cones[SHARES, b])
+        alone = max(abs(cones[LEAST_ALONE, c]), abs(cones[MOST_ALONE, c]))
+        cones[WEIGHT, c] = alone * alone * own
+        scale = max(scale, abs(cones[WANTED, c]) / math.sqrt(own), alone * math.sqrt(own))
+    fit_cones(rows, space, scale)
+    for c in range(mq):
+        if cones[RESTS, c] != 0.0:
+            size = _SAME * scale * math.sqrt(space.delassus[c, c])
+            if not abs(cones[LEFT, c]) <= size:
+                return False
+            if not abs(cones[LEFT_ALONE, c]) <= _SAME * cones[WEIGHT, c]:
+                return False
+            cones[DIFFERENCE + end, c] = cones[FORCE, c] + cones[SHARES, c] - cones[IN_MODE, c]
+    return True
+
+
+@compiled()
+def put_law(rows: Rows, space: Space, mode: Array, room: float, end: int) -> bool:
+    """The cones of what rests, and its forces in the mode; False if coefficients of friction change
+    in the piece.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the values of all rows.
+    mode : array of int, shape (contacts,)
+    room, end
+        As of :func:`fit_forces`.
+    """
+    cones, V = space.cones, space.V
+    mq = rows.sizes[ON_INERTIAL]
+    normals = 0.0
+    closed = 0
+    for c in range(mq):
+        cones[IN_MODE, c] = V[rows.force[c], 0]
+        if opens(rows, c) and cones[RESTS, c] != 0.0:
+            normals += abs(cones[IN_MODE, c])
+            closed += 1
+    for c in range(mq):
+        cones[SHARES, c] = 0.0
+        if opens(rows, c) and cones[RESTS, c] != 0.0:
+            cones[PRESSES, c] = 1.0
+            cones[SHARES, c] = room * normals / closed
+    for c in range(mq):
+        if opens(rows, c) or cones[RESTS, c] == 0.0:
+            continue
+        held, up, down = cones[IN_MODE, c], V[rows.plus[c], 0], V[rows.minus[c], 0]
+        rubs = cones[RESTS, c] == RUBS
+        first = 0 if rubs else 2
+        inner = 1.0 - room
+        for link in range(rows.first_link[c], rows.first_link[c + 1]):
+            n = rows.links[link, PRESSING]
+            on, back = V[rows.friction[link, first], 0], V[rows.friction[link, first + 1], 0]
+            if end == 0:
+                cones[PUSHES_ON, link], cones[PUSHES_BACK, link] = on, back
+            off = abs(on - cones[PUSHES_ON, link]) + abs(back - cones[PUSHES_BACK, link])
+            if not off <= _SAME * (abs(on) + abs(back)):
+                return False
+            share = -on if mode[c] > 0 else back
+            cones[LEAST_SHARE, link] = share if rubs else -inner * on
+            cones[MOST_SHARE, link] = share if rubs else inner * back
+            if rubs:
+                cones[SHARES, c] += share * cones[SHARES, n]
+                held -= share * cones[IN_MODE, n]
+            else:
+                up -= on * cones[IN_MODE, n]
+                down -= back * cones[IN_MODE, n]
+        if rubs:
+            # what is left beside the normal forces has to be nothing
+            if not abs(held) <= _SAME * cones[FORCE_SIZE, c]:
+                return False
+        else:
+            alone = inner * max(up, 0.0), inner * max(down, 0.0)
+            if max(alone[0], alone[1]) > _SAME * cones[FORCE_SIZE, c]:
+                cones[LEAST_ALONE, c], cones[MOST_ALONE, c] = -alone[0], alone[1]
+    return True
+
+
+@compiled()
+def put_delassus(rows: Rows, space: Space, J: Array, p: int) -> None:
+    """J M⁻¹ Jᵀ of all contacts of a component, whose inverse is in the work space.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+    J : array
+        Directions that do not change.
+    p : int
+    """
+    if rows.parts[p, MATRIX] != 0:
+        return
+    n = rows.parts[p, COORDINATES]
+    first = rows.parts[p, FIRST_ROW]
+    members = rows.members[rows.parts[p, MEMBERS] :]
+    for j in range(rows.parts[p, CONTACTS]):
+        c = members[n + j]
+        for other in range(rows.parts[p, CONTACTS]):
+            b = members[n + other]
+            total = 0.0
+            for i in range(n):
+                weight = direction_entry(rows, J, space.V, b, i)
+                for k in range(n):
+                    back = direction_entry(rows, J, space.V, c, k)
+                    total += weight * space.Rq[first + i, k] * back
+            space.delassus[b, c] = total
+
+
+@compiled()
+def shift_guards(rows: Rows, space: Space, mode: Array, sign: float) -> None:
+    """Add the difference of the forces to the guards at the nodes, or take it away again.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+    mode : array of int, shape (contacts,)
+    sign : float
+        1 or −1.
+    """
+    cones, samples = space.cones, space.samples
+    last = GAUSS_NODES[COUNT - 1] - GAUSS_NODES[0]
+    for g in range(COUNT):
+        part = (GAUSS_NODES[g] - GAUSS_NODES[0]) / last
+        for c in range(rows.sizes[ON_INERTIAL]):
+            row = rows.sizes[DIMENSION] + 3 * c
+            change = sign * difference_at(cones, c, part)
+            if opens(rows, c):
+                if cones[RESTS, c] == HOLDS:
+                    samples[row, g] += change
+            elif cones[RESTS, c] == HOLDS:
+                up, down = change, -change
+                width = 0.0
+                for link in range(rows.first_link[c], rows.first_link[c + 1]):
+                    n = rows.links[link, PRESSING]
+                    pressed = sign * difference_at(cones, n, part)
+                    on, back = cones[PUSHES_ON, link], cones[PUSHES_BACK, link]
+                    up += on * pressed
+                    down += back * pressed
+                    kept = samples[rows.sizes[DIMENSION] + 3 * n, g]
+                    width += (on + back) * (kept - pressed if n < c else kept)
+                if abs(mode[c]) == 1:
+                    # Of what others hold at its threshold, guards are made here.
+                    samples[row + 1, g] = up + (0.0 if mode[c] > 0 else width)
+                    samples[row + 2, g] = down + (width if mode[c] > 0 else 0.0)
+                else:
+                    samples[row, g] += up
+                    samples[row + 1, g] += down
+
+
+@compiled()
+def difference_at(cones: Array, c: int, part: float) -> float:
+    """The difference of a force at a part of the way from one end to the other."""
+    return float((1.0 - part) * cones[DIFFERENCE, c] + part * cones[DIFFERENCE + 1, c])
+
+
+@compiled()
+def is_admissible(rows: Rows, space: Space, mode: Array) -> bool:
+    """Whether the guards of what rests are nowhere negative, but for rounding errors; where the
+    mode has no force, differences that change evenly are admissible between if they are at the
+    ends."""
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if space.cones[RESTS, c] != HOLDS:
+            continue
+        row = rows.sizes[DIMENSION] + 3 * c
+        little = _SAME * space.cones[FORCE_SIZE, c]
+        carried = not opens(rows, c) and abs(mode[c]) == 1
+        first = row + 1 if carried else row
+        for guard in range(first, first + (1 if opens(rows, c) else 2)):
+            if least_on_nodes(space.samples[guard], space.bernstein, 1e-2 * little) < -little:
+                return False
+    return True
