@@ -24,7 +24,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from stickslip.equations.coupling import Component, components
+from stickslip.equations.coupling import Component, components, together
 from stickslip.equations.derive import MotionEquations, Plane
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
@@ -76,6 +76,9 @@ class Layout:
         What stands in K, and where.
     coupled : dict of str to list of Component
         For each inverse matrix what its rows stand for, component by component.
+    together : dict of int to int
+        Of inertial contacts whose directions may depend on each other, with friction in a plane:
+        which such group each belongs to.
     turning : dict of (int, int) to int
         Rows of the coefficients of directions that change on the way, by contact and by the place
         of the coordinate in its component.
@@ -114,6 +117,7 @@ class Layout:
     timed: bool = False
     rate_sizes: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
     coupled: dict[str, list[Component]] = field(default_factory=dict)
+    together: dict[int, int] = field(default_factory=dict)
     turning: dict[tuple[int, int], int] = field(default_factory=dict)
     gaps: dict[int, int] = field(default_factory=dict)
     restitution: dict[int, int] = field(default_factory=dict)
@@ -124,7 +128,8 @@ class Layout:
 
     def shape(self, name: str) -> tuple[int, ...]:
         """Shape of an array that ``setup`` fills; a row of M, C and J has the coordinates of one
-        component."""
+        component. Behind these, J has for contacts that may depend on each other the axis of what
+        is in a plane, and the square of a size of the force; last, coefficients of friction."""
         s = self.sizes
         widest = {
             matrix: max((len(part.coordinates) for part in self.coupled[matrix]), default=0)
@@ -134,7 +139,7 @@ class Layout:
             "K": (max(len(self.constants), 1),),
             "M": (s["nq"], widest["Rq"]),
             "C": (s["nz"], widest["Rz"]),
-            "J": (s["mq"] + s["mz"], max(widest.values()) + 1),
+            "J": (s["mq"] + s["mz"], max(widest.values()) + (3 if self.together else 1)),
             "omega": (self.frequencies,),
         }
         return shapes[name]
@@ -270,6 +275,10 @@ class _Generator:
             )
         ]
         self.layout.coupled[resolvent] = coupled
+        if inertial:
+            pairs = [plane.parts for plane in self.eq.planes]
+            closed = [i for i in range(count) if not self.eq.contacts[i].opens]
+            self.layout.together = together(coupled, pairs, closed)
         # Rows of R in the order of the components, each with its contacts last.
         seats: dict[int, int] = {}
         contacts: dict[int, int] = {}
@@ -302,7 +311,10 @@ class _Generator:
             if part.moving:
                 entries = self.moving_entries(part, names, matrix)
                 known = len(part.coordinates)
-                solve = replace(solve, op=Op.RATES, entries=entries, definite=known)
+                shared = inertial and any(c in self.layout.together for c in part.contacts)
+                solve = replace(
+                    solve, op=Op.RATES, entries=entries, definite=known, shared=shared
+                )
             self.solves[stage].append(solve)
             for c in part.contacts:
                 where = (contacts[c], size, base + at)
@@ -362,10 +374,27 @@ class _Generator:
             for other in part.contacts:
                 if other in pressing:
                     found.append(self.pressed_entry(c))
+                elif c == other:
+                    stick = -self.strength(c) if c in self.layout.together else ex.ZERO
+                    found.append(self.fixed_entry(c, stick, ex.ONE))
                 else:
-                    found.append(self.fixed_entry(c, ex.ZERO, ex.ONE if c == other else ex.ZERO))
+                    found.append(self.fixed_entry(c, ex.ZERO, ex.ZERO))
         assert len(found) == (n + len(part.contacts)) ** 2
         return tuple(found)
+
+    def strength(self, i: int) -> Expr:
+        """The square of the force that a contact can hold, of those that may share forces: 1 for
+        all where one of them is no constant."""
+        number = self.layout.together[i]
+        own = [c for c, other in self.layout.together.items() if other == number]
+        sides = [self.eq.contacts[c].plus for c in own]
+        if not all(map(self.constants.is_constant, sides)):
+            return ex.ONE
+        return sides[own.index(i)] ** 2
+
+    def plane_with(self, i: int) -> Plane:
+        """The contact in a plane that has a contact as a component."""
+        return next(p for p in self.eq.planes if i in p.parts)
 
     def pressed_entry(self, i: int) -> Instruction:
         """What a unit of normal force adds to λᵢ + σk = 0 in slip."""
@@ -779,7 +808,7 @@ class _Generator:
         c = self.eq.contacts[i]
         sides = c.kinetic_plus, c.kinetic_minus, c.plus, c.minus
         if c.plane:
-            plane = next(p for p in self.eq.planes if i in p.parts)
+            plane = self.plane_with(i)
             sides = (*(plane.kinetic * c.axis,) * 2, *(plane.static * c.axis,) * 2)
         return tuple(self.tape.row(ex.derivative(side, f"lambda:{normal}")) for side in sides)
 
@@ -826,6 +855,10 @@ class _Generator:
             for i in range(self.mq)
             if self.eq.pressing(i) and self.rubs_evenly(i)
         ]
+        for i in self.layout.together:
+            axis = self.eq.contacts[i].axis if self.eq.contacts[i].plane else ex.ONE
+            entries.append(Store("J", (i, friction - 2), scalar(axis)))
+            entries.append(Store("J", (i, friction - 1), scalar(self.strength(i))))
         frequencies = enumerate(self.eq.frequencies)
         entries += [Store("omega", (i,), abs(scalar(e))) for i, e in frequencies]
         return [*self.constants.stores(), *entries]

@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.equations.codegen.series import INDEFINITE, SINGULAR, invert
+from stickslip.equations.codegen.series import INDEFINITE, SINGULAR, invert, shared_inverse
 from stickslip.motion.engine.guards import (
     NUMBER,
     contact_of,
@@ -116,6 +116,7 @@ def resolvent(
     A: Array,
     J: Array,
     parents: Array,
+    group: Array,
     members: Array,
     n: int,
     m: int,
@@ -134,13 +135,15 @@ def resolvent(
         coefficients of friction.
     parents : array of int
         The contact whose normal force presses each, or negative.
+    group : array of int
+        The contacts that each may share its force with, or negative.
     members : array of int, shape (n + m,)
         The coordinates, then the contacts.
     n, m : int
         Numbers of them.
     mode : array of int, shape (contacts,)
     scratch : array
-        Work space, at least of shape (n + m + 1, n + m).
+        Work space, at least of shape (n + m + 3, n + m).
     R : array
         Receives the inverse in its first rows and columns.
 
@@ -149,6 +152,7 @@ def resolvent(
     bool
         False if there is none.
     """
+    shared = False
     for i in range(n + m):
         for j in range(n + m):
             scratch[i, j] = 0.0
@@ -161,6 +165,9 @@ def resolvent(
         if mode[members[n + c]] == 0:
             for i in range(n):
                 scratch[n + c, i] = J[members[n + c], i]
+            if group[members[n + c]] >= 0:
+                shared = True
+                scratch[n + c, n + c] = -J[members[n + c], J.shape[1] - 2]
         else:
             scratch[n + c, n + c] = 1.0
             parent = parents[members[n + c]]
@@ -168,7 +175,7 @@ def resolvent(
                 if members[n + other] == parent:
                     sense = 1.0 if mode[members[n + c]] > 0 else -1.0
                     scratch[n + c, n + other] = sense * J[members[n + c], J.shape[1] - 1]
-    return invert(scratch, n + m, R)
+    return shared_inverse(scratch, n + m, R, False) if shared else invert(scratch, n + m, R)
 
 
 @compiled()
@@ -198,6 +205,7 @@ def resolve(rows: Rows, k: Constants, space: Space, mode: Array) -> bool:
             k.M if inertial else k.C,
             k.J,
             rows.parents,
+            rows.group,
             rows.members[first:],
             n,
             m,

@@ -143,6 +143,9 @@ class Rows(NamedTuple):
         Contacts in a plane, by the columns from `COMPONENT` to `MASSIVE`.
     plane : array of int, shape (contacts,)
         Which of them each contact is a component of; −1: of none.
+    group : array of int, shape (contacts,)
+        For contacts whose directions may depend on each other, friction in a plane among them: which
+        of such groups each belongs to; −1: of none.
     """
 
     sizes: IntVector
@@ -170,6 +173,7 @@ class Rows(NamedTuple):
     landings: IntVector
     planes: IntMatrix
     plane: IntVector
+    group: IntVector
 
 
 class Constants(NamedTuple):
@@ -498,7 +502,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         mag=z(max(magnitudes, 1)),
         Rq=z((nq + mq, widths[0])),
         Rz=z((nz + mz, widths[1])),
-        A=z((most + 1, most)),
+        A=z((most + 3, most)),
         B=z((nr, nr)),
         G=z(2 * nr),
         discs=z((table_rows, 4)),
@@ -507,7 +511,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         kinds=z(table_rows, np.int64),
         samples=z((n + 3 * nc + nk, AUDIT_NODES)),
         bernstein=z((24, AUDIT_NODES)),
-        scratch=z((big + 1, big)),
+        scratch=z((big + 3, big)),
         stack=z((64, 36)),
         touched=z(nk + nc, np.int64),
         y0=z(n),
