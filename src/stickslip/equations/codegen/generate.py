@@ -312,9 +312,7 @@ class _Generator:
                 entries = self.moving_entries(part, names, matrix)
                 known = len(part.coordinates)
                 shared = inertial and any(c in self.layout.together for c in part.contacts)
-                solve = replace(
-                    solve, op=Op.RATES, entries=entries, definite=known, shared=shared
-                )
+                solve = replace(solve, op=Op.RATES, entries=entries, definite=known, shared=shared)
             self.solves[stage].append(solve)
             for c in part.contacts:
                 where = (contacts[c], size, base + at)

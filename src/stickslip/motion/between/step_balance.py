@@ -41,7 +41,6 @@ from stickslip.motion.between.observers import Sums, add_step, count_times, make
 from stickslip.motion.engine.guards import opens, resting
 from stickslip.motion.engine.impacts import distance_of_jump
 from stickslip.motion.engine.modes import copy, resolve
-from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     ADMISSIBLE_SIZE,
@@ -98,6 +97,7 @@ from stickslip.motion.steps.discs import (
     tape_of,
 )
 from stickslip.motion.steps.jumps import fired_jump, make_jump
+from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import LEAST_SIZE, fill_powers, impulse
 from stickslip.motion.steps.stiff import follow_mode

@@ -51,7 +51,6 @@ from stickslip.motion.engine.modes import (
     set_regions,
     settle_mode,
 )
-from stickslip.motion.engine.roots import value_and_slope
 from stickslip.motion.steps.arrays import (
     ASTRAY,
     CAUSE,
@@ -111,6 +110,7 @@ from stickslip.motion.steps.arrays import (
     remember_gaps,
 )
 from stickslip.motion.steps.jumps import due_jump, fires, make_jump, passed_jumps
+from stickslip.motion.steps.roots import value_and_slope
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import fill_powers
 from stickslip.translator import compiled, row_of
@@ -273,7 +273,9 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         if doubt >= 0:
             return inadmissible(rows.doubtful, doubt), count
         if which >= 0 or due >= 0:  # after a jump closed forms may go on
-            return (fire(which, lane, rows, task.max_events) if which >= 0 else NOWHERE), count
+            return (
+                fire(which, lane, rows, space.leaving, task.max_events) if which >= 0 else NOWHERE
+            ), count
 
 
 @compiled()
@@ -768,7 +770,7 @@ def fly_on(
         number = form.switch[guard]
         if doubt_of(number, nk, nc) >= 0:
             return -1, count
-        code = fire(number, lane, rows, task.max_events)
+        code = fire(number, lane, rows, flow.space.leaving, task.max_events)
         if code >= 0:
             return code, count
 
@@ -823,7 +825,7 @@ def decide(
             several and number >= nk and drops[c] == 1 and mode[c] == 0
         ):
             return _UNDECIDED
-        flip(flow.rows, number, mode, reg)
+        flip(flow.rows, number, mode, reg, flow.space.leaving)
         let_slide(mode)
     return _UNDECIDED
 
@@ -889,7 +891,7 @@ def note(rows: Rows, lane: Lane, task: Task, count: int) -> int:
 
 
 @compiled()
-def fire(guard: int, lane: Lane, rows: Rows, max_events: int) -> int:
+def fire(guard: int, lane: Lane, rows: Rows, leaving: Array, max_events: int) -> int:
     """Count an event and give its switch the other state; an outcome code if the motion ends here,
     else −1."""
     clock = lane.clock
@@ -899,7 +901,7 @@ def fire(guard: int, lane: Lane, rows: Rows, max_events: int) -> int:
     if clock[NOW] - clock[SINCE] > _TOGETHER * clock[SPAN]:
         counters[WORD] = spell(counters[WORD], lane.settled, lane.reg)
     clock[SINCE] = clock[NOW]
-    fired = flip(rows, guard, lane.mode, lane.reg)
+    fired = flip(rows, guard, lane.mode, lane.reg, leaving)
     if fired < nk and rows.vanishing[fired] >= 0:
         lane.y[rows.vanishing[fired]] = 0.0
     counters[CAUSE] = fired

@@ -79,6 +79,7 @@ from stickslip.motion.steps.arrays import (
     own_inverse,
     set_mode,
 )
+from stickslip.motion.steps.holding import APART, STAYS, is_new
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import (
     COARSER,
@@ -106,6 +107,7 @@ _TOGETHER = 16  # times that the switches of different components are flipped to
 _PAST = 1.0625  # of the time to a kink: the end of the step in which it comes
 # parts of a step, and of the time, within which a kink is the one that has been passed
 _PASSED, _ROUNDED = 1e-12, 1e3 * EPSILON
+_DEPENDENT = 1e-20  # square of the part of a direction that is none of others
 _LOOSELY = 1e-3  # of the tolerance, where that is loose
 _TOUCHING = 1e-12  # part of its size, and of what it does in a step, below which a gap is zero
 _LOOSER = 1e4  # tolerances by which the rates at the end of a step may break its promise
@@ -531,7 +533,7 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
 
 
 @compiled()
-def flip(rows: Rows, guard: int, mode: Array, reg: Array) -> int:
+def flip(rows: Rows, guard: int, mode: Array, reg: Array, leaving: Array) -> int:
     """Give the switch of a violated guard its other state; returns the switch.
 
     What leaves stick has its threshold to break, as long as it is not known which of several
@@ -544,18 +546,49 @@ def flip(rows: Rows, guard: int, mode: Array, reg: Array) -> int:
         Its number.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
         One of them is changed.
+    leaving : array of int, shape (contacts,)
+        Which contacts leave with others that they share forces with.
     """
     nk = len(reg)
     if guard < nk:
         reg[guard] = 1 - reg[guard]
         return guard
     c = contact_of(guard, nk)
+    if mode[c] == 0 and leaving[c] != APART:
+        return release_together(rows, c, mode, nk, leaving)
     if mode[c] == 0:
         side = -1 if is_second(guard, nk) else 1
         set_mode(rows, mode, c, 2 * side if rows.drops[c] == 1 else side)
     else:
         set_mode(rows, mode, c, 0)
     return nk + c
+
+
+@compiled()
+def release_together(rows: Rows, first: int, mode: Array, nk: int, leaving: Array) -> int:
+    """Let those contacts slip that leave stick together; returns the switch of the first of them.
+
+    Parameters
+    ----------
+    rows : Rows
+    first : int
+        The first of those that share forces.
+    mode : array of int, shape (contacts,)
+        Is changed.
+    nk : int
+        Number of kinks.
+    leaving : array of int, shape (contacts,)
+    """
+    found = first
+    left = False
+    for c in range(rows.sizes[ON_INERTIAL]):
+        of_them = rows.group[c] == rows.group[first] and not is_component(rows, c)
+        if of_them and mode[c] == 0 and leaving[c] != STAYS:
+            if not left:
+                found = c
+            left = True
+            set_mode(rows, mode, c, leaving[c] * (1 + rows.drops[c]))
+    return nk + found
 
 
 @compiled()
@@ -640,7 +673,7 @@ def flip_apart(rows: Rows, space: Space, mode: Array, reg: Array, count: int) ->
             if asked[home] == 1:
                 continue
             asked[home] = 1
-        flipped = flip(rows, guard, mode, reg)
+        flipped = flip(rows, guard, mode, reg, space.leaving)
         space.touched[flipped] = 1
         if first < 0:
             first = flipped
@@ -698,36 +731,13 @@ def loosen(rows: Rows, p: int, J: Array, mode: Array, keep: int, space: Space) -
             continue
         for j in range(n):
             space.scratch[rank, j] = direction_entry(rows, J, space.W, c, j)
-        if is_new(n, space.scratch, rank):
+        if is_new(n, space.scratch, rank, _DEPENDENT):
             rank += 1
-        else:
+        elif rows.group[c] < 0:
             set_mode(rows, mode, c, 1 + rows.drops[c])
             space.touched[len(rows.kinks) + c] = 1
             changed = True
     return changed
-
-
-@compiled()
-def is_new(n: int, basis: Array, rank: int) -> bool:
-    """Whether the vector behind an orthonormal basis is no combination of it; if so, it joins."""
-    size = 0.0
-    for j in range(n):
-        size += basis[rank, j] ** 2
-    for _ in range(2):
-        for r in range(rank):
-            dot = 0.0
-            for j in range(n):
-                dot += basis[rank, j] * basis[r, j]
-            for j in range(n):
-                basis[rank, j] -= dot * basis[r, j]
-    left = 0.0
-    for j in range(n):
-        left += basis[rank, j] ** 2
-    if left <= 1e-20 * size:
-        return False
-    for j in range(n):
-        basis[rank, j] /= math.sqrt(left)
-    return True
 
 
 @compiled()

@@ -231,6 +231,8 @@ class Space(NamedTuple):
         M⁻¹Jᵀ and J M⁻¹ Jᵀ of contacts that take part in an impact, and the equations of impulses.
     begun, answer, aims : arrays
         Of slips in a plane that begin; see :mod:`stickslip.motion.steps.starting`.
+    basis, grip, bend, unbent, aside, points, piece, leaving : arrays
+        Of contacts that share forces; see :mod:`stickslip.motion.steps.holding`.
     landed, stood : arrays
         New values of the state in all jumps; and the regions before a mode is chosen, then the kink
         whose jump has just been taken, −1: none.
@@ -275,6 +277,14 @@ class Space(NamedTuple):
     begun: Matrix
     answer: Matrix
     aims: Matrix
+    basis: Matrix
+    grip: Matrix
+    bend: Matrix
+    unbent: Matrix
+    aside: Matrix
+    points: Matrix
+    piece: Matrix
+    leaving: IntVector
     wish: IntVector
     late: IntVector
 
@@ -493,6 +503,9 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
     guards = nk + 2 * nc + len(rows.doubtful) + 1
     struck = mq if np.any(rows.gaps >= 0) else 0
     implicit = N // 2 * n if n <= MOST_IMPLICIT else 0
+    sharing = bool(np.any(rows.group >= 0))
+    several = nq + 1 if sharing else 0
+    most_points = max(N + 1, AUDIT_NODES)
     W = z((table_rows, N + 1))
     V = z((table_rows, 2))
     W[n, 1] = V[n, 1] = 1.0
@@ -532,6 +545,14 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         begun=z((table_rows if len(rows.planes) else 0, FEWEST_ORDERS + 1)),
         answer=z((2 * len(rows.planes), 2 * len(rows.planes))),
         aims=z((9 * len(rows.planes), N + 1)),
+        basis=z((several, nq)),
+        grip=z((mq if sharing else 0, nq)),
+        bend=z((several, nq)),
+        unbent=z((several, nq)),
+        aside=z((9 if sharing else 0, max(nq, mq, most_points))),
+        points=z((2 * mq if sharing else 0, most_points)),
+        piece=z((2 * mq if sharing else 0, most_points)),
+        leaving=np.full(nc, 2, np.int64),
         wish=z(1, np.int64),
         late=z(1, np.int64),
         stages=z((2 * implicit + 8 + n, max(implicit, len(rows.watched), N // 2 + 1))),
