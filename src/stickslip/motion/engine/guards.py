@@ -564,10 +564,10 @@ def scan(
 @compiled()
 def any_share(rows: Rows) -> bool:
     """Whether there are contacts that may share forces."""
+    found = False
     for group in rows.group:
-        if group >= 0:
-            return True
-    return False
+        found = found or group >= 0
+    return found
 
 
 @compiled()

@@ -843,18 +843,18 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     if len(rows.planes) == 0 or lane.counters[CAUSE] < 0:
         return
     c = lane.counters[CAUSE] - len(rows.kinks)
-    left = 0
-    held = False
+    before = flow.space.touched
+    asked = False
     for p in range(len(rows.planes)):
         first = rows.planes[p, COMPONENT]
-        massive = rows.planes[p, MASSIVE] == 1
-        if massive and first == c:
-            left = lane.mode[first]
-        held = held or (massive and lane.mode[first] == 0)
-    if left == 0 and not held:
+        before[first] = lane.mode[first]
+        if rows.planes[p, MASSIVE] == 1:
+            left = leaves_with(rows, lane, first, c)
+            asked = asked or left or lane.mode[first] == 0
+            if left:
+                set_mode(rows, lane.mode, first, 0)
+    if not asked:
         return
-    if left != 0:
-        set_mode(rows, lane.mode, c, 0)
     here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
     known = resolve(rows, flow.k, flow.space, lane.mode)
     for _ in range(_MOST_STOPS):
@@ -862,8 +862,28 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
         if not known or all_on_surface(flow, lane.mode):
             break
         known = release_or_hold(flow, here, lane.clock[RECENT], 0.0, lane.clock[SPAN])
-    if left != 0:
-        set_mode(rows, lane.mode, c, left)
+    for p in range(len(rows.planes)):
+        first = rows.planes[p, COMPONENT]
+        if before[first] != 0:
+            set_mode(rows, lane.mode, first, before[first])
+
+
+@compiled()
+def leaves_with(rows: Rows, lane: Lane, first: int, c: int) -> bool:
+    """Whether a contact in a plane has just left stick, where the switch of contact c has fired:
+    with those that it shared its force with.
+
+    Parameters
+    ----------
+    rows : Rows
+    lane : Lane
+    first, c : int
+        The first component of the one, and the other.
+    """
+    if first == c:
+        return True
+    together = c >= 0 and rows.group[first] >= 0 and rows.group[first] == rows.group[c]
+    return bool(together and lane.settled[first] == 0 and lane.mode[first] != 0)
 
 
 @compiled()

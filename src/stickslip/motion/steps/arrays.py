@@ -144,8 +144,8 @@ class Rows(NamedTuple):
     plane : array of int, shape (contacts,)
         Which of them each contact is a component of; −1: of none.
     group : array of int, shape (contacts,)
-        For contacts whose directions may depend on each other, friction in a plane among them: which
-        of such groups each belongs to; −1: of none.
+        For contacts whose directions may depend on each other, friction in a plane among them:
+        which of such groups each belongs to; −1: of none.
     """
 
     sizes: IntVector
@@ -233,6 +233,8 @@ class Space(NamedTuple):
         Of slips in a plane that begin; see :mod:`stickslip.motion.steps.starting`.
     basis, grip, bend, unbent, aside, points, piece, leaving : arrays
         Of contacts that share forces; see :mod:`stickslip.motion.steps.holding`.
+    span, turn, turned, onset : arrays
+        Of slips that begin together; see :mod:`stickslip.motion.steps.onset`.
     landed, stood : arrays
         New values of the state in all jumps; and the regions before a mode is chosen, then the kink
         whose jump has just been taken, −1: none.
@@ -285,6 +287,10 @@ class Space(NamedTuple):
     points: Matrix
     piece: Matrix
     leaving: IntVector
+    span: Matrix
+    turn: Matrix
+    turned: Matrix
+    onset: Matrix
     wish: IntVector
     late: IntVector
 
@@ -505,6 +511,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
     implicit = N // 2 * n if n <= MOST_IMPLICIT else 0
     sharing = bool(np.any(rows.group >= 0))
     several = nq + 1 if sharing else 0
+    slips = 2 * len(rows.planes) if sharing else 0
     most_points = max(N + 1, AUDIT_NODES)
     W = z((table_rows, N + 1))
     V = z((table_rows, 2))
@@ -544,7 +551,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         stood=np.full(nk + 1, -1, np.int64),
         begun=z((table_rows if len(rows.planes) else 0, FEWEST_ORDERS + 1)),
         answer=z((2 * len(rows.planes), 2 * len(rows.planes))),
-        aims=z((9 * len(rows.planes), N + 1)),
+        aims=z((11 * len(rows.planes), N + 1)),
         basis=z((several, nq)),
         grip=z((mq if sharing else 0, nq)),
         bend=z((several, nq)),
@@ -553,6 +560,10 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         points=z((2 * mq if sharing else 0, most_points)),
         piece=z((2 * mq if sharing else 0, most_points)),
         leaving=np.full(nc, 2, np.int64),
+        span=z((slips + 1, slips)),
+        turn=z((slips + 2, slips + 1)),
+        turned=z((slips + 1, slips + 1)),
+        onset=z((8 + slips, max(N + 2, slips + 1))),
         wish=z(1, np.int64),
         late=z(1, np.int64),
         stages=z((2 * implicit + 8 + n, max(implicit, len(rows.watched), N // 2 + 1))),

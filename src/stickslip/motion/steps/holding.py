@@ -7,11 +7,11 @@ by a smooth, strictly convex function of what the body might do,
 
     F(w) = Σ s √(1 + |Gw|²) − q·w,   F′(w) = Σ Gᵀf − q,   f = s Gw/√(1 + |Gw|²).
 
-It has a minimum if and only if q is inside K, and there the f are forces with the sum q, each inside
-its set: a proof that the body can rest. If q is outside, F falls for ever, and Newton's method comes
-to some w with Σ s |Gw| < q·w: a mechanism against which friction is too weak, and the proof of that.
-K is convex, and so is the set of all (q, s) for which q is in it: what holds at the control points
-of polynomials, in Bernstein's form, holds along them.
+It has a minimum if and only if q is inside K, and there the f are forces with the sum q, each
+inside its set: a proof that the body can rest. If q is outside, F falls for ever, and Newton's
+method comes to some w with Σ s |Gw| < q·w: a mechanism against which friction is too weak, and the
+proof of that. K is convex, and so is the set of all (q, s) for which q is in it: what holds at the
+control points of polynomials, in Bernstein's form, holds along them.
 """
 
 from __future__ import annotations
@@ -200,10 +200,10 @@ def find_shared(flow: Flow, mode: Array, table: Array) -> None:
 @compiled()
 def is_first(rows: Rows, mode: Array, c: int) -> bool:
     """Whether a contact is the first that sticks in its group."""
+    first = True
     for other in range(c):
-        if sticks_in(rows, mode, other, rows.group[c]):
-            return False
-    return True
+        first = first and not sticks_in(rows, mode, other, rows.group[c])
+    return first
 
 
 @compiled()
@@ -585,8 +585,8 @@ def holds_until(
 
 @compiled()
 def place_guard(flow: Flow, mode: Array, group: int, rank: int) -> tuple[float, float]:
-    """Coefficients of Σ s |Gw| − q·w for the mechanism w in the work space; the size of the terms of
-    the first, and of what force terms round off.
+    """Coefficients of Σ s |Gw| − q·w for the mechanism w in the work space, by the speed of the
+    contact that it moves most; the size of the terms of the first, and that speed.
 
     Parameters
     ----------
