@@ -27,6 +27,7 @@ from stickslip.motion.engine.guards import (
     stays,
 )
 from stickslip.motion.steps.arrays import (
+    AIM,
     ASTRAY,
     CAUSE,
     COMPONENT,
@@ -519,9 +520,10 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
     promise = flow.space.promise[PROMISED]
     tol = _LOOSER * flow.tol
     late = INSTANT * abs(table[len(y), 0]) / h  # the end is a rounded time
+    vague = vagueness(rows, mag, table, h)
     for i in range(len(y)):
         size = LEAST_SIZE + abs(y[i]) + abs(promise[i]) + flow.atol * seen[i]
-        rounding = ROUNDING * mag[rows.noise[i]] * h if rows.noise[i] >= 0 else 0.0
+        rounding = (ROUNDING + vague) * mag[rows.noise[i]] * h if rows.noise[i] >= 0 else 0.0
         rounding += late * abs(promise[i])
         rate = rows.program.rates[i]
         if rate < len(y) and rows.noise[rate] >= 0:
@@ -530,6 +532,32 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
         if abs(table[rate, 0] * h - promise[i]) > tol * size + rounding:
             return False
     return True
+
+
+@compiled()
+def vagueness(rows: Rows, mag: Array, table: Array, h: float) -> float:
+    """What rounding errors of velocities make of the directions of slow slips, where contacts of
+    one body begin, or come to rest, together.
+
+    Parameters
+    ----------
+    rows : Rows
+    mag : array
+        Sizes of the terms of what may cancel.
+    table : array
+        Values of the rows.
+    h : float
+        How long forces have made these velocities.
+    """
+    nc = len(rows.u)
+    found = 0.0
+    for plane in rows.planes:
+        first, other = plane[COMPONENT], plane[OTHER]
+        speed = table[plane[AIM] + 2, 0]
+        if plane[MASSIVE] == 1 and rows.group[first] >= 0 and speed > 0.0:
+            size = mag[first] + mag[other] + h * (mag[nc + first] + mag[nc + other])
+            found = max(found, ROUNDING * size / speed)
+    return found
 
 
 @compiled()
