@@ -29,7 +29,14 @@ from stickslip.motion.steps.arrays import (
     is_component,
     is_loose,
 )
-from stickslip.motion.steps.holding import APART, LEAVES, find_leaving, find_shared, is_first
+from stickslip.motion.steps.holding import (
+    APART,
+    LEAVES,
+    any_share,
+    find_leaving,
+    find_shared,
+    is_first,
+)
 from stickslip.motion.steps.roots import divide_out, first_crossing
 from stickslip.motion.steps.step_size import impulse
 from stickslip.translator import RELAXED, compiled
@@ -496,7 +503,7 @@ def scan(
     stopped = has_stopped(rows, settled, fired)
     sharing = any_share(rows)
     if sharing:
-        find_shared(flow, mode, W)
+        find_shared(flow, mode, W, True)
     for g in range(nk + 2 * nc + len(rows.doubtful)):
         if not is_asked(rows, mode, nk, g):
             continue
@@ -559,15 +566,6 @@ def scan(
         c[N] = ROUNDING * (size + powers[1] * guard.rate)
         count += 1
     return violated, count
-
-
-@compiled()
-def any_share(rows: Rows) -> bool:
-    """Whether there are contacts that may share forces."""
-    found = False
-    for group in rows.group:
-        found = found or group >= 0
-    return found
 
 
 @compiled()

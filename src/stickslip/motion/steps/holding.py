@@ -166,7 +166,7 @@ def turns(flow: Flow, mode: Array, group: int) -> bool:
 
 
 @compiled()
-def find_shared(flow: Flow, mode: Array, table: Array) -> None:
+def find_shared(flow: Flow, mode: Array, table: Array, lasting: bool) -> None:
     """Note which contacts share their forces with others: they have one guard together.
 
     Where directions change on the way while they stick, each contact is asked about the least
@@ -179,6 +179,8 @@ def find_shared(flow: Flow, mode: Array, table: Array) -> None:
     mode : array of int, shape (contacts,)
     table : array
         Values of the rows.
+    lasting : bool
+        Whether a step is meant, and not an instant.
     """
     rows = flow.rows
     leaving = flow.space.leaving
@@ -191,7 +193,7 @@ def find_shared(flow: Flow, mode: Array, table: Array) -> None:
         if not is_first(rows, mode, first):
             continue
         count, rank = grip(flow, mode, table, group)
-        if count > rank and not turns(flow, mode, group):
+        if count > rank and not (lasting and turns(flow, mode, group)):
             for c in range(first, rows.sizes[ON_INERTIAL]):
                 if sticks_in(rows, mode, c, group):
                     leaving[c] = STAYS
@@ -709,3 +711,65 @@ def find_leaving(flow: Flow, mode: Array, first: int, lack: float) -> tuple[bool
             break
         end = root
     return leaves, size
+
+
+@compiled()
+def any_share(rows: Rows) -> bool:
+    """Whether there are contacts that may share forces."""
+    found = False
+    for group in rows.group:
+        found = found or group >= 0
+    return found
+
+
+@compiled()
+def spare_part(flow: Flow, mode: Array, first: int) -> float:
+    """The part of the thresholds that contacts which share their forces do not need at an instant,
+    to a digit; 0 if they need all.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the values of the rows.
+    mode : array of int, shape (contacts,)
+    first : int
+        The first contact of them.
+    """
+    rows = flow.rows
+    aside = flow.space.aside
+    group = rows.group[first]
+    rank = grip(flow, mode, flow.space.W, group)[1]
+    part = 0.5
+    while part > _PROVED:
+        place_held(flow, mode, flow.space.W, group)
+        for c in range(rows.sizes[ON_INERTIAL]):
+            aside[_RADIUS, c] *= 1.0 - part
+        if can_hold(flow, mode, group, rank, 0.0):
+            return part
+        part *= 0.1
+    return 0.0
+
+
+@compiled()
+def lacking_part(flow: Flow, mode: Array, first: int, d: int, least: float) -> float:
+    """The part of the forces that contacts which share them may lack on a piece, in powers of 10;
+    0 if it is proved that it is at most `least`.
+
+    Parameters
+    ----------
+    flow : Flow
+        With control points, of degree d, of forces and radii.
+    mode : array of int, shape (contacts,)
+    first, d : int
+        The first contact of them, and the degree.
+    least : float
+    """
+    group = flow.rows.group[first]
+    rank = grip(flow, mode, flow.space.W, group)[1]
+    lack = least
+    while lack < 1.0:
+        place, fails = holds_until(flow, mode, group, rank, d, 1.0, lack)
+        if place >= 1.0 and not fails:
+            return 0.0 if lack == least else lack
+        lack *= 10.0
+    return math.inf
