@@ -520,7 +520,7 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
     promise = flow.space.promise[PROMISED]
     tol = _LOOSER * flow.tol
     late = INSTANT * abs(table[len(y), 0]) / h  # the end is a rounded time
-    vague = vagueness(rows, mag, table, h)
+    vague = vagueness(flow, table, y, h)
     for i in range(len(y)):
         size = LEAST_SIZE + abs(y[i]) + abs(promise[i]) + flow.atol * seen[i]
         rounding = (ROUNDING + vague) * mag[rows.noise[i]] * h if rows.noise[i] >= 0 else 0.0
@@ -535,26 +535,36 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
 
 
 @compiled()
-def vagueness(rows: Rows, mag: Array, table: Array, h: float) -> float:
-    """What rounding errors of velocities make of the directions of slow slips, where contacts of
-    one body begin, or come to rest, together.
+def vagueness(flow: Flow, table: Array, y: Array, h: float) -> float:
+    """What rounding errors of velocities make of the directions of slips that begin together.
 
     Parameters
     ----------
-    rows : Rows
-    mag : array
-        Sizes of the terms of what may cancel.
+    flow : Flow
+        With the promise of the step.
     table : array
-        Values of the rows.
+        Values of the rows at its end.
+    y : array
+        State there.
     h : float
-        How long forces have made these velocities.
+        Its length.
     """
+    rows = flow.rows
+    mag = flow.space.mag
     nc = len(rows.u)
+    nq = rows.sizes[INERTIAL]
     found = 0.0
     for plane in rows.planes:
         first, other = plane[COMPONENT], plane[OTHER]
         speed = table[plane[AIM] + 2, 0]
-        if plane[MASSIVE] == 1 and rows.group[first] >= 0 and speed > 0.0:
+        if plane[MASSIVE] == 0 or rows.group[first] < 0 or not speed > 0.0:
+            continue
+        faster = 0.0
+        part = rows.parts[rows.homes[first, PART]]
+        for i in range(part[COORDINATES]):
+            r = nq + rows.members[part[MEMBERS] + i]
+            faster += y[r] * flow.space.promise[PROMISED, r]
+        if faster > 0.0:
             size = mag[first] + mag[other] + h * (mag[nc + first] + mag[nc + other])
             found = max(found, ROUNDING * size / speed)
     return found

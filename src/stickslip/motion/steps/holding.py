@@ -21,6 +21,7 @@ import math
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
 from stickslip.motion.steps.arrays import (
+    COMPONENT,
     COORDINATES,
     INERTIAL,
     MEMBERS,
@@ -42,16 +43,17 @@ from stickslip.translator import compiled
 STAYS, APART = 0, 2
 _INDEPENDENT = 1e-13  # square of the part of a direction that is none of the others
 _STEADY = 1e-12  # part of its size by which a direction may turn
+_FAR = 1e4  # what the body might do, beyond which it is known which contacts do not move
 _MOVES = 1e-3  # part of the fastest with which a contact begins to slip, too
 _MOST_TURNS = 200  # of Newton's method
+_LONGEST = 4.0  # of its steps, in parts of what is reached
 _SETTLED = 1e-15  # part of its terms by which forces may fail to have the sum that is asked for
 _PROVED = 1e-11  # part of the thresholds that a rest may lack between control points
 _MOST_PIECES, _SHORTEST = 200, 1e-5
 _MOST_CUTS = 40  # mechanisms that are tried until it is known which one begins
 # Rows of Space.aside: what the body might do (w), q, F′, a Newton step, F′ where it leads, forces
-# and radii, work space, and the guard of the mechanism that begins.
-_WAY, _PULL, _SLOPE, _STEP, _AHEAD, _HELD, _RADIUS, _SPARE, LEAVES = range(9)
-ROWS_ASIDE = 9
+# and radii, work space, the guard of the mechanism that begins, and that mechanism.
+_WAY, _PULL, _SLOPE, _STEP, _AHEAD, _HELD, _RADIUS, _SPARE, LEAVES, _BEST = range(10)
 
 
 @compiled()
@@ -281,8 +283,8 @@ def slope_of(
 
 
 @compiled()
-def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
-    """F″ at the place that is reached, and Σ s |Gw| there.
+def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> None:
+    """F″ at the place that is reached.
 
     Parameters
     ----------
@@ -294,7 +296,6 @@ def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
     rows = flow.rows
     space = flow.space
     bend, grips = space.bend, space.grip
-    lost = 0.0
     for i in range(rank):
         for j in range(rank):
             bend[i, j] = 0.0
@@ -305,7 +306,6 @@ def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
         x, y = speed_of(flow, c, rank, space.aside[_WAY])
         size = math.sqrt(1.0 + x * x + y * y)
         radius = space.aside[_RADIUS, c]
-        lost += radius * math.hypot(x, y)
         along = radius / size
         # with v = Gw/size, 1 − vvᵀ, whose entries must not cancel where w is large
         x, y = x / size, y / size
@@ -318,7 +318,70 @@ def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
                 d = grips[c, j]
                 e = grips[other, j] if other >= 0 else 0.0
                 bend[i, j] += along * (xx * a * d + xy * (a * e + b * d) + yy * b * e)
-    return lost
+
+
+@compiled()
+def fastest_of(flow: Flow, mode: Array, group: int, rank: int, w: Array) -> float:
+    """The speed of the contact that a mechanism moves most."""
+    rows = flow.rows
+    found = 0.0
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if sticks_in(rows, mode, c, group) and not is_component(rows, c):
+            x, y = speed_of(flow, c, rank, w)
+            found = max(found, math.hypot(x, y))
+    return found
+
+
+@compiled()
+def load_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
+    """q·w/Σ s |Gw| for what the body might do; far away, for the mechanism that it tends to, which
+    does not move at all the contacts that stay far behind. It is kept.
+
+    Parameters
+    ----------
+    flow : Flow
+    mode : array of int, shape (contacts,)
+    group, rank : int
+    """
+    rows = flow.rows
+    space = flow.space
+    aside, basis = space.aside, space.basis
+    best = aside[_BEST]
+    fastest = fastest_of(flow, mode, group, rank, aside[_WAY])
+    for r in range(rank):
+        best[r] = aside[_WAY, r]
+    held = 0
+    for c in range(rows.sizes[ON_INERTIAL] if fastest > _FAR else 0):
+        if not sticks_in(rows, mode, c, group):
+            continue
+        first = rows.planes[rows.plane[c], COMPONENT] if rows.plane[c] >= 0 else c
+        x, y = speed_of(flow, first, rank, aside[_WAY])
+        if math.hypot(x, y) > _MOVES * fastest or held == rank:
+            continue
+        for r in range(rank):
+            basis[held, r] = space.grip[c, r]
+        if is_new(rank, basis, held, _INDEPENDENT):
+            held += 1
+    for _ in range(2):
+        for k in range(held):
+            dot = 0.0
+            for r in range(rank):
+                dot += basis[k, r] * best[r]
+            for r in range(rank):
+                best[r] -= dot * basis[k, r]
+    if not fastest_of(flow, mode, group, rank, best) > 0.5 * fastest:
+        for r in range(rank):
+            best[r] = aside[_WAY, r]
+    work, lost = 0.0, 0.0
+    for r in range(rank):
+        work += aside[_PULL, r] * best[r]
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if sticks_in(rows, mode, c, group) and not is_component(rows, c):
+            x, y = speed_of(flow, c, rank, best)
+            lost += aside[_RADIUS, c] * math.hypot(x, y)
+    if lost > 0.0:
+        return float(work / lost)
+    return math.inf if work > 0.0 else 0.0
 
 
 @compiled()
@@ -380,14 +443,8 @@ def overload(
         way[r] = 0.0
     found = 0.0
     for _ in range(_MOST_TURNS):
-        lost = bend_of(flow, mode, group, rank)
-        work = 0.0
-        for r in range(rank):
-            work += aside[_PULL, r] * way[r]
-        if lost > 0.0:
-            found = max(found, work / lost)
-        elif work > 0.0:
-            found = math.inf
+        bend_of(flow, mode, group, rank)
+        found = max(found, load_of(flow, mode, group, rank))
         if (found > 1.0 + lack and not full) or not found < math.inf:
             return found, False
         part = (1.0 - lack) / max(found, 1.0)
@@ -406,7 +463,9 @@ def overload(
         if not first < 0.0:
             break
         # The slope along the step is to be much less than at its beginning, on either side.
-        length = 1.0
+        longest = _LONGEST * (1.0 + fastest_of(flow, mode, group, rank, way))
+        longest /= fastest_of(flow, mode, group, rank, step)
+        length = min(1.0, longest)
         for _ in range(60):
             for r in range(rank):
                 ahead[r] = way[r] + length * step[r]
@@ -416,7 +475,7 @@ def overload(
                 there += step[r] * aside[_SPARE, r]
             if there > -0.5 * first:
                 length *= 0.5
-            elif there < 0.25 * first:
+            elif there < 0.25 * first and 2.0 * length <= longest:
                 length *= 2.0
             else:
                 break
@@ -600,19 +659,15 @@ def place_guard(flow: Flow, mode: Array, group: int, rank: int) -> tuple[float, 
     rows = flow.rows
     space = flow.space
     W, guard = space.W, space.aside[LEAVES]
-    fastest = 0.0
+    fastest = fastest_of(flow, mode, group, rank, space.aside[_BEST])
     size = 0.0
     for k in range(flow.order):
         guard[k] = 0.0
     for c in range(rows.sizes[ON_INERTIAL]):
-        if sticks_in(rows, mode, c, group) and not is_component(rows, c):
-            x, y = speed_of(flow, c, rank, space.aside[_WAY])
-            fastest = max(fastest, math.hypot(x, y))
-    for c in range(rows.sizes[ON_INERTIAL]):
         if not sticks_in(rows, mode, c, group) or is_component(rows, c):
             continue
         other = partner(rows, c)
-        x, y = speed_of(flow, c, rank, space.aside[_WAY])
+        x, y = speed_of(flow, c, rank, space.aside[_BEST])
         x, y = x / fastest, y / fastest
         speed = math.hypot(x, y)
         for k in range(flow.order):
@@ -641,7 +696,7 @@ def mark_leaving(flow: Flow, mode: Array, group: int, rank: int, fastest: float)
     rows = flow.rows
     for c in range(rows.sizes[ON_INERTIAL]):
         if sticks_in(rows, mode, c, group) and not is_component(rows, c):
-            x, y = speed_of(flow, c, rank, flow.space.aside[_WAY])
+            x, y = speed_of(flow, c, rank, flow.space.aside[_BEST])
             other = partner(rows, c)
             moves = 0
             if math.hypot(x, y) > _MOVES * fastest:
