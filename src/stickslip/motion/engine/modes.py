@@ -707,8 +707,10 @@ def flip_apart(rows: Rows, space: Space, mode: Array, reg: Array, count: int) ->
     for i in range(count):
         guard = space.labels[i, NUMBER]
         if guard >= nk:
-            home = rows.homes[contact_of(guard, nk), PART]
-            if asked[home] == 1:
+            c = contact_of(guard, nk)
+            home = rows.homes[c, PART]
+            # Contacts of one body come to rest together.
+            if asked[home] == 1 and (rows.group[c] < 0 or mode[c] == 0):
                 continue
             asked[home] = 1
         flipped = flip(rows, guard, mode, reg, space.leaving)

@@ -248,9 +248,9 @@ def aim_together(flow: Flow) -> int:
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
             full = math.hypot(aims[AIMS * p + X, 0], aims[AIMS * p + Y, 0])
-            if full < 1.0 - _FULL:
+            if full < 1.0 - _FULL or not size > 0.0:
                 aims[AIMS * p + P, 0] = 1.0
-                aims[AIMS * p + RHO, 0] = -size
+                aims[AIMS * p + RHO, 0] = -size if size > 0.0 else -1.0
                 fastest = -1.0
     if fastest < 0.0:
         return rank
