@@ -231,7 +231,7 @@ class Space(NamedTuple):
         M⁻¹Jᵀ and J M⁻¹ Jᵀ of contacts that take part in an impact, and the equations of impulses.
     begun, answer, aims : arrays
         Of slips in a plane that begin; see :mod:`stickslip.motion.steps.starting`.
-    basis, grip, bend, unbent, aside, points, piece, leaving : arrays
+    basis, grip, turned_grip, bend, unbent, aside, points, piece, leaving : arrays
         Of contacts that share forces; see :mod:`stickslip.motion.steps.holding`.
     span, turn, turned, onset : arrays
         Of slips that begin together; see :mod:`stickslip.motion.steps.onset`.
@@ -281,6 +281,7 @@ class Space(NamedTuple):
     aims: Matrix
     basis: Matrix
     grip: Matrix
+    turned_grip: Matrix
     bend: Matrix
     unbent: Matrix
     aside: Matrix
@@ -554,6 +555,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         aims=z((11 * len(rows.planes), N + 1)),
         basis=z((several, nq)),
         grip=z((mq if sharing else 0, nq)),
+        turned_grip=z((mq if sharing else 0, nq)),
         bend=z((several, nq)),
         unbent=z((several, nq)),
         aside=z((10 if sharing else 0, max(nq, mq, most_points))),

@@ -47,6 +47,7 @@ _FAR = 1e4  # what the body might do, beyond which it is known which contacts do
 _MOVES = 1e-3  # part of the fastest with which a contact begins to slip, too
 _MOST_TURNS = 200  # of Newton's method
 _LONGEST = 4.0  # of its steps, in parts of what is reached
+_CRUDE = 1e-4  # of what is too much, to which the mechanism is known that begins
 _SETTLED = 1e-15  # part of its terms by which forces may fail to have the sum that is asked for
 _PROVED = 1e-11  # part of the thresholds that a rest may lack between control points
 _MOST_PIECES, _SHORTEST = 200, 1e-5
@@ -284,7 +285,7 @@ def slope_of(
 
 @compiled()
 def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> None:
-    """F″ at the place that is reached.
+    """F″ at the place that is reached, over the basis that :func:`load_of` leaves.
 
     Parameters
     ----------
@@ -295,7 +296,12 @@ def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> None:
     """
     rows = flow.rows
     space = flow.space
-    bend, grips = space.bend, space.grip
+    bend, grips, basis = space.bend, space.turned_grip, space.basis
+    for c in range(rows.sizes[ON_INERTIAL]):
+        for i in range(rank if sticks_in(rows, mode, c, group) else 0):
+            grips[c, i] = 0.0
+            for r in range(rank):
+                grips[c, i] += basis[i, r] * space.grip[c, r]
     for i in range(rank):
         for j in range(rank):
             bend[i, j] = 0.0
@@ -379,6 +385,16 @@ def load_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
         if sticks_in(rows, mode, c, group) and not is_component(rows, c):
             x, y = speed_of(flow, c, rank, best)
             lost += aside[_RADIUS, c] * math.hypot(x, y)
+    # F″ is smallest along the mechanism, and largest where contacts stay behind.
+    for r in range(rank):
+        basis[held, r] = best[r]
+    if held < rank and is_new(rank, basis, held, 0.0):
+        held += 1
+    for k in range(rank):
+        for r in range(rank if held < rank else 0):
+            basis[held, r] = 1.0 if r == k else 0.0
+        if held < rank and is_new(rank, basis, held, _INDEPENDENT):
+            held += 1
     if lost > 0.0:
         return float(work / lost)
     return math.inf if work > 0.0 else 0.0
@@ -443,8 +459,8 @@ def overload(
         way[r] = 0.0
     found = 0.0
     for _ in range(_MOST_TURNS):
-        bend_of(flow, mode, group, rank)
         found = max(found, load_of(flow, mode, group, rank))
+        bend_of(flow, mode, group, rank)
         if (found > 1.0 + lack and not full) or not found < math.inf:
             return found, False
         part = (1.0 - lack) / max(found, 1.0)
@@ -452,14 +468,11 @@ def overload(
         off = 0.0
         for r in range(rank):
             off = max(off, abs(slope[r]))
-        if off <= _SETTLED * size or not invert(space.bend, rank, space.unbent):
+        # Far outside, no more is asked of the mechanism.
+        enough = max(_SETTLED, _CRUDE * (found - 1.0))
+        if off <= enough * size or not invert(space.bend, rank, space.unbent):
             break
-        first = 0.0
-        for i in range(rank):
-            step[i] = 0.0
-            for j in range(rank):
-                step[i] -= space.unbent[i, j] * slope[j]
-            first += step[i] * slope[i]
+        first = newton_step(flow, rank)
         if not first < 0.0:
             break
         # The slope along the step is to be much less than at its beginning, on either side.
@@ -491,7 +504,34 @@ def overload(
     off = 0.0
     for r in range(rank):
         off = max(off, abs(slope[r]))
-    return found, found <= 1.0 + lack and off <= (0.5 * lack + 4.0 * _SETTLED) * size
+    return found, found <= 1.0 + lack and off <= (0.5 * lack + 16.0 * _SETTLED) * size
+
+
+@compiled()
+def newton_step(flow: Flow, rank: int) -> float:
+    """A step of Newton's method, in the work space; how steep F is along it.
+
+    Parameters
+    ----------
+    flow : Flow
+        With F′, and the inverse of F″ over a basis.
+    rank : int
+    """
+    space = flow.space
+    slope, step, basis = space.aside[_SLOPE], space.aside[_STEP], space.basis
+    for r in range(rank):
+        step[r] = 0.0
+    for j in range(rank):
+        along = 0.0
+        for r in range(rank):
+            along += basis[j, r] * slope[r]
+        for i in range(rank):
+            for r in range(rank):
+                step[r] -= basis[i, r] * space.unbent[i, j] * along
+    first = 0.0
+    for r in range(rank):
+        first += step[r] * slope[r]
+    return first
 
 
 @compiled()
