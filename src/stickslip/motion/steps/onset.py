@@ -33,6 +33,7 @@ _NEW = 1e-20  # square of the part of a velocity that is none of the others
 _ROUNDED = 0.1  # factor by which |u| is rounded off less from turn to turn
 _FINEST = 1e-9  # … at last, in parts of the accelerations without friction
 _FULL = 1e-4  # part of the friction that what begins to slip may lack then
+_SURE = 1e-9  # change of Newton's method below which it has settled
 _MOST_TURNS = 40  # of Newton's method
 # Rows of Space.onset: what is solved for and its right-hand side, V at a place, series of one
 # contact (both components, |V|), β, and V behind them.
@@ -244,17 +245,17 @@ def aim_together(flow: Flow) -> int:
         if rounded <= _FINEST * size:
             break
         rounded *= _ROUNDED
-    fastest = 0.0
+    if size > 0.0 and polish(flow, rank, size):
+        return rank
+    rounded_off(flow, rank, tried, rounded, right)
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
             full = math.hypot(aims[AIMS * p + X, 0], aims[AIMS * p + Y, 0])
+            aims[AIMS * p + P, 0] = 1.0
+            rho = 0.0
             if full < 1.0 - _FULL or not size > 0.0:
-                aims[AIMS * p + P, 0] = 1.0
-                aims[AIMS * p + RHO, 0] = -size if size > 0.0 else -1.0
-                fastest = -1.0
-    if fastest < 0.0:
-        return rank
-    polish(flow, rank, size)
+                rho = -size if size > 0.0 else -1.0
+            aims[AIMS * p + RHO, 0] = rho
     return rank
 
 
@@ -269,8 +270,8 @@ def step_back(flow: Flow, rank: int) -> None:
 
 
 @compiled()
-def polish(flow: Flow, rank: int, size: float) -> None:
-    """v₀ and β₀ from a neighbourhood, exactly.
+def polish(flow: Flow, rank: int, size: float) -> bool:
+    """v₀ and β₀ from a neighbourhood, exactly; False if not all slips begin.
 
     Parameters
     ----------
@@ -290,7 +291,10 @@ def polish(flow: Flow, rank: int, size: float) -> None:
     beta = math.sqrt(beta)
     for r in range(rank):
         way[r] /= beta
+    for r in range(rank):
+        onset[_TRIED, r] = beta * way[r]
     before = math.inf
+    settled = False
     for _ in range(_MOST_TURNS):
         place_slopes(flow, rank, way, 0.0, 1.0)
         project(flow, rank, BX, 0, right)
@@ -302,16 +306,19 @@ def polish(flow: Flow, rank: int, size: float) -> None:
             length += way[r] * way[r]
         right[rank] = 0.5 * (1.0 - length)
         if not invert(matrix, rank + 1, flow.space.turned):
-            break
+            return False
         step_back(flow, rank + 1)
         change = 0.0
         for r in range(rank):
             way[r] += onset[_SOLVED, r]
             change = max(change, abs(onset[_SOLVED, r]))
         beta += onset[_SOLVED, rank]
-        if change <= 2.0 * EPSILON or (change < 1e-9 and not change < before):
+        settled = change <= 2.0 * EPSILON or (change < _SURE and not change < before)
+        if settled:
             break
         before = change
+    if not settled:
+        return False
     found = abs(beta) > NEGLIGIBLE * size
     for r in range(rank):
         onset[_FIRST + r, 0] = way[r]
@@ -320,6 +327,7 @@ def polish(flow: Flow, rank: int, size: float) -> None:
         if begins_in(flow, p):
             aims[AIMS * p + P, 0] = 1.0 if found else 0.0
             aim_of(flow, rank, p, 0)
+    return True
 
 
 @compiled()
