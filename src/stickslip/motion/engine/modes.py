@@ -80,7 +80,7 @@ from stickslip.motion.steps.arrays import (
     own_inverse,
     set_mode,
 )
-from stickslip.motion.steps.holding import APART, STAYS, is_new
+from stickslip.motion.steps.holding import APART, STAYS, grip, is_gripped, is_new
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import (
     COARSER,
@@ -470,7 +470,7 @@ def evaluate_mode(
         status = coefficients(machine, flow, at, 1, W)
         if status != OK:
             return status
-        if release_or_hold(flow, at, last, near, span):
+        if release_or_hold(flow, at, last, near, span) and not rest_with_others(machine, flow, at):
             break
     if rows.sizes[RATE_INDEPENDENT] > 0:
         status = project_rates(machine, flow, at)
@@ -480,6 +480,44 @@ def evaluate_mode(
     if status != OK:
         return status
     return judge_coefficients(rows, W, flow.order)
+
+
+@compiled()
+def rest_with_others(machine: Machine, flow: Flow, at: Instant) -> bool:
+    """Let contacts in a plane stick that the others of their body do not let move, where their
+    speed cannot be told from nothing; whether there are any.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        With the inverses of the mode.
+    at : Instant
+        Its mode is changed.
+    """
+    rows = flow.rows
+    mode = at.mode
+    mag = flow.space.mag
+    nc = len(rows.u)
+    known = False
+    found = False
+    for plane in rows.planes:
+        first, other = plane[COMPONENT], plane[OTHER]
+        group = rows.group[first]
+        if group < 0 or mode[first] == 0 or is_loose(rows, mode, first):
+            continue
+        rank = grip(flow, mode, flow.space.W, group)[1]
+        if rank == 0 or not is_gripped(flow, flow.space.W, first, other, rank):
+            continue
+        if not known and coefficients(machine, flow, at, 1, flow.space.W) != OK:
+            return False
+        known = True
+        speed = abs(flow.space.W[rows.u[first], 0]) + abs(flow.space.W[rows.u[other], 0])
+        made = INSTANT * abs(at.t) * (mag[nc + first] + mag[nc + other])
+        if speed <= ROUNDING * (mag[first] + mag[other]) + made:
+            set_mode(rows, mode, first, 0)
+            found = True
+    return found
 
 
 @compiled()

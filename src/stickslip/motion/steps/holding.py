@@ -151,6 +151,30 @@ def grip(flow: Flow, mode: Array, table: Array, group: int) -> tuple[int, int]:
 
 
 @compiled()
+def is_gripped(flow: Flow, table: Array, first: int, other: int, rank: int) -> bool:
+    """Whether both components of a contact depend on what sticks in its group.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the basis of what sticks.
+    table : array
+        Values of the rows.
+    first, other : int
+        The components.
+    rank : int
+        Number of vectors of the basis.
+    """
+    basis = flow.space.basis
+    n = flow.rows.sizes[INERTIAL]
+    place_direction(flow, table, first, basis[rank])
+    if is_new(n, basis, rank, _INDEPENDENT):
+        return False
+    place_direction(flow, table, other, basis[rank])
+    return not is_new(n, basis, rank, _INDEPENDENT)
+
+
+@compiled()
 def turns(flow: Flow, mode: Array, group: int) -> bool:
     """Whether directions of what sticks in a group change within a step."""
     rows = flow.rows
