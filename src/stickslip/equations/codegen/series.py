@@ -171,12 +171,12 @@ def shared_inverse(A: Array, n: int, R: Array, fused: bool) -> bool:
         for j in range(n):
             R[i, j] *= A[n, i]
     if shared > 0:
-        share(A, n, R)
+        share_forces(A, n, R)
     return True
 
 
 @compiled(brief=True)
-def share(A: Array, n: int, R: Array) -> None:
+def share_forces(A: Array, n: int, R: Array) -> None:
     """Take forces that cancel out of an inverse; see :func:`shared_inverse`, whose marks A has."""
     found = 0
     for c in range(n):

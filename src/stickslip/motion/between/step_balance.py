@@ -98,7 +98,7 @@ from stickslip.motion.steps.discs import (
     tape_of,
 )
 from stickslip.motion.steps.holding import (
-    APART,
+    ON_ITS_OWN,
     any_share,
     axis_of,
     find_shared,
@@ -913,7 +913,7 @@ def sample_together(flow: Flow, mode: Array, g: int) -> None:
     space = flow.space
     nc = flow.rows.sizes[ON_INERTIAL]
     for c in range(nc):
-        if mode[c] == 0 and space.leaving[c] != APART:
+        if mode[c] == 0 and space.leaving[c] != ON_ITS_OWN:
             space.points[c, g] = held_at(flow, space.V, c, 0)
             space.points[nc + c, g] = radius_at(flow.rows, space.V, c, 0)
 
@@ -938,7 +938,11 @@ def judge_together(flow: Flow, mode: Array, piece: StepPiece, tally: Tally) -> N
     nc = rows.sizes[ON_INERTIAL]
     known = piece.factor < np.inf
     for first in range(nc):
-        if mode[first] != 0 or space.leaving[first] == APART or not is_first(rows, mode, first):
+        if (
+            mode[first] != 0
+            or space.leaving[first] == ON_ITS_OWN
+            or not is_first(rows, mode, first)
+        ):
             continue
         least = piece.rounding
         loose = 0.0
@@ -1196,7 +1200,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
             loose += max(strays(discs[rows.plus[c]], factor), strays(discs[rows.minus[c]], factor))
             tight = strays(discs[rows.u[c]], factor)
         if resting(mode[c]):
-            for part in range(2 if space.leaving[c] == APART or mode[c] != 0 else 0):
+            for part in range(2 if space.leaving[c] == ON_ITS_OWN or mode[c] != 0 else 0):
                 low = least_on_nodes(
                     samples[row + part], space.bernstein, 1e-2 * _NEGLIGIBLE * law[c, _FORCE]
                 )
@@ -1344,7 +1348,7 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
         loose = strays(discs[plane[ADMISSIBLE]], factor) if known else 0.0
         low = least_on_nodes(samples[row], space.bernstein, 1e-2 * _NEGLIGIBLE * force * force)
         unsure = ROUNDING * mag[plane[ADMISSIBLE_SIZE]]
-        if force > 0.0 and space.leaving[c] == APART:
+        if force > 0.0 and space.leaving[c] == ON_ITS_OWN:
             law[c, _EXCESS] = most(law[c, _EXCESS], (loose - low - unsure) / force)
         for part in (1, 2):
             moves = strays(discs[ahead if part == 1 else aside], factor) if known else 0.0
@@ -1605,7 +1609,7 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
                 return NOWHERE, 0.0
         elif resting(mode[c]):
             room = room_left(rows, flow.space, c, late, tally.law[c, _FORCE])
-            if sharing and mode[c] == 0 and flow.space.leaving[c] != APART:
+            if sharing and mode[c] == 0 and flow.space.leaving[c] != ON_ITS_OWN:
                 room = spare_part(flow, mode, c)
                 if tally.law[c, _FORCE] > 0.0:
                     room -= late * abs(W[rows.force[c], 1]) / tally.law[c, _FORCE]

@@ -30,8 +30,8 @@ from stickslip.motion.steps.arrays import (
     is_loose,
 )
 from stickslip.motion.steps.holding import (
-    APART,
     LEAVES,
+    ON_ITS_OWN,
     any_share,
     find_leaving,
     find_shared,
@@ -574,7 +574,7 @@ def is_held_with_others(rows: Rows, space: Space, mode: Array, nk: int, g: int) 
     if g < nk or doubt_of(g, nk, len(mode)) >= 0:
         return False
     c = contact_of(g, nk)
-    return bool(rows.group[c] >= 0 and mode[c] == 0 and space.leaving[c] != APART)
+    return bool(rows.group[c] >= 0 and mode[c] == 0 and space.leaving[c] != ON_ITS_OWN)
 
 
 @compiled()

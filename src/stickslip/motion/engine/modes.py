@@ -80,7 +80,7 @@ from stickslip.motion.steps.arrays import (
     own_inverse,
     set_mode,
 )
-from stickslip.motion.steps.holding import APART, STAYS, grip, is_gripped, is_new
+from stickslip.motion.steps.holding import ON_ITS_OWN, STAYS, grip, is_gripped, is_new
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import (
     COARSER,
@@ -630,7 +630,7 @@ def flip(rows: Rows, guard: int, mode: Array, reg: Array, leaving: Array) -> int
         reg[guard] = 1 - reg[guard]
         return guard
     c = contact_of(guard, nk)
-    if mode[c] == 0 and leaving[c] != APART:
+    if mode[c] == 0 and leaving[c] != ON_ITS_OWN:
         return release_together(rows, c, mode, nk, leaving)
     if mode[c] == 0:
         side = -1 if is_second(guard, nk) else 1

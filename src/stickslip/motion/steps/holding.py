@@ -40,7 +40,7 @@ from stickslip.translator import compiled
 
 # What Space.leaving says of a contact: it stays where those with which it shares forces leave, it
 # has a guard of its own, or (±1) it leaves.
-STAYS, APART = 0, 2
+STAYS, ON_ITS_OWN = 0, 2
 _INDEPENDENT = 1e-13  # square of the part of a direction that is none of the others
 _STEADY = 1e-12  # part of its size by which a direction may turn
 _FAR = 1e4  # what the body might do, beyond which it is known which contacts do not move
@@ -212,10 +212,10 @@ def find_shared(flow: Flow, mode: Array, table: Array, lasting: bool) -> None:
     rows = flow.rows
     leaving = flow.space.leaving
     for c in range(len(leaving)):
-        leaving[c] = APART
+        leaving[c] = ON_ITS_OWN
     for first in range(rows.sizes[ON_INERTIAL]):
         group = rows.group[first]
-        if group < 0 or mode[first] != 0 or leaving[first] != APART:
+        if group < 0 or mode[first] != 0 or leaving[first] != ON_ITS_OWN:
             continue
         if not is_first(rows, mode, first):
             continue
@@ -496,7 +496,7 @@ def overload(
         enough = max(_SETTLED, _CRUDE * (found - 1.0))
         if off <= enough * size or not invert(space.bend, rank, space.unbent):
             break
-        first = newton_step(flow, rank)
+        first = descent(flow, rank)
         if not first < 0.0:
             break
         # The slope along the step is to be much less than at its beginning, on either side.
@@ -532,7 +532,7 @@ def overload(
 
 
 @compiled()
-def newton_step(flow: Flow, rank: int) -> float:
+def descent(flow: Flow, rank: int) -> float:
     """A step of Newton's method, in the work space; how steep F is along it.
 
     Parameters

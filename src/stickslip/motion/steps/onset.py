@@ -26,7 +26,7 @@ from stickslip.translator import compiled
 # what is solved for (two rows), the order p, what else is kept for a while, and what of the
 # velocity is no part of Z V (two rows).
 AIMS = 11
-N_, M_, RHO, BX, BY, X, Y, P, SPARE, OX, OY = range(AIMS)
+N_, M_, RHO, BX, BY, X, Y, LEADING, SPARE, OX, OY = range(AIMS)
 NEGLIGIBLE = 1e-12  # part of its terms below which an order of |Au| is none
 MOST_LEADING = 4  # orders of |Au| that may vanish
 _NEW = 1e-20  # square of the part of a velocity that is none of the others
@@ -47,7 +47,7 @@ def begin_together(flow: Flow) -> bool:
     group = -1
     count = 0
     for p in range(len(rows.planes)):
-        if flow.space.aims[AIMS * p + P, 0] >= 0.0:
+        if flow.space.aims[AIMS * p + LEADING, 0] >= 0.0:
             own = rows.group[rows.planes[p, COMPONENT]]
             if own < 0 or (count > 0 and own != group):
                 return False
@@ -59,7 +59,7 @@ def begin_together(flow: Flow) -> bool:
 @compiled()
 def begins_in(flow: Flow, p: int) -> bool:
     """Whether a contact in a plane is one of those that begin to slip together."""
-    return bool(flow.space.aims[AIMS * p + P, 0] >= 0.0)
+    return bool(flow.space.aims[AIMS * p + LEADING, 0] >= 0.0)
 
 
 @compiled()
@@ -90,7 +90,7 @@ def speed_along(flow: Flow, rank: int, way: Array, i: int) -> float:
 
 
 @compiled()
-def project(flow: Flow, rank: int, row: int, m: int, out: Array) -> None:
+def part_in_span(flow: Flow, rank: int, row: int, m: int, out: Array) -> None:
     """Zᵀ of order m of a pair of rows of the directions, of all slips that begin.
 
     Parameters
@@ -197,7 +197,7 @@ def rounded_off(flow: Flow, rank: int, way: Array, rounded: float, out: Array) -
         Receives it.
     """
     place_slopes(flow, rank, way, rounded, 1.0)
-    project(flow, rank, BX, 0, out)
+    part_in_span(flow, rank, BX, 0, out)
     answer_to(flow, rank, X, 0, 1.0, out)
     size = 0.0
     for r in range(rank):
@@ -214,7 +214,7 @@ def aim_together(flow: Flow) -> int:
     aims, onset = flow.space.aims, flow.space.onset
     way, right, tried = onset[_PLACE], onset[_RIGHT], onset[_TRIED]
     rank = span_rates(flow)
-    project(flow, rank, BX, 0, way)
+    part_in_span(flow, rank, BX, 0, way)
     size = 0.0
     for r in range(rank):
         size += way[r] * way[r]
@@ -245,13 +245,13 @@ def aim_together(flow: Flow) -> int:
         if rounded <= _FINEST * size:
             break
         rounded *= _ROUNDED
-    if size > 0.0 and polish(flow, rank, size):
+    if size > 0.0 and refine_aim(flow, rank, size):
         return rank
     rounded_off(flow, rank, tried, rounded, right)
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
             full = math.hypot(aims[AIMS * p + X, 0], aims[AIMS * p + Y, 0])
-            aims[AIMS * p + P, 0] = 1.0
+            aims[AIMS * p + LEADING, 0] = 1.0
             rho = 0.0
             if full < 1.0 - _FULL or not size > 0.0:
                 rho = -size if size > 0.0 else -1.0
@@ -270,7 +270,7 @@ def step_back(flow: Flow, rank: int) -> None:
 
 
 @compiled()
-def polish(flow: Flow, rank: int, size: float) -> bool:
+def refine_aim(flow: Flow, rank: int, size: float) -> bool:
     """v₀ and β₀ from a neighbourhood, exactly; False if not all slips begin.
 
     Parameters
@@ -297,7 +297,7 @@ def polish(flow: Flow, rank: int, size: float) -> bool:
     settled = False
     for _ in range(_MOST_TURNS):
         place_slopes(flow, rank, way, 0.0, 1.0)
-        project(flow, rank, BX, 0, right)
+        part_in_span(flow, rank, BX, 0, right)
         answer_to(flow, rank, X, 0, 1.0, right)
         border(matrix, rank, way, beta)
         length = 0.0
@@ -325,7 +325,7 @@ def polish(flow: Flow, rank: int, size: float) -> bool:
     onset[_BETA, 0] = beta if found else 0.0
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
-            aims[AIMS * p + P, 0] = 1.0 if found else 0.0
+            aims[AIMS * p + LEADING, 0] = 1.0 if found else 0.0
             aim_of(flow, rank, p, 0)
     return True
 
@@ -382,7 +382,7 @@ def aim_of(flow: Flow, rank: int, p: int, m: int) -> None:
             a -= size[j] * aims[base + N_, k - j]
             b -= size[j] * aims[base + M_, k - j]
         aims[base + N_, k], aims[base + M_, k] = a / size[0], b / size[0]
-    leading = int(aims[base + P, 0])
+    leading = int(aims[base + LEADING, 0])
     for k in range(m + 2 - leading if leading > 0 else 0):
         aims[base + RHO, k] = 0.0
         for j in range(k + 1):
@@ -403,7 +403,7 @@ def set_apart(flow: Flow, rank: int, m: int) -> None:
     """
     aims, onset, span = flow.space.aims, flow.space.onset, flow.space.span
     n = 2 * len(flow.rows.planes)
-    project(flow, rank, OX, m, onset[_SOLVED])
+    part_in_span(flow, rank, OX, m, onset[_SOLVED])
     for i in range(n):
         if not begins_in(flow, i // 2):
             continue
@@ -439,12 +439,12 @@ def aim_order_together(flow: Flow, rank: int, m: int) -> None:
         onset[_FIRST + r, m] = 0.0
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
-            leading = int(aims[AIMS * p + P, 0])
+            leading = int(aims[AIMS * p + LEADING, 0])
             aim_of(flow, rank, p, m)
     share = 1.0 / (m + 1)
     place_slopes(flow, rank, way, 0.0, share)
     border(matrix, rank, way, onset[_BETA, 0] if leading == 1 else 0.0)
-    project(flow, rank, BX, m, right)
+    part_in_span(flow, rank, BX, m, right)
     answer_to(flow, rank, N_, m, share, right)
     size = 0.0
     for r in range(rank):
@@ -468,5 +468,5 @@ def aim_order_together(flow: Flow, rank: int, m: int) -> None:
         onset[_BETA, 0] = beta
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
-            aims[AIMS * p + P, 0] = leading
+            aims[AIMS * p + LEADING, 0] = leading
             aim_of(flow, rank, p, m)

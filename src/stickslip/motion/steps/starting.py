@@ -40,6 +40,7 @@ from stickslip.motion.steps.onset import (
     AIMS,
     BX,
     BY,
+    LEADING,
     M_,
     MOST_LEADING,
     N_,
@@ -47,7 +48,6 @@ from stickslip.motion.steps.onset import (
     OX,
     RHO,
     SPARE,
-    P,
     X,
     Y,
     aim_order_together,
@@ -94,7 +94,7 @@ def begins(flow: Flow, mode: Array, table: Array) -> bool:
         moves = mode[c] == 1 or mode[c] == 2
         slips = rows.planes[p, MASSIVE] == 1 and moves and not is_loose(rows, mode, c)
         starts = slips and table[rows.planes[p, AIM] + 2, 0] == 0.0
-        flow.space.aims[AIMS * p + P, 0] = 0.0 if starts else -1.0
+        flow.space.aims[AIMS * p + LEADING, 0] = 0.0 if starts else -1.0
         found = found or starts
     return found
 
@@ -156,7 +156,7 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
 def all_begin(flow: Flow) -> bool:
     """Whether no slip that begins would go against its own friction."""
     for p in range(len(flow.rows.planes)):
-        starts = flow.space.aims[AIMS * p + P, 0] >= 0.0
+        starts = flow.space.aims[AIMS * p + LEADING, 0] >= 0.0
         if starts and flow.space.aims[AIMS * p + RHO, 0] < 0.0:
             return False
     return True
@@ -167,7 +167,7 @@ def leading_order(flow: Flow) -> int:
     """The order p of |Au| of slips that begin together; 1 where it is not known yet."""
     leading = 1
     for p in range(len(flow.rows.planes)):
-        leading = max(leading, int(flow.space.aims[AIMS * p + P, 0]))
+        leading = max(leading, int(flow.space.aims[AIMS * p + LEADING, 0]))
     return leading
 
 
@@ -187,7 +187,7 @@ def place_aims(flow: Flow, table: Array, order: int) -> None:
     rows = flow.rows
     aims = flow.space.aims
     for p in range(len(rows.planes)):
-        if aims[AIMS * p + P, 0] < 0.0:
+        if aims[AIMS * p + LEADING, 0] < 0.0:
             continue
         first = rows.planes[p, AIM]
         for k in range(table.shape[1]):
@@ -202,7 +202,7 @@ def place_speeds(flow: Flow, table: Array, order: int) -> None:
     rows = flow.rows
     aims = flow.space.aims
     for p in range(len(rows.planes)):
-        leading = int(aims[AIMS * p + P, 0])
+        leading = int(aims[AIMS * p + LEADING, 0])
         if leading < 0:
             continue
         row = rows.planes[p, AIM] + 2
@@ -229,11 +229,11 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
     answer = flow.space.answer
     planes = len(rows.planes)
     for r in range(len(aims)):
-        if r % AIMS != P:
+        if r % AIMS != LEADING:
             for k in range(aims.shape[1]):
                 aims[r, k] = 0.0
     for probe in range(-1, 2 * planes):
-        if probe >= 0 and aims[AIMS * (probe // 2) + P, 0] < 0.0:
+        if probe >= 0 and aims[AIMS * (probe // 2) + LEADING, 0] < 0.0:
             continue
         if probe >= 0:
             aims[AIMS * (probe // 2) + N_ + probe % 2, 0] = 1.0
@@ -272,7 +272,7 @@ def coupled(flow: Flow, p: int, part: int, m: int) -> tuple[float, float]:
     x = 0.0
     y = 0.0
     for q in range(len(flow.rows.planes)):
-        if q != p and aims[AIMS * q + P, 0] >= 0.0:
+        if q != p and aims[AIMS * q + LEADING, 0] >= 0.0:
             u, v = aims[AIMS * q + part, m], aims[AIMS * q + part + 1, m]
             x += answer[2 * p, 2 * q] * u + answer[2 * p, 2 * q + 1] * v
             y += answer[2 * p + 1, 2 * q] * u + answer[2 * p + 1, 2 * q + 1] * v
@@ -290,7 +290,7 @@ def aim_first(flow: Flow) -> None:
         change = 0.0
         for p in range(planes):
             base = AIMS * p
-            if aims[base + P, 0] < 0.0:
+            if aims[base + LEADING, 0] < 0.0:
                 continue
             x, y = coupled(flow, p, N_, 0)
             x += aims[base + BX, 0]
@@ -307,7 +307,7 @@ def aim_first(flow: Flow) -> None:
             size = math.hypot(x, y)
             first = abs(rho) > NEGLIGIBLE * size
             aims[base + RHO, 0] = rho if first else 0.0
-            aims[base + P, 0] = 1.0 if first else 0.0
+            aims[base + LEADING, 0] = 1.0 if first else 0.0
         if change <= 2.0 * EPSILON:
             break
 
@@ -378,7 +378,7 @@ def aim_order(flow: Flow, m: int) -> None:
         change = 0.0
         for p in range(planes):
             base = AIMS * p
-            leading = int(aims[base + P, 0])
+            leading = int(aims[base + LEADING, 0])
             if leading < 0:
                 continue
             n, o = aims[base + N_, 0], aims[base + M_, 0]
@@ -424,14 +424,14 @@ def aim_order(flow: Flow, m: int) -> None:
             break
     for p in range(planes):
         base = AIMS * p
-        leading = int(aims[base + P, 0])
+        leading = int(aims[base + LEADING, 0])
         if leading < 0:
             continue
         aims[base + N_, m], aims[base + M_, m] = aims[base + X, m], aims[base + Y, m]
         rho = aims[base + SPARE, m]
         if leading == 0:
             if abs(rho) > NEGLIGIBLE * aims[base + SPARE, 0] and m < MOST_LEADING:
-                aims[base + P, 0] = m + 1.0
+                aims[base + LEADING, 0] = m + 1.0
                 aims[base + RHO, 0] = rho
         else:
             aims[base + RHO, m + 1 - leading] = rho
