@@ -25,7 +25,7 @@ SPOTS = ("p0", "p1", "p2", "p3", "p4", "p5", "p6", "p7")
 def body(
     points: Any,
     holds: Any,
-    forces: tuple[str, str, str] = ("0", "0", "0"),
+    forces: tuple[str, ...] = ("0", "0", "0"),
     inertia: float = 1 / 3,
     static: float = 1.0,
     end: float = 3.0,

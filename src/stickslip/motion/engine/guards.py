@@ -608,7 +608,7 @@ def guard_together(
     if not leaves:
         return True, 1, 0
     rate = abs(space.aside[LEAVES, 1])
-    guard = GuardRow(LEAVES, NOWHERE, 1.0, size, rate, near, lack, False, late, 0.0)  # pyright: ignore[reportArgumentType]
+    guard = GuardRow(LEAVES, NOWHERE, 1.0, size, rate, near, lack, False, late, 0.0)
     s, order = germ(space.aside, guard, flow.order, space.powers, lack / ROUNDING, c)
     return s == 0, s, order
 
