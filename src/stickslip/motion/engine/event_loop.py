@@ -893,7 +893,18 @@ def note(rows: Rows, lane: Lane, task: Task, count: int) -> int:
 @compiled()
 def fire(guard: int, lane: Lane, rows: Rows, leaving: Array, max_events: int) -> int:
     """Count an event and give its switch the other state; an outcome code if the motion ends here,
-    else −1."""
+    else −1.
+
+    Parameters
+    ----------
+    guard : int
+        Number of the guard that has fired.
+    lane : Lane
+    rows : Rows
+    leaving : array of int, shape (contacts,)
+        As of :func:`stickslip.motion.engine.modes.flip`.
+    max_events : int
+    """
     clock = lane.clock
     counters = lane.counters
     nk = len(rows.kinks)

@@ -570,7 +570,17 @@ def scan(
 
 @compiled()
 def is_held_with_others(rows: Rows, space: Space, mode: Array, nk: int, g: int) -> bool:
-    """Whether a guard is that of a contact that shares its force with others."""
+    """Whether a guard is that of a contact that shares its force with others.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        Says which do.
+    mode : array of int, shape (contacts,)
+    nk, g : int
+        Number of kinks, and of the guard.
+    """
     if g < nk or doubt_of(g, nk, len(mode)) >= 0:
         return False
     c = contact_of(g, nk)
