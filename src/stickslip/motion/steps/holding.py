@@ -352,7 +352,17 @@ def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> None:
 
 @compiled()
 def fastest_of(flow: Flow, mode: Array, group: int, rank: int, w: Array) -> float:
-    """The speed of the contact that a mechanism moves most."""
+    """The speed of the contact that a mechanism moves most.
+
+    Parameters
+    ----------
+    flow : Flow
+    mode : array of int, shape (contacts,)
+    group, rank : int
+        The contacts, and how many of their directions are independent.
+    w : array
+        The mechanism.
+    """
     rows = flow.rows
     found = 0.0
     for c in range(rows.sizes[ON_INERTIAL]):
@@ -571,7 +581,17 @@ def place_held(flow: Flow, mode: Array, table: Array, group: int) -> None:
 
 @compiled()
 def place_point(flow: Flow, mode: Array, group: int, table: Array, i: int) -> None:
-    """Put control point i of forces and radii into the work space."""
+    """Put control point i of forces and radii into the work space.
+
+    Parameters
+    ----------
+    flow : Flow
+    mode : array of int, shape (contacts,)
+    group : int
+    table : array
+        Control points of forces, then of radii.
+    i : int
+    """
     rows = flow.rows
     aside = flow.space.aside
     nc = rows.sizes[ON_INERTIAL]
@@ -583,7 +603,17 @@ def place_point(flow: Flow, mode: Array, group: int, table: Array, i: int) -> No
 
 @compiled()
 def can_hold(flow: Flow, mode: Array, group: int, rank: int, lack: float) -> bool:
-    """Whether the forces in the work space can be held, but for a part of them."""
+    """Whether the forces in the work space can be held, but for a part of them.
+
+    Parameters
+    ----------
+    flow : Flow
+    mode : array of int, shape (contacts,)
+    group, rank : int
+        The contacts, and how many of their directions are independent.
+    lack : float
+        The part.
+    """
     if fits(flow, mode, group, lack):
         return True
     return overload(flow, mode, group, rank, lack, False)[1]
@@ -591,7 +621,15 @@ def can_hold(flow: Flow, mode: Array, group: int, rank: int, lack: float) -> boo
 
 @compiled()
 def cut_out(source: Array, target: Array, row: int, d: int, a: float, b: float) -> None:
-    """Control points of a polynomial on [a, b], from those on [0, 1] (de Casteljau)."""
+    """Control points of a polynomial on [a, b], from those on [0, 1] (de Casteljau).
+
+    Parameters
+    ----------
+    source, target : arrays
+    row, d : int
+        The row of the polynomial in both, and its degree.
+    a, b : float
+    """
     points = target[row]
     for i in range(d + 1):
         points[i] = source[row, i]
@@ -646,7 +684,16 @@ def place_polynomials(flow: Flow, mode: Array, group: int) -> bool:
 
 @compiled()
 def place_piece(flow: Flow, mode: Array, group: int, d: int, a: float, b: float) -> None:
-    """Control points on [a, b] from those of the whole, behind them."""
+    """Control points on [a, b] from those of the whole step.
+
+    Parameters
+    ----------
+    flow : Flow
+    mode : array of int, shape (contacts,)
+    group, d : int
+        The contacts, and the degree.
+    a, b : float
+    """
     rows = flow.rows
     points, piece = flow.space.points, flow.space.piece
     nc = rows.sizes[ON_INERTIAL]
