@@ -64,7 +64,7 @@ def same(a: Any, b: Any) -> bool:
 
 
 def test_all_are_in_the_engine() -> None:
-    assert len(KERNELS) == 7
+    assert len(KERNELS) == 8
     assert all(shelf.engine().address(k.symbol) for k in KERNELS.values())
 
 
@@ -150,3 +150,32 @@ def test_the_engine_inverts_as_it_did() -> None:
     assert kernels.inverted(B, n, S)
     assert not same(R, S)
     np.testing.assert_allclose(R, S, rtol=1e-11)
+
+
+@settings(deadline=None, max_examples=100)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 5), st.integers(1, 8))
+def test_shared_forces_are_the_least(seed: int, n: int, m: int) -> None:
+    """Directions that depend on each other: what moves is unique, and forces are those with the
+    least Σ λ²/s²; the same bits as in Python."""
+    rng = np.random.default_rng(seed)
+    B = rng.normal(size=(n, n))
+    M = B @ B.T + np.eye(n)
+    J = rng.normal(size=(m, rng.integers(1, n + 1)))
+    J = J @ rng.normal(size=(J.shape[1], n))
+    s = rng.uniform(0.5, 2.0, m)
+    A = np.zeros((n + m + 3, n + m))
+    A[:n, :n], A[:n, n : n + m], A[n : n + m, :n] = M, -J.T, J
+    A[n : n + m, n:] = -np.diag(s**2)
+    found, R = A.copy(), np.zeros((n + m, n + m))
+    assert compiled(kernels.shared, found, n + m, R) == 1
+    other = np.zeros_like(R)
+    assert kernels.shared.python(A.copy(), n + m, other) == 1
+    assert same(R, other)
+    f, g = rng.normal(size=n), J @ rng.normal(size=n)
+    x = R @ np.concatenate([f, g])
+    delassus = (J * s[:, None]) @ np.linalg.solve(M, (J * s[:, None]).T)
+    right = s * (g - J @ np.linalg.solve(M, f))
+    least = s * (np.linalg.pinv(delassus, rcond=1e-10, hermitian=True) @ right)
+    size = 1e-6 * (1.0 + np.abs(least).max())
+    assert np.allclose(x[n:], least, atol=size)
+    assert np.allclose(x[:n], np.linalg.solve(M, f + J.T @ least), atol=size)

@@ -88,3 +88,38 @@ def components(
             "Couple them by springs or by resistances (drag, force)",
         )
     return list(found.values())
+
+
+def together(
+    parts: Sequence[Component], pairs: Iterable[tuple[int, int]], closed: Iterable[int]
+) -> dict[int, int]:
+    """Contacts with friction in a plane, and those beside them, that may hold the same coordinates:
+    then their directions may depend on each other.
+
+    Parameters
+    ----------
+    parts : sequence of Component
+    pairs : iterable of (int, int)
+        Components of contacts in a plane.
+    closed : iterable of int
+        Contacts that do not open.
+
+    Returns
+    -------
+    dict of int to int
+        By contact, the number of those that it belongs to.
+    """
+    home = {c: p for p, part in enumerate(parts) for c in part.contacts}
+    joined = list(range(len(parts)))
+    in_plane = set[int]()
+    for i, j in pairs:
+        if i in home and j in home:
+            old, new = joined[home[j]], joined[home[i]]
+            joined = [new if p == old else p for p in joined]
+            in_plane |= {i, j}
+    members: dict[int, list[int]] = {}
+    for c in closed:
+        if c in home:
+            members.setdefault(joined[home[c]], []).append(c)
+    found = [own for own in members.values() if len(own) > 2 and in_plane.intersection(own)]
+    return {c: number for number, own in enumerate(found) for c in own}

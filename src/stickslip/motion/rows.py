@@ -57,7 +57,16 @@ def _rows(equations: MotionEquations, layout: Layout) -> Rows:
         *_jumps(layout),
         *_planes(layout),
         0,
+        _together(layout),
     )
+
+
+def _together(layout: Layout) -> Array:
+    """Which contacts may share forces; −1: none."""
+    found = np.full(len(layout.u), -1, np.int64)
+    for c, number in layout.together.items():
+        found[c] = number
+    return found
 
 
 def _planes(layout: Layout) -> tuple[Array, Array]:

@@ -118,6 +118,9 @@ class Instruction:
         Of IMPLICIT: the function and its slope.
     definite : int
         Of RATES: so many leading rows and columns have to be positive definite.
+    shared : bool
+        Of RATES: whether forces in it may be shared, as negative entries on the diagonal say
+        (:func:`stickslip.equations.codegen.series.shared_inverse`).
     pressed : tuple of int
         Of DIRECTION: the contacts whose normal forces are in the friction.
     """
@@ -133,6 +136,7 @@ class Instruction:
     entries: tuple[Instruction, ...] = ()
     zero: tuple[Scalar, ...] = ()
     definite: int = 0
+    shared: bool = False
     pressed: tuple[int, ...] = ()
 
 

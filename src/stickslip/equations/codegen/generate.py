@@ -24,7 +24,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from stickslip.equations.coupling import Component, components
+from stickslip.equations.coupling import Component, components, together
 from stickslip.equations.derive import MotionEquations, Plane
 from stickslip.model.declaration import DryContact
 from stickslip.model.system import Kind
@@ -81,6 +81,9 @@ class Layout:
         What stands in K, and where.
     coupled : dict of str to list of Component
         For each inverse matrix what its rows stand for, component by component.
+    together : dict of int to int
+        Of inertial contacts whose directions may depend on each other, with friction in a plane:
+        which such group each belongs to.
     turning : dict of (int, int) to int
         Rows of the coefficients of directions that change on the way, by contact and by the place
         of the coordinate in its component.
@@ -125,6 +128,7 @@ class Layout:
     timed: bool = False
     rate_sizes: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
     coupled: dict[str, list[Component]] = field(default_factory=dict)
+    together: dict[int, int] = field(default_factory=dict)
     turning: dict[tuple[int, int], int] = field(default_factory=dict)
     gaps: dict[int, int] = field(default_factory=dict)
     restitution: dict[int, int] = field(default_factory=dict)
@@ -135,9 +139,16 @@ class Layout:
     links: list[tuple[int, int, tuple[int, ...]]] = field(default_factory=list)
     jumps: list[tuple[int, int, list[int]]] = field(default_factory=list)
 
+    @property
+    def columns_behind(self) -> int:
+        """Columns of J behind those of the coordinates: axis and strength of contacts that share
+        forces, and coefficients of friction under normal forces."""
+        return self.pressed + 2 if self.together or self.pressed > 1 else 1
+
     def shape(self, name: str) -> tuple[int, ...]:
         """Shape of an array that ``setup`` fills; a row of M, C and J has the coordinates of one
-        component."""
+        component. Behind these, J has for contacts that may depend on each other the axis of what
+        is in a plane, and the square of a size of the force; last, coefficients of friction."""
         s = self.sizes
         widest = {
             matrix: max((len(part.coordinates) for part in self.coupled[matrix]), default=0)
@@ -147,7 +158,7 @@ class Layout:
             "K": (max(len(self.constants), 1),),
             "M": (s["nq"], widest["Rq"]),
             "C": (s["nz"], widest["Rz"]),
-            "J": (s["mq"] + s["mz"], max(widest.values()) + self.pressed),
+            "J": (s["mq"] + s["mz"], max(widest.values()) + self.columns_behind),
             "omega": (self.frequencies,),
         }
         return shapes[name]
@@ -284,6 +295,10 @@ class _Generator:
             )
         ]
         self.layout.coupled[resolvent] = coupled
+        if inertial:
+            pairs = [plane.parts for plane in self.eq.planes]
+            closed = [i for i in range(count) if not self.eq.contacts[i].opens]
+            self.layout.together = together(coupled, pairs, closed)
         # Rows of R in the order of the components, each with its contacts last.
         seats: dict[int, int] = {}
         contacts: dict[int, int] = {}
@@ -316,7 +331,8 @@ class _Generator:
             if part.moving:
                 entries = self.moving_entries(part, names, matrix)
                 known = len(part.coordinates)
-                solve = replace(solve, op=Op.RATES, entries=entries, definite=known)
+                shared = inertial and any(c in self.layout.together for c in part.contacts)
+                solve = replace(solve, op=Op.RATES, entries=entries, definite=known, shared=shared)
             self.solves[stage].append(solve)
             for c in part.contacts:
                 where = (contacts[c], size, base + at)
@@ -375,10 +391,27 @@ class _Generator:
             for other in part.contacts:
                 if other in pressing:
                     found.append(self.pressed_entry(c, other))
+                elif c == other:
+                    stick = -self.strength(c) if c in self.layout.together else ex.ZERO
+                    found.append(self.fixed_entry(c, stick, ex.ONE))
                 else:
-                    found.append(self.fixed_entry(c, ex.ZERO, ex.ONE if c == other else ex.ZERO))
+                    found.append(self.fixed_entry(c, ex.ZERO, ex.ZERO))
         assert len(found) == (n + len(part.contacts)) ** 2
         return tuple(found)
+
+    def strength(self, i: int) -> Expr:
+        """The square of the force that a contact can hold, of those that may share forces: 1 for
+        all where one of them is no constant."""
+        number = self.layout.together[i]
+        own = [c for c, other in self.layout.together.items() if other == number]
+        sides = [self.eq.contacts[c].plus for c in own]
+        if not all(map(self.constants.is_constant, sides)):
+            return ex.ONE
+        return sides[own.index(i)] ** 2
+
+    def plane_with(self, i: int) -> Plane:
+        """The contact in a plane that has a contact as a component."""
+        return next(p for p in self.eq.planes if i in p.parts)
 
     def pressed_entry(self, i: int, normal: int) -> Instruction:
         """What a unit of a normal force adds to λᵢ + σk = 0 in slip."""
@@ -812,7 +845,7 @@ class _Generator:
         c = self.eq.contacts[i]
         sides = c.kinetic_plus, c.kinetic_minus, c.plus, c.minus
         if c.plane:
-            plane = next(p for p in self.eq.planes if i in p.parts)
+            plane = self.plane_with(i)
             sides = (*(plane.kinetic * c.axis,) * 2, *(plane.static * c.axis,) * 2)
         return tuple(self.tape.row(ex.derivative(side, f"lambda:{normal}")) for side in sides)
 
@@ -855,11 +888,15 @@ class _Generator:
         ]
         last = self.layout.shape("J")[1] - 1
         entries += [
-            Store("J", (i, last - k), scalar(self.pressed_slopes(i, normal)[0]))
+            Store("J", (i, last - k - (2 if k else 0)), scalar(self.pressed_slopes(i, normal)[0]))
             for i in range(self.mq)
             if self.rubs_evenly(i)
             for k, normal in enumerate(self.eq.pressing(i))
         ]
+        for i in self.layout.together:
+            axis = self.eq.contacts[i].axis if self.eq.contacts[i].plane else ex.ONE
+            entries.append(Store("J", (i, last - 2), scalar(axis)))
+            entries.append(Store("J", (i, last - 1), scalar(self.strength(i))))
         frequencies = enumerate(self.eq.frequencies)
         entries += [Store("omega", (i,), abs(scalar(e))) for i, e in frequencies]
         return [*self.constants.stores(), *entries]

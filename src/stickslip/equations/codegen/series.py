@@ -62,6 +62,21 @@ def eliminated(A: Array, n: int, R: Array, fused: bool) -> bool:
     Rows and columns are brought to size 1 first, by powers of two, which round nothing: a pivot is
     small beside its own row, not beside a mass in other units.
     """
+    if not balanced(A, n, R):
+        return False
+    for c in range(n):
+        if not cleared(A, n, R, c, fused):
+            return False
+    for i in range(n):
+        for j in range(n):
+            R[i, j] *= A[n, i]
+    return True
+
+
+@compiled(inline=True)
+def balanced(A: Array, n: int, R: Array) -> bool:
+    """Bring the rows and columns of A to size 1, with the factors in R and in row n; False if one
+    is empty."""
     for i in range(n):
         factor = balance(A, n, i, True)
         if factor == 0.0:
@@ -76,27 +91,128 @@ def eliminated(A: Array, n: int, R: Array, fused: bool) -> bool:
         A[n, j] = factor
         for i in range(n):
             A[i, j] *= factor
+    return True
+
+
+@compiled(inline=True)
+def cleared(A: Array, n: int, R: Array, c: int, fused: bool) -> bool:
+    """Eliminate column c by the largest entry in it from row c on; False if that is none."""
+    pivot = c
+    for i in range(c + 1, n):
+        if abs(A[i, c]) > abs(A[pivot, c]):
+            pivot = i
+    if not abs(A[pivot, c]) > LEAST_PIVOT:
+        return False
+    for j in range(n):
+        A[c, j], A[pivot, j] = A[pivot, j], A[c, j]
+        R[c, j], R[pivot, j] = R[pivot, j], R[c, j]
+    inverse = 1.0 / A[c, c]
+    for j in range(n):
+        A[c, j] *= inverse
+        R[c, j] *= inverse
+    for i in range(n):
+        if i != c and A[i, c] != 0.0:
+            factor = A[i, c]
+            for j in range(n):
+                A[i, j] = less(A[i, j], factor, A[c, j], fused)
+                R[i, j] = less(R[i, j], factor, R[c, j], fused)
+    return True
+
+
+@compiled(inline=True)
+def shared_inverse(A: Array, n: int, R: Array, fused: bool) -> bool:
+    """Inverse R of a linear problem [[M, −Jᵀ], [J, 0]] in which directions that stick may depend on
+    each other. Then what moves is unique, and forces are not: R gives those with the least Σ λ²/s².
+
+    Parameters
+    ----------
+    A : array, shape (n + 3, ·)
+        Destroyed. An entry −s² on the diagonal says that a row is that of a direction that may
+        share its force with others, and is no part of the matrix.
+    n : int
+    R : array
+    fused : bool
+        As of :func:`eliminated`.
+
+    Returns
+    -------
+    bool
+        False if it is singular for another reason.
+
+    Notes
+    -----
+    Where no pivot is left in the column of such a direction, E = δ eeᵀ is added, which makes a
+    matrix that has an inverse, and changes no solution of consistent equations. The column of that
+    inverse is a multiple of z, the forces that cancel: A z = −E z. So R is known but for multiples
+    of the z, which a projection removes, on both sides.
+    """
+    for i in range(n):
+        A[n + 1, i] = -min(A[i, i], 0.0)
+        A[n + 2, i] = 0.0
+        A[i, i] = max(A[i, i], 0.0)
+    if not balanced(A, n, R):
+        return False
+    shared = 0
     for c in range(n):
-        pivot = c
-        for i in range(c + 1, n):
-            if abs(A[i, c]) > abs(A[pivot, c]):
-                pivot = i
-        if not abs(A[pivot, c]) > LEAST_PIVOT:
+        if cleared(A, n, R, c, fused):
+            continue
+        size = 0.0
+        for i in range(c, n):
+            size = max(size, abs(R[i, c]))
+        if not (A[n + 1, c] > 0.0 and size > 0.0):
             return False
-        for j in range(n):
-            A[c, j], A[pivot, j] = A[pivot, j], A[c, j]
-            R[c, j], R[pivot, j] = R[pivot, j], R[c, j]
-        inverse = 1.0 / A[c, c]
-        for j in range(n):
-            A[c, j] *= inverse
-            R[c, j] *= inverse
         for i in range(n):
-            if i != c and A[i, c] != 0.0:
-                factor = A[i, c]
-                for j in range(n):
-                    A[i, j] = less(A[i, j], factor, A[c, j], fused)
-                    R[i, j] = less(R[i, j], factor, R[c, j], fused)
+            A[i, c] += R[i, c] / size
+        A[n + 2, c] = 1.0
+        shared += 1
+        if not cleared(A, n, R, c, fused):
+            return False
     for i in range(n):
         for j in range(n):
             R[i, j] *= A[n, i]
+    if shared > 0:
+        share_forces(A, n, R)
     return True
+
+
+@compiled(brief=True)
+def share_forces(A: Array, n: int, R: Array) -> None:
+    """Take forces that cancel out of an inverse; see :func:`shared_inverse`, whose marks A has."""
+    found = 0
+    for c in range(n):
+        if A[n + 2, c] == 0.0:
+            continue
+        for i in range(n):
+            A[found, i] = R[i, c] if A[n + 1, i] > 0.0 else 0.0
+        for _ in range(2):
+            for k in range(found):
+                dot = 0.0
+                for i in range(n):
+                    dot += A[k, i] * over(A[found, i], A[n + 1, i])
+                for i in range(n):
+                    A[found, i] -= dot * A[k, i]
+            length = 0.0
+            for i in range(n):
+                length += A[found, i] * over(A[found, i], A[n + 1, i])
+            for i in range(n):
+                A[found, i] /= math.sqrt(length)
+        found += 1
+    for k in range(found):
+        for j in range(n):
+            dot = 0.0
+            for i in range(n):
+                dot += over(A[k, i], A[n + 1, i]) * R[i, j]
+            for i in range(n):
+                R[i, j] -= dot * A[k, i]
+        for i in range(n):
+            dot = 0.0
+            for j in range(n):
+                dot += R[i, j] * over(A[k, j], A[n + 1, j])
+            for j in range(n):
+                R[i, j] -= dot * A[k, j]
+
+
+@compiled(inline=True)
+def over(force: float, square: float) -> float:
+    """A force by the square of its size; 0 where that is none."""
+    return force / square if square > 0.0 else 0.0

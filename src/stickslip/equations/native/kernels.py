@@ -7,7 +7,7 @@ Every product that is added is rounded once, together with the sum.
 from __future__ import annotations
 
 from stickslip.arrays import Matrix, Vector
-from stickslip.equations.codegen.series import LEAST_PIVOT, eliminated
+from stickslip.equations.codegen.series import LEAST_PIVOT, eliminated, shared_inverse
 from stickslip.machine_code.functions import Kernel
 from stickslip.translator import fma
 
@@ -62,6 +62,12 @@ def inverted(A: Matrix, n: int, R: Matrix) -> int:
     """Inverse R of the leading n×n block of A (destroyed, with the row below); 0 if it is
     singular, else 1."""
     return int(eliminated(A, n, R, True))
+
+
+@Kernel
+def shared(A: Matrix, n: int, R: Matrix) -> int:
+    """The same where directions that stick may depend on each other."""
+    return int(shared_inverse(A, n, R, True))
 
 
 @Kernel

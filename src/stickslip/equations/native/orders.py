@@ -21,6 +21,7 @@ from stickslip.equations.native.kernels import (
     inverted,
     is_definite,
     powered,
+    shared,
 )
 from stickslip.equations.native.routines import Routine
 from stickslip.equations.native.tables import (
@@ -477,7 +478,7 @@ def _rates(s: Series, i: Instruction, k: Order) -> None:
             s.write(x, s.place("A", j // n, j % n))
         if i.definite:
             s.leave(_fails(s, is_definite, i, i.definite), INDEFINITE)
-        s.leave(_fails(s, inverted, i, n), SINGULAR)
+        s.leave(_fails(s, shared if i.shared else inverted, i, n), SINGULAR)
     else:
         for line in range(n):
             terms = [

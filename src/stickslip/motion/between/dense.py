@@ -14,7 +14,6 @@ import numpy as np
 from stickslip.arrays import IntVector, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.modes import copy, resolve
-from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     POWERS_MADE,
@@ -25,6 +24,7 @@ from stickslip.motion.steps.arrays import (
     Rows,
     is_stopped,
 )
+from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.stiff import follow_mode
 

@@ -101,3 +101,15 @@ def least_on_nodes(values: Array, stack: Array, negligible: float) -> float:
                 half[j] = 0.5 * (half[j] + half[j - 1])
         depth += 1
     return bound
+
+
+@compiled()
+def to_control_points(values: Array, scratch: Array) -> None:
+    """Control points of the interpolant of values at the nodes, in Bernstein's form, in their
+    place."""
+    for i in range(COUNT):
+        scratch[i] = 0.0
+        for g in range(COUNT):
+            scratch[i] += _TO_BERNSTEIN[i, g] * values[g]
+    for i in range(COUNT):
+        values[i] = scratch[i]

@@ -47,11 +47,11 @@ from stickslip.motion.between.nodes import (
     largest_of,
     least_on_nodes,
     most,
+    to_control_points,
 )
 from stickslip.motion.between.observers import Sums, add_step, count_times, make_sums
 from stickslip.motion.engine.guards import opens, resting
 from stickslip.motion.engine.modes import copy, resolve
-from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     ADMISSIBLE_SIZE,
@@ -109,7 +109,19 @@ from stickslip.motion.steps.discs import (
     spread_state,
     tape_of,
 )
+from stickslip.motion.steps.holding import (
+    ON_ITS_OWN,
+    any_share,
+    axis_of,
+    find_shared,
+    held_at,
+    is_first,
+    lacking_part,
+    radius_at,
+    spare_part,
+)
 from stickslip.motion.steps.jumps import fired_jump, make_jump
+from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import LEAST_SIZE, fill_powers, impulse
 from stickslip.motion.steps.stiff import follow_mode
@@ -864,6 +876,9 @@ def measure_piece(
     power = space.powers
     unit = W[n, 1]
     give_directions(rows, mode, True)
+    sharing = check and any_share(rows)
+    if sharing:
+        find_shared(flow, mode, W, True)
     for g in range(COUNT):
         tau, weight = piece.h * GAUSS_NODES[g], piece.h * GAUSS_WEIGHTS[g]
         for r in range(n):
@@ -879,6 +894,8 @@ def measure_piece(
         if check:
             sample_residuals(rows, space, piece, y, g, i, steps, tally)
             sample_law(rows, space, mode, reg, piece.acting, g, tally)
+            if sharing:
+                sample_together(flow, mode, g)
     give_directions(rows, mode, False)
     if not check:
         return
@@ -894,6 +911,76 @@ def measure_piece(
     if asks_for_others(rows, space, mode, piece, tally):
         share_forces(machine, flow, Instant(piece.t, y, mode, reg), piece.order, piece.h)
     judge_law(rows, space, mode, piece, tally)
+    if sharing:
+        judge_together(flow, mode, piece, tally)
+
+
+@compiled()
+def sample_together(flow: Flow, mode: Array, g: int) -> None:
+    """Keep the forces of contacts that share them, and what these can hold, at a node.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the values of the rows at the node.
+    mode : array of int, shape (contacts,)
+    g : int
+        The node.
+    """
+    space = flow.space
+    nc = flow.rows.sizes[ON_INERTIAL]
+    for c in range(nc):
+        if mode[c] == 0 and space.leaving[c] != ON_ITS_OWN:
+            space.points[c, g] = held_at(flow, space.V, c, 0)
+            space.points[nc + c, g] = radius_at(flow.rows, space.V, c, 0)
+
+
+@compiled()
+def judge_together(flow: Flow, mode: Array, piece: StepPiece, tally: Tally) -> None:
+    """By how much some forces at least that hold contacts at rest on a piece are too large, where
+    they are not unique.
+
+    Parameters
+    ----------
+    flow : Flow
+        With what :func:`sample_together` keeps, and the discs.
+    mode : array of int, shape (contacts,)
+    piece : StepPiece
+    tally : Tally
+        Receives the largest.
+    """
+    rows = flow.rows
+    space = flow.space
+    law = tally.law
+    nc = rows.sizes[ON_INERTIAL]
+    known = piece.factor < np.inf
+    for first in range(nc):
+        if (
+            mode[first] != 0
+            or space.leaving[first] == ON_ITS_OWN
+            or not is_first(rows, mode, first)
+        ):
+            continue
+        least = piece.rounding
+        loose = 0.0
+        for c in range(first, nc):
+            if mode[c] != 0 or rows.group[c] != rows.group[first]:
+                continue
+            to_control_points(space.points[c], space.bernstein[0])
+            to_control_points(space.points[nc + c], space.bernstein[0])
+            force = law[c, _FORCE]
+            if rows.plane[c] >= 0:
+                force = law[rows.planes[rows.plane[c], COMPONENT], _FORCE]
+            if not force > 0.0:
+                continue
+            least = max(least, piece.rounding * space.mag[2 * len(rows.u) + c] / force)
+            if known:
+                strayed = strays(space.discs[rows.force[c]], piece.factor) / axis_of(flow, c)
+                radius = rows.planes[rows.plane[c], STATIC] if rows.plane[c] >= 0 else rows.plus[c]
+                strayed += strays(space.discs[radius], piece.factor)
+                loose = max(loose, strayed / force)
+        lack = lacking_part(flow, mode, first, COUNT - 1, least)
+        law[first, _EXCESS] = most(law[first, _EXCESS], (lack + loose) * law[first, _FORCE])
 
 
 @compiled()
@@ -1205,7 +1292,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
             loose += max(strays(discs[rows.plus[c]], factor), strays(discs[rows.minus[c]], factor))
             tight = strays(discs[rows.u[c]], factor)
         if resting(mode[c]):
-            for part in range(2):
+            for part in range(2 if space.leaving[c] == ON_ITS_OWN or mode[c] != 0 else 0):
                 low = least_on_nodes(
                     samples[row + part], space.bernstein, 1e-2 * _NEGLIGIBLE * law[c, _FORCE]
                 )
@@ -1353,7 +1440,7 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
         loose = strays(discs[plane[ADMISSIBLE]], factor) if known else 0.0
         low = least_on_nodes(samples[row], space.bernstein, 1e-2 * _NEGLIGIBLE * force * force)
         unsure = ROUNDING * mag[plane[ADMISSIBLE_SIZE]]
-        if force > 0.0:
+        if force > 0.0 and space.leaving[c] == ON_ITS_OWN:
             law[c, _EXCESS] = most(law[c, _EXCESS], (loose - low - unsure) / force)
         for part in (1, 2):
             moves = strays(discs[ahead if part == 1 else aside], factor) if known else 0.0
@@ -1605,6 +1692,9 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
     first = NOWHERE
     least = np.inf
     full = False
+    sharing = any_share(rows)
+    if sharing:
+        find_shared(flow, mode, W, False)
     for c in range(nc):
         if is_component(rows, c) or is_loose(rows, mode, c):
             continue
@@ -1614,6 +1704,10 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
                 return NOWHERE, -1.0
         elif resting(mode[c]):
             room = room_left(rows, flow.space, c, late, tally.law[c, _FORCE])
+            if sharing and mode[c] == 0 and flow.space.leaving[c] != ON_ITS_OWN:
+                room = spare_part(flow, mode, c)
+                if tally.law[c, _FORCE] > 0.0:
+                    room -= late * abs(W[rows.force[c], 1]) / tally.law[c, _FORCE]
             carried = abs(mode[c]) != 2 or abs(W[rows.u[c], 1]) <= ROUNDING * mag[nc + c] * unit
             if not carried:
                 return NOWHERE, -1.0

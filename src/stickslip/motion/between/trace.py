@@ -10,7 +10,6 @@ from stickslip.arrays import Array, IntVector, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.between.dense import Scratch
 from stickslip.motion.engine.modes import copy, resolve
-from stickslip.motion.engine.roots import horner
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     Flow,
@@ -19,6 +18,7 @@ from stickslip.motion.steps.arrays import (
     Record,
     is_stopped,
 )
+from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.stiff import follow_mode
 from stickslip.translator import compiled
 

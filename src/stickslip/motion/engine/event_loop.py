@@ -48,7 +48,6 @@ from stickslip.motion.engine.modes import (
     set_regions,
     settle_mode,
 )
-from stickslip.motion.engine.roots import value_and_slope
 from stickslip.motion.steps.arrays import (
     ASTRAY,
     CAUSE,
@@ -108,6 +107,7 @@ from stickslip.motion.steps.arrays import (
     remember_gaps,
 )
 from stickslip.motion.steps.jumps import due_jump, fires, make_jump, passed_jumps
+from stickslip.motion.steps.roots import value_and_slope
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import fill_powers
 from stickslip.translator import compiled, row_of
@@ -270,7 +270,9 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         if doubt >= 0:
             return inadmissible(rows.doubtful, doubt), count
         if which >= 0 or due >= 0:  # after a jump closed forms may go on
-            return (fire(which, lane, rows, task.max_events) if which >= 0 else NOWHERE), count
+            return (
+                fire(which, lane, rows, space.leaving, task.max_events) if which >= 0 else NOWHERE
+            ), count
 
 
 @compiled()
@@ -765,7 +767,7 @@ def fly_on(
         number = form.switch[guard]
         if doubt_of(number, nk, nc) >= 0:
             return -1, count
-        code = fire(number, lane, rows, task.max_events)
+        code = fire(number, lane, rows, flow.space.leaving, task.max_events)
         if code >= 0:
             return code, count
 
@@ -820,7 +822,7 @@ def decide(
             several and number >= nk and drops[c] == 1 and mode[c] == 0
         ):
             return _UNDECIDED
-        flip(flow.rows, number, mode, reg)
+        flip(flow.rows, number, mode, reg, flow.space.leaving)
         let_slide(mode)
     return _UNDECIDED
 
@@ -886,9 +888,20 @@ def note(rows: Rows, lane: Lane, task: Task, count: int) -> int:
 
 
 @compiled()
-def fire(guard: int, lane: Lane, rows: Rows, max_events: int) -> int:
+def fire(guard: int, lane: Lane, rows: Rows, leaving: Array, max_events: int) -> int:
     """Count an event and give its switch the other state; an outcome code if the motion ends here,
-    else −1."""
+    else −1.
+
+    Parameters
+    ----------
+    guard : int
+        Number of the guard that has fired.
+    lane : Lane
+    rows : Rows
+    leaving : array of int, shape (contacts,)
+        As of :func:`stickslip.motion.engine.modes.flip`.
+    max_events : int
+    """
     clock = lane.clock
     counters = lane.counters
     nk = len(rows.kinks)
@@ -896,7 +909,7 @@ def fire(guard: int, lane: Lane, rows: Rows, max_events: int) -> int:
     if clock[NOW] - clock[SINCE] > _TOGETHER * clock[SPAN]:
         counters[WORD] = spell(counters[WORD], lane.settled, lane.reg)
     clock[SINCE] = clock[NOW]
-    fired = flip(rows, guard, lane.mode, lane.reg)
+    fired = flip(rows, guard, lane.mode, lane.reg, leaving)
     if fired < nk and rows.vanishing[fired] >= 0:
         lane.y[rows.vanishing[fired]] = 0.0
     counters[CAUSE] = fired

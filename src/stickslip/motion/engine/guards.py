@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from stickslip.arrays import Array
-from stickslip.motion.engine.roots import divide_out, first_crossing
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     ADMISSIBLE_SIZE,
@@ -30,6 +29,15 @@ from stickslip.motion.steps.arrays import (
     is_component,
     is_loose,
 )
+from stickslip.motion.steps.holding import (
+    LEAVES,
+    ON_ITS_OWN,
+    any_share,
+    find_leaving,
+    find_shared,
+    is_first,
+)
+from stickslip.motion.steps.roots import divide_out, first_crossing
 from stickslip.motion.steps.step_size import impulse
 from stickslip.translator import RELAXED, compiled
 
@@ -493,10 +501,36 @@ def scan(
     late = slack * _LATE * abs(W[rows.sizes[DIMENSION], 0]) / W[rows.sizes[DIMENSION], 1]
     late = late / powers[1] if powers[1] > 0.0 else 0.0
     stopped = has_stopped(rows, settled, fired)
+    sharing = any_share(rows)
+    if sharing:
+        find_shared(flow, mode, W, True)
     for g in range(nk + 2 * nc + len(rows.doubtful)):
         if not is_asked(rows, mode, nk, g):
             continue
         just = switch_of(g, nk, nc) == fired or g == leapt
+        if sharing and is_held_with_others(rows, space, mode, nk, g):
+            if leads(rows, mode, nk, g):
+                group = rows.group[contact_of(g, nk)]
+                own = fired >= nk and rows.group[fired - nk] == group
+                lack = max(FIRED if own else 0.0, slack * ROUNDING)
+                held, s, order = guard_together(
+                    flow, mode, g, near, late, lack, space.pending[count]
+                )
+                if held:
+                    continue
+                if s < 0:
+                    if violated < 0:
+                        violated = g
+                        count = 0
+                    labels[count, NUMBER] = g
+                    count += 1
+                elif violated < 0:
+                    labels[count, NUMBER] = g
+                    labels[count, _DEGREE] = N - 1 - order
+                    divide_out(space.pending[count], order, N)
+                    space.pending[count, N] = 0.0
+                    count += 1
+            continue
         own = stopped >= 0 and nk <= g and contact_of(g, nk) == stopped
         just = just and not (own and mode[stopped] == 0)
         precision = max(FIRED if just else 0.0, slack * ROUNDING)
@@ -532,6 +566,61 @@ def scan(
         c[N] = ROUNDING * (size + powers[1] * guard.rate)
         count += 1
     return violated, count
+
+
+@compiled()
+def is_held_with_others(rows: Rows, space: Space, mode: Array, nk: int, g: int) -> bool:
+    """Whether a guard is that of a contact that shares its force with others.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        Says which do.
+    mode : array of int, shape (contacts,)
+    nk, g : int
+        Number of kinks, and of the guard.
+    """
+    if g < nk or doubt_of(g, nk, len(mode)) >= 0:
+        return False
+    c = contact_of(g, nk)
+    return bool(rows.group[c] >= 0 and mode[c] == 0 and space.leaving[c] != ON_ITS_OWN)
+
+
+@compiled()
+def leads(rows: Rows, mode: Array, nk: int, g: int) -> bool:
+    """Whether a guard stands for all contacts that share their forces."""
+    return not is_second(g, nk) and is_first(rows, mode, contact_of(g, nk))
+
+
+@compiled()
+def guard_together(
+    flow: Flow, mode: Array, g: int, near: float, late: float, lack: float, c: Array
+) -> tuple[bool, int, int]:
+    """The guard of contacts that share their forces: whether they hold throughout the step; else
+    its sign for small times, and the order that decides it.
+
+    Parameters
+    ----------
+    flow : Flow
+    mode : array of int, shape (contacts,)
+    g : int
+        Number of the guard.
+    near, late : float
+        As of :class:`GuardRow`.
+    lack : float
+        Part of the forces that counts as zero.
+    c : array
+        Receives the coefficients, scaled to the step.
+    """
+    space = flow.space
+    leaves, size = find_leaving(flow, mode, contact_of(g, len(flow.rows.kinks)), lack)
+    if not leaves:
+        return True, 1, 0
+    rate = abs(space.aside[LEAVES, 1])
+    guard = GuardRow(LEAVES, NOWHERE, 1.0, size, rate, near, lack, False, late, 0.0)
+    s, order = germ(space.aside, guard, flow.order, space.powers, lack / ROUNDING, c)
+    return s == 0, s, order
 
 
 @compiled()

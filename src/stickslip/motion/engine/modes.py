@@ -16,7 +16,7 @@ import math
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.equations.codegen.series import INDEFINITE, SINGULAR, invert
+from stickslip.equations.codegen.series import INDEFINITE, SINGULAR, invert, shared_inverse
 from stickslip.motion.engine.guards import (
     NUMBER,
     contact_of,
@@ -27,6 +27,7 @@ from stickslip.motion.engine.guards import (
     stays,
 )
 from stickslip.motion.steps.arrays import (
+    AIM,
     ASTRAY,
     CAUSE,
     COMPONENT,
@@ -81,6 +82,7 @@ from stickslip.motion.steps.arrays import (
     presses,
     set_mode,
 )
+from stickslip.motion.steps.holding import ON_ITS_OWN, STAYS, grip, is_gripped, is_new
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import (
     COARSER,
@@ -108,6 +110,7 @@ _TOGETHER = 16  # times that the switches of different components are flipped to
 _PAST = 1.0625  # of the time to a kink: the end of the step in which it comes
 # parts of a step, and of the time, within which a kink is the one that has been passed
 _PASSED, _ROUNDED = 1e-12, 1e3 * EPSILON
+_DEPENDENT = 1e-20  # square of the part of a direction that is none of others
 _LOOSELY = 1e-3  # of the tolerance, where that is loose
 _TOUCHING = 1e-12  # part of its size, and of what it does in a step, below which a gap is zero
 _LOOSER = 1e4  # tolerances by which the rates at the end of a step may break its promise
@@ -119,6 +122,7 @@ def resolvent(
     J: Array,
     links: Array,
     first_link: Array,
+    group: Array,
     members: Array,
     n: int,
     m: int,
@@ -137,13 +141,15 @@ def resolvent(
         coefficients of friction.
     links, first_link : arrays of int
         What rubs under which normal forces.
+    group : array of int
+        The contacts that each may share its force with, or negative.
     members : array of int, shape (n + m,)
         The coordinates, then the contacts.
     n, m : int
         Numbers of them.
     mode : array of int, shape (contacts,)
     scratch : array
-        Work space, at least of shape (n + m + 1, n + m).
+        Work space, at least of shape (n + m + 3, n + m).
     R : array
         Receives the inverse in its first rows and columns.
 
@@ -152,6 +158,7 @@ def resolvent(
     bool
         False if there is none.
     """
+    shared = False
     for i in range(n + m):
         for j in range(n + m):
             scratch[i, j] = 0.0
@@ -164,16 +171,27 @@ def resolvent(
         if mode[members[n + c]] == 0:
             for i in range(n):
                 scratch[n + c, i] = J[members[n + c], i]
+            if group[members[n + c]] >= 0:
+                shared = True
+                scratch[n + c, n + c] = -J[members[n + c], J.shape[1] - 2]
         else:
             scratch[n + c, n + c] = 1.0
             own = members[n + c]
             sense = 1.0 if mode[own] > 0 else -1.0
             for link in range(first_link[own], first_link[own + 1]):
-                coefficient = J[own, J.shape[1] - 1 - (link - first_link[own])]
+                coefficient = J[own, friction_column(J, link - first_link[own])]
                 for other in range(m):
                     if members[n + other] == links[link, PRESSING]:
                         scratch[n + c, n + other] = sense * coefficient
-    return invert(scratch, n + m, R)
+    return shared_inverse(scratch, n + m, R, False) if shared else invert(scratch, n + m, R)
+
+
+@compiled()
+def friction_column(J: Array, k: int) -> int:
+    """The column of J with the coefficient of friction under the k-th of the normal forces that
+    press a contact: the last one, then those before its strength and its axis."""
+    last = J.shape[1] - 1
+    return last if k == 0 else last - 2 - k
 
 
 @compiled()
@@ -204,6 +222,7 @@ def resolve(rows: Rows, k: Constants, space: Space, mode: Array) -> bool:
             k.J,
             rows.links,
             rows.first_link,
+            rows.group,
             rows.members[first:],
             n,
             m,
@@ -465,7 +484,7 @@ def evaluate_mode(
         status = coefficients(machine, flow, at, 1, W)
         if status != OK:
             return status
-        if release_or_hold(flow, at, last, near, span):
+        if release_or_hold(flow, at, last, near, span) and not rest_with_others(machine, flow, at):
             break
     if rows.sizes[RATE_INDEPENDENT] > 0:
         status = project_rates(machine, flow, at)
@@ -475,6 +494,44 @@ def evaluate_mode(
     if status != OK:
         return status
     return judge_coefficients(rows, W, flow.order)
+
+
+@compiled()
+def rest_with_others(machine: Machine, flow: Flow, at: Instant) -> bool:
+    """Let contacts in a plane stick that the others of their body do not let move, where their
+    speed cannot be told from nothing; whether there are any.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        With the inverses of the mode.
+    at : Instant
+        Its mode is changed.
+    """
+    rows = flow.rows
+    mode = at.mode
+    mag = flow.space.mag
+    nc = len(rows.u)
+    known = False
+    found = False
+    for plane in rows.planes:
+        first, other = plane[COMPONENT], plane[OTHER]
+        group = rows.group[first]
+        if group < 0 or mode[first] == 0 or is_loose(rows, mode, first):
+            continue
+        rank = grip(flow, mode, flow.space.W, group)[1]
+        if rank == 0 or not is_gripped(flow, flow.space.W, first, other, rank):
+            continue
+        if not known and coefficients(machine, flow, at, 1, flow.space.W) != OK:
+            return False
+        known = True
+        speed = abs(flow.space.W[rows.u[first], 0]) + abs(flow.space.W[rows.u[other], 0])
+        made = INSTANT * abs(at.t) * (mag[nc + first] + mag[nc + other])
+        if speed <= ROUNDING * (mag[first] + mag[other]) + made:
+            set_mode(rows, mode, first, 0)
+            found = True
+    return found
 
 
 @compiled()
@@ -515,9 +572,10 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
     promise = flow.space.promise[PROMISED]
     tol = _LOOSER * flow.tol
     late = INSTANT * abs(table[len(y), 0]) / h  # the end is a rounded time
+    vague = vagueness(flow, table, y, h)
     for i in range(len(y)):
         size = LEAST_SIZE + abs(y[i]) + abs(promise[i]) + flow.atol * seen[i]
-        rounding = ROUNDING * mag[rows.noise[i]] * h if rows.noise[i] >= 0 else 0.0
+        rounding = (ROUNDING + vague) * mag[rows.noise[i]] * h if rows.noise[i] >= 0 else 0.0
         rounding += late * abs(promise[i])
         rate = rows.program.rates[i]
         if rate < len(y) and rows.noise[rate] >= 0:
@@ -529,7 +587,43 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
 
 
 @compiled()
-def flip(rows: Rows, guard: int, mode: Array, reg: Array) -> int:
+def vagueness(flow: Flow, table: Array, y: Array, h: float) -> float:
+    """What rounding errors of velocities make of the directions of slips that begin together.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the promise of the step.
+    table : array
+        Values of the rows at its end.
+    y : array
+        State there.
+    h : float
+        Its length.
+    """
+    rows = flow.rows
+    mag = flow.space.mag
+    nc = len(rows.u)
+    nq = rows.sizes[INERTIAL]
+    found = 0.0
+    for plane in rows.planes:
+        first, other = plane[COMPONENT], plane[OTHER]
+        speed = table[plane[AIM] + 2, 0]
+        if plane[MASSIVE] == 0 or rows.group[first] < 0 or not speed > 0.0:
+            continue
+        faster = 0.0
+        part = rows.parts[rows.homes[first, PART]]
+        for i in range(part[COORDINATES]):
+            r = nq + rows.members[part[MEMBERS] + i]
+            faster += y[r] * flow.space.promise[PROMISED, r]
+        if faster > 0.0:
+            size = mag[first] + mag[other] + h * (mag[nc + first] + mag[nc + other])
+            found = max(found, ROUNDING * size / speed)
+    return found
+
+
+@compiled()
+def flip(rows: Rows, guard: int, mode: Array, reg: Array, leaving: Array) -> int:
     """Give the switch of a violated guard its other state; returns the switch.
 
     What leaves stick has its threshold to break, as long as it is not known which of several
@@ -542,18 +636,49 @@ def flip(rows: Rows, guard: int, mode: Array, reg: Array) -> int:
         Its number.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
         One of them is changed.
+    leaving : array of int, shape (contacts,)
+        Which contacts leave with others that they share forces with.
     """
     nk = len(reg)
     if guard < nk:
         reg[guard] = 1 - reg[guard]
         return guard
     c = contact_of(guard, nk)
+    if mode[c] == 0 and leaving[c] != ON_ITS_OWN:
+        return release_together(rows, c, mode, nk, leaving)
     if mode[c] == 0:
         side = -1 if is_second(guard, nk) else 1
         set_mode(rows, mode, c, 2 * side if rows.drops[c] == 1 else side)
     else:
         set_mode(rows, mode, c, 0)
     return nk + c
+
+
+@compiled()
+def release_together(rows: Rows, first: int, mode: Array, nk: int, leaving: Array) -> int:
+    """Let those contacts slip that leave stick together; returns the switch of the first of them.
+
+    Parameters
+    ----------
+    rows : Rows
+    first : int
+        The first of those that share forces.
+    mode : array of int, shape (contacts,)
+        Is changed.
+    nk : int
+        Number of kinks.
+    leaving : array of int, shape (contacts,)
+    """
+    found = first
+    left = False
+    for c in range(rows.sizes[ON_INERTIAL]):
+        of_them = rows.group[c] == rows.group[first] and not is_component(rows, c)
+        if of_them and mode[c] == 0 and leaving[c] != STAYS:
+            if not left:
+                found = c
+            left = True
+            set_mode(rows, mode, c, leaving[c] * (1 + rows.drops[c]))
+    return nk + found
 
 
 @compiled()
@@ -634,11 +759,13 @@ def flip_apart(rows: Rows, space: Space, mode: Array, reg: Array, count: int) ->
     for i in range(count):
         guard = space.labels[i, NUMBER]
         if guard >= nk:
-            home = rows.homes[contact_of(guard, nk), PART]
-            if asked[home] == 1:
+            c = contact_of(guard, nk)
+            home = rows.homes[c, PART]
+            # Contacts of one body come to rest together.
+            if asked[home] == 1 and (rows.group[c] < 0 or mode[c] == 0):
                 continue
             asked[home] = 1
-        flipped = flip(rows, guard, mode, reg)
+        flipped = flip(rows, guard, mode, reg, space.leaving)
         space.touched[flipped] = 1
         if first < 0:
             first = flipped
@@ -696,36 +823,13 @@ def loosen(rows: Rows, p: int, J: Array, mode: Array, keep: int, space: Space) -
             continue
         for j in range(n):
             space.scratch[rank, j] = direction_entry(rows, J, space.W, c, j)
-        if is_new(n, space.scratch, rank):
+        if is_new(n, space.scratch, rank, _DEPENDENT):
             rank += 1
-        else:
+        elif rows.group[c] < 0:
             set_mode(rows, mode, c, 1 + rows.drops[c])
             space.touched[len(rows.kinks) + c] = 1
             changed = True
     return changed
-
-
-@compiled()
-def is_new(n: int, basis: Array, rank: int) -> bool:
-    """Whether the vector behind an orthonormal basis is no combination of it; if so, it joins."""
-    size = 0.0
-    for j in range(n):
-        size += basis[rank, j] ** 2
-    for _ in range(2):
-        for r in range(rank):
-            dot = 0.0
-            for j in range(n):
-                dot += basis[rank, j] * basis[r, j]
-            for j in range(n):
-                basis[rank, j] -= dot * basis[r, j]
-    left = 0.0
-    for j in range(n):
-        left += basis[rank, j] ** 2
-    if left <= 1e-20 * size:
-        return False
-    for j in range(n):
-        basis[rank, j] /= math.sqrt(left)
-    return True
 
 
 @compiled()
@@ -831,18 +935,18 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     if len(rows.planes) == 0 or lane.counters[CAUSE] < 0:
         return
     c = lane.counters[CAUSE] - len(rows.kinks)
-    left = 0
-    held = False
+    before = flow.space.touched
+    asked = False
     for p in range(len(rows.planes)):
         first = rows.planes[p, COMPONENT]
-        massive = rows.planes[p, MASSIVE] == 1
-        if massive and first == c:
-            left = lane.mode[first]
-        held = held or (massive and lane.mode[first] == 0)
-    if left == 0 and not held:
+        before[first] = lane.mode[first]
+        if rows.planes[p, MASSIVE] == 1:
+            left = leaves_with(rows, lane, first, c)
+            asked = asked or left or lane.mode[first] == 0
+            if left:
+                set_mode(rows, lane.mode, first, 0)
+    if not asked:
         return
-    if left != 0:
-        set_mode(rows, lane.mode, c, 0)
     here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
     known = resolve(rows, flow.k, flow.space, lane.mode)
     for _ in range(_MOST_STOPS):
@@ -850,8 +954,28 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
         if not known or all_on_surface(flow, lane.mode):
             break
         known = release_or_hold(flow, here, lane.clock[RECENT], 0.0, lane.clock[SPAN])
-    if left != 0:
-        set_mode(rows, lane.mode, c, left)
+    for p in range(len(rows.planes)):
+        first = rows.planes[p, COMPONENT]
+        if before[first] != 0:
+            set_mode(rows, lane.mode, first, before[first])
+
+
+@compiled()
+def leaves_with(rows: Rows, lane: Lane, first: int, c: int) -> bool:
+    """Whether a contact in a plane has just left stick, where the switch of contact c has fired:
+    with those that it shared its force with.
+
+    Parameters
+    ----------
+    rows : Rows
+    lane : Lane
+    first, c : int
+        The first component of the one, and the other.
+    """
+    if first == c:
+        return True
+    together = c >= 0 and rows.group[first] >= 0 and rows.group[first] == rows.group[c]
+    return bool(together and lane.settled[first] == 0 and lane.mode[first] != 0)
 
 
 @compiled()

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.motion.engine.roots import NONE, divide_out, first_crossing
+from stickslip.motion.steps.roots import NONE, divide_out, first_crossing
 from stickslip.translator import compiled
 
 _MOST_WINDOWS = 100_000  # of a signal that are searched at once: a tenth of a second

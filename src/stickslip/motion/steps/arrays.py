@@ -153,6 +153,9 @@ class Rows(NamedTuple):
         Which of them each contact is a component of; −1: of none.
     in_turn : int
         1 if contacts that close at once have impacts one after the other.
+    group : array of int, shape (contacts,)
+        For contacts whose directions may depend on each other, friction in a plane among them:
+        which of such groups each belongs to; −1: of none.
     """
 
     sizes: IntVector
@@ -183,6 +186,7 @@ class Rows(NamedTuple):
     planes: IntMatrix
     plane: IntVector
     in_turn: int
+    group: IntVector
 
 
 class Constants(NamedTuple):
@@ -244,6 +248,10 @@ class Space(NamedTuple):
         :mod:`stickslip.motion.between.impulses`.
     begun, answer, aims : arrays
         Of slips in a plane that begin; see :mod:`stickslip.motion.steps.starting`.
+    basis, grip, turned_grip, bend, unbent, aside, points, piece, leaving : arrays
+        Of contacts that share forces; see :mod:`stickslip.motion.steps.holding`.
+    span, turn, turned, onset : arrays
+        Of slips that begin together; see :mod:`stickslip.motion.steps.onset`.
     landed, stood : arrays
         New values of the state in all jumps; and the regions before a mode is chosen, then the kink
         whose jump has just been taken, −1: none.
@@ -292,6 +300,19 @@ class Space(NamedTuple):
     begun: Matrix
     answer: Matrix
     aims: Matrix
+    basis: Matrix
+    grip: Matrix
+    turned_grip: Matrix
+    bend: Matrix
+    unbent: Matrix
+    aside: Matrix
+    points: Matrix
+    piece: Matrix
+    leaving: IntVector
+    span: Matrix
+    turn: Matrix
+    turned: Matrix
+    onset: Matrix
     wish: IntVector
     late: IntVector
 
@@ -523,6 +544,10 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
     guards = nk + 2 * nc + len(rows.doubtful) + 1
     struck = mq if np.any(rows.gaps >= 0) or mq <= MOST_SHARED else 0
     implicit = N // 2 * n if n <= MOST_IMPLICIT else 0
+    sharing = bool(np.any(rows.group >= 0))
+    several = nq + 1 if sharing else 0
+    slips = 2 * len(rows.planes) if sharing else 0
+    most_points = max(N + 1, AUDIT_NODES)
     W = z((table_rows, N + 1))
     V = z((table_rows, 2))
     W[n, 1] = V[n, 1] = 1.0
@@ -532,7 +557,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         mag=z(max(magnitudes, 1)),
         Rq=z((nq + mq, widths[0])),
         Rz=z((nz + mz, widths[1])),
-        A=z((most + 1, most)),
+        A=z((most + 3, most)),
         B=z((nr, nr)),
         G=z(2 * nr),
         discs=z((table_rows, 4)),
@@ -541,7 +566,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         kinds=z(table_rows, np.int64),
         samples=z((n + 3 * nc + nk, AUDIT_NODES)),
         bernstein=z((24, AUDIT_NODES)),
-        scratch=z((big + 1, big)),
+        scratch=z((big + 3, big)),
         stack=z((64, 36)),
         touched=z(nk + nc, np.int64),
         y0=z(n),
@@ -565,7 +590,20 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         stood=np.full(nk + 1, -1, np.int64),
         begun=z((table_rows if len(rows.planes) else 0, FEWEST_ORDERS + 1)),
         answer=z((2 * len(rows.planes), 2 * len(rows.planes))),
-        aims=z((9 * len(rows.planes), N + 1)),
+        aims=z((11 * len(rows.planes), N + 1)),
+        basis=z((several, nq)),
+        grip=z((mq if sharing else 0, nq)),
+        turned_grip=z((mq if sharing else 0, nq)),
+        bend=z((several, nq)),
+        unbent=z((several, nq)),
+        aside=z((10 if sharing else 0, max(nq, mq, most_points))),
+        points=z((2 * mq if sharing else 0, most_points)),
+        piece=z((2 * mq if sharing else 0, most_points)),
+        leaving=np.full(nc, 2, np.int64),
+        span=z((slips + 1, slips)),
+        turn=z((slips + 2, slips + 1)),
+        turned=z((slips + 1, slips + 1)),
+        onset=z((8 + slips, max(N + 2, slips + 1))),
         wish=z(1, np.int64),
         late=z(1, np.int64),
         stages=z((2 * implicit + 8 + n, max(implicit, len(rows.watched), N // 2 + 1))),

@@ -36,15 +36,27 @@ from stickslip.motion.steps.arrays import (
     is_loose,
     plain_coefficients,
 )
+from stickslip.motion.steps.onset import (
+    AIMS,
+    BX,
+    BY,
+    LEADING,
+    M_,
+    MOST_LEADING,
+    N_,
+    NEGLIGIBLE,
+    OX,
+    RHO,
+    SPARE,
+    X,
+    Y,
+    aim_order_together,
+    aim_together,
+    begin_together,
+)
 from stickslip.translator import compiled
 
 _MOST_TURNS = 60  # of iterations between slips that begin together, and of a secular equation
-_NEGLIGIBLE = 1e-12  # part of its terms below which an order of |Au| is none
-_MOST_LEADING = 4  # orders of |Au| that may vanish
-# Rows of Space.aims for each plane: the direction (two rows), ρ, the right-hand side (two rows),
-# what is solved for (two rows), the order p, and what else is kept for a while.
-_AIMS = 9
-_N, _M, _RHO, _BX, _BY, _X, _Y, _P, _SPARE = range(_AIMS)
 
 
 @compiled()
@@ -82,7 +94,7 @@ def begins(flow: Flow, mode: Array, table: Array) -> bool:
         moves = mode[c] == 1 or mode[c] == 2
         slips = rows.planes[p, MASSIVE] == 1 and moves and not is_loose(rows, mode, c)
         starts = slips and table[rows.planes[p, AIM] + 2, 0] == 0.0
-        flow.space.aims[_AIMS * p + _P, 0] = 0.0 if starts else -1.0
+        flow.space.aims[AIMS * p + LEADING, 0] = 0.0 if starts else -1.0
         found = found or starts
     return found
 
@@ -102,26 +114,38 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
         Receives the coefficients.
     """
     rows = flow.rows
-    begun = flow.space.begun
+    begun, aims = flow.space.begun, flow.space.aims
     begun[rows.sizes[DIMENSION], 1] = table[rows.sizes[DIMENSION], 1]
     status = respond(machine, flow, at, begun)
     if status != OK:
         return status
-    aim_first(flow)
+    rank = 0
+    if begin_together(flow):
+        rank = aim_together(flow)
+    else:
+        aim_first(flow)
     # The leading orders of |Au|, and with them p; beyond, only what is asked for.
     # What would begin against its direction does not, as its guard says: no more is asked of it.
     orders = order - 1 if order > 1 and all_begin(flow) else 1
     for m in range(1, orders):
-        deeper = order if m + 2 > FEWEST_ORDERS else FEWEST_ORDERS
-        if m + 2 > deeper:
+        needed = m + 2 if rank == 0 else m + 1 + leading_order(flow)
+        deeper = order if needed > FEWEST_ORDERS else FEWEST_ORDERS
+        if needed > deeper:
             break
         work = table if deeper == order else begun
         work[rows.sizes[DIMENSION], 1] = table[rows.sizes[DIMENSION], 1]
         place_aims(flow, work, deeper)
-        status = plain_coefficients(machine, flow, at, stage_order(m + 2, deeper), work)
+        status = plain_coefficients(machine, flow, at, stage_order(needed, deeper), work)
         if status != OK:
             return status
-        aim_order(flow, work, m)
+        for p in range(len(rows.planes)):
+            for i in range(2):
+                aims[AIMS * p + BX + i, m] = work[rows.planes[p, AHEAD + i], m + 1]
+                aims[AIMS * p + OX + i, m] = work[rows.planes[p, AHEAD + i], needed - 1]
+        if rank > 0:
+            aim_order_together(flow, rank, m)
+        else:
+            aim_order(flow, m)
     place_aims(flow, table, order)
     status = plain_coefficients(machine, flow, at, order, table)
     place_speeds(flow, table, order)
@@ -132,10 +156,19 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
 def all_begin(flow: Flow) -> bool:
     """Whether no slip that begins would go against its own friction."""
     for p in range(len(flow.rows.planes)):
-        starts = flow.space.aims[_AIMS * p + _P, 0] >= 0.0
-        if starts and flow.space.aims[_AIMS * p + _RHO, 0] < 0.0:
+        starts = flow.space.aims[AIMS * p + LEADING, 0] >= 0.0
+        if starts and flow.space.aims[AIMS * p + RHO, 0] < 0.0:
             return False
     return True
+
+
+@compiled()
+def leading_order(flow: Flow) -> int:
+    """The order p of |Au| of slips that begin together; 1 where it is not known yet."""
+    leading = 1
+    for p in range(len(flow.rows.planes)):
+        leading = max(leading, int(flow.space.aims[AIMS * p + LEADING, 0]))
+    return leading
 
 
 @compiled()
@@ -154,12 +187,12 @@ def place_aims(flow: Flow, table: Array, order: int) -> None:
     rows = flow.rows
     aims = flow.space.aims
     for p in range(len(rows.planes)):
-        if aims[_AIMS * p + _P, 0] < 0.0:
+        if aims[AIMS * p + LEADING, 0] < 0.0:
             continue
         first = rows.planes[p, AIM]
         for k in range(table.shape[1]):
-            table[first, k] = aims[_AIMS * p + _N, k] if k < aims.shape[1] else 0.0
-            table[first + 1, k] = aims[_AIMS * p + _M, k] if k < aims.shape[1] else 0.0
+            table[first, k] = aims[AIMS * p + N_, k] if k < aims.shape[1] else 0.0
+            table[first + 1, k] = aims[AIMS * p + M_, k] if k < aims.shape[1] else 0.0
     place_speeds(flow, table, order)
 
 
@@ -169,13 +202,13 @@ def place_speeds(flow: Flow, table: Array, order: int) -> None:
     rows = flow.rows
     aims = flow.space.aims
     for p in range(len(rows.planes)):
-        leading = int(aims[_AIMS * p + _P, 0])
+        leading = int(aims[AIMS * p + LEADING, 0])
         if leading < 0:
             continue
         row = rows.planes[p, AIM] + 2
         for k in range(table.shape[1]):
             known = 0 < leading <= k
-            table[row, k] = aims[_AIMS * p + _RHO, k - leading] if known else 0.0
+            table[row, k] = aims[AIMS * p + RHO, k - leading] if known else 0.0
 
 
 @compiled()
@@ -196,14 +229,14 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
     answer = flow.space.answer
     planes = len(rows.planes)
     for r in range(len(aims)):
-        if r % _AIMS != _P:
+        if r % AIMS != LEADING:
             for k in range(aims.shape[1]):
                 aims[r, k] = 0.0
     for probe in range(-1, 2 * planes):
-        if probe >= 0 and aims[_AIMS * (probe // 2) + _P, 0] < 0.0:
+        if probe >= 0 and aims[AIMS * (probe // 2) + LEADING, 0] < 0.0:
             continue
         if probe >= 0:
-            aims[_AIMS * (probe // 2) + _N + probe % 2, 0] = 1.0
+            aims[AIMS * (probe // 2) + N_ + probe % 2, 0] = 1.0
         place_aims(flow, table, FEWEST_ORDERS)
         status = plain_coefficients(machine, flow, at, FEWEST_ORDERS, table)
         if status != OK:
@@ -212,11 +245,11 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
             for i in range(2):
                 rate = table[rows.planes[p, AHEAD + i], 1]
                 if probe < 0:
-                    aims[_AIMS * p + _BX + i, 0] = rate
+                    aims[AIMS * p + BX + i, 0] = rate
                 else:
-                    answer[2 * p + i, probe] = rate - aims[_AIMS * p + _BX + i, 0]
+                    answer[2 * p + i, probe] = rate - aims[AIMS * p + BX + i, 0]
         if probe >= 0:
-            aims[_AIMS * (probe // 2) + _N + probe % 2, 0] = 0.0
+            aims[AIMS * (probe // 2) + N_ + probe % 2, 0] = 0.0
     return OK
 
 
@@ -230,7 +263,7 @@ def coupled(flow: Flow, p: int, part: int, m: int) -> tuple[float, float]:
     p : int
         The plane.
     part : int
-        What is meant by their directions: known (_N), or what is solved for (_X).
+        What is meant by their directions: known (N_), or what is solved for (X).
     m : int
         The order.
     """
@@ -239,8 +272,8 @@ def coupled(flow: Flow, p: int, part: int, m: int) -> tuple[float, float]:
     x = 0.0
     y = 0.0
     for q in range(len(flow.rows.planes)):
-        if q != p and aims[_AIMS * q + _P, 0] >= 0.0:
-            u, v = aims[_AIMS * q + part, m], aims[_AIMS * q + part + 1, m]
+        if q != p and aims[AIMS * q + LEADING, 0] >= 0.0:
+            u, v = aims[AIMS * q + part, m], aims[AIMS * q + part + 1, m]
             x += answer[2 * p, 2 * q] * u + answer[2 * p, 2 * q + 1] * v
             y += answer[2 * p + 1, 2 * q] * u + answer[2 * p + 1, 2 * q + 1] * v
     return x / (m + 1), y / (m + 1)
@@ -256,12 +289,12 @@ def aim_first(flow: Flow) -> None:
     for _ in range(_MOST_TURNS):
         change = 0.0
         for p in range(planes):
-            base = _AIMS * p
-            if aims[base + _P, 0] < 0.0:
+            base = AIMS * p
+            if aims[base + LEADING, 0] < 0.0:
                 continue
-            x, y = coupled(flow, p, _N, 0)
-            x += aims[base + _BX, 0]
-            y += aims[base + _BY, 0]
+            x, y = coupled(flow, p, N_, 0)
+            x += aims[base + BX, 0]
+            y += aims[base + BY, 0]
             n, m, rho = secular_root(
                 -answer[2 * p, 2 * p],
                 -0.5 * (answer[2 * p, 2 * p + 1] + answer[2 * p + 1, 2 * p]),
@@ -269,12 +302,12 @@ def aim_first(flow: Flow) -> None:
                 x,
                 y,
             )
-            change = max(change, abs(n - aims[base + _N, 0]) + abs(m - aims[base + _M, 0]))
-            aims[base + _N, 0], aims[base + _M, 0] = n, m
+            change = max(change, abs(n - aims[base + N_, 0]) + abs(m - aims[base + M_, 0]))
+            aims[base + N_, 0], aims[base + M_, 0] = n, m
             size = math.hypot(x, y)
-            first = abs(rho) > _NEGLIGIBLE * size
-            aims[base + _RHO, 0] = rho if first else 0.0
-            aims[base + _P, 0] = 1.0 if first else 0.0
+            first = abs(rho) > NEGLIGIBLE * size
+            aims[base + RHO, 0] = rho if first else 0.0
+            aims[base + LEADING, 0] = 1.0 if first else 0.0
         if change <= 2.0 * EPSILON:
             break
 
@@ -325,36 +358,33 @@ def secular_root(a: float, b: float, c: float, x: float, y: float) -> tuple[floa
 
 
 @compiled()
-def aim_order(flow: Flow, table: Array, m: int) -> None:
+def aim_order(flow: Flow, m: int) -> None:
     """Order m of the directions, and the order of |Au| that it tells.
 
     Parameters
     ----------
     flow : Flow
-    table : array
-        Coefficients with order m of the directions 0.
+        With bₘ, the rates of Au with order m of the directions 0.
     m : int
     """
-    rows = flow.rows
     aims = flow.space.aims
     answer = flow.space.answer
-    planes = len(rows.planes)
+    planes = len(flow.rows.planes)
     for p in range(planes):
-        base = _AIMS * p
+        base = AIMS * p
         for i in range(2):
-            aims[base + _BX + i, m] = table[rows.planes[p, AHEAD + i], m + 1]
-            aims[base + _X + i, m] = 0.0
+            aims[base + X + i, m] = 0.0
     for _ in range(_MOST_TURNS):
         change = 0.0
         for p in range(planes):
-            base = _AIMS * p
-            leading = int(aims[base + _P, 0])
+            base = AIMS * p
+            leading = int(aims[base + LEADING, 0])
             if leading < 0:
                 continue
-            n, o = aims[base + _N, 0], aims[base + _M, 0]
-            x, y = coupled(flow, p, _X, m)
-            x += aims[base + _BX, m]
-            y += aims[base + _BY, m]
+            n, o = aims[base + N_, 0], aims[base + M_, 0]
+            x, y = coupled(flow, p, X, m)
+            x += aims[base + BX, m]
+            y += aims[base + BY, m]
             along = unit_part(aims, base, m)
             # Â n₀ and Â across n₀, in this order
             share = 1.0 / (m + 1)
@@ -368,43 +398,43 @@ def aim_order(flow: Flow, table: Array, m: int) -> None:
             k = m + 1 - leading
             if leading == 1:
                 # nₘ stands on both sides
-                rho = aims[base + _RHO, 0]
+                rho = aims[base + RHO, 0]
                 cx += rho * o
                 cy -= rho * n
                 x -= rho * along * n
                 y -= rho * along * o
             elif leading > 1 and k > 0:
-                x -= aims[base + _RHO, 0] * aims[base + _N, k]
-                y -= aims[base + _RHO, 0] * aims[base + _M, k]
+                x -= aims[base + RHO, 0] * aims[base + N_, k]
+                y -= aims[base + RHO, 0] * aims[base + M_, k]
             for j in range(1, k if leading > 0 else 0):
-                x -= aims[base + _RHO, j] * aims[base + _N, k - j]
-                y -= aims[base + _RHO, j] * aims[base + _M, k - j]
+                x -= aims[base + RHO, j] * aims[base + N_, k - j]
+                y -= aims[base + RHO, j] * aims[base + M_, k - j]
             # (x, y) + ν (cx, cy) = ρₖ n₀
             across = -o * x + n * y
             slope = -o * cx + n * cy
             nu = -across / slope if slope != 0.0 else 0.0
             rho = n * (x + nu * cx) + o * (y + nu * cy)
             u, v = along * n - nu * o, along * o + nu * n
-            change = max(change, abs(u - aims[base + _X, m]) + abs(v - aims[base + _Y, m]))
+            change = max(change, abs(u - aims[base + X, m]) + abs(v - aims[base + Y, m]))
             change = change if planes > 1 else 0.0
-            aims[base + _X, m], aims[base + _Y, m] = u, v
-            aims[base + _SPARE, m] = rho
-            aims[base + _SPARE, 0] = size
+            aims[base + X, m], aims[base + Y, m] = u, v
+            aims[base + SPARE, m] = rho
+            aims[base + SPARE, 0] = size
         if change <= 4.0 * EPSILON:
             break
     for p in range(planes):
-        base = _AIMS * p
-        leading = int(aims[base + _P, 0])
+        base = AIMS * p
+        leading = int(aims[base + LEADING, 0])
         if leading < 0:
             continue
-        aims[base + _N, m], aims[base + _M, m] = aims[base + _X, m], aims[base + _Y, m]
-        rho = aims[base + _SPARE, m]
+        aims[base + N_, m], aims[base + M_, m] = aims[base + X, m], aims[base + Y, m]
+        rho = aims[base + SPARE, m]
         if leading == 0:
-            if abs(rho) > _NEGLIGIBLE * aims[base + _SPARE, 0] and m < _MOST_LEADING:
-                aims[base + _P, 0] = m + 1.0
-                aims[base + _RHO, 0] = rho
+            if abs(rho) > NEGLIGIBLE * aims[base + SPARE, 0] and m < MOST_LEADING:
+                aims[base + LEADING, 0] = m + 1.0
+                aims[base + RHO, 0] = rho
         else:
-            aims[base + _RHO, m + 1 - leading] = rho
+            aims[base + RHO, m + 1 - leading] = rho
 
 
 @compiled()
@@ -412,6 +442,6 @@ def unit_part(aims: Array, base: int, m: int) -> float:
     """The part of nₘ along n₀, from n·n = 1."""
     s = 0.0
     for j in range(1, m):
-        s -= 0.5 * aims[base + _N, j] * aims[base + _N, m - j]
-        s -= 0.5 * aims[base + _M, j] * aims[base + _M, m - j]
+        s -= 0.5 * aims[base + N_, j] * aims[base + N_, m - j]
+        s -= 0.5 * aims[base + M_, j] * aims[base + M_, m - j]
     return s

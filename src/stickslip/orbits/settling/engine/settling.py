@@ -27,7 +27,6 @@ from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.event_loop import integrate
 from stickslip.motion.engine.guards import stands
 from stickslip.motion.engine.modes import copy, resolve
-from stickslip.motion.engine.roots import horner
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.steps.arrays import (
     CAUSE,
@@ -51,6 +50,7 @@ from stickslip.motion.steps.arrays import (
     flow_of,
     is_stopped,
 )
+from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import better
 from stickslip.motion.steps.stiff import follow_mode as along

@@ -1,0 +1,472 @@
+"""Slips in a plane that begin together: contacts of one body, whose velocities are not independent.
+
+Their velocities are Au = tᵖ β(t) Z V(t), with an orthonormal basis Z of what the body can do, V =
+v₀ + v₁ t + …, |v₀| = 1, vₖ across v₀, and a number β for its speed. All directions n are functions
+of V, and the rates of Au depend on their coefficients as in :mod:`stickslip.motion.steps.starting`:
+
+    bₘ + Â nₘ/(m + 1) = (β Z V)ₘ₊₁₋ₚ
+
+is one linear problem an order, for vₘ and an order of β. The first of all, b₀ + Â n(Z v₀) = β₀ Z
+v₀, says what minimises a strictly convex function, the accelerations; it is found by Newton's
+method where |u| is rounded off, less and less. Where β₀ vanishes, since the forces have just
+reached what can be held, p > 1, and v₀ is the mechanism that begins.
+"""
+
+from __future__ import annotations
+
+import math
+
+from stickslip.arrays import Array
+from stickslip.equations.codegen.series import invert
+from stickslip.motion.steps.arrays import COMPONENT, EPSILON, Flow
+from stickslip.motion.steps.holding import is_new
+from stickslip.translator import compiled
+
+# Rows of Space.aims for each plane: the direction (two rows), ρ, the right-hand side (two rows),
+# what is solved for (two rows), the order p, what else is kept for a while, and what of the
+# velocity is no part of Z V (two rows).
+AIMS = 11
+N_, M_, RHO, BX, BY, X, Y, LEADING, SPARE, OX, OY = range(AIMS)
+NEGLIGIBLE = 1e-12  # part of its terms below which an order of |Au| is none
+MOST_LEADING = 4  # orders of |Au| that may vanish
+_NEW = 1e-20  # square of the part of a velocity that is none of the others
+_ROUNDED = 0.1  # factor by which |u| is rounded off less from turn to turn
+_FINEST = 1e-9  # … at last, in parts of the accelerations without friction
+_FULL = 1e-4  # part of the friction that what begins to slip may lack then
+_SURE = 1e-9  # change of Newton's method below which it has settled
+_MOST_TURNS = 40  # of Newton's method
+# Rows of Space.onset: what is solved for and its right-hand side, V at a place, series of one
+# contact (both components, |V|), β, and V behind them.
+_SOLVED, _RIGHT, _PLACE, _TRIED, _U, _V, _SIZE, _BETA, _FIRST = range(9)
+
+
+@compiled()
+def begin_together(flow: Flow) -> bool:
+    """Whether several slips begin, all of them of contacts that may share forces."""
+    rows = flow.rows
+    group = -1
+    count = 0
+    for p in range(len(rows.planes)):
+        if flow.space.aims[AIMS * p + LEADING, 0] >= 0.0:
+            own = rows.group[rows.planes[p, COMPONENT]]
+            if own < 0 or (count > 0 and own != group):
+                return False
+            group = own
+            count += 1
+    return count > 1
+
+
+@compiled()
+def begins_in(flow: Flow, p: int) -> bool:
+    """Whether a contact in a plane is one of those that begin to slip together."""
+    return bool(flow.space.aims[AIMS * p + LEADING, 0] >= 0.0)
+
+
+@compiled()
+def span_rates(flow: Flow) -> int:
+    """An orthonormal basis of the velocities that a body can have, from what directions make of
+    them, as rows; returns how many there are."""
+    rows = flow.rows
+    answer, span = flow.space.answer, flow.space.span
+    n = 2 * len(rows.planes)
+    rank = 0
+    for j in range(n):
+        if not begins_in(flow, j // 2):
+            continue
+        for i in range(n):
+            span[rank, i] = answer[i, j] if begins_in(flow, i // 2) else 0.0
+        if is_new(n, span, rank, _NEW):
+            rank += 1
+    return rank
+
+
+@compiled()
+def speed_along(flow: Flow, rank: int, way: Array, i: int) -> float:
+    """Component i of Z V."""
+    found = 0.0
+    for r in range(rank):
+        found += flow.space.span[r, i] * way[r]
+    return found
+
+
+@compiled()
+def part_in_span(flow: Flow, rank: int, row: int, m: int, out: Array) -> None:
+    """Zᵀ of order m of a pair of rows of the directions, of all slips that begin.
+
+    Parameters
+    ----------
+    flow : Flow
+    rank : int
+        Number of vectors of Z.
+    row, m : int
+        The first row, and the order.
+    out : array
+        Receives the result.
+    """
+    aims = flow.space.aims
+    for r in range(rank):
+        out[r] = 0.0
+        for i in range(2 * len(flow.rows.planes)):
+            if begins_in(flow, i // 2):
+                out[r] += flow.space.span[r, i] * aims[AIMS * (i // 2) + row + i % 2, m]
+
+
+@compiled()
+def answer_to(flow: Flow, rank: int, row: int, m: int, factor: float, out: Array) -> None:
+    """Add a multiple of ZᵀÂ of order m of a pair of rows of the directions.
+
+    Parameters
+    ----------
+    flow : Flow
+    rank : int
+        Number of vectors of Z.
+    row, m : int
+        The first row, and the order.
+    factor : float
+    out : array
+        Is added to.
+    """
+    aims, answer, span = flow.space.aims, flow.space.answer, flow.space.span
+    n = 2 * len(flow.rows.planes)
+    for j in range(n):
+        if not begins_in(flow, j // 2):
+            continue
+        x = factor * aims[AIMS * (j // 2) + row + j % 2, m]
+        for i in range(n if x != 0.0 else 0):
+            if begins_in(flow, i // 2):
+                for r in range(rank):
+                    out[r] += span[r, i] * answer[i, j] * x
+
+
+@compiled()
+def place_slopes(flow: Flow, rank: int, way: Array, rounded: float, share: float) -> None:
+    """The matrix share·ZᵀÂ H Z, H the derivative of all directions u/√(|u|² + rounded²) by u, in
+    the work space; the directions themselves are left with what is solved for.
+
+    Parameters
+    ----------
+    flow : Flow
+    rank : int
+        Number of vectors of Z.
+    way : array
+        V.
+    rounded, share : float
+    """
+    aims, answer, span, matrix = (
+        flow.space.aims,
+        flow.space.answer,
+        flow.space.span,
+        flow.space.turn,
+    )
+    n = 2 * len(flow.rows.planes)
+    for i in range(rank):
+        for j in range(rank):
+            matrix[i, j] = 0.0
+    for p in range(len(flow.rows.planes)):
+        if not begins_in(flow, p):
+            continue
+        x, y = speed_along(flow, rank, way, 2 * p), speed_along(flow, rank, way, 2 * p + 1)
+        size = math.sqrt(x * x + y * y + rounded * rounded)
+        x, y = x / size, y / size
+        aims[AIMS * p + X, 0], aims[AIMS * p + Y, 0] = x, y
+        least = (rounded / size) ** 2
+        xx, yy, xy = (least + y * y) / size, (least + x * x) / size, -x * y / size
+        for k in range(n):
+            if not begins_in(flow, k // 2):
+                continue
+            a = share * (answer[k, 2 * p] * xx + answer[k, 2 * p + 1] * xy)
+            b = share * (answer[k, 2 * p] * xy + answer[k, 2 * p + 1] * yy)
+            for i in range(rank):
+                for j in range(rank):
+                    matrix[i, j] += span[i, k] * (a * span[j, 2 * p] + b * span[j, 2 * p + 1])
+
+
+@compiled()
+def rounded_off(flow: Flow, rank: int, way: Array, rounded: float, out: Array) -> float:
+    """b₀ + Â n − u with directions that are rounded off; its size.
+
+    Parameters
+    ----------
+    flow : Flow
+    rank : int
+        Number of vectors of Z.
+    way : array
+        u.
+    rounded : float
+    out : array
+        Receives it.
+    """
+    place_slopes(flow, rank, way, rounded, 1.0)
+    part_in_span(flow, rank, BX, 0, out)
+    answer_to(flow, rank, X, 0, 1.0, out)
+    size = 0.0
+    for r in range(rank):
+        out[r] -= way[r]
+        size += out[r] * out[r]
+    return math.sqrt(size)
+
+
+@compiled()
+def aim_together(flow: Flow) -> int:
+    """v₀, and β₀ unless it vanishes, of slips that begin together; returns the number of vectors of
+    Z. What does not begin has a β below zero."""
+    rows = flow.rows
+    aims, onset = flow.space.aims, flow.space.onset
+    way, right, tried = onset[_PLACE], onset[_RIGHT], onset[_TRIED]
+    rank = span_rates(flow)
+    part_in_span(flow, rank, BX, 0, way)
+    size = 0.0
+    for r in range(rank):
+        size += way[r] * way[r]
+    size = math.sqrt(size)
+    rounded = size
+    while rounded > 0.0:
+        off = rounded_off(flow, rank, way, rounded, right)
+        for _ in range(_MOST_TURNS):
+            for i in range(rank):
+                flow.space.turn[i, i] -= 1.0
+            if off <= 4.0 * EPSILON * size or not invert(flow.space.turn, rank, flow.space.turned):
+                break
+            step_back(flow, rank)
+            length = 1.0
+            after = math.inf
+            for _ in range(30):
+                for r in range(rank):
+                    tried[r] = way[r] + length * onset[_SOLVED, r]
+                after = rounded_off(flow, rank, tried, rounded, right)
+                if after < (1.0 - 0.1 * length) * off:
+                    break
+                length *= 0.5
+            if not after < off:
+                break
+            off = after
+            for r in range(rank):
+                way[r] = tried[r]
+        if rounded <= _FINEST * size:
+            break
+        rounded *= _ROUNDED
+    if size > 0.0 and refine_aim(flow, rank, size):
+        return rank
+    rounded_off(flow, rank, tried, rounded, right)
+    for p in range(len(rows.planes)):
+        if begins_in(flow, p):
+            full = math.hypot(aims[AIMS * p + X, 0], aims[AIMS * p + Y, 0])
+            aims[AIMS * p + LEADING, 0] = 1.0
+            rho = 0.0
+            if full < 1.0 - _FULL or not size > 0.0:
+                rho = -size if size > 0.0 else -1.0
+            aims[AIMS * p + RHO, 0] = rho
+    return rank
+
+
+@compiled()
+def step_back(flow: Flow, rank: int) -> None:
+    """Solve the problem in the work space for a step of Newton's method."""
+    onset = flow.space.onset
+    for i in range(rank):
+        onset[_SOLVED, i] = 0.0
+        for j in range(rank):
+            onset[_SOLVED, i] -= flow.space.turned[i, j] * onset[_RIGHT, j]
+
+
+@compiled()
+def refine_aim(flow: Flow, rank: int, size: float) -> bool:
+    """v₀ and β₀ from a neighbourhood, exactly; False if not all slips begin.
+
+    Parameters
+    ----------
+    flow : Flow
+        With v₀ times some number in its work space.
+    rank : int
+        Number of vectors of Z.
+    size : float
+        Of the accelerations without friction.
+    """
+    rows = flow.rows
+    aims, onset, matrix = flow.space.aims, flow.space.onset, flow.space.turn
+    way, right = onset[_PLACE], onset[_RIGHT]
+    beta = 0.0
+    for r in range(rank):
+        beta += way[r] * way[r]
+    beta = math.sqrt(beta)
+    for r in range(rank):
+        way[r] /= beta
+    for r in range(rank):
+        onset[_TRIED, r] = beta * way[r]
+    before = math.inf
+    settled = False
+    for _ in range(_MOST_TURNS):
+        place_slopes(flow, rank, way, 0.0, 1.0)
+        part_in_span(flow, rank, BX, 0, right)
+        answer_to(flow, rank, X, 0, 1.0, right)
+        border(matrix, rank, way, beta)
+        length = 0.0
+        for r in range(rank):
+            right[r] -= beta * way[r]
+            length += way[r] * way[r]
+        right[rank] = 0.5 * (1.0 - length)
+        if not invert(matrix, rank + 1, flow.space.turned):
+            return False
+        step_back(flow, rank + 1)
+        change = 0.0
+        for r in range(rank):
+            way[r] += onset[_SOLVED, r]
+            change = max(change, abs(onset[_SOLVED, r]))
+        beta += onset[_SOLVED, rank]
+        settled = change <= 2.0 * EPSILON or (change < _SURE and not change < before)
+        if settled:
+            break
+        before = change
+    if not settled:
+        return False
+    found = abs(beta) > NEGLIGIBLE * size
+    for r in range(rank):
+        onset[_FIRST + r, 0] = way[r]
+    onset[_BETA, 0] = beta if found else 0.0
+    for p in range(len(rows.planes)):
+        if begins_in(flow, p):
+            aims[AIMS * p + LEADING, 0] = 1.0 if found else 0.0
+            aim_of(flow, rank, p, 0)
+    return True
+
+
+@compiled()
+def border(matrix: Array, rank: int, way: Array, beta: float) -> None:
+    """Put −β on the diagonal of a matrix, and −V around it.
+
+    Parameters
+    ----------
+    matrix : array
+    rank : int
+    way : array
+        V.
+    beta : float
+    """
+    for r in range(rank):
+        matrix[r, r] -= beta
+        matrix[r, rank] = matrix[rank, r] = -way[r]
+    matrix[rank, rank] = 0.0
+
+
+@compiled()
+def aim_of(flow: Flow, rank: int, p: int, m: int) -> None:
+    """Directions of a contact up to order m, and ρ as far as β is known, from V.
+
+    Parameters
+    ----------
+    flow : Flow
+    rank : int
+        Number of vectors of Z.
+    p, m : int
+        The plane, and the order.
+    """
+    aims, onset = flow.space.aims, flow.space.onset
+    x, y, size = onset[_U], onset[_V], onset[_SIZE]
+    base = AIMS * p
+    for k in range(m + 1):
+        x[k], y[k] = aims[base + OX, k], aims[base + OY, k]
+        for r in range(rank):
+            x[k] += flow.space.span[r, 2 * p] * onset[_FIRST + r, k]
+            y[k] += flow.space.span[r, 2 * p + 1] * onset[_FIRST + r, k]
+        if k == 0:
+            size[0] = math.hypot(x[0], y[0])
+        else:
+            square = 0.0
+            for j in range(k + 1):
+                square += x[j] * x[k - j] + y[j] * y[k - j]
+            for j in range(1, k):
+                square -= size[j] * size[k - j]
+            size[k] = 0.5 * square / size[0]
+        a, b = x[k], y[k]
+        for j in range(1, k + 1):
+            a -= size[j] * aims[base + N_, k - j]
+            b -= size[j] * aims[base + M_, k - j]
+        aims[base + N_, k], aims[base + M_, k] = a / size[0], b / size[0]
+    leading = int(aims[base + LEADING, 0])
+    for k in range(m + 2 - leading if leading > 0 else 0):
+        aims[base + RHO, k] = 0.0
+        for j in range(k + 1):
+            aims[base + RHO, k] += onset[_BETA, j] * size[k - j]
+
+
+@compiled()
+def set_apart(flow: Flow, rank: int, m: int) -> None:
+    """Leave of order m of Au/tᵖ what the body cannot do at first, but as it turns, by β.
+
+    Parameters
+    ----------
+    flow : Flow
+        With order m + p of Au, which is changed; lower orders are done.
+    rank : int
+        Number of vectors of Z.
+    m : int
+    """
+    aims, onset, span = flow.space.aims, flow.space.onset, flow.space.span
+    n = 2 * len(flow.rows.planes)
+    part_in_span(flow, rank, OX, m, onset[_SOLVED])
+    for i in range(n):
+        if not begins_in(flow, i // 2):
+            continue
+        row = AIMS * (i // 2) + OX + i % 2
+        own = aims[row, m]
+        for r in range(rank):
+            own -= span[r, i] * onset[_SOLVED, r]
+        for j in range(1, m):
+            own -= onset[_BETA, j] * aims[row, m - j]
+        known = onset[_BETA, 0] != 0.0
+        aims[row, m] = own / onset[_BETA, 0] if known else 0.0
+
+
+@compiled()
+def aim_order_together(flow: Flow, rank: int, m: int) -> None:
+    """Order m of V, and the order of β that it tells.
+
+    Parameters
+    ----------
+    flow : Flow
+        With bₘ, the rates of Au with order m of the directions 0, and order m + p of Au.
+    rank : int
+        Number of vectors of Z.
+    m : int
+    """
+    rows = flow.rows
+    aims, onset, matrix = flow.space.aims, flow.space.onset, flow.space.turn
+    way, right = onset[_PLACE], onset[_RIGHT]
+    leading = 0
+    set_apart(flow, rank, m)
+    for r in range(rank):
+        way[r] = onset[_FIRST + r, 0]
+        onset[_FIRST + r, m] = 0.0
+    for p in range(len(rows.planes)):
+        if begins_in(flow, p):
+            leading = int(aims[AIMS * p + LEADING, 0])
+            aim_of(flow, rank, p, m)
+    share = 1.0 / (m + 1)
+    place_slopes(flow, rank, way, 0.0, share)
+    border(matrix, rank, way, onset[_BETA, 0] if leading == 1 else 0.0)
+    part_in_span(flow, rank, BX, m, right)
+    answer_to(flow, rank, N_, m, share, right)
+    size = 0.0
+    for r in range(rank):
+        size += abs(right[r])
+    last = m + 1 - leading
+    for j in range(last if leading > 0 else 0):
+        if leading > 1 or j > 0:
+            for r in range(rank):
+                right[r] -= onset[_BETA, j] * onset[_FIRST + r, last - j]
+    right[rank] = 0.0
+    if not invert(matrix, rank + 1, flow.space.turned):
+        return
+    step_back(flow, rank + 1)
+    for r in range(rank):
+        onset[_FIRST + r, m] = onset[_SOLVED, r]
+    beta = onset[_SOLVED, rank]
+    if leading > 0:
+        onset[_BETA, last] = beta
+    elif abs(beta) > NEGLIGIBLE * size and m < MOST_LEADING:
+        leading = m + 1
+        onset[_BETA, 0] = beta
+    for p in range(len(rows.planes)):
+        if begins_in(flow, p):
+            aims[AIMS * p + LEADING, 0] = leading
+            aim_of(flow, rank, p, m)
