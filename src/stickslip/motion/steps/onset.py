@@ -30,6 +30,7 @@ N_, M_, RHO, BX, BY, X, Y, LEADING, SPARE, OX, OY = range(AIMS)
 NEGLIGIBLE = 1e-12  # part of its terms below which an order of |Au| is none
 MOST_LEADING = 4  # orders of |Au| that may vanish
 _NEW = 1e-20  # square of the part of a velocity that is none of the others
+_ANSWERED = 1e-10  # part of the largest answer that is more than rounding errors
 _ROUNDED = 0.1  # factor by which |u| is rounded off less from turn to turn
 _FINEST = 1e-9  # … at last, in parts of the accelerations without friction
 _FULL = 1e-4  # part of the friction that what begins to slip may lack then
@@ -69,13 +70,20 @@ def span_rates(flow: Flow) -> int:
     rows = flow.rows
     answer, span = flow.space.answer, flow.space.span
     n = 2 * len(rows.planes)
+    largest = 0.0
+    for j in range(n):
+        for i in range(n if begins_in(flow, j // 2) else 0):
+            largest = max(largest, abs(answer[i, j]))
     rank = 0
     for j in range(n):
         if not begins_in(flow, j // 2):
             continue
+        size = 0.0
         for i in range(n):
             span[rank, i] = answer[i, j] if begins_in(flow, i // 2) else 0.0
-        if is_new(n, span, rank, _NEW):
+            size = max(size, abs(span[rank, i]))
+        # What the body cannot do is answered by rounding errors.
+        if size > _ANSWERED * largest and is_new(n, span, rank, _NEW):
             rank += 1
     return rank
 
@@ -247,15 +255,19 @@ def aim_together(flow: Flow) -> int:
         rounded *= _ROUNDED
     if size > 0.0 and refine_aim(flow, rank, size):
         return rank
+    # What lacks most of its friction does not begin.
     rounded_off(flow, rank, tried, rounded, right)
+    least = 1.0
+    for p in range(len(rows.planes)):
+        if begins_in(flow, p):
+            least = min(least, math.hypot(aims[AIMS * p + X, 0], aims[AIMS * p + Y, 0]))
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
             full = math.hypot(aims[AIMS * p + X, 0], aims[AIMS * p + Y, 0])
             aims[AIMS * p + LEADING, 0] = 1.0
-            rho = 0.0
-            if full < 1.0 - _FULL or not size > 0.0:
-                rho = -size if size > 0.0 else -1.0
-            aims[AIMS * p + RHO, 0] = rho
+            aims[AIMS * p + RHO, 0] = 0.0
+            if full < 1.0 - _FULL or full <= least or not size > 0.0:
+                aims[AIMS * p + RHO, 0] = -size if size > 0.0 else -1.0
     return rank
 
 
