@@ -37,7 +37,6 @@ from stickslip.motion.between.cones import (
 from stickslip.motion.between.nodes import COUNT, GAUSS_NODES, least_on_nodes
 from stickslip.motion.engine.guards import opens
 from stickslip.motion.engine.modes import resolve
-from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.arrays import (
     CONTACTS,
     COORDINATES,
@@ -56,6 +55,7 @@ from stickslip.motion.steps.arrays import (
     Space,
     direction_entry,
 )
+from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.starting import coefficients
 from stickslip.translator import compiled
 
