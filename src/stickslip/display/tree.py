@@ -17,7 +17,7 @@ from functools import cache
 from math import gcd
 from typing import TYPE_CHECKING
 
-from stickslip.symbolic.formulas import TimeFunction, builtins, parse_signature
+from stickslip.symbolic.formulas import TimeFunction, builtins, parse_signature, syntax_of
 from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.pieces import STRUCTURES
 
@@ -375,9 +375,7 @@ class Reader:
         if not isinstance(text, str):
             return Number(Fraction(repr(float(text))))
         if text not in self._read:
-            self._read[text] = self._visit(
-                ast.parse(text.strip().replace("\n", " "), mode="eval").body
-            )
+            self._read[text] = self._visit(syntax_of(text.strip().replace("\n", " ")))
         return self._read[text]
 
     def _body(self, name: str) -> Node:

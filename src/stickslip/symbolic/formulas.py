@@ -13,6 +13,7 @@ from __future__ import annotations
 import ast
 import math
 import re
+import threading
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
@@ -26,6 +27,7 @@ from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.pieces import STRUCTURES
 
+_PARSER = threading.Lock()
 # What is read at once. A sum may be long, since its terms are read one by one; nothing else may,
 # since products of many factors have derivatives of as many terms, and Python's parser recurses.
 _MAX_LENGTH = 4000  # characters
@@ -117,6 +119,21 @@ class Definition:
     arguments: tuple[str, ...]
     text: object
     by: str = ""
+
+
+def syntax_of(text: str) -> ast.expr:
+    """The syntax tree of a formula, which is not evaluated.
+
+    Up to Python 3.11.7 the parser counts the recursion of all threads together, and raises
+    SystemError where two of them parse at once (CPython issue 106905).
+
+    Raises
+    ------
+    SyntaxError
+        If it is not an expression of Python.
+    """
+    with _PARSER:
+        return ast.parse(text, mode="eval").body
 
 
 @dataclass
@@ -371,7 +388,7 @@ class _Reader:
             )
         self.count = 0
         self.pieces += 1
-        return self.visit(ast.parse(text.strip(), mode="eval").body, depth)
+        return self.visit(syntax_of(text.strip()), depth)
 
     def visit(self, node: ast.AST, depth: int) -> Expr:
         self.tally(depth)

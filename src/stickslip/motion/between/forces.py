@@ -74,7 +74,7 @@ def kept_room(trial: int) -> float:
 
 
 @compiled()
-def share_forces(machine: Machine, flow: Flow, at: Instant, order: int, h: float) -> bool:
+def try_other_forces(machine: Machine, flow: Flow, at: Instant, order: int, h: float) -> bool:
     """Look for other forces of what rests in a piece that obey the law; if there are any, their
     guards take the place of those of the mode.
 

@@ -27,7 +27,7 @@ import numpy as np
 from stickslip.arrays import Array, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.between.cones import FORCE_SIZE, RESTS
-from stickslip.motion.between.forces import HOLDS, RUBS, TOUCHES, share_forces, widest_room
+from stickslip.motion.between.forces import HOLDS, RUBS, TOUCHES, try_other_forces, widest_room
 from stickslip.motion.between.impulses import (
     BROKEN,
     CONTACT_TERMS,
@@ -909,7 +909,7 @@ def measure_piece(
         time = counts_for(rows, space.mag, r, size, piece.h, piece.acting)
         steps.gap[i, r] += time * (LEBESGUE * largest + between)
     if asks_for_others(rows, space, mode, piece, tally):
-        share_forces(machine, flow, Instant(piece.t, y, mode, reg), piece.order, piece.h)
+        try_other_forces(machine, flow, Instant(piece.t, y, mode, reg), piece.order, piece.h)
     judge_law(rows, space, mode, piece, tally)
     if sharing:
         judge_together(flow, mode, piece, tally)
