@@ -115,8 +115,15 @@ def random_fields(name: str, count: int) -> list[tuple[Field, float, NDArray, ND
         t = float(rng.uniform(0, 3))
         y = rng.uniform(0.3, 1.7, len(problem.system.declaration.state))
         expected = compiled_values(problem, mode, region, t, y)
-        if expected is not None:
-            found.append((mode_field(equations, tuple(mode), tuple(region)), t, y, p, expected))
+        if expected is None:
+            continue
+        try:
+            field = mode_field(equations, tuple(mode), tuple(region))
+        except ZeroDivisionError:
+            # The engine has least forces where several hold one body; a field has none.
+            assert np.any(problem.rows.group[np.array(mode) == 0] >= 0)
+            continue
+        found.append((field, t, y, p, expected))
     return found
 
 
