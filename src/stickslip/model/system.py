@@ -536,8 +536,8 @@ class System:
 
     @cached_property
     def plain(self) -> System:
-        """The same system with the laws of its contacts, its constraints, and thresholds of several
-        normal forces written out: what is moved and shown."""
+        """The same system with the laws of its contacts and its constraints written out: what is
+        moved and shown."""
         from stickslip.model.written_out import write_out
 
         return write_out(self)

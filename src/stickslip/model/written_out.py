@@ -243,8 +243,13 @@ class _WrittenOut:
             )
 
     def add_contact(self, label: str, contact: AnyContact, where: str) -> None:
-        """Add a contact that the one declared somewhere is written out as, unless its name is
-        taken."""
+        """Add a contact that a declared one is written out as.
+
+        Raises
+        ------
+        DeclarationError
+            If its name is taken.
+        """
         own = entry_key("contacts", label) == where
         if label in self.contacts or (label in self.system.contacts and not own):
             raise DeclarationError(

@@ -401,7 +401,7 @@ class _Generator:
 
     def strength(self, i: int) -> Expr:
         """The square of the force that a contact can hold, of those that may share forces: 1 for
-        all where one of them is no constant."""
+        all where one of them is not constant."""
         number = self.layout.together[i]
         own = [c for c, other in self.layout.together.items() if other == number]
         sides = [self.eq.contacts[c].plus for c in own]

@@ -128,7 +128,7 @@ def shared_inverse(A: Array, n: int, R: Array, fused: bool) -> bool:
     ----------
     A : array, shape (n + 3, ·)
         Destroyed. An entry −s² on the diagonal says that a row is that of a direction that may
-        share its force with others, and is no part of the matrix.
+        share its force with others, and does not belong to the matrix.
     n : int
     R : array
     fused : bool

@@ -36,14 +36,12 @@ from stickslip.motion.between.cones import (
 )
 from stickslip.motion.between.nodes import COUNT, GAUSS_NODES, least_on_nodes
 from stickslip.motion.engine.guards import opens
+from stickslip.motion.engine.impacts import put_part
 from stickslip.motion.engine.modes import resolve
 from stickslip.motion.steps.arrays import (
-    CONTACTS,
     COORDINATES,
     DIMENSION,
-    FIRST_ROW,
     MATRIX,
-    MEMBERS,
     OK,
     ON_INERTIAL,
     PART,
@@ -53,7 +51,6 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
-    direction_entry,
 )
 from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.starting import coefficients
@@ -200,7 +197,8 @@ def fit_forces(machine: Machine, flow: Flow, at: Instant, room: float, end: int)
     known = known and coefficients(machine, flow, freed, 1, space.V) == OK
     if known:
         for p in range(len(rows.parts)):
-            put_delassus(rows, space, flow.k.J, p)
+            if rows.parts[p, MATRIX] == 0:
+                put_part(rows, space, flow.k.J, p, True)
     if not resolve(rows, flow.k, space, at.mode) or not known:
         return False
     scale = 0.0
@@ -287,36 +285,6 @@ def put_law(rows: Rows, space: Space, mode: Array, room: float, end: int) -> boo
             if max(alone[0], alone[1]) > _SAME * cones[FORCE_SIZE, c]:
                 cones[LEAST_ALONE, c], cones[MOST_ALONE, c] = -alone[0], alone[1]
     return True
-
-
-@compiled()
-def put_delassus(rows: Rows, space: Space, J: Array, p: int) -> None:
-    """J M⁻¹ Jᵀ of all contacts of a component, whose inverse is in the work space.
-
-    Parameters
-    ----------
-    rows : Rows
-    space : Space
-    J : array
-        Directions that do not change.
-    p : int
-    """
-    if rows.parts[p, MATRIX] != 0:
-        return
-    n = rows.parts[p, COORDINATES]
-    first = rows.parts[p, FIRST_ROW]
-    members = rows.members[rows.parts[p, MEMBERS] :]
-    for j in range(rows.parts[p, CONTACTS]):
-        c = members[n + j]
-        for other in range(rows.parts[p, CONTACTS]):
-            b = members[n + other]
-            total = 0.0
-            for i in range(n):
-                weight = direction_entry(rows, J, space.V, b, i)
-                for k in range(n):
-                    back = direction_entry(rows, J, space.V, c, k)
-                    total += weight * space.Rq[first + i, k] * back
-            space.delassus[b, c] = total
 
 
 @compiled()

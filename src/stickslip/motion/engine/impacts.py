@@ -241,7 +241,7 @@ def put_responses(machine: Machine, flow: Flow, at: Instant) -> bool:
         return False
     for p in range(len(rows.parts)):
         if rows.parts[p, MATRIX] == 0:
-            put_part(rows, space, flow.k.J, p)
+            put_part(rows, space, flow.k.J, p, False)
     put_friction(rows, space)
     return True
 
@@ -272,7 +272,7 @@ def put_friction(rows: Rows, space: Space) -> None:
 
 
 @compiled()
-def put_part(rows: Rows, space: Space, J: Array, p: int) -> None:
+def put_part(rows: Rows, space: Space, J: Array, p: int, every: bool) -> None:
     """The same for one component, whose inverse is in the work space.
 
     Parameters
@@ -282,6 +282,9 @@ def put_part(rows: Rows, space: Space, J: Array, p: int) -> None:
     J : array
         Directions that do not change.
     p : int
+        The component.
+    every : bool
+        Whether all contacts are asked for, and not only those that take part.
     """
     n = rows.parts[p, COORDINATES]
     m = rows.parts[p, CONTACTS]
@@ -289,7 +292,7 @@ def put_part(rows: Rows, space: Space, J: Array, p: int) -> None:
     members = rows.members[rows.parts[p, MEMBERS] :]
     for j in range(m):
         c = members[n + j]
-        if not takes_part(rows, space.tried, c):
+        if not (every or takes_part(rows, space.tried, c)):
             continue
         for i in range(n):
             space.response[members[i], c] = 0.0
@@ -309,7 +312,7 @@ def put_part(rows: Rows, space: Space, J: Array, p: int) -> None:
                 continue
             for j in range(m):
                 c = members[n + j]
-                if takes_part(rows, space.tried, c):
+                if every or takes_part(rows, space.tried, c):
                     space.delassus[b, c] += weight * space.response[members[i], c]
 
 

@@ -24,7 +24,7 @@ from stickslip.translator import compiled
 
 # Rows of Space.aims for each plane: the direction (two rows), ρ, the right-hand side (two rows),
 # what is solved for (two rows), the order p, what else is kept for a while, and what of the
-# velocity is no part of Z V (two rows).
+# velocity is not in Z V (two rows).
 AIMS = 11
 N_, M_, RHO, BX, BY, X, Y, LEADING, SPARE, OX, OY = range(AIMS)
 NEGLIGIBLE = 1e-12  # part of its terms below which an order of |Au| is none
