@@ -15,6 +15,8 @@ from stickslip.arrays import IntVector, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.steps.arrays import (
+    AIM,
+    COMPONENT,
     DIMENSION,
     POWERS_MADE,
     Flow,
@@ -24,9 +26,11 @@ from stickslip.motion.steps.arrays import (
     Rows,
     is_stopped,
 )
+from stickslip.motion.steps.discs import give_direction
 from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.starting import coefficients
-from stickslip.motion.steps.stiff import follow_mode
+from stickslip.motion.steps.stiff import ends_there, follow_mode
+from stickslip.symbolic.tape import DIRECTION_GIVEN
 
 
 class Scratch(NamedTuple):
@@ -72,11 +76,13 @@ def states_at(
         Knot whose step each time belongs to.
     work : Scratch
     out : array, shape (times, ·)
-        Receives the states in its first columns.
+        Receives the states in its first columns; where it has room for all rows, the directions of
+        slips in a plane, too, as the series has them (a speed of −1 where there is none).
     """
     rows = flow.rows
     W = flow.space.W
     n = rows.sizes[DIMENSION]
+    all_rows = out.shape[1] >= len(W)
     y, mode, reg = work.y, work.mode, work.reg
     last = -1
     base = 0.0
@@ -101,6 +107,7 @@ def states_at(
         if times[i] > base and not known:  # at the knot itself no series is needed
             start = Instant(base, y, mode, reg)
             order, h, _ = follow_mode(machine, flow, start, left, 0.0, seen)
+            h = left if ends_there(h, left, base) else h
             known = True
         while known and times[i] - base > h and not is_stopped(flow.space):
             for r in range(n):
@@ -110,8 +117,15 @@ def states_at(
             start = Instant(base, y, mode, reg)
             order, h, _ = follow_mode(machine, flow, start, left, h, seen)
             h = max(h, 1e-12 * left)
+            h = left if ends_there(h, left, base) else h
         for r in range(n):
             out[i, r] = horner(W[r], order, (times[i] - base) / W[n, 1]) if known else y[r]
+        for p in range(len(rows.planes) if all_rows else 0):
+            first = rows.planes[p, AIM]
+            slips = known and mode[rows.planes[p, COMPONENT]] != 0
+            for row in range(first, first + 3):
+                x = (times[i] - base) / W[n, 1]
+                out[i, row] = horner(W[row], order - 1, x) if slips else -1.0
 
 
 @entry_point()
@@ -137,6 +151,7 @@ def sample(
     n = rows.sizes[DIMENSION]
     table = len(flow.space.W)
     z, mode, reg = work.z, work.mode, work.reg
+    planes = rows.planes
     states_at(machine, flow, seen, knots, index, times, work, out)
     last = -1
     for i in range(len(times)):
@@ -146,6 +161,15 @@ def sample(
             copy(knots.region[last], reg)
             resolve(rows, flow.k, flow.space, mode)
         copy(out[i, :n], z)
+        if len(planes) > 0:
+            copy(knots.mode[last], mode)
+        for p in range(len(planes)):
+            first = planes[p, AIM]
+            if out[i, first + 2] >= 0.0:
+                # Close to the end of a slip Au is a rounding error.
+                give_direction(rows, p, mode, DIRECTION_GIVEN)
+                for row in range(first, first + 3):
+                    work.V[row, 0], work.V[row, 1] = out[i, row], 0.0
         coefficients(machine, flow, Instant(times[i], z, mode, reg), 1, work.V)
         machine.powers(work.V, reg, flow.k.K, work.power)
         for r in range(table):

@@ -104,9 +104,11 @@ from stickslip.motion.steps.discs import (
     BALL,
     OFF,
     SLOPE,
+    give_directions,
     spread,
     spread_given,
     spread_state,
+    take_directions,
     tape_of,
 )
 from stickslip.motion.steps.holding import (
@@ -124,8 +126,7 @@ from stickslip.motion.steps.jumps import fired_jump, make_jump
 from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import LEAST_SIZE, fill_powers, impulse
-from stickslip.motion.steps.stiff import follow_mode
-from stickslip.symbolic.tape import DIRECTION_GIVEN
+from stickslip.motion.steps.stiff import ends_there, follow_mode
 from stickslip.translator import RELAXED, compiled
 
 _NEGLIGIBLE = 1e-10  # part of its size that a quantity may have between the nodes
@@ -349,6 +350,8 @@ def audit_step(
         start = Instant(base, y, mode, reg)
         order, h, series = follow_mode(machine, flow, start, left, last, seen)
         h = min(left, max(h, 1e-12 * left))
+        if ends_there(h, left, base):
+            h = left
         factor = 0.0
         if not h > 0.0:
             h = left  # nothing here is a number, which the nodes will show
@@ -386,48 +389,6 @@ def audit_step(
         close_step(flow, final, order, h, starts.state[i], i, steps, tally)
         count_jumps(machine, flow, final, ends.region[i], i, steps, tally)
         judge_beginning(machine, flow, starts, ends, i, tally)
-
-
-@compiled()
-def give_directions(rows: Rows, mode: Array, given: bool) -> None:
-    """Let the directions of slips in a plane be given, or follow from the state again.
-
-    An audit has the direction of a step as one more candidate, and asks whether it is that of the
-    velocity: so nothing is divided by a speed.
-
-    Parameters
-    ----------
-    rows : Rows
-    mode : array of int, shape (contacts,)
-        Is changed.
-    given : bool
-    """
-    for p in range(len(rows.planes)):
-        if mode[rows.planes[p, COMPONENT]] != 0:
-            value = DIRECTION_GIVEN if given else 1
-            mode[rows.planes[p, COMPONENT]] = value
-            mode[rows.planes[p, OTHER]] = value
-
-
-@compiled()
-def take_directions(rows: Rows, W: Array, N: int, x: float, V: Array) -> None:
-    """Put the directions that polynomials have at a place into a table.
-
-    Parameters
-    ----------
-    rows : Rows
-    W : array
-        The polynomials.
-    N : int
-        Order of those of the state.
-    x : float
-        The place, in the unit of their time.
-    V : array
-        Receives them.
-    """
-    for p in range(len(rows.planes)):
-        for row in range(rows.planes[p, AIM], rows.planes[p, AIM] + 3):
-            V[row, 0] = horner(W[row], N - 1, x)
 
 
 @compiled()

@@ -49,8 +49,10 @@ from stickslip.motion.engine.modes import (
     settle_mode,
 )
 from stickslip.motion.steps.arrays import (
+    AIM,
     ASTRAY,
     CAUSE,
+    COMPONENT,
     CREATES_ENERGY,
     CROSSED,
     DIMENSION,
@@ -59,12 +61,14 @@ from stickslip.motion.steps.arrays import (
     FULL,
     HAPPENED,
     INADMISSIBLE,
+    INSTANT,
     JUMPS_MEET,
     JUMPS_ON,
     KINK,
     LAST,
     LIMIT,
     LONG_AGO,
+    MASSIVE,
     NAN,
     NEGATIVE,
     NO_ACCELERATION,
@@ -79,9 +83,11 @@ from stickslip.motion.steps.arrays import (
     ON_INERTIAL,
     ON_JUMP,
     ON_VISCOUS,
+    OTHER,
     PROMISED,
     RATE_INDEPENDENT,
     RECENT,
+    ROUNDING,
     SERIES,
     SINCE,
     SLIPPING,
@@ -103,13 +109,17 @@ from stickslip.motion.steps.arrays import (
     Task,
     flow_of,
     is_component,
+    is_loose,
     is_stopped,
     remember_gaps,
+    set_mode,
 )
+from stickslip.motion.steps.discs import give_direction, take_direction
 from stickslip.motion.steps.jumps import due_jump, fires, make_jump, passed_jumps
 from stickslip.motion.steps.roots import value_and_slope
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import fill_powers
+from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled, row_of
 
 _ZENO_EVENTS = 200
@@ -255,7 +265,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         # The next step begins with the rates at the end of this one, unless something comes in
         # between.
         asked = is_promise_due(rows, lane, which, due) or is_full(task, rows, count)
-        if asked and not solves(machine, flow, lane, x * h):
+        if asked and not solves(machine, flow, lane, x * h, which):
             room = _CUT * x * h
             again = True
             promised = 0.0
@@ -270,6 +280,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         if doubt >= 0:
             return inadmissible(rows.doubtful, doubt), count
         if which >= 0 or due >= 0:  # after a jump closed forms may go on
+            rest_together(flow, lane, which, x * h)
             return (
                 fire(which, lane, rows, space.leaving, task.max_events) if which >= 0 else NOWHERE
             ), count
@@ -669,13 +680,77 @@ def count_step(clock: Array, counters: Array, h: float, series: float, t: float)
 
 
 @compiled()
-def solves(machine: Machine, flow: Flow, lane: Lane, h: float) -> bool:
-    """Whether the rates at the end of a step are those that its series promises."""
+def solves(machine: Machine, flow: Flow, lane: Lane, h: float, which: int) -> bool:
+    """Whether the rates at the end of a step are those that its series promises.
+
+    Where a slip in a plane ends, Au is a rounding error, and the direction is that of the series.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    lane : Lane
+    h : float
+        Length of the step.
+    which : int
+        The guard that fires at its end, or negative.
+    """
+    rows = flow.rows
     space = flow.space
+    p = slip_that_ends(rows, lane.mode, which)
+    before = 1
+    if p >= 0:
+        take_direction(rows, p, space.W, flow.order, h / space.W[len(lane.y), 1], space.V)
+        before = lane.mode[rows.planes[p, COMPONENT]]
+        give_direction(rows, p, lane.mode, DIRECTION_GIVEN)
     ahead = Instant(lane.clock[NOW] + h, space.trial, lane.mode, lane.reg)
-    if coefficients(machine, flow, ahead, 1, space.V) != OK:
+    status = coefficients(machine, flow, ahead, 1, space.V)
+    if p >= 0:
+        give_direction(rows, p, lane.mode, before)
+    if status != OK:
         return True  # the rates are not determined here, which the next step finds out
     return keeps(flow, space.V, space.trial, lane.seen, h)
+
+
+@compiled()
+def slip_that_ends(rows: Rows, mode: Array, guard: int) -> int:
+    """The contact in a plane, of what has mass, whose slip ends where a guard fires; or −1."""
+    c = contact_of(guard, len(rows.kinks)) if guard >= len(rows.kinks) else NOWHERE
+    p = rows.plane[c] if 0 <= c < len(rows.u) else NOWHERE
+    return p if p >= 0 and rows.planes[p, MASSIVE] == 1 and mode[c] != 0 else NOWHERE
+
+
+@compiled()
+def rest_together(flow: Flow, lane: Lane, which: int, h: float) -> None:
+    """Let all slips in a plane come to rest that end where one does: whose speeds cannot be told
+    from nothing there. What is left of them has no direction.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the series of the step.
+    lane : Lane
+        At the end of the step. Its mode is changed.
+    which : int
+        The guard that fires.
+    h : float
+        Length of the step.
+    """
+    rows = flow.rows
+    W = flow.space.W
+    mag = flow.space.mag
+    ended = slip_that_ends(rows, lane.mode, which)
+    for p in range(len(rows.planes) if ended >= 0 else 0):
+        first, other = rows.planes[p, COMPONENT], rows.planes[p, OTHER]
+        slips = rows.planes[p, MASSIVE] == 1 and (lane.mode[first] == 1 or lane.mode[first] == 2)
+        if p == ended or not slips or is_loose(rows, lane.mode, first):
+            continue
+        speed, change = value_and_slope(
+            W[rows.planes[p, AIM] + 2], flow.order - 1, flow.space.powers
+        )
+        late = INSTANT * abs(lane.clock[NOW]) / h
+        if abs(speed) <= ROUNDING * (mag[first] + mag[other]) + late * abs(change):
+            set_mode(rows, lane.mode, first, 0)
 
 
 # -- flights ---------------------------------------------------------------------------------------

@@ -34,7 +34,8 @@ from stickslip.equations.codegen.program import (
     THIRD,
     Program,
 )
-from stickslip.motion.steps.arrays import AIM, COMPONENT, Flow, Rows
+from stickslip.motion.steps.arrays import AHEAD, AIM, ASIDE, COMPONENT, OTHER, Flow, Rows
+from stickslip.motion.steps.roots import horner
 from stickslip.symbolic.tape import DIRECTION_GIVEN, Op
 from stickslip.translator import RELAXED, compiled
 
@@ -273,14 +274,125 @@ def spread_within(tape: DiscTape, i: int, turn: int) -> bool:
 
 
 @compiled()
-def is_given(W: Array, row: int, mode: int) -> bool:
-    """Whether the direction of a slip is given: its rows then are polynomials, as the state is."""
-    return bool(mode == DIRECTION_GIVEN or (mode != 0 and W[row + 2, 0] == 0.0))
+def is_given(W: Array, discs: Array, row: int, mode: int) -> bool:
+    """Whether the rows of the direction of a slip are polynomials, as the state is: given, or
+    noted to be right (:func:`follow_directions`)."""
+    given = mode == DIRECTION_GIVEN or (mode != 0 and W[row + 2, 0] == 0.0)
+    return bool(given or discs[row, SLOPE] == 1.0)
+
+
+@compiled()
+def give_directions(rows: Rows, mode: Array, given: bool) -> None:
+    """Let the directions of slips in a plane be given, or follow from the state again.
+
+    So nothing is divided by a speed: an audit has the direction of a step as one more candidate,
+    and asks whether it is that of the velocity.
+
+    Parameters
+    ----------
+    rows : Rows
+    mode : array of int, shape (contacts,)
+        Is changed.
+    given : bool
+    """
+    for p in range(len(rows.planes)):
+        if mode[rows.planes[p, COMPONENT]] != 0:
+            give_direction(rows, p, mode, DIRECTION_GIVEN if given else 1)
+
+
+@compiled()
+def give_direction(rows: Rows, p: int, mode: Array, value: int) -> None:
+    """Set the mode of plane p."""
+    mode[rows.planes[p, COMPONENT]] = value
+    mode[rows.planes[p, OTHER]] = value
+
+
+@compiled()
+def take_directions(rows: Rows, W: Array, N: int, x: float, V: Array) -> None:
+    """Put the directions that polynomials have at a place into a table.
+
+    Parameters
+    ----------
+    rows : Rows
+    W : array
+        The polynomials.
+    N : int
+        Order of those of the state.
+    x : float
+        The place, in the unit of their time.
+    V : array
+        Receives them.
+    """
+    for p in range(len(rows.planes)):
+        take_direction(rows, p, W, N, x, V)
+
+
+@compiled()
+def take_direction(rows: Rows, p: int, W: Array, N: int, x: float, V: Array) -> None:
+    """The same for plane p; parameters as of :func:`take_directions`."""
+    for row in range(rows.planes[p, AIM], rows.planes[p, AIM] + 3):
+        V[row, 0] = horner(W[row], N - 1, x)
+
+
+@compiled()
+def follow_directions(
+    rows: Rows, mode: Array, W: Array, N: int, x: float, tol: float, discs: Array
+) -> bool:
+    """Note the slips in a plane whose directions are those that their polynomials show; whether
+    there are any.
+
+    On [0, x] a polynomial P is the direction of Au if P × Au = 0 and P·P = 1. Orders below N vanish
+    since P is made that way; if the others are negligible, it does not matter what u/|u| does for
+    complex times. So one step leads to the end of a slip, however close its zero is, once the
+    direction no longer turns by a power of the time that is left.
+
+    Parameters
+    ----------
+    rows : Rows
+    mode : array of int, shape (contacts,)
+    W : array, shape (rows, N + 1)
+        Taylor coefficients.
+    N : int
+        Their order.
+    x : float
+        The step, in the unit of time of the coefficients.
+    tol : float
+        Part of the speed that is negligible.
+    discs : array, shape (rows, 4)
+        Receives 1 for a direction that is right, else 0, in place of a slope.
+    """
+    found = False
+    for p in range(len(rows.planes)):
+        plane = rows.planes[p]
+        n, m = W[plane[AIM]], W[plane[AIM] + 1]
+        a, b = W[plane[AHEAD]], W[plane[ASIDE]]
+        speed = W[plane[AIM] + 2, 0]
+        across, longer = 0.0, 0.0
+        power = x**N
+        for k in range(N, 2 * N - 1 if mode[plane[COMPONENT]] != 0 and speed > 0.0 else 0):
+            turned, length = 0.0, 0.0
+            for j in range(k - N + 1, N):
+                turned += n[j] * b[k - j] - m[j] * a[k - j]
+                length += n[j] * n[k - j] + m[j] * m[k - j]
+            across += abs(turned) * power
+            longer += abs(length) * power
+            power *= x
+        right = speed > 0.0 and across <= tol * speed and longer <= tol
+        discs[plane[AIM], SLOPE] = 1.0 if right else 0.0
+        found = found or right
+    return found
+
+
+@compiled()
+def forget_directions(rows: Rows, discs: Array) -> None:
+    """Take back what :func:`follow_directions` has noted."""
+    for p in range(len(rows.planes)):
+        discs[rows.planes[p, AIM], SLOPE] = 0.0
 
 
 @compiled()
 def spread_given(rows: Rows, mode: Array, W: Array, N: int, powers: Array, discs: Array) -> None:
-    """Discs of the directions of slips that are given, as :func:`spread_state` makes them.
+    """Discs of the directions of slips that are polynomials, as :func:`spread_state` makes them.
 
     Parameters
     ----------
@@ -297,7 +409,7 @@ def spread_given(rows: Rows, mode: Array, W: Array, N: int, powers: Array, discs
     """
     for p in range(len(rows.planes)):
         first = rows.planes[p, AIM]
-        if is_given(W, first, int(mode[rows.planes[p, COMPONENT]])):
+        if is_given(W, discs, first, int(mode[rows.planes[p, COMPONENT]])):
             for row in range(first, first + 3):
                 store(W, discs, row, reach(W[row], N - 1, powers), 0.0, 0.0)
 
@@ -314,7 +426,7 @@ def spread_direction(tape: DiscTape, mode: Array, i: int) -> None:
     W = tape.W
     discs = tape.discs
     row = code[i, RESULT]
-    if is_given(W, row, int(mode[code[i, PLACE]])):
+    if is_given(W, discs, row, int(mode[code[i, PLACE]])):
         return
     a = code[i, FIRST]
     b = code[i, SECOND]

@@ -15,9 +15,15 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.codegen.program import OPERATION, RESULT
 from stickslip.motion.steps.arrays import (
+    ADMISSIBLE,
+    AIM,
+    COMPONENT,
     DIMENSION,
     EPSILON,
     INERTIAL,
+    INSTANT,
+    OTHER,
+    ROUNDING,
     Flow,
     Instant,
     Machine,
@@ -32,6 +38,8 @@ from stickslip.motion.steps.discs import (
     ROTATION,
     TANH,
     DiscTape,
+    follow_directions,
+    forget_directions,
     reach,
     spread,
     spread_given,
@@ -48,6 +56,10 @@ COARSER = 2.0**-16  # of a unit of time in which coefficients overflow
 MOST_UNITS = 60  # that are tried
 _MOST_CUTS = 1100  # halvings from the largest number to nothing
 _DENSE = 6  # lowest order of a last term that tells how fast the terms of a row fall
+# parts of the time to the end of a slip: by how much, at least, a step goes beyond it, or up to
+# where one goes for which that is too long
+_BEYOND, _WELL_BEFORE = 2.0**-10, 0.75
+_MOST_TURNS = 20  # of Newton's method
 _LOOSE = 1e-3  # part of its size that may be hidden in a row
 
 
@@ -73,10 +85,16 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
     h = np.inf
     for i in range(len(rows)):
         r = rows[i]
+        if is_silent(flow.rows, W, r):
+            continue
         if W[r, N - 1] == 0.0 and W[r, N if i < n else N - 2] == 0.0:
             h = min(h, sparse_step(W[r], N if i < n else N - 1, tol))
-        value = abs(W[r, 0])
-        size = LEAST_SIZE + value + abs(W[r, 1]) * (last / unit) + flow.atol * max(value, seen[i])
+        value, slope = abs(W[r, 0]), abs(W[r, 1])
+        if len(flow.rows.planes) > 0:
+            # The direction of a slip counts, not its smaller component.
+            other = companion(flow.rows, r)
+            value, slope = max(value, abs(W[other, 0])), max(slope, abs(W[other, 1]))
+        size = LEAST_SIZE + value + slope * (last / unit) + flow.atol * max(value, seen[i])
         if noise[i] >= 0:
             # What cancels in a rate is known to rounding only.
             size += EPSILON / tol * mag[noise[i]] * (last if i < n else 1.0)
@@ -100,6 +118,37 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
     if top * h > edge:
         h = (tol / top) ** (1.0 / N)
     return h * unit
+
+
+@compiled()
+def is_silent(rows: Rows, W: Array, r: int) -> bool:
+    """Whether a row is the room that forces in a plane have, while there is slip: zero, but for
+    rounding errors.
+
+    Parameters
+    ----------
+    rows : Rows
+    W : array
+        Values of the rows.
+    r : int
+        The row.
+    """
+    for p in range(len(rows.planes)):
+        if r == rows.planes[p, ADMISSIBLE] and W[rows.planes[p, AIM] + 2, 0] > 0.0:
+            return True
+    return False
+
+
+@compiled()
+def companion(rows: Rows, row: int) -> int:
+    """The relative velocity in the other direction of a plane; any other row itself."""
+    for plane in rows.planes:
+        first, second = rows.u[plane[COMPONENT]], rows.u[plane[OTHER]]
+        if row == first:
+            return int(second)
+        if row == second:
+            return int(first)
+    return row
 
 
 @compiled()
@@ -246,13 +295,89 @@ def shortened_step(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -
     seen : array
         Largest modulus so far of each row that bounds the steps.
     """
-    if flow.rows.program.leading[0] > 0:
-        for _ in range(_MOST_CUTS):
-            excess = unseen(flow, mode, reg, h, seen)
-            if excess <= 1.0:
-                break
-            h *= 0.7 if excess < 10.0 else 0.5
+    if flow.rows.program.leading[0] == 0:
+        return h
+    rows, space = flow.rows, flow.space
+    ends = False
+    for turn in range(_MOST_CUTS):
+        excess = unseen(flow, mode, reg, h, seen)
+        if excess > 1.0 and turn == 0 and len(rows.planes) > 0:
+            near = up_to_rest(flow, mode, h)
+            ends = near != h
+            h = near
+        if excess > 1.0 and ends:
+            x = h / space.W[rows.sizes[DIMENSION], 1]
+            if follow_directions(rows, mode, space.W, flow.order, x, flow.tol, space.discs):
+                excess = unseen(flow, mode, reg, h, seen)
+                forget_directions(rows, space.discs)
+        if excess <= 1.0:
+            break
+        h *= 0.7 if excess < 10.0 else 0.5
     return h
+
+
+@compiled()
+def up_to_rest(flow: Flow, mode: Array, h: float) -> float:
+    """The step, or a shorter one that ends where it is clear that the first slip in a plane has
+    ended, or well before.
+
+    Parameters
+    ----------
+    flow : Flow
+    mode : array of int, shape (contacts,)
+    h : float
+        The step, for which the series in the work space are good.
+    """
+    rows = flow.rows
+    W = flow.space.W
+    mag = flow.space.mag
+    n = rows.sizes[DIMENSION]
+    unit = W[n, 1]
+    first, clear = np.inf, np.inf
+    for p in range(len(rows.planes)):
+        c = rows.planes[p, COMPONENT]
+        speed = W[rows.planes[p, AIM] + 2]
+        if mode[c] == 0 or not speed[0] > 0.0:
+            continue
+        end, slope = slip_end(speed, flow.order, h / unit)
+        if end < np.inf:
+            vague = ROUNDING * (mag[c] + mag[rows.planes[p, OTHER]]) / slope
+            late = 2.0 * (vague * unit + INSTANT * abs(W[n, 0]))
+            first = min(first, end * unit)
+            clear = min(clear, end * unit + max(late, _BEYOND * end * unit))
+    if not first < np.inf:
+        return h
+    return clear if clear <= h else min(h, _WELL_BEFORE * first)
+
+
+@compiled()
+def slip_end(speed: Array, N: int, h: float) -> tuple[float, float]:
+    """When a speed vanishes within a step, as its series says, and how fast it falls there;
+    infinite if it does not.
+
+    Parameters
+    ----------
+    speed : array
+        Its coefficients.
+    N : int
+        Their number.
+    h : float
+        The step, in the unit of time of the coefficients.
+    """
+    x = 0.0
+    slope = 0.0
+    for _ in range(_MOST_TURNS):
+        value = 0.0
+        slope = 0.0
+        for k in range(N - 1, -1, -1):
+            slope = slope * x + value
+            value = value * x + speed[k]
+        if not (slope < 0.0 and x < h):
+            return np.inf, 0.0
+        if value <= EPSILON * speed[0]:
+            break
+        x -= value / slope
+    return x, -slope
 
 
 @compiled()

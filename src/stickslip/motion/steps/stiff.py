@@ -33,26 +33,37 @@ from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import ORDERS
 from stickslip.equations.codegen.series import invert
 from stickslip.motion.steps.arrays import (
+    AIM,
     CAUSE,
     COMPONENT,
     DIMENSION,
     EPSILON,
     IMPLICIT,
+    INSTANT,
     MOST_IMPLICIT,
     OK,
-    OTHER,
     ROUNDING,
     Flow,
     Instant,
     Lane,
     Machine,
-    Rows,
 )
 from stickslip.motion.steps.discs import BALL, OFF, spread, spread_state, tape_of
 from stickslip.motion.steps.starting import coefficients
-from stickslip.motion.steps.step_size import LEAST_SIZE, better, expand, fill_powers, hidden
+from stickslip.motion.steps.step_size import (
+    LEAST_SIZE,
+    better,
+    companion,
+    expand,
+    fill_powers,
+    hidden,
+    slip_end,
+    step_size,
+)
 from stickslip.translator import compiled
 
+_AT_THE_END = 1e-3  # of a step in which a slip ends: how close to its end that is
+_COARSER = 1e3  # of tolerances with which a motion is followed again: those that found it
 _MOST = max(ORDERS) // 2  # stages
 _RHO = 3.0 + math.sqrt(8.0)  # of the ellipse around [0, H] in the disc of radius 2H
 # tolerances that the terms of a third of the order may have where a step is bounded by what decays
@@ -264,6 +275,8 @@ def follow_mode(
     step = -1.0
     while True:
         order, h = expand(machine, flow, start, room, before, seen)
+        if order == N and h < room and leads_to_rest(flow, start, room, seen):
+            return order, room, room
         least = dear(n) * h
         if before > least:
             # the piece before was no series, whose length would tell what may change in one
@@ -280,6 +293,52 @@ def follow_mode(
         step, _ = collocate(machine, flow, start, h, first, seen)
         if step > 0.0:
             return order, step, h
+
+
+@compiled()
+def leads_to_rest(flow: Flow, start: Instant, room: float, seen: Array) -> bool:
+    """Whether a slip in a plane ends with a step, and the series is good for all of it, as it was
+    when the motion was computed: there finer steps would lead to the end only bit by bit.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the series in its work space, and the finer tolerances of :func:`follow_mode`.
+    start : Instant
+    room : float
+        What is left of the step.
+    seen : array
+        As of :func:`follow_mode`.
+    """
+    rows = flow.rows
+    W = flow.space.W
+    unit = W[rows.sizes[DIMENSION], 1]
+    for p in range(len(rows.planes)):
+        first = rows.planes[p, AIM]
+        slips = start.mode[rows.planes[p, COMPONENT]] != 0 and W[first + 2, 0] > 0.0
+        if not slips:
+            continue
+        end, _ = slip_end(W[first + 2], flow.order, 2.0 * room / unit)
+        if abs(end * unit - room) <= _AT_THE_END * room + INSTANT * abs(start.t):
+            tol, atol = _COARSER * flow.tol, _COARSER * flow.atol
+            known = Flow(rows, flow.k, flow.space, flow.order, tol, atol)
+            return step_size(known, flow.order, seen, room) >= room
+    return False
+
+
+@compiled()
+def ends_there(h: float, left: float, base: float) -> bool:
+    """Whether a polynomial that is good for a time h is used up to the end of a step: what is left
+    behind it cannot be told from nothing.
+
+    Parameters
+    ----------
+    h, left : float
+        How long it is good for, and what is left of the step.
+    base : float
+        The time at which it begins.
+    """
+    return bool(h < left <= 2.0 * h and left - h <= INSTANT * abs(base))
 
 
 @compiled()
@@ -657,18 +716,6 @@ def span_of(W: Array, row: int, s: int) -> float:
     for j in range(1, s + 1):
         size += abs(W[row, j])
     return size
-
-
-@compiled()
-def companion(rows: Rows, row: int) -> int:
-    """The relative velocity in the other direction of a plane; any other row itself."""
-    for plane in rows.planes:
-        first, second = rows.u[plane[COMPONENT]], rows.u[plane[OTHER]]
-        if row == first:
-            return int(second)
-        if row == second:
-            return int(first)
-    return row
 
 
 @compiled()

@@ -11,7 +11,15 @@ from stickslip.arrays import Array, Array3, IntArray3, IntMatrix, IntVector, Mat
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.between.dense import Scratch, states_at
 from stickslip.motion.engine.guards import opens
-from stickslip.motion.steps.arrays import COMPONENT, Flow, Machine, Record, Rows, is_stopped
+from stickslip.motion.steps.arrays import (
+    COMPONENT,
+    MASSIVE,
+    Flow,
+    Machine,
+    Record,
+    Rows,
+    is_stopped,
+)
 from stickslip.motion.steps.jumps import fired_jump
 from stickslip.orbits.fields.engine.interpreter import LANES, Instructions, perform
 from stickslip.translator import compiled
@@ -20,6 +28,7 @@ STAGES = LANES  # Gauss nodes of a step: order 16
 # largest |eigenvalue| × step of a collocation step: its Padé approximant of exp is exact to
 # rounding there
 _REACH = 1.5
+_HALVES = 25  # of the time that is left in which a slip in a plane comes to rest
 _DOUBLINGS = 6  # ‖J⁶⁴‖ to the power 1/64 is the largest |eigenvalue| up to a few parts in a hundred
 TOGETHER = 1e-9  # events closer than this part of the motion are simultaneous
 # a guard whose rate is this small, relative to its terms and its usual rate, is touched, not
@@ -291,10 +300,35 @@ def fastest(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> fl
     return math.exp(scale)
 
 
+@compiled()
+def comes_to_rest(rows: Rows, run: Pass, i: int) -> bool:
+    """Whether a slip in a plane comes to rest at the end of a step: the Jacobian is singular there,
+    as 1/abs(u)."""
+    for p in range(len(rows.planes)):
+        c = rows.planes[p, COMPONENT]
+        rests = run.knots.mode[i + 1, c] == 0 and rows.planes[p, MASSIVE] == 1
+        if rests and run.knots.mode[i, c] != 0:
+            return True
+    return False
+
+
+@compiled()
+def part_of(rows: Rows, run: Pass, i: int, part: int) -> tuple[float, float]:
+    """Where a part of a step begins, and how long it is, as parts of the step: all are equal, but
+    where a slip in a plane comes to rest each half of what is left has the same number of them."""
+    if not comes_to_rest(rows, run, i):
+        return part / run.parts[i], 1.0 / run.parts[i]
+    share = run.parts[i] // _HALVES
+    half = part // share
+    left = math.ldexp(1.0, -half)
+    length = (left if half == _HALVES - 1 else 0.5 * left) / share
+    return 1.0 - left + (part % share) * length, length
+
+
 @entry_point()
-def resolve_steps(listed: Listed, run: Pass, work: PassSpace) -> int:
-    """In how many equal parts each step has to be taken for linear motions to be resolved; returns
-    the number of nodes at which states are wanted."""
+def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int:
+    """In how many parts each step has to be taken for linear motions to be resolved; returns the
+    number of nodes at which states are wanted."""
     nodes = 0
     for i in range(len(run.piece) - 1):
         h = time_of(run, i + 1) - time_of(run, i)
@@ -304,7 +338,10 @@ def resolve_steps(listed: Listed, run: Pass, work: PassSpace) -> int:
             rate = max(run.drives, fastest(listed, run, work, w, i))
             if listed.steady[w] == 0:
                 rate = max(rate, fastest(listed, run, work, w, i + 1))
-            run.parts[i] = max(1, math.ceil(h * rate / _REACH))
+            if listed.steady[w] == 0 and comes_to_rest(rows, run, i):
+                run.parts[i] = _HALVES * max(1, math.ceil(0.5 * h * rate / _REACH))
+            else:
+                run.parts[i] = max(1, math.ceil(h * rate / _REACH))
         nodes += nodes_of(listed, run, i)
     return nodes
 
@@ -318,15 +355,16 @@ def nodes_of(listed: Listed, run: Pass, i: int) -> int:
 
 
 @compiled()
-def place_nodes(listed: Listed, run: Pass, work: PassSpace) -> None:
+def place_nodes(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> None:
     """The step that each of the nodes belongs to, and its time."""
     place = 0
     for i in range(len(run.piece) - 1):
         begin = time_of(run, i)
-        h = (time_of(run, i + 1) - begin) / run.parts[i]
+        h = time_of(run, i + 1) - begin
         for j in range(nodes_of(listed, run, i)):
+            first, length = part_of(rows, run, i, j // STAGES)
             work.step[place] = i
-            work.clock[place] = begin + (j // STAGES + NODES[j % STAGES]) * h - run.origin
+            work.clock[place] = begin + (first + NODES[j % STAGES] * length) * h - run.origin
             place += 1
 
 
@@ -400,11 +438,12 @@ def gauss_step(places: Array, values: Array, h: float, change: Array, system: Ar
 
 
 @compiled()
-def flow_through(listed: Listed, run: Pass, work: PassSpace, i: int, node: int) -> None:
+def flow_through(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int, node: int) -> None:
     """The variation after the step from knot i, from that at its beginning.
 
     Parameters
     ----------
+    rows : Rows
     listed : Listed
     run : Pass
     work : PassSpace
@@ -434,7 +473,8 @@ def flow_through(listed: Listed, run: Pass, work: PassSpace, i: int, node: int) 
             node += 1
         perform(listed.made, moving, last, work.values, STAGES)
         if listed.steady[w] == 0:
-            gauss_step(listed.jacobian[w], work.values, h, change, work.system)
+            _, share = part_of(rows, run, i, part)
+            gauss_step(listed.jacobian[w], work.values, share * length, change, work.system)
         else:
             if part == 0:
                 put_exponential(listed.jacobian[w], work, h, work.squares[2])
@@ -819,11 +859,11 @@ def vary(
         has to be room as the event, or `HALTED` if there is a wish to stop.
     """
     if start == 0:
-        nodes = resolve_steps(listed, run, work)
+        nodes = resolve_steps(flow.rows, listed, run, work)
         if nodes > len(work.step):
             run.event[BEGINS] = nodes
             return CROWDED
-        place_nodes(listed, run, work)
+        place_nodes(flow.rows, listed, run, work)
         step, clock = work.step[:nodes], work.clock[:nodes]
         states_at(machine, flow, run.seen, run.knots, step, clock, work.between, work.states)
     knots = len(run.piece)
@@ -834,7 +874,7 @@ def vary(
         if is_stopped(flow.space):
             return HALTED
         if i >= start:
-            flow_through(listed, run, work, i, node)
+            flow_through(flow.rows, listed, run, work, i, node)
         node += nodes_of(listed, run, i)
         i += 1
         if i <= start:
