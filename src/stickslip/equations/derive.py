@@ -123,6 +123,9 @@ class Plane(NamedTuple):
     pull : tuple of Expr
         Of coordinates without mass, the vector along which they slip, a function of the state:
         what acts against the friction, A⁻¹F. Empty of those with mass, which slip along Au.
+    bends : bool
+        Whether its friction may change the normal force that presses it: then the response of Au is
+        not linear in the direction.
     """
 
     parts: tuple[int, int]
@@ -130,6 +133,7 @@ class Plane(NamedTuple):
     static: Expr
     kinetic: Expr
     pull: tuple[Expr, ...] = ()
+    bends: bool = False
 
     def scaled(self, forces: tuple[Expr, Expr]) -> Expr:
         """abs(A⁻¹λ)² of forces λ."""
@@ -342,7 +346,7 @@ def _equations_of(d: Declaration) -> MotionEquations:
     for plane in planes:
         for i in plane.parts:
             contacts[i] = _component(contacts[i], i, plane)
-    _check_pressed(d, contacts, planes)
+    planes = _pressed(d, contacts, planes)
     slope = {x: ex.derivative(d.potential, x) - d.forces[x] for x in d.coordinates}
     by_inertial, by_all = _damping(d, d.inertial), _damping(d, [*d.inertial, *d.viscous])
     viscous_force = [-slope[z] - by_inertial.get(z, ex.ZERO) for z in d.viscous]
@@ -467,16 +471,14 @@ def _pressing(contacts: list[DryContact], i: int) -> list[int]:
     return [j for j in normals if f"lambda:{j}" in names]
 
 
-def _check_pressed(d: Declaration, contacts: list[DryContact], planes: list[Plane]) -> None:
-    """Refuse friction in a plane that changes the normal force it depends on.
-
-    Where a slip begins its direction, and an impact's impulse, then solve one secular equation
-    each; with friction in the normal force they would not.
+def _pressed(d: Declaration, contacts: list[DryContact], planes: list[Plane]) -> list[Plane]:
+    """Note which friction in a plane may change the normal force that it depends on: masses, or
+    contacts, join the plane and the normal direction.
 
     Raises
     ------
     DeclarationError
-        If masses, or contacts, join the plane and the normal direction.
+        If several such contacts are joined.
     """
     acting = [c for c in contacts if c.kind == Kind.INERTIAL]
     parts = [i for plane in planes for i in plane.parts]
@@ -486,16 +488,24 @@ def _check_pressed(d: Declaration, contacts: list[DryContact], planes: list[Plan
     moved = [[place[q] for q in c.direction] for c in acting]
     joined = components(len(place), entries, 0, moved, links)
     home = {c: k for k, part in enumerate(joined) for c in part.contacts}
+    found = list[Plane]()
     for plane in planes:
-        for normal in _pressing(contacts, plane.parts[0]):
-            if home[normal] == home[plane.parts[0]]:
-                own = contacts[plane.parts[0]]
-                raise DeclarationError(
-                    f"contacts.'{own.name.removesuffix(' 1')}'",
-                    "its friction in a plane changes the normal force that presses it",
-                    "Let neither masses nor other contacts join the two, rub along a line, or give "
-                    "the normal force as a formula of time and state",
-                )
+        normals = _pressing(contacts, plane.parts[0])
+        bends = any(home[n] == home[plane.parts[0]] for n in normals)
+        others = [
+            o for o in planes if o is not plane and home.get(o.parts[0]) == home.get(plane.parts[0])
+        ]
+        if bends and others:
+            name, other = (contacts[q.parts[0]].name.removesuffix(" 1") for q in (plane, others[0]))
+            raise DeclarationError(
+                f"contacts.'{name}'",
+                "its friction in a plane changes the normal force that presses it, beside that of "
+                f"'{other}' on the same body",
+                "Let one contact of the body rub in a plane, or give the normal forces as formulas "
+                "of time and state",
+            )
+        found.append(plane._replace(bends=bends))
+    return found
 
 
 def _pull(

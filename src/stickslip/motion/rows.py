@@ -71,7 +71,7 @@ def _together(layout: Layout) -> Array:
 
 def _planes(layout: Layout) -> tuple[Array, Array]:
     """Contacts in a plane, and the one that each contact is a component of."""
-    table = np.array(layout.planes, dtype=np.int64).reshape(-1, 10)
+    table = np.array(layout.planes, dtype=np.int64).reshape(-1, 11)
     plane = np.full(len(layout.u), -1, np.int64)
     for p, (first, second, *_) in enumerate(layout.planes):
         plane[[first, second]] = p
@@ -142,7 +142,7 @@ def _places_of_sizes(layout: Layout) -> dict[int, int]:
     others |= {row: c for c, row in enumerate(layout.u)}
     others |= {row: 3 * contacts + j for j, row in enumerate(layout.kinks[:kinks])}
     others |= {row: 3 * contacts + kinks + c for c, row in layout.gaps.items()}
-    for c, _, _, admissible, place, *_, slips, _ in layout.planes:
+    for c, _, _, admissible, place, *_, slips, _, _ in layout.planes:
         others |= {slips: c, admissible: place}
     return noise | {row: others[row] for row in sorted(others) if row >= n}
 

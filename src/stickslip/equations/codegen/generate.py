@@ -93,7 +93,7 @@ class Layout:
     planes : list of tuple of int
         Of each contact in a plane its components, the first row of its direction, that of
         s² − |A⁻¹λ|², the place of the size of that, the rows of Au, of s, and of what is not
-        negative in slip, and 1 if it has mass.
+        negative in slip, 1 if it has mass, and 1 if it changes the normal force that presses it.
     carrying : dict of str to int
         Rows of the force of constraints, the sum of those of their sides.
     parts : dict of str to (int, int, int)
@@ -703,7 +703,7 @@ class _Generator:
         guards = [*layout.u, *layout.force, *layout.plus, *layout.minus, *layout.kinks]
         guards += [row for *_, force, margin in layout.kinetic for row in (force, margin)]
         guards += layout.gaps.values()
-        for _, _, first, admissible, _, *sides, _, slips, _ in layout.planes:
+        for _, _, first, admissible, _, *sides, _, slips, _, _ in layout.planes:
             guards += [first, first + 1, first + 2, admissible, *sides, slips]
         layout.kept = sorted({*range(self.n), *guards})
         needed = _closure(layout.instructions, {*layout.kept, *layout.rates})
@@ -806,7 +806,7 @@ class _Generator:
                 for i, axis in zip(plane.parts, plane.axes, strict=True)
             ]
             slips = tape.row(ex.add(*along)) if plane.pull else first + 2
-            ends = (tape.row(plane.static), slips, 0 if plane.pull else 1)
+            ends = (tape.row(plane.static), slips, int(not plane.pull), int(plane.bends))
             layout.planes.append((*plane.parts, first, row, place, *sides, *ends))
             # rounding errors of the forces, as they enter their squares
             parts = [self.size(plane.static**2)]

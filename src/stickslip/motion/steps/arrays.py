@@ -81,8 +81,11 @@ KINK, WAY, FIRST_LANDING, LANDINGS = range(4)
 FEWEST_ORDERS = 8  # of a Taylor series
 # Columns of Rows.planes: the components, the first row of the direction (the second and that of
 # |Au| follow), the row of s² − |A⁻¹λ|² and the place of its size, the rows of Au, of s, and of what
-# is not negative in slip (|Au| with mass, else n·Au), and 1 for one with mass.
-COMPONENT, OTHER, AIM, ADMISSIBLE, ADMISSIBLE_SIZE, AHEAD, ASIDE, STATIC, SLIPS, MASSIVE = range(10)
+# is not negative in slip (|Au| with mass, else n·Au), 1 for one with mass, and 1 for one that
+# changes the normal force that presses it.
+COMPONENT, OTHER, AIM, ADMISSIBLE, ADMISSIBLE_SIZE, AHEAD, ASIDE, STATIC, SLIPS, MASSIVE, BENDS = (
+    range(11)
+)
 # Columns of Rows.doubtful.
 DOUBTED, SLIPPING, TOWARDS = range(3)
 # Columns of Rows.links.
@@ -147,8 +150,8 @@ class Rows(NamedTuple):
         By the columns from `KINK` to `LANDINGS`.
     landings : array of int
         Parts of the state that have new values, jump by jump.
-    planes : array of int, shape (planes, 10)
-        Contacts in a plane, by the columns from `COMPONENT` to `MASSIVE`.
+    planes : array of int, shape (planes, 11)
+        Contacts in a plane, by the columns from `COMPONENT` to `BENDS`.
     plane : array of int, shape (contacts,)
         Which of them each contact is a component of; −1: of none.
     in_turn : int

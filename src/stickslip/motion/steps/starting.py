@@ -24,6 +24,7 @@ from stickslip.arrays import Array
 from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM,
+    BENDS,
     COMPONENT,
     DIMENSION,
     EPSILON,
@@ -56,6 +57,7 @@ from stickslip.motion.steps.onset import (
 )
 from stickslip.translator import compiled
 
+_ANGLES = 24  # that are tried at first
 _MOST_TURNS = 60  # of iterations between slips that begin together, and of a secular equation
 
 
@@ -124,6 +126,10 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
         rank = aim_together(flow)
     else:
         aim_first(flow)
+        if any_bends(flow):
+            status = aim_where_it_bends(machine, flow, at, begun)
+            if status != OK:
+                return status
     # The leading orders of |Au|, and with them p; beyond, only what is asked for.
     # What would begin against its direction does not, as its guard says: no more is asked of it.
     orders = order - 1 if order > 1 and all_begin(flow) else 1
@@ -310,6 +316,158 @@ def aim_first(flow: Flow) -> None:
             aims[base + LEADING, 0] = 1.0 if first else 0.0
         if change <= 2.0 * EPSILON:
             break
+
+
+@compiled()
+def any_bends(flow: Flow) -> bool:
+    """Whether a slip begins that changes the normal force which presses it."""
+    found = False
+    for p in range(len(flow.rows.planes)):
+        starts = flow.space.aims[AIMS * p + LEADING, 0] >= 0.0
+        found = found or (starts and flow.rows.planes[p, BENDS] == 1)
+    return found
+
+
+@compiled()
+def aim_where_it_bends(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
+    """Directions at the beginning where friction changes the normal force that presses it: (Au)₁ is
+    no linear function of n₀, but has its direction, as before. All angles are looked through; of
+    several solutions that with the largest acceleration is taken. Each such plane has a component
+    of its own, so they do not depend on each other.
+
+    Higher orders are linear: what nₘ does to (Au)ₘ₊₁ is the derivative at n₀, which order 1 of
+    n = n₀ + t shows exactly.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        With the response without it, and first directions; receives the directions, and the
+        response to changes of them.
+    at : Instant
+    table : array
+        Work space.
+    """
+    rows = flow.rows
+    aims = flow.space.aims
+    planes = len(rows.planes)
+    status = OK
+    for p in range(planes):
+        base = AIMS * p
+        if aims[base + LEADING, 0] < 0.0 or rows.planes[p, BENDS] == 0:
+            continue
+        best, angle = -math.inf, math.atan2(aims[base + M_, 0], aims[base + N_, 0])
+        before, low = 0.0, 0.0
+        for k in range(_ANGLES + 1):
+            high = 2.0 * math.pi * k / _ANGLES
+            status, across, _ = turned(machine, flow, at, table, p, high)
+            if status != OK:
+                return status
+            # (Au)₁ turns from one side of n₀ to the other, as friction resists.
+            if k > 0 and before >= 0.0 >= across and before > across:
+                found = between(machine, flow, at, table, p, low, high)
+                _, _, along = turned(machine, flow, at, table, p, found)
+                if along > best:
+                    best, angle = along, found
+            before, low = across, high
+        status, _, along = turned(machine, flow, at, table, p, angle)
+        if status != OK:
+            return status
+        size = math.hypot(aims[base + BX, 0], aims[base + BY, 0])
+        first = abs(along) > NEGLIGIBLE * size
+        aims[base + RHO, 0] = along if first else 0.0
+        aims[base + LEADING, 0] = 1.0 if first else 0.0
+    return respond_to_turns(machine, flow, at, table)
+
+
+@compiled()
+def turned(
+    machine: Machine, flow: Flow, at: Instant, table: Array, p: int, angle: float
+) -> tuple[int, float, float]:
+    """What (Au)₁ is across a direction of plane p, and along it.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        Receives the direction in its work space.
+    at : Instant
+    table : array
+        Work space.
+    p : int
+    angle : float
+        Of the direction.
+    """
+    aims = flow.space.aims
+    n, m = math.cos(angle), math.sin(angle)
+    aims[AIMS * p + N_, 0], aims[AIMS * p + M_, 0] = n, m
+    place_aims(flow, table, FEWEST_ORDERS)
+    status = plain_coefficients(machine, flow, at, FEWEST_ORDERS, table)
+    x, y = table[flow.rows.planes[p, AHEAD], 1], table[flow.rows.planes[p, AHEAD + 1], 1]
+    return status, n * y - m * x, n * x + m * y
+
+
+@compiled()
+def between(
+    machine: Machine, flow: Flow, at: Instant, table: Array, p: int, low: float, high: float
+) -> float:
+    """The angle between two others at which (Au)₁ has its direction; parameters as of
+    :func:`turned`, which is not negative at the lower one."""
+    _, f, _ = turned(machine, flow, at, table, p, low)
+    _, g, _ = turned(machine, flow, at, table, p, high)
+    x = low
+    for turn in range(_MOST_TURNS):
+        if f == 0.0 or high - low <= 2.0 * EPSILON:
+            return low
+        # Bisection in between, so that no end stays where it is.
+        x = 0.5 * (low + high) if turn % 3 == 2 else low + (high - low) * f / (f - g)
+        _, h, _ = turned(machine, flow, at, table, p, x)
+        if h > 0.0:
+            low, f = x, h
+        else:
+            high, g = x, h
+        if h == 0.0:
+            return x
+    return x
+
+
+@compiled()
+def respond_to_turns(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
+    """What each component of a change of each direction adds to the rate of Au, at the directions
+    that are known.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        With directions; receives the response in its work space.
+    at : Instant
+    table : array
+        Work space.
+    """
+    rows = flow.rows
+    aims, answer = flow.space.aims, flow.space.answer
+    planes = len(rows.planes)
+    for probe in range(-1, 2 * planes):
+        row = AIMS * (probe // 2) + N_ + probe % 2
+        if probe >= 0 and aims[AIMS * (probe // 2) + LEADING, 0] < 0.0:
+            continue
+        if probe >= 0:
+            aims[row, 1] = 1.0
+        place_aims(flow, table, FEWEST_ORDERS)
+        status = plain_coefficients(machine, flow, at, FEWEST_ORDERS, table)
+        if status != OK:
+            return status
+        if probe >= 0:
+            aims[row, 1] = 0.0
+        for p in range(planes):
+            for i in range(2):
+                rate = 2.0 * table[rows.planes[p, AHEAD + i], 2]
+                if probe < 0:
+                    aims[AIMS * p + X + i, 0] = rate
+                else:
+                    answer[2 * p + i, probe] = rate - aims[AIMS * p + X + i, 0]
+    return OK
 
 
 @compiled()

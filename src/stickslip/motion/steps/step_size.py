@@ -421,7 +421,7 @@ def unseen(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -> float:
         first = last
         last = len(p.code)
     fill_powers(powers, h / W[n, 1])
-    return hidden(flow, h, part, seen)
+    return hidden(flow, mode, h, part, seen)
 
 
 @compiled()
@@ -442,9 +442,9 @@ def may_hide(tape: DiscTape, part: float) -> bool:
 
 
 @compiled()
-def hidden(flow: Flow, h: float, part: float, seen: Array) -> float:
+def hidden(flow: Flow, mode: Array, h: float, part: float, seen: Array) -> float:
     """The largest part of the state and of the guards that may be hidden, in parts of what is
-    allowed."""
+    allowed: the velocity of what sticks is no guard, and zero."""
     rows = flow.rows
     p = rows.program
     W = flow.space.W
@@ -463,6 +463,8 @@ def hidden(flow: Flow, h: float, part: float, seen: Array) -> float:
         worst = share(worst, discs[p.rates[r]], h, part, tol, size)
     for i in range(n, len(rows.watched)):
         r = rows.watched[i]
+        if 0 <= rows.noise[i] < len(mode) and mode[rows.noise[i]] == 0:
+            continue
         size = LEAST_SIZE + abs(W[r, 0]) + reach(W[r], N - 1, powers) + atol * seen[i]
         if rows.noise[i] >= 0:
             size += mag[rows.noise[i]]

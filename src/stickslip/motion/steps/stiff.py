@@ -421,7 +421,7 @@ def between_nodes(flow: Flow, start: Instant, h: float, step: float, seen: Array
     spread_state(W, flow.order, powers, flow.rows.watched[:n], discs)
     spread(tape_of(flow), start.mode, start.reg, 0, len(flow.rows.program.code))
     fill_powers(powers, step / W[n, 1])
-    return hidden(flow, h, _PARTS[tables_of(flow.order)], seen)
+    return hidden(flow, start.mode, h, _PARTS[tables_of(flow.order)], seen)
 
 
 @compiled()
