@@ -298,6 +298,9 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
         slow = (_ON_SURFACE * last + _WIDE * ROUNDING * near) * rate + ROUNDING * mag[c]
         if opens(rows, c):
             slow += _WIDE * ROUNDING * mag[c]
+            if len(rows.planes) > 0:
+                # Towards the end of a slip steps are as short as a rounding error of the time.
+                slow += _WIDE * INSTANT * abs(at.t) * rate
         if rows.plane[c] >= 0:
             # Both components together have come to rest.
             first, second = rows.planes[rows.plane[c], COMPONENT], rows.planes[rows.plane[c], OTHER]

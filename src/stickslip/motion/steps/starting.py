@@ -415,20 +415,22 @@ def between(
     :func:`turned`, which is not negative at the lower one."""
     _, f, _ = turned(machine, flow, at, table, p, low)
     _, g, _ = turned(machine, flow, at, table, p, high)
-    x = low
-    for turn in range(_MOST_TURNS):
-        if f == 0.0 or high - low <= 2.0 * EPSILON:
-            return low
-        # Bisection in between, so that no end stays where it is.
-        x = 0.5 * (low + high) if turn % 3 == 2 else low + (high - low) * f / (f - g)
+    kept = 0
+    for _ in range(_MOST_TURNS):
+        # The Illinois method: an end that stays where it is counts half.
+        x = high - (high - low) * g / (g - f) if f != g else low
         _, h, _ = turned(machine, flow, at, table, p, x)
+        if h == 0.0 or high - low <= 2.0 * EPSILON or x in (low, high):
+            return x
         if h > 0.0:
             low, f = x, h
+            g = 0.5 * g if kept > 0 else g
+            kept = 1
         else:
             high, g = x, h
-        if h == 0.0:
-            return x
-    return x
+            f = 0.5 * f if kept < 0 else f
+            kept = -1
+    return 0.5 * (low + high)
 
 
 @compiled()
