@@ -96,8 +96,8 @@ class Layout:
         negative in slip, and 1 if it has mass.
     carrying : dict of str to int
         Rows of the force of constraints, the sum of those of their sides.
-    parts : dict of str to (int, int, int)
-        Of contacts that are one with others, the rows of force and thresholds.
+    parts : dict of str to (int, int, int, int)
+        Of contacts that are one with others, the rows of force, thresholds and relative velocity.
     links : list of (int, int, tuple of int)
         What rubs under a normal force, the contact that has it, and the rows of the coefficients:
         kinetic against slip forward and back, static likewise; contact by contact.
@@ -135,7 +135,7 @@ class Layout:
     planes: list[tuple[int, ...]] = field(default_factory=list)
     pressed: int = 1
     carrying: dict[str, int] = field(default_factory=dict)
-    parts: dict[str, tuple[int, int, int]] = field(default_factory=dict)
+    parts: dict[str, tuple[int, int, int, int]] = field(default_factory=dict)
     links: list[tuple[int, int, tuple[int, ...]]] = field(default_factory=list)
     jumps: list[tuple[int, int, list[int]]] = field(default_factory=list)
 
@@ -816,8 +816,9 @@ class _Generator:
             self.note(place, added(parts))
         for i, own in enumerate(self.eq.members):
             for c in own if len(own) > 1 else ():
-                rows = self.part(i, c), tape.row(c.plus), tape.row(c.minus)
-                layout.parts[c.name] = rows
+                sides = tape.row(c.plus), tape.row(c.minus)
+                u = tape.row(c.ratio * ex.sym(f"u:{i}"))
+                layout.parts[c.name] = (self.part(i, c), *sides, u)
         facing: dict[str, list[tuple[Expr, float]]] = {}
         for i, c in enumerate(self.eq.contacts):
             if c.side_of:
