@@ -493,12 +493,21 @@ class Trajectory(Result):
         from stickslip.motion.between.trace import TOLERANCE, trace_rows
 
         p, k = self._problem, self.knots
-        wanted = np.array([self._rows[name] for name in names], dtype=np.int64)
+        shown = p.compiled.layout.without_series
+        followed = [name for name in names if self._rows[name] not in shown]
+        wanted = np.array([self._rows[name] for name in followed], dtype=np.int64)
         out = np.empty((len(wanted), len(times)))
         work = make_scratch(p.rows, (p.order + 2, len(wanted)))
         given = self._seen, k.record, index, times - k.origin, wanted, work, out
-        unbroken(lambda: trace_rows(p.machine, p.flow()._replace(tol=TOLERANCE), *given))
-        values = dict(zip(names, out, strict=True))
+        if followed:
+            unbroken(lambda: trace_rows(p.machine, p.flow()._replace(tol=TOLERANCE), *given))
+        values = dict(zip(followed, out, strict=True))
+        if len(followed) < len(names):
+            sampled = self._sample(times, index)
+            values = {
+                name: values[name] if name in values else sampled[:, self._rows[name]]
+                for name in names
+            }
         self._without_contact(values, index)
         return values
 

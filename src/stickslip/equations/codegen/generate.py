@@ -26,6 +26,7 @@ import numpy as np
 
 from stickslip.equations.coupling import Component, components, together
 from stickslip.equations.derive import MotionEquations, Plane
+from stickslip.kept import cached_property
 from stickslip.model.declaration import DryContact
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
@@ -138,6 +139,11 @@ class Layout:
     parts: dict[str, tuple[int, int, int, int]] = field(default_factory=dict)
     links: list[tuple[int, int, tuple[int, ...]]] = field(default_factory=list)
     jumps: list[tuple[int, int, list[int]]] = field(default_factory=list)
+
+    @cached_property
+    def without_series(self) -> frozenset[int]:
+        """Rows that are known at single times only."""
+        return frozenset(row for i in self.shown for row in rows_made(i))
 
     @property
     def columns_behind(self) -> int:
