@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from stickslip.equations.coupling import components
-from stickslip.equations.multiples import grouped
+from stickslip.equations.multiples import one_by_direction
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property, made_once
 from stickslip.model.declaration import Declaration, DryContact, StateJump
@@ -361,7 +361,7 @@ def _equations_of(d: Declaration) -> MotionEquations:
     contacts = sorted(
         d.contacts, key=lambda c: (_KINDS.index(c.kind), own.get(next(iter(c.direction)), 0))
     )
-    groups = grouped(contacts, frozenset(d.parameters))
+    groups = one_by_direction(contacts, frozenset(d.parameters))
     normals = {c.name: ex.sym(f"lambda:{i}") for i, (c, *_) in enumerate(groups) if c.opens}
     members = [tuple(_name_speed(c, i, normals) for c in own) for i, own in enumerate(groups)]
     contacts = [_sum_of(own) for own in members]

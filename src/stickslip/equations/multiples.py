@@ -24,7 +24,9 @@ _ROUNDED = 1e-12  # of numbers that are meant to be equal
 _POINTS = 6
 
 
-def grouped(contacts: Sequence[DryContact], parameters: frozenset[str]) -> list[list[DryContact]]:
+def one_by_direction(
+    contacts: Sequence[DryContact], parameters: frozenset[str]
+) -> list[list[DryContact]]:
     """Contacts in groups whose relative velocities are multiples of that of the first of each.
 
     Those that open, have no mass and no viscosity, or rub in a plane are alone.

@@ -611,7 +611,9 @@ class Trajectory(Result):
         """Every change of mode or region, and every jump: time, contact (or the kink, or the jump),
         from, to, and the state.
 
-        That a sample of a drive has passed is none.
+        Contacts whose relative velocities are multiples of one another switch as one, under their
+        joined names; ``slip+`` and ``slip-`` then say which way the first of them slips. That a
+        sample of a drive has passed is none.
         """
         import pandas as pd
 

@@ -38,6 +38,7 @@ from stickslip.model.system import System
 from stickslip.motion.between.observers import LASTED, STUCK
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
+from stickslip.orbits.cycles.measure import dissipated_by
 from stickslip.orbits.settling.motions import ATTRACTORS, MEASURED, Observed
 from stickslip.sweeps.request import one_period
 from stickslip.sweeps.request.carry import CARRIED
@@ -302,7 +303,7 @@ def measured_again(
         )
         repeats = observed.outcome[i] == Outcome.PERIODIC.code
         for m, rule, of in wanted:
-            if motion.outcome.ok and (repeats or rule is not one_period.energy_of_part):
+            if motion.outcome.ok and (repeats or rule is not dissipated_by):
                 result[m][i] = rule(motion, of)
     return result
 
@@ -314,7 +315,7 @@ def _again(problem: Problem, name: str, of: str) -> PeriodRule | None:
     if name == "energy_per_cycle" and any(
         len(own) > 1 and of in {c.name for c in own} for own in members
     ):
-        return one_period.energy_of_part
+        return dissipated_by
     return MEASURES[name].again
 
 

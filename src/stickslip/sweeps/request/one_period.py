@@ -14,7 +14,7 @@ from stickslip.errors import DeclarationError, short
 from stickslip.model.quantities import contact_key
 from stickslip.model.system import System
 from stickslip.orbits.cycles.drive_phase import phase_of_drive, read_drive, relative_phase
-from stickslip.orbits.cycles.measure import harmonics, weight, work_of
+from stickslip.orbits.cycles.measure import harmonics, weight
 from stickslip.orbits.fields.clock import clock
 
 if TYPE_CHECKING:
@@ -67,11 +67,6 @@ def cost_of_transport(motion: Trajectory, of: str) -> float:
     with suppress(DeclarationError):
         return energy_per_distance(motion, "") / weight(motion.system, of, motion.parameters)
     return np.nan
-
-
-def energy_of_part(motion: Trajectory, of: str) -> float:
-    """Energy that a contact dissipates which is one with others."""
-    return work_of(motion, of)
 
 
 def check_period_measure(system: System, name: str, of: str) -> None:
