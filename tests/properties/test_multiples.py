@@ -1,5 +1,5 @@
 """Contacts whose relative velocities are multiples of one another are one contact with the sum of
-|rᵢ|sᵢ: motions, events, statistics and certificates are the same however the friction is written."""
+|rᵢ|sᵢ: motions, events, statistics and certificates are the same however friction is written."""
 
 from __future__ import annotations
 
@@ -94,13 +94,16 @@ class Parts:
             factor = self._factor(i)
             if not whole:
                 contacts[name] = ss.Contact(
-                    f"{factor}d_x", tuple(own[:2]), f"{factor}{belt}", kinetic=tuple(own[2:])
+                    f"{factor}d_x",
+                    (own[0], own[1]),
+                    f"{factor}{belt}",
+                    kinetic=(own[2], own[3]),
                 )
         if whole:
-            plus, minus, *kinetic = (" + ".join(total) for total in totals)
+            plus, minus, *kinetic = [" + ".join(total) for total in totals]
             factor = f"({lead!r})*"
             contacts["all"] = ss.Contact(
-                f"{factor}d_x", (plus, minus), f"{factor}{belt}", kinetic=tuple(kinetic)
+                f"{factor}d_x", (plus, minus), f"{factor}{belt}", kinetic=(kinetic[0], kinetic[1])
             )
         return driven(contacts, self.parameters, "3*sin(3*t)" if self.pressed else "")
 
@@ -272,7 +275,9 @@ def test_forces_between_knots(how: str) -> None:
     motion = ss.simulate(driven(contacts, pressed=pressed))
     times = np.linspace(0.01, 29.9, 301)
     index = np.searchsorted(motion.knots.time, times, side="right") - 1
-    names = [n for n in motion.dataset if n.startswith(("friction_", "normal_", "slip_speed_"))]
+    names = [
+        n for n in map(str, motion.dataset) if n.startswith(("friction_", "normal_", "slip_speed_"))
+    ]
     traced, exact = motion.trace(names, times, index), motion.at(times)
     for name in names:
         np.testing.assert_allclose(traced[name], exact[name], atol=1e-9)
