@@ -45,6 +45,7 @@ from stickslip.motion.engine.modes import (
     flip,
     keeps,
     let_slide,
+    may_be_carried,
     set_regions,
     settle_mode,
 )
@@ -814,7 +815,10 @@ def decide(
         fired = lane.counters[CAUSE]
         guard = flights.germs(form, flight, omega, fired, nk, clock[LAST], lane.settled)
         if guard < 0:
-            return _UNDECIDED if carries(form, flight, mode, nk, drops) else slot
+            held = carries(form, flight, mode, nk, drops) or (
+                total(drops) > 0 and may_be_carried(flow.rows, flow.k.J[g], flow.space, mode)
+            )
+            return _UNDECIDED if held else slot
         number = form.switch[guard]
         c = contact_of(number, nk)
         # Which of several contacts break their thresholds together is not decided here.
