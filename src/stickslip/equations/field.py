@@ -534,8 +534,8 @@ class _Solver:
         mode = self.mode[i]
         against = sides[2 * (abs(mode) // 2) + (0 if mode > 0 else 1)]
         force = held if mode == 0 else -against if mode > 0 else against
-        seen = (self.fix(e) for e in (force, c.plus, c.minus))
-        return ContactField(c.name, c.kind, self.fix(c.ratio * u), *seen)
+        speed, force, plus, minus = map(self.fix, (c.ratio * u, force, c.plus, c.minus))
+        return ContactField(c.name, c.kind, speed, force, plus, minus)
 
     def room(self, i: int) -> Expr:
         """What must be nonnegative of a contact in a plane, by its first component."""

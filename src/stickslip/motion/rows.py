@@ -82,7 +82,9 @@ def _carried(equations: MotionEquations, layout: Layout) -> set[int]:
             directions = left
         if len(directions) > 1:
             names = sorted({x for direction in directions.values() for x in direction})
-            J = np.array(_somewhere([[j.get(x, ex.ZERO) for x in names] for j in directions.values()]))
+            J = np.array(
+                _somewhere([[j.get(x, ex.ZERO) for x in names] for j in directions.values()])
+            )
             J = J / np.linalg.norm(J, axis=1)[:, None]
             rank = np.linalg.matrix_rank(J)
             others = (np.delete(J, i, axis=0) for i in range(len(J)))

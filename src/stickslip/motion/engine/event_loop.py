@@ -789,7 +789,7 @@ def decide(
     Parameters
     ----------
     several : bool
-        Whether there are several contacts whose sliding forces are not their thresholds.
+        Whether there are several contacts that may be carried at their thresholds.
     """
     clock = lane.clock
     mode = lane.mode
@@ -833,8 +833,7 @@ def decide(
 
 @compiled()
 def carries(form: ClosedForms, flight: Flight, mode: Array, nk: int, drops: Array) -> bool:
-    """Whether a contact that does not stick and whose sliding force is not its threshold may be
-    carried by others.
+    """Whether a contact that does not stick may be carried by others.
 
     Parameters
     ----------
@@ -846,7 +845,7 @@ def carries(form: ClosedForms, flight: Flight, mode: Array, nk: int, drops: Arra
     nk : int
         Number of kinks.
     drops : array of int, shape (contacts,)
-        1 for each contact whose sliding force is not its threshold.
+        As of :class:`stickslip.motion.steps.arrays.Rows`.
     """
     if len(mode) > 1:
         for g in range(form.counts[GUARDS]):
