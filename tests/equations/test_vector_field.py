@@ -88,18 +88,20 @@ def test_what_is_asked_wrongly(modes: dict, at: dict, message: str) -> None:
 
 
 def test_too_many_contacts_stick() -> None:
-    twice = ss.System(
-        name="twice",
-        coordinates={"x": ss.Inertial()},
-        kinetic="d_x**2/2",
+    corner = ss.System(
+        name="corner",
+        coordinates={"x": ss.Inertial(), "y": ss.Inertial()},
+        kinetic="(d_x**2 + d_y**2)/2",
         contacts={
             "above": ss.Contact("d_x", threshold=1),
-            "below": ss.Contact("2*d_x", threshold=1),
+            "beside": ss.Contact("d_y", threshold=1),
+            "across": ss.Contact("d_x - d_y", threshold=1),
         },
     )
+    held = {"above": "stick", "beside": "stick"}
     with pytest.raises(ss.DeclarationError, match="not determined"):
-        ss.vector_field(twice, {"above": "stick", "below": "stick"})
-    assert ss.vector_field(twice, {"above": "stick", "below": "slip+"}).state == ("x", "d_x")
+        ss.vector_field(corner, {**held, "across": "stick"})
+    assert len(ss.vector_field(corner, {**held, "across": "slip+"}).state) == 4
 
 
 def test_contacts_that_are_one() -> None:

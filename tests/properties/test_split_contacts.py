@@ -70,7 +70,12 @@ def test_two_contacts_are_their_sum(
 
 WRITTEN = {
     "threshold": ({"b": ss.Contact("d_x", 1.5)}, False),
+    "gear": ({"a": ss.Contact("d_x", 1.0), "b": ss.Contact("-2*d_x", 0.25)}, False),
     "constraint": ({"f": ss.Bilateral("y", "d_x", 0.15)}, True),
+    "constraint and gear": (
+        {"f": ss.Bilateral("y", "-d_x/2", 0.1), "b": ss.Contact("3*d_x", "normal_f/30")},
+        True,
+    ),
     "floor": ({"f": ss.Unilateral("y", "d_x", 0.15)}, True),
     "sum": ({"f": ss.Unilateral("y"), "b": ss.Contact("d_x", "0.5 + 0.1*normal_f")}, True),
     "floor and brake": (
@@ -82,6 +87,17 @@ WRITTEN = {
             "f": ss.Bilateral("y", "d_x", 0.05),
             "b": ss.Contact("d_x", "0.2 + 0.05*normal_f"),
             "c": ss.Contact("d_x", 0.3),
+        },
+        True,
+    ),
+    "floor and gear": (
+        {"b": ss.Contact("2*d_x", 0.25), "f": ss.Unilateral("y", "-2*d_x", 0.05)},
+        True,
+    ),
+    "two floors along multiples": (
+        {
+            "left": ss.Unilateral("y", "d_x", 0.15),
+            "right": ss.Unilateral("y", "-2*d_x", 0.075),
         },
         True,
     ),

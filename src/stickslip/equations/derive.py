@@ -15,11 +15,12 @@ every function with kinks; which region, and which mode, is decided while the mo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from stickslip.equations.coupling import components
+from stickslip.equations.multiples import one_by_direction
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property, made_once
 from stickslip.model.declaration import Declaration, DryContact, StateJump
@@ -155,8 +156,9 @@ class MotionEquations:
         Components of a contact in a plane slip with the mode 1; their forces then are those of the
         direction n, whose components are the symbols ``n:i``.
     members : list of tuple of DryContact
-        What each of them was declared as: several that rub along one direction on one surface are
-        one, since stick is a velocity that is zero, whichever of them holds.
+        What each of them was declared as: several whose relative velocities are multiples of one
+        another are one, since stick is a velocity that is zero, whichever of them holds. It moves
+        with the relative velocity of the first.
     planes : list of Plane
         Contacts in a plane.
     inertial_force, viscous_force : list of Expr
@@ -233,17 +235,43 @@ class MotionEquations:
         return found | {c.name: i for i, own in enumerate(self.members) for c in own}
 
     def part(self, i: int, c: DryContact) -> tuple[Expr, Expr, Expr, Expr, Expr]:
-        """The force of one of the members of a contact: in stick, and against slip forward and
-        back, by the sliding forces and by the thresholds.
+        """The force of one of the members of a contact along its own direction: in stick, and,
+        with the sign of one against it, where the contact slips forward and back, by the sliding
+        forces and by the thresholds.
 
         Forces in stick are not unique: each has as much room, in parts of its own thresholds, as
         the sum of them.
         """
         whole = self.contacts[i]
         width = ex.add((whole.plus, 1.0), (whole.minus, 1.0), (ex.num(_NO_FORCE), 1.0))
-        below = ex.sym(f"lambda:{i}") + whole.plus
-        held = below * (c.plus + c.minus) / width - c.plus
-        return held, c.kinetic_plus, c.kinetic_minus, c.plus, c.minus
+        share = (ex.sym(f"lambda:{i}") + whole.plus) * (c.plus + c.minus) / width
+
+        def seen(ahead: Expr, behind: Expr) -> Expr:
+            return ex.select(c.ratio, ahead, behind)
+
+        return (
+            seen(share - c.plus, c.minus - share),
+            seen(c.kinetic_plus, -c.kinetic_minus),
+            seen(c.kinetic_minus, -c.kinetic_plus),
+            seen(c.plus, -c.minus),
+            seen(c.minus, -c.plus),
+        )
+
+    def turned(self, region: Sequence[int]) -> tuple[str, ...]:
+        """Contacts that slip back where the first of those that they are one with slips forward.
+
+        Parameters
+        ----------
+        region : sequence of int
+            Of each kink, among which are zeros of factors between directions.
+        """
+        known = dict(zip(self.kinks, region, strict=True)) if self.turning else {}
+        return tuple(c.name for c in self.turning if _known_sign(c.sense, known) < 0)
+
+    @cached_property
+    def turning(self) -> list[DryContact]:
+        """Contacts of which that may be true in some region."""
+        return [c for own in self.members for c in own if c.sense is not ex.ONE]
 
     @cached_property
     def guards_alone(self) -> frozenset[Expr]:
@@ -337,11 +365,10 @@ def _equations_of(d: Declaration) -> MotionEquations:
     contacts = sorted(
         d.contacts, key=lambda c: (_KINDS.index(c.kind), own.get(next(iter(c.direction)), 0))
     )
-    groups = _together(contacts)
-    contacts = [_sum_of(own) for own in groups]
-    normals = {c.name: ex.sym(f"lambda:{i}") for i, c in enumerate(contacts) if c.opens}
+    groups = one_by_direction(contacts, frozenset(d.parameters))
+    normals = {c.name: ex.sym(f"lambda:{i}") for i, (c, *_) in enumerate(groups) if c.opens}
     members = [tuple(_name_speed(c, i, normals) for c in own) for i, own in enumerate(groups)]
-    contacts = [_name_speed(c, i, normals) for i, c in enumerate(contacts)]
+    contacts = [_sum_of(own) for own in members]
     planes = _planes(contacts)
     for plane in planes:
         for i in plane.parts:
@@ -378,6 +405,7 @@ def _equations_of(d: Declaration) -> MotionEquations:
         used += [ex.substitute(force, at_rest, undefined=True) for force in forces]
         used += [j for j in c.direction.values() if not j.symbols <= held]
         used += [c.gap] if c.gap is not None else []
+    used += [c.sense for own in members for c in own]
     used += _formulas_of(d.jumps)
     felt = list(used)
     used += [energy, dissipation, supply, *d.mass.values(), *d.damping.values()]
@@ -407,42 +435,52 @@ def _equations_of(d: Declaration) -> MotionEquations:
     )
 
 
+def _known_sign(sense: Expr, regions: Mapping[Expr, int]) -> int:
+    """A sign, where it is known which kinks are on which side."""
+    while sense.op == "select":
+        above, *branches = ex.branches_of(sense, regions)
+        sense = branches[0 if above == 1 else 1]
+    return round(ex.number(sense))
+
+
 def _formulas_of(jumps: list[StateJump]) -> list[Expr]:
     """Guards and new values."""
     return [e for jump in jumps for e in (jump.guard, *jump.values.values())]
 
 
-def _together(contacts: list[DryContact]) -> list[list[DryContact]]:
-    """Contacts along lines, in groups that rub along one direction on one surface."""
-    found: dict[object, list[DryContact]] = {}
-    for i, c in enumerate(contacts):
-        alone = c.opens or c.plane or c.kind == Kind.RATE_INDEPENDENT
-        direction = tuple(sorted(c.direction.items(), key=lambda item: item[0]))
-        key = i if alone else (c.kind, direction, c.speed, c.restitution)
-        found.setdefault(key, []).append(c)
-    return list(found.values())
-
-
-def _sum_of(own: list[DryContact]) -> DryContact:
-    """The contact whose friction is that of several."""
+def _sum_of(own: Sequence[DryContact]) -> DryContact:
+    """The contact whose friction is that of several: moves with the relative velocity of the
+    first."""
     if len(own) == 1:
         return own[0]
-
-    def total(side: str) -> Expr:
-        return ex.add(*((getattr(c, side), 1.0) for c in own))
-
     sides = ("plus", "minus", "kinetic_plus", "kinetic_minus")
+    totals = zip(*(_seen_from_first(c) for c in own), strict=True)
     return replace(
         own[0],
         name=JOINED.join(c.name for c in own),
         on=next((c.on for c in own if c.on), ""),
-        **{side: total(side) for side in sides},
+        **{
+            side: ex.add(*((part, 1.0) for part in parts))
+            for side, parts in zip(sides, totals, strict=True)
+        },
+    )
+
+
+def _seen_from_first(c: DryContact) -> tuple[Expr, Expr, Expr, Expr]:
+    """Thresholds and sliding forces of a contact, as forces along the direction that its own is a
+    multiple of. What acts backward there acts forward here if the factor is negative."""
+    r = c.ratio
+    return (
+        ex.select(r, r * c.plus, -r * c.minus),
+        ex.select(r, r * c.minus, -r * c.plus),
+        ex.select(r, r * c.kinetic_plus, -r * c.kinetic_minus),
+        ex.select(r, r * c.kinetic_minus, -r * c.kinetic_plus),
     )
 
 
 def _name_speed(c: DryContact, i: int, normals: dict[str, Expr]) -> DryContact:
-    """Give each contact's ``speed`` its own symbol, and normal forces those of the forces."""
-    own = {"speed": ex.sym(f"speed:{i}"), **normals}
+    """Give each contact's ``speed`` the symbol of row i, and normal forces those of the forces."""
+    own = {"speed": ex.absolute(c.ratio) * ex.sym(f"speed:{i}"), **normals}
     return replace(
         c,
         plus=ex.substitute(c.plus, own),

@@ -9,7 +9,7 @@ respect to parameters are exact.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -45,8 +45,8 @@ class ContactField:
         Of the first of these: s² − |A⁻¹λ|² in stick, |Au| in slip.
     side_of : str
         Of a side of a constraint, the name of that.
-    parts : tuple of (str, Expr, Expr, Expr)
-        Of several contacts that are one: name, force, s⁺ and s⁻ of each.
+    parts : tuple of ContactField
+        Of several contacts that are one, each along its own direction.
     """
 
     name: str
@@ -60,7 +60,7 @@ class ContactField:
     plane: int = 0
     room: Expr = ex.ZERO
     side_of: str = ""
-    parts: tuple[tuple[str, Expr, Expr, Expr], ...] = ()
+    parts: tuple[ContactField, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -186,7 +186,9 @@ def mode_name(mode: int, in_plane: bool = False) -> str:
     return "slip" if in_plane and mode != 0 else MODE_NAMES[mode]
 
 
-def named_modes(contacts: Sequence[str], mode: Sequence[int]) -> dict[str, str]:
+def named_modes(
+    contacts: Sequence[str], mode: Sequence[int], turned: Collection[str] = ()
+) -> dict[str, str]:
     """What each contact does, by name; one that can open once: whether it is open, or closed, and
     then what its friction does.
 
@@ -196,9 +198,11 @@ def named_modes(contacts: Sequence[str], mode: Sequence[int]) -> dict[str, str]:
         Names in the engine's order; both components of a contact in a plane have its name, sides
         of constraints none, and contacts that are one theirs, joined.
     mode : sequence of int
+    turned : collection of str
+        Which of these slip back where the first slips forward.
     """
     found = {
-        name: mode_name(m, contacts.count(label) > 1)
+        name: mode_name(-m if name in turned else m, contacts.count(label) > 1)
         for label, m in zip(contacts, mode, strict=True)
         if label
         for name in label.split(JOINED)
@@ -519,18 +523,19 @@ class _Solver:
         plus, minus = self.fix(c.plus), self.fix(c.minus)
         room = self.room(i) if c.plane == 1 else ex.ZERO
         own = self.eq.members[i]
-        parts = tuple(self.part(i, m) for m in own) if len(own) > 1 else ()
+        parts = tuple(self.part(i, m, u) for m in own) if len(own) > 1 else ()
         return ContactField(
             *(c.name, c.kind, u, force, plus, minus, gap, loose, c.plane, room, c.side_of, parts)
         )
 
-    def part(self, i: int, c: DryContact) -> tuple[str, Expr, Expr, Expr]:
-        """Name, force and thresholds of one of the members of contact i."""
+    def part(self, i: int, c: DryContact, u: Expr) -> ContactField:
+        """One of the members of contact i, whose relative velocity is u."""
         held, *sides = self.eq.part(i, c)
         mode = self.mode[i]
         against = sides[2 * (abs(mode) // 2) + (0 if mode > 0 else 1)]
         force = held if mode == 0 else -against if mode > 0 else against
-        return c.name, self.fix(force), self.fix(c.plus), self.fix(c.minus)
+        speed, force, plus, minus = map(self.fix, (c.ratio * u, force, c.plus, c.minus))
+        return ContactField(c.name, c.kind, speed, force, plus, minus)
 
     def room(self, i: int) -> Expr:
         """What must be nonnegative of a contact in a plane, by its first component."""

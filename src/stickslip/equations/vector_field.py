@@ -12,7 +12,7 @@ from stickslip import page
 from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.equations.derive import derive
-from stickslip.equations.field import MODE_NAMES, Field, mode_field
+from stickslip.equations.field import MODE_NAMES, ContactField, Field, mode_field
 from stickslip.errors import DeclarationError, short
 from stickslip.kept import cached_property
 from stickslip.model.system import System
@@ -75,7 +75,7 @@ class VectorField:
     @cached_property
     def forces(self) -> dict[str, str]:
         """The friction force of every contact, positive where it pushes forward, as formulas."""
-        return {contact.name: _text(contact.force) for contact in self._field.contacts}
+        return {contact.name: _text(contact.force) for contact in self._declared}
 
     @validated
     def rates_at(self, values: Values | None = None) -> dict[str, float]:
@@ -97,8 +97,12 @@ class VectorField:
     @validated
     def forces_at(self, values: Values | None = None) -> dict[str, float]:
         """Friction forces at a point, by contact."""
-        numbers = self._numbers([c.force for c in self._field.contacts], values)
-        return {c.name: force for c, force in zip(self._field.contacts, numbers, strict=True)}
+        numbers = self._numbers([c.force for c in self._declared], values)
+        return {c.name: force for c, force in zip(self._declared, numbers, strict=True)}
+
+    @property
+    def _declared(self) -> list[ContactField]:
+        return [part for c in self._field.contacts for part in c.parts or (c,)]
 
     def _numbers(self, expressions: list[Expr], values: Values | None) -> list[float]:
         point = {**self.at, **(values or {})}
@@ -160,11 +164,18 @@ def vector_field(
     point = {**system.values, **(at or {})}
     kinks = [substitute(g, equations.speeds) for g in equations.kinks]
     region = tuple(int(system.declaration.value(g, point) >= 0.0) for g in kinks)
+    turned = equations.turned(region)
+    signs = {name: _SIGNS[given[name]] * (-1 if name in turned else 1) for name in names}
     for own in equations.members:
-        if len({given[c.name] for c in own}) > 1:
+        if len({signs[c.name] for c in own}) > 1:
             said = " and ".join(f"'{short(c.name)}'" for c in own)
-            raise DeclarationError("modes", f"{said} rub along one direction", "Give them one mode")
-    mode = tuple(_SIGNS[given[own[0].name]] for own in equations.members)
+            back = " and ".join(f"'{short(c.name)}'" for c in own if c.name in turned)
+            raise DeclarationError(
+                "modes",
+                f"{said} rub along one direction" + (f", {back} backward" if back else ""),
+                "Give them modes that fit" if back else "Give them one mode",
+            )
+    mode = tuple(signs[own[0].name] for own in equations.members)
     try:
         found = mode_field(equations, mode, region)
     except ZeroDivisionError:

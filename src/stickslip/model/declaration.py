@@ -64,6 +64,8 @@ class DryContact:
         Of a component, the entry of A.
     side_of : str
         Of a side of a constraint, the name of that.
+    ratio : Expr
+        Its relative velocity is this times that of the contact with which it is one.
     """
 
     name: str
@@ -81,11 +83,17 @@ class DryContact:
     plane: int = 0
     axis: Expr = ex.ONE
     side_of: str = ""
+    ratio: Expr = ex.ONE
 
     @property
     def opens(self) -> bool:
         """Whether it is the normal direction of a contact that can open."""
         return self.gap is not None
+
+    @property
+    def sense(self) -> Expr:
+        """The sign of the ratio, 1 where that is zero."""
+        return ex.select(self.ratio, ex.ONE, ex.num(-1.0))
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,7 +33,7 @@ def _rows(equations: MotionEquations, layout: Layout) -> Rows:
     u, force, plus, minus, kinks = (np.array(table, dtype=np.int64) for table in tables)
     noise = _places_of_sizes(layout)
     pulled = {i for plane in equations.planes if plane.pull for i in plane.parts}
-    dropping = {i for i, *_ in layout.kinetic} - pulled
+    dropping = ({i for i, *_ in layout.kinetic} - pulled) | _carried(equations, layout)
     state = frozenset(layout.state)
     watched = np.array(list(noise), dtype=np.int64)
     return Rows(
@@ -59,6 +61,47 @@ def _rows(equations: MotionEquations, layout: Layout) -> Rows:
         0,
         _together(layout),
     )
+
+
+def _carried(equations: MotionEquations, layout: Layout) -> set[int]:
+    """Contacts along lines that others may hold, since their directions depend on each other: with
+    the forces of d_x and d_y, one along d_x − d_y rests, at its threshold or not.
+
+    Directions that change on the way are looked at in one point, at which no coefficient vanishes
+    that does not everywhere.
+    """
+    found = set[int]()
+    for part in (part for parts in layout.coupled.values() for part in parts):
+        directions = {c: equations.contacts[c].direction for c in part.contacts}
+        # Those that move something alone depend on no others.
+        while True:
+            moved = Counter(x for direction in directions.values() for x in direction)
+            left = {c: j for c, j in directions.items() if all(moved[x] > 1 for x in j)}
+            if len(left) == len(directions):
+                break
+            directions = left
+        if len(directions) > 1:
+            names = sorted({x for direction in directions.values() for x in direction})
+            J = np.array(
+                _somewhere([[j.get(x, ex.ZERO) for x in names] for j in directions.values()])
+            )
+            J = J / np.linalg.norm(J, axis=1)[:, None]
+            rank = np.linalg.matrix_rank(J)
+            others = (np.delete(J, i, axis=0) for i in range(len(J)))
+            found |= {
+                c
+                for c, rest in zip(directions, others, strict=True)
+                if np.linalg.matrix_rank(rest) == rank
+            }
+    lines = {i for i, c in enumerate(equations.contacts) if not (c.opens or c.plane)}
+    return (found & lines) - set(layout.together)
+
+
+def _somewhere(table: list[list[ex.Expr]]) -> list[list[float]]:
+    """Values of expressions in a point that is nothing special."""
+    names = sorted(frozenset().union(*(e.symbols for row in table for e in row)))
+    point = {name: 0.7 + math.sin(i + 1.0) / 7.0 for i, name in enumerate(names)}
+    return [[ex.evaluate(e, point) for e in row] for row in table]
 
 
 def _together(layout: Layout) -> Array:

@@ -171,8 +171,8 @@ class Trajectory(Result):
                 if key not in contacts:
                     continue
                 i = contacts[key]
-                whole = layout.force[i], layout.plus[i], layout.minus[i]
-                force, plus, minus = layout.parts.get(name, whole)
+                whole = layout.force[i], layout.plus[i], layout.minus[i], layout.u[i]
+                force, plus, minus, u = layout.parts.get(name, whole)
                 own = {
                     "friction": force,
                     "threshold": plus,
@@ -180,7 +180,7 @@ class Trajectory(Result):
                     "threshold_minus": minus,
                 }
                 rows |= {f"{kind}_{key}": own[kind] for kind in kinds}
-                rows[f"slip_speed_{key}"] = layout.u[i]
+                rows[f"slip_speed_{key}"] = u
         for key, i in self._openings.items():
             rows |= {f"normal_{key}": layout.force[i], f"gap_{key}": layout.gaps[i]}
         return rows | {f"normal_{contact_key(name)}": i for name, i in layout.carrying.items()}
@@ -212,12 +212,28 @@ class Trajectory(Result):
             for name, key in first.items()
             if key in self._contacts
         }
+        for key, backward in self._turned.items():
+            found[key] = np.where(backward, -found[key], found[key]).astype(np.int8)
         for key, i in self._openings.items():
             closed = found.get(key, np.full(len(mode), IS_CLOSED))
             found[key] = np.where(mode[:, i] == 0, closed, IS_OPEN).astype(np.int8)
         for key in map(contact_key, self.system.constraints):
             found.setdefault(key, np.full(len(mode), IS_CLOSED, np.int8))
         return found
+
+    @cached_property
+    def _turned(self) -> dict[str, Array]:
+        """Of contacts that may slip back where what they are one with slips forward, whether they
+        do from every knot on, by the names of variables."""
+        equations = self._problem.compiled.equations
+        if not equations.turning:
+            return {}
+        regions, place = np.unique(self.knots.region, axis=0, return_inverse=True)
+        turned = [equations.turned(row.tolist()) for row in regions]
+        return {
+            contact_key(name): np.array([name in own for own in turned])[place.ravel()]
+            for name in dict.fromkeys(name for own in turned for name in own)
+        }
 
     @cached_property
     def impacts(self) -> pandas.DataFrame:
@@ -477,12 +493,21 @@ class Trajectory(Result):
         from stickslip.motion.between.trace import TOLERANCE, trace_rows
 
         p, k = self._problem, self.knots
-        wanted = np.array([self._rows[name] for name in names], dtype=np.int64)
+        shown = p.compiled.layout.without_series
+        followed = [name for name in names if self._rows[name] not in shown]
+        wanted = np.array([self._rows[name] for name in followed], dtype=np.int64)
         out = np.empty((len(wanted), len(times)))
         work = make_scratch(p.rows, (p.order + 2, len(wanted)))
         given = self._seen, k.record, index, times - k.origin, wanted, work, out
-        unbroken(lambda: trace_rows(p.machine, p.flow()._replace(tol=TOLERANCE), *given))
-        values = dict(zip(names, out, strict=True))
+        if followed:
+            unbroken(lambda: trace_rows(p.machine, p.flow()._replace(tol=TOLERANCE), *given))
+        values = dict(zip(followed, out, strict=True))
+        if len(followed) < len(names):
+            sampled = self._sample(times, index)
+            values = {
+                name: values[name] if name in values else sampled[:, self._rows[name]]
+                for name in names
+            }
         self._without_contact(values, index)
         return values
 
@@ -586,7 +611,9 @@ class Trajectory(Result):
         """Every change of mode or region, and every jump: time, contact (or the kink, or the jump),
         from, to, and the state.
 
-        That a sample of a drive has passed is none.
+        Contacts whose relative velocities are multiples of one another switch as one, under their
+        joined names; ``slip+`` and ``slip-`` then say which way the first of them slips. That a
+        sample of a drive has passed is none.
         """
         import pandas as pd
 
@@ -741,6 +768,10 @@ class Trajectory(Result):
         mode = self._published
         changes = np.diff(mode, axis=0)
         names = [*self._columns]
+        seen = mode.copy()  # along one direction
+        for j, name in enumerate(names):
+            if (backward := self._turned.get(contact_key(name))) is not None:
+                seen[:, j] = np.where(backward & (mode[:, j] <= 1), -mode[:, j], mode[:, j])
         joined: dict[tuple[int, int], str] = {}
         for own in self._problem.compiled.equations.members:
             if not self._opens_apart(own):
@@ -750,7 +781,7 @@ class Trajectory(Result):
                 alike: dict[tuple[int, int], list[int]] = {}
                 for j in columns:
                     if changes[knot, j]:
-                        way = int(mode[knot, j]), int(mode[knot + 1, j])
+                        way = int(seen[knot, j]), int(seen[knot + 1, j])
                         alike.setdefault(way, []).append(j)
                 for first, *others in alike.values():
                     changes[knot, others] = 0

@@ -26,6 +26,7 @@ import numpy as np
 
 from stickslip.equations.coupling import Component, components, together
 from stickslip.equations.derive import MotionEquations, Plane
+from stickslip.kept import cached_property
 from stickslip.model.declaration import DryContact
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
@@ -96,8 +97,8 @@ class Layout:
         negative in slip, 1 if it has mass, and 1 if it changes the normal force that presses it.
     carrying : dict of str to int
         Rows of the force of constraints, the sum of those of their sides.
-    parts : dict of str to (int, int, int)
-        Of contacts that are one with others, the rows of force and thresholds.
+    parts : dict of str to (int, int, int, int)
+        Of contacts that are one with others, the rows of force, thresholds and relative velocity.
     links : list of (int, int, tuple of int)
         What rubs under a normal force, the contact that has it, and the rows of the coefficients:
         kinetic against slip forward and back, static likewise; contact by contact.
@@ -135,9 +136,14 @@ class Layout:
     planes: list[tuple[int, ...]] = field(default_factory=list)
     pressed: int = 1
     carrying: dict[str, int] = field(default_factory=dict)
-    parts: dict[str, tuple[int, int, int]] = field(default_factory=dict)
+    parts: dict[str, tuple[int, int, int, int]] = field(default_factory=dict)
     links: list[tuple[int, int, tuple[int, ...]]] = field(default_factory=list)
     jumps: list[tuple[int, int, list[int]]] = field(default_factory=list)
+
+    @cached_property
+    def without_series(self) -> frozenset[int]:
+        """Rows that are known at single times only."""
+        return frozenset(row for i in self.shown for row in rows_made(i))
 
     @property
     def columns_behind(self) -> int:
@@ -816,8 +822,9 @@ class _Generator:
             self.note(place, added(parts))
         for i, own in enumerate(self.eq.members):
             for c in own if len(own) > 1 else ():
-                rows = self.part(i, c), tape.row(c.plus), tape.row(c.minus)
-                layout.parts[c.name] = rows
+                sides = tape.row(c.plus), tape.row(c.minus)
+                u = tape.row(c.ratio * ex.sym(f"u:{i}"))
+                layout.parts[c.name] = (self.part(i, c), *sides, u)
         facing: dict[str, list[tuple[Expr, float]]] = {}
         for i, c in enumerate(self.eq.contacts):
             if c.side_of:

@@ -45,6 +45,7 @@ from stickslip.motion.engine.modes import (
     flip,
     keeps,
     let_slide,
+    may_be_carried,
     set_regions,
     settle_mode,
 )
@@ -863,7 +864,7 @@ def decide(
     Parameters
     ----------
     several : bool
-        Whether there are several contacts whose sliding forces are not their thresholds.
+        Whether there are several contacts that may be carried at their thresholds.
     """
     clock = lane.clock
     mode = lane.mode
@@ -889,7 +890,10 @@ def decide(
         fired = lane.counters[CAUSE]
         guard = flights.germs(form, flight, omega, fired, nk, clock[LAST], lane.settled)
         if guard < 0:
-            return _UNDECIDED if carries(form, flight, mode, nk, drops) else slot
+            held = carries(form, flight, mode, nk, drops) or (
+                total(drops) > 0 and may_be_carried(flow.rows, flow.k.J[g], flow.space, mode)
+            )
+            return _UNDECIDED if held else slot
         number = form.switch[guard]
         c = contact_of(number, nk)
         # Which of several contacts break their thresholds together is not decided here.
@@ -904,8 +908,7 @@ def decide(
 
 @compiled()
 def carries(form: ClosedForms, flight: Flight, mode: Array, nk: int, drops: Array) -> bool:
-    """Whether a contact that does not stick and whose sliding force is not its threshold may be
-    carried by others.
+    """Whether a contact that does not stick may be carried by others.
 
     Parameters
     ----------
@@ -917,7 +920,7 @@ def carries(form: ClosedForms, flight: Flight, mode: Array, nk: int, drops: Arra
     nk : int
         Number of kinks.
     drops : array of int, shape (contacts,)
-        1 for each contact whose sliding force is not its threshold.
+        As of :class:`stickslip.motion.steps.arrays.Rows`.
     """
     if len(mode) > 1:
         for g in range(form.counts[GUARDS]):

@@ -836,6 +836,41 @@ def loosen(rows: Rows, p: int, J: Array, mode: Array, keep: int, space: Space) -
 
 
 @compiled()
+def may_be_carried(rows: Rows, J: Array, space: Space, mode: Array) -> bool:
+    """Whether the direction of a contact that does not stick, and that others may hold at its
+    threshold, depends on the directions of what sticks.
+
+    Parameters
+    ----------
+    rows : Rows
+    J : array
+        As of :func:`loosen`.
+    space : Space
+    mode : array of int, shape (contacts,)
+    """
+    for p in range(len(rows.parts)):
+        n = rows.parts[p, COORDINATES]
+        m = rows.parts[p, CONTACTS]
+        members = rows.members[rows.parts[p, MEMBERS] :]
+        rank = 0
+        for i in range(m if m > 1 else 0):
+            c = members[n + i]
+            if mode[c] == 0:
+                for j in range(n):
+                    space.scratch[rank, j] = direction_entry(rows, J, space.W, c, j)
+                if is_new(n, space.scratch, rank, _DEPENDENT):
+                    rank += 1
+        for i in range(m if rank > 0 else 0):
+            c = members[n + i]
+            if mode[c] != 0 and rows.drops[c] == 1:
+                for j in range(n):
+                    space.scratch[rank, j] = direction_entry(rows, J, space.W, c, j)
+                if not is_new(n, space.scratch, rank, _DEPENDENT):
+                    return True
+    return False
+
+
+@compiled()
 def settle_mode(
     machine: Machine, flow: Flow, lane: Lane, room: float, hold: bool, promised: float
 ) -> tuple[int, float, float, int]:

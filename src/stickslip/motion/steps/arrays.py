@@ -121,7 +121,9 @@ class Rows(NamedTuple):
         Part of the state that is zero where a kink is, −1 for other kinks: there powers of it have
         few derivatives.
     drops : array of int
-        1 for each contact whose sliding force is not its threshold.
+        1 for each contact whose sliding force is not its threshold, and for each that others may
+        hold since their directions depend on each other: it may be carried at its threshold, which
+        is not to slip.
     program : Program
         The tape of the system.
     parts : array of int, shape (components, 6)

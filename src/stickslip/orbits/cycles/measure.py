@@ -105,7 +105,7 @@ def contact_shares(motion: Trajectory, sums: Sums) -> dict[str, ContactShare]:
         contact.name: ContactShare(
             float(stick),
             lasted - float(stick),
-            float(work) if len(own) == 1 else _work_of(motion, contact.name),
+            float(work) if len(own) == 1 else dissipated_by(motion, contact.name),
         )
         for own, stick, work in zip(members, sums.stick, sums.work, strict=True)
         for contact in own
@@ -130,8 +130,8 @@ def contact_shares(motion: Trajectory, sums: Sums) -> dict[str, ContactShare]:
     return found
 
 
-def _work_of(motion: Trajectory, name: str) -> float:
-    """Energy that one of several contacts dissipates which slip as one."""
+def dissipated_by(motion: Trajectory, name: str) -> float:
+    """Energy that one of several contacts dissipates which slip as one, in a period."""
     key = contact_key(name)
     period = float(motion.knots.time[-1] - motion.knots.time[0])
     power, _ = mean(motion, f"friction_{key}*slip_speed_{key}")

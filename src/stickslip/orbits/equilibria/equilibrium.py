@@ -56,6 +56,8 @@ class Equilibrium:
         By how much they may be wrong; a stability that depends on that is not decided.
     normal_forces : dict of str to float
         Of closed contacts that can open, by their names in formulas.
+    turned : tuple of str
+        Contacts that slip back where `mode` says that what they are one with slips forward.
     """
 
     state: dict[str, float]
@@ -69,6 +71,7 @@ class Equilibrium:
     certificate: Certificate
     eigenvalue_error: float
     normal_forces: dict[str, float] = field(default_factory=dict)
+    turned: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"<Equilibrium {self.describe()}>"
@@ -76,7 +79,7 @@ class Equilibrium:
     @property
     def modes(self) -> dict[str, str]:
         """Mode of each contact by name."""
-        return named_modes(self.contacts, self.mode)
+        return named_modes(self.contacts, self.mode, self.turned)
 
     @property
     def stable(self) -> bool | None:
@@ -132,6 +135,8 @@ class EquilibriumSet:
         out.
     repeats : dict of str to float
         Periods of states by which the set can be moved: there is one there, too.
+    turned : tuple of str
+        As of :class:`Equilibrium`.
     """
 
     state: dict[str, float]
@@ -147,6 +152,7 @@ class EquilibriumSet:
     certificate: Certificate
     normal_forces: dict[str, float] = field(default_factory=dict)
     repeats: dict[str, float] = field(default_factory=dict)
+    turned: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         return f"<EquilibriumSet {self.describe()}>"
@@ -154,7 +160,7 @@ class EquilibriumSet:
     @property
     def modes(self) -> dict[str, str]:
         """Mode of each contact by name."""
-        return named_modes(self.contacts, self.mode)
+        return named_modes(self.contacts, self.mode, self.turned)
 
     @property
     def stable(self) -> bool | None:
@@ -425,6 +431,7 @@ def _revived(entry: dict[str, Any]) -> dict[str, Any]:
         "certificate": restored_certificate(entry["certificate"]),
         "contacts": tuple(entry["contacts"]),
         "mode": tuple(entry["mode"]),
+        "turned": tuple(entry.get("turned", ())),
     }
     if "extent" in entry:
         changed["extent"] = {name: tuple(ends) for name, ends in entry["extent"].items()}

@@ -513,6 +513,7 @@ class _Search:
             certificate,
             error,
             self._normal_forces(field, y),
+            self.eq.turned(field.region),
         )
         units = np.maximum(np.maximum(np.abs(self.origin), np.abs(y)), 1e-6)
         for other in self.isolated:
@@ -538,7 +539,7 @@ class _Search:
     def _note_failure(self, field: Field, y: Array, margin: float, guard: Guard) -> None:
         if margin > self.nearest[0]:
             state = ", ".join(f"{name} = {value:.6g}" for name, value in self._named(y).items())
-            modes = modes_text(named_modes(self.contacts, field.mode))
+            modes = modes_text(named_modes(self.contacts, field.mode, self.eq.turned(field.region)))
             broken = describe_guard(self.eq, guard, field.mode)
             self.nearest = (
                 margin,
@@ -592,7 +593,7 @@ class _Search:
                 if not s.exact
             ):
                 return
-            modes = modes_text(named_modes(self.contacts, mode))
+            modes = modes_text(named_modes(self.contacts, mode, self.eq.turned(region)))
             self.undecided.append(f"sets with {modes} are followed from points inside")
         extent = {name: conditions.extent(centre, i) for i, name in enumerate(self.state)}
         size = dimension(conditions, n, centre)
@@ -638,6 +639,7 @@ class _Search:
             drift,
             replace(measured, residuals=(*measured.residuals, *residuals)),
             self._normal_forces(field, y),
+            turned=self.eq.turned(regions[0]),
         )
 
     def _join(self, new: EquilibriumSet, conditions: Conditions) -> None:

@@ -38,10 +38,10 @@ def published(equations: MotionEquations, field: Field) -> dict[str, Expr]:
             name = f"normal_{contact_key(c.side_of)}"
             found[name] = ex.add((found.get(name, ex.ZERO), 1.0), (c.force, 1.0))
             continue
-        for name, force, plus, minus in c.parts:
-            key = contact_key(name)
-            found |= {f"friction_{key}": force, f"slip_speed_{key}": c.u}
-            found |= {f"threshold_plus_{key}": plus, f"threshold_minus_{key}": minus}
+        for part in c.parts:
+            key = contact_key(part.name)
+            found |= {f"friction_{key}": part.force, f"slip_speed_{key}": part.u}
+            found |= {f"threshold_plus_{key}": part.plus, f"threshold_minus_{key}": part.minus}
         if c.gap is not None:
             found |= {c.name: c.force, f"gap_{c.name.removeprefix(NORMAL)}": c.gap}
             continue

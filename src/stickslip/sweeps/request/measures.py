@@ -38,6 +38,7 @@ from stickslip.model.system import System
 from stickslip.motion.between.observers import LASTED, STUCK
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
+from stickslip.orbits.cycles.measure import dissipated_by
 from stickslip.orbits.settling.motions import ATTRACTORS, MEASURED, Observed
 from stickslip.sweeps.request import one_period
 from stickslip.sweeps.request.carry import CARRIED
@@ -281,8 +282,9 @@ def measured_again(
     """
     from stickslip.motion.simulate import simulate
 
-    wanted = [(m, *m.partition(":")[::2]) for m in measures]
-    wanted = [(m, MEASURES[name].again, of) for m, name, of in wanted if MEASURES[name].again]
+    named = [(m, *m.partition(":")[::2]) for m in measures]
+    wanted = [(m, _again(problem, name, of), of) for m, name, of in named]
+    wanted = [(m, rule, of) for m, rule, of in wanted if rule is not None]
     result = {m: np.full(len(table), np.nan) for m, _, _ in wanted}
     moving = np.isin(observed.outcome, [Outcome.PERIODIC.code, Outcome.STEADY.code])
     for m in result:
@@ -299,10 +301,22 @@ def measured_again(
             rtol=settings.rtol,
             atol=settings.atol,
         )
+        repeats = observed.outcome[i] == Outcome.PERIODIC.code
         for m, rule, of in wanted:
-            if rule is not None and motion.outcome.ok:
+            if motion.outcome.ok and (repeats or rule is not dissipated_by):
                 result[m][i] = rule(motion, of)
     return result
+
+
+def _again(problem: Problem, name: str, of: str) -> PeriodRule | None:
+    """The rule of a measure that needs the motion of the period itself. Of contacts that are one,
+    only all that they dissipate is known without."""
+    members = problem.compiled.equations.members
+    if name == "energy_per_cycle" and any(
+        len(own) > 1 and of in {c.name for c in own} for own in members
+    ):
+        return dissipated_by
+    return MEASURES[name].again
 
 
 def lacking(observed: Observed, tolerance: float) -> Array:
