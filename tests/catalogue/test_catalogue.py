@@ -39,6 +39,7 @@ ISSUED = [
     "lugre_positioner",
     "oscillating_play",
     "painleve_rod",
+    "pendulum_bearing",
     "planar_jenkins",
     "plate_compactor",
     "prandtl_tomlinson",

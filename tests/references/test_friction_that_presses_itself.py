@@ -158,4 +158,4 @@ def test_one_such_contact_for_each_body() -> None:
     one = bowl().contacts["bowl"]
     assert isinstance(one, Unilateral)
     with pytest.raises(DeclarationError, match="beside that of"):
-        _ = replace(bowl(), contacts={"one": one, "two": one})
+        ss.simulate(replace(bowl(), contacts={"one": one, "two": one}))

@@ -289,26 +289,6 @@ def refused(**given: Any) -> ss.DeclarationError:
     return caught.value
 
 
-@pytest.mark.parametrize(
-    "given",
-    [
-        {"kinetic": "(d_x**2 + d_y**2 + d_z**2 + d_x*d_z/5)/2"},
-        {"contacts": {"foot": ss.Unilateral("z - x/10", PLANE, 0.3)}},
-        {
-            "contacts": {
-                "foot": ss.Unilateral("z", PLANE, 0.3),
-                "wall": ss.Contact("d_x + d_z", 1.0),
-            }
-        },
-    ],
-    ids=["by mass", "on a slope", "by another contact"],
-)
-def test_friction_in_a_plane_may_not_change_its_normal_force(given: dict[str, Any]) -> None:
-    error = refused(**given)
-    assert error.where == "contacts.'foot'"
-    assert "changes the normal force that presses it" in str(error)
-
-
 def test_one_normal_force_presses_a_contact_in_a_plane() -> None:
     contacts = {
         "foot": ss.Unilateral("z"),

@@ -329,7 +329,16 @@ def take_directions(rows: Rows, W: Array, N: int, x: float, V: Array) -> None:
 
 @compiled()
 def take_direction(rows: Rows, p: int, W: Array, N: int, x: float, V: Array) -> None:
-    """The same for plane p; parameters as of :func:`take_directions`."""
+    """Put the direction of one slip into a table.
+
+    Parameters
+    ----------
+    rows : Rows
+    p : int
+        The plane.
+    W, N, x, V
+        As of :func:`take_directions`.
+    """
     for row in range(rows.planes[p, AIM], rows.planes[p, AIM] + 3):
         V[row, 0] = horner(W[row], N - 1, x)
 

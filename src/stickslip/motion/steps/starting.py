@@ -360,17 +360,17 @@ def aim_where_it_bends(machine: Machine, flow: Flow, at: Instant, table: Array) 
         before, low = 0.0, 0.0
         for k in range(_ANGLES + 1):
             high = 2.0 * math.pi * k / _ANGLES
-            status, across, _ = turned(machine, flow, at, table, p, high)
+            status, across, _ = rate_towards(machine, flow, at, table, p, high)
             if status != OK:
                 return status
             # (Au)₁ turns from one side of n₀ to the other, as friction resists.
             if k > 0 and before >= 0.0 >= across and before > across:
-                found = between(machine, flow, at, table, p, low, high)
-                _, _, along = turned(machine, flow, at, table, p, found)
+                found = angle_between(machine, flow, at, table, p, low, high)
+                _, _, along = rate_towards(machine, flow, at, table, p, found)
                 if along > best:
                     best, angle = along, found
             before, low = across, high
-        status, _, along = turned(machine, flow, at, table, p, angle)
+        status, _, along = rate_towards(machine, flow, at, table, p, angle)
         if status != OK:
             return status
         size = math.hypot(aims[base + BX, 0], aims[base + BY, 0])
@@ -381,7 +381,7 @@ def aim_where_it_bends(machine: Machine, flow: Flow, at: Instant, table: Array) 
 
 
 @compiled()
-def turned(
+def rate_towards(
     machine: Machine, flow: Flow, at: Instant, table: Array, p: int, angle: float
 ) -> tuple[int, float, float]:
     """What (Au)₁ is across a direction of plane p, and along it.
@@ -408,18 +408,25 @@ def turned(
 
 
 @compiled()
-def between(
+def angle_between(
     machine: Machine, flow: Flow, at: Instant, table: Array, p: int, low: float, high: float
 ) -> float:
-    """The angle between two others at which (Au)₁ has its direction; parameters as of
-    :func:`turned`, which is not negative at the lower one."""
-    _, f, _ = turned(machine, flow, at, table, p, low)
-    _, g, _ = turned(machine, flow, at, table, p, high)
+    """The angle between two others at which (Au)₁ has its direction.
+
+    Parameters
+    ----------
+    machine, flow, at, table, p
+        As of :func:`rate_towards`.
+    low, high : float
+        The angles; what is across is not negative at the lower one.
+    """
+    _, f, _ = rate_towards(machine, flow, at, table, p, low)
+    _, g, _ = rate_towards(machine, flow, at, table, p, high)
     kept = 0
     for _ in range(_MOST_TURNS):
         # The Illinois method: an end that stays where it is counts half.
         x = high - (high - low) * g / (g - f) if f != g else low
-        _, h, _ = turned(machine, flow, at, table, p, x)
+        _, h, _ = rate_towards(machine, flow, at, table, p, x)
         if h == 0.0 or high - low <= 2.0 * EPSILON or x in (low, high):
             return x
         if h > 0.0:

@@ -444,7 +444,20 @@ def may_hide(tape: DiscTape, part: float) -> bool:
 @compiled()
 def hidden(flow: Flow, mode: Array, h: float, part: float, seen: Array) -> float:
     """The largest part of the state and of the guards that may be hidden, in parts of what is
-    allowed: the velocity of what sticks is no guard, and zero."""
+    allowed: the velocity of what sticks is zero, and not a guard.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the series and the discs.
+    mode : array of int, shape (contacts,)
+    h : float
+        The step.
+    part : float
+        Part of a disc that a polynomial may leave out.
+    seen : array
+        Largest modulus so far of each row that bounds the steps.
+    """
     rows = flow.rows
     p = rows.program
     W = flow.space.W

@@ -313,7 +313,7 @@ def comes_to_rest(rows: Rows, run: Pass, i: int) -> bool:
 
 
 @compiled()
-def part_of(rows: Rows, run: Pass, i: int, part: int) -> tuple[float, float]:
+def share_of_step(rows: Rows, run: Pass, i: int, part: int) -> tuple[float, float]:
     """Where a part of a step begins, and how long it is, as parts of the step: all are equal, but
     where a slip in a plane comes to rest each half of what is left has the same number of them."""
     if not comes_to_rest(rows, run, i):
@@ -336,11 +336,11 @@ def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int
         if h > 0.0:
             w = run.piece[i]
             rate = max(run.drives, fastest(listed, run, work, w, i))
-            if listed.steady[w] == 0:
-                rate = max(rate, fastest(listed, run, work, w, i + 1))
-            if listed.steady[w] == 0 and comes_to_rest(rows, run, i):
+            if comes_to_rest(rows, run, i):
                 run.parts[i] = _HALVES * max(1, math.ceil(0.5 * h * rate / _REACH))
             else:
+                if listed.steady[w] == 0:
+                    rate = max(rate, fastest(listed, run, work, w, i + 1))
                 run.parts[i] = max(1, math.ceil(h * rate / _REACH))
         nodes += nodes_of(listed, run, i)
     return nodes
@@ -362,7 +362,7 @@ def place_nodes(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> None:
         begin = time_of(run, i)
         h = time_of(run, i + 1) - begin
         for j in range(nodes_of(listed, run, i)):
-            first, length = part_of(rows, run, i, j // STAGES)
+            first, length = share_of_step(rows, run, i, j // STAGES)
             work.step[place] = i
             work.clock[place] = begin + (first + NODES[j % STAGES] * length) * h - run.origin
             place += 1
@@ -473,7 +473,7 @@ def flow_through(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int,
             node += 1
         perform(listed.made, moving, last, work.values, STAGES)
         if listed.steady[w] == 0:
-            _, share = part_of(rows, run, i, part)
+            _, share = share_of_step(rows, run, i, part)
             gauss_step(listed.jacobian[w], work.values, share * length, change, work.system)
         else:
             if part == 0:
