@@ -56,7 +56,7 @@ _FLAT = 16.0 * EPSILON  # part of what is wanted below which nothing is left of 
 _MOST_RAYS = 60  # tried for each contact
 
 
-@compiled()
+@compiled(brief=True)
 def fit_cones(rows: Rows, space: Space, scale: float) -> None:
     """Find the forces nearest to what is wanted.
 
@@ -79,7 +79,7 @@ def fit_cones(rows: Rows, space: Space, scale: float) -> None:
             break
 
 
-@compiled()
+@compiled(brief=True)
 def steepest_ray(rows: Rows, space: Space, number: int) -> float:
     """Make the ray along which what is left falls most, behind those that there are; its steepness
     (0: there is none)."""
@@ -101,7 +101,7 @@ def steepest_ray(rows: Rows, space: Space, number: int) -> float:
     return most
 
 
-@compiled()
+@compiled(brief=True)
 def put_ray(rows: Rows, space: Space, own: int, number: int) -> None:
     """A unit of a normal force with the friction that what is left asks for most, or a unit of a
     threshold.
@@ -144,13 +144,13 @@ def put_ray(rows: Rows, space: Space, own: int, number: int) -> None:
             ray[c], ray[o] = f * x / size, g * y / size
 
 
-@compiled()
+@compiled(brief=True)
 def link_beside(rows: Rows, link: int, o: int) -> int:
     """The link of the other component of a contact in a plane under the same normal force."""
     return int(link - rows.first_link[rows.links[link, RUBBING]] + rows.first_link[o])
 
 
-@compiled()
+@compiled(brief=True)
 def falls_along(rows: Rows, space: Space, i: int) -> float:
     """How fast the square of what is left falls along a ray."""
     cones, ray = space.cones, space.rays[i]
@@ -164,7 +164,7 @@ def falls_along(rows: Rows, space: Space, i: int) -> float:
     return total
 
 
-@compiled()
+@compiled(brief=True)
 def product_of(rows: Rows, space: Space, i: int, j: int) -> float:
     """Product of two rays in the metric."""
     mq = rows.sizes[ON_INERTIAL]
@@ -178,7 +178,7 @@ def product_of(rows: Rows, space: Space, i: int, j: int) -> float:
     return total
 
 
-@compiled()
+@compiled(brief=True)
 def balance_rays(rows: Rows, space: Space, number: int) -> tuple[int, bool]:
     """Give rays the weights for which nothing is left along any of them, without those whose
     weights would not be positive; how many are left, and whether the last has become one of them.
@@ -220,7 +220,7 @@ def balance_rays(rows: Rows, space: Space, number: int) -> tuple[int, bool]:
     return 0, False
 
 
-@compiled()
+@compiled(brief=True)
 def put_left(rows: Rows, space: Space, number: int) -> None:
     """Add up the forces of rays, and what they leave of what is wanted."""
     cones, rays = space.cones, space.rays
@@ -239,7 +239,7 @@ def put_left(rows: Rows, space: Space, number: int) -> None:
                 cones[LEFT, c] -= space.delassus[c, b] * cones[FORCE, b]
 
 
-@compiled()
+@compiled(brief=True)
 def no_cones(rows: Rows, space: Space) -> None:
     """Begin with no forces at all."""
     for i in range(_OF_A_FIT):

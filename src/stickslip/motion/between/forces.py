@@ -64,13 +64,13 @@ _LITTLE = 1.5e-9  # part of its bounds below which there is no room
 _INSIDE = 4  # trials: how far from the bounds of the law forces have to be
 
 
-@compiled()
+@compiled(brief=True)
 def kept_room(trial: int) -> float:
     """The part of the room that forces have to keep in a trial."""
     return 0.0 if trial == _INSIDE - 1 else 0.3 * 0.1**trial
 
 
-@compiled()
+@compiled(brief=True)
 def try_other_forces(machine: Machine, flow: Flow, at: Instant, order: int, h: float) -> bool:
     """Look for other forces of what rests in a piece that obey the law; if there are any, their
     guards take the place of those of the mode.
@@ -109,7 +109,7 @@ def try_other_forces(machine: Machine, flow: Flow, at: Instant, order: int, h: f
     return False
 
 
-@compiled()
+@compiled(brief=True)
 def widest_room(machine: Machine, flow: Flow, at: Instant) -> float:
     """How far from the bounds of the law some forces of what rests may keep, as a part of these; 0
     if there is no room.
@@ -132,7 +132,7 @@ def widest_room(machine: Machine, flow: Flow, at: Instant) -> float:
     return room
 
 
-@compiled()
+@compiled(brief=True)
 def goes_straight(rows: Rows, space: Space, order: int, x: float) -> bool:
     """Whether the directions of contacts do not turn.
 
@@ -166,7 +166,7 @@ def goes_straight(rows: Rows, space: Space, order: int, x: float) -> bool:
     return True
 
 
-@compiled()
+@compiled(brief=True)
 def fit_forces(machine: Machine, flow: Flow, at: Instant, room: float, end: int) -> bool:
     """Find admissible forces of what rests, with the effect of those of the mode.
 
@@ -224,7 +224,7 @@ def fit_forces(machine: Machine, flow: Flow, at: Instant, room: float, end: int)
     return True
 
 
-@compiled()
+@compiled(brief=True)
 def put_law(rows: Rows, space: Space, mode: Array, room: float, end: int) -> bool:
     """The cones of what rests, and its forces in the mode; False if coefficients of friction change
     in the piece.
@@ -287,7 +287,7 @@ def put_law(rows: Rows, space: Space, mode: Array, room: float, end: int) -> boo
     return True
 
 
-@compiled()
+@compiled(brief=True)
 def shift_guards(rows: Rows, space: Space, mode: Array, sign: float) -> None:
     """Add the difference of the forces to the guards at the nodes, or take it away again.
 
@@ -329,13 +329,13 @@ def shift_guards(rows: Rows, space: Space, mode: Array, sign: float) -> None:
                     samples[row + 1, g] += down
 
 
-@compiled()
+@compiled(brief=True)
 def difference_at(cones: Array, c: int, part: float) -> float:
     """The difference of a force at a part of the way from one end to the other."""
     return float((1.0 - part) * cones[DIFFERENCE, c] + part * cones[DIFFERENCE + 1, c])
 
 
-@compiled()
+@compiled(brief=True)
 def is_admissible(rows: Rows, space: Space, mode: Array) -> bool:
     """Whether the guards of what rests are nowhere negative, but for rounding errors; where the
     mode has no force, differences that change evenly are admissible between if they are at the

@@ -57,7 +57,7 @@ _MOST_CUTS = 40  # mechanisms that are tried until it is known which one begins
 _WAY, _PULL, _SLOPE, _STEP, _AHEAD, _HELD, _RADIUS, _SPARE, LEAVES, _BEST = range(10)
 
 
-@compiled()
+@compiled(brief=True)
 def is_new(n: int, basis: Array, rank: int, least: float) -> bool:
     """Whether the vector behind an orthonormal basis is no combination of it; if so, it joins.
 
@@ -91,19 +91,19 @@ def is_new(n: int, basis: Array, rank: int, least: float) -> bool:
     return True
 
 
-@compiled()
+@compiled(brief=True)
 def axis_of(flow: Flow, c: int) -> float:
     """The axis of a component of a contact in a plane; of others 1."""
     return float(flow.k.J[c, flow.k.J.shape[1] - 3])
 
 
-@compiled()
+@compiled(brief=True)
 def sticks_in(rows: Rows, mode: Array, c: int, group: int) -> bool:
     """Whether a contact sticks and may share its force with those of a group."""
     return bool(rows.group[c] == group and mode[c] == 0)
 
 
-@compiled()
+@compiled(brief=True)
 def place_direction(flow: Flow, table: Array, c: int, vector: Array) -> None:
     """The direction of a contact, in all inertial coordinates."""
     rows = flow.rows
@@ -115,7 +115,7 @@ def place_direction(flow: Flow, table: Array, c: int, vector: Array) -> None:
         vector[rows.members[part[MEMBERS] + j]] = axis_of(flow, c) * entry
 
 
-@compiled()
+@compiled(brief=True)
 def grip(flow: Flow, mode: Array, table: Array, group: int) -> tuple[int, int]:
     """Directions of what sticks in a group, as rows G over an orthonormal basis: how many they are,
     and how many are independent.
@@ -150,7 +150,7 @@ def grip(flow: Flow, mode: Array, table: Array, group: int) -> tuple[int, int]:
     return count, rank
 
 
-@compiled()
+@compiled(brief=True)
 def is_gripped(flow: Flow, table: Array, first: int, other: int, rank: int) -> bool:
     """Whether both components of a contact depend on what sticks in its group.
 
@@ -174,7 +174,7 @@ def is_gripped(flow: Flow, table: Array, first: int, other: int, rank: int) -> b
     return not is_new(n, basis, rank, _INDEPENDENT)
 
 
-@compiled()
+@compiled(brief=True)
 def turns(flow: Flow, mode: Array, group: int) -> bool:
     """Whether directions of what sticks in a group change within a step."""
     rows = flow.rows
@@ -192,7 +192,7 @@ def turns(flow: Flow, mode: Array, group: int) -> bool:
     return False
 
 
-@compiled()
+@compiled(brief=True)
 def find_shared(flow: Flow, mode: Array, table: Array, lasting: bool) -> None:
     """Note which contacts share their forces with others: they have one guard together.
 
@@ -226,7 +226,7 @@ def find_shared(flow: Flow, mode: Array, table: Array, lasting: bool) -> None:
                     leaving[c] = STAYS
 
 
-@compiled()
+@compiled(brief=True)
 def is_first(rows: Rows, mode: Array, c: int) -> bool:
     """Whether a contact is the first that sticks in its group."""
     first = True
@@ -235,13 +235,13 @@ def is_first(rows: Rows, mode: Array, c: int) -> bool:
     return first
 
 
-@compiled()
+@compiled(brief=True)
 def partner(rows: Rows, c: int) -> int:
     """The other component of a contact in a plane; −1 for others."""
     return int(rows.planes[rows.plane[c], OTHER] if rows.plane[c] >= 0 else NOWHERE)
 
 
-@compiled()
+@compiled(brief=True)
 def held_at(flow: Flow, table: Array, c: int, k: int) -> float:
     """Order k of the force of a sticking contact, beside the middle of its set, in parts of its
     axis."""
@@ -252,7 +252,7 @@ def held_at(flow: Flow, table: Array, c: int, k: int) -> float:
     return float((table[rows.force[c], k] - middle) / axis_of(flow, c))
 
 
-@compiled()
+@compiled(brief=True)
 def radius_at(rows: Rows, table: Array, c: int, k: int) -> float:
     """Order k of the radius of the set of forces of a contact, by its first component."""
     if rows.plane[c] >= 0:
@@ -260,7 +260,7 @@ def radius_at(rows: Rows, table: Array, c: int, k: int) -> float:
     return float(0.5 * (table[rows.plus[c], k] + table[rows.minus[c], k]))
 
 
-@compiled()
+@compiled(brief=True)
 def speed_of(flow: Flow, c: int, rank: int, w: Array) -> tuple[float, float]:
     """Gw of a contact, by its first component: both components of it; the second is 0 on a line."""
     grips = flow.space.grip
@@ -273,7 +273,7 @@ def speed_of(flow: Flow, c: int, rank: int, w: Array) -> tuple[float, float]:
     return x, y
 
 
-@compiled()
+@compiled(brief=True)
 def slope_of(
     flow: Flow, mode: Array, group: int, rank: int, w: Array, part: float, slope: Array
 ) -> None:
@@ -307,7 +307,7 @@ def slope_of(
                 slope[r] += share * y * space.grip[other, r]
 
 
-@compiled()
+@compiled(brief=True)
 def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> None:
     """F″ at the place that is reached, over the basis that :func:`load_of` leaves.
 
@@ -350,7 +350,7 @@ def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> None:
                 bend[i, j] += along * (xx * a * d + xy * (a * e + b * d) + yy * b * e)
 
 
-@compiled()
+@compiled(brief=True)
 def fastest_of(flow: Flow, mode: Array, group: int, rank: int, w: Array) -> float:
     """The speed of the contact that a mechanism moves most.
 
@@ -372,7 +372,7 @@ def fastest_of(flow: Flow, mode: Array, group: int, rank: int, w: Array) -> floa
     return found
 
 
-@compiled()
+@compiled(brief=True)
 def load_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
     """q·w/Σ s |Gw| for what the body might do; far away, for the mechanism that it tends to, which
     does not move at all the contacts that stay far behind. It is kept.
@@ -434,7 +434,7 @@ def load_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
     return math.inf if work > 0.0 else 0.0
 
 
-@compiled()
+@compiled(brief=True)
 def pull(flow: Flow, mode: Array, group: int, rank: int) -> float:
     """The sum q of the forces that rest needs, from forces and radii in the work space; returns the
     size of its terms."""
@@ -452,7 +452,7 @@ def pull(flow: Flow, mode: Array, group: int, rank: int) -> float:
     return size
 
 
-@compiled()
+@compiled(brief=True)
 def fits(flow: Flow, mode: Array, group: int, lack: float) -> bool:
     """Whether forces in the work space are in their sets themselves, but for a part of these."""
     rows = flow.rows
@@ -466,7 +466,7 @@ def fits(flow: Flow, mode: Array, group: int, lack: float) -> bool:
     return True
 
 
-@compiled()
+@compiled(brief=True)
 def overload(
     flow: Flow, mode: Array, group: int, rank: int, lack: float, full: bool
 ) -> tuple[float, bool]:
@@ -541,7 +541,7 @@ def overload(
     return found, found <= 1.0 + lack and off <= (0.5 * lack + 16.0 * _SETTLED) * size
 
 
-@compiled()
+@compiled(brief=True)
 def descent(flow: Flow, rank: int) -> float:
     """A step of Newton's method, in the work space; how steep F is along it.
 
@@ -568,7 +568,7 @@ def descent(flow: Flow, rank: int) -> float:
     return first
 
 
-@compiled()
+@compiled(brief=True)
 def place_held(flow: Flow, mode: Array, table: Array, group: int) -> None:
     """Put the forces and radii that a table has into the work space."""
     rows = flow.rows
@@ -579,7 +579,7 @@ def place_held(flow: Flow, mode: Array, table: Array, group: int) -> None:
             aside[_RADIUS, c] = max(radius_at(rows, table, c, 0), 0.0)
 
 
-@compiled()
+@compiled(brief=True)
 def place_point(flow: Flow, mode: Array, group: int, table: Array, i: int) -> None:
     """Put control point i of forces and radii into the work space.
 
@@ -601,7 +601,7 @@ def place_point(flow: Flow, mode: Array, group: int, table: Array, i: int) -> No
             aside[_RADIUS, c] = max(table[nc + c, i], 0.0)
 
 
-@compiled()
+@compiled(brief=True)
 def can_hold(flow: Flow, mode: Array, group: int, rank: int, lack: float) -> bool:
     """Whether the forces in the work space can be held, but for a part of them.
 
@@ -619,7 +619,7 @@ def can_hold(flow: Flow, mode: Array, group: int, rank: int, lack: float) -> boo
     return overload(flow, mode, group, rank, lack, False)[1]
 
 
-@compiled()
+@compiled(brief=True)
 def cut_out(source: Array, target: Array, row: int, d: int, a: float, b: float) -> None:
     """Control points of a polynomial on [a, b], from those on [0, 1] (de Casteljau).
 
@@ -642,7 +642,7 @@ def cut_out(source: Array, target: Array, row: int, d: int, a: float, b: float) 
             points[j] = (1.0 - share) * points[j] + share * points[j + 1]
 
 
-@compiled()
+@compiled(brief=True)
 def place_polynomials(flow: Flow, mode: Array, group: int) -> bool:
     """Control points of forces and radii on a step; whether the least forces stay inside their sets
     by the sizes of their terms alone.
@@ -682,7 +682,7 @@ def place_polynomials(flow: Flow, mode: Array, group: int) -> bool:
     return inside
 
 
-@compiled()
+@compiled(brief=True)
 def place_piece(flow: Flow, mode: Array, group: int, d: int, a: float, b: float) -> None:
     """Control points on [a, b] from those of the whole step.
 
@@ -704,7 +704,7 @@ def place_piece(flow: Flow, mode: Array, group: int, d: int, a: float, b: float)
                 cut_out(points, piece, nc + c, d, a, b)
 
 
-@compiled()
+@compiled(brief=True)
 def holds_until(
     flow: Flow, mode: Array, group: int, rank: int, d: int, end: float, lack: float
 ) -> tuple[float, bool]:
@@ -755,7 +755,7 @@ def holds_until(
     return a, False
 
 
-@compiled()
+@compiled(brief=True)
 def place_guard(flow: Flow, mode: Array, group: int, rank: int) -> tuple[float, float]:
     """Coefficients of Σ s |Gw| − q·w for the mechanism w in the work space, by the speed of the
     contact that it moves most; the size of the terms of the first, and that speed.
@@ -792,7 +792,7 @@ def place_guard(flow: Flow, mode: Array, group: int, rank: int) -> tuple[float, 
     return size, fastest
 
 
-@compiled()
+@compiled(brief=True)
 def mark_leaving(flow: Flow, mode: Array, group: int, rank: int, fastest: float) -> None:
     """Note which contacts of a group the mechanism in the work space moves.
 
@@ -817,7 +817,7 @@ def mark_leaving(flow: Flow, mode: Array, group: int, rank: int, fastest: float)
                 flow.space.leaving[other] = moves
 
 
-@compiled()
+@compiled(brief=True)
 def find_leaving(flow: Flow, mode: Array, first: int, lack: float) -> tuple[bool, float]:
     """Whether contacts that share their forces leave stick within a step, and which; their guard is
     left in the work space, with the size of its terms as a result.
@@ -879,7 +879,7 @@ def find_leaving(flow: Flow, mode: Array, first: int, lack: float) -> tuple[bool
     return leaves, size
 
 
-@compiled()
+@compiled(brief=True)
 def any_share(rows: Rows) -> bool:
     """Whether there are contacts that may share forces."""
     found = False
@@ -888,7 +888,7 @@ def any_share(rows: Rows) -> bool:
     return found
 
 
-@compiled()
+@compiled(brief=True)
 def spare_part(flow: Flow, mode: Array, first: int) -> float:
     """The part of the thresholds that contacts which share their forces do not need at an instant,
     to a digit; 0 if they need all.
@@ -916,7 +916,7 @@ def spare_part(flow: Flow, mode: Array, first: int) -> float:
     return 0.0
 
 
-@compiled()
+@compiled(brief=True)
 def lacking_part(flow: Flow, mode: Array, first: int, d: int, least: float) -> float:
     """The part of the forces that contacts which share them may lack on a piece, in powers of 10;
     0 if it is proved that it is at most `least`.
