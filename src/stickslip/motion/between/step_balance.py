@@ -26,7 +26,6 @@ import numpy as np
 
 from stickslip.arrays import Array, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
-from stickslip.motion.between.cones import FORCE_SIZE, RESTS
 from stickslip.motion.between.forces import HOLDS, RUBS, TOUCHES, try_other_forces, widest_room
 from stickslip.motion.between.impulses import (
     BROKEN,
@@ -100,6 +99,7 @@ from stickslip.motion.steps.arrays import (
     plain_coefficients,
     set_mode,
 )
+from stickslip.motion.steps.cones import FORCE_SIZE, RESTS
 from stickslip.motion.steps.discs import (
     BALL,
     OFF,

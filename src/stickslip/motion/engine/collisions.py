@@ -60,7 +60,6 @@ from stickslip.motion.engine.impacts import (
     set_in_motion,
     settles,
     slides_along,
-    solve_equations,
     stop_what_is_held,
     takes_part,
     try_impulses,
@@ -88,6 +87,7 @@ from stickslip.motion.steps.arrays import (
     is_component,
     set_mode,
 )
+from stickslip.motion.steps.cones import solve_equations
 from stickslip.motion.steps.starting import secular_root
 from stickslip.translator import compiled
 

@@ -46,8 +46,8 @@ from stickslip.motion.engine.modes import (
     keeps,
     let_slide,
     set_regions,
-    settle_mode,
 )
+from stickslip.motion.engine.resting import settle
 from stickslip.motion.steps.arrays import (
     ASTRAY,
     CAUSE,
@@ -223,7 +223,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
             entering = False
             if code >= 0:
                 return code, note(rows, lane, task, count)
-        status, h, series, may_fire = settle_mode(machine, flow, lane, most, hold, promised)
+        status, h, series, may_fire = settle(machine, flow, lane, most, hold, promised)
         if status == ASTRAY:
             go_back(lane, space, before)
             room = _CUT * promised

@@ -67,6 +67,7 @@ from stickslip.motion.steps.arrays import (
     is_component,
     set_mode,
 )
+from stickslip.motion.steps.cones import solve_equations
 from stickslip.motion.steps.starting import coefficients, secular_root
 from stickslip.translator import compiled
 
@@ -84,7 +85,6 @@ _SLOW = 1e-12  # part of their terms below which velocities are zero
 _TOGETHER = 1e-13  # of the time that a motion may last: what of bouncing is left then is none
 _AT_FIRST = 1e-9  # square of the part of its time that says how large the gaps of a motion are
 _ALMOST = 1e-2  # of the paradox: a motion that runs into it ends a little before
-_SINGULAR = 1e-13  # part of its row below which a pivot is zero
 _HOLDS = 1e-8  # part of the largest velocity that what is held may have
 
 
@@ -483,37 +483,6 @@ def solve_impulses(rows: Rows, space: Space, mode: Array) -> bool:
         if slides_along(rows, tried, mode, c):
             allowed = friction_of(rows, work, slips_towards(mode, c), c)
             work[IMPULSE, c] = -work[SENSE, c] * allowed
-    return True
-
-
-@compiled()
-def solve_equations(system: Array, n: int) -> bool:
-    """Solve n equations, whose right side is the column behind them and becomes the solution; False
-    if a pivot vanishes beside its row."""
-    for k in range(n):
-        best = k
-        most = -1.0
-        for i in range(k, n):
-            size = 0.0
-            for j in range(n):
-                size = max(size, abs(system[i, j]))
-            part = abs(system[i, k]) / size if size > 0.0 else 0.0
-            if part > most:
-                best, most = i, part
-        if not most > _SINGULAR:
-            return False
-        if best != k:
-            for j in range(n + 1):
-                system[k, j], system[best, j] = system[best, j], system[k, j]
-        for i in range(k + 1, n):
-            factor = system[i, k] / system[k, k]
-            for j in range(k, n + 1):
-                system[i, j] -= factor * system[k, j]
-    for k in range(n - 1, -1, -1):
-        total = system[k, n]
-        for j in range(k + 1, n):
-            total -= system[k, j] * system[j, n]
-        system[k, n] = total / system[k, k]
     return True
 
 

@@ -244,7 +244,7 @@ class Space(NamedTuple):
     response, delassus, impulses : arrays, shapes (nq, mq), (mq, mq), (mq, mq + 1)
         M⁻¹Jᵀ and J M⁻¹ Jᵀ of contacts that take part in an impact, and the equations of impulses.
     cones, rays, shares, explained : arrays
-        Of audits of forces and impulses; see :mod:`stickslip.motion.between.cones` and
+        Of forces and impulses that a law allows; see :mod:`stickslip.motion.steps.cones` and
         :mod:`stickslip.motion.between.impulses`.
     begun, answer, aims : arrays
         Of slips in a plane that begin; see :mod:`stickslip.motion.steps.starting`.
