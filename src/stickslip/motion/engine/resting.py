@@ -143,7 +143,7 @@ def part_that_begins(flow: Flow, lane: Lane, status: int) -> int:
 def begins_from_rest(flow: Flow, lane: Lane, c: int, status: int) -> bool:
     """Whether a contact rests and is to slip."""
     rows, space = flow.rows, flow.space
-    if not is_slow(flow, lane, c):
+    if not has_no_velocity(flow, lane, c):
         return False
     last, fired = lane.clock[LAST], lane.counters[CAUSE]
     still = status == OK
@@ -154,7 +154,7 @@ def begins_from_rest(flow: Flow, lane: Lane, c: int, status: int) -> bool:
 
 
 @compiled(brief=True)
-def is_slow(flow: Flow, lane: Lane, c: int) -> bool:
+def has_no_velocity(flow: Flow, lane: Lane, c: int) -> bool:
     """Whether a contact has no velocity, beside its terms and what forces make of it in a step; if
     it is in a plane, none in either direction."""
     rows, space = flow.rows, flow.space
@@ -170,7 +170,7 @@ def is_slow(flow: Flow, lane: Lane, c: int) -> bool:
 def is_closed(flow: Flow, lane: Lane, n: int) -> bool:
     """Whether a contact that can open touches, and stays where it is."""
     apart = is_apart(flow, n, lane.clock[RECENT], lane.clock[SPAN])
-    return is_slow(flow, lane, n) and not apart
+    return has_no_velocity(flow, lane, n) and not apart
 
 
 @compiled(brief=True)
@@ -209,7 +209,7 @@ def place_rest(machine: Machine, flow: Flow, lane: Lane, part: int, room: float)
         for link in range(rows.first_link[c], rows.first_link[c + 1]):
             pressed = pressed or cones[RESTS, rows.links[link, PRESSING]] != 0.0
         if pressed:
-            if not is_slow(flow, lane, c):
+            if not has_no_velocity(flow, lane, c):
                 return False
             cones[RESTS, c] = 1.0
     ahead = min(_AHEAD * lane.clock[RECENT], room)
