@@ -57,7 +57,7 @@ _MOST_RAYS = 60  # tried for each contact
 _SINGULAR = 1e-13  # part of its row below which a pivot is zero
 
 
-@compiled(brief=True)
+@compiled()
 def fit_cones(rows: Rows, space: Space, scale: float) -> None:
     """Find the forces nearest to what is wanted.
 
@@ -80,7 +80,7 @@ def fit_cones(rows: Rows, space: Space, scale: float) -> None:
             break
 
 
-@compiled(brief=True)
+@compiled()
 def steepest_ray(rows: Rows, space: Space, number: int) -> float:
     """Make the ray along which what is left falls most, behind those that there are; its steepness
     (0: there is none)."""
@@ -102,7 +102,7 @@ def steepest_ray(rows: Rows, space: Space, number: int) -> float:
     return most
 
 
-@compiled(brief=True)
+@compiled()
 def put_ray(rows: Rows, space: Space, own: int, number: int) -> None:
     """A unit of a normal force with the friction that what is left asks for most, or a unit of a
     threshold.
@@ -145,13 +145,13 @@ def put_ray(rows: Rows, space: Space, own: int, number: int) -> None:
             ray[c], ray[o] = f * x / size, g * y / size
 
 
-@compiled(brief=True)
+@compiled()
 def link_beside(rows: Rows, link: int, o: int) -> int:
     """The link of the other component of a contact in a plane under the same normal force."""
     return int(link - rows.first_link[rows.links[link, RUBBING]] + rows.first_link[o])
 
 
-@compiled(brief=True)
+@compiled()
 def falls_along(rows: Rows, space: Space, i: int) -> float:
     """How fast the square of what is left falls along a ray."""
     cones, ray = space.cones, space.rays[i]
@@ -165,7 +165,7 @@ def falls_along(rows: Rows, space: Space, i: int) -> float:
     return total
 
 
-@compiled(brief=True)
+@compiled()
 def product_of(rows: Rows, space: Space, i: int, j: int) -> float:
     """Product of two rays in the metric."""
     mq = rows.sizes[ON_INERTIAL]
@@ -179,7 +179,7 @@ def product_of(rows: Rows, space: Space, i: int, j: int) -> float:
     return total
 
 
-@compiled(brief=True)
+@compiled()
 def balance_rays(rows: Rows, space: Space, number: int) -> tuple[int, bool]:
     """Give rays the weights for which nothing is left along any of them, without those whose
     weights would not be positive; how many are left, and whether the last has become one of them.
@@ -221,7 +221,7 @@ def balance_rays(rows: Rows, space: Space, number: int) -> tuple[int, bool]:
     return 0, False
 
 
-@compiled(brief=True)
+@compiled()
 def put_left(rows: Rows, space: Space, number: int) -> None:
     """Add up the forces of rays, and what they leave of what is wanted."""
     cones, rays = space.cones, space.rays
@@ -240,7 +240,7 @@ def put_left(rows: Rows, space: Space, number: int) -> None:
                 cones[LEFT, c] -= space.delassus[c, b] * cones[FORCE, b]
 
 
-@compiled(brief=True)
+@compiled()
 def no_cones(rows: Rows, space: Space) -> None:
     """Begin with no forces at all."""
     for i in range(_OF_A_FIT):
