@@ -3,7 +3,7 @@
 Where more contacts are closed, or stick, than there are freedoms, a mode has one choice of forces,
 a step one mode, and the law asks for any choice that is admissible. So where the forces of the mode
 are not, others with the same effect are looked for at both ends of a piece
-(:mod:`stickslip.motion.steps.cones`), well inside the law if that can be. Directions must not
+(:mod:`stickslip.motion.admissible.cones`), well inside the law if that can be. Directions must not
 turn in it; then differences to the forces of the mode that change evenly from end to end have no
 effect, JᵀΔ = 0, and the law is asked between the nodes, too, as it is asked of those of the mode.
 """
@@ -13,25 +13,7 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
-from stickslip.motion.between.nodes import COUNT, GAUSS_NODES, least_on_nodes
-from stickslip.motion.engine.guards import opens
-from stickslip.motion.engine.impacts import put_part
-from stickslip.motion.engine.modes import resolve
-from stickslip.motion.steps.arrays import (
-    COORDINATES,
-    DIMENSION,
-    MATRIX,
-    OK,
-    ON_INERTIAL,
-    PART,
-    PRESSING,
-    Flow,
-    Instant,
-    Machine,
-    Rows,
-    Space,
-)
-from stickslip.motion.steps.cones import (
+from stickslip.motion.admissible.cones import (
     DIFFERENCE,
     FORCE,
     FORCE_SIZE,
@@ -51,6 +33,24 @@ from stickslip.motion.steps.cones import (
     WEIGHT,
     fit_cones,
     no_cones,
+)
+from stickslip.motion.between.nodes import COUNT, GAUSS_NODES, least_on_nodes
+from stickslip.motion.engine.guards import opens
+from stickslip.motion.engine.impacts import put_part
+from stickslip.motion.engine.modes import resolve
+from stickslip.motion.steps.arrays import (
+    COORDINATES,
+    DIMENSION,
+    MATRIX,
+    OK,
+    ON_INERTIAL,
+    PART,
+    PRESSING,
+    Flow,
+    Instant,
+    Machine,
+    Rows,
+    Space,
 )
 from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.starting import coefficients

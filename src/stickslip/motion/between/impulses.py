@@ -4,7 +4,7 @@ Once the velocities on both sides of an impact are known, the law
 (:mod:`stickslip.motion.engine.impacts`) leaves a convex cone of impulses Λ: what has separated has
 none, what slips afterwards rubs in one direction, what does not has any friction that can be held.
 So no modes have to be tried: in the cone, the impulse is found whose jump M⁻¹JᵀΛ is nearest to the
-one that was recorded (:mod:`stickslip.motion.steps.cones`).
+one that was recorded (:mod:`stickslip.motion.admissible.cones`).
 """
 
 from __future__ import annotations
@@ -14,6 +14,17 @@ import math
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.motion.admissible.cones import (
+    FORCE,
+    LEAST_SHARE,
+    MOST_SHARE,
+    PRESSES,
+    STRONG,
+    WANTED,
+    fit_cones,
+    link_beside,
+    no_cones,
+)
 from stickslip.motion.engine.collisions import JUMPED, best_impulse, change_in_turn
 from stickslip.motion.engine.guards import opens
 from stickslip.motion.engine.impacts import (
@@ -50,17 +61,6 @@ from stickslip.motion.steps.arrays import (
     Space,
     is_component,
     set_mode,
-)
-from stickslip.motion.steps.cones import (
-    FORCE,
-    LEAST_SHARE,
-    MOST_SHARE,
-    PRESSES,
-    STRONG,
-    WANTED,
-    fit_cones,
-    link_beside,
-    no_cones,
 )
 from stickslip.motion.steps.starting import coefficients
 from stickslip.translator import compiled

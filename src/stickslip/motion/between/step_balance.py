@@ -26,6 +26,17 @@ import numpy as np
 
 from stickslip.arrays import Array, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
+from stickslip.motion.admissible.cones import FORCE_SIZE, RESTS
+from stickslip.motion.admissible.leaving import lacking_part, spare_part
+from stickslip.motion.admissible.sharing import (
+    ON_ITS_OWN,
+    any_share,
+    axis_of,
+    find_shared,
+    held_at,
+    is_first,
+    radius_at,
+)
 from stickslip.motion.between.forces import HOLDS, RUBS, TOUCHES, try_other_forces, widest_room
 from stickslip.motion.between.impulses import (
     BROKEN,
@@ -99,7 +110,6 @@ from stickslip.motion.steps.arrays import (
     plain_coefficients,
     set_mode,
 )
-from stickslip.motion.steps.cones import FORCE_SIZE, RESTS
 from stickslip.motion.steps.discs import (
     BALL,
     OFF,
@@ -108,17 +118,6 @@ from stickslip.motion.steps.discs import (
     spread_given,
     spread_state,
     tape_of,
-)
-from stickslip.motion.steps.holding import (
-    ON_ITS_OWN,
-    any_share,
-    axis_of,
-    find_shared,
-    held_at,
-    is_first,
-    lacking_part,
-    radius_at,
-    spare_part,
 )
 from stickslip.motion.steps.jumps import fired_jump, make_jump
 from stickslip.motion.steps.roots import horner

@@ -87,8 +87,8 @@ from stickslip.motion.steps.arrays import (
     is_component,
     set_mode,
 )
-from stickslip.motion.steps.cones import solve_equations
 from stickslip.motion.steps.starting import secular_root
+from stickslip.motion.steps.vectors import solve_equations
 from stickslip.translator import compiled
 
 # What :func:`collide` says: nothing collides; velocities have jumped; no impulse obeys the law; or

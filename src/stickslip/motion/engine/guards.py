@@ -5,6 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from stickslip.arrays import Array
+from stickslip.motion.admissible.leaving import find_leaving
+from stickslip.motion.admissible.overload import LEAVES
+from stickslip.motion.admissible.sharing import ON_ITS_OWN, any_share, find_shared, is_first
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     ADMISSIBLE_SIZE,
@@ -28,14 +31,6 @@ from stickslip.motion.steps.arrays import (
     gap_size,
     is_component,
     is_loose,
-)
-from stickslip.motion.steps.holding import (
-    LEAVES,
-    ON_ITS_OWN,
-    any_share,
-    find_leaving,
-    find_shared,
-    is_first,
 )
 from stickslip.motion.steps.roots import divide_out, first_crossing
 from stickslip.motion.steps.step_size import impulse

@@ -67,8 +67,8 @@ from stickslip.motion.steps.arrays import (
     is_component,
     set_mode,
 )
-from stickslip.motion.steps.cones import solve_equations
 from stickslip.motion.steps.starting import coefficients, secular_root
+from stickslip.motion.steps.vectors import solve_equations
 from stickslip.translator import compiled
 
 # Rows of Space.impact: velocities of contacts before and after, impulses, and the restitution that

@@ -1,12 +1,11 @@
 """Rest where normal forces are not unique: it lasts as long as some admissible forces hold it.
 
 Of a body on more feet than it has freedoms, rest does not tell how its weight is shared, and
-friction depends on that. One mode is one vertex of the admissible forces, and pivoting that leaves
-one may come to a slip although another vertex rests. So before what is pressed by such forces
-begins to slip, it is asked for forces of rest (:mod:`stickslip.motion.steps.cones`). The rays that
-these are made of are independent: they are a vertex, and say its mode. A contact with two rays has
-room on either side and sticks, one with a single ray is carried at its threshold, and one without
-any is open, and does not leave.
+friction depends on that. A mode is one way to share it, and pivoting that leaves one may come to a
+slip although the body rests with another. So before what is pressed by several normal forces
+begins to slip, it is asked whether any forces hold it (:mod:`stickslip.motion.admissible.cones`),
+and then which independent ones of the normal forces suffice. These say the mode: they are closed,
+what they press sticks, or is carried at its threshold, and the others are open and do not leave.
 """
 
 from __future__ import annotations
@@ -14,6 +13,21 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
+from stickslip.motion.admissible.cones import (
+    FORCE,
+    LEAST_ALONE,
+    LEAST_SHARE,
+    LEFT,
+    LEFT_ALONE,
+    MOST_ALONE,
+    MOST_SHARE,
+    PRESSES,
+    RESTS,
+    WANTED,
+    WEIGHT,
+    fit_cones,
+    no_cones,
+)
 from stickslip.motion.engine.guards import opens, stays
 from stickslip.motion.engine.impacts import put_part
 from stickslip.motion.engine.modes import copy, is_apart, resolve, settle_mode
@@ -43,23 +57,8 @@ from stickslip.motion.steps.arrays import (
     is_loose,
     set_mode,
 )
-from stickslip.motion.steps.cones import (
-    FORCE,
-    LEAST_ALONE,
-    LEAST_SHARE,
-    LEFT,
-    LEFT_ALONE,
-    MOST_ALONE,
-    MOST_SHARE,
-    PRESSES,
-    RESTS,
-    WANTED,
-    WEIGHT,
-    fit_cones,
-    no_cones,
-)
-from stickslip.motion.steps.holding import is_new
 from stickslip.motion.steps.starting import coefficients
+from stickslip.motion.steps.vectors import is_new
 from stickslip.translator import compiled
 
 # Rows of Space.tried: the mode that pivoting has found; all contacts without their forces; which

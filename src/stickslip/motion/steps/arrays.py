@@ -244,12 +244,12 @@ class Space(NamedTuple):
     response, delassus, impulses : arrays, shapes (nq, mq), (mq, mq), (mq, mq + 1)
         M⁻¹Jᵀ and J M⁻¹ Jᵀ of contacts that take part in an impact, and the equations of impulses.
     cones, rays, shares, explained : arrays
-        Of forces and impulses that a law allows; see :mod:`stickslip.motion.steps.cones` and
+        Of forces and impulses that a law allows; see :mod:`stickslip.motion.admissible.cones` and
         :mod:`stickslip.motion.between.impulses`.
     begun, answer, aims : arrays
         Of slips in a plane that begin; see :mod:`stickslip.motion.steps.starting`.
     basis, grip, turned_grip, bend, unbent, aside, points, piece, leaving : arrays
-        Of contacts that share forces; see :mod:`stickslip.motion.steps.holding`.
+        Of contacts that share forces; see :mod:`stickslip.motion.admissible.overload`.
     span, turn, turned, onset : arrays
         Of slips that begin together; see :mod:`stickslip.motion.steps.onset`.
     landed, stood : arrays

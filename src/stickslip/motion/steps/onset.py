@@ -19,7 +19,7 @@ import math
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
 from stickslip.motion.steps.arrays import COMPONENT, EPSILON, Flow
-from stickslip.motion.steps.holding import is_new
+from stickslip.motion.steps.vectors import direction_and_turn, is_new
 from stickslip.translator import compiled
 
 # Rows of Space.aims for each plane: the direction (two rows), ρ, the right-hand side (two rows),
@@ -174,11 +174,9 @@ def place_slopes(flow: Flow, rank: int, way: Array, rounded: float, share: float
         if not begins_in(flow, p):
             continue
         x, y = speed_along(flow, rank, way, 2 * p), speed_along(flow, rank, way, 2 * p + 1)
-        size = math.sqrt(x * x + y * y + rounded * rounded)
-        x, y = x / size, y / size
+        x, y, xx, yy, xy, size = direction_and_turn(x, y, rounded)
         aims[AIMS * p + X, 0], aims[AIMS * p + Y, 0] = x, y
-        least = (rounded / size) ** 2
-        xx, yy, xy = (least + y * y) / size, (least + x * x) / size, -x * y / size
+        xx, yy, xy = xx / size, yy / size, xy / size
         for k in range(n):
             if not begins_in(flow, k // 2):
                 continue
@@ -261,6 +259,11 @@ def aim_together(flow: Flow) -> int:
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
             least = min(least, math.hypot(aims[AIMS * p + X, 0], aims[AIMS * p + Y, 0]))
+    if size > 0.0 and least >= 1.0 - _FULL:
+        # None lacks any: forces have just reached what many mechanisms cannot hold, and their
+        # directions are the same for all of these.
+        place_aims_of(flow, rank, tried)
+        return rank
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
             full = math.hypot(aims[AIMS * p + X, 0], aims[AIMS * p + Y, 0])
@@ -269,6 +272,31 @@ def aim_together(flow: Flow) -> int:
             if full < 1.0 - _FULL or full <= least or not size > 0.0:
                 aims[AIMS * p + RHO, 0] = -size if size > 0.0 else -1.0
     return rank
+
+
+@compiled(brief=True)
+def place_aims_of(flow: Flow, rank: int, way: Array) -> None:
+    """Directions of a mechanism, without a speed.
+
+    Parameters
+    ----------
+    flow : Flow
+    rank : int
+        Number of vectors of Z.
+    way : array
+        V, times some number.
+    """
+    onset = flow.space.onset
+    length = 0.0
+    for r in range(rank):
+        length += way[r] * way[r]
+    for r in range(rank):
+        onset[_FIRST + r, 0] = way[r] / math.sqrt(length)
+    onset[_BETA, 0] = 0.0
+    for p in range(len(flow.rows.planes)):
+        if begins_in(flow, p):
+            flow.space.aims[AIMS * p + LEADING, 0] = 0.0
+            aim_of(flow, rank, p, 0)
 
 
 @compiled(brief=True)

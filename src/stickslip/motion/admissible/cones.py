@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 
-from stickslip.arrays import Array
 from stickslip.motion.steps.arrays import (
     EPSILON,
     ON_INERTIAL,
@@ -26,6 +25,7 @@ from stickslip.motion.steps.arrays import (
     Space,
     is_component,
 )
+from stickslip.motion.steps.vectors import solve_equations
 from stickslip.translator import compiled
 
 # Rows of Space.cones, by contact: the velocity that is wanted; what the forces leave of it; their
@@ -54,7 +54,6 @@ _OF_A_FIT = 11
 RESTS, FORCE_SIZE, IN_MODE, SHARES, PUSHES_ON, PUSHES_BACK, DIFFERENCE = range(11, 18)
 _FLAT = 16.0 * EPSILON  # part of what is wanted below which nothing is left of it
 _MOST_RAYS = 60  # tried for each contact
-_SINGULAR = 1e-13  # part of its row below which a pivot is zero
 
 
 @compiled()
@@ -246,34 +245,3 @@ def no_cones(rows: Rows, space: Space) -> None:
     for i in range(_OF_A_FIT):
         for c in range(max(rows.sizes[ON_INERTIAL], len(rows.links))):
             space.cones[i, c] = 0.0
-
-
-@compiled()
-def solve_equations(system: Array, n: int) -> bool:
-    """Solve n equations, whose right side is the column behind them and becomes the solution; False
-    if a pivot vanishes beside its row."""
-    for k in range(n):
-        best = k
-        most = -1.0
-        for i in range(k, n):
-            size = 0.0
-            for j in range(n):
-                size = max(size, abs(system[i, j]))
-            part = abs(system[i, k]) / size if size > 0.0 else 0.0
-            if part > most:
-                best, most = i, part
-        if not most > _SINGULAR:
-            return False
-        if best != k:
-            for j in range(n + 1):
-                system[k, j], system[best, j] = system[best, j], system[k, j]
-        for i in range(k + 1, n):
-            factor = system[i, k] / system[k, k]
-            for j in range(k, n + 1):
-                system[i, j] -= factor * system[k, j]
-    for k in range(n - 1, -1, -1):
-        total = system[k, n]
-        for j in range(k + 1, n):
-            total -= system[k, j] * system[j, n]
-        system[k, n] = total / system[k, k]
-    return True
