@@ -34,9 +34,10 @@ from stickslip.motion.admissible.cones import (
     fit_cones,
     no_cones,
 )
+from stickslip.motion.admissible.impacts_law import (
+    put_part,
+)
 from stickslip.motion.between.nodes import COUNT, GAUSS_NODES, least_on_nodes
-from stickslip.motion.engine.guards import opens
-from stickslip.motion.engine.impacts import put_part
 from stickslip.motion.engine.modes import resolve
 from stickslip.motion.steps.arrays import (
     COORDINATES,
@@ -51,6 +52,7 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
+    opens,
 )
 from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.starting import coefficients

@@ -1,10 +1,10 @@
 """The audit of impacts: whether some impulses that obey the law explain a jump of the velocities.
 
 Once the velocities on both sides of an impact are known, the law
-(:mod:`stickslip.motion.engine.impacts`) leaves a convex cone of impulses Λ: what has separated has
-none, what slips afterwards rubs in one direction, what does not has any friction that can be held.
-So no modes have to be tried: in the cone, the impulse is found whose jump M⁻¹JᵀΛ is nearest to the
-one that was recorded (:mod:`stickslip.motion.admissible.cones`).
+(:mod:`stickslip.motion.admissible.impacts_law`) leaves a convex cone of impulses Λ: what has
+separated has none, what slips afterwards rubs in one direction, what does not has any friction that
+can be held. So no modes have to be tried: in the cone, the impulse is found whose jump M⁻¹JᵀΛ is
+nearest to the one that was recorded (:mod:`stickslip.motion.admissible.cones`).
 """
 
 from __future__ import annotations
@@ -25,18 +25,19 @@ from stickslip.motion.admissible.cones import (
     link_beside,
     no_cones,
 )
-from stickslip.motion.engine.collisions import JUMPED, best_impulse, change_in_turn
-from stickslip.motion.engine.guards import opens
-from stickslip.motion.engine.impacts import (
+from stickslip.motion.admissible.impacts_law import (
     BEFORE,
     CHANGE,
     IMPULSE,
     RESTITUTION,
-    approaching,
-    put_responses,
     restitution_of,
     set_in_motion,
     takes_part,
+)
+from stickslip.motion.engine.collisions import JUMPED, best_impulse, change_in_turn
+from stickslip.motion.engine.impacts import (
+    approaching,
+    put_responses,
 )
 from stickslip.motion.steps.arrays import (
     BACK,
@@ -60,6 +61,7 @@ from stickslip.motion.steps.arrays import (
     Rows,
     Space,
     is_component,
+    opens,
     set_mode,
 )
 from stickslip.motion.steps.starting import coefficients

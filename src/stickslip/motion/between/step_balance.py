@@ -60,7 +60,9 @@ from stickslip.motion.between.nodes import (
     to_control_points,
 )
 from stickslip.motion.between.observers import Sums, add_step, count_times, make_sums
-from stickslip.motion.engine.guards import opens, resting
+from stickslip.motion.engine.guards import (
+    resting,
+)
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
@@ -106,6 +108,7 @@ from stickslip.motion.steps.arrays import (
     is_component,
     is_loose,
     is_stopped,
+    opens,
     own_inverse,
     plain_coefficients,
     set_mode,

@@ -30,7 +30,6 @@ from stickslip.motion.engine.guards import (
     first_event,
     germ,
     guard_of,
-    opens,
     resting,
     spell,
 )
@@ -104,6 +103,7 @@ from stickslip.motion.steps.arrays import (
     flow_of,
     is_component,
     is_stopped,
+    opens,
     remember_gaps,
 )
 from stickslip.motion.steps.jumps import due_jump, fires, make_jump, passed_jumps

@@ -31,6 +31,7 @@ from stickslip.motion.steps.arrays import (
     gap_size,
     is_component,
     is_loose,
+    opens,
 )
 from stickslip.motion.steps.roots import divide_out, first_crossing
 from stickslip.motion.steps.step_size import impulse
@@ -234,20 +235,6 @@ def stays(
     guard = GuardRow(row, NOWHERE, 1.0, size, rate, near, precision, False, 0.0, 0.0)
     s, _ = germ(W, guard, N, space.powers, slack, spare)
     return s == 0
-
-
-@compiled()
-def opens(rows: Rows, c: int) -> bool:
-    """Whether a contact is the normal direction of one that can open."""
-    return bool(rows.gaps[c] >= 0)
-
-
-@compiled()
-def loosen_friction(rows: Rows, mode: Array) -> None:
-    """What is open has no friction: its contact slips, without force, which has one name only."""
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if is_loose(rows, mode, c):
-            mode[c] = 1
 
 
 # -- numbers of guards and switches ----------------------------------------------------------------

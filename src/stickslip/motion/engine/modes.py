@@ -22,8 +22,6 @@ from stickslip.motion.engine.guards import (
     NUMBER,
     contact_of,
     is_second,
-    loosen_friction,
-    opens,
     scan,
     stays,
 )
@@ -79,6 +77,8 @@ from stickslip.motion.steps.arrays import (
     gap_size,
     is_component,
     is_loose,
+    loosen_friction,
+    opens,
     own_inverse,
     presses,
     set_mode,

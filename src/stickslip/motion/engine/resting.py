@@ -28,8 +28,12 @@ from stickslip.motion.admissible.cones import (
     fit_cones,
     no_cones,
 )
-from stickslip.motion.engine.guards import opens, stays
-from stickslip.motion.engine.impacts import put_part
+from stickslip.motion.admissible.impacts_law import (
+    put_part,
+)
+from stickslip.motion.engine.guards import (
+    stays,
+)
 from stickslip.motion.engine.modes import copy, is_apart, resolve, settle_mode
 from stickslip.motion.steps.arrays import (
     ASTRAY,
@@ -55,6 +59,7 @@ from stickslip.motion.steps.arrays import (
     direction_entry,
     is_component,
     is_loose,
+    opens,
     set_mode,
 )
 from stickslip.motion.steps.starting import coefficients
