@@ -12,7 +12,7 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.motion.admissible.overload import (
-    CARRIED,
+    GIVEN_FORCES,
     LEAVES,
     MECHANISM,
     MOVES,
@@ -246,9 +246,9 @@ def place_polynomials(flow: Flow, mode: Array, group: int) -> bool:
         for k in range(N):
             aside[SCRATCH, k] = held_at(flow, space.W, c, k) * powers[k]
         lowest(aside[SCRATCH], N - 1, points[c], aside[STEP])
-        aside[CARRIED, c] = 0.0
+        aside[GIVEN_FORCES, c] = 0.0
         for i in range(N):
-            aside[CARRIED, c] = max(aside[CARRIED, c], abs(points[c, i]))
+            aside[GIVEN_FORCES, c] = max(aside[GIVEN_FORCES, c], abs(points[c, i]))
         if is_component(rows, c):
             continue
         for k in range(N):
@@ -257,7 +257,9 @@ def place_polynomials(flow: Flow, mode: Array, group: int) -> bool:
     for c in range(nc):
         if sticks_in(rows, mode, c, group) and not is_component(rows, c):
             other = partner(rows, c)
-            force = math.hypot(aside[CARRIED, c], aside[CARRIED, other] if other >= 0 else 0.0)
+            force = math.hypot(
+                aside[GIVEN_FORCES, c], aside[GIVEN_FORCES, other] if other >= 0 else 0.0
+            )
             inside = inside and force < aside[RADIUS, c]
     return inside
 
@@ -302,7 +304,7 @@ def place_point(flow: Flow, mode: Array, group: int, table: Array, i: int) -> No
     nc = rows.sizes[ON_INERTIAL]
     for c in range(nc):
         if sticks_in(rows, mode, c, group):
-            aside[CARRIED, c] = table[c, i]
+            aside[GIVEN_FORCES, c] = table[c, i]
             aside[RADIUS, c] = max(table[nc + c, i], 0.0)
 
 

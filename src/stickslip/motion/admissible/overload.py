@@ -45,7 +45,7 @@ _CRUDE = 1e-4  # of what is too much, to which the mechanism is known that begin
 _SETTLED = 1e-15  # part of its terms by which forces may fail to have the sum that is asked for
 # Rows of Space.aside: what the body might do (w), q, F′, a Newton step, F′ where it leads, forces
 # and radii, work space, the guard of the mechanism that begins, and that mechanism.
-_WAY, _PULL, _SLOPE, STEP, _AHEAD, CARRIED, RADIUS, SCRATCH, LEAVES, MECHANISM = range(10)
+_WAY, _PULL, _SLOPE, STEP, _AHEAD, GIVEN_FORCES, RADIUS, SCRATCH, LEAVES, MECHANISM = range(10)
 
 
 @compiled(brief=True)
@@ -55,7 +55,7 @@ def place_held(flow: Flow, mode: Array, table: Array, group: int) -> None:
     aside = flow.space.aside
     for c in range(rows.sizes[ON_INERTIAL]):
         if sticks_in(rows, mode, c, group):
-            aside[CARRIED, c] = held_at(flow, table, c, 0)
+            aside[GIVEN_FORCES, c] = held_at(flow, table, c, 0)
             aside[RADIUS, c] = max(radius_at(rows, table, c, 0), 0.0)
 
 
@@ -85,7 +85,9 @@ def fits(flow: Flow, mode: Array, group: int, lack: float) -> bool:
     for c in range(rows.sizes[ON_INERTIAL]):
         if sticks_in(rows, mode, c, group) and not is_component(rows, c):
             other = partner(rows, c)
-            force = math.hypot(aside[CARRIED, c], aside[CARRIED, other] if other >= 0 else 0.0)
+            force = math.hypot(
+                aside[GIVEN_FORCES, c], aside[GIVEN_FORCES, other] if other >= 0 else 0.0
+            )
             if not force <= (1.0 + lack) * aside[RADIUS, c]:
                 return False
     return True
@@ -177,10 +179,10 @@ def pull(flow: Flow, mode: Array, group: int, rank: int) -> float:
         space.aside[_PULL, r] = 0.0
     for c in range(rows.sizes[ON_INERTIAL]):
         if sticks_in(rows, mode, c, group):
-            size += abs(space.aside[CARRIED, c])
+            size += abs(space.aside[GIVEN_FORCES, c])
             size += 0.0 if is_component(rows, c) else space.aside[RADIUS, c]
             for r in range(rank):
-                space.aside[_PULL, r] += space.grip[c, r] * space.aside[CARRIED, c]
+                space.aside[_PULL, r] += space.grip[c, r] * space.aside[GIVEN_FORCES, c]
     return size
 
 
