@@ -296,3 +296,57 @@ def test_impacts_of_many_feet() -> None:
         knots = replace(motion.knots, state=state)
         wrong = Trajectory(motion._problem, motion.t_span, knots, motion.outcome, motion.rtol)
         assert not wrong.certificate.ok
+
+
+# -- rest while some forces hold it ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("feet", [4, 5])
+@pytest.mark.parametrize("seed", range(12))
+def test_a_table_rests_as_long_as_some_forces_hold_it(feet: int, seed: int) -> None:
+    """Its feet rub with different friction: how its weight is shared is not known, and it may be
+    shared so that the table does not slide."""
+    rng = np.random.default_rng([feet, seed])
+    values = {"m": rng.uniform(0.3, 5.0), "I": rng.uniform(0.05, 0.5), "h": rng.uniform(0.1, 0.6)}
+    values |= {f"a{i}": float(a) for i, a in enumerate(np.linspace(-1.0, 1.0, feet))}
+    values |= {f"mu{i}": float(mu) for i, mu in enumerate(rng.uniform(0.1, 0.6, feet))}
+    values |= {"w": 3.0 if seed % 2 else 0.0}
+    low, high = 0.0, values["m"] * G
+    for _ in range(40):
+        values["F"] = 0.5 * (low + high)
+        stands_ = holds(TABLES[feet], values, {}, 1.0)
+        low, high = (values["F"], high) if stands_ else (low, values["F"])
+    start = {"y": values["h"]}
+    motion = ss.simulate(TABLES[feet], initial=start, parameters=values | {"F": 0.99 * low})
+    assert motion.outcome.ok and motion.certificate.ok, motion.certificate
+    assert max(abs(motion.final[name]) for name in ("d_x", "d_y", "d_th")) < 1e-12
+    if seed % 2 == 0:
+        motion = ss.simulate(TABLES[feet], initial=start, parameters=values | {"F": 1.01 * low})
+        assert motion.outcome.ok and motion.certificate.ok, motion.certificate
+        assert motion.final["d_x"] > 1e-3
+
+
+@pytest.mark.parametrize("part", [0.3, 0.99, 1.01])
+def test_a_plate_rests_on_the_feet_that_rub_most(part: float) -> None:
+    """Two opposite feet of four hold μ times its weight, however little the others do."""
+    contacts = {
+        f"foot{i}": ss.Unilateral(
+            f"z + ({c})*a + ({s})*b", (f"d_x - ({s})*d_w", f"d_y + ({c})*d_w"), mu
+        )
+        for i, (c, s, mu) in enumerate([(1, 0, 0.1), (0, 1, 0.5), (-1, 0, 0.1), (0, -1, 0.5)])
+    }
+    forces = {"x": f"{0.5 * part}"}
+    plate = ss.System(
+        "plate",
+        coordinates={
+            q: ss.Inertial(force=forces.get(q, "0")) for q in ("x", "y", "z", "a", "b", "w")
+        },
+        kinetic="(d_x**2 + d_y**2 + d_z**2 + 0.3*d_a**2 + 0.3*d_b**2 + 0.5*d_w**2)/2",
+        potential="z",
+        contacts=contacts,
+        span=(0.0, 1.0),
+    )
+    motion = ss.simulate(plate)
+    assert motion.outcome.ok and motion.certificate.ok, motion.certificate
+    speed = max(abs(motion.final[name]) for name in ("d_x", "d_y", "d_w"))
+    assert speed > 1e-3 if part > 1.0 else speed < 1e-12

@@ -264,6 +264,42 @@ def test_what_sticks_could_stick(seed: int) -> None:
     assert changes(motion)[0] == pytest.approx(1.3, rel=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_a_rod_that_is_pushed_across_at_its_middle_does_not_turn(seed: int) -> None:
+    """At 1.2 all mechanisms that turn about points beyond its ends begin at once; then the least
+    accelerations are those of all of it."""
+    rng = np.random.default_rng([46, seed])
+    angle, length, hold = (float(x) for x in rng.uniform([0.0, 0.5, 0.3], [6.2, 2.0, 1.0]))
+    c, s = float(np.cos(angle)), float(np.sin(angle))
+    rod = [(length * c, length * s), (-length * c, -length * s)]
+    forces = (f"{-2.0 * hold * s!r}*t", f"{2.0 * hold * c!r}*t", "0")
+    motion = certified(body(rod, [hold, hold], forces, static=1.2, end=1.5))
+    assert changes(motion) == pytest.approx([1.2], rel=1e-9)
+    speed = 2.0 * hold * (0.5 * (1.5**2 - 1.2**2) - 0.3)
+    assert motion.final["d_x"] == pytest.approx(-s * speed, abs=1e-9)
+    assert motion.final["d_y"] == pytest.approx(c * speed, abs=1e-9)
+    assert abs(motion.final["d_th"]) < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(32))
+def test_a_rod_begins_to_turn_about_one_of_its_points(seed: int) -> None:
+    """The other point moves in one direction alone. The moment about the first is t; from 2.4 on it
+    exceeds 1.2 · 2, and the rod turns with (t − 2)/(4/3)."""
+    rng = np.random.default_rng([45, seed])
+    angle = float(rng.uniform(0.0, 2.0 * np.pi))
+    c, s = float(np.cos(angle)), float(np.sin(angle))
+    rod = [(-c, -s), (c, s)]
+    holds = [9.0, 1.0]
+    # The force stays across the rod, which is longer than it turns.
+    forces = (f"-t*sin({angle!r} + th)", f"t*cos({angle!r} + th)", "0")
+    system = body(rod, holds, forces, static=1.2, end=3.0)
+    motion = certified(system)
+    assert changes(motion)[0] == pytest.approx(2.4, rel=1e-9)
+    assert motion.final["d_th"] == pytest.approx(
+        0.75 * (0.5 * (9.0 - 2.4**2) - 2.0 * 0.6), rel=1e-9
+    )
+
+
 # -- the audit -------------------------------------------------------------------------------------
 
 

@@ -253,7 +253,7 @@ def impact_map(
     equations: MotionEquations, mode: Mode, region: Region, settled: frozenset[int]
 ) -> list[Expr]:
     """The state after an impact, as functions of that before it: Newton's law with Coulomb's
-    friction, in impulses (:mod:`stickslip.motion.engine.impacts`).
+    friction, in impulses (:mod:`stickslip.motion.admissible.impacts_law`).
 
     Parameters
     ----------

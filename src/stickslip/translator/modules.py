@@ -29,7 +29,7 @@ from stickslip.translator.values import (
     joined,
 )
 
-_FEW = 400  # lines of a function that other modules have copies of, to inline it
+_FEW = 150  # lines of a function that other modules have copies of; LLVM inlines no longer ones
 _MANY = 1000  # lines of a function that is not inlined
 _WORDS = Register("%words", POINTER)
 # Of functions of C, LLVM is to assume no more than this: it takes fmod(0, NaN) for 0.

@@ -3,7 +3,7 @@
 Where more contacts are closed, or stick, than there are freedoms, a mode has one choice of forces,
 a step one mode, and the law asks for any choice that is admissible. So where the forces of the mode
 are not, others with the same effect are looked for at both ends of a piece
-(:mod:`stickslip.motion.between.cones`), well inside the law if that can be. Directions must not
+(:mod:`stickslip.motion.admissible.cones`), well inside the law if that can be. Directions must not
 turn in it; then differences to the forces of the mode that change evenly from end to end have no
 effect, JᵀΔ = 0, and the law is asked between the nodes, too, as it is asked of those of the mode.
 """
@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
-from stickslip.motion.between.cones import (
+from stickslip.motion.admissible.cones import (
     DIFFERENCE,
     FORCE,
     FORCE_SIZE,
@@ -34,9 +34,10 @@ from stickslip.motion.between.cones import (
     fit_cones,
     no_cones,
 )
+from stickslip.motion.admissible.impacts_law import (
+    put_part,
+)
 from stickslip.motion.between.nodes import COUNT, GAUSS_NODES, least_on_nodes
-from stickslip.motion.engine.guards import opens
-from stickslip.motion.engine.impacts import put_part
 from stickslip.motion.engine.modes import resolve
 from stickslip.motion.steps.arrays import (
     COORDINATES,
@@ -51,6 +52,7 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
+    opens,
 )
 from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.starting import coefficients
@@ -64,13 +66,13 @@ _LITTLE = 1.5e-9  # part of its bounds below which there is no room
 _INSIDE = 4  # trials: how far from the bounds of the law forces have to be
 
 
-@compiled()
+@compiled(brief=True)
 def kept_room(trial: int) -> float:
     """The part of the room that forces have to keep in a trial."""
     return 0.0 if trial == _INSIDE - 1 else 0.3 * 0.1**trial
 
 
-@compiled()
+@compiled(brief=True)
 def try_other_forces(machine: Machine, flow: Flow, at: Instant, order: int, h: float) -> bool:
     """Look for other forces of what rests in a piece that obey the law; if there are any, their
     guards take the place of those of the mode.
@@ -109,7 +111,7 @@ def try_other_forces(machine: Machine, flow: Flow, at: Instant, order: int, h: f
     return False
 
 
-@compiled()
+@compiled(brief=True)
 def widest_room(machine: Machine, flow: Flow, at: Instant) -> float:
     """How far from the bounds of the law some forces of what rests may keep, as a part of these; 0
     if there is no room.
@@ -132,7 +134,7 @@ def widest_room(machine: Machine, flow: Flow, at: Instant) -> float:
     return room
 
 
-@compiled()
+@compiled(brief=True)
 def goes_straight(rows: Rows, space: Space, order: int, x: float) -> bool:
     """Whether the directions of contacts do not turn.
 
@@ -166,7 +168,7 @@ def goes_straight(rows: Rows, space: Space, order: int, x: float) -> bool:
     return True
 
 
-@compiled()
+@compiled(brief=True)
 def fit_forces(machine: Machine, flow: Flow, at: Instant, room: float, end: int) -> bool:
     """Find admissible forces of what rests, with the effect of those of the mode.
 
@@ -224,7 +226,7 @@ def fit_forces(machine: Machine, flow: Flow, at: Instant, room: float, end: int)
     return True
 
 
-@compiled()
+@compiled(brief=True)
 def put_law(rows: Rows, space: Space, mode: Array, room: float, end: int) -> bool:
     """The cones of what rests, and its forces in the mode; False if coefficients of friction change
     in the piece.
@@ -287,7 +289,7 @@ def put_law(rows: Rows, space: Space, mode: Array, room: float, end: int) -> boo
     return True
 
 
-@compiled()
+@compiled(brief=True)
 def shift_guards(rows: Rows, space: Space, mode: Array, sign: float) -> None:
     """Add the difference of the forces to the guards at the nodes, or take it away again.
 
@@ -329,13 +331,13 @@ def shift_guards(rows: Rows, space: Space, mode: Array, sign: float) -> None:
                     samples[row + 1, g] += down
 
 
-@compiled()
+@compiled(brief=True)
 def difference_at(cones: Array, c: int, part: float) -> float:
     """The difference of a force at a part of the way from one end to the other."""
     return float((1.0 - part) * cones[DIFFERENCE, c] + part * cones[DIFFERENCE + 1, c])
 
 
-@compiled()
+@compiled(brief=True)
 def is_admissible(rows: Rows, space: Space, mode: Array) -> bool:
     """Whether the guards of what rests are nowhere negative, but for rounding errors; where the
     mode has no force, differences that change evenly are admissible between if they are at the

@@ -1,10 +1,10 @@
 """The audit of impacts: whether some impulses that obey the law explain a jump of the velocities.
 
 Once the velocities on both sides of an impact are known, the law
-(:mod:`stickslip.motion.engine.impacts`) leaves a convex cone of impulses Λ: what has separated has
-none, what slips afterwards rubs in one direction, what does not has any friction that can be held.
-So no modes have to be tried: in the cone, the impulse is found whose jump M⁻¹JᵀΛ is nearest to the
-one that was recorded (:mod:`stickslip.motion.between.cones`).
+(:mod:`stickslip.motion.admissible.impacts_law`) leaves a convex cone of impulses Λ: what has
+separated has none, what slips afterwards rubs in one direction, what does not has any friction that
+can be held. So no modes have to be tried: in the cone, the impulse is found whose jump M⁻¹JᵀΛ is
+nearest to the one that was recorded (:mod:`stickslip.motion.admissible.cones`).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.motion.between.cones import (
+from stickslip.motion.admissible.cones import (
     FORCE,
     LEAST_SHARE,
     MOST_SHARE,
@@ -25,18 +25,19 @@ from stickslip.motion.between.cones import (
     link_beside,
     no_cones,
 )
-from stickslip.motion.engine.collisions import JUMPED, best_impulse, change_in_turn
-from stickslip.motion.engine.guards import opens
-from stickslip.motion.engine.impacts import (
+from stickslip.motion.admissible.impacts_law import (
     BEFORE,
     CHANGE,
     IMPULSE,
     RESTITUTION,
-    approaching,
-    put_responses,
     restitution_of,
     set_in_motion,
     takes_part,
+)
+from stickslip.motion.engine.collisions import JUMPED, best_impulse, change_in_turn
+from stickslip.motion.engine.impacts import (
+    approaching,
+    put_responses,
 )
 from stickslip.motion.steps.arrays import (
     BACK,
@@ -60,6 +61,7 @@ from stickslip.motion.steps.arrays import (
     Rows,
     Space,
     is_component,
+    opens,
     set_mode,
 )
 from stickslip.motion.steps.starting import coefficients
@@ -83,7 +85,7 @@ _SETTLED = 1e-9  # the same for velocities with which a contact would rebound, b
 _EXPLAINED = 1e-12  # part of a jump that may be left unexplained before another is tried
 
 
-@compiled()
+@compiled(brief=True)
 def explain_jump(
     machine: Machine, flow: Flow, before: Instant, after: Array, last: float, cause: int
 ) -> None:
@@ -150,7 +152,7 @@ def explain_jump(
     ask_for_rest(machine, flow, before, after)
 
 
-@compiled()
+@compiled(brief=True)
 def explain_in_turn(
     machine: Machine, flow: Flow, before: Instant, after: Array, last: float, cause: int
 ) -> None:
@@ -194,7 +196,7 @@ def explain_in_turn(
                 found[RATE_TERMS, q] = largest
 
 
-@compiled()
+@compiled(brief=True)
 def rests_at_last(space: Space, c: int, size: float) -> bool:
     """Whether a contact does not rebound, and would do so with next to no velocity: of infinitely
     many impacts that follow faster and faster, the last are left out.
@@ -212,7 +214,7 @@ def rests_at_last(space: Space, c: int, size: float) -> bool:
     return bool(slow and abs(after) < abs(after - rebound))
 
 
-@compiled()
+@compiled(brief=True)
 def passed_on(rows: Rows, space: Space, c: int) -> float:
     """The largest velocity that impulses give to a contact which change one contact alone."""
     largest = 0.0
@@ -223,7 +225,7 @@ def passed_on(rows: Rows, space: Space, c: int) -> float:
     return largest
 
 
-@compiled()
+@compiled(brief=True)
 def impulse_alone(rows: Rows, space: Space, c: int) -> float:
     """The impulse that would explain the jump of a contact, if it were alone."""
     if not has_impulse(rows, space, c) or not space.delassus[c, c] > 0.0:
@@ -232,13 +234,13 @@ def impulse_alone(rows: Rows, space: Space, c: int) -> float:
     return float(abs(jump) / space.delassus[c, c])
 
 
-@compiled()
+@compiled(brief=True)
 def has_impulse(rows: Rows, space: Space, c: int) -> bool:
     """Whether a contact may have an impulse: it is near, or rubs under one that is."""
     return takes_part(rows, space.tried, c)
 
 
-@compiled()
+@compiled(brief=True)
 def is_pushed(rows: Rows, work: Array, c: int) -> bool:
     """Whether a contact rubs under a normal force that has an impulse."""
     for link in range(rows.first_link[c], rows.first_link[c + 1]):
@@ -247,7 +249,7 @@ def is_pushed(rows: Rows, work: Array, c: int) -> bool:
     return False
 
 
-@compiled()
+@compiled(brief=True)
 def fit_impulses(
     rows: Rows, space: Space, before: Array, after: Array, cause: int, trial: int
 ) -> float:
@@ -283,7 +285,7 @@ def fit_impulses(
     return judge_jump(rows, space, before, after, cause)
 
 
-@compiled()
+@compiled(brief=True)
 def put_cones(rows: Rows, space: Space) -> float:
     """The cones of the impulses that the law leaves, and the jumps of the velocities of contacts,
     which are wanted; the size of these."""
@@ -320,14 +322,14 @@ def put_cones(rows: Rows, space: Space) -> float:
     return scale
 
 
-@compiled()
+@compiled(brief=True)
 def is_slow(found: Array, c: int, trial: int) -> bool:
     """Whether γ⁺ + e γ⁻ of a contact may be zero."""
     size = found[_SIZE, c] + (found[FASTEST, c] if trial == _TRIALS - 1 else 0.0)
     return bool(abs(found[_MOVED, c]) <= (_SLOWER if trial == 1 else _SLOW) * size)
 
 
-@compiled()
+@compiled(brief=True)
 def judge_jump(rows: Rows, space: Space, before: Array, after: Array, cause: int) -> float:
     """What impulses do not explain, by coordinate and by contact; the largest of it, in the metric
     of M, as a part of the jump.
@@ -382,7 +384,7 @@ def judge_jump(rows: Rows, space: Space, before: Array, after: Array, cause: int
     return float(largest / jump) if jump > 0.0 else 0.0
 
 
-@compiled()
+@compiled(brief=True)
 def largest_rate(rows: Rows, space: Space) -> float:
     """The largest of the rates that are not explained, in the metric of M."""
     largest = 0.0
@@ -395,7 +397,7 @@ def largest_rate(rows: Rows, space: Space) -> float:
     return float(largest)
 
 
-@compiled()
+@compiled(brief=True)
 def creates_energy(rows: Rows, space: Space) -> bool:
     """Whether the impulses do work on the whole, beyond rounding errors."""
     work = space.impact
@@ -408,7 +410,7 @@ def creates_energy(rows: Rows, space: Space) -> bool:
     return gained > _CREATED * size
 
 
-@compiled()
+@compiled(brief=True)
 def ask_for_rest(machine: Machine, flow: Flow, before: Instant, after: Array) -> None:
     """What can be held at rest is held: if other impulses set fewer contacts in motion whose static
     friction is the larger one, the difference to the jump that these make is not explained.

@@ -26,7 +26,17 @@ import numpy as np
 
 from stickslip.arrays import Array, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
-from stickslip.motion.between.cones import FORCE_SIZE, RESTS
+from stickslip.motion.admissible.cones import FORCE_SIZE, RESTS
+from stickslip.motion.admissible.leaving import lacking_part, spare_part
+from stickslip.motion.admissible.sharing import (
+    ON_ITS_OWN,
+    any_share,
+    axis_of,
+    find_shared,
+    held_at,
+    is_first,
+    radius_at,
+)
 from stickslip.motion.between.forces import HOLDS, RUBS, TOUCHES, try_other_forces, widest_room
 from stickslip.motion.between.impulses import (
     BROKEN,
@@ -50,7 +60,9 @@ from stickslip.motion.between.nodes import (
     to_control_points,
 )
 from stickslip.motion.between.observers import Sums, add_step, count_times, make_sums
-from stickslip.motion.engine.guards import opens, resting
+from stickslip.motion.engine.guards import (
+    resting,
+)
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
@@ -96,6 +108,7 @@ from stickslip.motion.steps.arrays import (
     is_component,
     is_loose,
     is_stopped,
+    opens,
     own_inverse,
     plain_coefficients,
     set_mode,
@@ -110,17 +123,6 @@ from stickslip.motion.steps.discs import (
     spread_state,
     take_directions,
     tape_of,
-)
-from stickslip.motion.steps.holding import (
-    ON_ITS_OWN,
-    any_share,
-    axis_of,
-    find_shared,
-    held_at,
-    is_first,
-    lacking_part,
-    radius_at,
-    spare_part,
 )
 from stickslip.motion.steps.jumps import fired_jump, make_jump
 from stickslip.motion.steps.roots import horner

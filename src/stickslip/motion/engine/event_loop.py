@@ -30,7 +30,6 @@ from stickslip.motion.engine.guards import (
     first_event,
     germ,
     guard_of,
-    opens,
     resting,
     spell,
 )
@@ -47,8 +46,8 @@ from stickslip.motion.engine.modes import (
     let_slide,
     may_be_carried,
     set_regions,
-    settle_mode,
 )
+from stickslip.motion.engine.resting import settle
 from stickslip.motion.steps.arrays import (
     AIM,
     ASTRAY,
@@ -112,6 +111,7 @@ from stickslip.motion.steps.arrays import (
     is_component,
     is_loose,
     is_stopped,
+    opens,
     remember_gaps,
     set_mode,
 )
@@ -234,7 +234,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
             entering = False
             if code >= 0:
                 return code, note(rows, lane, task, count)
-        status, h, series, may_fire = settle_mode(machine, flow, lane, most, hold, promised)
+        status, h, series, may_fire = settle(machine, flow, lane, most, hold, promised)
         if status == ASTRAY:
             go_back(lane, space, before)
             room = _CUT * promised

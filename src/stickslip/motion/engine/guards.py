@@ -5,6 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from stickslip.arrays import Array
+from stickslip.motion.admissible.leaving import find_leaving
+from stickslip.motion.admissible.overload import LEAVES
+from stickslip.motion.admissible.sharing import ON_ITS_OWN, any_share, find_shared, is_first
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     ADMISSIBLE_SIZE,
@@ -28,14 +31,7 @@ from stickslip.motion.steps.arrays import (
     gap_size,
     is_component,
     is_loose,
-)
-from stickslip.motion.steps.holding import (
-    LEAVES,
-    ON_ITS_OWN,
-    any_share,
-    find_leaving,
-    find_shared,
-    is_first,
+    opens,
 )
 from stickslip.motion.steps.roots import divide_out, first_crossing
 from stickslip.motion.steps.step_size import impulse
@@ -239,20 +235,6 @@ def stays(
     guard = GuardRow(row, NOWHERE, 1.0, size, rate, near, precision, False, 0.0, 0.0)
     s, _ = germ(W, guard, N, space.powers, slack, spare)
     return s == 0
-
-
-@compiled()
-def opens(rows: Rows, c: int) -> bool:
-    """Whether a contact is the normal direction of one that can open."""
-    return bool(rows.gaps[c] >= 0)
-
-
-@compiled()
-def loosen_friction(rows: Rows, mode: Array) -> None:
-    """What is open has no friction: its contact slips, without force, which has one name only."""
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if is_loose(rows, mode, c):
-            mode[c] = 1
 
 
 # -- numbers of guards and switches ----------------------------------------------------------------

@@ -1,60 +1,36 @@
-"""Impacts: where a gap closes with a velocity, velocities jump and positions do not.
+"""Impacts as a motion meets them: what approaches, what unit impulses do, when bouncing ends.
 
-Newton's law with Coulomb's friction, in impulses, for all contacts that are closed or closing
-(γ: normal and tangential velocities before and after):
-
-    0 ≤ Λ_N ⟂ γ_N⁺ + e_N γ_N⁻ ≥ 0,   Λ_T ∈ −μ Λ_N Sign(γ_T⁺ + e_T γ_T⁻),   M (q̇⁺ − q̇⁻) = JᵀΛ
-
-(Ch. Glocker, *Set-Valued Force Laws*, 2001, chapter 10). In a mode of the contacts this is a
-linear problem with Delassus' matrix G = J M⁻¹ Jᵀ: a contact that takes part asks for G Λ =
-−(1 + e) γ⁻, one that slips has Λ_T = ∓μ Λ_N. All modes of the contacts concerned are tried; of
-those that satisfy the law the one that loses most energy is taken. Contacts with a given threshold
-have bounded forces and take no impulse.
-
-*Which coefficient.* Slip has the kinetic one, at the speed before the impact. What is at rest
-before slips only where static friction cannot hold it. What slides before stops only where kinetic
-friction stops it, and from there on, back again, static friction counts: such a contact has the
-kinetic coefficient against the sense in which it slid, and the static one along. In a plane, where
-a slip turns and does not stop, it has the kinetic one. So it is with an elastic floor, however
-stiff.
-
-In a plane slip has Λ_T = −μ Λ_N A n with n along w = μA(γ_T⁺ + e_T γ_T⁻), which that impulse
-changes itself: (ρ + D) n = w + D n with D = μA G_TT μA Λ_N is a secular equation, as where a slip
-begins, and gives n from any other; several take turns.
+The law that impulses obey is in :mod:`stickslip.motion.admissible.impacts_law`.
 """
 
 from __future__ import annotations
 
-import math
-
 from stickslip.arrays import Array
-from stickslip.motion.engine.guards import loosen_friction, opens
+from stickslip.motion.admissible.impacts_law import (
+    BEFORE,
+    MODE_BEFORE,
+    NEAR,
+    RESTITUTION,
+    largest_jump,
+    put_friction,
+    put_part,
+    takes_part,
+)
 from stickslip.motion.engine.modes import resolve, stop, touching
 from stickslip.motion.steps.arrays import (
-    BACK,
-    COMPONENT,
-    CONTACTS,
-    COORDINATES,
     DIMENSION,
-    EPSILON,
-    FIRST_ROW,
-    FORWARD,
     HOLDS_BACK,
     HOLDS_FORWARD,
-    INERTIAL,
     LAST,
     MATRIX,
-    MEMBERS,
     NOW,
     NOWHERE,
     OK,
     ON_INERTIAL,
-    OTHER,
     PART,
     PRESSING,
     ROUNDING,
     RUBBING,
-    SENSE,
     SPAN,
     WIDEST,
     Flow,
@@ -62,30 +38,16 @@ from stickslip.motion.steps.arrays import (
     Lane,
     Machine,
     Rows,
-    Space,
-    direction_entry,
-    is_component,
-    set_mode,
+    loosen_friction,
+    opens,
 )
-from stickslip.motion.steps.starting import coefficients, secular_root
+from stickslip.motion.steps.starting import coefficients
 from stickslip.translator import compiled
 
-# Rows of Space.impact: velocities of contacts before and after, impulses, and the restitution that
-# counts; by coordinate, the change of the rates; the best impulses so far; and in SENSE, behind
-# them, the sign of what slips, or its direction n in a plane.
-BEFORE, AFTER, IMPULSE, RESTITUTION, CHANGE, BEST = range(6)
-# … and in FORWARD and BACK coefficients of friction against slip in either sense, and in
-# HOLDS_FORWARD and HOLDS_BACK how much friction holds.
-# Rows of Space.tried: which contacts take part, the mode before, and the best mode so far.
-NEAR, MODE_BEFORE, CHOSEN = range(3)
-MOST_MODES = 65536  # that are ever tried
-_MOST_TURNS = 60  # of directions in planes
 _SLOW = 1e-12  # part of their terms below which velocities are zero
 _TOGETHER = 1e-13  # of the time that a motion may last: what of bouncing is left then is none
 _AT_FIRST = 1e-9  # square of the part of its time that says how large the gaps of a motion are
 _ALMOST = 1e-2  # of the paradox: a motion that runs into it ends a little before
-_SINGULAR = 1e-13  # part of its row below which a pivot is zero
-_HOLDS = 1e-8  # part of the largest velocity that what is held may have
 
 
 @compiled()
@@ -123,21 +85,6 @@ def approaching(
             if closed and work[BEFORE, c] < -_SLOW * space.mag[c]:
                 found += 1
     return found
-
-
-@compiled()
-def restitution_of(rows: Rows, space: Space, c: int) -> float:
-    """Restitution of a contact in the impact at hand. What recedes before it has none: γ⁺ ≥ −e γ⁻
-    would let it come back."""
-    recedes = opens(rows, c) and space.impact[BEFORE, c] > 0.0
-    return 0.0 if recedes else given_restitution(rows, space, c)
-
-
-@compiled()
-def given_restitution(rows: Rows, space: Space, c: int) -> float:
-    """Restitution that is declared for a contact."""
-    row = rows.restitution[c]
-    return 0.0 if row < 0 else float(space.V[row, 0])
 
 
 @compiled()
@@ -189,32 +136,6 @@ def open_all(rows: Rows, mode: Array) -> None:
 
 
 @compiled()
-def takes_part(rows: Rows, tried: Array, c: int) -> bool:
-    """Whether a contact may have an impulse: it is near, or the friction of one that is."""
-    near = opens(rows, c) and tried[NEAR, c] == 1
-    return bool(near or is_pressed(rows, tried, c))
-
-
-@compiled()
-def is_pressed(rows: Rows, tried: Array, c: int) -> bool:
-    """Whether a contact rubs under the normal force of one that takes part."""
-    for link in range(rows.first_link[c], rows.first_link[c + 1]):
-        if tried[NEAR, rows.links[link, PRESSING]] == 1:
-            return True
-    return False
-
-
-@compiled()
-def friction_of(rows: Rows, work: Array, sense: int, c: int) -> float:
-    """The impulse of friction that normal impulses allow: Σ μ Λ_N, with the coefficients in a row
-    of the work space."""
-    total = 0.0
-    for link in range(rows.first_link[c], rows.first_link[c + 1]):
-        total += work[sense, link] * work[IMPULSE, rows.links[link, PRESSING]]
-    return total
-
-
-@compiled()
 def put_responses(machine: Machine, flow: Flow, at: Instant) -> bool:
     """What unit impulses of those that take part do to the rates, M⁻¹Jᵀ, and to the velocities of
     all contacts, J M⁻¹ Jᵀ; False if the inertia is not definite.
@@ -244,456 +165,6 @@ def put_responses(machine: Machine, flow: Flow, at: Instant) -> bool:
             put_part(rows, space, flow.k.J, p, False)
     put_friction(rows, space)
     return True
-
-
-@compiled()
-def put_friction(rows: Rows, space: Space) -> None:
-    """Coefficients of friction in an impact, of slip and where it holds."""
-    work = space.impact
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if rows.first_link[c + 1] == rows.first_link[c]:
-            continue
-        slow = _SLOW * space.mag[c]
-        forward, back = work[BEFORE, c] > slow, work[BEFORE, c] < -slow
-        if rows.plane[c] >= 0:
-            plane = rows.planes[rows.plane[c]]
-            for i in (plane[COMPONENT], plane[OTHER]):
-                forward = forward or abs(work[BEFORE, i]) > _SLOW * space.mag[i]
-            back = forward
-        for side in range(2):
-            slid, turned = (forward, back) if side == 0 else (back, forward)
-            # in a plane nothing is turned back
-            returns = turned and rows.plane[c] < 0
-            for link in range(rows.first_link[c], rows.first_link[c + 1]):
-                kinetic = space.V[rows.friction[link, side], 0]
-                static = space.V[rows.friction[link, 2 + side], 0]
-                work[FORWARD + side, link] = static if returns else kinetic
-                work[HOLDS_FORWARD + side, link] = kinetic if slid else static
-
-
-@compiled()
-def put_part(rows: Rows, space: Space, J: Array, p: int, every: bool) -> None:
-    """The same for one component, whose inverse is in the work space.
-
-    Parameters
-    ----------
-    rows : Rows
-    space : Space
-    J : array
-        Directions that do not change.
-    p : int
-        The component.
-    every : bool
-        Whether all contacts are asked for, and not only those that take part.
-    """
-    n = rows.parts[p, COORDINATES]
-    m = rows.parts[p, CONTACTS]
-    first = rows.parts[p, FIRST_ROW]
-    members = rows.members[rows.parts[p, MEMBERS] :]
-    for j in range(m):
-        c = members[n + j]
-        if not (every or takes_part(rows, space.tried, c)):
-            continue
-        for i in range(n):
-            space.response[members[i], c] = 0.0
-        for other in range(m):
-            space.delassus[members[n + other], c] = 0.0
-        # Directions have few entries that are not zero.
-        for k in range(n):
-            weight = direction_entry(rows, J, space.V, c, k)
-            if weight != 0.0:
-                for i in range(n):
-                    space.response[members[i], c] += space.Rq[first + i, k] * weight
-    for other in range(m):
-        b = members[n + other]
-        for i in range(n):
-            weight = direction_entry(rows, J, space.V, b, i)
-            if weight == 0.0:
-                continue
-            for j in range(m):
-                c = members[n + j]
-                if every or takes_part(rows, space.tried, c):
-                    space.delassus[b, c] += weight * space.response[members[i], c]
-
-
-@compiled()
-def try_impulses(rows: Rows, space: Space, mode: Array, number: int) -> tuple[bool, float, float]:
-    """Impulses in the mode that a number stands for: whether they obey the law, the energy that
-    they gain, and the size of its terms.
-
-    Parameters
-    ----------
-    rows : Rows
-    space : Space
-        With the responses to unit impulses.
-    mode : array of int
-        Receives the mode.
-    number : int
-    """
-    choose_impulse_mode(number, rows, space.tried, mode)
-    aim_impulses(rows, space, mode)
-    for _ in range(_MOST_TURNS):
-        if not solve_impulses(rows, space, mode):
-            return False, 0.0, 0.0
-        put_velocities(rows, space)
-        if not turn_impulses(rows, space, mode):
-            break
-    gained, size, right = judge_impulses(rows, space.impact, space.tried, mode)
-    return right and residual_of(rows, space, mode) <= _HOLDS, gained, size
-
-
-@compiled()
-def residual_of(rows: Rows, space: Space, mode: Array) -> float:
-    """The largest velocity after an impact of what is held, which should have none, in parts of the
-    largest of all. Equations whose rank is not full may have solutions that are rounding errors."""
-    work = space.impact
-    most = 0.0
-    fastest = 0.0
-    for c in range(rows.sizes[ON_INERTIAL]):
-        fastest = max(fastest, abs(work[BEFORE, c]), abs(work[AFTER, c]))
-        if is_held(rows, space.tried, mode, c):
-            most = max(most, abs(moved_on(work, c)))
-    return most / fastest if fastest > 0.0 else 0.0
-
-
-@compiled()
-def aim_impulses(rows: Rows, space: Space, mode: Array) -> None:
-    """The sense in which friction slips in a mode; in a plane that of velocities before."""
-    work = space.impact
-    for c in range(rows.sizes[ON_INERTIAL]):
-        work[SENSE, c] = mode[c]
-    for p in range(len(rows.planes)):
-        c, o = rows.planes[p, COMPONENT], rows.planes[p, OTHER]
-        if slides_along(rows, space.tried, mode, c):
-            x = work[FORWARD, rows.first_link[c]] * work[BEFORE, c]
-            y = work[FORWARD, rows.first_link[o]] * work[BEFORE, o]
-            size = math.hypot(x, y)
-            work[SENSE, c] = x / size if size > 0.0 else 1.0
-            work[SENSE, o] = y / size if size > 0.0 else 0.0
-
-
-@compiled()
-def turn_impulses(rows: Rows, space: Space, mode: Array) -> bool:
-    """Turn slips in planes into their directions after the impact; whether that changes them."""
-    work = space.impact
-    G = space.delassus
-    change = 0.0
-    for p in range(len(rows.planes)):
-        c, o = rows.planes[p, COMPONENT], rows.planes[p, OTHER]
-        if not slides_along(rows, space.tried, mode, c):
-            continue
-        f, g = work[FORWARD, rows.first_link[c]], work[FORWARD, rows.first_link[o]]
-        if not friction_of(rows, work, FORWARD, c) > 0.0:
-            continue
-        # All that press a contact in a plane do it with one coefficient.
-        pressed = friction_of(rows, work, FORWARD, c) / f
-        # w + D n, which is the same whatever n is
-        n, m = work[SENSE, c], work[SENSE, o]
-        a, b, d = f * G[c, c] * f * pressed, f * G[c, o] * g * pressed, g * G[o, o] * g * pressed
-        x = f * moved_on(work, c) + a * n + b * m
-        y = g * moved_on(work, o) + b * n + d * m
-        work[SENSE, c], work[SENSE, o], _ = secular_root(a, b, d, x, y)
-        change = max(change, abs(work[SENSE, c] - n) + abs(work[SENSE, o] - m))
-    return change > 4.0 * EPSILON
-
-
-@compiled()
-def moved_on(work: Array, c: int) -> float:
-    """γ⁺ + e γ⁻ of a contact."""
-    return float(work[AFTER, c] + work[RESTITUTION, c] * work[BEFORE, c])
-
-
-@compiled()
-def is_held(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
-    """Whether the velocity of a contact after an impact is asked for, so that its impulse is
-    unknown."""
-    return bool(mode[c] == 0 and takes_part(rows, tried, c) and not is_free(rows, tried, mode, c))
-
-
-@compiled()
-def is_free(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
-    """Whether a contact rubs, but only under normal forces that have no impulse."""
-    first, end = rows.first_link[c], rows.first_link[c + 1]
-    for link in range(first, end):
-        normal = rows.links[link, PRESSING]
-        if tried[NEAR, normal] == 1 and mode[normal] == 0:
-            return False
-    return bool(end > first)
-
-
-@compiled()
-def slips_towards(mode: Array, c: int) -> int:
-    """The row of coefficients of friction of what slips in an impact."""
-    return FORWARD if mode[c] > 0 else BACK
-
-
-@compiled()
-def slides_along(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
-    """Whether a contact rubs in an impact."""
-    if mode[c] == 0:
-        return False
-    for link in range(rows.first_link[c], rows.first_link[c + 1]):
-        normal = rows.links[link, PRESSING]
-        if tried[NEAR, normal] == 1 and mode[normal] == 0:
-            return True
-    return False
-
-
-@compiled()
-def solve_impulses(rows: Rows, space: Space, mode: Array) -> bool:
-    """Impulses in a mode; False if they are not determined.
-
-    Parameters
-    ----------
-    rows : Rows
-    space : Space
-        With the responses; receives the impulses.
-    mode : array of int
-    """
-    work = space.impact
-    tried = space.tried
-    G = space.delassus
-    system = space.impulses
-    mq = rows.sizes[ON_INERTIAL]
-    size = 0
-    for a in range(mq):
-        work[IMPULSE, a] = 0.0
-        if not is_held(rows, tried, mode, a):
-            continue
-        column = 0
-        for b in range(mq):
-            if is_held(rows, tried, mode, b):
-                entry = G[a, b]
-                for link in range(len(rows.links)):
-                    c = rows.links[link, RUBBING]
-                    if rows.links[link, PRESSING] == b and slides_along(rows, tried, mode, c):
-                        entry -= work[SENSE, c] * work[slips_towards(mode, c), link] * G[a, c]
-                system[size, column] = entry
-                column += 1
-        system[size, column] = -(1.0 + work[RESTITUTION, a]) * work[BEFORE, a]
-        size += 1
-    if not solve_equations(system, size):
-        return False
-    place = 0
-    for c in range(mq):
-        if is_held(rows, tried, mode, c):
-            work[IMPULSE, c] = system[place, size]
-            place += 1
-    for c in range(mq):
-        if slides_along(rows, tried, mode, c):
-            allowed = friction_of(rows, work, slips_towards(mode, c), c)
-            work[IMPULSE, c] = -work[SENSE, c] * allowed
-    return True
-
-
-@compiled()
-def solve_equations(system: Array, n: int) -> bool:
-    """Solve n equations, whose right side is the column behind them and becomes the solution; False
-    if a pivot vanishes beside its row."""
-    for k in range(n):
-        best = k
-        most = -1.0
-        for i in range(k, n):
-            size = 0.0
-            for j in range(n):
-                size = max(size, abs(system[i, j]))
-            part = abs(system[i, k]) / size if size > 0.0 else 0.0
-            if part > most:
-                best, most = i, part
-        if not most > _SINGULAR:
-            return False
-        if best != k:
-            for j in range(n + 1):
-                system[k, j], system[best, j] = system[best, j], system[k, j]
-        for i in range(k + 1, n):
-            factor = system[i, k] / system[k, k]
-            for j in range(k, n + 1):
-                system[i, j] -= factor * system[k, j]
-    for k in range(n - 1, -1, -1):
-        total = system[k, n]
-        for j in range(k + 1, n):
-            total -= system[k, j] * system[j, n]
-        system[k, n] = total / system[k, k]
-    return True
-
-
-@compiled()
-def put_velocities(rows: Rows, space: Space) -> None:
-    """Velocities of contacts after impulses."""
-    work = space.impact
-    mq = rows.sizes[ON_INERTIAL]
-    for c in range(mq):
-        work[AFTER, c] = work[BEFORE, c]
-    for b in range(mq):
-        if work[IMPULSE, b] != 0.0:
-            for c in range(mq):
-                if rows.homes[c, PART] == rows.homes[b, PART]:
-                    work[AFTER, c] += space.delassus[c, b] * work[IMPULSE, b]
-
-
-@compiled()
-def set_in_motion(rows: Rows, space: Space, mode: Array) -> int:
-    """How many contacts slip in a mode that were at rest and have a static friction of their
-    own."""
-    work = space.impact
-    found = 0
-    for c in range(rows.sizes[ON_INERTIAL]):
-        side = 0 if mode[c] > 0 else 1
-        if slides_along(rows, space.tried, mode, c) and not is_component(rows, c):
-            drops = False
-            for link in range(rows.first_link[c], rows.first_link[c + 1]):
-                drops = drops or work[FORWARD + side, link] < work[HOLDS_FORWARD + side, link]
-            found += 1 if drops else 0
-    return found
-
-
-@compiled()
-def put_change(rows: Rows, space: Space) -> None:
-    """The change of the rates by impulses."""
-    work = space.impact
-    for q in range(rows.sizes[INERTIAL]):
-        work[CHANGE, q] = 0.0
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if work[IMPULSE, c] == 0.0:
-            continue
-        p = rows.homes[c, PART]
-        for i in range(rows.parts[p, COORDINATES]):
-            q = rows.members[rows.parts[p, MEMBERS] + i]
-            work[CHANGE, q] += space.response[q, c] * work[IMPULSE, c]
-
-
-@compiled()
-def modes_of(rows: Rows, tried: Array) -> int:
-    """Number of modes of an impact: what is closed takes part or not, its friction sticks or
-    slips."""
-    total = 1
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if total <= MOST_MODES:
-            if opens(rows, c) and tried[NEAR, c] == 1:
-                total *= 2
-            elif takes_part(rows, tried, c) and not is_component(rows, c):
-                total *= 3 if rows.plane[c] < 0 else 2
-    return total
-
-
-@compiled()
-def choose_impulse_mode(number: int, rows: Rows, tried: Array, mode: Array) -> None:
-    """Put the contacts into the mode that a number stands for; whatever takes no part slips."""
-    for c in range(rows.sizes[ON_INERTIAL]):
-        mode[c] = 1
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if not takes_part(rows, tried, c) or is_component(rows, c):
-            continue
-        if opens(rows, c) or rows.plane[c] >= 0:
-            set_mode(rows, mode, c, number % 2)
-            number //= 2
-        else:
-            mode[c] = number % 3 - 1
-            number //= 3
-    loosen_friction(rows, mode)
-
-
-@compiled()
-def judge_impulses(rows: Rows, work: Array, tried: Array, mode: Array) -> tuple[float, float, bool]:
-    """Energy gained, the size of its terms, and whether impulses obey the law.
-
-    Parameters
-    ----------
-    rows : Rows
-    work, tried : arrays
-        As of :class:`stickslip.motion.steps.arrays.Space`.
-    mode : array of int
-        Of the impact.
-    """
-    gained = 0.0
-    size = 0.0
-    largest = 0.0
-    fastest = 0.0
-    for c in range(rows.sizes[ON_INERTIAL]):
-        largest = max(largest, abs(work[IMPULSE, c]))
-        fastest = max(fastest, abs(work[BEFORE, c]), abs(work[AFTER, c]))
-        gained += 0.5 * work[IMPULSE, c] * (work[BEFORE, c] + work[AFTER, c])
-        size += 0.5 * abs(work[IMPULSE, c]) * (abs(work[BEFORE, c]) + abs(work[AFTER, c]))
-    strong = 1e-10 * largest
-    fast = 1e-10 * fastest
-    right = True
-    for c in range(rows.sizes[ON_INERTIAL]):
-        moved = moved_on(work, c)
-        if opens(rows, c) and tried[NEAR, c] == 1:
-            right = right and (work[IMPULSE, c] >= -strong if mode[c] == 0 else moved >= -fast)
-        elif is_pressed(rows, tried, c):
-            if is_free(rows, tried, mode, c) or is_component(rows, c):
-                continue
-            if rows.plane[c] >= 0:
-                right = right and obeys_in_plane(rows, work, mode, c, strong, fast)
-            elif mode[c] == 0:
-                least = -friction_of(rows, work, HOLDS_FORWARD, c)
-                most = friction_of(rows, work, HOLDS_BACK, c)
-                right = right and least - strong <= work[IMPULSE, c] <= most + strong
-            else:
-                right = right and mode[c] * moved >= -fast
-    return gained, size, right
-
-
-@compiled()
-def obeys_in_plane(
-    rows: Rows, work: Array, mode: Array, c: int, strong: float, fast: float
-) -> bool:
-    """Whether the impulse of a contact in a plane obeys Coulomb's law.
-
-    Parameters
-    ----------
-    rows : Rows
-    work : array
-        As of :class:`stickslip.motion.steps.arrays.Space`.
-    mode : array of int
-    c : int
-        Its first component.
-    strong, fast : float
-        Impulses and velocities that are zero.
-    """
-    o = rows.planes[rows.plane[c], OTHER]
-    one, two = rows.first_link[c], rows.first_link[o]
-    f, g = work[FORWARD, one], work[FORWARD, two]
-    if mode[c] == 0:
-        f, g = work[HOLDS_FORWARD, one], work[HOLDS_FORWARD, two]
-        x, y = work[IMPULSE, c], work[IMPULSE, o]
-        if not f > 0.0:
-            return bool(math.hypot(x, y) <= strong)
-        larger = max(f, g)
-        held = math.hypot(x / f, y / g) * larger
-        return bool(held <= larger * friction_of(rows, work, HOLDS_FORWARD, c) / f + strong)
-    n, m = work[SENSE, c], work[SENSE, o]
-    x, y = f * moved_on(work, c), g * moved_on(work, o)
-    little = max(f, g) * fast
-    return bool(n * x + m * y >= -little and abs(n * y - m * x) <= little)
-
-
-@compiled()
-def largest_jump(rows: Rows, work: Array) -> float:
-    """The largest jump of the velocity of a contact in an impact."""
-    largest = 0.0
-    for c in range(rows.sizes[ON_INERTIAL]):
-        largest = max(largest, abs(work[AFTER, c] - work[BEFORE, c]))
-    return largest
-
-
-@compiled()
-def guess_mode(rows: Rows, tried: Array, work: Array, mode: Array) -> None:
-    """After an impact: what has rebounded is open, the rest is closed and sticks if it is at
-    rest."""
-    # Rounding errors are those of the jump, not of how fast a contact slides on meanwhile.
-    largest = largest_jump(rows, work)
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if opens(rows, c) and tried[NEAR, c] == 1:
-            after = work[AFTER, c]
-            if tried[CHOSEN, c] == 0:
-                after = -work[RESTITUTION, c] * work[BEFORE, c]
-            mode[c] = 1 if after > 1e-10 * largest else 0
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if is_pressed(rows, tried, c):
-            mode[c] = tried[CHOSEN, c]
-    loosen_friction(rows, mode)
 
 
 @compiled()

@@ -17,12 +17,11 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import INDEFINITE, SINGULAR, invert, shared_inverse
+from stickslip.motion.admissible.sharing import ON_ITS_OWN, STAYS, grip, is_gripped
 from stickslip.motion.engine.guards import (
     NUMBER,
     contact_of,
     is_second,
-    loosen_friction,
-    opens,
     scan,
     stays,
 )
@@ -78,11 +77,12 @@ from stickslip.motion.steps.arrays import (
     gap_size,
     is_component,
     is_loose,
+    loosen_friction,
+    opens,
     own_inverse,
     presses,
     set_mode,
 )
-from stickslip.motion.steps.holding import ON_ITS_OWN, STAYS, grip, is_gripped, is_new
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import (
     COARSER,
@@ -95,6 +95,7 @@ from stickslip.motion.steps.step_size import (
     suits,
 )
 from stickslip.motion.steps.stiff import RESTING, collocate, lingers
+from stickslip.motion.steps.vectors import is_new
 from stickslip.translator import compiled
 
 _MOST_CANDIDATES = 60000

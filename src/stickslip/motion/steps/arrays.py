@@ -245,16 +245,16 @@ class Space(NamedTuple):
     stages : array
         Of implicit steps: two matrices and some vectors; see :mod:`stickslip.motion.steps.stiff`.
     impact, tried : arrays
-        Of impacts; see :mod:`stickslip.motion.engine.impacts`.
+        Of impacts; see :mod:`stickslip.motion.admissible.impacts_law`.
     response, delassus, impulses : arrays, shapes (nq, mq), (mq, mq), (mq, mq + 1)
         M⁻¹Jᵀ and J M⁻¹ Jᵀ of contacts that take part in an impact, and the equations of impulses.
     cones, rays, shares, explained : arrays
-        Of audits of forces and impulses; see :mod:`stickslip.motion.between.cones` and
+        Of forces and impulses that a law allows; see :mod:`stickslip.motion.admissible.cones` and
         :mod:`stickslip.motion.between.impulses`.
     begun, answer, aims : arrays
         Of slips in a plane that begin; see :mod:`stickslip.motion.steps.starting`.
     basis, grip, turned_grip, bend, unbent, aside, points, piece, leaving : arrays
-        Of contacts that share forces; see :mod:`stickslip.motion.steps.holding`.
+        Of contacts that share forces; see :mod:`stickslip.motion.admissible.overload`.
     span, turn, turned, onset : arrays
         Of slips that begin together; see :mod:`stickslip.motion.steps.onset`.
     landed, stood : arrays
@@ -504,6 +504,20 @@ def is_loose(rows: Rows, mode: Array, c: int) -> bool:
         if mode[rows.links[link, PRESSING]] == 0:
             return False
     return bool(end > first and rows.alone[c] == 0)
+
+
+@compiled()
+def opens(rows: Rows, c: int) -> bool:
+    """Whether a contact is the normal direction of one that can open."""
+    return bool(rows.gaps[c] >= 0)
+
+
+@compiled()
+def loosen_friction(rows: Rows, mode: Array) -> None:
+    """What is open has no friction: its contact slips, without force, which has one name only."""
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if is_loose(rows, mode, c):
+            mode[c] = 1
 
 
 @compiled()

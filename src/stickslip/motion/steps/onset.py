@@ -19,7 +19,7 @@ import math
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
 from stickslip.motion.steps.arrays import COMPONENT, EPSILON, Flow
-from stickslip.motion.steps.holding import is_new
+from stickslip.motion.steps.vectors import direction_and_turn, is_new
 from stickslip.translator import compiled
 
 # Rows of Space.aims for each plane: the direction (two rows), ρ, the right-hand side (two rows),
@@ -41,7 +41,7 @@ _MOST_TURNS = 40  # of Newton's method
 _SOLVED, _RIGHT, _PLACE, _TRIED, _U, _V, _SIZE, _BETA, _FIRST = range(9)
 
 
-@compiled()
+@compiled(brief=True)
 def begin_together(flow: Flow) -> bool:
     """Whether several slips begin, all of them of contacts that may share forces."""
     rows = flow.rows
@@ -57,13 +57,13 @@ def begin_together(flow: Flow) -> bool:
     return count > 1
 
 
-@compiled()
+@compiled(brief=True)
 def begins_in(flow: Flow, p: int) -> bool:
     """Whether a contact in a plane is one of those that begin to slip together."""
     return bool(flow.space.aims[AIMS * p + LEADING, 0] >= 0.0)
 
 
-@compiled()
+@compiled(brief=True)
 def span_rates(flow: Flow) -> int:
     """An orthonormal basis of the velocities that a body can have, from what directions make of
     them, as rows; returns how many there are."""
@@ -88,7 +88,7 @@ def span_rates(flow: Flow) -> int:
     return rank
 
 
-@compiled()
+@compiled(brief=True)
 def speed_along(flow: Flow, rank: int, way: Array, i: int) -> float:
     """Component i of Z V."""
     found = 0.0
@@ -97,7 +97,7 @@ def speed_along(flow: Flow, rank: int, way: Array, i: int) -> float:
     return found
 
 
-@compiled()
+@compiled(brief=True)
 def part_in_span(flow: Flow, rank: int, row: int, m: int, out: Array) -> None:
     """Zᵀ of order m of a pair of rows of the directions, of all slips that begin.
 
@@ -119,7 +119,7 @@ def part_in_span(flow: Flow, rank: int, row: int, m: int, out: Array) -> None:
                 out[r] += flow.space.span[r, i] * aims[AIMS * (i // 2) + row + i % 2, m]
 
 
-@compiled()
+@compiled(brief=True)
 def answer_to(flow: Flow, rank: int, row: int, m: int, factor: float, out: Array) -> None:
     """Add a multiple of ZᵀÂ of order m of a pair of rows of the directions.
 
@@ -146,7 +146,7 @@ def answer_to(flow: Flow, rank: int, row: int, m: int, factor: float, out: Array
                     out[r] += span[r, i] * answer[i, j] * x
 
 
-@compiled()
+@compiled(brief=True)
 def place_slopes(flow: Flow, rank: int, way: Array, rounded: float, share: float) -> None:
     """The matrix share·ZᵀÂ H Z, H the derivative of all directions u/√(|u|² + rounded²) by u, in
     the work space; the directions themselves are left with what is solved for.
@@ -174,11 +174,9 @@ def place_slopes(flow: Flow, rank: int, way: Array, rounded: float, share: float
         if not begins_in(flow, p):
             continue
         x, y = speed_along(flow, rank, way, 2 * p), speed_along(flow, rank, way, 2 * p + 1)
-        size = math.sqrt(x * x + y * y + rounded * rounded)
-        x, y = x / size, y / size
+        x, y, xx, yy, xy, size = direction_and_turn(x, y, rounded)
         aims[AIMS * p + X, 0], aims[AIMS * p + Y, 0] = x, y
-        least = (rounded / size) ** 2
-        xx, yy, xy = (least + y * y) / size, (least + x * x) / size, -x * y / size
+        xx, yy, xy = xx / size, yy / size, xy / size
         for k in range(n):
             if not begins_in(flow, k // 2):
                 continue
@@ -189,7 +187,7 @@ def place_slopes(flow: Flow, rank: int, way: Array, rounded: float, share: float
                     matrix[i, j] += span[i, k] * (a * span[j, 2 * p] + b * span[j, 2 * p + 1])
 
 
-@compiled()
+@compiled(brief=True)
 def rounded_off(flow: Flow, rank: int, way: Array, rounded: float, out: Array) -> float:
     """b₀ + Â n − u with directions that are rounded off; its size.
 
@@ -214,7 +212,7 @@ def rounded_off(flow: Flow, rank: int, way: Array, rounded: float, out: Array) -
     return math.sqrt(size)
 
 
-@compiled()
+@compiled(brief=True)
 def aim_together(flow: Flow) -> int:
     """v₀, and β₀ unless it vanishes, of slips that begin together; returns the number of vectors of
     Z. What does not begin has a β below zero."""
@@ -261,6 +259,11 @@ def aim_together(flow: Flow) -> int:
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
             least = min(least, math.hypot(aims[AIMS * p + X, 0], aims[AIMS * p + Y, 0]))
+    if size > 0.0 and least >= 1.0 - _FULL:
+        # None lacks any: forces have just reached what many mechanisms cannot hold, and their
+        # directions are the same for all of these.
+        place_aims_of(flow, rank, tried)
+        return rank
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
             full = math.hypot(aims[AIMS * p + X, 0], aims[AIMS * p + Y, 0])
@@ -271,7 +274,32 @@ def aim_together(flow: Flow) -> int:
     return rank
 
 
-@compiled()
+@compiled(brief=True)
+def place_aims_of(flow: Flow, rank: int, way: Array) -> None:
+    """Directions of a mechanism, without a speed.
+
+    Parameters
+    ----------
+    flow : Flow
+    rank : int
+        Number of vectors of Z.
+    way : array
+        V, times some number.
+    """
+    onset = flow.space.onset
+    length = 0.0
+    for r in range(rank):
+        length += way[r] * way[r]
+    for r in range(rank):
+        onset[_FIRST + r, 0] = way[r] / math.sqrt(length)
+    onset[_BETA, 0] = 0.0
+    for p in range(len(flow.rows.planes)):
+        if begins_in(flow, p):
+            flow.space.aims[AIMS * p + LEADING, 0] = 0.0
+            aim_of(flow, rank, p, 0)
+
+
+@compiled(brief=True)
 def step_back(flow: Flow, rank: int) -> None:
     """Solve the problem in the work space for a step of Newton's method."""
     onset = flow.space.onset
@@ -281,7 +309,7 @@ def step_back(flow: Flow, rank: int) -> None:
             onset[_SOLVED, i] -= flow.space.turned[i, j] * onset[_RIGHT, j]
 
 
-@compiled()
+@compiled(brief=True)
 def refine_aim(flow: Flow, rank: int, size: float) -> bool:
     """v₀ and β₀ from a neighbourhood, exactly; False if not all slips begin.
 
@@ -342,7 +370,7 @@ def refine_aim(flow: Flow, rank: int, size: float) -> bool:
     return True
 
 
-@compiled()
+@compiled(brief=True)
 def border(matrix: Array, rank: int, way: Array, beta: float) -> None:
     """Put −β on the diagonal of a matrix, and −V around it.
 
@@ -360,7 +388,7 @@ def border(matrix: Array, rank: int, way: Array, beta: float) -> None:
     matrix[rank, rank] = 0.0
 
 
-@compiled()
+@compiled(brief=True)
 def aim_of(flow: Flow, rank: int, p: int, m: int) -> None:
     """Directions of a contact up to order m, and ρ as far as β is known, from V.
 
@@ -401,7 +429,7 @@ def aim_of(flow: Flow, rank: int, p: int, m: int) -> None:
             aims[base + RHO, k] += onset[_BETA, j] * size[k - j]
 
 
-@compiled()
+@compiled(brief=True)
 def set_apart(flow: Flow, rank: int, m: int) -> None:
     """Leave of order m of Au/tᵖ what the body cannot do at first, but as it turns, by β.
 
@@ -429,7 +457,7 @@ def set_apart(flow: Flow, rank: int, m: int) -> None:
         aims[row, m] = own / onset[_BETA, 0] if known else 0.0
 
 
-@compiled()
+@compiled(brief=True)
 def aim_order_together(flow: Flow, rank: int, m: int) -> None:
     """Order m of V, and the order of β that it tells.
 

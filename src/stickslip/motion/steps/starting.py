@@ -58,6 +58,7 @@ from stickslip.motion.steps.onset import (
 from stickslip.translator import compiled
 
 _ANGLES = 24  # that are tried at first
+_RANK_ONE = 64.0 * EPSILON  # part of the largest below which an eigenvalue is none
 _MOST_TURNS = 60  # of iterations between slips that begin together, and of a secular equation
 
 
@@ -482,7 +483,7 @@ def respond_to_turns(machine: Machine, flow: Flow, at: Instant, table: Array) ->
 @compiled()
 def secular_root(a: float, b: float, c: float, x: float, y: float) -> tuple[float, float, float]:
     """The unit vector n and the number ρ with (ρ + D) n = (x, y), D = [[a, b], [b, c]] positive
-    definite: ρ is the largest root of |(ρ + D)⁻¹(x, y)| = 1.
+    definite, or of rank 1 with (x, y) in its image: ρ is the largest root of |(ρ + D)⁻¹(x, y)| = 1.
 
     Parameters
     ----------
@@ -506,6 +507,10 @@ def secular_root(a: float, b: float, c: float, x: float, y: float) -> tuple[floa
         return 1.0, 0.0, -low
     if spread <= 4.0 * EPSILON * middle:
         return x / size, y / size, size - middle
+    if abs(v) <= _RANK_ONE * size and low <= _RANK_ONE * middle:
+        # It moves in one direction alone: across, both sides are rounding errors.
+        side = math.copysign(1.0, u)
+        return side * cosine, side * sine, abs(u) - high
     # 1/|(ρ + D)⁻¹(x, y)| is increasing and concave: Newton's method from the right stays there.
     rho = size - low
     for _ in range(_MOST_TURNS):
@@ -579,7 +584,13 @@ def aim_order(flow: Flow, m: int) -> None:
             # (x, y) + ν (cx, cy) = ρₖ n₀
             across = -o * x + n * y
             slope = -o * cx + n * cy
-            nu = -across / slope if slope != 0.0 else 0.0
+            # What moves in one direction alone is not turned by forces across: there the next
+            # orders of its velocity say how n turns.
+            turns = abs(slope) > _RANK_ONE * (abs(ax) + abs(ay))
+            nu = -across / slope if turns else 0.0
+            if not turns and leading > 1 and k > 0:
+                aims[base + N_, k] -= o * across / aims[base + RHO, 0]
+                aims[base + M_, k] += n * across / aims[base + RHO, 0]
             rho = n * (x + nu * cx) + o * (y + nu * cy)
             u, v = along * n - nu * o, along * o + nu * n
             change = max(change, abs(u - aims[base + X, m]) + abs(v - aims[base + Y, m]))

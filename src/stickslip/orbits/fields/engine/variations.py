@@ -10,7 +10,6 @@ import numpy as np
 from stickslip.arrays import Array, Array3, IntArray3, IntMatrix, IntVector, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.between.dense import Scratch, states_at
-from stickslip.motion.engine.guards import opens
 from stickslip.motion.steps.arrays import (
     COMPONENT,
     MASSIVE,
@@ -19,6 +18,7 @@ from stickslip.motion.steps.arrays import (
     Record,
     Rows,
     is_stopped,
+    opens,
 )
 from stickslip.motion.steps.jumps import fired_jump
 from stickslip.orbits.fields.engine.interpreter import LANES, Instructions, perform

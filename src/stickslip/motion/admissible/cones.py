@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import math
 
-from stickslip.motion.engine.impacts import solve_equations
 from stickslip.motion.steps.arrays import (
     EPSILON,
     ON_INERTIAL,
@@ -26,6 +25,7 @@ from stickslip.motion.steps.arrays import (
     Space,
     is_component,
 )
+from stickslip.motion.steps.vectors import solve_equations
 from stickslip.translator import compiled
 
 # Rows of Space.cones, by contact: the velocity that is wanted; what the forces leave of it; their

@@ -1,0 +1,384 @@
+"""How long contacts that share their forces hold, and which of them leave together.
+
+Forces and radii are polynomials in Bernstein's form on a step. The set of all that can be held is
+convex (:mod:`stickslip.motion.admissible.overload`): what holds at their control points holds along
+them. Where it does not, a mechanism proves that; its guard, Σ s |Gw| − q·w, has a root, up to which
+the rest is asked again.
+"""
+
+from __future__ import annotations
+
+import math
+
+from stickslip.arrays import Array
+from stickslip.motion.admissible.overload import (
+    GIVEN_FORCES,
+    LEAVES,
+    MECHANISM,
+    MOVES,
+    RADIUS,
+    SCRATCH,
+    STEP,
+    can_hold,
+    fastest_of,
+    fits,
+    overload,
+    place_held,
+)
+from stickslip.motion.admissible.sharing import (
+    STAYS,
+    grip,
+    held_at,
+    partner,
+    radius_at,
+    speed_of,
+    sticks_in,
+)
+from stickslip.motion.steps.arrays import (
+    ON_INERTIAL,
+    Flow,
+    is_component,
+)
+from stickslip.motion.steps.roots import first_crossing, lowest
+from stickslip.translator import compiled
+
+_PROVED = 1e-11  # part of the thresholds that a rest may lack between control points
+_MOST_PIECES, _SHORTEST = 200, 1e-5
+_MOST_CUTS = 40  # mechanisms that are tried until it is known which one begins
+
+
+@compiled(brief=True)
+def find_leaving(flow: Flow, mode: Array, first: int, lack: float) -> tuple[bool, float]:
+    """Whether contacts that share their forces leave stick within a step, and which; their guard is
+    left in the work space, with the size of its terms as a result.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the coefficients and the powers of the step.
+    mode : array of int, shape (contacts,)
+    first : int
+        The first contact of them.
+    lack : float
+        Part of the forces that counts as zero.
+    """
+    rows = flow.rows
+    space = flow.space
+    aside, powers = space.aside, space.powers
+    group = rows.group[first]
+    N = flow.order
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if sticks_in(rows, mode, c, group):
+            space.leaving[c] = STAYS
+    if place_polynomials(flow, mode, group):
+        return False, 0.0
+    rank = grip(flow, mode, space.W, group)[1]
+    end = 1.0
+    size = 0.0
+    leaves = False
+    for _ in range(_MOST_CUTS):
+        place_piece(flow, mode, group, N - 1, 0.0, end)
+        place_point(flow, mode, group, space.piece, N - 1)
+        found = 0.0
+        if not fits(flow, mode, group, 0.0):
+            found = overload(flow, mode, group, rank, lack, True)[0]
+        if not found > 1.0 + lack:
+            place, fails = holds_until(flow, mode, group, rank, N - 1, end, _PROVED)
+            if not fails:
+                if place < end:
+                    # No more is proved: what rests is asked again there.
+                    for k in range(N):
+                        aside[LEAVES, k] = 0.0
+                    aside[LEAVES, 0] = size = place
+                    aside[LEAVES, 1] = -1.0 / powers[1]
+                    leaves = True
+                break
+            end = place
+            continue
+        size, fastest = place_guard(flow, mode, group, rank)
+        mark_leaving(flow, mode, group, rank, fastest)
+        leaves = True
+        for k in range(N):
+            aside[SCRATCH, k] = aside[LEAVES, k] * powers[k]
+        if not aside[SCRATCH, 0] > lack * size:
+            break
+        root = first_crossing(aside[SCRATCH], N - 1, end, 0.0, space.stack)
+        if not root < end:
+            break
+        end = root
+    return leaves, size
+
+
+@compiled(brief=True)
+def place_guard(flow: Flow, mode: Array, group: int, rank: int) -> tuple[float, float]:
+    """Coefficients of Σ s |Gw| − q·w for the mechanism w in the work space, by the speed of the
+    contact that it moves most; the size of the terms of the first, and that speed.
+
+    Parameters
+    ----------
+    flow : Flow
+        Receives them.
+    mode : array of int, shape (contacts,)
+    group, rank : int
+    """
+    rows = flow.rows
+    space = flow.space
+    W, guard = space.W, space.aside[LEAVES]
+    fastest = fastest_of(flow, mode, group, rank, space.aside[MECHANISM])
+    size = 0.0
+    for k in range(flow.order):
+        guard[k] = 0.0
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if not sticks_in(rows, mode, c, group) or is_component(rows, c):
+            continue
+        other = partner(rows, c)
+        x, y = speed_of(flow, c, rank, space.aside[MECHANISM])
+        x, y = x / fastest, y / fastest
+        speed = math.hypot(x, y)
+        for k in range(flow.order):
+            guard[k] += speed * radius_at(rows, W, c, k) - x * held_at(flow, W, c, k)
+            if other >= 0:
+                guard[k] -= y * held_at(flow, W, other, k)
+        size += speed * abs(radius_at(rows, W, c, 0))
+        size += abs(x) * space.mag[2 * len(rows.u) + c]
+        if other >= 0:
+            size += abs(y) * space.mag[2 * len(rows.u) + other]
+    return size, fastest
+
+
+@compiled(brief=True)
+def mark_leaving(flow: Flow, mode: Array, group: int, rank: int, fastest: float) -> None:
+    """Note which contacts of a group the mechanism in the work space moves.
+
+    Parameters
+    ----------
+    flow : Flow
+    mode : array of int, shape (contacts,)
+    group, rank : int
+    fastest : float
+        The speed of the contact that it moves most.
+    """
+    rows = flow.rows
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if sticks_in(rows, mode, c, group) and not is_component(rows, c):
+            x, y = speed_of(flow, c, rank, flow.space.aside[MECHANISM])
+            other = partner(rows, c)
+            moves = 0
+            if math.hypot(x, y) > MOVES * fastest:
+                moves = 1 if other >= 0 or x > 0.0 else -1
+            flow.space.leaving[c] = moves
+            if other >= 0:
+                flow.space.leaving[other] = moves
+
+
+@compiled(brief=True)
+def holds_until(
+    flow: Flow, mode: Array, group: int, rank: int, d: int, end: float, lack: float
+) -> tuple[float, bool]:
+    """How far it is proved that control points of degree d, of forces and radii on [0, 1], can be
+    held; and whether they cannot at the end of what comes next.
+
+    Parameters
+    ----------
+    flow : Flow
+        With control points of the whole in its work space.
+    mode : array of int, shape (contacts,)
+    group, rank, d : int
+    end : float
+        Where to stop.
+    lack : float
+        Part of the forces that may be missing.
+
+    Returns
+    -------
+    place : float
+        `end`, if all is proved; else a place where the forces cannot be held, or up to which they
+        can.
+    fails : bool
+        Which of both.
+    """
+    a = 0.0
+    length = end
+    for _ in range(_MOST_PIECES):
+        if not a < end:
+            return end, False
+        b = end if a + 1.01 * length >= end else a + length
+        place_piece(flow, mode, group, d, a, b)
+        held = True
+        for i in range(d, -1, -1):
+            place_point(flow, mode, group, flow.space.piece, i)
+            held = can_hold(flow, mode, group, rank, lack)
+            if not held:
+                if i == d:
+                    return b, True
+                break
+        if held:
+            a = b
+            length *= 2.0
+        else:
+            length = 0.5 * (b - a)
+            if length < _SHORTEST * end:
+                break
+    return a, False
+
+
+@compiled(brief=True)
+def place_polynomials(flow: Flow, mode: Array, group: int) -> bool:
+    """Control points of forces and radii on a step; whether the least forces stay inside their sets
+    by the sizes of their terms alone.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the coefficients and the powers of the step; receives the control points.
+    mode : array of int, shape (contacts,)
+    group : int
+    """
+    rows = flow.rows
+    space = flow.space
+    aside, powers, points = space.aside, space.powers, space.points
+    nc = rows.sizes[ON_INERTIAL]
+    N = flow.order
+    inside = True
+    for c in range(nc):
+        if not sticks_in(rows, mode, c, group):
+            continue
+        for k in range(N):
+            aside[SCRATCH, k] = held_at(flow, space.W, c, k) * powers[k]
+        lowest(aside[SCRATCH], N - 1, points[c], aside[STEP])
+        aside[GIVEN_FORCES, c] = 0.0
+        for i in range(N):
+            aside[GIVEN_FORCES, c] = max(aside[GIVEN_FORCES, c], abs(points[c, i]))
+        if is_component(rows, c):
+            continue
+        for k in range(N):
+            aside[SCRATCH, k] = radius_at(rows, space.W, c, k) * powers[k]
+        aside[RADIUS, c] = lowest(aside[SCRATCH], N - 1, points[nc + c], aside[STEP])
+    for c in range(nc):
+        if sticks_in(rows, mode, c, group) and not is_component(rows, c):
+            other = partner(rows, c)
+            force = math.hypot(
+                aside[GIVEN_FORCES, c], aside[GIVEN_FORCES, other] if other >= 0 else 0.0
+            )
+            inside = inside and force < aside[RADIUS, c]
+    return inside
+
+
+@compiled(brief=True)
+def place_piece(flow: Flow, mode: Array, group: int, d: int, a: float, b: float) -> None:
+    """Control points on [a, b] from those of the whole step.
+
+    Parameters
+    ----------
+    flow : Flow
+    mode : array of int, shape (contacts,)
+    group, d : int
+        The contacts, and the degree.
+    a, b : float
+    """
+    rows = flow.rows
+    points, piece = flow.space.points, flow.space.piece
+    nc = rows.sizes[ON_INERTIAL]
+    for c in range(nc):
+        if sticks_in(rows, mode, c, group):
+            cut_out(points, piece, c, d, a, b)
+            if not is_component(rows, c):
+                cut_out(points, piece, nc + c, d, a, b)
+
+
+@compiled(brief=True)
+def place_point(flow: Flow, mode: Array, group: int, table: Array, i: int) -> None:
+    """Put control point i of forces and radii into the work space.
+
+    Parameters
+    ----------
+    flow : Flow
+    mode : array of int, shape (contacts,)
+    group : int
+    table : array
+        Control points of forces, then of radii.
+    i : int
+    """
+    rows = flow.rows
+    aside = flow.space.aside
+    nc = rows.sizes[ON_INERTIAL]
+    for c in range(nc):
+        if sticks_in(rows, mode, c, group):
+            aside[GIVEN_FORCES, c] = table[c, i]
+            aside[RADIUS, c] = max(table[nc + c, i], 0.0)
+
+
+@compiled(brief=True)
+def cut_out(source: Array, target: Array, row: int, d: int, a: float, b: float) -> None:
+    """Control points of a polynomial on [a, b], from those on [0, 1] (de Casteljau).
+
+    Parameters
+    ----------
+    source, target : arrays
+    row, d : int
+        The row of the polynomial in both, and its degree.
+    a, b : float
+    """
+    points = target[row]
+    for i in range(d + 1):
+        points[i] = source[row, i]
+    for i in range(d):
+        for j in range(d, i, -1):
+            points[j] = (1.0 - b) * points[j - 1] + b * points[j]
+    share = a / b if b > 0.0 else 0.0
+    for i in range(d):
+        for j in range(d - i):
+            points[j] = (1.0 - share) * points[j] + share * points[j + 1]
+
+
+@compiled(brief=True)
+def spare_part(flow: Flow, mode: Array, first: int) -> float:
+    """The part of the thresholds that contacts which share their forces do not need at an instant,
+    to a digit; 0 if they need all.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the values of the rows.
+    mode : array of int, shape (contacts,)
+    first : int
+        The first contact of them.
+    """
+    rows = flow.rows
+    aside = flow.space.aside
+    group = rows.group[first]
+    rank = grip(flow, mode, flow.space.W, group)[1]
+    part = 0.5
+    while part > _PROVED:
+        place_held(flow, mode, flow.space.W, group)
+        for c in range(rows.sizes[ON_INERTIAL]):
+            aside[RADIUS, c] *= 1.0 - part
+        if can_hold(flow, mode, group, rank, 0.0):
+            return part
+        part *= 0.1
+    return 0.0
+
+
+@compiled(brief=True)
+def lacking_part(flow: Flow, mode: Array, first: int, d: int, least: float) -> float:
+    """The part of the forces that contacts which share them may lack on a piece, in powers of 10;
+    0 if it is proved that it is at most `least`.
+
+    Parameters
+    ----------
+    flow : Flow
+        With control points, of degree d, of forces and radii.
+    mode : array of int, shape (contacts,)
+    first, d : int
+        The first contact of them, and the degree.
+    least : float
+    """
+    group = flow.rows.group[first]
+    rank = grip(flow, mode, flow.space.W, group)[1]
+    lack = least
+    while lack < 1.0:
+        place, fails = holds_until(flow, mode, group, rank, d, 1.0, lack)
+        if place >= 1.0 and not fails:
+            return 0.0 if lack == least else lack
+        lack *= 10.0
+    return math.inf

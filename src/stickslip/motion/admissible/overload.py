@@ -1,0 +1,369 @@
+"""What contacts can hold together: a rigid body that rests on several points.
+
+Where more directions stick than there are coordinates, forces are not unique. Rest asks for some
+forces inside their sets, discs in a plane and intervals along a line, that have the sum q which
+rest needs: q has to be in the convex set K = Σ Gᵀ(set of each), G the directions. That is decided
+by a smooth, strictly convex function of what the body might do,
+
+    F(w) = Σ s √(1 + |Gw|²) − q·w,   F′(w) = Σ Gᵀf − q,   f = s Gw/√(1 + |Gw|²).
+
+It has a minimum if and only if q is inside K, and there the f are forces with the sum q, each
+inside its set: a proof that the body can rest. If q is outside, F falls for ever, and Newton's
+method comes to some w with Σ s |Gw| < q·w: a mechanism against which friction is too weak, and the
+proof of that. K is convex, and so is the set of all (q, s) for which q is in it: what holds at the
+control points of polynomials, in Bernstein's form, holds along them.
+"""
+
+from __future__ import annotations
+
+import math
+
+from stickslip.arrays import Array
+from stickslip.equations.codegen.series import invert
+from stickslip.motion.admissible.sharing import (
+    held_at,
+    partner,
+    radius_at,
+    speed_of,
+    sticks_in,
+)
+from stickslip.motion.steps.arrays import (
+    COMPONENT,
+    ON_INERTIAL,
+    Flow,
+    is_component,
+)
+from stickslip.motion.steps.vectors import direction_and_turn, is_new
+from stickslip.translator import compiled
+
+_INDEPENDENT = 1e-13  # square of the part of a direction that is none of the others
+_FAR = 1e4  # what the body might do, beyond which it is known which contacts do not move
+MOVES = 1e-3  # part of the fastest with which a contact begins to slip, too
+_MOST_TURNS = 200  # of Newton's method
+_LONGEST = 4.0  # of its steps, in parts of what is reached
+_CRUDE = 1e-4  # of what is too much, to which the mechanism is known that begins
+_SETTLED = 1e-15  # part of its terms by which forces may fail to have the sum that is asked for
+# Rows of Space.aside: what the body might do (w), q, F′, a Newton step, F′ where it leads, forces
+# and radii, work space, the guard of the mechanism that begins, and that mechanism.
+_WAY, _PULL, _SLOPE, STEP, _AHEAD, GIVEN_FORCES, RADIUS, SCRATCH, LEAVES, MECHANISM = range(10)
+
+
+@compiled(brief=True)
+def place_held(flow: Flow, mode: Array, table: Array, group: int) -> None:
+    """Put the forces and radii that a table has into the work space."""
+    rows = flow.rows
+    aside = flow.space.aside
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if sticks_in(rows, mode, c, group):
+            aside[GIVEN_FORCES, c] = held_at(flow, table, c, 0)
+            aside[RADIUS, c] = max(radius_at(rows, table, c, 0), 0.0)
+
+
+@compiled(brief=True)
+def can_hold(flow: Flow, mode: Array, group: int, rank: int, lack: float) -> bool:
+    """Whether the forces in the work space can be held, but for a part of them.
+
+    Parameters
+    ----------
+    flow : Flow
+    mode : array of int, shape (contacts,)
+    group, rank : int
+        The contacts, and how many of their directions are independent.
+    lack : float
+        The part.
+    """
+    if fits(flow, mode, group, lack):
+        return True
+    return overload(flow, mode, group, rank, lack, False)[1]
+
+
+@compiled(brief=True)
+def fits(flow: Flow, mode: Array, group: int, lack: float) -> bool:
+    """Whether forces in the work space are in their sets themselves, but for a part of these."""
+    rows = flow.rows
+    aside = flow.space.aside
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if sticks_in(rows, mode, c, group) and not is_component(rows, c):
+            other = partner(rows, c)
+            force = math.hypot(
+                aside[GIVEN_FORCES, c], aside[GIVEN_FORCES, other] if other >= 0 else 0.0
+            )
+            if not force <= (1.0 + lack) * aside[RADIUS, c]:
+                return False
+    return True
+
+
+@compiled(brief=True)
+def overload(
+    flow: Flow, mode: Array, group: int, rank: int, lack: float, full: bool
+) -> tuple[float, bool]:
+    """By what factor, at least, q is larger than what can be held, which a mechanism proves; and
+    whether it is proved that q can be held, but for a part `lack` of it.
+
+    Parameters
+    ----------
+    flow : Flow
+        With directions, and forces and radii in the work space; receives what the body would do in
+        the limit, w.
+    mode : array of int, shape (contacts,)
+    group, rank : int
+    lack : float
+    full : bool
+        Whether the factor is wanted, and the limit, where q is too large; otherwise some mechanism
+        and its factor.
+    """
+    space = flow.space
+    aside = space.aside
+    way, slope, step, ahead = aside[_WAY], aside[_SLOPE], aside[STEP], aside[_AHEAD]
+    size = pull(flow, mode, group, rank)
+    for r in range(rank):
+        way[r] = 0.0
+    found = 0.0
+    for _ in range(_MOST_TURNS):
+        found = max(found, load_of(flow, mode, group, rank))
+        bend_of(flow, mode, group, rank)
+        if (found > 1.0 + lack and not full) or not found < math.inf:
+            return found, False
+        part = (1.0 - lack) / max(found, 1.0)
+        slope_of(flow, mode, group, rank, way, part, slope)
+        off = 0.0
+        for r in range(rank):
+            off = max(off, abs(slope[r]))
+        # Far outside, no more is asked of the mechanism.
+        enough = max(_SETTLED, _CRUDE * (found - 1.0))
+        if off <= enough * size or not invert(space.bend, rank, space.unbent):
+            break
+        first = descent(flow, rank)
+        if not first < 0.0:
+            break
+        # The slope along the step is to be much less than at its beginning, on either side.
+        longest = _LONGEST * (1.0 + fastest_of(flow, mode, group, rank, way))
+        longest /= fastest_of(flow, mode, group, rank, step)
+        length = min(1.0, longest)
+        for _ in range(60):
+            for r in range(rank):
+                ahead[r] = way[r] + length * step[r]
+            slope_of(flow, mode, group, rank, ahead, part, aside[SCRATCH])
+            there = 0.0
+            for r in range(rank):
+                there += step[r] * aside[SCRATCH, r]
+            if there > -0.5 * first:
+                length *= 0.5
+            elif there < 0.25 * first and 2.0 * length <= longest:
+                length *= 2.0
+            else:
+                break
+        moved = False
+        for r in range(rank):
+            after = way[r] + length * step[r]
+            moved = moved or after != way[r]
+            way[r] = after
+        if not moved:
+            break
+    part = (1.0 - lack) / max(found, 1.0)
+    slope_of(flow, mode, group, rank, way, part, slope)
+    off = 0.0
+    for r in range(rank):
+        off = max(off, abs(slope[r]))
+    return found, found <= 1.0 + lack and off <= (0.5 * lack + 16.0 * _SETTLED) * size
+
+
+@compiled(brief=True)
+def pull(flow: Flow, mode: Array, group: int, rank: int) -> float:
+    """The sum q of the forces that rest needs, from forces and radii in the work space; returns the
+    size of its terms."""
+    rows = flow.rows
+    space = flow.space
+    size = 0.0
+    for r in range(rank):
+        space.aside[_PULL, r] = 0.0
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if sticks_in(rows, mode, c, group):
+            size += abs(space.aside[GIVEN_FORCES, c])
+            size += 0.0 if is_component(rows, c) else space.aside[RADIUS, c]
+            for r in range(rank):
+                space.aside[_PULL, r] += space.grip[c, r] * space.aside[GIVEN_FORCES, c]
+    return size
+
+
+@compiled(brief=True)
+def slope_of(
+    flow: Flow, mode: Array, group: int, rank: int, w: Array, part: float, slope: Array
+) -> None:
+    """F′(w), for a part of q.
+
+    Parameters
+    ----------
+    flow : Flow
+        With directions, q and radii in its work space.
+    mode : array of int, shape (contacts,)
+    group, rank : int
+    w : array
+    part : float
+        Of q.
+    slope : array
+        Receives F′.
+    """
+    rows = flow.rows
+    space = flow.space
+    for r in range(rank):
+        slope[r] = -part * space.aside[_PULL, r]
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if not sticks_in(rows, mode, c, group) or is_component(rows, c):
+            continue
+        other = partner(rows, c)
+        x, y = speed_of(flow, c, rank, w)
+        share = space.aside[RADIUS, c] / math.sqrt(1.0 + x * x + y * y)
+        for r in range(rank):
+            slope[r] += share * x * space.grip[c, r]
+            if other >= 0:
+                slope[r] += share * y * space.grip[other, r]
+
+
+@compiled(brief=True)
+def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> None:
+    """F″ at the place that is reached, over the basis that :func:`load_of` leaves.
+
+    Parameters
+    ----------
+    flow : Flow
+        Receives the matrix in its work space.
+    mode : array of int, shape (contacts,)
+    group, rank : int
+    """
+    rows = flow.rows
+    space = flow.space
+    bend, grips, basis = space.bend, space.turned_grip, space.basis
+    for c in range(rows.sizes[ON_INERTIAL]):
+        for i in range(rank if sticks_in(rows, mode, c, group) else 0):
+            grips[c, i] = 0.0
+            for r in range(rank):
+                grips[c, i] += basis[i, r] * space.grip[c, r]
+    for i in range(rank):
+        for j in range(rank):
+            bend[i, j] = 0.0
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if not sticks_in(rows, mode, c, group) or is_component(rows, c):
+            continue
+        other = partner(rows, c)
+        x, y = speed_of(flow, c, rank, space.aside[_WAY])
+        _, _, xx, yy, xy, size = direction_and_turn(x, y, 1.0)
+        along = space.aside[RADIUS, c] / size
+        for i in range(rank):
+            a = grips[c, i]
+            b = grips[other, i] if other >= 0 else 0.0
+            for j in range(rank):
+                d = grips[c, j]
+                e = grips[other, j] if other >= 0 else 0.0
+                bend[i, j] += along * (xx * a * d + xy * (a * e + b * d) + yy * b * e)
+
+
+@compiled(brief=True)
+def descent(flow: Flow, rank: int) -> float:
+    """A step of Newton's method, in the work space; how steep F is along it.
+
+    Parameters
+    ----------
+    flow : Flow
+        With F′, and the inverse of F″ over a basis.
+    rank : int
+    """
+    space = flow.space
+    slope, step, basis = space.aside[_SLOPE], space.aside[STEP], space.basis
+    for r in range(rank):
+        step[r] = 0.0
+    for j in range(rank):
+        along = 0.0
+        for r in range(rank):
+            along += basis[j, r] * slope[r]
+        for i in range(rank):
+            for r in range(rank):
+                step[r] -= basis[i, r] * space.unbent[i, j] * along
+    first = 0.0
+    for r in range(rank):
+        first += step[r] * slope[r]
+    return first
+
+
+@compiled(brief=True)
+def load_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
+    """q·w/Σ s |Gw| for what the body might do; far away, for the mechanism that it tends to, which
+    does not move at all the contacts that stay far behind. It is kept.
+
+    Parameters
+    ----------
+    flow : Flow
+    mode : array of int, shape (contacts,)
+    group, rank : int
+    """
+    rows = flow.rows
+    space = flow.space
+    aside, basis = space.aside, space.basis
+    best = aside[MECHANISM]
+    fastest = fastest_of(flow, mode, group, rank, aside[_WAY])
+    for r in range(rank):
+        best[r] = aside[_WAY, r]
+    held = 0
+    for c in range(rows.sizes[ON_INERTIAL] if fastest > _FAR else 0):
+        if not sticks_in(rows, mode, c, group):
+            continue
+        first = rows.planes[rows.plane[c], COMPONENT] if rows.plane[c] >= 0 else c
+        x, y = speed_of(flow, first, rank, aside[_WAY])
+        if math.hypot(x, y) > MOVES * fastest or held == rank:
+            continue
+        for r in range(rank):
+            basis[held, r] = space.grip[c, r]
+        if is_new(rank, basis, held, _INDEPENDENT):
+            held += 1
+    for _ in range(2):
+        for k in range(held):
+            dot = 0.0
+            for r in range(rank):
+                dot += basis[k, r] * best[r]
+            for r in range(rank):
+                best[r] -= dot * basis[k, r]
+    if not fastest_of(flow, mode, group, rank, best) > 0.5 * fastest:
+        for r in range(rank):
+            best[r] = aside[_WAY, r]
+    work, lost = 0.0, 0.0
+    for r in range(rank):
+        work += aside[_PULL, r] * best[r]
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if sticks_in(rows, mode, c, group) and not is_component(rows, c):
+            x, y = speed_of(flow, c, rank, best)
+            lost += aside[RADIUS, c] * math.hypot(x, y)
+    # F″ is smallest along the mechanism, and largest where contacts stay behind.
+    for r in range(rank):
+        basis[held, r] = best[r]
+    if held < rank and is_new(rank, basis, held, 0.0):
+        held += 1
+    for k in range(rank):
+        for r in range(rank if held < rank else 0):
+            basis[held, r] = 1.0 if r == k else 0.0
+        if held < rank and is_new(rank, basis, held, _INDEPENDENT):
+            held += 1
+    if lost > 0.0:
+        return float(work / lost)
+    return math.inf if work > 0.0 else 0.0
+
+
+@compiled(brief=True)
+def fastest_of(flow: Flow, mode: Array, group: int, rank: int, w: Array) -> float:
+    """The speed of the contact that a mechanism moves most.
+
+    Parameters
+    ----------
+    flow : Flow
+    mode : array of int, shape (contacts,)
+    group, rank : int
+        The contacts, and how many of their directions are independent.
+    w : array
+        The mechanism.
+    """
+    rows = flow.rows
+    found = 0.0
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if sticks_in(rows, mode, c, group) and not is_component(rows, c):
+            x, y = speed_of(flow, c, rank, w)
+            found = max(found, math.hypot(x, y))
+    return found

@@ -1,0 +1,222 @@
+"""Contacts that share their forces: which they are, and the directions in which they hold a body.
+
+Where more directions stick than there are coordinates, forces are not unique. Contacts of a group
+(`Rows.group`) have one guard then: whether some forces hold
+(:mod:`stickslip.motion.admissible.leaving`).
+"""
+
+from __future__ import annotations
+
+from stickslip.arrays import Array
+from stickslip.motion.steps.arrays import (
+    COORDINATES,
+    INERTIAL,
+    MEMBERS,
+    NOWHERE,
+    ON_INERTIAL,
+    OTHER,
+    PART,
+    STATIC,
+    Flow,
+    Rows,
+    direction_entry,
+)
+from stickslip.motion.steps.vectors import is_new
+from stickslip.translator import compiled
+
+# What Space.leaving says of a contact: it stays where those with which it shares forces leave, it
+# has a guard of its own, or (±1) it leaves.
+STAYS, ON_ITS_OWN = 0, 2
+_INDEPENDENT = 1e-13  # square of the part of a direction that is none of the others
+_STEADY = 1e-12  # part of its size by which a direction may turn
+
+
+@compiled(brief=True)
+def any_share(rows: Rows) -> bool:
+    """Whether there are contacts that may share forces."""
+    found = False
+    for group in rows.group:
+        found = found or group >= 0
+    return found
+
+
+@compiled(brief=True)
+def sticks_in(rows: Rows, mode: Array, c: int, group: int) -> bool:
+    """Whether a contact sticks and may share its force with those of a group."""
+    return bool(rows.group[c] == group and mode[c] == 0)
+
+
+@compiled(brief=True)
+def is_first(rows: Rows, mode: Array, c: int) -> bool:
+    """Whether a contact is the first that sticks in its group."""
+    first = True
+    for other in range(c):
+        first = first and not sticks_in(rows, mode, other, rows.group[c])
+    return first
+
+
+@compiled(brief=True)
+def find_shared(flow: Flow, mode: Array, table: Array, lasting: bool) -> None:
+    """Note which contacts share their forces with others: they have one guard together.
+
+    Where directions change on the way while they stick, each contact is asked about the least
+    forces, which is enough for rest, but not necessary.
+
+    Parameters
+    ----------
+    flow : Flow
+        Its work space has the coefficients, and receives what is noted.
+    mode : array of int, shape (contacts,)
+    table : array
+        Values of the rows.
+    lasting : bool
+        Whether a step is meant, and not an instant.
+    """
+    rows = flow.rows
+    leaving = flow.space.leaving
+    for c in range(len(leaving)):
+        leaving[c] = ON_ITS_OWN
+    for first in range(rows.sizes[ON_INERTIAL]):
+        group = rows.group[first]
+        if group < 0 or mode[first] != 0 or leaving[first] != ON_ITS_OWN:
+            continue
+        if not is_first(rows, mode, first):
+            continue
+        count, rank = grip(flow, mode, table, group)
+        if count > rank and not (lasting and turns(flow, mode, group)):
+            for c in range(first, rows.sizes[ON_INERTIAL]):
+                if sticks_in(rows, mode, c, group):
+                    leaving[c] = STAYS
+
+
+@compiled(brief=True)
+def turns(flow: Flow, mode: Array, group: int) -> bool:
+    """Whether directions of what sticks in a group change within a step."""
+    rows = flow.rows
+    W = flow.space.W
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if not sticks_in(rows, mode, c, group):
+            continue
+        size, change = 0.0, 0.0
+        for j in range(rows.parts[rows.homes[c, PART], COORDINATES]):
+            size += abs(direction_entry(rows, flow.k.J, W, c, j))
+            for k in range(1, flow.order if rows.turning[c, j] >= 0 else 0):
+                change += abs(W[rows.turning[c, j], k]) * flow.space.powers[k]
+        if not change <= _STEADY * size:
+            return True
+    return False
+
+
+@compiled(brief=True)
+def axis_of(flow: Flow, c: int) -> float:
+    """The axis of a component of a contact in a plane; of others 1."""
+    return float(flow.k.J[c, flow.k.J.shape[1] - 3])
+
+
+@compiled(brief=True)
+def place_direction(flow: Flow, table: Array, c: int, vector: Array) -> None:
+    """The direction of a contact, in all inertial coordinates."""
+    rows = flow.rows
+    part = rows.parts[rows.homes[c, PART]]
+    for q in range(rows.sizes[INERTIAL]):
+        vector[q] = 0.0
+    for j in range(part[COORDINATES]):
+        entry = direction_entry(rows, flow.k.J, table, c, j)
+        vector[rows.members[part[MEMBERS] + j]] = axis_of(flow, c) * entry
+
+
+@compiled(brief=True)
+def grip(flow: Flow, mode: Array, table: Array, group: int) -> tuple[int, int]:
+    """Directions of what sticks in a group, as rows G over an orthonormal basis: how many they are,
+    and how many are independent.
+
+    Parameters
+    ----------
+    flow : Flow
+        Receives them in its work space.
+    mode : array of int, shape (contacts,)
+    table : array
+        Values of the rows.
+    group : int
+    """
+    rows = flow.rows
+    basis, grips = flow.space.basis, flow.space.grip
+    n = rows.sizes[INERTIAL]
+    count = 0
+    rank = 0
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if sticks_in(rows, mode, c, group):
+            count += 1
+            place_direction(flow, table, c, basis[rank])
+            if is_new(n, basis, rank, _INDEPENDENT):
+                rank += 1
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if sticks_in(rows, mode, c, group):
+            place_direction(flow, table, c, basis[n])
+            for r in range(rank):
+                grips[c, r] = 0.0
+                for q in range(n):
+                    grips[c, r] += basis[n, q] * basis[r, q]
+    return count, rank
+
+
+@compiled(brief=True)
+def is_gripped(flow: Flow, table: Array, first: int, other: int, rank: int) -> bool:
+    """Whether both components of a contact depend on what sticks in its group.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the basis of what sticks.
+    table : array
+        Values of the rows.
+    first, other : int
+        The components.
+    rank : int
+        Number of vectors of the basis.
+    """
+    basis = flow.space.basis
+    n = flow.rows.sizes[INERTIAL]
+    place_direction(flow, table, first, basis[rank])
+    if is_new(n, basis, rank, _INDEPENDENT):
+        return False
+    place_direction(flow, table, other, basis[rank])
+    return not is_new(n, basis, rank, _INDEPENDENT)
+
+
+@compiled(brief=True)
+def partner(rows: Rows, c: int) -> int:
+    """The other component of a contact in a plane; −1 for others."""
+    return int(rows.planes[rows.plane[c], OTHER] if rows.plane[c] >= 0 else NOWHERE)
+
+
+@compiled(brief=True)
+def held_at(flow: Flow, table: Array, c: int, k: int) -> float:
+    """Order k of the force of a sticking contact, beside the middle of its set, in parts of its
+    axis."""
+    rows = flow.rows
+    middle = 0.0
+    if rows.plane[c] < 0:
+        middle = 0.5 * (table[rows.minus[c], k] - table[rows.plus[c], k])
+    return float((table[rows.force[c], k] - middle) / axis_of(flow, c))
+
+
+@compiled(brief=True)
+def radius_at(rows: Rows, table: Array, c: int, k: int) -> float:
+    """Order k of the radius of the set of forces of a contact, by its first component."""
+    if rows.plane[c] >= 0:
+        return float(table[rows.planes[rows.plane[c], STATIC], k])
+    return float(0.5 * (table[rows.plus[c], k] + table[rows.minus[c], k]))
+
+
+@compiled(brief=True)
+def speed_of(flow: Flow, c: int, rank: int, w: Array) -> tuple[float, float]:
+    """Gw of a contact, by its first component: both components of it; the second is 0 on a line."""
+    grips = flow.space.grip
+    other = partner(flow.rows, c)
+    x, y = 0.0, 0.0
+    for r in range(rank):
+        x += grips[c, r] * w[r]
+        if other >= 0:
+            y += grips[other, r] * w[r]
+    return x, y

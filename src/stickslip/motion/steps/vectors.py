@@ -1,0 +1,101 @@
+"""A few vectors, and a few equations."""
+
+from __future__ import annotations
+
+import math
+
+from stickslip.arrays import Array
+from stickslip.translator import compiled
+
+_SINGULAR = 1e-13  # part of its row below which a pivot is zero
+
+
+@compiled(brief=True)
+def is_new(n: int, basis: Array, rank: int, least: float) -> bool:
+    """Whether the vector behind an orthonormal basis is no combination of it; if so, it joins.
+
+    Parameters
+    ----------
+    n : int
+        Number of components.
+    basis : array
+    rank : int
+        Number of vectors.
+    least : float
+        Square of the part of it that has to be new.
+    """
+    size = 0.0
+    for j in range(n):
+        size += basis[rank, j] ** 2
+    for _ in range(2):
+        for r in range(rank):
+            dot = 0.0
+            for j in range(n):
+                dot += basis[rank, j] * basis[r, j]
+            for j in range(n):
+                basis[rank, j] -= dot * basis[r, j]
+    left = 0.0
+    for j in range(n):
+        left += basis[rank, j] ** 2
+    if left <= least * size:
+        return False
+    for j in range(n):
+        basis[rank, j] /= math.sqrt(left)
+    return True
+
+
+@compiled()
+def solve_equations(system: Array, n: int) -> bool:
+    """Solve n equations, whose right side is the column behind them and becomes the solution; False
+    if a pivot vanishes beside its row."""
+    for k in range(n):
+        best = k
+        most = -1.0
+        for i in range(k, n):
+            size = 0.0
+            for j in range(n):
+                size = max(size, abs(system[i, j]))
+            part = abs(system[i, k]) / size if size > 0.0 else 0.0
+            if part > most:
+                best, most = i, part
+        if not most > _SINGULAR:
+            return False
+        if best != k:
+            for j in range(n + 1):
+                system[k, j], system[best, j] = system[best, j], system[k, j]
+        for i in range(k + 1, n):
+            factor = system[i, k] / system[k, k]
+            for j in range(k, n + 1):
+                system[i, j] -= factor * system[k, j]
+    for k in range(n - 1, -1, -1):
+        total = system[k, n]
+        for j in range(k + 1, n):
+            total -= system[k, j] * system[j, n]
+        system[k, n] = total / system[k, k]
+    return True
+
+
+@compiled(brief=True)
+def direction_and_turn(
+    x: float, y: float, rounded: float
+) -> tuple[float, float, float, float, float, float]:
+    """The direction n = u/√(|u|² + rounded²) of a vector u, its derivative by u, times that root,
+    and the root.
+
+    Parameters
+    ----------
+    x, y : float
+        The vector.
+    rounded : float
+
+    Returns
+    -------
+    n : pair of float
+    derivative : three floats
+        Its entries xx, yy and xy, which do not cancel where u is large.
+    root : float
+    """
+    root = math.sqrt(x * x + y * y + rounded * rounded)
+    x, y = x / root, y / root
+    least = (rounded / root) ** 2
+    return x, y, least + y * y, least + x * x, -x * y, root
