@@ -447,7 +447,7 @@ def turned_by_one_point(rng: Rng) -> Carried:
 def points_and_lines(rng: Rng) -> Carried:
     """Points with friction in a plane, and others along a line."""
     points = several(rng, 1, 4) + several(rng, 1, 2, line=True)
-    return made(rng, Shape(points, table=bool(rng.integers(3) == 0)))
+    return made(rng, Shape(points))
 
 
 @family
