@@ -24,7 +24,7 @@ from .mechanics import Array
 from .motions import without_numbers
 from .pieces import NoAnswer
 from .registry import in_turn
-from .verdict import AGREED, NO_REFERENCE, REFUSED, WRONG, OutOfTime, Verdict, at_most
+from .verdict import AGREED, NO_REFERENCE, NOT_CERTIFIED, REFUSED, WRONG, OutOfTime, Verdict, at_most
 
 __all__ = ["FAMILIES", "cases", "draw", "judge", "reproduction"]
 
@@ -52,7 +52,7 @@ def judge(case: Instant) -> Verdict:
             motion = ss.simulate(
                 case.system, (0.0, 1e-3), initial=case.start, parameters=case.numbers
             )
-            sampled = motion.at(0.0)
+            sampled, certificate = motion.at(0.0), motion.certificate
     except Exception as error:  # whatever it raises is a finding
         return Verdict(REFUSED, f"raises {type(error).__name__}: {without_numbers(str(error))}")
     try:
@@ -66,8 +66,15 @@ def judge(case: Instant) -> Verdict:
     found = np.array([float(np.asarray(sampled[f"dd_{x}"])) for x in names(case.shape)])
     off = float(np.max(np.abs(found - expected))) / scale(case)
     numbers |= {"difference": off, "got": found.tolist(), "expected": expected.tolist()}
-    if not off <= CLOSE:
-        return Verdict(WRONG, "accelerations differ", numbers)
+    fault = "" if off <= CLOSE else "accelerations differ"
+    if fault and certificate.ok:
+        return Verdict(WRONG, fault, numbers)
+    if not motion.outcome.ok:
+        return Verdict(REFUSED, f"{motion.outcome.label}, {fault or 'but right'}", numbers)
+    if not certificate.ok:
+        reasons = [r.name for r in certificate.residuals if not r.ok]
+        reasons += ["not verified everywhere"] * bool(certificate.unverified)
+        return Verdict(NOT_CERTIFIED, f"{', '.join(reasons)}, {fault or 'but right'}", numbers)
     return Verdict(AGREED, "", numbers)
 
 
