@@ -24,7 +24,16 @@ from .mechanics import Array
 from .motions import without_numbers
 from .pieces import NoAnswer
 from .registry import in_turn
-from .verdict import AGREED, NO_REFERENCE, NOT_CERTIFIED, REFUSED, WRONG, OutOfTime, Verdict, at_most
+from .verdict import (
+    AGREED,
+    NO_REFERENCE,
+    NOT_CERTIFIED,
+    REFUSED,
+    WRONG,
+    OutOfTime,
+    Verdict,
+    at_most,
+)
 
 __all__ = ["FAMILIES", "cases", "draw", "judge", "reproduction"]
 
@@ -144,9 +153,7 @@ def refined(case: Instant, f: Array, rest: list[int], stay: list[int], crude: Ar
     moving = [k for k in rest if k not in stay]
 
     def value(a: Array) -> float:
-        held = sum(
-            case.holds[k] * np.linalg.norm(case.rows[k] @ a + case.turns[k]) for k in moving
-        )
+        held = sum(case.holds[k] * np.linalg.norm(case.rows[k] @ a + case.turns[k]) for k in moving)
         return float(a @ case.mass @ a / 2 - f @ a + held)
 
     for _ in range(50 if free.size else 0):
@@ -171,9 +178,7 @@ def refined(case: Instant, f: Array, rest: list[int], stay: list[int], crude: Ar
 def conic(P: Array, q: Array, A: Array, b: Array, widths: list[int]) -> Array:
     """The solution of min ½xᵀPx + qᵀx with b − Ax in second-order cones, or zero (width −d)."""
     clarabel: Any = import_module("clarabel")
-    cones = [
-        clarabel.SecondOrderConeT(w) if w > 0 else clarabel.ZeroConeT(-w) for w in widths
-    ]
+    cones = [clarabel.SecondOrderConeT(w) if w > 0 else clarabel.ZeroConeT(-w) for w in widths]
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-13

@@ -512,7 +512,9 @@ def settle(
         # What dies out returns, too.
         if found is not None and (b.period > 0.0 or found.amplitude > FADED * size):
             return found
-    return Settled("moves", nearest=min(_returns(kept, extent).values(), default=math.inf), size=size)
+    return Settled(
+        "moves", nearest=min(_returns(kept, extent).values(), default=math.inf), size=size
+    )
 
 
 def _lies_still(marks: Array, since: float, n: int, size: float) -> bool:

@@ -11,7 +11,7 @@ import stickslip as ss
 
 from .families.points import FAMILIES, Carried
 from .mechanics import Array
-from .motions import phases, without_numbers
+from .motions import without_numbers
 from .registry import in_turn
 from .smoothed import FINE, LAWS, WIDTHS, Limit, limit, smoothed
 from .verdict import (
@@ -195,7 +195,9 @@ def lawless(case: Carried, found: ss.Trajectory) -> tuple[str, float]:
             force[k] = complex(*parts)
         p = touches.planes
         real = force.copy()
-        real[:p] = force[:p].real / touches.axes[:, 0] + 1j * force[:p].imag / touches.axes[:, 1]
+        real[:p] = (
+            np.real(force[:p]) / touches.axes[:, 0] + 1j * np.imag(force[:p]) / touches.axes[:, 1]
+        )
         hold = touches.threshold(t)
         r = np.abs(own)
         soft = np.exp(-r / np.where(touches.fast > 0, touches.fast, 1.0))
@@ -204,7 +206,10 @@ def lawless(case: Carried, found: ss.Trajectory) -> tuple[str, float]:
         for k, name in enumerate(names):
             if modes[i, k] == 0:
                 if r[k] > NONE * fast:
-                    return f"'{name}' is said to stick, and slips with {r[k]:.1e} at t = {t:.9g}", full
+                    return (
+                        f"'{name}' is said to stick, and slips with {r[k]:.1e} at t = {t:.9g}",
+                        full,
+                    )
                 full = max(full, abs(real[k]) / hold[k])
             elif r[k] > 1e-6 * fast:
                 expected = -part[k] * hold[k] * own[k] / r[k]
@@ -212,9 +217,7 @@ def lawless(case: Carried, found: ss.Trajectory) -> tuple[str, float]:
                     return f"the friction of '{name}' in slip is another one at t = {t:.9g}", full
             elif i >= len(middles) // 3 and r[k] == 0.0:
                 return f"'{name}' is said to slip, and does not at t = {t:.9g}", full
-        pull = real.copy()
-        pull[:p] = touches.axes[:, 0] * real[:p].real + 1j * touches.axes[:, 1] * real[:p].imag
-        pull = pull * touches.frames(q)
+        pull = touches.in_space(q, real)
         expected = board.accelerations(t, q, v, *touches.sums(q, arm, at, pull))
         if np.max(np.abs(expected - second[i])) > LAWFUL * max(1.0, np.max(np.abs(second[i]))):
             return f"accelerations differ at t = {t:.9g}", full

@@ -7,8 +7,8 @@ friction grows with it,
 
 with c from 1 to 0 where its argument passes 1: static friction above kinetic friction ends at a
 speed that vanishes with ε, too, and is large against it, since points of a body that creeps have
-different speeds. Errors are almost of first order in ε, with fractional powers behind it, other ones for
-each law: what two laws and two widths leave open is the error that is allowed for.
+different speeds. Errors are almost of first order in ε, with fractional powers behind it, other
+ones for each law: what two laws and two widths leave open is the error that is allowed for.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def _tanh(r: Array, width: float) -> Array:
 
 
 LAWS = (
-    Smooth(_tanh, lambda z: np.exp(-np.minimum(z, 3.0) ** 8), 300.0),
+    Smooth(_tanh, lambda z: np.exp(-(np.minimum(z, 3.0) ** 8)), 300.0),
     Smooth(lambda r, width: 1.0 / np.sqrt(r * r + width**2), lambda z: 1.0 / (1.0 + z**8), 1000.0),
 )
 
@@ -149,9 +149,9 @@ class Board:
         load = self.loaded(t, q, v)
         force = load[0::3] + 1j * load[1::3] + sums
         arm = np.exp(1j * q[2::3]) * self.centre
-        turn = (load[2::3] + moments - (np.conj(arm) * force).imag) / self.inertia
+        turn = (load[2::3] + moments - np.imag(np.conj(arm) * force)) / self.inertia
         move = force / self.mass + (v[2::3] ** 2 - 1j * turn) * arm
-        return np.stack([move.real, move.imag, turn], axis=1).ravel()
+        return np.stack([np.real(move), np.imag(move), turn], axis=1).ravel()
 
     def touches(self) -> Touches:
         """All contacts as arrays."""
@@ -166,7 +166,9 @@ class Touches:
         self.body = np.array([p.body for p in points])
         self.on = np.array([p.on for p in points])
         self.place = np.array([p.place for p in points])
-        self.s, self.r, self.al = (np.array([getattr(p, w) for p in points]) for w in ("s", "r", "al"))
+        self.s, self.r, self.al = (
+            np.array([getattr(p, w) for p in points]) for w in ("s", "r", "al")
+        )
         self.planes = len(board.spots)
         spots = board.spots
         self.axes = np.array([p.axes for p in spots]).reshape(-1, 2)
@@ -206,30 +208,30 @@ class Touches:
         """Au in the frames of all contacts; along lines a real number."""
         own = u * np.conj(self.frames(q))
         p = self.planes
-        own[:p] = self.axes[:, 0] * own[:p].real + 1j * self.axes[:, 1] * own[:p].imag
-        own[p:] = own[p:].real
+        own[:p] = self.axes[:, 0] * np.real(own[:p]) + 1j * self.axes[:, 1] * np.imag(own[:p])
+        own[p:] = np.real(own[p:])
         return own
 
     def sums(self, q: Array, arm: Array, at: Array, force: Array) -> tuple[Array, Array]:
         """Forces on bodies and moments about the points of their coordinates."""
         bodies = len(self.board.mass)
         if bodies == 1:
-            return np.array([force.sum()]), np.array([(np.conj(arm) * force).imag.sum()])
+            return np.array([force.sum()]), np.array([np.imag(np.conj(arm) * force).sum()])
         total, moment = np.zeros(bodies, complex), np.zeros(bodies)
         np.add.at(total, self.body, force)
-        np.add.at(moment, self.body, (np.conj(arm) * force).imag)
+        np.add.at(moment, self.body, np.imag(np.conj(arm) * force))
         on = self.on >= 0
         below = self.on[on]
         np.add.at(total, below, -force[on])
         arm = at[on] - (q[0::3] + 1j * q[1::3])[below]
-        np.add.at(moment, below, -(np.conj(arm) * force[on]).imag)
+        np.add.at(moment, below, -np.imag(np.conj(arm) * force[on]))
         return total, moment
 
     def in_space(self, q: Array, own: Array) -> Array:
         """Forces Aλ̂ in space, where λ̂ is what `measured` is for velocities."""
         p = self.planes
         found = own.astype(complex)
-        found[:p] = self.axes[:, 0] * own[:p].real + 1j * self.axes[:, 1] * own[:p].imag
+        found[:p] = self.axes[:, 0] * np.real(own[:p]) + 1j * self.axes[:, 1] * np.imag(own[:p])
         return found * self.frames(q)
 
 

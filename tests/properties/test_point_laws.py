@@ -87,7 +87,9 @@ def test_a_point_moved_along_its_line(seed: int) -> None:
     k = len(case.holds) - 1
     c, s = np.cos(case.start["th"]), np.sin(case.start["th"])
     along = np.array([case.numbers[f"la{k}"], case.numbers[f"lb{k}"]]) @ [[c, -s], [s, c]]
-    moved = {f"p{a}{k}": case.numbers[f"p{a}{k}"] + 0.7 * x for a, x in zip("xy", along, strict=True)}
+    moved = {
+        f"p{a}{k}": case.numbers[f"p{a}{k}"] + 0.7 * x for a, x in zip("xy", along, strict=True)
+    }
     found = []
     for numbers in (case.numbers, case.numbers | moved):
         motion = ss.simulate(case.system, (0.0, 1e-3), initial=case.start, parameters=numbers)

@@ -96,9 +96,7 @@ def declared(shape: Shape) -> System:
     else:
         pairs = [(i, j) for i in range(shape.size) for j in range(i, shape.size)]
         used += [f"M{i}_{j}" for i, j in pairs]
-        kinetic = " + ".join(
-            f"M{i}_{j}*d_q{i}*d_q{j}" + ("/2" if i == j else "") for i, j in pairs
-        )
+        kinetic = " + ".join(f"M{i}_{j}*d_q{i}*d_q{j}" + ("/2" if i == j else "") for i, j in pairs)
     contacts = {}
     for k, width in enumerate(shape.widths):
         along, words = directions(shape, k, width)
@@ -124,7 +122,7 @@ def directions(shape: Shape, k: int, width: int) -> tuple[Any, list[str]]:
     if not shape.body:
         words = [[f"J{k}_{i}_{j}" for j in range(shape.size)] for i in range(width)]
         rows = [" + ".join(f"{w}*d_q{j}" for j, w in enumerate(row)) for row in words]
-        return tuple(rows), sum(words, [])
+        return tuple(rows), [w for row in words for w in row]
     v = f"d_x - d_th*(px{k}*sin(th) + py{k}*cos(th))"
     w = f"d_y + d_th*(px{k}*cos(th) - py{k}*sin(th))"
     if width == 2:
@@ -135,7 +133,9 @@ def directions(shape: Shape, k: int, width: int) -> tuple[Any, list[str]]:
 # -- bodies ----------------------------------------------------------------------------------------
 
 
-def body(rng: Rng, places: Array, lines: int = 0, rest: str = "all", alike: bool = False) -> Instant:
+def body(
+    rng: Rng, places: Array, lines: int = 0, rest: str = "all", alike: bool = False
+) -> Instant:
     """A body on points, of which the last may have friction along a line."""
     count = len(places)
     widths = (2,) * (count - lines) + (1,) * lines

@@ -184,7 +184,9 @@ def declared(shape: Shape) -> System:
     """The system, with parameters for all numbers."""
     names = shape.names
     forces = {x: f"G{i} + F{i}*cos(om{i}*t + ph{i})" for i, x in enumerate(names)}
-    used = [f"{letter}{i}" for i in range(len(names)) for letter in ("F", "G", "om", "ph", "K", "C")]
+    used = [
+        f"{letter}{i}" for i in range(len(names)) for letter in ("F", "G", "om", "ph", "K", "C")
+    ]
     used += [f"{w}{b}" for b in range(shape.bodies) for w in ("m", "I")]
     used += [f"{w}{b}" for b in range(shape.bodies if shape.off else 0) for w in ("cx", "cy")]
     used += [w for k, point in enumerate(shape.points) for w in of_point(point, k)]
@@ -279,7 +281,9 @@ def by_hand(shape: Shape, n: Numbers) -> Board:
         drop = get("d", 1.0)
         spots.append(Spot(*common, *holds, axes, point.turned, drop, get("vs", 0.0)))
     size = 3 * shape.bodies
-    rows = {w: np.array([n[f"{w}{i}"] for i in range(size)]) for w in ("G", "F", "om", "ph", "K", "C")}
+    rows = {
+        w: np.array([n[f"{w}{i}"] for i in range(size)]) for w in ("G", "F", "om", "ph", "K", "C")
+    }
     b = range(shape.bodies)
     return Board(
         np.array([n[f"m{i}"] for i in b]),
@@ -473,6 +477,19 @@ def slow_loads(rng: Rng) -> Carried:
         n |= {f"om{i}": 0.7, f"ph{i}": float(np.pi / 2), f"G{i}": 0.0, f"K{i}": 0.0}
         n[f"F{i}"] *= 2.0
     return replace(case, numbers=n, start={}, duration=6.0)
+
+
+@family
+def rod_pushed_across(rng: Rng) -> Carried:
+    """Points alike on a line about the centre of mass, and a load across it that grows: all leave
+    rest at once, and many mechanisms could begin."""
+    count = int(rng.integers(2, 7))
+    case = made(rng, Shape((Point(),) * count))
+    n = {w: 0.0 if w[0] in "FGKC" else v for w, v in case.numbers.items()}
+    for k in range(count):
+        n |= {f"px{k}": 2.0 * k / (count - 1) - 1.0, f"py{k}": 0.0, f"s{k}": n["s0"]}
+    n |= {"F1": 2.0 * count * n["s0"], "om1": 0.7, "ph1": float(np.pi / 2)}
+    return replace(case, numbers=n, start={})
 
 
 @family
