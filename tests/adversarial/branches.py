@@ -423,21 +423,24 @@ def touches(run: Run) -> list[float]:
 
 
 def reversals(run: Run) -> list[float]:
-    """By how much the force on a mass misses its threshold, where it slips back; known of a single
-    one."""
+    """By how much the force that would hold a mass misses its threshold, where it slips back; known
+    of a single one, on a belt that may move."""
     m = run.m
-    if m.kinds[0] != 1 or len(m.J) != 1 or sum(m.kinds) > 1 or m.belt is not None:
+    if m.kinds[0] != 1 or len(m.J) != 1 or sum(m.kinds) > 1:
         return []
     assert run.path is not None
     starts = [t for t, _ in run.path]
+    along, mass = float(m.J[0][0]), float(np.asarray(m.inertia)[0, 0])
     found = []
     for before, after in pairwise(run.phases):
         if before.mode[0] * after.mode[0] == -1:
-            i = max(int(np.searchsorted(starts, after.time)) - 1, 0)
-            x = run.path[i][1](after.time)[:1]
-            state = (after.time, x, np.zeros(1), np.zeros(0), after.side)
-            push, held = float(m.force(*state)[0]), float(pair(m.threshold(*state))[0][0])
-            found.append(abs(push) / held - 1.0)
+            t = after.time
+            i = max(int(np.searchsorted(starts, t)) - 1, 0)
+            carried = [float(w[0]) / along for w in Piece(m, after.mode, after.side).belt(t)]
+            state = (t, run.path[i][1](t)[:1], np.array(carried[:1]), np.zeros(0), after.side)
+            push = (float(m.force(*state)[0]) - mass * carried[1]) / along
+            plus, minus = pair(m.threshold(*state))
+            found.append(abs(push) / float((plus if push > 0.0 else minus)[0]) - 1.0)
     return found
 
 

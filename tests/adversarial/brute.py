@@ -445,7 +445,7 @@ class Settled(NamedTuple):
         Half the range of the first component; part of the time in which all contacts stick; work of
         friction.
     nearest : float
-        How closely it comes back after a shorter lag.
+        How closely it comes back after a shorter lag; if it moves, after any lag.
     size : float
     """
 
@@ -483,6 +483,7 @@ def settle(
     size = 0.0
     own = slice(0, 3 if b.kind == TOY else len(y) - 1)
     kept = np.zeros((0, len(y) + 4))
+    extent = np.ones(len(y[own]))
     n = len(y)
     k = np.zeros((5, n))
     out = np.zeros(n)
@@ -511,7 +512,9 @@ def settle(
         # What dies out returns, too.
         if found is not None and (b.period > 0.0 or found.amplitude > FADED * size):
             return found
-    return Settled("moves", size=size)
+    return Settled(
+        "moves", nearest=min(_returns(kept, extent).values(), default=math.inf), size=size
+    )
 
 
 def _lies_still(marks: Array, since: float, n: int, size: float) -> bool:
@@ -526,14 +529,8 @@ def _repeats(marks: Array, size: Array, n: int) -> Settled | None:
     """The cycle, if the last marks repeat themselves up to the sizes of the components."""
     if len(marks) < 4 * LAGS:
         return None
-    states = marks[:, : len(size)]
-    size = np.maximum(size, 1e-3 * np.max(np.abs(states), axis=0))
-    size = np.maximum(size, 1e-6 * np.max(size))
-    gaps = {
-        lag: np.max(np.abs(states[lag:] - states[:-lag]) / size, axis=1)
-        for lag in range(1, LAGS + 1)
-    }
-    last = {lag: float(np.max(gap[-2 * LAGS :])) for lag, gap in gaps.items()}
+    gaps = _gaps(marks, size)
+    last = _returns(marks, size)
     least = min(last.values())
     if least > CLOSE:
         return None
@@ -554,6 +551,24 @@ def _repeats(marks: Array, size: Array, n: int) -> Settled | None:
         min((last[shorter] for shorter in range(1, lag)), default=math.inf),
         float(size[0]),
     )
+
+
+def _gaps(marks: Array, size: Array) -> dict[int, Array]:
+    """Differences between marks, for all lags, relative to the sizes of the components."""
+    states = marks[:, : len(size)]
+    size = np.maximum(size, 1e-3 * np.max(np.abs(states), axis=0, initial=0.0))
+    size = np.maximum(size, 1e-6 * np.max(size))
+    return {
+        lag: np.max(np.abs(states[lag:] - states[:-lag]) / size, axis=1)
+        for lag in range(1, LAGS + 1)
+    }
+
+
+def _returns(marks: Array, size: Array) -> dict[int, float]:
+    """How closely it has come back of late, for all lags."""
+    if len(marks) < 4 * LAGS:
+        return {}
+    return {lag: float(np.max(gap[-2 * LAGS :])) for lag, gap in _gaps(marks, size).items()}
 
 
 def _missing(gap: Array, lag: int) -> float:

@@ -21,6 +21,8 @@ SHARES = {
     "motions": 1.0,
     "impacts": 0.25,
     "planes": 0.25,
+    "points": 0.25,
+    "accelerations": 0.5,
     "samples": 0.025,
     "cycles": 0.1,
     "branches": 0.025,

@@ -17,9 +17,10 @@ CHOSEN = [
     ("belt that rises", 0),
     ("slider that heats", 1),
     ("driven over dry ground", 0),
-    # A stick at the onset may be too short to count: 7 within a step, 13 at a corner.
+    # A stick at the onset may be too short to count: 7 within a step, 13 at a corner, 52 on a belt.
     ("driven over dry ground", 7),
     ("driven over dry ground", 13),
+    ("belt that falls", 52),
 ]
 
 

@@ -148,6 +148,19 @@ def test_a_steady_load_is_held_or_not(seed: int) -> None:
     assert moved < 1e-12 if seed % 2 == 0 else moved > 1e-5
 
 
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("distance", [1e-1, 1e-2, 1e-3, 1e-4, 1e-6])
+def test_points_that_are_close_hold_a_body_exactly(distance: float, seed: int) -> None:
+    """Directions that depend on each other but for a little are not both taken for independent."""
+    rng = np.random.default_rng([45, seed])
+    places = rng.uniform(-1.0, 1.0, (4, 2))
+    places[1] = places[0] + distance * rng.normal(size=2)
+    points = [tuple(map(float, p)) for p in places]
+    forces = tuple(repr(float(p)) for p in 0.2 * rng.normal(size=3))
+    motion = certified(body(points, [0.7, 0.5, 0.6, 0.8], forces, end=1.0))
+    assert all(abs(motion.final[f"d_{name}"]) < 1e-15 for name in ("x", "y", "th"))
+
+
 # -- coming to rest --------------------------------------------------------------------------------
 
 

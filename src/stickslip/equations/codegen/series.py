@@ -13,6 +13,8 @@ from stickslip.translator import compiled, fma
 SINGULAR = 1
 INDEFINITE = 6
 LEAST_PIVOT = 1e-13  # of a matrix of size 1: what is smaller is zero
+# What has become of a column of :func:`shared_inverse`.
+_TO_DO, _DONE, _SHARED = 0.0, -1.0, 1.0
 
 
 @compiled(brief=True)
@@ -103,6 +105,13 @@ def cleared(A: Array, n: int, R: Array, c: int, fused: bool) -> bool:
             pivot = i
     if not abs(A[pivot, c]) > LEAST_PIVOT:
         return False
+    clear_by(A, n, R, pivot, c, fused)
+    return True
+
+
+@compiled(inline=True)
+def clear_by(A: Array, n: int, R: Array, pivot: int, c: int, fused: bool) -> None:
+    """Eliminate column c by its entry in the row `pivot`, which becomes row c."""
     for j in range(n):
         A[c, j], A[pivot, j] = A[pivot, j], A[c, j]
         R[c, j], R[pivot, j] = R[pivot, j], R[c, j]
@@ -116,7 +125,6 @@ def cleared(A: Array, n: int, R: Array, c: int, fused: bool) -> bool:
             for j in range(n):
                 A[i, j] = less(A[i, j], factor, A[c, j], fused)
                 R[i, j] = less(R[i, j], factor, R[c, j], fused)
-    return True
 
 
 @compiled(inline=True)
@@ -141,32 +149,52 @@ def shared_inverse(A: Array, n: int, R: Array, fused: bool) -> bool:
 
     Notes
     -----
-    Where no pivot is left in the column of such a direction, E = δ eeᵀ is added, which makes a
-    matrix that has an inverse, and changes no solution of consistent equations. The column of that
-    inverse is a multiple of z, the forces that cancel: A z = −E z. So R is known but for multiples
-    of the z, which a projection removes, on both sides.
+    The largest entry that is left is the next pivot, wherever it is: which directions are those
+    that others depend on is decided by size, so that two that differ by little are not both among
+    them. Where no pivot is left, E = δ eeᵀ is added for such a direction, which makes a matrix that
+    has an inverse, and changes no solution of consistent equations. The column of that inverse is a
+    multiple of z, the forces that cancel: A z = −E z. So R is known but for multiples of the z,
+    which a projection removes, on both sides.
     """
     for i in range(n):
         A[n + 1, i] = -min(A[i, i], 0.0)
-        A[n + 2, i] = 0.0
+        A[n + 2, i] = _TO_DO
         A[i, i] = max(A[i, i], 0.0)
     if not balanced(A, n, R):
         return False
     shared = 0
-    for c in range(n):
-        if cleared(A, n, R, c, fused):
-            continue
-        size = 0.0
-        for i in range(c, n):
-            size = max(size, abs(R[i, c]))
-        if not (A[n + 1, c] > 0.0 and size > 0.0):
-            return False
-        for i in range(n):
-            A[i, c] += R[i, c] / size
-        A[n + 2, c] = 1.0
-        shared += 1
-        if not cleared(A, n, R, c, fused):
-            return False
+    for _ in range(n):
+        largest = LEAST_PIVOT
+        row, column = -1, -1
+        for j in range(n):
+            for i in range(n if A[n + 2, j] == _TO_DO else 0):
+                if A[n + 2, i] == _TO_DO and abs(A[i, j]) > largest:
+                    largest = abs(A[i, j])
+                    row, column = i, j
+        mark = _DONE
+        if column < 0:
+            for j in range(n):
+                if column < 0 and A[n + 2, j] == _TO_DO and A[n + 1, j] > 0.0:
+                    column = j
+            if column < 0:
+                return False
+            size = 0.0
+            for i in range(n):
+                size = max(size, abs(R[i, column]) if A[n + 2, i] == _TO_DO else 0.0)
+            if not size > 0.0:
+                return False
+            largest = LEAST_PIVOT
+            for i in range(n):
+                A[i, column] += R[i, column] / size
+                if A[n + 2, i] == _TO_DO and abs(A[i, column]) > largest:
+                    largest = abs(A[i, column])
+                    row = i
+            if row < 0:
+                return False
+            mark = _SHARED
+            shared += 1
+        clear_by(A, n, R, row, column, fused)
+        A[n + 2, column] = mark
     for i in range(n):
         for j in range(n):
             R[i, j] *= A[n, i]
@@ -180,7 +208,7 @@ def share_forces(A: Array, n: int, R: Array) -> None:
     """Take forces that cancel out of an inverse; see :func:`shared_inverse`, whose marks A has."""
     found = 0
     for c in range(n):
-        if A[n + 2, c] == 0.0:
+        if A[n + 2, c] != _SHARED:
             continue
         for i in range(n):
             A[found, i] = R[i, c] if A[n + 1, i] > 0.0 else 0.0

@@ -951,7 +951,7 @@ def settle_mode(
         many = pivots > 3 * len(touched) + 8
         carried = status == SINGULAR and total == 0 and let_carry(flow, lane.mode, flipped - nk)
         if total == 0 and (many or (status != OK and not carried)):
-            total = concerned(rows.sizes, touched, lane.mode, lane.counters[CAUSE])
+            total = concerned(rows, touched, lane.mode, lane.counters[CAUSE])
 
 
 @compiled()
@@ -1199,9 +1199,10 @@ def let_carry(flow: Flow, mode: Array, keep: int) -> bool:
 
 
 @compiled()
-def concerned(sizes: Array, touched: Array, mode: Array, fired: int) -> int:
+def concerned(rows: Rows, touched: Array, mode: Array, fired: int) -> int:
     """Count the states of the switches that pivoting has questioned, of the one that has just
     fired, and of what slides without mass."""
+    sizes = rows.sizes
     nk = sizes[KINKS]
     first = sizes[ON_INERTIAL] + sizes[ON_VISCOUS]
     if fired >= 0:
@@ -1209,7 +1210,7 @@ def concerned(sizes: Array, touched: Array, mode: Array, fired: int) -> int:
     for c in range(first, first + sizes[ON_RATE_INDEPENDENT]):
         if mode[c] != 0:
             touched[nk + c] = 1
-    return candidates(touched, nk)
+    return candidates(rows, touched, nk)
 
 
 @compiled()
@@ -1250,7 +1251,7 @@ def choose_next(
         for c in range(len(mode)):
             asked += 1 - touched[nk + c]
             touched[nk + c] = 1
-        total = candidates(touched, nk)
+        total = candidates(rows, touched, nk)
         if asked == 0:
             # A contact may be so close to two modes that rounding denies it both.
             slack *= 1e2
@@ -1275,14 +1276,21 @@ def set_regions(rows: Rows, W: Array, mag: Array, reg: Array) -> bool:
 
 
 @compiled()
-def candidates(touched: Array, nk: int) -> int:
-    """Number of states of the switches concerned (one more than is tried, if there are too
-    many)."""
+def candidates(rows: Rows, touched: Array, nk: int) -> int:
+    """Number of states of the switches concerned (more than are tried, if there are too many)."""
     total = 1
     for i in range(len(touched)):
         if touched[i] == 1 and total <= _MOST_CANDIDATES:
-            total *= 2 if i < nk else 3
+            total *= 2 if i < nk else states_of(rows, i - nk)
     return total
+
+
+@compiled()
+def states_of(rows: Rows, c: int) -> int:
+    """Number of states of a contact: in a plane, and of what can open, a slip has no sign."""
+    if is_component(rows, c):
+        return 1
+    return 2 if rows.plane[c] >= 0 or opens(rows, c) else 3
 
 
 @compiled()
@@ -1307,9 +1315,11 @@ def choose(rows: Rows, candidate: int, touched: Array, mode: Array, reg: Array) 
                 reg[i] = candidate % 2
                 candidate //= 2
             elif not is_component(rows, i - nk):
-                state = (candidate % 3 - 1) * (1 + rows.drops[i - nk])
-                candidate //= 3
-                set_mode(rows, mode, i - nk, abs(state) if opens(rows, i - nk) else state)
+                states = states_of(rows, i - nk)
+                state = candidate % states - 1
+                candidate //= states
+                state = abs(state) if states == 2 else state
+                set_mode(rows, mode, i - nk, state * (1 + rows.drops[i - nk]))
 
 
 @compiled()

@@ -1,0 +1,97 @@
+"""Bodies on points: a few random motions against smoothed friction, and that against closed
+forms. The long run is ``python -m tests.adversarial --only points``."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from adversarial import points
+from adversarial.families.points import FAMILIES, Carried, Point, Shape
+from adversarial.points import draw
+from adversarial.smoothed import limit
+from adversarial.verdict import AGREED, REFUSED, WRONG
+
+CHOSEN = [
+    ("thrown body", 0),
+    ("regular body", 0),
+    ("points on a line", 0),
+    ("points that hold more at rest", 0),
+    ("points that slip more easily when fast", 0),
+    ("body on a table", 0),
+    ("thresholds in time", 0),
+    ("off centre", 0),
+    ("slow loads", 0),
+    ("units", 0),
+]
+
+
+@pytest.mark.parametrize(("family", "seed"), CHOSEN)
+def test_motion(family: str, seed: int) -> None:
+    case = draw(family, seed)
+    verdict = points.judge(case)
+    assert verdict.kind == AGREED, f"{verdict}\n{case.source()}"
+
+
+def test_families() -> None:
+    for name, make in FAMILIES.items():
+        assert make.__doc__
+        one, same, other = draw(name, 3), draw(name, 3), draw(name, 4)
+        assert one == same
+        assert one.numbers != other.numbers
+        assert "ss.simulate(" in points.reproduction(one)
+    assert [c.family for c in points.cases(0, len(FAMILIES))] == list(FAMILIES)
+
+
+def test_a_wrong_motion_is_called_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    case = draw("thrown body", 0)
+    simulated = points.simulated
+
+    def stronger(by: float) -> None:
+        numbers = {**case.numbers, "s0": case.numbers["s0"] * by}
+        monkeypatch.setattr(points, "simulated", lambda c: simulated(replace(c, numbers=numbers)))
+
+    stronger(1 + 1e-5)
+    assert points.judge(case).kind == WRONG
+    stronger(1 + 1e-13)
+    assert points.judge(case).kind == AGREED
+    stronger(np.nan)
+    assert points.judge(case).kind == REFUSED
+
+
+# -- the reference ---------------------------------------------------------------------------------
+
+
+def body(places: list[complex], **given: float) -> Carried:
+    """A body of unit mass and moment of inertia 1/3, on points that hold 1 together."""
+    n = {f"{w}{i}": 0.0 for w in ("F", "G", "om", "ph", "K", "C") for i in range(3)}
+    for k, z in enumerate(places):
+        n |= {f"px{k}": z.real, f"py{k}": z.imag, f"s{k}": 1.0 / len(places)}
+    shape = Shape((Point(),) * len(places))
+    return Carried(shape, n | {"m0": 1.0, "I0": 1.0 / 3.0} | given, {}, 2.0)
+
+
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_the_reference_knows_a_body_that_does_not_turn(count: int) -> None:
+    """It stops after v²/2s."""
+    places = [complex(np.exp(2j * np.pi * k / count)) for k in range(count)]
+    case = body(places if count > 1 else [0j])
+    found = limit(case.board(), np.array([0.0, 0.0, 0.0, 0.6, 0.8, 0.0]), np.array([2.0]))
+    np.testing.assert_allclose(found.states[0, :3], [0.3, 0.4, 0.0], rtol=0, atol=1e-9)
+    assert np.max(found.doubt) < 1e-7
+
+
+def test_the_reference_knows_a_rod_that_turns() -> None:
+    """About its middle, with the moment 1 against it: ω² I/2."""
+    case = body([1 + 0j, -1 + 0j])
+    found = limit(case.board(), np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0]), np.array([1.0]))
+    np.testing.assert_allclose(found.states[0, :3], [0.0, 0.0, 1.0 / 6.0], rtol=0, atol=1e-9)
+
+
+def test_the_reference_knows_a_rod_that_rests() -> None:
+    """Under a side force that is almost what is held, and a moment."""
+    case = body([1 + 0j, -1 + 0j], G1=0.9, G2=0.05)
+    found = limit(case.board(), np.zeros(6), np.array([2.0]))
+    assert np.max(np.abs(found.states)) < 1e-7
