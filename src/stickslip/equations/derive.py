@@ -147,6 +147,8 @@ class MotionEquations:
     Attributes
     ----------
     contacts : list of DryContact
+        What adheres to a gap is pressed together by its adhesion, while it is closed: by a force
+        ``glue:i``, so that λ = N + glue is not negative.
         Ordered by kind: inertial, viscous, then rate-independent in the order of their coordinates.
         Components of a contact in a plane slip with the mode 1; their forces then are those of the
         direction n, whose components are the symbols ``n:i``.
@@ -334,10 +336,10 @@ def _equations_of(d: Declaration) -> MotionEquations:
         d.contacts, key=lambda c: (_KINDS.index(c.kind), own.get(next(iter(c.direction)), 0))
     )
     groups = _together(contacts)
-    contacts = [_sum_of(own) for own in groups]
-    normals = {c.name: ex.sym(f"lambda:{i}") for i, c in enumerate(contacts) if c.opens}
-    members = [tuple(_name_speed(c, i, normals) for c in own) for i, own in enumerate(groups)]
-    contacts = [_name_speed(c, i, normals) for i, c in enumerate(contacts)]
+    normals = {own[0].name: i for i, own in enumerate(groups) if own[0].opens}
+    glued = [i for i in normals.values() if groups[i][0].plus is not ex.ZERO]
+    members = [tuple(_named(c, i, normals, glued) for c in own) for i, own in enumerate(groups)]
+    contacts = [_sum_of(own) for own in members]
     planes = _planes(contacts)
     for plane in planes:
         for i in plane.parts:
@@ -349,6 +351,9 @@ def _equations_of(d: Declaration) -> MotionEquations:
     inertial_force = [
         -slope[q] - d.drags[q] - by_all.get(q, ex.ZERO) + d.velocity_force(q) for q in d.inertial
     ]
+    for i in glued:
+        for q, weight in contacts[i].direction.items():
+            inertial_force[d.inertial.index(q)] -= weight * ex.sym(f"glue:{i}")
     force_of = dict(zip(d.viscous, viscous_force, strict=True))
     implicit = {z: d.resistance(z) - force_of[z] for z in d.resisted}
     laws = [d.laws[a] for a in d.internal]
@@ -419,7 +424,7 @@ def _together(contacts: list[DryContact]) -> list[list[DryContact]]:
     return list(found.values())
 
 
-def _sum_of(own: list[DryContact]) -> DryContact:
+def _sum_of(own: Sequence[DryContact]) -> DryContact:
     """The contact whose friction is that of several."""
     if len(own) == 1:
         return own[0]
@@ -436,9 +441,17 @@ def _sum_of(own: list[DryContact]) -> DryContact:
     )
 
 
-def _name_speed(c: DryContact, i: int, normals: dict[str, Expr]) -> DryContact:
-    """Give each contact's ``speed`` its own symbol, and normal forces those of the forces."""
-    own = {"speed": ex.sym(f"speed:{i}"), **normals}
+def _named(c: DryContact, i: int, normals: dict[str, int], glued: list[int]) -> DryContact:
+    """Give each contact's ``speed`` its own symbol, and normal forces those of the forces.
+
+    What adheres is pressed by as much as it adheres, ``glue:i``; λ is the whole pressure. It makes
+    the contact's own friction, and others know of N = λ − glue.
+    """
+    own = {"speed": ex.sym(f"speed:{i}")}
+    for name, n in normals.items():
+        pressure = ex.sym(f"lambda:{n}")
+        others = n in glued and c.on != name
+        own[name] = pressure - ex.sym(f"glue:{n}") if others else pressure
     return replace(
         c,
         plus=ex.substitute(c.plus, own),

@@ -31,7 +31,7 @@ MODE_NAMES = {-1: "slip-", 0: "stick", 1: "slip+"}
 @dataclass(frozen=True)
 class ContactField:
     """One contact in a mode: relative velocity u, friction force λ, thresholds s⁺ (u > 0) and s⁻ (u
-    < 0).
+    < 0); of a normal direction s⁺ is the pull that it holds.
 
     Attributes
     ----------
@@ -159,7 +159,8 @@ class Field:
             elif c.plane == 2:
                 continue
             elif c.gap is not None:
-                found.append(Guard(c.force, switch, 1) if m == 0 else Guard(c.gap, switch, 0))
+                held = c.force + c.plus
+                found.append(Guard(held, switch, 1) if m == 0 else Guard(c.gap, switch, 0))
             elif m == 0:
                 found += [Guard(c.force + c.plus, switch, 1), Guard(c.minus - c.force, switch, -1)]
             elif not c.loose:
@@ -291,6 +292,8 @@ class _Solver:
         for i, c in enumerate(equations.contacts):
             if c.kind == Kind.INERTIAL and not c.plane:
                 self.known[f"speed:{i}"] = self.velocity(i) * float(mode[i])
+            if c.opens:
+                self.known[f"glue:{i}"] = self.fix(c.plus) if mode[i] == 0 else ex.ZERO
         for plane in equations.planes:
             self.aim(plane)
 
@@ -517,6 +520,9 @@ class _Solver:
         gap = None if c.gap is None else self.fix(c.gap)
         loose = self.is_loose(i)
         plus, minus = self.fix(c.plus), self.fix(c.minus)
+        if c.opens:
+            plus = self.known[f"glue:{i}"]
+            force -= plus
         room = self.room(i) if c.plane == 1 else ex.ZERO
         own = self.eq.members[i]
         parts = tuple(self.part(i, m) for m in own) if len(own) > 1 else ()

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from stickslip.model.system import System
 
 _VISCOUS_MATRIX = "viscous matrix of the viscous coordinates"
+_REMEDY = "A threshold is never negative; write max(..., 0) where it may vanish"
 _QUADRATIC = "Write a pure quadratic form, like m/2*d_x**2"
 
 
@@ -47,7 +48,7 @@ class DryContact:
         Coefficients by coordinate: constants, but of t and inertial coordinates where it acts on
         these.
     plus, minus : Expr
-        Thresholds for u > 0 and u < 0.
+        Thresholds for u > 0 and u < 0; of a normal direction, the pull that it holds, and 0.
     kinetic_plus, kinetic_minus : Expr
         Friction forces while sliding (the thresholds unless declared); may contain the symbol
         ``speed``. Both may contain normal forces.
@@ -689,13 +690,14 @@ class _Reader:
                 f"it is {here:g} at the initial state: the bodies overlap",
                 "Start where it is positive, or zero for contact",
             )
-        zero = (ex.ZERO, ex.ZERO)
+        adhesion = self.motion.parse(contact.adhesion, f"{where}.adhesion")
+        self._check_threshold(adhesion, f"{where}.adhesion", "It is the largest pull; write max(..., 0) where it may vanish")
         normal = DryContact(
             normal_force(name),
             Kind.INERTIAL,
             direction,
-            *zero,
-            *zero,
+            adhesion,
+            *(ex.ZERO,) * 3,
             -ex.derivative(gap, "t"),
             contact.unit,
             gap=gap,
@@ -903,7 +905,7 @@ class _Reader:
         check_unit(contact.unit, f"{where}.unit")
         values = self.start
         for static, sliding_force in zip((plus, minus), kinetic, strict=True):
-            self._check_threshold(static, where)
+            self._check_threshold(static, f"{where}.threshold", _REMEDY)
             at_rest = ex.evaluate(sliding_force, values)
             if not 0.0 <= at_rest <= ex.evaluate(static, values) * (1 + 1e-12):
                 raise DeclarationError(
@@ -957,7 +959,7 @@ class _Reader:
         both = scope.parse(given, where)
         return both, both
 
-    def _check_threshold(self, threshold: Expr, where: str) -> None:
+    def _check_threshold(self, threshold: Expr, where: str, remedy: str) -> None:
         values = self.start
         from stickslip.symbolic.enclosures import bounds
 
@@ -965,17 +967,14 @@ class _Reader:
         boxes = {n: (given[n], given[n]) for n in threshold.symbols & given.keys()}
         low, high = bounds(threshold, boxes) if threshold.symbols else (ex.number(threshold),) * 2
         here = ex.evaluate(threshold, values)
-        remedy = "A threshold is never negative; write max(..., 0) where it may vanish"
         if not 0.0 <= here < math.inf:
-            raise DeclarationError(
-                f"{where}.threshold", f"it is {here:g} at the initial state", remedy
-            )
+            raise DeclarationError(where, f"it is {here:g} at the initial state", remedy)
         if low < -1e-12 * abs(high):
             if not threshold.symbols & (self.state.keys() - {"t"}):
                 low = self._lowest_in_time(threshold, boxes)
             if -math.inf < low < 0.0:
                 raise DeclarationError(
-                    f"{where}.threshold", f"it can become negative (as low as {low:.4g})", remedy
+                    where, f"it can become negative (as low as {low:.4g})", remedy
                 )
 
     def _lowest_in_time(self, threshold: Expr, boxes: dict[str, tuple[float, float]]) -> float:

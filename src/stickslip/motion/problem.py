@@ -211,7 +211,8 @@ class Problem:
         be inadmissible, for parameters in boxes."""
         layout = self.compiled.layout
         contacts = self.compiled.equations.contacts
-        boxes = boxes | {f"lambda:{i}": (0.0, math.inf) for i, c in enumerate(contacts) if c.opens}
+        opening = [i for i, c in enumerate(contacts) if c.opens]
+        boxes = boxes | {f"{x}:{i}": (0.0, math.inf) for i in opening for x in ("lambda", "glue")}
         sides = [(row, c.plus) for row, c in zip(layout.plus, contacts, strict=True)]
         sides += [(row, c.minus) for row, c in zip(layout.minus, contacts, strict=True)]
         found = {(row, -1, 0) for row, s in sides if bounds(s, boxes)[0] < 0.0}

@@ -27,6 +27,7 @@ import numpy as np
 from stickslip.equations.coupling import Component, components, together
 from stickslip.equations.derive import MotionEquations, Plane
 from stickslip.model.declaration import DryContact
+from stickslip.model.names import NORMAL
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -95,7 +96,8 @@ class Layout:
         s² − |A⁻¹λ|², the place of the size of that, the rows of Au, of s, and of what is not
         negative in slip, and 1 if it has mass.
     carrying : dict of str to int
-        Rows of the force of constraints, the sum of those of their sides.
+        Rows of the force of constraints, the sum of those of their sides, and of the normal forces
+        of contacts that adhere.
     parts : dict of str to (int, int, int)
         Of contacts that are one with others, the rows of force and thresholds.
     links : list of (int, int, tuple of int)
@@ -595,6 +597,16 @@ class _Generator:
             self.tape.emit(0, Instruction(Op.SPEED, row, (self.layout.u[i],), place=i))
             self.tape.name(f"speed:{i}", row, 0)
 
+    def adhesion(self) -> None:
+        """Rows of what presses contacts together that adhere, while they are closed."""
+        zero = self.tape.row(ex.ZERO)
+        for i, c in enumerate(self.eq.contacts):
+            if c.opens and c.plus is not ex.ZERO:
+                sides = (self.tape.row(c.plus), *(zero,) * 4)
+                row = self.tape.new_row(0)
+                self.tape.emit(0, Instruction(Op.SIDE, row, sides, place=i))
+                self.tape.name(f"glue:{i}", row, 0)
+
     def rates(self) -> int:
         """The linear problem for the rates of the rate-independent coordinates; returns the first
         row of ṙ."""
@@ -679,7 +691,7 @@ class _Generator:
                 rows = self.tape.row(plane.kinetic), self.tape.row(plane.static - at_rest)
                 self.layout.kinetic.append((i, 1, *rows))
         for i, c in enumerate(self.eq.contacts):
-            if c.plane:
+            if c.plane or c.opens:
                 continue
             for side, force, static in (
                 (1, c.kinetic_plus, c.plus),
@@ -721,6 +733,7 @@ class _Generator:
         eq = self.eq
         parts = [self.velocity(i) for i in range(self.mq)]
         self.speeds()
+        self.adhesion()
         for p, plane in enumerate(eq.planes):
             if not plane.pull:
                 terms = [
@@ -822,6 +835,9 @@ class _Generator:
         for i, c in enumerate(self.eq.contacts):
             if c.side_of:
                 facing.setdefault(c.side_of, []).append((ex.sym(f"lambda:{i}"), 1.0))
+            if c.opens and c.plus is not ex.ZERO:
+                pulled = (ex.sym(f"lambda:{i}"), 1.0), (ex.sym(f"glue:{i}"), -1.0)
+                facing[c.name.removeprefix(NORMAL)] = [*pulled]
         layout.carrying = {name: tape.row(ex.add(*forces)) for name, forces in facing.items()}
         for i, c in enumerate(self.eq.contacts):
             if c.gap is not None:
