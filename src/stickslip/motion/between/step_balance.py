@@ -1512,10 +1512,10 @@ def judge_opening(
 def judge_beginning(
     machine: Machine, flow: Flow, starts: Record, ends: Record, i: int, tally: Tally
 ) -> None:
-    """By how much what begins to slip with a step could stick.
+    """By how much what begins to slip, or to open, with a step could stick.
 
-    Where the sliding force is below the threshold, the friction law alone would allow it: the
-    stated rule is that what can stick sticks. Of several that begin together one has reached its
+    Where the sliding force is below the threshold, the friction law alone would allow it, and so
+    does adhesion: the stated rule is that what can stick sticks. Of several that begin together one has reached its
     threshold; what they carry at rest has to hold all it can. This is asked of what slips from a
     velocity that is zero, and of what has no mass and rested before.
 
@@ -1560,9 +1560,15 @@ def is_quiet(starts: Record, i: int) -> bool:
 
 @compiled()
 def may_stick_again(rows: Rows, c: int) -> bool:
-    """Whether a contact that slips may be held by more than its sliding force, or from another
+    """Whether a contact that slips, or is open, may be held by more than its force, or from another
     side."""
-    return bool(rows.drops[c] == 1 or rows.plane[c] >= 0)
+    return bool(rows.drops[c] == 1 or rows.plane[c] >= 0 or adheres(rows, c))
+
+
+@compiled()
+def adheres(rows: Rows, c: int) -> bool:
+    """Whether a contact that can open holds a pull: it has a threshold."""
+    return bool(opens(rows, c) and rows.plus[c] != rows.minus[c])
 
 
 @compiled()
@@ -1591,6 +1597,11 @@ def hold_beginnings(
     quiet = is_quiet(starts, i)
     asked = False
     for c in range(len(slips)):
+        if adheres(rows, c) and slips[c] != 0 and not quiet:
+            if closed_at_rest(rows, space, c):
+                asked = True
+                set_mode(rows, at.mode, c, 0)
+            continue
         skipped = is_component(rows, c) or opens(rows, c) or is_loose(rows, slips, c)
         if skipped or resting(slips[c]) or (quiet and rows.plane[c] < 0):
             continue
@@ -1612,6 +1623,13 @@ def hold_beginnings(
     if not asked or not resolve(rows, flow.k, space, at.mode):
         return False
     return coefficients(machine, flow, at, FEWEST_ORDERS, space.W) == OK
+
+
+@compiled()
+def closed_at_rest(rows: Rows, space: Space, c: int) -> bool:
+    """Whether a contact that can open has neither a gap nor a velocity, up to rounding."""
+    apart = abs(space.W[rows.gaps[c], 0]) > ROUNDING * gap_size(rows, space, c)
+    return is_still(rows, space, c) and not apart
 
 
 @compiled()
@@ -1702,6 +1720,11 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
             gap = abs(W[rows.gaps[c], 0]) - ROUNDING * gap_size(rows, flow.space, c)
             if W[rows.force[c], 0] < 0.0 if mode[c] == 0 else gap <= 0.0:
                 return NOWHERE, -1.0
+            if mode[c] == 0 and slips[c] != 0:
+                room = pressed_by(rows, flow.space, c, late, tally.law[c, _FORCE])
+                full = full or not room > 0.0
+                if room < least:
+                    first, least = c, room
         elif resting(mode[c]):
             room = room_left(rows, flow.space, c, late, tally.law[c, _FORCE])
             if sharing and mode[c] == 0 and flow.space.leaving[c] != ON_ITS_OWN:
@@ -1779,6 +1802,15 @@ def room_left(rows: Rows, space: Space, c: int, late: float, force: float) -> fl
     unsure += late * (abs(W[held, 1]) + abs(W[up, 1]) + abs(W[down, 1]))
     room = min(W[held, 0] + W[up, 0], W[down, 0] - W[held, 0])
     return float((room - unsure) / force)
+
+
+@compiled()
+def pressed_by(rows: Rows, space: Space, c: int, late: float, force: float) -> float:
+    """How far what adheres is from being torn off, in parts of its force; see :func:`room_left`."""
+    if not force > 0.0:
+        return 0.0
+    unsure = ROUNDING * space.mag[2 * len(rows.u) + c] + late * abs(space.W[rows.force[c], 1])
+    return float((space.W[rows.force[c], 0] - unsure) / force)
 
 
 @compiled()
