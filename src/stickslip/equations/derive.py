@@ -150,6 +150,7 @@ class MotionEquations:
         What adheres to a gap is pressed together by its adhesion, while it is closed: by a force
         ``glue:i``, so that λ = N + glue is not negative.
         Ordered by kind: inertial, viscous, then rate-independent in the order of their coordinates.
+        Those between motions that are given are counted as viscous.
         Components of a contact in a plane slip with the mode 1; their forces then are those of the
         direction n, whose components are the symbols ``n:i``.
     members : list of tuple of DryContact
@@ -253,8 +254,10 @@ class MotionEquations:
 
     @cached_property
     def speeds(self) -> dict[str, Expr]:
-        """The symbols ``speed:i`` of contacts with inertia as functions of the state."""
-        moving = [i for i, c in enumerate(self.contacts) if c.kind == Kind.INERTIAL]
+        """The symbols ``speed:i`` of contacts whose velocities are functions of the state."""
+        moving = [
+            i for i, c in enumerate(self.contacts) if c.kind == Kind.INERTIAL or c.prescribed
+        ]
         u = {i: self.velocity(i) for i in moving}
         squares = {i: [u[i]] for i in moving}
         for plane in self.planes:
@@ -333,7 +336,7 @@ def derive(declaration: Declaration) -> MotionEquations:
 def _equations_of(d: Declaration) -> MotionEquations:
     own = {r: i for i, r in enumerate(d.rate_independent)}
     contacts = sorted(
-        d.contacts, key=lambda c: (_KINDS.index(c.kind), own.get(next(iter(c.direction)), 0))
+        d.contacts, key=lambda c: (_KINDS.index(c.kind), own.get(next(iter(c.direction), ""), 0))
     )
     groups = _together(contacts)
     normals = {own[0].name: i for i, own in enumerate(groups) if own[0].opens}
@@ -476,6 +479,8 @@ def _planes(contacts: list[DryContact]) -> list[Plane]:
 def _pressing(contacts: list[DryContact], i: int) -> list[int]:
     c = contacts[i]
     names = c.plus.symbols | c.minus.symbols | c.kinetic_plus.symbols | c.kinetic_minus.symbols
+    if c.prescribed:
+        return []  # it has no part in the problem for normal forces
     normals = [j for j, other in enumerate(contacts) if other.opens]
     return [j for j in normals if f"lambda:{j}" in names]
 
@@ -529,7 +534,7 @@ def _pull(
         If the viscosity is not that of single coordinates, the same in both directions.
     """
     own = [contacts[i] for i in plane.parts]
-    if own[0].kind == Kind.INERTIAL:
+    if own[0].kind == Kind.INERTIAL or own[0].prescribed:
         return ()
     if own[0].kind == Kind.RATE_INDEPENDENT:
         first = len(contacts) - len(rate.force)

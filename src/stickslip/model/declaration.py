@@ -43,7 +43,8 @@ class DryContact:
     Attributes
     ----------
     kind : str
-        Kind of the coordinates it acts on.
+        Kind of the coordinates it acts on; viscous where it acts on none, between motions that are
+        given: its velocity is no state.
     direction : dict of str to Expr
         Coefficients by coordinate: constants, but of t and inertial coordinates where it acts on
         these.
@@ -82,6 +83,11 @@ class DryContact:
     plane: int = 0
     axis: Expr = ex.ONE
     side_of: str = ""
+
+    @property
+    def prescribed(self) -> bool:
+        """Whether both of its sides move as given."""
+        return not self.direction
 
     @property
     def opens(self) -> bool:
@@ -723,7 +729,7 @@ class _Reader:
             contact.friction(name), threshold=contact.mu, kinetic=contact.kinetic
         )
         rubs = self._dry(name, coefficients)
-        if rubs[0].kind != Kind.INERTIAL:
+        if rubs[0].direction and rubs[0].kind != Kind.INERTIAL:
             raise DeclarationError(
                 f"{where}.direction",
                 f"its coordinates are {rubs[0].kind}",
@@ -803,13 +809,24 @@ class _Reader:
     def _check_plane(self, where: str, parts: list[DryContact]) -> None:
         """Refuse components that are of different kinds, or along one line."""
         first, second = parts
+        if first.prescribed != second.prescribed:
+            raise DeclarationError(
+                f"{where}.direction",
+                "one of its components has no rate",
+                "Give two independent combinations of rates, like ['d_x', 'd_y'], or none at all "
+                "where both surfaces move as given",
+            )
+        if first.prescribed and first.speed is ex.ZERO and second.speed is ex.ZERO:
+            raise DeclarationError(
+                f"{where}.direction", "neither side moves", "Write it like ['d_x', 'd_y']"
+            )
         if first.kind != second.kind:
             raise DeclarationError(
                 f"{where}.direction",
                 f"its components are {first.kind} and {second.kind}",
                 "Give all coordinates of one contact the same kind",
             )
-        alike = first.direction.keys() == second.direction.keys() and all(
+        alike = not first.prescribed and first.direction.keys() == second.direction.keys() and all(
             first.direction[x] * second.direction[y] is second.direction[x] * first.direction[y]
             for x in first.direction
             for y in first.direction
@@ -828,6 +845,8 @@ class _Reader:
         rates = sorted(text.symbols & self.order.keys(), key=self.order.__getitem__)
         slopes = {rate[2:]: ex.derivative(text, rate) for rate in rates}
         direction = {x: c for x, c in slopes.items() if c is not ex.ZERO}
+        if not rates and text.symbols <= {"t", *self.constants}:
+            return self._prescribed(name, contact, text, declared)
         linear = ex.add(*((c * self.rates[f"d_{x}"], 1.0) for x, c in direction.items()))
         curved = any(c.symbols & self.rates.keys() for c in direction.values())
         if not direction or curved or ex.bends(text, self.rates):
@@ -878,7 +897,44 @@ class _Reader:
                 "Use one contact per coordinate, or give them viscosity",
             )
         inertial = kind == Kind.INERTIAL
-        pressed = self.pressed if inertial else self.motion
+        places = self.surface if declared and inertial else self.clock
+        speed = places.parse(contact.surface_speed, f"{where}.surface_speed")
+        forces = self._forces(where, contact, kind, in_plane=bool(declared))
+        return DryContact(name, kind, direction, *forces, speed, contact.unit)
+
+    def _prescribed(self, name: str, contact: Contact, moves: Expr, declared: str) -> DryContact:
+        """Friction between motions that are given.
+
+        Parameters
+        ----------
+        name, contact, declared
+            As of :meth:`_contact`.
+        moves : Expr
+            The velocity that its direction stands for.
+        """
+        where = entry_key("contacts", declared or name)
+        places = self.surface if declared else self.clock
+        speed = places.parse(contact.surface_speed, f"{where}.surface_speed") - moves
+        if "t" not in moves.symbols and moves is not ex.ZERO:
+            raise DeclarationError(
+                f"{where}.direction",
+                "not a linear combination of rates",
+                "Write it like 'd_x', or 'd_xi' with a drive xi; '0' for a surface_speed alone",
+            )
+        if speed is ex.ZERO and not declared:
+            raise DeclarationError(
+                f"{where}.direction",
+                "neither side moves",
+                "Write it like 'd_x' or 'd_x2 - d_x1', or give a surface_speed",
+            )
+        forces = self._forces(where, contact, None, in_plane=bool(declared))
+        return DryContact(name, Kind.VISCOUS, {}, *forces, speed, contact.unit)
+
+    def _forces(
+        self, where: str, contact: Contact, kind: Kind | None, in_plane: bool
+    ) -> tuple[Expr, Expr, Expr, Expr]:
+        """Thresholds and sliding forces of a contact of coordinates of a kind, or of none."""
+        pressed = self.pressed if kind in (Kind.INERTIAL, None) else self.motion
         plus, minus = self._pair(contact.threshold, f"{where}.threshold", pressed)
         for e in (plus, minus):
             self._check_proportional(f"{where}.threshold", e)
@@ -899,9 +955,7 @@ class _Reader:
                     "for viscous coordinates it may not depend on the speed",
                     "Declare the coordinate inertial, or put the slope into 'viscous'",
                 )
-        self._check_pressed(where, (plus, minus, *kinetic), in_plane=bool(declared))
-        places = self.surface if declared and inertial else self.clock
-        speed = places.parse(contact.surface_speed, f"{where}.surface_speed")
+        self._check_pressed(where, (plus, minus, *kinetic), in_plane)
         check_unit(contact.unit, f"{where}.unit")
         values = self.start
         for static, sliding_force in zip((plus, minus), kinetic, strict=True):
@@ -913,7 +967,7 @@ class _Reader:
                     f"the kinetic force {at_rest:g} is not between 0 and the threshold",
                     "Sliding friction is at most the threshold",
                 )
-        return DryContact(name, kind, direction, plus, minus, *kinetic, speed, contact.unit)
+        return plus, minus, *kinetic
 
     def _check_pressed(self, where: str, forces: tuple[Expr, ...], in_plane: bool) -> None:
         """Refuse coefficients of friction that are negative, or larger in sliding than at rest;

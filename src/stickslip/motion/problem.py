@@ -181,7 +181,8 @@ class Problem:
         contacts = len(layout.u)
         kinks = len(layout.kinks)
         small = contacts + kinks <= MOST_SWITCHES and n <= 24 and layout.frequencies <= 6
-        alone = not (layout.gaps or layout.planes)  # closed forms know neither
+        # closed forms know none of these
+        alone = not (layout.gaps or layout.planes or layout.prescribed)
         slots = slots if small and self.exact and alone else 0
         doubtful = len(self.rows.doubtful)
         return make_closed_forms(groups, slots, n, contacts, kinks, doubtful, layout.frequencies)

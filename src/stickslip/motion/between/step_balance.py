@@ -50,7 +50,7 @@ from stickslip.motion.between.nodes import (
     to_control_points,
 )
 from stickslip.motion.between.observers import Sums, add_step, count_times, make_sums
-from stickslip.motion.engine.guards import opens, resting
+from stickslip.motion.engine.guards import is_prescribed, opens, resting
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
@@ -1385,6 +1385,8 @@ def free_speed(rows: Rows, space: Space, c: int, h: float) -> float:
     mq, mz = rows.sizes[ON_INERTIAL], rows.sizes[ON_VISCOUS]
     if c >= mq + mz:
         return float(mag[c])
+    if is_prescribed(rows, c):
+        return float(mag[len(rows.u) + c] * h)
     free = mag[2 * len(rows.u) + c] / abs(own_inverse(rows, space, c))
     return float(free * h if c < mq else free)
 
@@ -1603,6 +1605,7 @@ def hold_beginnings(
                 set_mode(rows, at.mode, c, 0)
             continue
         skipped = is_component(rows, c) or opens(rows, c) or is_loose(rows, slips, c)
+        skipped = skipped or is_prescribed(rows, c)
         if skipped or resting(slips[c]) or (quiet and rows.plane[c] < 0):
             continue
         # All rests before the start.
@@ -1714,7 +1717,7 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
     if sharing:
         find_shared(flow, mode, W, False)
     for c in range(nc):
-        if is_component(rows, c) or is_loose(rows, mode, c):
+        if is_component(rows, c) or is_loose(rows, mode, c) or is_prescribed(rows, c):
             continue
         if opens(rows, c):
             gap = abs(W[rows.gaps[c], 0]) - ROUNDING * gap_size(rows, flow.space, c)
