@@ -255,9 +255,7 @@ class MotionEquations:
     @cached_property
     def speeds(self) -> dict[str, Expr]:
         """The symbols ``speed:i`` of contacts whose velocities are functions of the state."""
-        moving = [
-            i for i, c in enumerate(self.contacts) if c.kind == Kind.INERTIAL or c.prescribed
-        ]
+        moving = [i for i, c in enumerate(self.contacts) if c.kind == Kind.INERTIAL or c.prescribed]
         u = {i: self.velocity(i) for i in moving}
         squares = {i: [u[i]] for i in moving}
         for plane in self.planes:

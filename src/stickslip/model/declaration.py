@@ -697,7 +697,8 @@ class _Reader:
                 "Start where it is positive, or zero for contact",
             )
         adhesion = self.motion.parse(contact.adhesion, f"{where}.adhesion")
-        self._check_threshold(adhesion, f"{where}.adhesion", "It is the largest pull; write max(..., 0) where it may vanish")
+        remedy = "It is the largest pull; write max(..., 0) where it may vanish"
+        self._check_threshold(adhesion, f"{where}.adhesion", remedy)
         normal = DryContact(
             normal_force(name),
             Kind.INERTIAL,
@@ -826,10 +827,14 @@ class _Reader:
                 f"its components are {first.kind} and {second.kind}",
                 "Give all coordinates of one contact the same kind",
             )
-        alike = not first.prescribed and first.direction.keys() == second.direction.keys() and all(
-            first.direction[x] * second.direction[y] is second.direction[x] * first.direction[y]
-            for x in first.direction
-            for y in first.direction
+        alike = (
+            not first.prescribed
+            and first.direction.keys() == second.direction.keys()
+            and all(
+                first.direction[x] * second.direction[y] is second.direction[x] * first.direction[y]
+                for x in first.direction
+                for y in first.direction
+            )
         )
         if alike:
             raise DeclarationError(

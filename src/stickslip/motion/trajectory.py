@@ -604,9 +604,7 @@ class Trajectory(Result):
         words = [*words, "open", "closed", "below", "above", "before", "after", _SLIP]
         said = mode + 1
         in_plane = np.array([name in self.system.planes for name in self._columns], bool)
-        said[:, in_plane] = np.where(
-            mode[:, in_plane] == 1, len(words) - 1, said[:, in_plane]
-        )
+        said[:, in_plane] = np.where(mode[:, in_plane] == 1, len(words) - 1, said[:, in_plane])
         values = np.hstack([said, k.region + 5, np.full((len(mode), len(equations.jumps)), 7)])
         said_of = np.array(names, dtype=object)[which]
         places = zip(knot.tolist(), which.tolist(), strict=True) if joined else ()

@@ -50,7 +50,7 @@ from stickslip.motion.between.nodes import (
     to_control_points,
 )
 from stickslip.motion.between.observers import Sums, add_step, count_times, make_sums
-from stickslip.motion.engine.guards import is_prescribed, opens, resting
+from stickslip.motion.engine.guards import opens, resting
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
@@ -122,7 +122,7 @@ from stickslip.motion.steps.holding import (
 )
 from stickslip.motion.steps.jumps import fired_jump, make_jump
 from stickslip.motion.steps.roots import horner
-from stickslip.motion.steps.starting import coefficients
+from stickslip.motion.steps.starting import coefficients, is_prescribed
 from stickslip.motion.steps.step_size import LEAST_SIZE, fill_powers, impulse
 from stickslip.motion.steps.stiff import follow_mode
 from stickslip.symbolic.tape import DIRECTION_GIVEN
@@ -1517,9 +1517,9 @@ def judge_beginning(
     """By how much what begins to slip, or to open, with a step could stick.
 
     Where the sliding force is below the threshold, the friction law alone would allow it, and so
-    does adhesion: the stated rule is that what can stick sticks. Of several that begin together one has reached its
-    threshold; what they carry at rest has to hold all it can. This is asked of what slips from a
-    velocity that is zero, and of what has no mass and rested before.
+    does adhesion: the stated rule is that what can stick sticks. Of several that begin together one
+    has reached its threshold; what they carry at rest has to hold all it can. This is asked of what
+    slips from a velocity that is zero, and of what has no mass and rested before.
 
     Parameters
     ----------

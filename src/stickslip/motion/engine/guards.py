@@ -17,10 +17,8 @@ from stickslip.motion.steps.arrays import (
     MASSIVE,
     NOWHERE,
     ON_INERTIAL,
-    ON_VISCOUS,
     OTHER,
     ROUNDING,
-    SEAT,
     SLIPPING,
     SLIPS,
     TOWARDS,
@@ -40,6 +38,7 @@ from stickslip.motion.steps.holding import (
     is_first,
 )
 from stickslip.motion.steps.roots import divide_out, first_crossing
+from stickslip.motion.steps.starting import is_prescribed
 from stickslip.motion.steps.step_size import impulse
 from stickslip.translator import RELAXED, compiled
 
@@ -247,14 +246,6 @@ def stays(
 def opens(rows: Rows, c: int) -> bool:
     """Whether a contact is the normal direction of one that can open."""
     return bool(rows.gaps[c] >= 0)
-
-
-@compiled()
-def is_prescribed(rows: Rows, c: int) -> bool:
-    """Whether a contact is one between motions that are given: it is no part of a linear
-    problem."""
-    massless = rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]
-    return bool(c < massless and rows.homes[c, SEAT] < 0)
 
 
 @compiled()
