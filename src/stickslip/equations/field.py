@@ -298,7 +298,7 @@ class _Solver:
             if (c.kind == Kind.INERTIAL or c.prescribed) and not c.plane:
                 self.known[f"speed:{i}"] = self.velocity(i) * float(mode[i])
             if c.opens:
-                self.known[f"glue:{i}"] = self.fix(c.plus) if mode[i] == 0 else ex.ZERO
+                self.known[f"glue:{i}"] = self.fix(c.plus) if abs(mode[i]) != 1 else ex.ZERO
         for plane in equations.planes:
             self.aim(plane)
 

@@ -541,6 +541,8 @@ class _Generator:
         """Friction of contact i against slip forward and back, and where its threshold is to be
         broken; in a plane that of a component, along the direction of its slip."""
         c = self.eq.contacts[i]
+        if c.opens:
+            return (ex.ZERO,) * 4  # what is open, or carried, does not press
         if not c.plane:
             return c.kinetic_plus, c.kinetic_minus, c.plus, c.minus
         plane = next(p for p in self.eq.planes if i in p.parts)
@@ -638,11 +640,12 @@ class _Generator:
                 self.note(self.nc + i, self.size(self.eq.surface_acceleration(i)))
 
     def adhesion(self) -> None:
-        """Rows of what presses contacts together that adhere, while they are closed."""
+        """Rows of what presses contacts together that adhere, while they are closed, or carried by
+        others that are."""
         zero = self.tape.row(ex.ZERO)
         for i, c in enumerate(self.eq.contacts):
             if c.opens and c.plus is not ex.ZERO:
-                sides = (self.tape.row(c.plus), *(zero,) * 4)
+                sides = (self.tape.row(c.plus), zero, zero, self.tape.row(-c.plus), zero)
                 row = self.tape.new_row(0)
                 self.tape.emit(0, Instruction(Op.SIDE, row, sides, place=i))
                 self.tape.name(f"glue:{i}", row, 0)
@@ -731,7 +734,7 @@ class _Generator:
                 rows = self.tape.row(plane.kinetic), self.tape.row(plane.static - at_rest)
                 self.layout.kinetic.append((i, 1, *rows))
         for i, c in enumerate(self.eq.contacts):
-            if c.plane or c.opens:
+            if c.plane:
                 continue
             for side, force, static in (
                 (1, c.kinetic_plus, c.plus),

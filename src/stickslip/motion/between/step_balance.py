@@ -1502,6 +1502,8 @@ def judge_opening(
             space.samples[row], space.bernstein, 1e-2 * _NEGLIGIBLE * law[c, _OPENING]
         )
         law[c, _OVERLAP] = most(law[c, _OVERLAP], apart - low)
+        if abs(mode[c]) == 2:  # carried, it touches
+            law[c, _OVERLAP] = most(law[c, _OVERLAP], largest_of(space.samples[row]) + apart)
         return
     loose = strays(space.discs[rows.force[c]], factor) if known else 0.0
     low = least_on_nodes(space.samples[row], space.bernstein, 1e-2 * _NEGLIGIBLE * law[c, _FORCE])
@@ -1600,9 +1602,10 @@ def hold_beginnings(
     asked = False
     for c in range(len(slips)):
         if adheres(rows, c) and slips[c] != 0 and not quiet:
-            if closed_at_rest(rows, space, c):
+            if slips[c] == 1 and closed_at_rest(rows, space, c):
                 asked = True
-                set_mode(rows, at.mode, c, 0)
+                carried = i > 0 and starts.mode[i - 1, c] == 2
+                set_mode(rows, at.mode, c, 2 if carried else 0)
             continue
         skipped = is_component(rows, c) or opens(rows, c) or is_loose(rows, slips, c)
         skipped = skipped or is_prescribed(rows, c)
@@ -1723,8 +1726,11 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
             gap = abs(W[rows.gaps[c], 0]) - ROUNDING * gap_size(rows, flow.space, c)
             if W[rows.force[c], 0] < 0.0 if mode[c] == 0 else gap <= 0.0:
                 return NOWHERE, -1.0
+            others = mode[c] == 2 and abs(W[rows.u[c], 1]) > ROUNDING * mag[nc + c] * unit
+            if others and slips[c] == 1:
+                return NOWHERE, -1.0
             if mode[c] == 0 and slips[c] != 0:
-                room = pressed_by(rows, flow.space, c, late, tally.law[c, _FORCE])
+                room = room_to_tear(rows, flow.space, c, late, tally.law[c, _FORCE])
                 full = full or not room > 0.0
                 if room < least:
                     first, least = c, room
@@ -1808,8 +1814,14 @@ def room_left(rows: Rows, space: Space, c: int, late: float, force: float) -> fl
 
 
 @compiled()
-def pressed_by(rows: Rows, space: Space, c: int, late: float, force: float) -> float:
-    """How far what adheres is from being torn off, in parts of its force; see :func:`room_left`."""
+def room_to_tear(rows: Rows, space: Space, c: int, late: float, force: float) -> float:
+    """How far what adheres is from being torn off, in parts of its force.
+
+    Parameters
+    ----------
+    rows, space, c, late, force
+        As of :func:`room_left`.
+    """
     if not force > 0.0:
         return 0.0
     unsure = ROUNDING * space.mag[2 * len(rows.u) + c] + late * abs(space.W[rows.force[c], 1])
