@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -38,7 +39,7 @@ def integral(f: Callable[[float], float], stop: float, corners: list[float]) -> 
     edges = [0.0, *inner, stop]
     return sum(
         quad(f, a, b, epsabs=1e-13, epsrel=1e-13, limit=200)[0]
-        for a, b in zip(edges, edges[1:], strict=False)
+        for a, b in pairwise(edges)
     )
 
 

@@ -378,7 +378,7 @@ class _Reader:
             raise DeclarationError(
                 "coordinates",
                 "the system has no coordinates and no internal variables",
-                "Declare at least one",
+                "Declare at least one, where all moves as given an internal variable with law 1",
             )
         check_unit(system.time_unit, "time_unit")
         start, stop = system.span

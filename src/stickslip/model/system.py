@@ -163,7 +163,9 @@ class Contact:
     ----------
     direction : str or pair of str
         Linear combination of rates, such as ``"d_x"`` or ``"d_x2 - d_x1"``; two of them, such as
-        ``("d_x", "d_y")``, for a contact in a plane.
+        ``("d_x", "d_y")``, for a contact in a plane. Where both sides move as given, the rate of a
+        drive, such as ``"d_xi"``, or ``"0"`` beside a surface speed: then it moves nothing, and
+        its force in stick, which nothing determines, is 0.
     threshold : str, float or pair of these
         Largest force it can hold, s ≥ 0. A pair gives s⁺ (for u > 0) and s⁻ (for u < 0) along a
         line; in a plane there is one.
