@@ -33,7 +33,7 @@ def test_a_mass_is_pulled_off_at_the_adhesion() -> None:
         off = (m * g + N0) / (k * V)
         assert motion.certificate.ok
         assert motion.events["to"].tolist()[:1] == ["open"]
-        assert motion.events["time"][0] == pytest.approx(off, rel=1e-13)
+        assert motion.events["time"].tolist()[0] == pytest.approx(off, rel=1e-13)
         t = off * np.array([0.2, 0.7, 0.99])
         assert motion.at(t)["normal_foot"] == pytest.approx(m * g - k * V * t, abs=1e-12)
         # y'' + w² (y − V t) + g = 0 from rest on
@@ -136,6 +136,26 @@ def test_friction_under_adhesion_is_that_of_derjaguin(plane: bool) -> None:
     speed = 1.5 * 7.5 - 0.4 * (4.0 * 7.5 - (64.0 - 0.25) / 4)
     assert motion.at([8.0])["d_x"][0] == pytest.approx(speed, rel=1e-12)
     assert motion.at([10.0])["d_x"][0] == pytest.approx(speed + 3.0, rel=1e-12)
+
+
+def test_a_plate_that_shakes_does_work_by_adhesion() -> None:
+    """N ẇ, the adhesion included: what is held follows the plate."""
+    system = ss.System(
+        "shaken",
+        coordinates={"y": ss.Inertial()},
+        kinetic="d_y**2/2",
+        potential="y",
+        contacts={"plate": ss.Unilateral("y - 0.5*sin(2*t)", adhesion=2)},
+        initial={"d_y": 1.0},
+        span=(0, 2),
+    )
+    motion = ss.simulate(system)
+    assert motion.certificate.ok and len(motion.events) == 0
+    t = np.array([0.5, 1.0, 2.0])
+    found = motion.at(t)
+    assert found["normal_plate"] == pytest.approx(1 - 2 * np.sin(2 * t), abs=1e-12)
+    energy = np.cos(2 * t) ** 2 / 2 + np.sin(2 * t) / 2
+    assert found["supplied_energy"] == pytest.approx(energy - 0.5, abs=1e-12)
 
 
 def test_several_hold_a_pull_together() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -37,10 +38,7 @@ def driven(
 def integral(f: Callable[[float], float], stop: float, corners: list[float]) -> float:
     inner = [t for t in sorted(corners) if 0.0 < t < stop]
     edges = [0.0, *inner, stop]
-    return sum(
-        quad(f, a, b, epsabs=1e-13, epsrel=1e-13, limit=200)[0]
-        for a, b in pairwise(edges)
-    )
+    return sum(quad(f, a, b, epsabs=1e-13, epsrel=1e-13, limit=200)[0] for a, b in pairwise(edges))
 
 
 def dissipated(motion: ss.Trajectory) -> float:
@@ -89,7 +87,7 @@ def test_it_sticks_where_it_does_not_move() -> None:
     listed = motion.event_catalogue()
     assert listed.table["start"].tolist() == pytest.approx([2 * np.pi], rel=1e-12)
     assert listed.table["duration"].tolist() == pytest.approx([np.pi], rel=1e-12)
-    assert listed.table["energy_released"].notna().all()
+    assert bool(np.all(np.isfinite(listed.table["energy_released"].to_numpy())))
 
 
 def test_several_rub_on_one_motion() -> None:
@@ -114,13 +112,13 @@ def test_a_normal_force_of_the_motion_presses_it() -> None:
     )
     motion = ss.simulate(system)
     assert motion.certificate.ok
-    landed = float(motion.impacts["time"][0])
+    landed = float(motion.impacts["time"].to_numpy()[0])
 
     def power(t: float) -> float:
         return 0.3 * (1 - 0.6 * np.sin(2 * t)) * abs(np.cos(3 * t)) if t > landed else 0.0
 
     corners = [landed, *(np.pi / 6 + k * np.pi / 3 for k in range(12))]
-    lost = float(motion.impacts["energy"].sum())
+    lost = float(np.sum(motion.impacts["energy"].to_numpy()))
     assert dissipated(motion) - lost == pytest.approx(integral(power, 10.0, corners), rel=1e-10)
     assert motion.at([0.5])["friction_foot"][0] == 0.0
 
@@ -156,7 +154,7 @@ def test_in_a_plane_it_acts_against_the_velocity(case: str) -> None:
     found = motion.at(t)
     for i, time in enumerate(t):
         scaled = [a * w for a, w in zip(axes, velocity(time), strict=True)]
-        size = np.hypot(*scaled) or 1.0
+        size = math.hypot(*scaled) or 1.0
         held = 1 + np.sin(time) / 2
         force = [-held * a * w / size for a, w in zip(axes, scaled, strict=True)]
         forces = [found["friction_pad_1"][i], found["friction_pad_2"][i]]

@@ -660,6 +660,8 @@ def _powers(d: Declaration, contacts: list[DryContact]) -> tuple[Expr, Expr, Exp
     ]
     for i, c in enumerate(contacts):
         u, force = ex.sym(f"u:{i}"), ex.sym(f"lambda:{i}")
+        if c.opens and c.plus is not ex.ZERO:
+            force -= ex.sym(f"glue:{i}")
         dissipated.append((force * u, -1.0))
         supplied.append((force * c.speed, 1.0))
     return energy, ex.add(*dissipated), ex.add(*supplied)

@@ -542,7 +542,8 @@ class _Generator:
         broken; in a plane that of a component, along the direction of its slip."""
         c = self.eq.contacts[i]
         if c.opens:
-            return (ex.ZERO,) * 4  # what is open, or carried, does not press
+            # what is open, or carried, does not press
+            return ex.ZERO, ex.ZERO, ex.ZERO, ex.ZERO
         if not c.plane:
             return c.kinetic_plus, c.kinetic_minus, c.plus, c.minus
         plane = next(p for p in self.eq.planes if i in p.parts)
