@@ -49,7 +49,8 @@ class Touch:
         Slip u = direction·v − belt; None: smooth.
     turn : function (q, v) -> float
         u' less direction·a.
-    mu, e, e_t, belt, threshold : float
+    mu, e, e_t, belt, threshold, pull : float
+        The last is the adhesion: N ≥ −pull, with friction mu (N + pull).
     """
 
     gap: Callable[..., float] | None = None
@@ -63,6 +64,12 @@ class Touch:
     e_t: float = 0.0
     belt: float = 0.0
     threshold: float = 0.0
+    pull: float = 0.0
+
+    @property
+    def least(self) -> float:
+        """Friction without a normal force, while it is closed."""
+        return self.threshold + self.mu * self.pull
 
 
 @dataclass(frozen=True)
@@ -142,7 +149,7 @@ class Follower:
                         r[rows[1]] = -touch.turn(q, v)
                     else:
                         A[rows[1], rows[0]] = mode[i] * touch.mu
-                        r[rows[1]] = -mode[i] * touch.threshold
+                        r[rows[1]] = -mode[i] * touch.least
         # Where contacts ask for the same, their forces are not unique: the least ones are taken.
         x, _, rank, _ = np.linalg.lstsq(A, r, rcond=1e-11)
         if rank < len(A) and np.max(np.abs(A @ x - r)) > 1e-9 * (1.0 + np.max(np.abs(r))):
@@ -170,11 +177,11 @@ class Follower:
         found = np.full((len(mode), 2), np.inf)
         for i, touch in enumerate(self.bodies.touches):
             if touch.gap is not None:
-                found[i, 0] = touch.gap(t, y[:d]) if mode[i] == OPEN else N[i]
+                found[i, 0] = touch.gap(t, y[:d]) if mode[i] == OPEN else N[i] + touch.pull
             if touch.direction is not None and mode[i] in (PLUS, MINUS):
                 found[i, 1] = mode[i] * self.slip(touch, y)
             if touch.direction is not None and mode[i] == STICK:
-                found[i, 1] = touch.mu * N[i] + touch.threshold - abs(T[i])
+                found[i, 1] = touch.mu * N[i] + touch.least - abs(T[i])
         return found.ravel()
 
     # -- deciding ----------------------------------------------------------------------------------
@@ -212,6 +219,9 @@ class Follower:
         for h in (1e-3, 1e-5, 1e-7):
             scores = [(self.probe(m, h * self.bodies.step), m) for m in candidates]
             right = [m for s, m in scores if s >= 0.0]
+            if any(touch.pull for touch in self.bodies.touches):
+                # What can stay closed does.
+                right = [m for m in right if m.count(OPEN) == right[0].count(OPEN)]
             if len(right) > 1 and self.differ(right):
                 raise NoAnswer("several modes")
             if right:

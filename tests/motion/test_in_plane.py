@@ -136,3 +136,23 @@ def test_a_stick_beyond_its_threshold_is_seen_in_any_unit_of_force(unit: float) 
     assert not beyond.ok
     # (|λ|² − s²)/s, beside s
     assert beyond["friction law"].value == pytest.approx(1 / 0.99**2 - 1, rel=1e-6)
+
+
+def test_what_lifts_off_is_called_open() -> None:
+    """In events, and in what the numbers of a mode stand for."""
+    system = ss.System(
+        "lifted",
+        coordinates={
+            "x": ss.Inertial(force="1.5"),
+            "z": ss.Inertial(),
+            "y": ss.Inertial(force="t/2 - 4"),
+        },
+        kinetic="(d_x**2 + d_y**2 + d_z**2)/2",
+        contacts={"foot": ss.Unilateral("y", ("d_x", "d_z"), 0.4)},
+        span=(0, 10),
+    )
+    motion = ss.simulate(system)
+    assert motion.events["to"].tolist() == ["slip", "open"]
+    said = motion.dataset["mode_foot"].attrs
+    names = dict(zip(said["flag_values"].tolist(), said["flag_meanings"].split(), strict=True))
+    assert names[int(motion.dataset["mode_foot"][-1])] == "open"

@@ -105,6 +105,9 @@ class Equations:
         self._declared = system.declaration
         self.frictions: list[AnyFriction] = []
         self.balances: list[Balance] = [self._balance(x) for x in system.coordinates]
+        for contact in self._declared.contacts:
+            if contact.prescribed:  # in no balance
+                self._law_of(contact)
         self.laws: list[Balance] = [
             Balance(Name(_RATE.format(name)), "=", self._reader.read(internal.law))
             for name, internal in system.internal.items()
@@ -215,22 +218,36 @@ class Equations:
         plus, minus = self._pair(contact.threshold)
         if plus == minus and contact.kinetic is None:
             return times(weight, plus, Call("Sign", (u,)))
+        return negate(times(weight, self._line_friction(declared).force))
+
+    def _law_of(self, declared: DryContact) -> AnyFriction:
+        """The law of a contact, as one of those that are listed."""
+        of = self._plane_friction if declared.plane else self._line_friction
+        return of(declared)
+
+    def _line_friction(self, declared: DryContact) -> Friction:
+        """The law of a contact along a line."""
         for known in self.frictions:
             if isinstance(known, Friction) and known.contact == declared.name:
-                return negate(times(weight, known.force))
-        sliding = (plus, minus) if contact.kinetic is None else self._pair(contact.kinetic)
-        found = Friction(declared.name, self._next_index(), u, (plus, minus), sliding)
+                return known
+        contact = self.system.dry_contacts[declared.name]
+        thresholds = self._pair(contact.threshold)
+        sliding = thresholds if contact.kinetic is None else self._pair(contact.kinetic)
+        u = self._velocity(contact)
+        found = Friction(declared.name, self._next_index(), u, thresholds, sliding)
         self.frictions.append(found)
-        return negate(times(weight, found.force))
+        return found
 
     def _next_index(self) -> str:
         """The index of the next force that is called λ: nothing if there is only one."""
         planes = self.system.planes
         in_planes = {part for parts in planes.values() for part in parts}
+        alone = {c.name for c in self._declared.contacts if c.prescribed}
         long = [
             name
             for name, c in self.system.dry_contacts.items()
-            if name not in in_planes and (c.kinetic is not None or isinstance(c.threshold, tuple))
+            if name not in in_planes
+            and (name in alone or c.kinetic is not None or isinstance(c.threshold, tuple))
         ]
         return "" if len(long) + len(planes) == 1 else f"_{len(self.frictions) + 1}"
 
@@ -337,9 +354,28 @@ class Equations:
         return found
 
     def openings(self) -> list[tuple[Node, Node]]:
-        """Normal forces and gaps of the contacts that can open."""
-        gaps = {normal_force(name): c.gap for name, c in self.system.unilateral.items()}
+        """Normal forces and gaps of the contacts that can open, and do not adhere."""
+        gaps = {
+            normal_force(name): c.gap
+            for name, c in self.system.unilateral.items()
+            if c.adhesion == 0.0
+        }
         return [(Name(name), self._reader.read(gap)) for name, gap in gaps.items()]
+
+    def adhesions(self, write: UnicodeWriter) -> list[tuple[str, str]]:
+        """Pairs of a condition and what then holds, for contacts that adhere."""
+        found = list[tuple[str, str]]()
+        for name, c in self.system.unilateral.items():
+            if c.adhesion != 0.0:
+                gap, normal = self._reader.read(c.gap), Name(normal_force(name))
+                pull = negate(self._reader.read(c.adhesion))
+                open_ = write(Relation("=", normal, NOUGHT))
+                open_ += write.words(", no friction") if c.direction else ""
+                found.append(
+                    (write(Relation("=", gap, NOUGHT)), write(Relation(">=", normal, pull)))
+                )
+                found.append((write(Relation(">", gap, NOUGHT)), open_))
+        return found
 
     def jumps(self) -> Iterator[Leap]:
         """Jumps of the state, in the order of declaration."""
@@ -361,6 +397,7 @@ class Equations:
             laws = group[0].laws(write, group[0].index if len(group) == 1 else "_i")
             rows += [rf"\text{{if }} {when}: \quad & {law}" for when, law in laws]
         rows += [rf"0 \leq {write(n)} &\perp {write(gap)} \geq 0" for n, gap in self.openings()]
+        rows += [rf"\text{{if }} {when}: \quad & {law}" for when, law in self.adhesions(write)]
         rows += [f"{write(r.left)} &= {write(r.right)}" for r in self.constraints()]
         for jump in self.jumps():
             when = f"{write(jump.guard)} {jump.sign} 0"
@@ -397,6 +434,7 @@ class _Text:
         """0 ≤ N ⟂ g ≥ 0 for each of them."""
         pairs = self.equations.openings()
         lines = [f"0 ≤ {self.write(force)} ⟂ {self.write(gap)} ≥ 0" for force, gap in pairs]
+        lines += [f"{when}:  {law}" for when, law in self.equations.adhesions(self.write)]
         in_turn = ["impacts one after the other"] if self.system.impacts == "in turn" else []
         return lines + in_turn
 

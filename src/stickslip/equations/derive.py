@@ -152,7 +152,10 @@ class MotionEquations:
     Attributes
     ----------
     contacts : list of DryContact
+        What adheres to a gap is pressed together by its adhesion, while it is closed: by a force
+        ``glue:i``, so that λ = N + glue is not negative.
         Ordered by kind: inertial, viscous, then rate-independent in the order of their coordinates.
+        Those between motions that are given are counted as viscous.
         Components of a contact in a plane slip with the mode 1; their forces then are those of the
         direction n, whose components are the symbols ``n:i``.
     members : list of tuple of DryContact
@@ -283,8 +286,8 @@ class MotionEquations:
 
     @cached_property
     def speeds(self) -> dict[str, Expr]:
-        """The symbols ``speed:i`` of contacts with inertia as functions of the state."""
-        moving = [i for i, c in enumerate(self.contacts) if c.kind == Kind.INERTIAL]
+        """The symbols ``speed:i`` of contacts whose velocities are functions of the state."""
+        moving = [i for i, c in enumerate(self.contacts) if c.kind == Kind.INERTIAL or c.prescribed]
         u = {i: self.velocity(i) for i in moving}
         squares = {i: [u[i]] for i in moving}
         for plane in self.planes:
@@ -363,11 +366,12 @@ def derive(declaration: Declaration) -> MotionEquations:
 def _equations_of(d: Declaration) -> MotionEquations:
     own = {r: i for i, r in enumerate(d.rate_independent)}
     contacts = sorted(
-        d.contacts, key=lambda c: (_KINDS.index(c.kind), own.get(next(iter(c.direction)), 0))
+        d.contacts, key=lambda c: (_KINDS.index(c.kind), own.get(next(iter(c.direction), ""), 0))
     )
     groups = one_by_direction(contacts, frozenset(d.parameters))
-    normals = {c.name: ex.sym(f"lambda:{i}") for i, (c, *_) in enumerate(groups) if c.opens}
-    members = [tuple(_name_speed(c, i, normals) for c in own) for i, own in enumerate(groups)]
+    normals = {own[0].name: i for i, own in enumerate(groups) if own[0].opens}
+    glued = [i for i in normals.values() if groups[i][0].plus is not ex.ZERO]
+    members = [tuple(_named(c, i, normals, glued) for c in own) for i, own in enumerate(groups)]
     contacts = [_sum_of(own) for own in members]
     planes = _planes(contacts)
     for plane in planes:
@@ -380,6 +384,9 @@ def _equations_of(d: Declaration) -> MotionEquations:
     inertial_force = [
         -slope[q] - d.drags[q] - by_all.get(q, ex.ZERO) + d.velocity_force(q) for q in d.inertial
     ]
+    for i in glued:
+        for q, weight in contacts[i].direction.items():
+            inertial_force[d.inertial.index(q)] -= weight * ex.sym(f"glue:{i}")
     force_of = dict(zip(d.viscous, viscous_force, strict=True))
     implicit = {z: d.resistance(z) - force_of[z] for z in d.resisted}
     laws = [d.laws[a] for a in d.internal]
@@ -478,9 +485,17 @@ def _seen_from_first(c: DryContact) -> tuple[Expr, Expr, Expr, Expr]:
     )
 
 
-def _name_speed(c: DryContact, i: int, normals: dict[str, Expr]) -> DryContact:
-    """Give each contact's ``speed`` the symbol of row i, and normal forces those of the forces."""
-    own = {"speed": ex.absolute(c.ratio) * ex.sym(f"speed:{i}"), **normals}
+def _named(c: DryContact, i: int, normals: dict[str, int], glued: list[int]) -> DryContact:
+    """Give each contact's ``speed`` its own symbol, and normal forces those of the forces.
+
+    What adheres is pressed by as much as it adheres, ``glue:i``; λ is the whole pressure. It makes
+    the contact's own friction, and others know of N = λ − glue.
+    """
+    own = {"speed": ex.absolute(c.ratio) * ex.sym(f"speed:{i}")}
+    for name, n in normals.items():
+        pressure = ex.sym(f"lambda:{n}")
+        others = n in glued and c.on != name
+        own[name] = pressure - ex.sym(f"glue:{n}") if others else pressure
     return replace(
         c,
         plus=ex.substitute(c.plus, own),
@@ -505,6 +520,8 @@ def _planes(contacts: list[DryContact]) -> list[Plane]:
 def _pressing(contacts: list[DryContact], i: int) -> list[int]:
     c = contacts[i]
     names = c.plus.symbols | c.minus.symbols | c.kinetic_plus.symbols | c.kinetic_minus.symbols
+    if c.prescribed:
+        return []  # it has no part in the problem for normal forces
     normals = [j for j, other in enumerate(contacts) if other.opens]
     return [j for j in normals if f"lambda:{j}" in names]
 
@@ -564,7 +581,7 @@ def _pull(
         If the viscosity is not that of single coordinates, the same in both directions.
     """
     own = [contacts[i] for i in plane.parts]
-    if own[0].kind == Kind.INERTIAL:
+    if own[0].kind == Kind.INERTIAL or own[0].prescribed:
         return ()
     if own[0].kind == Kind.RATE_INDEPENDENT:
         first = len(contacts) - len(rate.force)
@@ -692,6 +709,8 @@ def _powers(d: Declaration, contacts: list[DryContact]) -> tuple[Expr, Expr, Exp
     ]
     for i, c in enumerate(contacts):
         u, force = ex.sym(f"u:{i}"), ex.sym(f"lambda:{i}")
+        if c.opens and c.plus is not ex.ZERO:
+            force -= ex.sym(f"glue:{i}")
         dissipated.append((force * u, -1.0))
         supplied.append((force * c.speed, 1.0))
     return energy, ex.add(*dissipated), ex.add(*supplied)

@@ -31,7 +31,7 @@ MODE_NAMES = {-1: "slip-", 0: "stick", 1: "slip+"}
 @dataclass(frozen=True)
 class ContactField:
     """One contact in a mode: relative velocity u, friction force λ, thresholds s⁺ (u > 0) and s⁻ (u
-    < 0).
+    < 0); of a normal direction s⁺ is the pull that it holds.
 
     Attributes
     ----------
@@ -47,6 +47,8 @@ class ContactField:
         Of a side of a constraint, the name of that.
     parts : tuple of ContactField
         Of several contacts that are one, each along its own direction.
+    prescribed : bool
+        Whether both of its sides move as given: then u has to vanish in stick.
     """
 
     name: str
@@ -61,6 +63,7 @@ class ContactField:
     room: Expr = ex.ZERO
     side_of: str = ""
     parts: tuple[ContactField, ...] = ()
+    prescribed: bool = False
 
 
 @dataclass(frozen=True)
@@ -159,7 +162,10 @@ class Field:
             elif c.plane == 2:
                 continue
             elif c.gap is not None:
-                found.append(Guard(c.force, switch, 1) if m == 0 else Guard(c.gap, switch, 0))
+                held = c.force + c.plus
+                found.append(Guard(held, switch, 1) if m == 0 else Guard(c.gap, switch, 0))
+            elif m == 0 and c.prescribed:
+                found += [Guard(-c.u, switch, 1), Guard(c.u, switch, -1)]
             elif m == 0:
                 found += [Guard(c.force + c.plus, switch, 1), Guard(c.minus - c.force, switch, -1)]
             elif not c.loose:
@@ -293,8 +299,10 @@ class _Solver:
         self.regions = dict(zip(equations.kinks, self.region, strict=True))
         self.known: dict[str, Expr] = {}
         for i, c in enumerate(equations.contacts):
-            if c.kind == Kind.INERTIAL and not c.plane:
+            if (c.kind == Kind.INERTIAL or c.prescribed) and not c.plane:
                 self.known[f"speed:{i}"] = self.velocity(i) * float(mode[i])
+            if c.opens:
+                self.known[f"glue:{i}"] = self.fix(c.plus) if abs(mode[i]) != 1 else ex.ZERO
         for plane in equations.planes:
             self.aim(plane)
 
@@ -331,7 +339,8 @@ class _Solver:
         forces: list[Expr],
     ) -> list[Expr]:
         """Solve M x − Jᵀλ = f with J x given in stick and λ given in slip; notes λ, returns x."""
-        contacts = [i for i, c in enumerate(self.eq.contacts) if c.kind == kind]
+        own = enumerate(self.eq.contacts)
+        contacts = [i for i, c in own if c.kind == kind and not c.prescribed]
         stuck = [i for i in contacts if self.mode[i] == 0]
         self.known |= {f"lambda:{i}": ex.ZERO for i in contacts if self.is_open(i)}
         given = {i: self.slip_force(i) for i in contacts if self.mode[i] != 0}
@@ -493,6 +502,10 @@ class _Solver:
         self.known |= {f"d_{r}": e for r, e in zip(d.rate_independent, slid, strict=True)}
         laws = [self.fix(law) for law in eq.laws]
         accelerations = self.block(Kind.INERTIAL, d.inertial, eq.mass, eq.inertial_force)
+        for i, c in enumerate(eq.contacts):
+            if c.prescribed:
+                force = ex.ZERO if self.mode[i] == 0 else self.slip_force(i)
+                self.known[f"lambda:{i}"] = force
         contacts = [self.contact(i) for i in range(len(eq.contacts))]
         velocities = [ex.sym(f"d_{q}") for q in d.inertial]
         return Field(
@@ -516,16 +529,20 @@ class _Solver:
             force = self.fix(self.eq.rate.force[i - first])
         else:
             force = self.known[f"lambda:{i}"]
-        at_rest = self.mode[i] == 0 and c.kind != Kind.INERTIAL
+        at_rest = self.mode[i] == 0 and c.kind != Kind.INERTIAL and not c.prescribed
         u = ex.ZERO if at_rest else self.velocity(i)
         gap = None if c.gap is None else self.fix(c.gap)
         loose = self.is_loose(i)
         plus, minus = self.fix(c.plus), self.fix(c.minus)
+        if c.opens:
+            plus = self.known[f"glue:{i}"]
+            force -= plus
         room = self.room(i) if c.plane == 1 else ex.ZERO
         own = self.eq.members[i]
         parts = tuple(self.part(i, m, u) for m in own) if len(own) > 1 else ()
         return ContactField(
-            *(c.name, c.kind, u, force, plus, minus, gap, loose, c.plane, room, c.side_of, parts)
+            *(c.name, c.kind, u, force, plus, minus, gap, loose, c.plane, room, c.side_of, parts),
+            prescribed=c.prescribed,
         )
 
     def part(self, i: int, c: DryContact, u: Expr) -> ContactField:
@@ -540,6 +557,8 @@ class _Solver:
     def room(self, i: int) -> Expr:
         """What must be nonnegative of a contact in a plane, by its first component."""
         plane = next(p for p in self.eq.planes if p.parts[0] == i)
+        if self.mode[i] == 0 and self.eq.contacts[i].prescribed:
+            return ex.add(*((e**2, -1.0) for e in self.ahead(plane)))
         if self.mode[i] != 0 and not plane.pull:
             return self.known[f"speed:{i}"]
         if self.mode[i] != 0:

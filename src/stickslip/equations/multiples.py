@@ -60,6 +60,8 @@ def _is_multiple(c: DryContact, other: DryContact) -> bool:
     """Whether the relative velocity of a contact is a multiple of that of another one."""
     if c.direction == other.direction and c.speed is other.speed:
         return True
+    if not c.direction:
+        return False  # between motions that are given
     (x, *others) = c.direction
     own, its = c.direction[x], other.direction[x]
     pairs = [(c.direction[y], other.direction[y]) for y in others] + [(c.speed, other.speed)]
@@ -68,6 +70,8 @@ def _is_multiple(c: DryContact, other: DryContact) -> bool:
 
 def _from_first(own: list[DryContact], parameters: frozenset[str]) -> list[DryContact]:
     """A group with its ratios, and with a contact first of which all others are multiples."""
+    if not own[0].direction:
+        return own
     x = next(iter(own[0].direction))
     for held in (frozenset[str](), parameters):
         for first in own:

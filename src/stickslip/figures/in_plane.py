@@ -66,7 +66,7 @@ def path_in_plane(axes: Axes, motion: Trajectory, contact: str = "") -> None:
     if plane.directions is None:
         raise DeclarationError(
             "contact",
-            f"the directions of '{plane.name}' change on the way, so that it has no path",
+            f"the directions of '{plane.name}' change on the way, or there are none: no path",
             "Plot coordinates, or its force",
         )
     with paper_style():

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from stickslip.model.system import System
 
 _VISCOUS_MATRIX = "viscous matrix of the viscous coordinates"
+_REMEDY = "A threshold is never negative; write max(..., 0) where it may vanish"
 _QUADRATIC = "Write a pure quadratic form, like m/2*d_x**2"
 
 
@@ -42,12 +43,13 @@ class DryContact:
     Attributes
     ----------
     kind : str
-        Kind of the coordinates it acts on.
+        Kind of the coordinates it acts on; viscous where it acts on none, between motions that are
+        given: its velocity is no state.
     direction : dict of str to Expr
         Coefficients by coordinate: constants, but of t and inertial coordinates where it acts on
         these.
     plus, minus : Expr
-        Thresholds for u > 0 and u < 0.
+        Thresholds for u > 0 and u < 0; of a normal direction, the pull that it holds, and 0.
     kinetic_plus, kinetic_minus : Expr
         Friction forces while sliding (the thresholds unless declared); may contain the symbol
         ``speed``. Both may contain normal forces.
@@ -84,6 +86,11 @@ class DryContact:
     axis: Expr = ex.ONE
     side_of: str = ""
     ratio: Expr = ex.ONE
+
+    @property
+    def prescribed(self) -> bool:
+        """Whether both of its sides move as given."""
+        return not self.direction
 
     @property
     def opens(self) -> bool:
@@ -379,7 +386,7 @@ class _Reader:
             raise DeclarationError(
                 "coordinates",
                 "the system has no coordinates and no internal variables",
-                "Declare at least one",
+                "Declare at least one, where all moves as given an internal variable with law 1",
             )
         check_unit(system.time_unit, "time_unit")
         start, stop = system.span
@@ -697,13 +704,17 @@ class _Reader:
                 f"it is {here:g} at the initial state: the bodies overlap",
                 "Start where it is positive, or zero for contact",
             )
-        zero = (ex.ZERO, ex.ZERO)
+        adhesion = self.motion.parse(contact.adhesion, f"{where}.adhesion")
+        remedy = "It is the largest pull; write max(..., 0) where it may vanish"
+        self._check_threshold(adhesion, f"{where}.adhesion", remedy)
         normal = DryContact(
             normal_force(name),
             Kind.INERTIAL,
             direction,
-            *zero,
-            *zero,
+            adhesion,
+            ex.ZERO,
+            ex.ZERO,
+            ex.ZERO,
             -ex.derivative(gap, "t"),
             contact.unit,
             gap=gap,
@@ -729,7 +740,7 @@ class _Reader:
             contact.friction(name), threshold=contact.mu, kinetic=contact.kinetic
         )
         rubs = self._dry(name, coefficients)
-        if rubs[0].kind != Kind.INERTIAL:
+        if rubs[0].direction and rubs[0].kind != Kind.INERTIAL:
             raise DeclarationError(
                 f"{where}.direction",
                 f"its coordinates are {rubs[0].kind}",
@@ -809,16 +820,31 @@ class _Reader:
     def _check_plane(self, where: str, parts: list[DryContact]) -> None:
         """Refuse components that are of different kinds, or along one line."""
         first, second = parts
+        if first.prescribed != second.prescribed:
+            raise DeclarationError(
+                f"{where}.direction",
+                "one of its components has no rate",
+                "Give two independent combinations of rates, like ['d_x', 'd_y'], or none at all "
+                "where both surfaces move as given",
+            )
+        if first.prescribed and first.speed is ex.ZERO and second.speed is ex.ZERO:
+            raise DeclarationError(
+                f"{where}.direction", "neither side moves", "Write it like ['d_x', 'd_y']"
+            )
         if first.kind != second.kind:
             raise DeclarationError(
                 f"{where}.direction",
                 f"its components are {first.kind} and {second.kind}",
                 "Give all coordinates of one contact the same kind",
             )
-        alike = first.direction.keys() == second.direction.keys() and all(
-            first.direction[x] * second.direction[y] is second.direction[x] * first.direction[y]
-            for x in first.direction
-            for y in first.direction
+        alike = (
+            not first.prescribed
+            and first.direction.keys() == second.direction.keys()
+            and all(
+                first.direction[x] * second.direction[y] is second.direction[x] * first.direction[y]
+                for x in first.direction
+                for y in first.direction
+            )
         )
         if alike:
             raise DeclarationError(
@@ -834,6 +860,8 @@ class _Reader:
         rates = sorted(text.symbols & self.order.keys(), key=self.order.__getitem__)
         slopes = {rate[2:]: ex.derivative(text, rate) for rate in rates}
         direction = {x: c for x, c in slopes.items() if c is not ex.ZERO}
+        if not rates and text.symbols <= {"t", *self.constants}:
+            return self._prescribed(name, contact, text, declared)
         linear = ex.add(*((c * self.rates[f"d_{x}"], 1.0) for x, c in direction.items()))
         curved = any(c.symbols & self.rates.keys() for c in direction.values())
         if not direction or curved or ex.bends(text, self.rates):
@@ -884,7 +912,44 @@ class _Reader:
                 "Use one contact per coordinate, or give them viscosity",
             )
         inertial = kind == Kind.INERTIAL
-        pressed = self.pressed if inertial else self.motion
+        places = self.surface if declared and inertial else self.clock
+        speed = places.parse(contact.surface_speed, f"{where}.surface_speed")
+        forces = self._forces(where, contact, kind, in_plane=bool(declared))
+        return DryContact(name, kind, direction, *forces, speed, contact.unit)
+
+    def _prescribed(self, name: str, contact: Contact, moves: Expr, declared: str) -> DryContact:
+        """Friction between motions that are given.
+
+        Parameters
+        ----------
+        name, contact, declared
+            As of :meth:`_contact`.
+        moves : Expr
+            The velocity that its direction stands for.
+        """
+        where = entry_key("contacts", declared or name)
+        places = self.surface if declared else self.clock
+        speed = places.parse(contact.surface_speed, f"{where}.surface_speed") - moves
+        if "t" not in moves.symbols and moves is not ex.ZERO:
+            raise DeclarationError(
+                f"{where}.direction",
+                "not a linear combination of rates",
+                "Write it like 'd_x', or 'd_xi' with a drive xi; '0' for a surface_speed alone",
+            )
+        if speed is ex.ZERO and not declared:
+            raise DeclarationError(
+                f"{where}.direction",
+                "neither side moves",
+                "Write it like 'd_x' or 'd_x2 - d_x1', or give a surface_speed",
+            )
+        forces = self._forces(where, contact, None, in_plane=bool(declared))
+        return DryContact(name, Kind.VISCOUS, {}, *forces, speed, contact.unit)
+
+    def _forces(
+        self, where: str, contact: Contact, kind: Kind | None, in_plane: bool
+    ) -> tuple[Expr, Expr, Expr, Expr]:
+        """Thresholds and sliding forces of a contact of coordinates of a kind, or of none."""
+        pressed = self.pressed if kind in (Kind.INERTIAL, None) else self.motion
         plus, minus = self._pair(contact.threshold, f"{where}.threshold", pressed)
         for e in (plus, minus):
             self._check_proportional(f"{where}.threshold", e)
@@ -905,13 +970,11 @@ class _Reader:
                     "for viscous coordinates it may not depend on the speed",
                     "Declare the coordinate inertial, or put the slope into 'viscous'",
                 )
-        self._check_pressed(where, (plus, minus, *kinetic), in_plane=bool(declared))
-        places = self.surface if declared and inertial else self.clock
-        speed = places.parse(contact.surface_speed, f"{where}.surface_speed")
+        self._check_pressed(where, (plus, minus, *kinetic), in_plane)
         check_unit(contact.unit, f"{where}.unit")
         values = self.start
         for static, sliding_force in zip((plus, minus), kinetic, strict=True):
-            self._check_threshold(static, where)
+            self._check_threshold(static, f"{where}.threshold", _REMEDY)
             at_rest = ex.evaluate(sliding_force, values)
             if not 0.0 <= at_rest <= ex.evaluate(static, values) * (1 + 1e-12):
                 raise DeclarationError(
@@ -919,7 +982,7 @@ class _Reader:
                     f"the kinetic force {at_rest:g} is not between 0 and the threshold",
                     "Sliding friction is at most the threshold",
                 )
-        return DryContact(name, kind, direction, plus, minus, *kinetic, speed, contact.unit)
+        return plus, minus, *kinetic
 
     def _check_pressed(self, where: str, forces: tuple[Expr, ...], in_plane: bool) -> None:
         """Refuse coefficients of friction that are negative, or larger in sliding than at rest;
@@ -965,7 +1028,7 @@ class _Reader:
         both = scope.parse(given, where)
         return both, both
 
-    def _check_threshold(self, threshold: Expr, where: str) -> None:
+    def _check_threshold(self, threshold: Expr, where: str, remedy: str) -> None:
         values = self.start
         from stickslip.symbolic.enclosures import bounds
 
@@ -973,17 +1036,14 @@ class _Reader:
         boxes = {n: (given[n], given[n]) for n in threshold.symbols & given.keys()}
         low, high = bounds(threshold, boxes) if threshold.symbols else (ex.number(threshold),) * 2
         here = ex.evaluate(threshold, values)
-        remedy = "A threshold is never negative; write max(..., 0) where it may vanish"
         if not 0.0 <= here < math.inf:
-            raise DeclarationError(
-                f"{where}.threshold", f"it is {here:g} at the initial state", remedy
-            )
+            raise DeclarationError(where, f"it is {here:g} at the initial state", remedy)
         if low < -1e-12 * abs(high):
             if not threshold.symbols & (self.state.keys() - {"t"}):
                 low = self._lowest_in_time(threshold, boxes)
             if -math.inf < low < 0.0:
                 raise DeclarationError(
-                    f"{where}.threshold", f"it can become negative (as low as {low:.4g})", remedy
+                    where, f"it can become negative (as low as {low:.4g})", remedy
                 )
 
     def _lowest_in_time(self, threshold: Expr, boxes: dict[str, tuple[float, float]]) -> float:

@@ -96,7 +96,7 @@ class _Check:
             else None
             for x, weight in direction.items()
         ]
-        first = found[0]
+        first = found[0] if found else None
         alike = first is not None and all(u is not None and _alike(first, u) for u in found)
         return first if alike else None
 

@@ -163,7 +163,9 @@ class Contact:
     ----------
     direction : str or pair of str
         Linear combination of rates, such as ``"d_x"`` or ``"d_x2 - d_x1"``; two of them, such as
-        ``("d_x", "d_y")``, for a contact in a plane.
+        ``("d_x", "d_y")``, for a contact in a plane. Where both sides move as given, the rate of a
+        drive, such as ``"d_xi"``, or ``"0"`` beside a surface speed: then it moves nothing, and
+        its force in stick, which nothing determines, is 0.
     threshold : str, float or pair of these
         Largest force it can hold, s ≥ 0. A pair gives s⁺ (for u > 0) and s⁻ (for u < 0) along a
         line; in a plane there is one.
@@ -204,7 +206,7 @@ class Contact:
 @dataclass(frozen=True)
 class Unilateral:
     """A contact that can open: gap g ≥ 0, normal force N ≥ 0, N g = 0, and Coulomb's friction μN,
-    along a line or in a plane.
+    along a line or in a plane; with adhesion it holds a pull, too.
 
     Thresholds of all contacts of inertial coordinates may use its normal force, by the name
     ``normal_foot`` for a contact called foot; they are linear in normal forces, of which there may
@@ -231,6 +233,11 @@ class Unilateral:
         Unit of the forces.
     axes : pair of str or float
         As of a :class:`Contact`: in a plane, the half axes of the set of forces in parts of μN.
+    adhesion : str or float
+        Largest pull that it holds while it is closed, N₀ ≥ 0: then N ≥ −N₀ and friction is
+        μ(N + N₀), by Derjaguin's law. It opens when the pull exceeds N₀, has no force while it is
+        open, and holds again when it has closed. It is a force, not an energy, and does not change
+        impacts. May depend on the state and on time.
     """
 
     gap: Formula
@@ -242,13 +249,14 @@ class Unilateral:
     unit: str = ""
     axes: Axes = (1.0, 1.0)
     kinetic: Formula | None = None
+    adhesion: Formula = 0.0
 
     def __post_init__(self) -> None:
         hold_plain(self)
 
     def friction(self, name: str) -> Contact:
         """What rubs, as a contact under the normal force of the one that is called by a name."""
-        return _rubbing(self, name)
+        return _rubbing(self, name, self.adhesion)
 
 
 @dataclass(frozen=True)
@@ -297,11 +305,12 @@ class Bilateral:
         return _rubbing(self, name)
 
 
-def _rubbing(contact: Unilateral | Bilateral, name: str) -> Contact:
-    """Coulomb's friction under the normal force of a contact."""
+def _rubbing(contact: Unilateral | Bilateral, name: str, adhesion: Formula = 0.0) -> Contact:
+    """Coulomb's friction under the normal force of a contact, and its adhesion."""
     from stickslip.model.names import normal_force
 
     normal = normal_force(name)
+    normal = normal if adhesion == 0.0 else f"({normal} + ({adhesion}))"
     kinetic = None if contact.kinetic is None else f"({contact.kinetic})*{normal}"
     speed, unit, axes = contact.surface_speed, contact.unit, contact.axes
     return Contact(contact.direction, f"({contact.mu})*{normal}", speed, kinetic, unit, axes)

@@ -181,7 +181,8 @@ class Problem:
         contacts = len(layout.u)
         kinks = len(layout.kinks)
         small = contacts + kinks <= MOST_SWITCHES and n <= 24 and layout.frequencies <= 6
-        alone = not (layout.gaps or layout.planes)  # closed forms know neither
+        # closed forms know none of these
+        alone = not (layout.gaps or layout.planes or layout.prescribed)
         slots = slots if small and self.exact and alone else 0
         doubtful = len(self.rows.doubtful)
         return make_closed_forms(groups, slots, n, contacts, kinks, doubtful, layout.frequencies)
@@ -211,7 +212,8 @@ class Problem:
         be inadmissible, for parameters in boxes."""
         layout = self.compiled.layout
         contacts = self.compiled.equations.contacts
-        boxes = boxes | {f"lambda:{i}": (0.0, math.inf) for i, c in enumerate(contacts) if c.opens}
+        opening = [i for i, c in enumerate(contacts) if c.opens]
+        boxes = boxes | {f"{x}:{i}": (0.0, math.inf) for i in opening for x in ("lambda", "glue")}
         sides = [(row, c.plus) for row, c in zip(layout.plus, contacts, strict=True)]
         sides += [(row, c.minus) for row, c in zip(layout.minus, contacts, strict=True)]
         found = {(row, -1, 0) for row, s in sides if bounds(s, boxes)[0] < 0.0}

@@ -591,7 +591,7 @@ class Trajectory(Result):
             words += ["open", "closed"]
         first = -1
         if contact in self.system.planes:
-            words = ["stick", _SLIP]
+            words = ["stick", _SLIP, *words[3:]]
             first = 0
         flags = {
             "flag_values": np.arange(first, first + len(words), dtype=np.int8),
@@ -631,7 +631,7 @@ class Trajectory(Result):
         words = [*words, "open", "closed", "below", "above", "before", "after", _SLIP]
         said = mode + 1
         in_plane = np.array([name in self.system.planes for name in self._columns], bool)
-        said[:, in_plane] = np.where(mode[:, in_plane] == 1, len(words) - 1, 1)
+        said[:, in_plane] = np.where(mode[:, in_plane] == 1, len(words) - 1, said[:, in_plane])
         values = np.hstack([said, k.region + 5, np.full((len(mode), len(equations.jumps)), 7)])
         said_of = np.array(names, dtype=object)[which]
         places = zip(knot.tolist(), which.tolist(), strict=True) if joined else ()

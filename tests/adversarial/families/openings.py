@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import cos, pi, sin
 from typing import Any
 
@@ -478,3 +478,31 @@ def bead_on_a_turning_hoop(rng: Rng) -> Opening:
     )
     start = {"theta": rng.uniform(-0.9, 0.9) * s, "d_theta": rng.uniform(-6, 6)}
     return Opening(system, n, start, bodies, rng.uniform(0.5, 3), 1.0, 6.0)
+
+
+@family
+def that_adheres(rng: Rng) -> Opening:
+    """One of the others, with adhesion of a few weights at all that opens."""
+    others = (
+        thrown_on_a_belt,
+        shaken_plate,
+        between_stops,
+        corner,
+        tip_of_a_rod,
+        falling_rod,
+        rocking_block,
+        rough_bowl,
+        bead_on_a_turning_hoop,
+    )
+    case = pick(rng, others)(rng)
+    weight = case.parameters.get("m", 1.0) * case.parameters.get("g", 1.0)
+    pull = float(pick(rng, (rng.uniform(0.0, 0.5), rng.uniform(0.5, 4.0)))) * weight
+    contacts = {
+        name: replace(contact, adhesion="pull") if isinstance(contact, Unilateral) else contact
+        for name, contact in case.system.contacts.items()
+    }
+    parameters = {**case.system.parameters, **given(pull=pull)}
+    system = replace(case.system, contacts=contacts, parameters=parameters)
+    touches = [t if t.gap is None else replace(t, pull=pull) for t in case.bodies.touches]
+    bodies = replace(case.bodies, touches=touches)
+    return replace(case, system=system, bodies=bodies, parameters={**case.parameters, "pull": pull})

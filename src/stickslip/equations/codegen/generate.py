@@ -28,6 +28,7 @@ from stickslip.equations.coupling import Component, components, together
 from stickslip.equations.derive import MotionEquations, Plane
 from stickslip.kept import cached_property
 from stickslip.model.declaration import DryContact
+from stickslip.model.names import NORMAL
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -96,7 +97,8 @@ class Layout:
         s² − |A⁻¹λ|², the place of the size of that, the rows of Au, of s, and of what is not
         negative in slip, 1 if it has mass, and 1 if it changes the normal force that presses it.
     carrying : dict of str to int
-        Rows of the force of constraints, the sum of those of their sides.
+        Rows of the force of constraints, the sum of those of their sides, and of the normal forces
+        of contacts that adhere.
     parts : dict of str to (int, int, int, int)
         Of contacts that are one with others, the rows of force, thresholds and relative velocity.
     links : list of (int, int, tuple of int)
@@ -104,6 +106,8 @@ class Layout:
         kinetic against slip forward and back, static likewise; contact by contact.
     pressed : int
         The most normal forces in the friction of a contact, at least 1.
+    prescribed : bool
+        Whether there is friction between motions that are given.
     jumps : list of (int, int, list of int)
         Of each jump the number of its kink, its direction, and which parts of the state have new
         values.
@@ -135,6 +139,7 @@ class Layout:
     restitution: dict[int, int] = field(default_factory=dict)
     planes: list[tuple[int, ...]] = field(default_factory=list)
     pressed: int = 1
+    prescribed: bool = False
     carrying: dict[str, int] = field(default_factory=dict)
     parts: dict[str, tuple[int, int, int, int]] = field(default_factory=dict)
     links: list[tuple[int, int, tuple[int, ...]]] = field(default_factory=list)
@@ -299,6 +304,7 @@ class _Generator:
                 [[place[x] for x in direction] for direction in directions],
                 [(c, n) for c in range(first, first + count) for n in self.eq.pressing(c)],
             )
+            if part.coordinates
         ]
         self.layout.coupled[resolvent] = coupled
         if inertial:
@@ -472,7 +478,7 @@ class _Generator:
             size = added(_times(abs(scalar(w)), places[x]) for x, w in direction.items())
             if inertial:
                 self.note(self.nc + c, size)
-            else:
+            elif direction:
                 self.note(c, size, adding=True)
 
     def number(self, e: Expr) -> Scalar:
@@ -541,6 +547,9 @@ class _Generator:
         """Friction of contact i against slip forward and back, and where its threshold is to be
         broken; in a plane that of a component, along the direction of its slip."""
         c = self.eq.contacts[i]
+        if c.opens:
+            # what is open, or carried, does not press
+            return ex.ZERO, ex.ZERO, ex.ZERO, ex.ZERO
         if not c.plane:
             return c.kinetic_plus, c.kinetic_minus, c.plus, c.minus
         plane = next(p for p in self.eq.planes if i in p.parts)
@@ -585,6 +594,24 @@ class _Generator:
                 tape.name(f"speed:{i}", speed, stage)
         self.directions[p] = first
 
+    def aimed(self, parts: Sequence[list[Scaled]], kind: Kind) -> None:
+        """Directions of contacts in a plane that slip along Au.
+
+        Parameters
+        ----------
+        parts : sequence of list of Scaled
+            Terms of the velocities of contacts.
+        kind : Kind
+        """
+        for p, plane in enumerate(self.eq.planes):
+            if not plane.pull and self.eq.contacts[plane.parts[0]].kind == kind:
+                terms = [
+                    Scaled(axis * part.factor, part.row)
+                    for i, axis in zip(plane.parts, plane.axes, strict=True)
+                    for part in parts[i]
+                ]
+                self.direction(p, self.ahead(plane), terms)
+
     def pulled(self, kind: Kind) -> None:
         """Directions of contacts in a plane of coordinates without mass."""
         for p, plane in enumerate(self.eq.planes):
@@ -595,11 +622,40 @@ class _Generator:
     def speeds(self) -> None:
         """Rows of |u| in the kinetic laws of inertial contacts."""
         for i in range(self.mq):
-            if self.eq.contacts[i].plane:
-                continue
+            self.speed(i)
+
+    def speed(self, i: int) -> None:
+        """Row of |u| of contact i, if it is along a line."""
+        if not self.eq.contacts[i].plane:
             row = self.tape.new_row(0)
             self.tape.emit(0, Instruction(Op.SPEED, row, (self.layout.u[i],), place=i))
             self.tape.name(f"speed:{i}", row, 0)
+
+    def prescribed(self) -> None:
+        """Rows of the forces between motions that are given: nothing in stick, in slip what normal
+        forces, which are known by then, allow. Their velocities are known to the rounding of what
+        they do in a time."""
+        zero = self.tape.row(ex.ZERO)
+        for i, c in enumerate(self.eq.contacts):
+            if c.prescribed:
+                sides = (zero, *map(self.tape.row, self.friction(i)))
+                stage = max(self.tape.stage[row] for row in sides)
+                row = self.tape.new_row(stage)
+                self.tape.emit(stage, Instruction(Op.SIDE, row, sides, place=i))
+                self.tape.name(f"lambda:{i}", row, stage)
+                self.note(2 * self.nc + i, numeral(0.0))
+                self.note(self.nc + i, self.size(self.eq.surface_acceleration(i)))
+
+    def adhesion(self) -> None:
+        """Rows of what presses contacts together that adhere, while they are closed, or carried by
+        others that are."""
+        zero = self.tape.row(ex.ZERO)
+        for i, c in enumerate(self.eq.contacts):
+            if c.opens and c.plus is not ex.ZERO:
+                sides = (self.tape.row(c.plus), zero, zero, self.tape.row(-c.plus), zero)
+                row = self.tape.new_row(0)
+                self.tape.emit(0, Instruction(Op.SIDE, row, sides, place=i))
+                self.tape.name(f"glue:{i}", row, 0)
 
     def rates(self) -> int:
         """The linear problem for the rates of the rate-independent coordinates; returns the first
@@ -727,22 +783,19 @@ class _Generator:
         eq = self.eq
         parts = [self.velocity(i) for i in range(self.mq)]
         self.speeds()
-        for p, plane in enumerate(eq.planes):
-            if not plane.pull:
-                terms = [
-                    Scaled(axis * part.factor, part.row)
-                    for i, axis in zip(plane.parts, plane.axes, strict=True)
-                    for part in parts[i]
-                ]
-                self.direction(p, self.ahead(plane), terms)
+        self.adhesion()
+        self.aimed(parts, Kind.INERTIAL)
         self.pulled(Kind.VISCOUS)
         viscous = self.block(eq.viscous_force[: len(d.damped)], self.mq, self.mz, 0, "Rz")
         for z, row in zip(d.damped, viscous, strict=True):
             tape.name(f"d_{z}", row, 1)
         implicit = self.implicit_rates()
         viscous += implicit.values()
-        for i in range(self.mq, self.mq + self.mz):
-            self.velocity(i)
+        parts += [self.velocity(i) for i in range(self.mq, self.mq + self.mz)]
+        for i, c in enumerate(eq.contacts):
+            if c.prescribed:
+                self.speed(i)
+        self.aimed(parts, Kind.VISCOUS)
         if self.nr:
             self.pulled(Kind.RATE_INDEPENDENT)
             first = self.rates()
@@ -764,6 +817,7 @@ class _Generator:
         self.implicit_slopes(implicit)
         self.law_sizes()
         self.kinetic_laws()
+        self.prescribed()
         self.guards()
         layout = self.layout
         layout.jumps = [
@@ -805,18 +859,27 @@ class _Generator:
             first = self.directions[p]
             sides = self.ahead(plane)
             forces = ex.sym(f"lambda:{plane.parts[0]}"), ex.sym(f"lambda:{plane.parts[1]}")
-            row = tape.row(plane.admissible(forces))
+            holds = plane.admissible(forces)
             place = self.plane_sizes + p
+            given = self.eq.contacts[plane.parts[0]].prescribed
+            pairs = [*zip(plane.parts, plane.axes, strict=True)]
+            if given:
+                holds = ex.add(*(((axis * ex.sym(f"u:{i}")) ** 2, -1.0) for i, axis in pairs))
+            row = tape.row(holds)
             along = [
                 (axis * ex.sym(f"n:{i}") * ex.sym(f"u:{i}"), 1.0)
                 for i, axis in zip(plane.parts, plane.axes, strict=True)
             ]
             slips = tape.row(ex.add(*along)) if plane.pull else first + 2
-            ends = (tape.row(plane.static), slips, int(not plane.pull), int(plane.bends))
+            massive = int(not (plane.pull or given))
+            ends = (tape.row(plane.static), slips, massive, int(plane.bends))
             layout.planes.append((*plane.parts, first, row, place, *sides, *ends))
             # rounding errors of the forces, as they enter their squares
             parts = [self.size(plane.static**2)]
-            for i, axis in zip(plane.parts, plane.axes, strict=True):
+            if given:
+                own = [_times(self.constants.scalar(a), element("mag", i)) for i, a in pairs]
+                parts = [_times(size, size) for size in own]
+            for i, axis in () if given else pairs:
                 over = _times(self.constants.scalar(2.0 / axis**2), abs(_start(layout.force[i])))
                 parts.append(_times(over, element("mag", 2 * self.nc + i)))
             self.note(place, added(parts))
@@ -829,6 +892,9 @@ class _Generator:
         for i, c in enumerate(self.eq.contacts):
             if c.side_of:
                 facing.setdefault(c.side_of, []).append((ex.sym(f"lambda:{i}"), 1.0))
+            if c.opens and c.plus is not ex.ZERO:
+                pulled = (ex.sym(f"lambda:{i}"), 1.0), (ex.sym(f"glue:{i}"), -1.0)
+                facing[c.name.removeprefix(NORMAL)] = [*pulled]
         layout.carrying = {name: tape.row(ex.add(*forces)) for name, forces in facing.items()}
         for i, c in enumerate(self.eq.contacts):
             if c.gap is not None:
@@ -865,6 +931,7 @@ class _Generator:
         layout.magnitudes = self.scratch
         layout.frequencies = len(self.eq.frequencies)
         layout.timed = self.eq.timed
+        layout.prescribed = any(c.prescribed for c in self.eq.contacts)
         layout.constants = self.constants.slots
 
     def setup(self) -> list[Store]:

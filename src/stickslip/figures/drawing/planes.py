@@ -82,8 +82,11 @@ class InPlane:
 
     @cached_property
     def directions(self) -> tuple[dict[str, float], dict[str, float]] | None:
-        """Weights of the coordinates in both components of the path; None if they change."""
+        """Weights of the coordinates in both components of the path; None if they change, or there
+        are none."""
         given = self.trajectory.parameters
+        if self._declared[0].prescribed:
+            return None
         if any(w.symbols - given.keys() for c in self._declared for w in c.direction.values()):
             return None
         first, second = (

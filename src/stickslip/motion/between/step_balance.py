@@ -126,7 +126,7 @@ from stickslip.motion.steps.discs import (
 )
 from stickslip.motion.steps.jumps import fired_jump, make_jump
 from stickslip.motion.steps.roots import horner
-from stickslip.motion.steps.starting import coefficients
+from stickslip.motion.steps.starting import coefficients, is_prescribed
 from stickslip.motion.steps.step_size import LEAST_SIZE, fill_powers, impulse
 from stickslip.motion.steps.stiff import ends_there, follow_mode
 from stickslip.translator import RELAXED, compiled
@@ -1348,6 +1348,8 @@ def free_speed(rows: Rows, space: Space, c: int, h: float) -> float:
     mq, mz = rows.sizes[ON_INERTIAL], rows.sizes[ON_VISCOUS]
     if c >= mq + mz:
         return float(mag[c])
+    if is_prescribed(rows, c):
+        return float(mag[len(rows.u) + c] * h)
     free = mag[2 * len(rows.u) + c] / abs(own_inverse(rows, space, c))
     return float(free * h if c < mq else free)
 
@@ -1463,6 +1465,8 @@ def judge_opening(
             space.samples[row], space.bernstein, 1e-2 * _NEGLIGIBLE * law[c, _OPENING]
         )
         law[c, _OVERLAP] = most(law[c, _OVERLAP], apart - low)
+        if abs(mode[c]) == 2:  # carried, it touches
+            law[c, _OVERLAP] = most(law[c, _OVERLAP], largest_of(space.samples[row]) + apart)
         return
     loose = strays(space.discs[rows.force[c]], factor) if known else 0.0
     low = least_on_nodes(space.samples[row], space.bernstein, 1e-2 * _NEGLIGIBLE * law[c, _FORCE])
@@ -1475,12 +1479,12 @@ def judge_opening(
 def judge_beginning(
     machine: Machine, flow: Flow, starts: Record, ends: Record, i: int, tally: Tally
 ) -> None:
-    """By how much what begins to slip with a step could stick.
+    """By how much what begins to slip, or to open, with a step could stick.
 
-    Where the sliding force is below the threshold, the friction law alone would allow it: the
-    stated rule is that what can stick sticks. Of several that begin together one has reached its
-    threshold; what they carry at rest has to hold all it can. This is asked of what slips from a
-    velocity that is zero, and of what has no mass and rested before.
+    Where the sliding force is below the threshold, the friction law alone would allow it, and so
+    does adhesion: the stated rule is that what can stick sticks. Of several that begin together one
+    has reached its threshold; what they carry at rest has to hold all it can. This is asked of what
+    slips from a velocity that is zero, and of what has no mass and rested before.
 
     Parameters
     ----------
@@ -1523,9 +1527,15 @@ def is_quiet(starts: Record, i: int) -> bool:
 
 @compiled()
 def may_stick_again(rows: Rows, c: int) -> bool:
-    """Whether a contact that slips may be held by more than its sliding force, or from another
+    """Whether a contact that slips, or is open, may be held by more than its force, or from another
     side."""
-    return bool(rows.drops[c] == 1 or rows.plane[c] >= 0)
+    return bool(rows.drops[c] == 1 or rows.plane[c] >= 0 or adheres(rows, c))
+
+
+@compiled()
+def adheres(rows: Rows, c: int) -> bool:
+    """Whether a contact that can open holds a pull: it has a threshold."""
+    return bool(opens(rows, c) and rows.plus[c] != rows.minus[c])
 
 
 @compiled()
@@ -1554,7 +1564,14 @@ def hold_beginnings(
     quiet = is_quiet(starts, i)
     asked = False
     for c in range(len(slips)):
+        if adheres(rows, c) and slips[c] != 0 and not quiet:
+            if slips[c] == 1 and closed_at_rest(rows, space, c):
+                asked = True
+                carried = i > 0 and starts.mode[i - 1, c] == 2
+                set_mode(rows, at.mode, c, 2 if carried else 0)
+            continue
         skipped = is_component(rows, c) or opens(rows, c) or is_loose(rows, slips, c)
+        skipped = skipped or is_prescribed(rows, c)
         if skipped or resting(slips[c]) or (quiet and rows.plane[c] < 0):
             continue
         # All rests before the start.
@@ -1575,6 +1592,13 @@ def hold_beginnings(
     if not asked or not resolve(rows, flow.k, space, at.mode):
         return False
     return coefficients(machine, flow, at, FEWEST_ORDERS, space.W) == OK
+
+
+@compiled()
+def closed_at_rest(rows: Rows, space: Space, c: int) -> bool:
+    """Whether a contact that can open has neither a gap nor a velocity, up to rounding."""
+    apart = abs(space.W[rows.gaps[c], 0]) > ROUNDING * gap_size(rows, space, c)
+    return is_still(rows, space, c) and not apart
 
 
 @compiled()
@@ -1659,12 +1683,20 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
     if sharing:
         find_shared(flow, mode, W, False)
     for c in range(nc):
-        if is_component(rows, c) or is_loose(rows, mode, c):
+        if is_component(rows, c) or is_loose(rows, mode, c) or is_prescribed(rows, c):
             continue
         if opens(rows, c):
             gap = abs(W[rows.gaps[c], 0]) - ROUNDING * gap_size(rows, flow.space, c)
             if W[rows.force[c], 0] < 0.0 if mode[c] == 0 else gap <= 0.0:
                 return NOWHERE, -1.0
+            others = mode[c] == 2 and abs(W[rows.u[c], 1]) > ROUNDING * mag[nc + c] * unit
+            if others and slips[c] == 1:
+                return NOWHERE, -1.0
+            if mode[c] == 0 and slips[c] != 0:
+                room = room_to_tear(rows, flow.space, c, late, tally.law[c, _FORCE])
+                full = full or not room > 0.0
+                if room < least:
+                    first, least = c, room
         elif resting(mode[c]):
             room = room_left(rows, flow.space, c, late, tally.law[c, _FORCE])
             if sharing and mode[c] == 0 and flow.space.leaving[c] != ON_ITS_OWN:
@@ -1742,6 +1774,21 @@ def room_left(rows: Rows, space: Space, c: int, late: float, force: float) -> fl
     unsure += late * (abs(W[held, 1]) + abs(W[up, 1]) + abs(W[down, 1]))
     room = min(W[held, 0] + W[up, 0], W[down, 0] - W[held, 0])
     return float((room - unsure) / force)
+
+
+@compiled()
+def room_to_tear(rows: Rows, space: Space, c: int, late: float, force: float) -> float:
+    """How far what adheres is from being torn off, in parts of its force.
+
+    Parameters
+    ----------
+    rows, space, c, late, force
+        As of :func:`room_left`.
+    """
+    if not force > 0.0:
+        return 0.0
+    unsure = ROUNDING * space.mag[2 * len(rows.u) + c] + late * abs(space.W[rows.force[c], 1])
+    return float((space.W[rows.force[c], 0] - unsure) / force)
 
 
 @compiled()

@@ -34,6 +34,7 @@ from stickslip.motion.steps.arrays import (
     opens,
 )
 from stickslip.motion.steps.roots import divide_out, first_crossing
+from stickslip.motion.steps.starting import is_prescribed
 from stickslip.motion.steps.step_size import impulse
 from stickslip.translator import RELAXED, compiled
 
@@ -380,7 +381,7 @@ def guard_of(
         row = rows.gaps[i]
         size = gap_size(rows, space, i)
         rate = (mag[i] + near * unit * mag[nc + i]) * unit + abs(W[row, 1])
-    elif mode[i] == 0:
+    elif mode[i] == 0 and not is_prescribed(rows, i):
         row = rows.force[i]
         shift = rows.minus[i] if is_second(g, nk) else rows.plus[i]
         sign = -1.0 if is_second(g, nk) else 1.0
@@ -388,7 +389,7 @@ def guard_of(
         size = mag[2 * nc + i] + near * terms
     else:
         row = rows.u[i]
-        sign = 1.0 if mode[i] > 0 else -1.0
+        sign = 1.0 if mode[i] > 0 or (mode[i] == 0 and is_second(g, nk)) else -1.0
         size = mag[i]
         rate = mag[nc + i] * unit + abs(W[row, 1])
     is_gap = row == rows.gaps[i] if nk <= g < nk + 2 * nc and opens(rows, i) else False
@@ -528,9 +529,11 @@ def scan(
             continue
         c = space.pending[count]
         s, order = germ(W, guard, N, powers, slack, c)
-        if s == 0:
-            continue
         doubt = doubt_of(g, nk, nc) >= 0
+        if s == 0:
+            if doubt or g < nk or not lingers_in_slip(rows, mode, contact_of(g, nk)):
+                continue
+            s = -1
         if s < 0 and not doubt:
             if violated < 0:
                 violated = g
@@ -548,6 +551,13 @@ def scan(
         c[N] = ROUNDING * (size + powers[1] * guard.rate)
         count += 1
     return violated, count
+
+
+@compiled()
+def lingers_in_slip(rows: Rows, mode: Array, c: int) -> bool:
+    """Whether a contact slips that nothing but its velocity, which vanishes, could hold or let go:
+    it sticks."""
+    return is_prescribed(rows, c) and mode[c] != 0
 
 
 @compiled()

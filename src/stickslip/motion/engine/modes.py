@@ -435,11 +435,18 @@ def is_apart(flow: Flow, c: int, last: float, span: float) -> bool:
     space = flow.space
     if not opens(rows, c):
         return False
-    closed = max(touching(flow, c, last), FIRED * gap_size(rows, space, c))
+    if not is_wide(flow, c, last):
+        return False
     drift = abs(space.W[rows.u[c], 0])
-    if drift <= ROUNDING * held_back(rows, space, c) * span:
-        closed = max(closed, drift * span)
-    return bool(abs(space.W[rows.gaps[c], 0]) > closed)
+    drifts = drift <= ROUNDING * held_back(rows, space, c) * span
+    return not (drifts and abs(space.W[rows.gaps[c], 0]) <= drift * span)
+
+
+@compiled()
+def is_wide(flow: Flow, c: int, last: float) -> bool:
+    """Whether the gap of a contact is more than what a step, or rounding, makes of it."""
+    closed = max(touching(flow, c, last), FIRED * gap_size(flow.rows, flow.space, c))
+    return bool(abs(flow.space.W[flow.rows.gaps[c], 0]) > closed)
 
 
 @compiled()
@@ -697,21 +704,16 @@ def let_slide(mode: Array) -> bool:
 
 
 @compiled()
-def hold_or_slide(
-    rows: Rows, space: Space, mode: Array, N: int, last: float, fired: int, slack: float
-) -> bool:
+def hold_or_slide(flow: Flow, mode: Array, last: float, fired: int, slack: float) -> bool:
     """Give each contact that does not stick the threshold while others carry it (±2), else its
-    sliding force (±1).
+    sliding force (±1); what can open is carried only where it touches.
 
     Parameters
     ----------
-    rows : Rows
-    space : Space
+    flow : Flow
         With the coefficients, and the powers of the step.
     mode : array of int, shape (contacts,)
         Is changed.
-    N : int
-        Order of the series.
     last : float
         Length of the last step.
     fired : int
@@ -724,10 +726,12 @@ def hold_or_slide(
     bool
         Whether that changes the forces.
     """
+    rows, space, N = flow.rows, flow.space, flow.order
     changed = False
     for c in range(len(mode)):
         if rows.drops[c] == 1 and mode[c] != 0 and not is_loose(rows, mode, c):
             held = stays(rows, space, mode, c, N, last, fired, slack)
+            held = held and not (opens(rows, c) and is_wide(flow, c, last))
             if rows.plane[c] >= 0:
                 other = rows.planes[rows.plane[c], OTHER]
                 held = held and stays(rows, space, mode, other, N, last, fired, slack)
@@ -1155,7 +1159,7 @@ def try_mode(
     guard, count = scan(flow, mode, lane.reg, lane.settled, last, fired, slack)
     if guard >= 0:
         return guard, count, h, h
-    if hold_or_slide(flow.rows, space, mode, flow.order, last, fired, slack):
+    if hold_or_slide(flow, mode, last, fired, slack):
         return _OTHER_FORCES, count, h, h
     series = shortened_step(flow, mode, lane.reg, h, lane.seen)
     step = series

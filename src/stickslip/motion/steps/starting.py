@@ -24,18 +24,27 @@ from stickslip.arrays import Array
 from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM,
+    ASIDE,
     BENDS,
     COMPONENT,
     DIMENSION,
     EPSILON,
     FEWEST_ORDERS,
+    INSTANT,
     MASSIVE,
     OK,
+    ON_INERTIAL,
+    ON_VISCOUS,
+    OTHER,
+    ROUNDING,
+    SEAT,
     Flow,
     Instant,
     Machine,
+    Rows,
     is_loose,
     plain_coefficients,
+    set_mode,
 )
 from stickslip.motion.steps.onset import (
     AIMS,
@@ -55,9 +64,11 @@ from stickslip.motion.steps.onset import (
     aim_together,
     begin_together,
 )
+from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled
 
 _ANGLES = 24  # that are tried at first
+_LATE = 4.0  # errors of a time, or of a velocity, by which what is zero may be away from it
 _RANK_ONE = 64.0 * EPSILON  # part of the largest below which an eigenvalue is none
 _MOST_TURNS = 60  # of iterations between slips that begin together, and of a secular equation
 
@@ -82,9 +93,82 @@ def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: A
         OK, or SINGULAR or INDEFINITE, what keeps the equations from being solved.
     """
     status = plain_coefficients(machine, flow, at, order, table)
-    if status == OK and len(flow.rows.planes) > 0 and begins(flow, at.mode, table):
+    if status != OK or len(flow.rows.planes) == 0:
+        return status
+    aimed = aim_prescribed(flow, at.mode, table)
+    if begins(flow, at.mode, table):
         status = begin_slips(machine, flow, at, order, table)
+    elif aimed:
+        status = plain_coefficients(machine, flow, at, order, table)
+    for plane in flow.rows.planes:
+        if aimed and at.mode[plane[COMPONENT]] == DIRECTION_GIVEN:
+            set_mode(flow.rows, at.mode, plane[COMPONENT], 1)
     return status
+
+
+@compiled()
+def is_prescribed(rows: Rows, c: int) -> bool:
+    """Whether a contact is one between motions that are given: it is no part of a linear
+    problem."""
+    massless = rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]
+    return bool(c < massless and rows.homes[c, SEAT] < 0)
+
+
+@compiled()
+def aim_prescribed(flow: Flow, mode: Array, table: Array) -> bool:
+    """Fill in the directions n of slips between motions that are given, and their speeds, where
+    these begin from rest: Au = tᵖ w with the w = ρ n that is known. Whether there are any.
+
+    Parameters
+    ----------
+    flow : Flow
+    mode : array of int, shape (contacts,)
+        Says which are filled in.
+    table : array
+        Coefficients; those of n end p orders before those of Au.
+    """
+    rows, mag = flow.rows, flow.space.mag
+    found = False
+    last = table.shape[1] - 1
+    clock = rows.sizes[DIMENSION]
+    late = _LATE * INSTANT * abs(table[clock, 0]) / table[clock, 1]
+    for plane in rows.planes:
+        c, aim = plane[COMPONENT], plane[AIM]
+        if not 1 <= mode[c] <= 2 or not is_prescribed(rows, c):
+            continue
+        x, y = table[plane[AHEAD]], table[plane[ASIDE]]
+        still = _LATE * ROUNDING * (mag[c] + mag[plane[OTHER]]) + late * math.hypot(x[1], y[1])
+        if not math.hypot(x[0], y[0]) <= still:
+            continue
+        largest = 0.0
+        for k in range(1, last + 1):
+            largest = max(largest, math.hypot(x[k], y[k]))
+        first = 1
+        while first < last and math.hypot(x[first], y[first]) <= NEGLIGIBLE * largest:
+            first += 1
+        n, m, speed = table[aim], table[aim + 1], table[aim + 2]
+        size = math.hypot(x[first], y[first])
+        for k in range(last + 1):
+            n[k] = m[k] = speed[k] = 0.0
+        # n·w = ρ and n·n = 1, order by order
+        for k in range(last + 1 - first if size > 0.0 else 0):
+            u, v = x[first + k], y[first + k]
+            square = 0.0
+            for j in range(1, k):
+                u -= speed[first + j] * n[k - j]
+                v -= speed[first + j] * m[k - j]
+                square += n[j] * n[k - j] + m[j] * m[k - j]
+            if k == 0:
+                n[0], m[0], speed[first] = u / size, v / size, size
+                continue
+            # (u, v) = ρ₀ nₖ + ρₖ n₀, and n₀·nₖ is what is left of n·n = 1
+            along = -0.5 * square
+            speed[first + k] = n[0] * u + m[0] * v - size * along
+            n[k] = (u - speed[first + k] * n[0]) / size
+            m[k] = (v - speed[first + k] * m[0]) / size
+        set_mode(rows, mode, c, DIRECTION_GIVEN)
+        found = True
+    return found
 
 
 @compiled()
