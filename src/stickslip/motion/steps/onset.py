@@ -222,6 +222,10 @@ def aim_together(flow: Flow) -> int:
     aims, onset = flow.space.aims, flow.space.onset
     way, right, tried = onset[_PLACE], onset[_RIGHT], onset[_TRIED]
     rank = span_rates(flow)
+    # No order of an earlier slip is left.
+    for row in range(len(onset)):
+        for k in range(onset.shape[1]):
+            onset[row, k] = 0.0
     part_in_span(flow, rank, BX, 0, way)
     size = 0.0
     for r in range(rank):

@@ -103,14 +103,19 @@ class Piece:
         c = self.field.contacts[contact]
         if c.kind != Kind.INERTIAL or c.loose:
             return False
-        if contact not in self._speeds:
-            self._speeds[contact] = PointFunction(self.field, self._with_slopes([c.u]))
-        slope = self._speeds[contact](t, y, p)[2:]
+        slope = self.velocity(contact, t, y, p)[2:]
         bounds = self.bounds(t, y, p).slopes
         if not len(bounds):
             return False
         left = slope - bounds.T @ np.linalg.lstsq(bounds.T, slope, rcond=None)[0]
         return float(np.max(np.abs(left))) <= _DEPENDENT * float(np.max(np.abs(slope)))
+
+    def velocity(self, contact: int, t: float, y: Array, p: Array) -> Array:
+        """Relative velocity of a contact, and its derivatives by time and by the columns."""
+        if contact not in self._speeds:
+            u = self.field.contacts[contact].u
+            self._speeds[contact] = PointFunction(self.field, self._with_slopes([u]))
+        return self._speeds[contact](t, y, p)
 
     def carried(self, t: float, y: Array, p: Array) -> set[int]:
         """The switches of contacts that others hold at rest, though they do not stick in this mode:

@@ -1,29 +1,43 @@
-"""First variation where a contact in a plane begins to slip, or comes to rest.
+"""First variation where a contact in a plane begins to slip, or comes to rest; or several of one
+body.
 
 Both are events like others, S = I + (f⁺ − f⁻)∇hᵀ/(∂ₜh + ∇h·f⁻), but the field of a slip has no
 value where u = 0. Where a slip begins, f⁺ has the direction that the motion's own coefficients know
-(:mod:`stickslip.motion.steps.starting`). Where it ends, h = |Au|, and all is taken from the last
-knot before, at which |Au| is all but a rounding error: n may still turn there, however small |Au|
-is. Neighbours come to rest earlier or later, and what was left of u in both directions is
-forgotten.
+(:mod:`stickslip.motion.steps.starting`). Where it ends, all is taken from the last knot before, at
+which u is all but a rounding error: its direction may still turn there, however small it is.
+Neighbours come to rest earlier or later, and what was left of u in all directions is forgotten.
+
+Contacts that share forces leave together once no forces hold the body: h is the least Σ s|Gw| − q·w
+over its mechanisms w (:mod:`stickslip.motion.steps.holding`), whose derivatives are those with the
+mechanism held. They come to rest together: then h² = uᵀ(J M⁻¹ Jᵀ)⁺u. Near the end u has one
+direction and its length falls evenly, and to first order the time that is left is that of h,
+whatever little of other directions u has: M times that direction is the left null vector of the
+linear decay of the others.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import scipy.linalg
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
+from stickslip.equations.field import in_region
+from stickslip.model.system import Kind
 from stickslip.motion.knots import Knots
 from stickslip.motion.steps.arrays import AIM, COMPONENT, MASSIVE, is_loose
+from stickslip.orbits.fields.engine.variations import Leave
 from stickslip.orbits.fields.mode_field import Piece
 from stickslip.orbits.fields.saltation import Saltation
+from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
+_DEPENDENT = 1e-10  # part of its size by which a direction may miss the span of others
+_MOST_TURNS, _SETTLED = 2000, 1e-14  # of the search for a mechanism
 _TANGENT = 1e-9  # part of its terms below which a guard vanishes without speed
 
 
@@ -34,7 +48,8 @@ def through(
     pieces: tuple[Piece, Piece],
     p: Array,
 ) -> Saltation:
-    """The saltation matrix at a knot where a slip in a plane begins or ends.
+    """The saltation matrix at a knot where a slip in a plane begins or ends, or slips of contacts
+    that share forces.
 
     Parameters
     ----------
@@ -48,34 +63,219 @@ def through(
     left, right = pieces
     k = motion.knots
     t, y = float(k.time[knot]), k.state[knot]
+    seconds = {plane.parts[1] for plane in equations.planes}
+    before, after = left.field.mode, right.field.mode
     changed = [
-        j
-        for j, plane in enumerate(equations.planes)
-        if left.field.mode[plane.parts[0]] != right.field.mode[plane.parts[0]]
+        c
+        for c, (m, n) in enumerate(zip(before, after, strict=True))
+        if m != n and c not in seconds and _concerned(equations, c)
     ]
     n, columns = len(y), len(left.columns)
     S = np.eye(columns)
-    ends = left.field.mode[equations.planes[changed[0]].parts[0]] != 0
-    switch = len(equations.kinks) + equations.planes[changed[0]].parts[0]
+    together = len({equations.sharing.get(c, -1 - c) for c in changed}) == 1
+    ends = before[changed[0]] != 0
+    if not together or any((before[c] != 0) != ends or after[c] * before[c] for c in changed):
+        return Saltation(S, np.zeros(columns), False)
+    massive = equations.contacts[changed[0]].kind == Kind.INERTIAL
     if ends:
-        here = left.leave(float(k.time[knot - 1]), k.state[knot - 1], p)
         onward = right.rates(t, y, p)
-        meant = np.flatnonzero(left.switches == switch)
+        if any(left.field.contacts[c].plane for c in changed):
+            t, y = float(k.time[knot - 1]), k.state[knot - 1]
+        here = left.leave(t, y, p)
+        passing = (
+            _stopping(equations, left, changed, (t, y, p), here.rates)
+            if massive and any(left.field.contacts[c].plane for c in changed)
+            else _own(left, here, len(equations.kinks) + changed[0])
+        )
     else:
         here = left.leave(t, y, p)
         onward = _rates(motion, knot, right)
         cause = int(k.cause[knot])
-        meant = np.flatnonzero(left.switches == (cause if cause >= 0 else switch))
-    g = int(meant[np.argmin(np.abs(here.value[meant]))])
-    fall = float(here.fall[g])
-    exists = len(changed) == 1 and abs(fall) > _TANGENT * float(here.terms[g])
-    if not exists:
+        passing = (
+            _loosening(equations, pieces, changed, (t, y, p), here.rates)
+            if left.field.shared
+            else _own(left, here, cause if cause >= 0 else len(equations.kinks) + changed[0])
+        )
+    if not abs(passing.fall) > _TANGENT * passing.terms:
         return Saltation(S, np.zeros(columns), False)
-    earlier = here.slopes[g] / fall
+    earlier = passing.slopes / passing.fall
     S[:n] += np.outer(onward - here.rates, earlier)
     if ends:
-        S = _at_rest(right, (t, y, p)) @ S
+        S = _at_rest(right, (float(k.time[knot]), k.state[knot], p)) @ S
     return Saltation(S, -earlier, True)
+
+
+class _Passing(NamedTuple):
+    """The guard of an event: derivatives by the state and free parameters, its rate, and the size
+    of the terms of that."""
+
+    slopes: Array
+    fall: float
+    terms: float
+
+
+def _concerned(equations: MotionEquations, c: int) -> bool:
+    """Whether a contact is in a plane, or shares forces with such."""
+    return equations.contacts[c].plane != 0 or c in equations.sharing
+
+
+def _own(piece: Piece, here: Leave, switch: int) -> _Passing:
+    """The guard of one contact."""
+    meant = np.flatnonzero(piece.switches == switch)
+    g = int(meant[np.argmin(np.abs(here.value[meant]))])
+    return _Passing(here.slopes[g], float(here.fall[g]), float(here.terms[g]))
+
+
+def _passing(time: float, slopes: Array, rates: Array) -> _Passing:
+    terms = slopes[: len(rates)] * rates
+    fall, size = time + float(np.sum(terms)), abs(time) + float(np.sum(np.abs(terms)))
+    return _Passing(slopes, fall, size)
+
+
+def _stopping(
+    equations: MotionEquations,
+    piece: Piece,
+    contacts: list[int],
+    at: tuple[float, Array, Array],
+    rates: Array,
+) -> _Passing:
+    """The guard h of contacts that come to rest; all that does not vanish with u is left out.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    piece : Piece
+        Before.
+    contacts : list of int
+        By first components.
+    at : (float, array, array)
+        t, y, p right before.
+    rates : array, shape (n,)
+    """
+    own = [part for c in contacts for part in _parts(equations, c)]
+    table = np.array([piece.velocity(c, *at) for c in own])
+    u, time, slopes = table[:, 0], table[:, 1], table[:, 2:]
+    state = piece.field.state
+    moving = [state.index(f"d_{q}") for q in equations.declaration.inertial]
+    J = slopes[:, moving]
+    values = dict(zip(piece.field.names, (at[0], *at[1], *at[2]), strict=True))
+    regions = dict(zip(equations.kinks, piece.field.region, strict=True))
+    M = np.zeros((len(moving), len(moving)))
+    for place, entry in equations.mass.items():
+        M[place] = ex.evaluate(in_region(entry, regions), values)
+    weight = np.linalg.pinv(J @ np.linalg.solve(M, J.T), rcond=_DEPENDENT) @ u
+    weight /= np.sqrt(max(float(u @ weight), 1e-300))
+    return _passing(float(weight @ time), weight @ slopes, rates)
+
+
+def _parts(equations: MotionEquations, c: int) -> tuple[int, ...]:
+    """A contact, by its first component, with the other one."""
+    return next((plane.parts for plane in equations.planes if plane.parts[0] == c), (c,))
+
+
+def _loosening(
+    equations: MotionEquations,
+    pieces: tuple[Piece, Piece],
+    contacts: list[int],
+    at: tuple[float, Array, Array],
+    rates: Array,
+) -> _Passing:
+    """The guard h of contacts that share forces and begin to slip together.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    pieces : (Piece, Piece)
+        Before and after.
+    contacts : list of int
+        By first components.
+    at : (float, array, array)
+        t, y, p.
+    rates : array, shape (n,)
+        Before.
+    """
+    piece = pieces[0]
+    group = equations.sharing[contacts[0]]
+    seconds = {plane.parts[1] for plane in equations.planes}
+    mode = piece.field.mode
+    own = [c for c, g in equations.sharing.items() if g == group and mode[c] == 0]
+    names = equations.declaration.inertial
+    values = dict(zip(piece.field.names, (at[0], *at[1], *at[2]), strict=True))
+    fields = piece.field.contacts
+    along = {c: [ex.derivative(fields[c].u, f"d_{q}") for q in names] for c in own}
+
+    def number(e: ex.Expr) -> float:
+        return ex.evaluate(e, values)
+
+    J = {c: np.array([number(e) for e in along[c]]) for c in own}
+    held = np.array(
+        [
+            J[part]
+            for c in own
+            if c not in seconds and c not in contacts
+            for part in _parts(equations, c)
+        ]
+    ).reshape(-1, len(names))
+    # The least that friction loses, Σ R(Gw), for a unit of work q·w, over the mechanisms that leave
+    # the others at rest.
+    free = scipy.linalg.null_space(held, rcond=_DEPENDENT) if len(held) else np.eye(len(names))
+    work = -sum((number(fields[c].force) * J[c] for c in own), np.zeros(len(names)))
+    shapes: list[tuple[Array, float]] = []
+    limits: dict[int, ex.Expr] = {}
+    for c in contacts:
+        parts = _parts(equations, c)
+        slips_back = len(parts) == 1 and pieces[1].field.mode[c] < 0
+        plane = next((plane for plane in equations.planes if plane.parts[0] == c), None)
+        axes = [ex.ONE] if plane is None else list(plane.axes)
+        limit = fields[c].minus if slips_back else fields[c].plus
+        limits[c] = limit / axes[0]
+        scaled = [number(a) * J[part] for part, a in zip(parts, axes, strict=True)]
+        shapes.append((np.array(scaled) @ free, number(limits[c])))
+    way = free @ _mechanism(shapes, work @ free)
+    # h as a function of all else, with that mechanism
+    ways = [ex.num(float(w)) for w in way]
+
+    def speed(c: int) -> ex.Expr:
+        return ex.add(*((e * w, 1.0) for e, w in zip(along[c], ways, strict=True)))
+
+    terms = [(fields[c].force * speed(c), 1.0) for c in own]
+    for c in contacts:
+        parts = _parts(equations, c)
+        if len(parts) == 1:
+            sign = -1.0 if pieces[1].field.mode[c] < 0 else 1.0
+            terms.append((limits[c] * speed(c), sign))
+            continue
+        axes = next(plane.axes for plane in equations.planes if plane.parts[0] == c)
+        squares = [(a * speed(part)) ** 2 for a, part in zip(axes, parts, strict=True)]
+        size = ex.power(ex.add(*((e, 1.0) for e in squares)), ex.num(0.5))
+        terms.append((limits[c] * size, 1.0))
+    h = ex.add(*terms)
+    slopes = np.array([number(ex.derivative(h, c)) for c in piece.columns])
+    return _passing(number(ex.derivative(h, "t")), slopes, rates)
+
+
+def _mechanism(shapes: list[tuple[Array, float]], work: Array) -> Array:
+    """The motion w with work·w = 1 for which Σ s|Gw| is least, by weighted least squares: each
+    turn lowers it.
+
+    Parameters
+    ----------
+    shapes : list of (array, float)
+        G and s of what moves.
+    work : array
+    """
+    w = work / float(work @ work)
+    for _ in range(_MOST_TURNS):
+        sizes = [float(np.linalg.norm(G @ w)) for G, _ in shapes]
+        least = 1e-12 * max(sizes)
+        H = sum(s / max(size, least) * G.T @ G for (G, s), size in zip(shapes, sizes, strict=True))
+        new = np.linalg.lstsq(H, work, rcond=None)[0]
+        new /= float(work @ new)
+        done = np.max(np.abs(new - w)) <= _SETTLED * np.max(np.abs(new))
+        w = new
+        if done:
+            break
+    return w
 
 
 def _at_rest(piece: Piece, at: tuple[float, Array, Array]) -> Array:

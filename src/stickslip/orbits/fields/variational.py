@@ -142,7 +142,8 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
 def resolution(trajectory: Trajectory, pieces: Pieces) -> Array:
     """Number of equal parts of each step in which linear motions are resolved by a Gauss rule."""
     run = _prepared(trajectory, pieces, None)
-    resolve_steps(pieces.listed, run, _work(trajectory, pieces, run, 0))
+    rows = trajectory._problem.rows
+    resolve_steps(rows, pieces.listed, run, _work(trajectory, pieces, run, 0))
     return run.parts[:-1]
 
 

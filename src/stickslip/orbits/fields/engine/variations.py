@@ -272,7 +272,7 @@ def fastest(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> fl
         for c in range(n):
             J[r, c] = work.values[listed.jacobian[w, r * columns + c], 0]
             if J[r, c] != J[r, c]:
-                return 0.0  # where a slip in a plane begins, or ends
+                return 0.0  # where a slip in a plane begins with the motion
     scale = 0.0  # log of what has been divided out, per factor
     power = 1.0
     for _ in range(_DOUBLINGS + 1):
@@ -292,21 +292,41 @@ def fastest(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> fl
 
 
 @entry_point()
-def resolve_steps(listed: Listed, run: Pass, work: PassSpace) -> int:
+def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int:
     """In how many equal parts each step has to be taken for linear motions to be resolved; returns
-    the number of nodes at which states are wanted."""
+    the number of nodes at which states are wanted.
+
+    Where a slip in a plane begins or ends there is no Jacobian; what it would be is a quotient of
+    rounding errors.
+    """
     nodes = 0
     for i in range(len(run.piece) - 1):
         h = time_of(run, i + 1) - time_of(run, i)
         run.parts[i] = 1
         if h > 0.0:
             w = run.piece[i]
-            rate = max(run.drives, fastest(listed, run, work, w, i))
-            if listed.steady[w] == 0:
+            rate = run.drives
+            if i == 0 or not turns_about(rows, run, i):
+                rate = max(rate, fastest(listed, run, work, w, i))
+            if listed.steady[w] == 0 and not turns_about(rows, run, i + 1):
                 rate = max(rate, fastest(listed, run, work, w, i + 1))
             run.parts[i] = max(1, math.ceil(h * rate / _REACH))
         nodes += nodes_of(listed, run, i)
     return nodes
+
+
+@compiled()
+def turns_about(rows: Rows, run: Pass, i: int) -> bool:
+    """Whether a slip in a plane, or of a contact that may share its force with such, begins or ends
+    at a knot."""
+    for p in range(len(rows.planes)):
+        c = rows.planes[p, COMPONENT]
+        if run.knots.mode[i, c] != run.knots.mode[i - 1, c]:
+            return True
+    for c in range(len(rows.group)):
+        if rows.group[c] >= 0 and run.knots.mode[i, c] != run.knots.mode[i - 1, c]:
+            return True
+    return False
 
 
 @compiled()
@@ -781,11 +801,10 @@ def pass_event(listed: Listed, run: Pass, work: PassSpace, i: int, last: int) ->
 @compiled()
 def strikes(rows: Rows, run: Pass, i: int) -> bool:
     """Whether the state jumps at a knot: a gap has closed, or a declared jump has been taken; or
-    whether a slip in a plane begins or ends, where its field has no value."""
-    for p in range(len(rows.planes)):
-        c = rows.planes[p, COMPONENT]
-        if run.knots.mode[i, c] != run.knots.mode[i - 1, c]:
-            return True
+    whether a slip in a plane begins or ends, where its field has no value, or one of contacts that
+    share forces."""
+    if turns_about(rows, run, i):
+        return True
     cause = run.knots.cause[i]
     c = cause - len(rows.kinks)
     if cause >= 0 and c < 0:
@@ -819,7 +838,7 @@ def vary(
         has to be room as the event, or `HALTED` if there is a wish to stop.
     """
     if start == 0:
-        nodes = resolve_steps(listed, run, work)
+        nodes = resolve_steps(flow.rows, listed, run, work)
         if nodes > len(work.step):
             run.event[BEGINS] = nodes
             return CROWDED
