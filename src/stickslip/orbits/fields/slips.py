@@ -1,5 +1,5 @@
-"""First variation where a contact in a plane begins to slip, or comes to rest; or several of one
-body.
+"""First variation where a contact in a plane begins to slip, or comes to rest, or both at once; or
+several of one body.
 
 Both are events like others, S = I + (f⁺ − f⁻)∇hᵀ/(∂ₜh + ∇h·f⁻), but the field of a slip has no
 value where u = 0. Where a slip begins, f⁺ has the direction that the motion's own coefficients know
@@ -27,7 +27,6 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import in_region
 from stickslip.model.system import Kind
 from stickslip.motion.knots import Knots
-from stickslip.motion.steps.arrays import AIM, COMPONENT, MASSIVE, is_loose
 from stickslip.orbits.fields.engine.variations import Leave
 from stickslip.orbits.fields.mode_field import Piece
 from stickslip.orbits.fields.saltation import Saltation
@@ -48,8 +47,8 @@ def through(
     pieces: tuple[Piece, Piece],
     p: Array,
 ) -> Saltation:
-    """The saltation matrix at a knot where a slip in a plane begins or ends, or slips of contacts
-    that share forces.
+    """The saltation matrix at a knot where a slip in a plane begins or ends, or goes on through
+    rest, or slips of contacts that share forces.
 
     Parameters
     ----------
@@ -63,46 +62,106 @@ def through(
     left, right = pieces
     k = motion.knots
     t, y = float(k.time[knot]), k.state[knot]
-    seconds = {plane.parts[1] for plane in equations.planes}
     before, after = left.field.mode, right.field.mode
-    changed = [
-        c
-        for c, (m, n) in enumerate(zip(before, after, strict=True))
-        if m != n and c not in seconds and _concerned(equations, c)
-    ]
+    stopped, begun = _events(equations, pieces, (t, y, p))
     n, columns = len(y), len(left.columns)
     S = np.eye(columns)
-    together = len({equations.sharing.get(c, -1 - c) for c in changed}) == 1
-    ends = before[changed[0]] != 0
-    if not together or any((before[c] != 0) != ends or after[c] * before[c] for c in changed):
-        return Saltation(S, np.zeros(columns), False)
-    massive = equations.contacts[changed[0]].kind == Kind.INERTIAL
-    if ends:
-        onward = right.rates(t, y, p)
-        if any(left.field.contacts[c].plane for c in changed):
-            t, y = float(k.time[knot - 1]), k.state[knot - 1]
-        here = left.leave(t, y, p)
+    none = Saltation(S, np.zeros(columns), False)
+    if len({equations.sharing.get(c, -1 - c) for c in {*stopped, *begun}}) != 1:
+        return none
+    # What passes through rest and goes on does so for neighbours, too, if it can only move in one
+    # way.
+    if stopped and begun and _freedom(equations, left, stopped, (t, y, p)) != 1:
+        return none
+    onward = _rates(motion, knot, right) if begun else right.rates(t, y, p)
+    if stopped:
+        turning = any(left.field.contacts[c].plane for c in stopped)
+        at = (float(k.time[knot - 1]), k.state[knot - 1], p) if turning else (t, y, p)
+        here = left.leave(*at)
+        massive = equations.contacts[stopped[0]].kind == Kind.INERTIAL
         passing = (
-            _stopping(equations, left, changed, (t, y, p), here.rates)
-            if massive and any(left.field.contacts[c].plane for c in changed)
-            else _own(left, here, len(equations.kinks) + changed[0])
+            _stopping(equations, left, stopped, at, here.rates)
+            if massive and turning
+            else _own(left, here, len(equations.kinks) + stopped[0])
         )
     else:
         here = left.leave(t, y, p)
-        onward = _rates(motion, knot, right)
         cause = int(k.cause[knot])
         passing = (
-            _loosening(equations, pieces, changed, (t, y, p), here.rates)
-            if left.field.shared
-            else _own(left, here, cause if cause >= 0 else len(equations.kinks) + changed[0])
+            _loosening(equations, pieces, begun, (t, y, p), here.rates)
+            if left.field.shared.intersection(begun)
+            else _own(left, here, cause if cause >= 0 else len(equations.kinks) + begun[0])
         )
     if not abs(passing.fall) > _TANGENT * passing.terms:
-        return Saltation(S, np.zeros(columns), False)
+        return none
     earlier = passing.slopes / passing.fall
     S[:n] += np.outer(onward - here.rates, earlier)
-    if ends:
-        S = _at_rest(right, (float(k.time[knot]), k.state[knot], p)) @ S
+    if not begun:
+        S = _at_rest(equations, right, (t, y, p)) @ S
+    elif len(begun) > 1 and not stopped and not left.field.shared.intersection(begun):
+        return none  # they meet here by chance
     return Saltation(S, -earlier, True)
+
+
+def _events(
+    equations: MotionEquations, pieces: tuple[Piece, Piece], at: tuple[float, Array, Array]
+) -> tuple[list[int], list[int]]:
+    """The contacts that come to rest at a point, and those that begin to slip: both, where a slip
+    passes through rest; those in a plane by their first components.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    pieces : (Piece, Piece)
+        Before and after it.
+    at : (float, array, array)
+        t, y, p.
+    """
+    left, right = pieces
+    seconds = {plane.parts[1] for plane in equations.planes}
+    stopped: list[int] = []
+    begun: list[int] = []
+    for c, (m, n) in enumerate(zip(left.field.mode, right.field.mode, strict=True)):
+        plane = equations.contacts[c].plane
+        if c in seconds or not (plane or c in equations.sharing):
+            continue
+        own = _parts(equations, c)
+        loose = right.field.contacts[c].loose or left.field.contacts[c].loose
+        passes = bool(plane) and m != 0 and n != 0 and not loose
+        passes = passes and equations.contacts[c].kind == Kind.INERTIAL
+        rests = passes and all(left.velocity(part, *at)[0] == 0.0 for part in own)
+        if m != 0 and (n == 0 or rests):
+            stopped.append(c)
+        if n != 0 and (m == 0 or rests):
+            begun.append(c)
+    return stopped, begun
+
+
+def _freedom(
+    equations: MotionEquations,
+    piece: Piece,
+    contacts: list[int],
+    at: tuple[float, Array, Array],
+) -> int:
+    """In how many ways contacts can move under the constraints of a piece.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    piece : Piece
+    contacts : list of int
+        By first components.
+    at : (float, array, array)
+        t, y, p.
+    """
+    state = piece.field.state
+    moving = [state.index(f"d_{q}") for q in equations.declaration.inertial]
+    own = [part for c in contacts for part in _parts(equations, c)]
+    J = np.array([piece.velocity(c, *at)[2:] for c in own])[:, moving]
+    bounds = piece.bounds(*at).slopes[:, moving]
+    left = J - J @ np.linalg.pinv(bounds, rcond=_DEPENDENT) @ bounds if len(bounds) else J
+    sizes = np.linalg.svd(left, compute_uv=False)
+    return int(np.sum(sizes > _DEPENDENT * np.max(np.abs(J))))
 
 
 class _Passing(NamedTuple):
@@ -112,11 +171,6 @@ class _Passing(NamedTuple):
     slopes: Array
     fall: float
     terms: float
-
-
-def _concerned(equations: MotionEquations, c: int) -> bool:
-    """Whether a contact is in a plane, or shares forces with such."""
-    return equations.contacts[c].plane != 0 or c in equations.sharing
 
 
 def _own(piece: Piece, here: Leave, switch: int) -> _Passing:
@@ -158,11 +212,7 @@ def _stopping(
     state = piece.field.state
     moving = [state.index(f"d_{q}") for q in equations.declaration.inertial]
     J = slopes[:, moving]
-    values = dict(zip(piece.field.names, (at[0], *at[1], *at[2]), strict=True))
-    regions = dict(zip(equations.kinks, piece.field.region, strict=True))
-    M = np.zeros((len(moving), len(moving)))
-    for place, entry in equations.mass.items():
-        M[place] = ex.evaluate(in_region(entry, regions), values)
+    M = _mass(equations, piece, at)
     weight = np.linalg.pinv(J @ np.linalg.solve(M, J.T), rcond=_DEPENDENT) @ u
     weight /= np.sqrt(max(float(u @ weight), 1e-300))
     return _passing(float(weight @ time), weight @ slopes, rates)
@@ -278,15 +328,32 @@ def _mechanism(shapes: list[tuple[Array, float]], work: Array) -> Array:
     return w
 
 
-def _at_rest(piece: Piece, at: tuple[float, Array, Array]) -> Array:
-    """The projection onto what keeps the constraints of a piece, along velocities: rounding errors
-    of the direction of a slip that has ended are forgotten, too."""
+def _at_rest(
+    equations: MotionEquations, piece: Piece, at: tuple[float, Array, Array]
+) -> Array:
+    """The projection onto what keeps the constraints of a piece, by impulses of what holds it: what
+    is left of other directions of a slip that has ended is forgotten, and friction takes it."""
     bounds = piece.bounds(*at).slopes
-    n, columns = len(at[1]), len(piece.columns)
-    rates = [i for i, name in enumerate(piece.field.state) if name.startswith("d_")]
+    columns = len(piece.columns)
     P = np.eye(columns)
-    P[rates] -= np.linalg.pinv(bounds[:, rates]) @ bounds if n else 0.0
+    if len(bounds):
+        state = piece.field.state
+        moving = [state.index(f"d_{q}") for q in equations.declaration.inertial]
+        J = bounds[:, moving]
+        felt = np.linalg.solve(_mass(equations, piece, at), J.T)
+        P[moving] -= felt @ np.linalg.pinv(J @ felt, rcond=_DEPENDENT) @ bounds
     return P
+
+
+def _mass(equations: MotionEquations, piece: Piece, at: tuple[float, Array, Array]) -> Array:
+    """The mass matrix at a point."""
+    values = dict(zip(piece.field.names, (at[0], *at[1], *at[2]), strict=True))
+    regions = dict(zip(equations.kinks, piece.field.region, strict=True))
+    n = len(equations.declaration.inertial)
+    M = np.zeros((n, n))
+    for place, entry in equations.mass.items():
+        M[place] = ex.evaluate(in_region(entry, regions), values)
+    return M
 
 
 def _rates(motion: Trajectory, knot: int, piece: Piece) -> Array:
@@ -299,19 +366,3 @@ def _rates(motion: Trajectory, knot: int, piece: Piece) -> Array:
     time = float(k.time[knot])
     part = Trajectory(motion._problem, (time, time), alone, motion.outcome)
     return part._sample_clock(alone.clock, np.array([0]))[0][motion._problem.rows.program.rates]
-
-
-def passages(motion: Trajectory) -> list[float]:
-    """Times at which a slip in a plane goes on through u = 0: neighbours pass by on one side or
-    the other, so that there is no derivative."""
-    rows = motion._problem.rows
-    if len(rows.planes) == 0:
-        return []
-    k = motion.knots
-    slips = k.mode[:, rows.planes[:, COMPONENT]] != 0
-    for p, c in enumerate(rows.planes[:, COMPONENT]):
-        slips[:, p] &= [not is_loose(rows, mode, c) for mode in k.mode]
-    speed = motion._sample_clock(k.clock, np.arange(len(k.clock)))[:, rows.planes[:, AIM] + 2]
-    massive = rows.planes[:, MASSIVE] == 1
-    through = slips[1:] & slips[:-1] & (speed[1:] == 0.0) & massive
-    return [float(t) for t in k.time[1:][np.any(through, axis=1)]]

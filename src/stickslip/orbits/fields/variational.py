@@ -134,7 +134,7 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
         else:
             start = meeting.pass_through(code == CORNER)
     grazed = run.knots.time[run.outcome == GRAZED] + run.origin
-    grazings = tuple(sorted([*map(float, grazed), *meeting.grazings, *slips.passages(trajectory)]))
+    grazings = tuple(sorted([*map(float, grazed), *meeting.grazings]))
     corners = tuple(meeting.corners)
     return Variation(run.after, run.late, pieces.made, run.piece, corners, grazings)
 

@@ -11,7 +11,7 @@ from stickslip.arrays import Array, Array3, IntArray3, IntMatrix, IntVector, Mat
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.between.dense import Scratch, states_at
 from stickslip.motion.engine.guards import opens
-from stickslip.motion.steps.arrays import COMPONENT, Flow, Machine, Record, Rows, is_stopped
+from stickslip.motion.steps.arrays import MASSIVE, Flow, Machine, Record, Rows, is_stopped
 from stickslip.motion.steps.jumps import fired_jump
 from stickslip.orbits.fields.engine.interpreter import LANES, Instructions, perform
 from stickslip.translator import compiled
@@ -306,9 +306,9 @@ def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int
         if h > 0.0:
             w = run.piece[i]
             rate = run.drives
-            if i == 0 or not turns_about(rows, run, i):
+            if i == 0 or not turns_about(rows, listed, run, work, i):
                 rate = max(rate, fastest(listed, run, work, w, i))
-            if listed.steady[w] == 0 and not turns_about(rows, run, i + 1):
+            if listed.steady[w] == 0 and not turns_about(rows, listed, run, work, i + 1):
                 rate = max(rate, fastest(listed, run, work, w, i + 1))
             run.parts[i] = max(1, math.ceil(h * rate / _REACH))
         nodes += nodes_of(listed, run, i)
@@ -316,15 +316,33 @@ def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int
 
 
 @compiled()
-def turns_about(rows: Rows, run: Pass, i: int) -> bool:
+def turns_about(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> bool:
     """Whether a slip in a plane, or of a contact that may share its force with such, begins or ends
-    at a knot."""
-    for p in range(len(rows.planes)):
-        c = rows.planes[p, COMPONENT]
-        if run.knots.mode[i, c] != run.knots.mode[i - 1, c]:
-            return True
+    at a knot; or goes on through rest.
+
+    Parameters
+    ----------
+    rows : Rows
+    listed : Listed
+    run : Pass
+    work : PassSpace
+    i : int
+        The knot; not the first.
+    """
+    slips = False
     for c in range(len(rows.group)):
-        if rows.group[c] >= 0 and run.knots.mode[i, c] != run.knots.mode[i - 1, c]:
+        before, after = run.knots.mode[i - 1, c], run.knots.mode[i, c]
+        if rows.plane[c] >= 0 or rows.group[c] >= 0:
+            if before != after:
+                return True
+            slips = slips or (after != 0 and rows.plane[c] >= 0)
+    if not slips:
+        return False
+    guards_at(listed, run, work.values, run.piece[i - 1], i, work.around)
+    for g in range(listed.switches.shape[1]):
+        c = listed.switches[run.piece[i - 1], g] - len(rows.kinks)
+        stands = c >= 0 and rows.plane[c] >= 0 and run.knots.mode[i, c] != 0
+        if stands and work.around.value[g] == 0.0 and rows.planes[rows.plane[c], MASSIVE] == 1:
             return True
     return False
 
@@ -799,11 +817,21 @@ def pass_event(listed: Listed, run: Pass, work: PassSpace, i: int, last: int) ->
 
 
 @compiled()
-def strikes(rows: Rows, run: Pass, i: int) -> bool:
+def strikes(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> bool:
     """Whether the state jumps at a knot: a gap has closed, or a declared jump has been taken; or
-    whether a slip in a plane begins or ends, where its field has no value, or one of contacts that
-    share forces."""
-    if turns_about(rows, run, i):
+    whether a slip in a plane begins or ends, or turns round, where its field has no value, or one
+    of contacts that share forces.
+
+    Parameters
+    ----------
+    rows : Rows
+    listed : Listed
+    run : Pass
+    work : PassSpace
+    i : int
+        The knot; not the first.
+    """
+    if turns_about(rows, listed, run, work, i):
         return True
     cause = run.knots.cause[i]
     c = cause - len(rows.kinks)
@@ -859,12 +887,12 @@ def vary(
         if i <= start:
             continue
         last = i
-        if strikes(flow.rows, run, i):
+        if strikes(flow.rows, listed, run, work, i):
             run.event[BEGINS], run.event[ENDS] = i, i
             return STRUCK
         if run.piece[i] != run.piece[i - 1]:
             while last + 2 < knots and time_of(run, last + 1) - time_of(run, i) <= 1e-3 * together:
-                if strikes(flow.rows, run, last + 1):
+                if strikes(flow.rows, listed, run, work, last + 1):
                     break
                 last += 1
             run.event[BEGINS], run.event[ENDS] = i, last
