@@ -24,11 +24,10 @@ import scipy.linalg
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
-from stickslip.equations.field import in_region
 from stickslip.model.system import Kind
 from stickslip.motion.knots import Knots
 from stickslip.orbits.fields.engine.variations import Leave
-from stickslip.orbits.fields.mode_field import Piece
+from stickslip.orbits.fields.mode_field import Piece, mass_at
 from stickslip.orbits.fields.saltation import Saltation
 from stickslip.symbolic import expressions as ex
 
@@ -212,7 +211,7 @@ def _stopping(
     state = piece.field.state
     moving = [state.index(f"d_{q}") for q in equations.declaration.inertial]
     J = slopes[:, moving]
-    M = _mass(equations, piece, at)
+    M = mass_at(equations, piece, at)
     weight = np.linalg.pinv(J @ np.linalg.solve(M, J.T), rcond=_DEPENDENT) @ u
     weight /= np.sqrt(max(float(u @ weight), 1e-300))
     return _passing(float(weight @ time), weight @ slopes, rates)
@@ -340,20 +339,9 @@ def _at_rest(
         state = piece.field.state
         moving = [state.index(f"d_{q}") for q in equations.declaration.inertial]
         J = bounds[:, moving]
-        felt = np.linalg.solve(_mass(equations, piece, at), J.T)
+        felt = np.linalg.solve(mass_at(equations, piece, at), J.T)
         P[moving] -= felt @ np.linalg.pinv(J @ felt, rcond=_DEPENDENT) @ bounds
     return P
-
-
-def _mass(equations: MotionEquations, piece: Piece, at: tuple[float, Array, Array]) -> Array:
-    """The mass matrix at a point."""
-    values = dict(zip(piece.field.names, (at[0], *at[1], *at[2]), strict=True))
-    regions = dict(zip(equations.kinks, piece.field.region, strict=True))
-    n = len(equations.declaration.inertial)
-    M = np.zeros((n, n))
-    for place, entry in equations.mass.items():
-        M[place] = ex.evaluate(in_region(entry, regions), values)
-    return M
 
 
 def _rates(motion: Trajectory, knot: int, piece: Piece) -> Array:
