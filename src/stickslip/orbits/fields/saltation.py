@@ -50,6 +50,7 @@ _EQUAL = 1e-8  # part by which energies of approach are equal
 _CLOSED = 1e-10  # part of the places that a gap may be and is closed
 _SAME = 1e-7  # part of the velocities by which a jump may miss what its map says
 _EXACT = 1e-11  # … and what is no miss
+_ROUNDING = 1e-14  # of velocities
 _SMALL = 3e-8  # part of the first speed of bounces below which they are taken together
 _MOST_MODES = 4096  # of an impact that are tried
 _TANGENT = 1e-9  # part of its terms below which a gap closes without speed
@@ -323,7 +324,8 @@ def _in_turn(
                 late = -gap[2:] / fall
             S, rates = jump @ S, onward
             if ends:
-                if float(np.max(np.abs(y - after))) <= _SAME * size:
+                known = _SAME * size + _ROUNDING * float(np.max(np.abs(y)))
+                if float(np.max(np.abs(y - after))) <= known:
                     return Saltation(S, late, True)
                 break
         else:
@@ -509,7 +511,7 @@ def _mode_of(
         candidates = chain([latest[closing]], candidates)
     best: Mode | None = None
     landing: Landing | None = None
-    least = _SAME * size
+    least = _SAME * size + _ROUNDING * float(np.max(np.abs(y)))
     for mode in candidates:
         try:
             found = _impact_map(equations, left, mode, settled)(t, y, p)
