@@ -43,10 +43,14 @@ if TYPE_CHECKING:
 TOUCHED = "a guard is touched without speed"
 _UNEXPLAINED = "no impulses are known that depend smoothly on what is before"
 _AT_ONCE = "several contacts close at once, which is a matter of order for neighbours"
+_CHANGES = "an impulse is just zero or at its threshold, and is not for neighbours"
 _TOO_MANY = "impacts in turn come to no end"
 _MOST_TURNS = 400  # impacts in turn
 _NONE_LEFT = 1e-28  # part of the energy of the first approach below which there is none
 _EQUAL = 1e-8  # part by which energies of approach are equal
+_MOST_COMPARED = 128  # modes of an impact
+_CORNER = 1e-9  # part of a jump by which modes that meet may miss it
+_APART = 1e-6  # part by which their derivatives differ then
 _CLOSED = 1e-10  # part of the places that a gap may be and is closed
 _SAME = 1e-7  # part of the velocities by which a jump may miss what its map says
 _EXACT = 1e-11  # … and what is no miss
@@ -211,11 +215,17 @@ def saltation(
         near = _near(equations, left, (t, y, p), contact)
         others = [c for c in near if c != contact and left.field.mode[c] != 0]
         at_once = any(left.velocity(c, t, y, p)[0] < 0.0 for c in others)
-        if not at_once and motion.system.impacts == "in turn" and len(near) > 1:
+        in_turn = motion.system.impacts == "in turn" and strike.last == strike.knot
+        if not at_once and in_turn and len(near) > 1:
             return _in_turn(equations, motion, strike, sides, (near, contact), p, pieces)
         found = _impact(equations, sides, strike, k.state[strike.knot], contact, p)
+        after = k.state[strike.knot]
+        none = frozenset[int]()
         if found is None or at_once:
             why = _AT_ONCE if at_once else _UNEXPLAINED
+            return Saltation(np.eye(columns), np.zeros(columns), False, why)
+        if _is_corner(equations, left, (t, y, after), (contact, none), found, p):
+            why = _CHANGES
             return Saltation(np.eye(columns), np.zeros(columns), False, why)
     S = np.eye(columns)
     if not abs(here.fall[g]) > _TANGENT * here.terms[g]:
@@ -292,8 +302,6 @@ def _in_turn(
     n, columns = len(strike.before), len(left.columns)
     after = motion.knots.state[strike.knot]
     none = Saltation(np.eye(columns), np.zeros(columns), False, _UNEXPLAINED)
-    if strike.last > strike.knot:
-        return none
     size = float(np.max(np.abs(after - strike.before), initial=0.0))
     rests = frozenset([contact]) if right.field.mode[contact] == 0 else frozenset[int]()
     for settled in dict.fromkeys([frozenset[int](), rests]):
@@ -309,6 +317,8 @@ def _in_turn(
             found = _one_impact(equations, left, (t, y, p), (c, settled))
             if found is None:
                 break
+            if _meets(left, [i for i in near if i != c], (t, y, p), found):
+                return none._replace(why=_CHANGES)
             gap = left.gap(c, t, y, p)
             fall = gap[1] + float(gap[2 : 2 + n] @ rates)
             y = found.after
@@ -331,6 +341,41 @@ def _in_turn(
         else:
             return none._replace(why=_TOO_MANY)
     return none
+
+
+def _meets(
+    piece: Piece, others: list[int], at: tuple[float, Array, Array], landing: Landing
+) -> bool:
+    """Whether an impact gives another contact, which it moves, a velocity that is just zero: it is
+    approached for some neighbours, and not for others.
+
+    Parameters
+    ----------
+    piece : Piece
+        Before the impacts.
+    others : list of int
+        Closed contacts.
+    at : (float, array, array)
+        t, y, p before this one.
+    landing : Landing
+    """
+    n, columns = len(landing.after), len(piece.columns)
+    full = np.eye(columns)
+    full[:n] = landing.slopes
+    bounds = piece.bounds(*at).slopes
+    jump = float(np.max(np.abs(landing.after - at[1])))
+    for c in others:
+        before = piece.velocity(c, *at)
+        after = piece.velocity(c, at[0], landing.after, at[2])
+        size = float(np.max(np.abs(before[2:])))
+        if abs(after[0]) > _CORNER * size * jump:
+            continue
+        change = after[2:] @ full - before[2:]
+        if len(bounds):
+            change = change - bounds.T @ np.linalg.lstsq(bounds.T, change, rcond=None)[0]
+        if float(np.max(np.abs(change))) > _APART * size:
+            return True
+    return False
 
 
 def _energies(
@@ -525,6 +570,49 @@ def _mode_of(
     if best is not None:
         latest[closing] = best
     return best, landing
+
+
+def _is_corner(
+    equations: MotionEquations,
+    left: Piece,
+    jump: tuple[float, Array, Array],
+    closing: tuple[int, frozenset[int]],
+    landing: Landing,
+    p: Array,
+) -> bool:
+    """Whether other modes of an impact lead to the same state with other derivatives: an impulse is
+    just zero, or just at its threshold.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    left : Piece
+        Before the impact.
+    jump : float and two arrays, shape (n,)
+        When, and the states before and after.
+    closing : int and frozenset of int
+        The contact that has closed, and those that have lost their restitution.
+    landing : Landing
+        By one of the modes.
+    p : array, shape (parameters,)
+    """
+    t, y, after = jump
+    contact, settled = closing
+    size = _CORNER * float(np.max(np.abs(after - y), initial=0.0))
+    closed = {i for i, c in enumerate(equations.contacts) if c.opens and left.field.mode[i] == 0}
+    if not closed - {contact} or size < _ROUNDING * float(np.max(np.abs(y))):
+        return False
+    scale = float(np.max(np.abs(landing.slopes)))
+    for mode in islice(_modes(equations, {*closed, contact}), _MOST_COMPARED):
+        try:
+            found = _impact_map(equations, left, mode, settled)(t, y, p)
+        except ZeroDivisionError:
+            continue
+        if float(np.max(np.abs(found.after - after))) <= size:
+            apart = float(np.max(np.abs(found.slopes - landing.slopes)))
+            if apart > _APART * scale:
+                return True
+    return False
 
 
 def _modes(equations: MotionEquations, near: set[int]) -> Iterator[Mode]:
