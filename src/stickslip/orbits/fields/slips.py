@@ -257,14 +257,13 @@ def _loosening(
         return ex.evaluate(e, values)
 
     J = {c: np.array([number(e) for e in along[c]]) for c in own}
-    held = np.array(
-        [
-            J[part]
-            for c in own
-            if c not in seconds and c not in contacts
-            for part in _parts(equations, c)
-        ]
-    ).reshape(-1, len(names))
+    rests = [
+        part
+        for c in own
+        if c not in seconds and c not in contacts
+        for part in _parts(equations, c)
+    ]
+    held = np.array([J[c] for c in rests]).reshape(-1, len(names))
     # The least that friction loses, Σ R(Gw), for a unit of work q·w, over the mechanisms that leave
     # the others at rest.
     free = scipy.linalg.null_space(held, rcond=_DEPENDENT) if len(held) else np.eye(len(names))
@@ -281,23 +280,33 @@ def _loosening(
         scaled = [number(a) * J[part] for part, a in zip(parts, axes, strict=True)]
         shapes.append((np.array(scaled) @ free, number(limits[c])))
     way = free @ _mechanism(shapes, work @ free)
-    # h as a function of all else, with that mechanism
+    # h as a function of all else: its derivatives are those with this mechanism, and with the forces
+    # of what it leaves at rest
     ways = [ex.num(float(w)) for w in way]
 
     def speed(c: int) -> ex.Expr:
         return ex.add(*((e * w, 1.0) for e, w in zip(along[c], ways, strict=True)))
 
     terms = [(fields[c].force * speed(c), 1.0) for c in own]
+    # what is left for those that stay at rest
+    left = sum((number(fields[c].force) * J[c] for c in own), np.zeros(len(names)))
     for c in contacts:
         parts = _parts(equations, c)
         if len(parts) == 1:
             sign = -1.0 if pieces[1].field.mode[c] < 0 else 1.0
             terms.append((limits[c] * speed(c), sign))
+            left += sign * number(limits[c]) * J[c]
             continue
         axes = next(plane.axes for plane in equations.planes if plane.parts[0] == c)
         squares = [(a * speed(part)) ** 2 for a, part in zip(axes, parts, strict=True)]
         size = ex.power(ex.add(*((e, 1.0) for e in squares)), ex.num(0.5))
         terms.append((limits[c] * size, 1.0))
+        for a, part in zip(axes, parts, strict=True):
+            part_of = number(a) ** 2 * float(J[part] @ way) / number(size)
+            left += number(limits[c]) * part_of * J[part]
+    if rests:
+        forces = np.linalg.lstsq(held.T, left, rcond=None)[0]
+        terms += [(speed(c), -float(f)) for c, f in zip(rests, forces, strict=True)]
     h = ex.add(*terms)
     slopes = np.array([number(ex.derivative(h, c)) for c in piece.columns])
     return _passing(number(ex.derivative(h, "t")), slopes, rates)
