@@ -12,7 +12,7 @@ STEP = 1e-5
 
 
 def differences(system: ss.System, name: str, times: list[float]) -> np.ndarray:
-    """Derivatives of the state by a parameter, shape (times, states), by two central differences."""
+    """Derivatives of the state by a parameter, shape (times, states), by central differences."""
     middle = float(system.parameters[name].default)
     states = list(system.declaration.state)
 
@@ -137,9 +137,7 @@ def test_multipliers_are_differences_of_motions() -> None:
         return np.array([motion.final[x] for x in names])
 
     h = 1e-5
-    slopes = np.column_stack(
-        [(once(h * e) - once(-h * e)) / (2.0 * h) for e in np.eye(len(names))]
-    )
+    slopes = np.column_stack([(once(h * e) - once(-h * e)) / (2.0 * h) for e in np.eye(len(names))])
     expected = np.sort_complex(np.linalg.eigvals(slopes))
     found = np.sort_complex(np.asarray(cycle.multipliers, complex))
     np.testing.assert_allclose(found, expected, atol=1e-6)
@@ -192,7 +190,7 @@ def block(law: str, mu: float, half: float, tilt: float = 0.15, drop: float = 0.
         contacts={
             side: ss.Unilateral(gaps[side], rates[side], "mu", restitution="e") for side in gaps
         },
-        impacts=law,  # pyright: ignore[reportArgumentType]
+        impacts=law,
         initial={"y": half * np.sin(tilt) + np.cos(tilt) + drop, "th": tilt},
     )
 

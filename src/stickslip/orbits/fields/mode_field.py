@@ -190,9 +190,7 @@ class Piece:
         ]
 
 
-def mass_at(
-    equations: MotionEquations, piece: Piece, at: tuple[float, Array, Array]
-) -> Array:
+def mass_at(equations: MotionEquations, piece: Piece, at: tuple[float, Array, Array]) -> Array:
     """The mass matrix at a point (t, y, p) of a piece."""
     values = dict(zip(piece.field.names, (at[0], *at[1], *at[2]), strict=True))
     regions = dict(zip(equations.kinks, piece.field.region, strict=True))

@@ -225,8 +225,7 @@ def saltation(
             why = _AT_ONCE if at_once else _UNEXPLAINED
             return Saltation(np.eye(columns), np.zeros(columns), False, why)
         if _is_corner(equations, left, (t, y, after), (contact, none), found, p):
-            why = _CHANGES
-            return Saltation(np.eye(columns), np.zeros(columns), False, why)
+            return Saltation(np.eye(columns), np.zeros(columns), False, _CHANGES)
     S = np.eye(columns)
     if not abs(here.fall[g]) > _TANGENT * here.terms[g]:
         return Saltation(S, np.zeros(columns), False)
@@ -476,7 +475,7 @@ def _between(
     for c in near:
         mode[c] = 0 if left.field.mode[c] == 0 and speed[c] <= slow else 1
     for i in range(len(mode)):
-        if equations.is_loose(i, mode):
+        if equations.is_loose(i, mode.tolist()):
             mode[i] = 1
     return pieces(mode, np.array(left.field.region, np.int8))
 

@@ -61,7 +61,6 @@ def through(
     left, right = pieces
     k = motion.knots
     t, y = float(k.time[knot]), k.state[knot]
-    before, after = left.field.mode, right.field.mode
     stopped, begun = _events(equations, pieces, (t, y, p))
     n, columns = len(y), len(left.columns)
     S = np.eye(columns)
@@ -258,10 +257,7 @@ def _loosening(
 
     J = {c: np.array([number(e) for e in along[c]]) for c in own}
     rests = [
-        part
-        for c in own
-        if c not in seconds and c not in contacts
-        for part in _parts(equations, c)
+        part for c in own if c not in seconds and c not in contacts for part in _parts(equations, c)
     ]
     held = np.array([J[c] for c in rests]).reshape(-1, len(names))
     # The least that friction loses, Σ R(Gw), for a unit of work q·w, over the mechanisms that leave
@@ -280,8 +276,8 @@ def _loosening(
         scaled = [number(a) * J[part] for part, a in zip(parts, axes, strict=True)]
         shapes.append((np.array(scaled) @ free, number(limits[c])))
     way = free @ _mechanism(shapes, work @ free)
-    # h as a function of all else: its derivatives are those with this mechanism, and with the forces
-    # of what it leaves at rest
+    # h as a function of all else: its derivatives are those with this mechanism, and with the
+    # forces of what it leaves at rest
     ways = [ex.num(float(w)) for w in way]
 
     def speed(c: int) -> ex.Expr:
@@ -336,9 +332,7 @@ def _mechanism(shapes: list[tuple[Array, float]], work: Array) -> Array:
     return w
 
 
-def _at_rest(
-    equations: MotionEquations, piece: Piece, at: tuple[float, Array, Array]
-) -> Array:
+def _at_rest(equations: MotionEquations, piece: Piece, at: tuple[float, Array, Array]) -> Array:
     """The projection onto what keeps the constraints of a piece, by impulses of what holds it: what
     is left of other directions of a slip that has ended is forgotten, and friction takes it."""
     bounds = piece.bounds(*at).slopes

@@ -17,7 +17,7 @@ Differential Equations I*, II.7 (collocation).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import permutations
 from typing import TYPE_CHECKING
 
@@ -82,7 +82,7 @@ class Variation:
     piece: Array
     corners: tuple[float, ...]
     grazings: tuple[float, ...]
-    reasons: Mapping[float, str]
+    reasons: Mapping[float, str] = field(default_factory=dict[float, str])
 
     @cached_property
     def pieces(self) -> list[Piece]:

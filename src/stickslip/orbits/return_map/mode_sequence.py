@@ -295,11 +295,12 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
         rests = piece.felt(k.time[knots], k.state[knots].T, p)[n : n + len(scales)] == 0.0
         for row, i in zip(*rests.nonzero(), strict=True):
             breaks[row].append(float(k.time[a + 1 + i]))
+    known = _ROUNDED * scales
     if np.any(lowest):
         # … and so has what is hardly more than they are, as gaps between the last bounces.
         middle = looks.states[inside][len(times) // 2]
         slopes = np.abs(piece.leave(float(times[len(times) // 2]), middle, p).slopes[:, :n])
-        known = np.maximum(_ROUNDED * scales, _NOISE * slopes @ np.abs(middle))
+        known = np.maximum(known, _NOISE * slopes @ np.abs(middle))
     for row in np.flatnonzero(np.any(lowest, axis=1)):
         parts = np.split(guards[row], np.searchsorted(times, breaks[row]))
         lowest[row] &= np.concatenate([_rises(part, known[row]) for part in parts])[1:-1]
@@ -309,6 +310,7 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
     shared = [int(switch) - kinks in piece.field.shared for switch in piece.switches]
     # Where the least forces do not hold, others do.
     lowest[shared] &= here[shared] > 0.0
+
     def at(row: int, i: int) -> Dip:
         def guard(t: float) -> float:
             knot = min(int(np.searchsorted(k.time, t, side="right")) - 1, len(k.time) - 2)
