@@ -602,14 +602,18 @@ def _is_corner(
     if not closed - {contact} or size < _ROUNDING * float(np.max(np.abs(y))):
         return False
     scale = float(np.max(np.abs(landing.slopes)))
+    bounds = left.bounds(t, y, p).slopes
     for mode in islice(_modes(equations, {*closed, contact}), _MOST_COMPARED):
         try:
             found = _impact_map(equations, left, mode, settled)(t, y, p)
         except ZeroDivisionError:
             continue
         if float(np.max(np.abs(found.after - after))) <= size:
-            apart = float(np.max(np.abs(found.slopes - landing.slopes)))
-            if apart > _APART * scale:
+            # of neighbours that keep what is closed closed
+            apart = found.slopes - landing.slopes
+            if len(bounds):
+                apart = apart - np.linalg.lstsq(bounds.T, apart.T, rcond=None)[0].T @ bounds
+            if float(np.max(np.abs(apart))) > _APART * scale:
                 return True
     return False
 
