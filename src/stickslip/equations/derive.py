@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from stickslip.equations.coupling import components
+from stickslip.equations.coupling import components, together
 from stickslip.equations.multiples import one_by_direction
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property, made_once
@@ -325,6 +325,32 @@ class MotionEquations:
         pressing = self.pressing(i)
         opened = all(mode[n] != 0 for n in pressing)
         return bool(pressing) and opened and not self.rubs_alone(i)
+
+    @cached_property
+    def sharing(self) -> dict[int, int]:
+        """Of contacts with mass that may hold the same coordinates, with friction in a plane, which
+        such group each belongs to: their directions may depend on each other."""
+        massive = [c for c in self.contacts if c.kind == Kind.INERTIAL]
+        pairs = [plane.parts for plane in self.planes if plane.parts[0] < len(massive)]
+        if not pairs:
+            return {}
+        place = {x: i for i, x in enumerate(self.declaration.inertial)}
+        parts = components(
+            len(place),
+            self.mass,
+            0,
+            [[place[x] for x in c.direction] for c in massive],
+            [(c, n) for c in range(len(massive)) for n in self.pressing(c)],
+        )
+        return together(parts, pairs, [i for i, c in enumerate(massive) if not c.opens])
+
+    def strength(self, i: int) -> Expr:
+        """The square of the force that a contact can hold, of those that may share forces: 1 for
+        all where one of them is not constant."""
+        own = [c for c, number in self.sharing.items() if number == self.sharing[i]]
+        held = frozenset(self.declaration.parameters)
+        constant = all(self.contacts[c].plus.symbols <= held for c in own)
+        return self.contacts[i].plus ** 2 if constant else ex.ONE
 
     def surface_acceleration(self, i: int) -> Expr:
         """What J a is in stick: ẇ − J̇ q̇."""

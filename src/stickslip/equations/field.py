@@ -9,9 +9,11 @@ respect to parameters are exact.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
+
+import numpy as np
 
 from stickslip.equations.derive import MotionEquations, Plane
 from stickslip.errors import DeclarationError
@@ -24,6 +26,8 @@ from stickslip.symbolic.expressions import Expr
 
 Mode = tuple[int, ...]
 Region = tuple[int, ...]
+
+_INDEPENDENT = 1e-7  # part of a column that is none of the others
 
 MODE_NAMES = {-1: "slip-", 0: "stick", 1: "slip+"}
 
@@ -109,6 +113,9 @@ class Field:
     energy : Expr
     planes : list of (int, int)
         Contacts that are the components of one in a plane.
+    shared : frozenset of int
+        Contacts that stick and share their forces with others: these are one choice, the least, and
+        there may be others that hold when these do not.
     """
 
     state: tuple[str, ...]
@@ -122,6 +129,7 @@ class Field:
     leaps: list[Expr]
     energy: Expr
     planes: list[tuple[int, int]]
+    shared: frozenset[int]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -290,6 +298,16 @@ class _LinearProblem(NamedTuple):
     given: dict[int, Expr]
 
 
+class _Direction(NamedTuple):
+    """What is asked of the rates along one direction, row·x = target, by a force μ along `pull`:
+    the contacts with shares in it have the forces share × μ."""
+
+    row: list[Expr]
+    pull: list[Expr]
+    target: Expr
+    shares: dict[int, Expr]
+
+
 class _Solver:
     def __init__(self, equations: MotionEquations, mode: Mode, region: Region) -> None:
         self.eq = equations
@@ -298,6 +316,8 @@ class _Solver:
         self.region = tuple(region)
         self.regions = dict(zip(equations.kinks, self.region, strict=True))
         self.known: dict[str, Expr] = {}
+        self.sharing = equations.sharing
+        self.shared: set[int] = set()
         for i, c in enumerate(equations.contacts):
             if (c.kind == Kind.INERTIAL or c.prescribed) and not c.plane:
                 self.known[f"speed:{i}"] = self.velocity(i) * float(mode[i])
@@ -380,17 +400,59 @@ class _Solver:
                 if f"lambda:{n}" in force.symbols:
                     share = ex.derivative(force, f"lambda:{n}")
                     pull[n] = [a + j * share for a, j in zip(pull[n], J[i], strict=True)]
-        right += [self.fix(e) for e in asked.values()]
+        directions = self.directions(J, pull, {i: self.fix(e) for i, e in asked.items()})
+        right += [direction.target for direction in directions]
         M = {place: self.fix(entry) for place, entry in matrix.items()}
         rows = [
-            [*(M.get((i, k), ex.ZERO) for k in range(len(names))), *(-pull[n][i] for n in asked)]
+            [
+                *(M.get((i, k), ex.ZERO) for k in range(len(names))),
+                *(-direction.pull[i] for direction in directions),
+            ]
             for i in range(len(names))
         ]
-        rows += [[*J[n], *(ex.ZERO for _ in asked)] for n in asked]
+        rows += [[*direction.row, *(ex.ZERO for _ in directions)] for direction in directions]
         solution = solve(rows, right)
-        found = {f"lambda:{i}": e for i, e in zip(asked, solution[len(names) :], strict=True)}
+        forces_by: dict[int, list[tuple[Expr, float]]] = {n: [] for n in asked}
+        for direction, force in zip(directions, solution[len(names) :], strict=True):
+            for n, share in direction.shares.items():
+                forces_by[n].append((share * force, 1.0))
+        found = {f"lambda:{n}": ex.add(*terms) for n, terms in forces_by.items()}
         slid = {f"lambda:{i}": ex.substitute(force, found) for i, force in given.items()}
         return solution[: len(names)], {**found, **slid}
+
+    def directions(
+        self, J: Mapping[int, list[Expr]], pull: Mapping[int, list[Expr]], asked: dict[int, Expr]
+    ) -> list[_Direction]:
+        """What is asked along the directions of contacts: of those that share forces and depend on
+        each other, along as many combinations as are independent.
+
+        The least forces in units of what contacts hold are λ = D G ν, D the squares of these units
+        and G the columns of J of independent coordinates: as many unknowns ν as (D G)ᵀ J has rows.
+        It has full rank wherever the columns do, whichever rows of J depend on others there.
+        """
+        groups: dict[int, list[int]] = {}
+        for i in asked:
+            groups.setdefault(self.sharing.get(i, -1 - i), []).append(i)
+        found: list[_Direction] = []
+        for own in groups.values():
+            columns = independent_columns([J[i] for i in own]) if len(own) > 1 else []
+            if len(own) == 1 or len(columns) == len(own):
+                found += [_Direction(J[i], pull[i], asked[i], {i: ex.ONE}) for i in own]
+                continue
+            self.shared |= set(own)
+            strength = {i: self.fix(self.eq.strength(i)) for i in own}
+            for k in columns:
+                shares = {i: strength[i] * J[i][k] for i in own if J[i][k] is not ex.ZERO}
+                row, pulled = (
+                    [
+                        ex.add(*((share * rows[i][j], 1.0) for i, share in shares.items()))
+                        for j in range(len(J[own[0]]))
+                    ]
+                    for rows in (J, pull)
+                )
+                target = ex.add(*((share * asked[i], 1.0) for i, share in shares.items()))
+                found.append(_Direction(row, pulled, target, shares))
+        return found
 
     def impact(self, settled: frozenset[int]) -> list[Expr]:
         """The state after an impact; see :func:`impact_map`."""
@@ -520,6 +582,7 @@ class _Solver:
             leaps=[self.fix(e) - ex.sym(x) for j in eq.jumps for x, e in j.values.items()],
             energy=self.fix(eq.energy),
             planes=[plane.parts for plane in eq.planes],
+            shared=frozenset(self.shared),
         )
 
     def contact(self, i: int) -> ContactField:
@@ -631,6 +694,37 @@ def solve(matrix: list[list[Expr]], right: list[Expr]) -> list[Expr]:
     return b
 
 
+def independent_columns(rows: list[list[Expr]]) -> list[int]:
+    """The first columns of a matrix of expressions that are independent of those before them, for
+    all but special values of the names."""
+    names = sorted(frozenset[str]().union(*(e.symbols for row in rows for e in row)))
+    found: list[int] = []
+    for values in _random_values(names):
+        matrix = np.array([[ex.evaluate(e, values) for e in row] for row in rows])
+        if not np.all(np.isfinite(matrix)):
+            continue
+        basis = np.zeros((0, len(rows)))
+        columns: list[int] = []
+        for j, column in enumerate(matrix.T):
+            left = column - basis.T @ (basis @ column)
+            left -= basis.T @ (basis @ left)
+            if np.linalg.norm(left) > _INDEPENDENT * np.linalg.norm(column):
+                basis = np.vstack([basis, left / np.linalg.norm(left)])
+                columns.append(j)
+        if len(columns) > len(found):
+            found = columns
+    return found
+
+
+def _random_values(names: Sequence[str]) -> Iterator[dict[str, float]]:
+    """Values of names at a few points."""
+    for turn in range(1, 5):
+        yield {
+            name: 0.5 + (0.3819660112501051 * turn + 0.5545497331806323 * i) % 1.0
+            for i, name in enumerate(names)
+        }
+
+
 def vanishes(e: Expr) -> bool:
     """Whether an expression is zero identically: where it is not, random points show it up to
     rounding."""
@@ -639,11 +733,7 @@ def vanishes(e: Expr) -> bool:
     names = sorted(e.symbols)
     parts = list(e.terms) if e.op == "sum" else [(e, 1.0)]
     constant = float(e.value) if e.op == "sum" else 0.0
-    for turn in range(1, 5):
-        values = {
-            name: 0.5 + (0.3819660112501051 * turn + 0.5545497331806323 * i) % 1.0
-            for i, name in enumerate(names)
-        }
+    for values in _random_values(names):
         terms = [constant, *(c * ex.evaluate(term, values) for term, c in parts)]
         if all(map(math.isfinite, terms)):
             return abs(sum(terms)) <= 1e-12 * sum(map(abs, terms))

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from oracles.fields import function
-from stickslip import Contact, Internal, Parameter, System, Viscous, catalogue
+from stickslip import Contact, Inertial, Internal, Parameter, System, Viscous, catalogue
 from stickslip.arrays import IntVector, Vector
 from stickslip.equations.derive import derive
 from stickslip.equations.field import Field, in_region, mode_field, solve
@@ -19,6 +19,26 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from systems import ode, oscillator, pair
 
+
+def resting_body(n: int) -> System:
+    """A driven body on points of different strength, one of them with axes, and a guide."""
+    rng = np.random.default_rng(n)
+    contacts: dict[str, Contact] = {}
+    for i, (x, y, hold) in enumerate(rng.uniform(0.3, 1.0, (n, 3)).round(3).tolist()):
+        direction = (f"d_x - d_th*({x}*sin(th) + {y}*cos(th))", f"d_y + d_th*({x}*cos(th) - {y})")
+        axes = (1.0, 1.5) if i == 0 else (1.0, 1.0)
+        contacts[f"p{i}"] = Contact(direction, f"s*{hold}", axes=axes)
+    contacts["guide"] = Contact("d_x + 0.3*d_y", "0.4*s")
+    return System(
+        "body",
+        parameters={"s": Parameter(1.1)},
+        coordinates={x: Inertial(force=f"{x} + sin(t)") for x in ("x", "y", "th")},
+        kinetic="(d_x**2 + 2*d_y**2)/2 + 0.2*d_th**2 + 0.1*d_x*d_th",
+        potential="x**2 + y*th",
+        contacts=contacts,
+    )
+
+
 SYSTEMS = {name: catalogue.get(name) for name in catalogue.names()}
 # A rate that solves an equation has no formula, and an impact is no mode.
 SYSTEMS = {
@@ -29,6 +49,7 @@ SYSTEMS |= {
     "viscous pair": pair("viscous"),
     "rate-independent pair": pair("rate-independent"),
 }
+SYSTEMS |= {f"body on {n} points": resting_body(n) for n in (2, 4)}
 SYSTEMS["everything"] = System(
     name="everything",
     parameters={"nu": Parameter(0.3), "k": Parameter(1.2)},
@@ -117,12 +138,7 @@ def random_fields(name: str, count: int) -> list[tuple[Field, float, NDArray, ND
         expected = compiled_values(problem, mode, region, t, y)
         if expected is None:
             continue
-        try:
-            field = mode_field(equations, tuple(mode), tuple(region))
-        except ZeroDivisionError:
-            # The engine has least forces where several hold one body; a field has none.
-            assert np.any(problem.rows.group[np.array(mode) == 0] >= 0)
-            continue
+        field = mode_field(equations, tuple(mode), tuple(region))
         found.append((field, t, y, p, expected))
     return found
 
@@ -136,7 +152,9 @@ def test_same_values_as_the_engine(name: str) -> None:
         scale = np.maximum(
             np.abs(expected), np.max(np.abs(expected[np.abs(expected) < 1e6]), initial=1.0)
         )
-        assert np.max(np.abs(found - expected) / scale) < 1e-12
+        # Least forces are solved for by other equations, which are less well conditioned.
+        limit = 1e-9 if name.startswith("body") else 1e-12
+        assert np.max(np.abs(found - expected) / scale) < limit
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from stickslip.equations.coupling import Component, components, together
+from stickslip.equations.coupling import Component, components
 from stickslip.equations.derive import MotionEquations, Plane
 from stickslip.kept import cached_property
 from stickslip.model.declaration import DryContact
@@ -308,9 +308,7 @@ class _Generator:
         ]
         self.layout.coupled[resolvent] = coupled
         if inertial:
-            pairs = [plane.parts for plane in self.eq.planes]
-            closed = [i for i in range(count) if not self.eq.contacts[i].opens]
-            self.layout.together = together(coupled, pairs, closed)
+            self.layout.together = self.eq.sharing
         # Rows of R in the order of the components, each with its contacts last.
         seats: dict[int, int] = {}
         contacts: dict[int, int] = {}
@@ -404,22 +402,12 @@ class _Generator:
                 if other in pressing:
                     found.append(self.pressed_entry(c, other))
                 elif c == other:
-                    stick = -self.strength(c) if c in self.layout.together else ex.ZERO
+                    stick = -self.eq.strength(c) if c in self.layout.together else ex.ZERO
                     found.append(self.fixed_entry(c, stick, ex.ONE))
                 else:
                     found.append(self.fixed_entry(c, ex.ZERO, ex.ZERO))
         assert len(found) == (n + len(part.contacts)) ** 2
         return tuple(found)
-
-    def strength(self, i: int) -> Expr:
-        """The square of the force that a contact can hold, of those that may share forces: 1 for
-        all where one of them is not constant."""
-        number = self.layout.together[i]
-        own = [c for c, other in self.layout.together.items() if other == number]
-        sides = [self.eq.contacts[c].plus for c in own]
-        if not all(map(self.constants.is_constant, sides)):
-            return ex.ONE
-        return sides[own.index(i)] ** 2
 
     def plane_with(self, i: int) -> Plane:
         """The contact in a plane that has a contact as a component."""
@@ -970,7 +958,7 @@ class _Generator:
         for i in self.layout.together:
             axis = self.eq.contacts[i].axis if self.eq.contacts[i].plane else ex.ONE
             entries.append(Store("J", (i, last - 2), scalar(axis)))
-            entries.append(Store("J", (i, last - 1), scalar(self.strength(i))))
+            entries.append(Store("J", (i, last - 1), scalar(self.eq.strength(i))))
         frequencies = enumerate(self.eq.frequencies)
         entries += [Store("omega", (i,), abs(scalar(e))) for i, e in frequencies]
         return [*self.constants.stores(), *entries]

@@ -105,6 +105,7 @@ _NO_GUARD = -1
 _OTHER_FORCES = -2
 _AGAIN = -3
 _ON_SURFACE = 1e-9  # part of its terms by which what has to vanish may be away from zero
+_NOTHING = 1e-250  # a velocity that is none in any units
 _MOST_STOPS = 24  # until what rounding errors leave is below the least number that there is
 _WIDE = 4.0  # of a step: a velocity that is zero to slip is zero to stick, whose terms are others
 _TOGETHER = 16  # times that the switches of different components are flipped together
@@ -369,7 +370,7 @@ def stop(flow: Flow, table: Array, y: Array, c: int) -> None:
                 if rows.homes[d, PART] == part:
                     size += abs(R[first + i, rows.homes[d, SEAT] - first])
             size *= abs(table[rows.u[one], 0]) + abs(table[rows.u[two], 0])
-            if abs(y[q]) <= ROUNDING * size:
+            if abs(y[q]) <= max(ROUNDING * size, _NOTHING):
                 y[q] = 0.0
 
 

@@ -42,22 +42,6 @@ _SOLVED, _RIGHT, _PLACE, _TRIED, _U, _V, _SIZE, _BETA, _FIRST = range(9)
 
 
 @compiled(brief=True)
-def begin_together(flow: Flow) -> bool:
-    """Whether several slips begin, all of them of contacts that may share forces."""
-    rows = flow.rows
-    group = -1
-    count = 0
-    for p in range(len(rows.planes)):
-        if flow.space.aims[AIMS * p + LEADING, 0] >= 0.0:
-            own = rows.group[rows.planes[p, COMPONENT]]
-            if own < 0 or (count > 0 and own != group):
-                return False
-            group = own
-            count += 1
-    return count > 1
-
-
-@compiled(brief=True)
 def begins_in(flow: Flow, p: int) -> bool:
     """Whether a contact in a plane is one of those that begin to slip together."""
     return bool(flow.space.aims[AIMS * p + LEADING, 0] >= 0.0)
@@ -86,6 +70,23 @@ def span_rates(flow: Flow) -> int:
         if size > _ANSWERED * largest and is_new(n, span, rank, _NEW):
             rank += 1
     return rank
+
+
+@compiled(brief=True)
+def begin_together(flow: Flow) -> bool:
+    """Whether several slips begin, all of them of contacts that may share forces; or one that the
+    others let move along a line only, so that friction does not tell its direction."""
+    rows = flow.rows
+    group = -1
+    count = 0
+    for p in range(len(rows.planes)):
+        if flow.space.aims[AIMS * p + LEADING, 0] >= 0.0:
+            own = rows.group[rows.planes[p, COMPONENT]]
+            if own < 0 or (count > 0 and own != group):
+                return False
+            group = own
+            count += 1
+    return count > 1 or (count == 1 and span_rates(flow) == 1)
 
 
 @compiled(brief=True)
@@ -220,6 +221,10 @@ def aim_together(flow: Flow) -> int:
     aims, onset = flow.space.aims, flow.space.onset
     way, right, tried = onset[_PLACE], onset[_RIGHT], onset[_TRIED]
     rank = span_rates(flow)
+    # No order of an earlier slip is left.
+    for row in range(len(onset)):
+        for k in range(onset.shape[1]):
+            onset[row, k] = 0.0
     part_in_span(flow, rank, BX, 0, way)
     size = 0.0
     for r in range(rank):

@@ -10,7 +10,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
-from stickslip.equations.field import Field, mode_field, switched
+from stickslip.equations.field import Field, in_region, mode_field, switched
 from stickslip.kept import cached_property
 from stickslip.model.system import Kind
 from stickslip.motion.between.dense import make_scratch
@@ -55,6 +55,7 @@ class Piece:
         )
         self.slopes: PointFunction = PointFunction(field, [e for row in rows for e in row])
         self._speeds: dict[int, PointFunction] = {}
+        self._gaps: dict[int, PointFunction] = {}
 
     def rates(self, t: float | Array, y: Array, p: Array) -> Array:
         """The field, at a point or at many."""
@@ -103,20 +104,27 @@ class Piece:
         c = self.field.contacts[contact]
         if c.kind != Kind.INERTIAL or c.loose:
             return False
-        _, slope = self.drift(contact, t, y, p)
+        slope = self.velocity(contact, t, y, p)[2:]
         bounds = self.bounds(t, y, p).slopes
         if not len(bounds):
             return False
         left = slope - bounds.T @ np.linalg.lstsq(bounds.T, slope, rcond=None)[0]
         return float(np.max(np.abs(left))) <= _DEPENDENT * float(np.max(np.abs(slope)))
 
-    def drift(self, contact: int, t: float, y: Array, p: Array) -> tuple[float, Array]:
-        """Derivatives of the relative velocity of a contact by time and by the columns."""
+    def velocity(self, contact: int, t: float, y: Array, p: Array) -> Array:
+        """Relative velocity of a contact, and its derivatives by time and by the columns."""
         if contact not in self._speeds:
             u = self.field.contacts[contact].u
             self._speeds[contact] = PointFunction(self.field, self._with_slopes([u]))
-        found = self._speeds[contact](t, y, p)
-        return float(found[1]), found[2:]
+        return self._speeds[contact](t, y, p)
+
+    def gap(self, contact: int, t: float, y: Array, p: Array) -> Array:
+        """Gap of a contact that can open, and its derivatives by time and by the columns."""
+        if contact not in self._gaps:
+            gap = self.field.contacts[contact].gap
+            assert gap is not None
+            self._gaps[contact] = PointFunction(self.field, self._with_slopes([gap]))
+        return self._gaps[contact](t, y, p)
 
     def carried(self, t: float, y: Array, p: Array) -> set[int]:
         """The switches of contacts that others hold at rest, though they do not stick in this mode:
@@ -180,6 +188,17 @@ class Piece:
         return [
             e for g in functions for e in (g, *(ex.derivative(g, c) for c in ("t", *self.columns)))
         ]
+
+
+def mass_at(equations: MotionEquations, piece: Piece, at: tuple[float, Array, Array]) -> Array:
+    """The mass matrix at a point (t, y, p) of a piece."""
+    values = dict(zip(piece.field.names, (at[0], *at[1], *at[2]), strict=True))
+    regions = dict(zip(equations.kinks, piece.field.region, strict=True))
+    n = len(equations.declaration.inertial)
+    M = np.zeros((n, n))
+    for place, entry in equations.mass.items():
+        M[place] = ex.evaluate(in_region(entry, regions), values)
+    return M
 
 
 class Pieces:

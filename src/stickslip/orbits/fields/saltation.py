@@ -8,6 +8,11 @@ Which contacts take part in an impact, and which of them stick, is not recorded:
 the law of impacts admits (:func:`stickslip.equations.field.impact_map`) it is the one that leads
 where the motion has gone on.
 
+Impacts in turn happen at one instant here, and for neighbours one shortly after the other, in the
+same order: S is the product of those of all, each with the gap that closes and with the rates
+between. Where several gaps close at once that were open, or approaches carry equal energies,
+neighbours have other orders, and there is no derivative.
+
 References
 ----------
 R. I. Leine, H. Nijmeijer, *Dynamics and Bifurcations of Non-Smooth Mechanical Systems*, Springer
@@ -28,15 +33,28 @@ from stickslip.equations.field import Mode, impact_map, in_region
 from stickslip.kept import kept
 from stickslip.orbits.fields.engine.variations import Leave
 from stickslip.orbits.fields.instructions import PointFunction
-from stickslip.orbits.fields.mode_field import Piece
+from stickslip.orbits.fields.mode_field import Piece, Pieces, mass_at
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
+TOUCHED = "a guard is touched without speed"
+_UNEXPLAINED = "no impulses are known that depend smoothly on what is before"
+_AT_ONCE = "several contacts close at once, which is a matter of order for neighbours"
+_CHANGES = "an impulse is just zero or at its threshold, and is not for neighbours"
+_TOO_MANY = "impacts in turn come to no end"
+_MOST_TURNS = 400  # impacts in turn
+_NONE_LEFT = 1e-28  # part of the energy of the first approach below which there is none
+_EQUAL = 1e-8  # part by which energies of approach are equal
+_MOST_COMPARED = 128  # modes of an impact
+_CORNER = 1e-9  # part of a jump by which modes that meet may miss it
+_APART = 1e-6  # part by which their derivatives differ then
+_CLOSED = 1e-10  # part of the places that a gap may be and is closed
 _SAME = 1e-7  # part of the velocities by which a jump may miss what its map says
 _EXACT = 1e-11  # … and what is no miss
+_ROUNDING = 1e-14  # of velocities
 _SMALL = 3e-8  # part of the first speed of bounces below which they are taken together
 _MOST_MODES = 4096  # of an impact that are tried
 _TANGENT = 1e-9  # part of its terms below which a gap closes without speed
@@ -62,11 +80,14 @@ class Saltation(NamedTuple):
     exists : bool
         False if a guard vanishes without speed (grazing), or no impulse is found that explains what
         has happened.
+    why : str
+        Why it does not exist.
     """
 
     matrix: Array
     late: Array
     exists: bool
+    why: str = TOUCHED
 
 
 class StateMap:
@@ -161,8 +182,9 @@ def saltation(
     motion: Trajectory,
     strike: Strike,
     here: Leave,
-    pieces: tuple[Piece, Piece],
+    sides: tuple[Piece, Piece],
     p: Array,
+    pieces: Pieces,
 ) -> Saltation:
     """The saltation matrix of an impact or a jump.
 
@@ -173,13 +195,16 @@ def saltation(
     strike : Strike
     here : Leave
         The guards right before it.
-    pieces : (Piece, Piece)
+    sides : (Piece, Piece)
         Before and after it.
     p : array, shape (parameters,)
+    pieces : Pieces
+        All of them.
     """
-    left, right = pieces
+    left, right = sides
     t, y = strike.time, strike.before
     k = motion.knots
+    n, columns = len(y), len(left.columns)
     switch = int(k.cause[strike.knot])
     contact = switch - len(equations.kinks)
     g = int(np.flatnonzero(left.switches == switch)[0])
@@ -187,10 +212,22 @@ def saltation(
         jump = int(np.flatnonzero(motion._jumped[strike.knot - 1])[0])
         found = _jump_map(equations, left, jump)(t, y, p)
     else:
-        found = _impact(equations, (left, right), strike, k.state[strike.knot], contact, p)
-    n, columns = len(y), len(left.columns)
+        near = _near(equations, left, (t, y, p), contact)
+        others = [c for c in near if c != contact and left.field.mode[c] != 0]
+        at_once = any(left.velocity(c, t, y, p)[0] < 0.0 for c in others)
+        in_turn = motion.system.impacts == "in turn" and strike.last == strike.knot
+        if not at_once and in_turn and len(near) > 1:
+            return _in_turn(equations, motion, strike, sides, (near, contact), p, pieces)
+        found = _impact(equations, sides, strike, k.state[strike.knot], contact, p)
+        after = k.state[strike.knot]
+        none = frozenset[int]()
+        if found is None or at_once:
+            why = _AT_ONCE if at_once else _UNEXPLAINED
+            return Saltation(np.eye(columns), np.zeros(columns), False, why)
+        if _is_corner(equations, left, (t, y, after), (contact, none), found, p):
+            return Saltation(np.eye(columns), np.zeros(columns), False, _CHANGES)
     S = np.eye(columns)
-    if found is None or not abs(here.fall[g]) > _TANGENT * here.terms[g]:
+    if not abs(here.fall[g]) > _TANGENT * here.terms[g]:
         return Saltation(S, np.zeros(columns), False)
     D = found.slopes[:, :n]
     S[:n] = found.slopes
@@ -205,6 +242,242 @@ def saltation(
         J = right.jacobian(np.array([t]), after[:, None], p)[0]
         S[:n] += lasting * (J @ S)
     return Saltation(S, -earlier, True)
+
+
+def _near(
+    equations: MotionEquations, piece: Piece, at: tuple[float, Array, Array], contact: int
+) -> list[int]:
+    """The contacts that are closed where one closes, it included.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    piece : Piece
+        Before.
+    at : (float, array, array)
+        t, y, p.
+    contact : int
+    """
+    found: list[int] = []
+    for c, each in enumerate(equations.contacts):
+        if not each.opens:
+            continue
+        closed = c == contact or piece.field.mode[c] == 0
+        if not closed:
+            gap = piece.gap(c, *at)
+            n = len(piece.field.state)
+            closed = abs(gap[0]) <= _CLOSED * float(np.abs(gap[2 : 2 + n]) @ (1.0 + np.abs(at[1])))
+        if closed:
+            found.append(c)
+    return found
+
+
+def _in_turn(
+    equations: MotionEquations,
+    motion: Trajectory,
+    strike: Strike,
+    sides: tuple[Piece, Piece],
+    closed: tuple[list[int], int],
+    p: Array,
+    pieces: Pieces,
+) -> Saltation:
+    """The saltation matrix of impacts one after the other.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    motion : Trajectory
+    strike : Strike
+    sides : (Piece, Piece)
+        Before and after them.
+    closed : list of int, and int
+        Contacts that are closed, and the one that has just closed.
+    p : array, shape (parameters,)
+    pieces : Pieces
+    """
+    left, right = sides
+    near, contact = closed
+    t = strike.time
+    n, columns = len(strike.before), len(left.columns)
+    after = motion.knots.state[strike.knot]
+    none = Saltation(np.eye(columns), np.zeros(columns), False, _UNEXPLAINED)
+    size = float(np.max(np.abs(after - strike.before), initial=0.0))
+    rests = frozenset([contact]) if right.field.mode[contact] == 0 else frozenset[int]()
+    for settled in dict.fromkeys([frozenset[int](), rests]):
+        S, late = np.eye(columns), np.zeros(columns)
+        y, rates = strike.before, left.rates(t, strike.before, p)
+        energies = _energies(equations, left, near, (t, y, p))
+        first = max(energies.values())
+        for turn in range(_MOST_TURNS):
+            c = max(near, key=lambda i: energies[i])
+            equal = [i for i in near if energies[i] >= (1.0 - _EQUAL) * energies[c]]
+            if len(equal) > 1 or (turn == 0 and c != contact):
+                return none._replace(why=_AT_ONCE)
+            found = _one_impact(equations, left, (t, y, p), (c, settled))
+            if found is None:
+                break
+            if _meets(left, [i for i in near if i != c], (t, y, p), found):
+                return none._replace(why=_CHANGES)
+            gap = left.gap(c, t, y, p)
+            fall = gap[1] + float(gap[2 : 2 + n] @ rates)
+            y = found.after
+            energies = _energies(equations, left, near, (t, y, p))
+            ends = max(energies.values()) <= _NONE_LEFT * first
+            beyond = right if ends else _between(equations, left, near, (t, y, p), pieces)
+            onward = beyond.rates(t, y, p)
+            jump = np.eye(columns)
+            D = found.slopes[:, :n]
+            jump[:n] = found.slopes
+            jump[:n] += np.outer(onward - D @ rates - found.time, gap[2:] / fall)
+            if turn == 0:
+                late = -gap[2:] / fall
+            S, rates = jump @ S, onward
+            if ends:
+                known = _SAME * size + _ROUNDING * float(np.max(np.abs(y)))
+                if float(np.max(np.abs(y - after))) <= known:
+                    return Saltation(S, late, True)
+                break
+        else:
+            return none._replace(why=_TOO_MANY)
+    return none
+
+
+def _meets(
+    piece: Piece, others: list[int], at: tuple[float, Array, Array], landing: Landing
+) -> bool:
+    """Whether an impact gives another contact, which it moves, a velocity that is just zero: it is
+    approached for some neighbours, and not for others.
+
+    Parameters
+    ----------
+    piece : Piece
+        Before the impacts.
+    others : list of int
+        Closed contacts.
+    at : (float, array, array)
+        t, y, p before this one.
+    landing : Landing
+    """
+    n, columns = len(landing.after), len(piece.columns)
+    full = np.eye(columns)
+    full[:n] = landing.slopes
+    bounds = piece.bounds(*at).slopes
+    jump = float(np.max(np.abs(landing.after - at[1])))
+    for c in others:
+        before = piece.velocity(c, *at)
+        after = piece.velocity(c, at[0], landing.after, at[2])
+        size = float(np.max(np.abs(before[2:])))
+        if abs(after[0]) > _CORNER * size * jump:
+            continue
+        change = after[2:] @ full - before[2:]
+        if len(bounds):
+            change = change - bounds.T @ np.linalg.lstsq(bounds.T, change, rcond=None)[0]
+        if float(np.max(np.abs(change))) > _APART * size:
+            return True
+    return False
+
+
+def _energies(
+    equations: MotionEquations, piece: Piece, near: list[int], at: tuple[float, Array, Array]
+) -> dict[int, float]:
+    """Twice the kinetic energy that the approach of each contact carries.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    piece : Piece
+    near : list of int
+        Contacts.
+    at : (float, array, array)
+        t, y, p.
+    """
+    moving = [piece.field.state.index(f"d_{q}") for q in equations.declaration.inertial]
+    M = mass_at(equations, piece, at)
+    found: dict[int, float] = {}
+    for c in near:
+        u = piece.velocity(c, *at)
+        J = u[2:][moving]
+        approach = min(float(u[0]), 0.0)
+        found[c] = approach**2 / float(J @ np.linalg.solve(M, J))
+    return found
+
+
+def _one_impact(
+    equations: MotionEquations,
+    piece: Piece,
+    at: tuple[float, Array, Array],
+    closing: tuple[int, frozenset[int]],
+) -> Landing | None:
+    """The map of the impact of one contact alone: its friction slips on, if it can, or sticks.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    piece : Piece
+        Before the impacts.
+    at : (float, array, array)
+        t, y, p.
+    closing : int and frozenset of int
+        The contact, and those that have lost their restitution.
+    """
+    contact, settled = closing
+    stuck: Landing | None = None
+    for mode in _modes(equations, {contact}):
+        if mode[contact] != 0:
+            continue
+        try:
+            found = _impact_map(equations, piece, mode, settled)(*at)
+        except ZeroDivisionError:
+            continue
+        rubs = [i for i in range(len(mode)) if contact in equations.pressing(i)]
+        slides = [i for i in rubs if mode[i] != 0]
+        if not np.all(np.isfinite(found.after)):
+            continue
+        if not slides:
+            stuck = found
+            continue
+        before, after = (
+            np.array([piece.velocity(i, at[0], y, at[2])[0] for i in slides])
+            for y in (at[1], found.after)
+        )
+        if len(slides) < len(rubs):
+            continue
+        planar = all(equations.contacts[i].plane for i in slides)
+        sense = before if planar else np.array([mode[i] for i in slides])
+        if abs(mode[slides[0]]) == 1 and float(sense @ after) > 0.0:
+            return found
+    return stuck
+
+
+def _between(
+    equations: MotionEquations,
+    left: Piece,
+    near: list[int],
+    at: tuple[float, Array, Array],
+    pieces: Pieces,
+) -> Piece:
+    """The motion between two impacts in turn: what neither approaches nor recedes stays closed.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    left : Piece
+        Before the impacts.
+    near : list of int
+        Contacts that are closed.
+    at : (float, array, array)
+        t, y, p.
+    pieces : Pieces
+    """
+    mode = np.array(left.field.mode, np.int8)
+    speed = {c: abs(float(left.velocity(c, *at)[0])) for c in near}
+    slow = _TANGENT * max(speed.values())
+    for c in near:
+        mode[c] = 0 if left.field.mode[c] == 0 and speed[c] <= slow else 1
+    for i in range(len(mode)):
+        if equations.is_loose(i, mode.tolist()):
+            mode[i] = 1
+    return pieces(mode, np.array(left.field.region, np.int8))
 
 
 def _jump_map(equations: MotionEquations, piece: Piece, jump: int) -> StateMap:
@@ -282,7 +555,7 @@ def _mode_of(
         candidates = chain([latest[closing]], candidates)
     best: Mode | None = None
     landing: Landing | None = None
-    least = _SAME * size
+    least = _SAME * size + _ROUNDING * float(np.max(np.abs(y)))
     for mode in candidates:
         try:
             found = _impact_map(equations, left, mode, settled)(t, y, p)
@@ -296,6 +569,53 @@ def _mode_of(
     if best is not None:
         latest[closing] = best
     return best, landing
+
+
+def _is_corner(
+    equations: MotionEquations,
+    left: Piece,
+    jump: tuple[float, Array, Array],
+    closing: tuple[int, frozenset[int]],
+    landing: Landing,
+    p: Array,
+) -> bool:
+    """Whether other modes of an impact lead to the same state with other derivatives: an impulse is
+    just zero, or just at its threshold.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    left : Piece
+        Before the impact.
+    jump : float and two arrays, shape (n,)
+        When, and the states before and after.
+    closing : int and frozenset of int
+        The contact that has closed, and those that have lost their restitution.
+    landing : Landing
+        By one of the modes.
+    p : array, shape (parameters,)
+    """
+    t, y, after = jump
+    contact, settled = closing
+    size = _CORNER * float(np.max(np.abs(after - y), initial=0.0))
+    closed = {i for i, c in enumerate(equations.contacts) if c.opens and left.field.mode[i] == 0}
+    if not closed - {contact} or size < _ROUNDING * float(np.max(np.abs(y))):
+        return False
+    scale = float(np.max(np.abs(landing.slopes)))
+    bounds = left.bounds(t, y, p).slopes
+    for mode in islice(_modes(equations, {*closed, contact}), _MOST_COMPARED):
+        try:
+            found = _impact_map(equations, left, mode, settled)(t, y, p)
+        except ZeroDivisionError:
+            continue
+        if float(np.max(np.abs(found.after - after))) <= size:
+            # of neighbours that keep what is closed closed
+            apart = found.slopes - landing.slopes
+            if len(bounds):
+                apart = apart - np.linalg.lstsq(bounds.T, apart.T, rcond=None)[0].T @ bounds
+            if float(np.max(np.abs(apart))) > _APART * scale:
+                return True
+    return False
 
 
 def _modes(equations: MotionEquations, near: set[int]) -> Iterator[Mode]:

@@ -1,10 +1,18 @@
-"""First variation where a contact in a plane begins to slip, or comes to rest.
+"""First variation where a contact in a plane begins to slip, or comes to rest, or both at once; or
+several of one body.
 
 Both are events like others, S = I + (f⁺ − f⁻)∇hᵀ/(∂ₜh + ∇h·f⁻), but the field of a slip has no
 value where u = 0. Where a slip begins, f⁺ has the direction that the motion's own coefficients know
-(:mod:`stickslip.motion.steps.starting`). Where it ends, h = |Au|, and n and f⁻ are those that the
-series of the last step has there: ∇h = (An)ᵀ∇u. Neighbours come to rest earlier or later, and what
-was left of u in both directions is forgotten.
+(:mod:`stickslip.motion.steps.starting`). Where it ends, all is taken from a point so close before
+that u has the direction there that the last step tends to: it may turn however small u is.
+Neighbours come to rest earlier or later, and what was left of u in all directions is forgotten.
+
+Contacts that share forces leave together once no forces hold the body: h is the least Σ s|Gw| − q·w
+over its mechanisms w (:mod:`stickslip.motion.admissible.overload`), whose derivatives are those
+with the mechanism held. They come to rest together: then h² = uᵀ(J M⁻¹ Jᵀ)⁺u. Near the end u has one
+direction and its length falls evenly, and to first order the time that is left is that of h,
+whatever little of other directions u has: M times that direction is the left null vector of the
+linear decay of the others.
 """
 
 from __future__ import annotations
@@ -12,18 +20,24 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import scipy.linalg
 
 from stickslip.arrays import Array
-from stickslip.equations.derive import MotionEquations, Plane
+from stickslip.equations.derive import MotionEquations
+from stickslip.model.system import Kind
 from stickslip.motion.knots import Knots
-from stickslip.motion.steps.arrays import AIM, COMPONENT, MASSIVE, is_loose
-from stickslip.orbits.fields.mode_field import Piece
+from stickslip.orbits.fields.engine.variations import Leave
+from stickslip.orbits.fields.mode_field import Piece, mass_at
 from stickslip.orbits.fields.saltation import Saltation
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
+_DEPENDENT = 1e-10  # part of its size by which a direction may miss the span of others
+_RESOLVED = 1e-10  # part of the time below which a step is too short to be looked into
+_CLOSE = 1e-8  # part of a step before its end
+_MOST_TURNS, _SETTLED = 2000, 1e-14  # of the search for a mechanism
 _TANGENT = 1e-9  # part of its terms below which a guard vanishes without speed
 
 
@@ -34,7 +48,8 @@ def through(
     pieces: tuple[Piece, Piece],
     p: Array,
 ) -> Saltation:
-    """The saltation matrix at a knot where a slip in a plane begins or ends.
+    """The saltation matrix at a knot where a slip in a plane begins or ends, or goes on through
+    rest, or slips of contacts that share forces.
 
     Parameters
     ----------
@@ -46,97 +61,311 @@ def through(
     p : array, shape (parameters,)
     """
     left, right = pieces
-    changed = [
-        plane
-        for plane in equations.planes
-        if left.field.mode[plane.parts[0]] != right.field.mode[plane.parts[0]]
-    ]
-    ends = left.field.mode[changed[0].parts[0]] != 0
-    massive = not changed[0].pull
-    passing = _ended if ends and massive else _begun
-    before, onward, slopes, fall, size = passing(equations, motion, knot, pieces, p, changed[0])
-    columns = len(left.columns)
+    k = motion.knots
+    t, y = float(k.time[knot]), k.state[knot]
+    stopped, begun = _events(equations, pieces, (t, y, p))
+    n, columns = len(y), len(left.columns)
     S = np.eye(columns)
-    if len(changed) > 1 or not abs(fall) > _TANGENT * size:
-        return Saltation(S, np.zeros(columns), False)
-    earlier = slopes / fall
-    S[: len(before)] += np.outer(onward - before, earlier)
-    if ends:
-        k = motion.knots
-        S = _at_rest(right, (float(k.time[knot]), k.state[knot], p)) @ S
+    none = Saltation(S, np.zeros(columns), False)
+    if len({equations.sharing.get(c, -1 - c) for c in {*stopped, *begun}}) != 1:
+        return none
+    # What passes through rest and goes on does so for neighbours, too, if it can only move in one
+    # way.
+    if stopped and begun and _freedom(equations, left, stopped, (t, y, p)) != 1:
+        return none
+    onward = _rates(motion, knot, right) if begun else right.rates(t, y, p)
+    if stopped:
+        turning = any(left.field.contacts[c].plane for c in stopped)
+        at = (*_right_before(motion, knot), p) if turning else (t, y, p)
+        here = left.leave(*at)
+        massive = equations.contacts[stopped[0]].kind == Kind.INERTIAL
+        passing = (
+            _stopping(equations, left, stopped, at, here.rates)
+            if massive and turning
+            else _own(left, here, len(equations.kinks) + stopped[0])
+        )
+    else:
+        here = left.leave(t, y, p)
+        cause = int(k.cause[knot])
+        passing = (
+            _loosening(equations, pieces, begun, (t, y, p), here.rates)
+            if left.field.shared.intersection(begun)
+            else _own(left, here, cause if cause >= 0 else len(equations.kinks) + begun[0])
+        )
+    if not abs(passing.fall) > _TANGENT * passing.terms:
+        return none
+    earlier = passing.slopes / passing.fall
+    S[:n] += np.outer(onward - here.rates, earlier)
+    if not begun:
+        S = _at_rest(equations, right, (t, y, p)) @ S
+    elif len(begun) > 1 and not stopped and not left.field.shared.intersection(begun):
+        return none  # they meet here by chance
     return Saltation(S, -earlier, True)
 
 
-class _Passing(NamedTuple):
-    """What a saltation matrix is made of: the field before and after, the derivatives of the guard,
-    its rate, and the size of the terms of that."""
+def _right_before(motion: Trajectory, knot: int) -> tuple[float, Array]:
+    """Time and state so close before a slip in a plane ends that nothing but u tells it from the
+    end.
 
-    before: Array
-    after: Array
+    The last step is regular: what is left of the state, in parts of the time that is left, tends to
+    a limit, which values along the step tell.
+    """
+    k = motion.knots
+    start, end = float(k.clock[knot - 1]), float(k.clock[knot])
+    left = end - start
+    if left <= _RESOLVED * max(abs(end), abs(k.origin)):
+        return float(k.time[knot - 1]), k.state[knot - 1]
+    parts = np.array([1 / 32, 1 / 64, 1 / 128])
+    states = motion._states_at(end - parts * left + k.origin, np.full(3, knot - 1))
+    rates = (states - k.state[knot]) / (parts * left)[:, None]
+    # by a parabola in the time that is left
+    limit = (rates[0] - 6.0 * rates[1] + 8.0 * rates[2]) / 3.0
+    return float(k.time[knot]), k.state[knot] + _CLOSE * left * limit
+
+
+def _events(
+    equations: MotionEquations, pieces: tuple[Piece, Piece], at: tuple[float, Array, Array]
+) -> tuple[list[int], list[int]]:
+    """The contacts that come to rest at a point, and those that begin to slip: both, where a slip
+    passes through rest; those in a plane by their first components.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    pieces : (Piece, Piece)
+        Before and after it.
+    at : (float, array, array)
+        t, y, p.
+    """
+    left, right = pieces
+    seconds = {plane.parts[1] for plane in equations.planes}
+    stopped: list[int] = []
+    begun: list[int] = []
+    for c, (m, n) in enumerate(zip(left.field.mode, right.field.mode, strict=True)):
+        plane = equations.contacts[c].plane
+        if c in seconds or not (plane or c in equations.sharing):
+            continue
+        own = _parts(equations, c)
+        loose = right.field.contacts[c].loose or left.field.contacts[c].loose
+        passes = bool(plane) and m != 0 and n != 0 and not loose
+        passes = passes and equations.contacts[c].kind == Kind.INERTIAL
+        rests = passes and all(left.velocity(part, *at)[0] == 0.0 for part in own)
+        if m != 0 and (n == 0 or rests):
+            stopped.append(c)
+        if n != 0 and (m == 0 or rests):
+            begun.append(c)
+    return stopped, begun
+
+
+def _freedom(
+    equations: MotionEquations,
+    piece: Piece,
+    contacts: list[int],
+    at: tuple[float, Array, Array],
+) -> int:
+    """In how many ways contacts can move under the constraints of a piece.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    piece : Piece
+    contacts : list of int
+        By first components.
+    at : (float, array, array)
+        t, y, p.
+    """
+    state = piece.field.state
+    moving = [state.index(f"d_{q}") for q in equations.declaration.inertial]
+    own = [part for c in contacts for part in _parts(equations, c)]
+    J = np.array([piece.velocity(c, *at)[2:] for c in own])[:, moving]
+    bounds = piece.bounds(*at).slopes[:, moving]
+    left = J - J @ np.linalg.pinv(bounds, rcond=_DEPENDENT) @ bounds if len(bounds) else J
+    sizes = np.linalg.svd(left, compute_uv=False)
+    return int(np.sum(sizes > _DEPENDENT * np.max(np.abs(J))))
+
+
+class _Passing(NamedTuple):
+    """The guard of an event: derivatives by the state and free parameters, its rate, and the size
+    of the terms of that."""
+
     slopes: Array
     fall: float
-    size: float
+    terms: float
 
 
-def _begun(
-    equations: MotionEquations,
-    motion: Trajectory,
-    knot: int,
-    pieces: tuple[Piece, Piece],
-    p: Array,
-    plane: Plane,
-) -> _Passing:
-    """Where a slip begins, or one without mass ends; parameters as of :func:`through`."""
-    left, right = pieces
-    k = motion.knots
-    t, y = float(k.time[knot]), k.state[knot]
-    switch = len(equations.kinks) + plane.parts[0]
-    here = left.leave(t, y, p)
-    onward = right.rates(t, y, p) if plane.pull else _rates(motion, knot, right)
-    cause = int(k.cause[knot])
-    meant = np.flatnonzero(left.switches == (cause if cause >= 0 else switch))
+def _own(piece: Piece, here: Leave, switch: int) -> _Passing:
+    """The guard of one contact."""
+    meant = np.flatnonzero(piece.switches == switch)
     g = int(meant[np.argmin(np.abs(here.value[meant]))])
-    size = float(here.terms[g])
-    return _Passing(here.rates, onward, here.slopes[g], float(here.fall[g]), size)
+    return _Passing(here.slopes[g], float(here.fall[g]), float(here.terms[g]))
 
 
-def _ended(
+def _passing(time: float, slopes: Array, rates: Array) -> _Passing:
+    terms = slopes[: len(rates)] * rates
+    fall, size = time + float(np.sum(terms)), abs(time) + float(np.sum(np.abs(terms)))
+    return _Passing(slopes, fall, size)
+
+
+def _stopping(
     equations: MotionEquations,
-    motion: Trajectory,
-    knot: int,
-    pieces: tuple[Piece, Piece],
-    p: Array,
-    plane: Plane,
+    piece: Piece,
+    contacts: list[int],
+    at: tuple[float, Array, Array],
+    rates: Array,
 ) -> _Passing:
-    """Where a slip ends; parameters as of :func:`through`."""
-    right = pieces[1]
-    k = motion.knots
-    t, y = float(k.time[knot]), k.state[knot]
-    values = motion._sample_clock(k.clock[[knot]], np.array([knot - 1]))[0]
-    layout = motion._problem.compiled.layout
-    before = values[motion._problem.rows.program.rates]
-    first = next(row for a, _, row, *_ in layout.planes if a == plane.parts[0])
-    names = motion.system.parameters
-    numbers = dict(zip(names, p, strict=True))
-    fall, size, slopes = 0.0, 0.0, np.zeros(len(right.columns))
-    for part, (i, axis) in enumerate(zip(plane.parts, plane.axes, strict=True)):
-        time, own = right.drift(i, t, y, p)
-        weight = values[first + part] * ex.evaluate(axis, numbers)
-        slopes += weight * own
-        terms = weight * own[: len(y)] * before
-        fall += weight * time + float(np.sum(terms))
-        size += abs(weight * time) + float(np.sum(np.abs(terms)))
-    return _Passing(before, right.rates(t, y, p), slopes, fall, size)
+    """The guard h of contacts that come to rest; all that does not vanish with u is left out.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    piece : Piece
+        Before.
+    contacts : list of int
+        By first components.
+    at : (float, array, array)
+        t, y, p right before.
+    rates : array, shape (n,)
+    """
+    own = [part for c in contacts for part in _parts(equations, c)]
+    table = np.array([piece.velocity(c, *at) for c in own])
+    u, time, slopes = table[:, 0], table[:, 1], table[:, 2:]
+    state = piece.field.state
+    moving = [state.index(f"d_{q}") for q in equations.declaration.inertial]
+    J = slopes[:, moving]
+    M = mass_at(equations, piece, at)
+    weight = np.linalg.pinv(J @ np.linalg.solve(M, J.T), rcond=_DEPENDENT) @ u
+    weight /= np.sqrt(max(float(u @ weight), 1e-300))
+    return _passing(float(weight @ time), weight @ slopes, rates)
 
 
-def _at_rest(piece: Piece, at: tuple[float, Array, Array]) -> Array:
-    """The projection onto what keeps the constraints of a piece, along velocities: rounding errors
-    of the direction of a slip that has ended are forgotten, too."""
+def _parts(equations: MotionEquations, c: int) -> tuple[int, ...]:
+    """A contact, by its first component, with the other one."""
+    return next((plane.parts for plane in equations.planes if plane.parts[0] == c), (c,))
+
+
+def _loosening(
+    equations: MotionEquations,
+    pieces: tuple[Piece, Piece],
+    contacts: list[int],
+    at: tuple[float, Array, Array],
+    rates: Array,
+) -> _Passing:
+    """The guard h of contacts that share forces and begin to slip together.
+
+    Parameters
+    ----------
+    equations : MotionEquations
+    pieces : (Piece, Piece)
+        Before and after.
+    contacts : list of int
+        By first components.
+    at : (float, array, array)
+        t, y, p.
+    rates : array, shape (n,)
+        Before.
+    """
+    piece = pieces[0]
+    group = equations.sharing[contacts[0]]
+    seconds = {plane.parts[1] for plane in equations.planes}
+    mode = piece.field.mode
+    own = [c for c, g in equations.sharing.items() if g == group and mode[c] == 0]
+    names = equations.declaration.inertial
+    values = dict(zip(piece.field.names, (at[0], *at[1], *at[2]), strict=True))
+    fields = piece.field.contacts
+    along = {c: [ex.derivative(fields[c].u, f"d_{q}") for q in names] for c in own}
+
+    def number(e: ex.Expr) -> float:
+        return ex.evaluate(e, values)
+
+    J = {c: np.array([number(e) for e in along[c]]) for c in own}
+    rests = [
+        part for c in own if c not in seconds and c not in contacts for part in _parts(equations, c)
+    ]
+    held = np.array([J[c] for c in rests]).reshape(-1, len(names))
+    # The least that friction loses, Σ R(Gw), for a unit of work q·w, over the mechanisms that leave
+    # the others at rest.
+    free = scipy.linalg.null_space(held, rcond=_DEPENDENT) if len(held) else np.eye(len(names))
+    work = -sum((number(fields[c].force) * J[c] for c in own), np.zeros(len(names)))
+    shapes: list[tuple[Array, float]] = []
+    limits: dict[int, ex.Expr] = {}
+    for c in contacts:
+        parts = _parts(equations, c)
+        slips_back = len(parts) == 1 and pieces[1].field.mode[c] < 0
+        plane = next((plane for plane in equations.planes if plane.parts[0] == c), None)
+        axes = [ex.ONE] if plane is None else list(plane.axes)
+        limit = fields[c].minus if slips_back else fields[c].plus
+        limits[c] = limit / axes[0]
+        scaled = [number(a) * J[part] for part, a in zip(parts, axes, strict=True)]
+        shapes.append((np.array(scaled) @ free, number(limits[c])))
+    way = free @ _mechanism(shapes, work @ free)
+    # h as a function of all else: its derivatives are those with this mechanism, and with the
+    # forces of what it leaves at rest
+    ways = [ex.num(float(w)) for w in way]
+
+    def speed(c: int) -> ex.Expr:
+        return ex.add(*((e * w, 1.0) for e, w in zip(along[c], ways, strict=True)))
+
+    terms = [(fields[c].force * speed(c), 1.0) for c in own]
+    # what is left for those that stay at rest
+    left = sum((number(fields[c].force) * J[c] for c in own), np.zeros(len(names)))
+    for c in contacts:
+        parts = _parts(equations, c)
+        if len(parts) == 1:
+            sign = -1.0 if pieces[1].field.mode[c] < 0 else 1.0
+            terms.append((limits[c] * speed(c), sign))
+            left += sign * number(limits[c]) * J[c]
+            continue
+        axes = next(plane.axes for plane in equations.planes if plane.parts[0] == c)
+        squares = [(a * speed(part)) ** 2 for a, part in zip(axes, parts, strict=True)]
+        size = ex.power(ex.add(*((e, 1.0) for e in squares)), ex.num(0.5))
+        terms.append((limits[c] * size, 1.0))
+        for a, part in zip(axes, parts, strict=True):
+            part_of = number(a) ** 2 * float(J[part] @ way) / number(size)
+            left += number(limits[c]) * part_of * J[part]
+    if rests:
+        forces = np.linalg.lstsq(held.T, left, rcond=None)[0]
+        terms += [(speed(c), -float(f)) for c, f in zip(rests, forces, strict=True)]
+    h = ex.add(*terms)
+    slopes = np.array([number(ex.derivative(h, c)) for c in piece.columns])
+    return _passing(number(ex.derivative(h, "t")), slopes, rates)
+
+
+def _mechanism(shapes: list[tuple[Array, float]], work: Array) -> Array:
+    """The motion w with work·w = 1 for which Σ s|Gw| is least, by weighted least squares: each
+    turn lowers it.
+
+    Parameters
+    ----------
+    shapes : list of (array, float)
+        G and s of what moves.
+    work : array
+    """
+    w = work / float(work @ work)
+    for _ in range(_MOST_TURNS):
+        sizes = [float(np.linalg.norm(G @ w)) for G, _ in shapes]
+        least = 1e-12 * max(sizes)
+        H = sum(s / max(size, least) * G.T @ G for (G, s), size in zip(shapes, sizes, strict=True))
+        new = np.linalg.lstsq(H, work, rcond=None)[0]
+        new /= float(work @ new)
+        done = np.max(np.abs(new - w)) <= _SETTLED * np.max(np.abs(new))
+        w = new
+        if done:
+            break
+    return w
+
+
+def _at_rest(equations: MotionEquations, piece: Piece, at: tuple[float, Array, Array]) -> Array:
+    """The projection onto what keeps the constraints of a piece, by impulses of what holds it: what
+    is left of other directions of a slip that has ended is forgotten, and friction takes it."""
     bounds = piece.bounds(*at).slopes
-    n, columns = len(at[1]), len(piece.columns)
-    rates = [i for i, name in enumerate(piece.field.state) if name.startswith("d_")]
+    columns = len(piece.columns)
     P = np.eye(columns)
-    P[rates] -= np.linalg.pinv(bounds[:, rates]) @ bounds if n else 0.0
+    if len(bounds):
+        state = piece.field.state
+        moving = [state.index(f"d_{q}") for q in equations.declaration.inertial]
+        J = bounds[:, moving]
+        felt = np.linalg.solve(mass_at(equations, piece, at), J.T)
+        P[moving] -= felt @ np.linalg.pinv(J @ felt, rcond=_DEPENDENT) @ bounds
     return P
 
 
@@ -150,19 +379,3 @@ def _rates(motion: Trajectory, knot: int, piece: Piece) -> Array:
     time = float(k.time[knot])
     part = Trajectory(motion._problem, (time, time), alone, motion.outcome)
     return part._sample_clock(alone.clock, np.array([0]))[0][motion._problem.rows.program.rates]
-
-
-def passages(motion: Trajectory) -> list[float]:
-    """Times at which a slip in a plane goes on through u = 0: neighbours pass by on one side or
-    the other, so that there is no derivative."""
-    rows = motion._problem.rows
-    if len(rows.planes) == 0:
-        return []
-    k = motion.knots
-    slips = k.mode[:, rows.planes[:, COMPONENT]] != 0
-    for p, c in enumerate(rows.planes[:, COMPONENT]):
-        slips[:, p] &= [not is_loose(rows, mode, c) for mode in k.mode]
-    speed = motion._sample_clock(k.clock, np.arange(len(k.clock)))[:, rows.planes[:, AIM] + 2]
-    massive = rows.planes[:, MASSIVE] == 1
-    through = slips[1:] & slips[:-1] & (speed[1:] == 0.0) & massive
-    return [float(t) for t in k.time[1:][np.any(through, axis=1)]]

@@ -16,8 +16,8 @@ Differential Equations I*, II.7 (collocation).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import permutations
 from typing import TYPE_CHECKING
 
@@ -72,6 +72,8 @@ class Variation:
     corners, grazings : tuple of float
         Times of events at which the motion has no derivative: events that coincide here and not
         nearby, and guards that are touched without being crossed.
+    reasons : mapping of float to str
+        Why there is no derivative at some of these times.
     """
 
     after: Array
@@ -80,6 +82,7 @@ class Variation:
     piece: Array
     corners: tuple[float, ...]
     grazings: tuple[float, ...]
+    reasons: Mapping[float, str] = field(default_factory=dict[float, str])
 
     @cached_property
     def pieces(self) -> list[Piece]:
@@ -134,9 +137,11 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
         else:
             start = meeting.pass_through(code == CORNER)
     grazed = run.knots.time[run.outcome == GRAZED] + run.origin
-    grazings = tuple(sorted([*map(float, grazed), *meeting.grazings, *slips.passages(trajectory)]))
+    grazings = tuple(sorted([*map(float, grazed), *meeting.grazings]))
     corners = tuple(meeting.corners)
-    return Variation(run.after, run.late, pieces.made, run.piece, corners, grazings)
+    return Variation(
+        run.after, run.late, pieces.made, run.piece, corners, grazings, meeting.reasons
+    )
 
 
 def resolution(trajectory: Trajectory, pieces: Pieces) -> Array:
@@ -194,6 +199,7 @@ class _Meeting:
         self.run = run
         self.corners: list[float] = []
         self.grazings: list[float] = []
+        self.reasons: dict[float, str] = {}
 
     def pass_through(self, fired: bool) -> int:
         """Enter what comes after the events at which the pass has stopped; returns the knot from
@@ -231,10 +237,12 @@ class _Meeting:
         strike, here = self._strikes[int(self.run.event[BEGINS])]
         i, last = strike.knot, strike.last
         sides = self.pieces.made[self.run.piece[i - 1]], self.pieces.made[self.run.piece[last]]
-        found = saltation(self.pieces.equations, self.trajectory, strike, here, sides, self.p)
+        equations = self.pieces.equations
+        found = saltation(equations, self.trajectory, strike, here, sides, self.p, self.pieces)
         S = found.matrix
         if not found.exists:
             self.grazings.append(strike.time)
+            self.reasons[strike.time] = found.why
         self.run.late[i] = found.late @ self.run.after[i]
         self.run.after[i : last + 1] = S @ self.run.after[i]
         return last

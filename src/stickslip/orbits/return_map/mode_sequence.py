@@ -29,6 +29,8 @@ Sequence = tuple[ModeAndRegion, ...]
 
 _IMPACT = 4  # mode of a contact that is struck, in a phase without duration
 _JUMP = 2  # region of the guard of a jump, likewise
+_ROUNDED = 1e-6  # part of its size above which a guard rises on both sides of a minimum
+_NOISE = 1e-14  # rounding errors of a guard, in parts of its terms
 _FAR = 0.1  # a guard that comes down to this part of its size is far from zero
 LOSS = "loss of the cycle"
 
@@ -283,8 +285,31 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
     scales = np.abs(guards).max(axis=1, initial=0.0)
     here = guards[:, 1:-1]
     lowest = (here < guards[:, :-2]) & (here <= guards[:, 2:]) & (scales[:, None] > 0.0)
+    # Steps may be so short that nodes are at the same time.
+    lowest &= (np.diff(times)[:-1] > 0.0) & (np.diff(times)[1:] > 0.0)
+    # What vanishes where the phase begins or ends has rounding errors for minima there; so has a
+    # slip in a plane that passes through rest, as it does for neighbours, too.
+    breaks: list[list[float]] = [[] for _ in scales]
+    if piece.field.planes and b > a + 1:
+        knots = slice(a + 1, b)
+        rests = piece.felt(k.time[knots], k.state[knots].T, p)[n : n + len(scales)] == 0.0
+        for row, i in zip(*rests.nonzero(), strict=True):
+            breaks[row].append(float(k.time[a + 1 + i]))
+    known = _ROUNDED * scales
+    if np.any(lowest):
+        # … and so has what is hardly more than they are, as gaps between the last bounces.
+        middle = looks.states[inside][len(times) // 2]
+        slopes = np.abs(piece.leave(float(times[len(times) // 2]), middle, p).slopes[:, :n])
+        known = np.maximum(known, _NOISE * slopes @ np.abs(middle))
+    for row in np.flatnonzero(np.any(lowest, axis=1)):
+        parts = np.split(guards[row], np.searchsorted(times, breaks[row]))
+        lowest[row] &= np.concatenate([_rises(part, known[row]) for part in parts])[1:-1]
     carried = piece.carried(float(k.time[a]), k.state[a], p)
     lowest[[int(switch) in carried for switch in piece.switches]] = False
+    kinks = len(piece.field.region)
+    shared = [int(switch) - kinks in piece.field.shared for switch in piece.switches]
+    # Where the least forces do not hold, others do.
+    lowest[shared] &= here[shared] > 0.0
 
     def at(row: int, i: int) -> Dip:
         def guard(t: float) -> float:
@@ -297,6 +322,14 @@ def dips(motion: Trajectory, piece: Piece, a: int, b: int, p: Array, looks: Look
         return Dip(switch, times[around], guards[row, around], scale, guard)
 
     return [at(int(row), int(i) + 1) for row, i in zip(*lowest.nonzero(), strict=True)]
+
+
+def _rises(values: Array, known: float) -> Array:
+    """Where a guard is more than rounding errors on both sides, and no end of its values."""
+    highest = np.maximum.accumulate
+    found = np.minimum(highest(values), highest(values[::-1])[::-1]) > known
+    found[:1] = found[-1:] = False
+    return found
 
 
 def reversals(motion: Trajectory, pieces: Pieces, a: int, b: int, p: Array) -> list[float]:

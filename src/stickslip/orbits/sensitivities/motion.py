@@ -28,6 +28,7 @@ from stickslip.motion.knots import Knots
 from stickslip.motion.simulate import simulate
 from stickslip.motion.trajectory import Trajectory
 from stickslip.orbits.fields.mode_field import Piece, Pieces
+from stickslip.orbits.fields.saltation import TOUCHED
 from stickslip.orbits.fields.variational import Variation, variation
 from stickslip.orbits.sensitivities.quantities import Observation, gradient, read_observations
 from stickslip.orbits.sensitivities.touching import touched
@@ -242,10 +243,7 @@ def follow(
     found = variation(fine, pieces, directions)
     missing = [(float(trajectory.knots.time[0]), refused)] if refused else []
     missing += [(t, "events coincide that do not for neighbours") for t in found.corners]
-    why = "a guard is touched without speed"
-    if trajectory.system.impacts == "in turn":
-        why += ", or several impacts come in turn"
-    missing += [(t, why) for t in found.grazings]
+    missing += [(t, found.reasons.get(t, TOUCHED)) for t in found.grazings]
     if touching:
         missing += touched(trajectory, pieces)
     return Followed(found, sorted(missing))

@@ -281,7 +281,7 @@ def fastest(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> fl
         for c in range(n):
             J[r, c] = work.values[listed.jacobian[w, r * columns + c], 0]
             if J[r, c] != J[r, c]:
-                return 0.0  # where a slip in a plane begins, or ends
+                return 0.0  # where a slip in a plane begins with the motion
     scale = 0.0  # log of what has been divided out, per factor
     power = 1.0
     for _ in range(_DOUBLINGS + 1):
@@ -328,22 +328,60 @@ def share_of_step(rows: Rows, run: Pass, i: int, part: int) -> tuple[float, floa
 @entry_point()
 def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int:
     """In how many parts each step has to be taken for linear motions to be resolved; returns the
-    number of nodes at which states are wanted."""
+    number of nodes at which states are wanted.
+
+    Where a slip in a plane begins or ends there is no Jacobian; what it would be is a quotient of
+    rounding errors.
+    """
     nodes = 0
     for i in range(len(run.piece) - 1):
         h = time_of(run, i + 1) - time_of(run, i)
         run.parts[i] = 1
         if h > 0.0:
             w = run.piece[i]
-            rate = max(run.drives, fastest(listed, run, work, w, i))
+            rate = run.drives
+            if i == 0 or not turns_about(rows, listed, run, work, i):
+                rate = max(rate, fastest(listed, run, work, w, i))
             if comes_to_rest(rows, run, i):
                 run.parts[i] = _HALVES * max(1, math.ceil(0.5 * h * rate / _REACH))
             else:
-                if listed.steady[w] == 0:
+                if listed.steady[w] == 0 and not turns_about(rows, listed, run, work, i + 1):
                     rate = max(rate, fastest(listed, run, work, w, i + 1))
                 run.parts[i] = max(1, math.ceil(h * rate / _REACH))
         nodes += nodes_of(listed, run, i)
     return nodes
+
+
+@compiled()
+def turns_about(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> bool:
+    """Whether a slip in a plane, or of a contact that may share its force with such, begins or ends
+    at a knot; or goes on through rest.
+
+    Parameters
+    ----------
+    rows : Rows
+    listed : Listed
+    run : Pass
+    work : PassSpace
+    i : int
+        The knot; not the first.
+    """
+    slips = False
+    for c in range(len(rows.group)):
+        before, after = run.knots.mode[i - 1, c], run.knots.mode[i, c]
+        if rows.plane[c] >= 0 or rows.group[c] >= 0:
+            if before != after:
+                return True
+            slips = slips or (after != 0 and rows.plane[c] >= 0)
+    if not slips:
+        return False
+    guards_at(listed, run, work.values, run.piece[i - 1], i, work.around)
+    for g in range(listed.switches.shape[1]):
+        c = listed.switches[run.piece[i - 1], g] - len(rows.kinks)
+        stands = c >= 0 and rows.plane[c] >= 0 and run.knots.mode[i, c] != 0
+        if stands and work.around.value[g] == 0.0 and rows.planes[rows.plane[c], MASSIVE] == 1:
+            return True
+    return False
 
 
 @compiled()
@@ -819,13 +857,22 @@ def pass_event(listed: Listed, run: Pass, work: PassSpace, i: int, last: int) ->
 
 
 @compiled()
-def strikes(rows: Rows, run: Pass, i: int) -> bool:
+def strikes(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> bool:
     """Whether the state jumps at a knot: a gap has closed, or a declared jump has been taken; or
-    whether a slip in a plane begins or ends, where its field has no value."""
-    for p in range(len(rows.planes)):
-        c = rows.planes[p, COMPONENT]
-        if run.knots.mode[i, c] != run.knots.mode[i - 1, c]:
-            return True
+    whether a slip in a plane begins or ends, or turns round, where its field has no value, or one
+    of contacts that share forces.
+
+    Parameters
+    ----------
+    rows : Rows
+    listed : Listed
+    run : Pass
+    work : PassSpace
+    i : int
+        The knot; not the first.
+    """
+    if turns_about(rows, listed, run, work, i):
+        return True
     cause = run.knots.cause[i]
     c = cause - len(rows.kinks)
     if cause >= 0 and c < 0:
@@ -880,12 +927,12 @@ def vary(
         if i <= start:
             continue
         last = i
-        if strikes(flow.rows, run, i):
+        if strikes(flow.rows, listed, run, work, i):
             run.event[BEGINS], run.event[ENDS] = i, i
             return STRUCK
         if run.piece[i] != run.piece[i - 1]:
             while last + 2 < knots and time_of(run, last + 1) - time_of(run, i) <= 1e-3 * together:
-                if strikes(flow.rows, run, last + 1):
+                if strikes(flow.rows, listed, run, work, last + 1):
                     break
                 last += 1
             run.event[BEGINS], run.event[ENDS] = i, last
