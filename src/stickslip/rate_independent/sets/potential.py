@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
@@ -63,7 +63,7 @@ class Dissipation(ABC):
 
     def __init_subclass__(cls, kind: str | None = None, **more: Any) -> None:
         super().__init_subclass__(**more)
-        for name in ("support", "exposed", "excess", "project", "average"):
+        for name in ("support", "exposed", "excess", "project", "average", "hessian"):
             if name in vars(cls):
                 setattr(cls, name, validated(vars(cls)[name]))
         if kind is not None:
@@ -143,6 +143,22 @@ class Dissipation(ABC):
             If the tolerance cannot be reached.
         """
 
+    @property
+    def doubt(self) -> str:
+        """What of it is not proved, as certificates say it; by default nothing."""
+        return ""
+
+    @classmethod
+    def variables(cls, given: Mapping[str, Any]) -> tuple[str, ...]:
+        """Names that its formulas in a model file may hold besides the phase; by default none.
+
+        Parameters
+        ----------
+        given : mapping
+            The fields, as the file has them.
+        """
+        return ()
+
     def outer_form(self, s: float, xi: Array) -> ConeForm:
         """A bounded image of cones that contains K(s), but not a given ξ outside it: K(s) itself
         where it is one, else the half-space that separates ξ, and a box around K(s)."""
@@ -187,6 +203,17 @@ class Dissipation(ABC):
         outside = float(np.linalg.norm(xi - nearest(xi)))
         length = float(np.linalg.norm(xi))
         return outside if outside > 1e-13 * length else -self._depth(xi, length, s, nearest)
+
+    @validated
+    def gauge(self, xi: ArrayLike, s: float = 0.0) -> float:
+        """The least γ ≥ 0 with ξ in γ K(s), for ξ of shape (n,): the polar of Ψ(s, ·), at most 1
+        exactly in K(s); infinite if no multiple of K(s) reaches ξ."""
+        xi = self.vector(xi, "xi")
+        length = float(np.linalg.norm(xi))
+        if length == 0.0:
+            return 0.0
+        reach = self._reach(xi / length, s, lambda x: self.project(x, s), 1e-15)
+        return length / reach if reach > 1e-15 * length else np.inf
 
     def holds(self, xi: Array, s: float, noise: float) -> bool:
         """Whether ξ, shape (n,), lies outside K(s) by no more than `noise`."""
@@ -320,19 +347,24 @@ class Dissipation(ABC):
         if length == 0.0:
             axes = np.eye(self.dimension)
             return min(self.support(sign * e, s) for e in axes for sign in (1.0, -1.0))
-        direction = xi / length
-        reach = self.support(xi, s) / length
+        return max(self._reach(xi / length, s, nearest, 1e-8) - length, 0.0)
+
+    def _reach(
+        self, direction: Array, s: float, nearest: Callable[[Array], Array], accuracy: float
+    ) -> float:
+        """How far a ray, given by a unit vector, goes on inside K(s)."""
+        reach = self.support(direction, s)
         # Newton's method from outside: cut the ray by the supporting hyperplane at the nearest
         # point of K(s).
         for _ in range(60):
             ahead = reach * direction - nearest(reach * direction)
             slope = float(ahead @ direction)
-            if slope <= 1e-12 * length:
+            if slope <= 1e-12 * reach:
                 break
             reach, last = min(reach, self.support(ahead, s) / slope), reach
-            if last - reach <= 1e-8 * last:
+            if last - reach <= accuracy * last:
                 break
-        return max(reach - length, 0.0)
+        return reach
 
 
 @dataclass(frozen=True, eq=False)
