@@ -6,7 +6,7 @@ evaluate it, and contacts, whose equations are made of its expressions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +20,7 @@ from stickslip.convex.proof import Proof
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.evaluator import evaluator
+from stickslip.symbolic.evaluator import evaluator, evaluator_of_numbers
 from stickslip.symbolic.expressions import Expr
 
 _DEGREE_ROUNDING = 1e-12
@@ -122,11 +122,13 @@ class ConvexFormula:
         return tuple(found.values())
 
     @cached_property
-    def numbers(self) -> Callable[[ArrayLike], Array]:
-        """v and the values of the other names, shape (n + k, …) -> R, ∇R and ∇²R, shape
-        (1 + n + n², …)."""
+    def numbers(self) -> Callable[[Sequence[float]], list[float]]:
+        """v and the values of the other names, n + k numbers -> R, ∇R and ∇²R, 1 + n + n² numbers
+        one after the other."""
         rows = [e for row in self.hessian for e in row]
-        return evaluator([self.value, *self.gradient, *rows], [*self.names, *self.ranges])
+        return evaluator_of_numbers(
+            [self.value, *self.gradient, *rows], [*self.names, *self.ranges]
+        )
 
     @cached_property
     def values(self) -> Callable[[ArrayLike], Array]:

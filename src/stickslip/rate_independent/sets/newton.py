@@ -17,21 +17,22 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from stickslip.arrays import Array
 from stickslip.convex.formula import ConvexFormula, Kink
 from stickslip.kept import made_once
 from stickslip.rate_independent.sets.projections import nearest_in_hull
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.evaluator import evaluator
+from stickslip.symbolic.evaluator import evaluator_of_numbers
 
 _EPS = float(np.finfo(float).eps)
 _MOST = 60  # damped steps
 _MOST_ON_KINK = 25
 _SHORTEST = 2.0**-16  # share of a step
+_SHORT = 0.1
+_MOST_SHORT = 3  # steps that had to be shortened a lot: there is a kink
 _EXACT = 16.0 * _EPS  # residual, relative to the forces, that is rounding
-_NEAR_KINK = 1e-3  # of |v|: how far a start may be from a kink that holds the solution
+_NEAR_KINK = 0.05  # of |v|: how far a start may be from a kink that holds the solution
 _BESIDE = 1e-14  # of |v|: how far from a kink gradients beside it are taken
 _SINGULAR = 1e-12  # part of the largest eigenvalue
 _PROBES = 8  # random directions in which a point is compared with the support function
@@ -92,10 +93,9 @@ class NormalSearch:
         """Value and derivatives at v ≠ 0, whatever its size; NaN where there are none."""
         n = self.formula.dimension
         size = float(np.abs(v).max())
-        out = self.formula.numbers(np.concatenate([v / size, others]))
-        return Values(
-            size * float(out[0]), out[1 : n + 1], out[n + 1 :].reshape(n, n) / size
-        )
+        value, *rest = self.formula.numbers([*(v / size).tolist(), *others.tolist()])
+        gradient, hessian = np.array(rest[:n]), np.array(rest[n:]).reshape(n, n)
+        return Values(size * value, gradient, hessian / size)
 
     def smooth(
         self, xi: Array, W: Array | None, others: Array, start: Array | None = None
@@ -113,36 +113,57 @@ class NormalSearch:
         start : ndarray of shape (n,), optional
             A v that separates ξ from K; by default Mξ, which may not.
         """
-        if start is None:
-            start = xi if W is None else np.linalg.solve(W, xi)
-        try:
-            return self._descended(xi, W, start, others)
-        except np.linalg.LinAlgError:
-            return None
+        return self._descended(xi, W, others, start)[0]
+
+    def found(
+        self, xi: Array, W: Array | None, others: Array, start: Array | None = None
+    ) -> Normal | None:
+        """The nearest point of ξ, or the one on its ray, where R is smooth or has a kink; None if
+        it is not found to rounding.
+
+        Parameters
+        ----------
+        xi : ndarray of shape (n,)
+        W : ndarray of shape (n, n), optional
+        others : ndarray of shape (k,)
+        start : ndarray of shape (n,), optional
+        """
+        found, v = self._descended(xi, W, others, start)
+        if found is not None:
+            return found
+        # Where it came to a stop is close to a kink.
+        return self.on_kink(xi, W, v, others) if v.any() else None
 
     def _descended(
-        self, xi: Array, W: Array | None, v: Array, others: Array
-    ) -> Normal | None:
-        v = self._scaled(xi, W, v, others)
+        self, xi: Array, W: Array | None, others: Array, start: Array | None
+    ) -> tuple[Normal | None, Array]:
+        """The point, or where the descent came to a stop; 0 if it could not begin."""
+        if start is None:
+            start = xi if W is None else np.linalg.solve(W, xi)
+        v = self._scaled(xi, W, start, others)
         if not v.any():
-            return None
+            return None, v
         now = self.at(v, others)
         none = np.zeros((0, len(xi)))
+        shortened = 0
         for _ in range(_MOST):
             here = now.outer(v, W)
             rest = here.gradient - xi
             off = float(np.abs(rest).max())
             if not np.isfinite(here.hessian).all() or not np.isfinite(off):
-                return None
+                return None, v
             size = float(np.abs(xi).max() + np.abs(now.gradient).max())
             if off <= _EXACT * size:
-                return Normal(now.gradient, v, np.linalg.pinv(here.hessian), none)
+                return Normal(now.gradient, v, np.linalg.pinv(here.hessian), none), v
             # At an edge of K many v belong to one point on a ray: any will do.
-            step = (
-                np.linalg.solve(here.hessian, -rest)
-                if W is not None
-                else -np.linalg.pinv(here.hessian, rcond=_SINGULAR, hermitian=True) @ rest
-            )
+            try:
+                step = (
+                    np.linalg.solve(here.hessian, -rest)
+                    if W is not None
+                    else -np.linalg.pinv(here.hessian, rcond=_SINGULAR, hermitian=True) @ rest
+                )
+            except np.linalg.LinAlgError:
+                return None, v
             level = here.value - float(xi @ v)
             slope = float(rest @ step)
             share = 1.0
@@ -159,10 +180,13 @@ class NormalSearch:
                 if share < _SHORTEST:
                     # No better to rounding: a little more of it will do, else this is a kink.
                     if off <= 64.0 * _EXACT * size:
-                        return Normal(now.gradient, v, np.linalg.pinv(here.hessian), none)
-                    return None
+                        return Normal(now.gradient, v, np.linalg.pinv(here.hessian), none), v
+                    return None, v
+            shortened += share < _SHORT
+            if shortened > _MOST_SHORT:
+                return None, v
             v, now = w, then
-        return None
+        return None, v
 
     def _scaled(self, xi: Array, W: Array | None, v: Array, others: Array) -> Array:
         """The best multiple of v; 0 if v does not separate ξ from K, or from 0."""
@@ -309,13 +333,14 @@ class NormalSearch:
         """The formula at v with kinks replaced by what is smooth."""
         n = len(v)
 
-        def make() -> Callable[[ArrayLike], Array]:
+        def make() -> Callable[[Sequence[float]], list[float]]:
             inside = {kink.node: kink.inside for kink in kinks}
             smooth = ex.rewrite(self.formula.value, inside.get, again=True)
             return self._derived([smooth])
 
         size = float(np.abs(v).max())
-        out = made_once(self, "beside", make, kinks)(np.concatenate([v / size, others]))
+        numbers = made_once(self, "beside", make, kinks)
+        out = np.array(numbers([*(v / size).tolist(), *others.tolist()]))
         return Values(size * float(out[0]), out[1 : n + 1], out[n + 1 :].reshape(n, n) / size)
 
     def _zeros(
@@ -325,14 +350,14 @@ class NormalSearch:
         n = len(v)
         zeros = tuple(dict.fromkeys(zero for kink in kinks for zero in kink.zeros))
         numbers = made_once(self, "zeros", lambda: self._derived(zeros), zeros)
-        out = numbers(np.concatenate([v, others])).reshape(len(zeros), 1 + n + n * n)
+        out = np.array(numbers([*v.tolist(), *others.tolist()])).reshape(len(zeros), -1)
         return out[:, 0], out[:, 1 : n + 1], out[:, n + 1 :].reshape(-1, n, n)
 
-    def _derived(self, expressions: Sequence[ex.Expr]) -> Callable[[ArrayLike], Array]:
+    def _derived(self, expressions: Sequence[ex.Expr]) -> Callable[[Sequence[float]], list[float]]:
         """Values, gradients and second derivatives, one after the other."""
         names = self.formula.names
         rows: list[ex.Expr] = []
         for e in expressions:
             slopes = [ex.derivative(e, name) for name in names]
             rows += [e, *slopes, *(ex.derivative(s, name) for s in slopes for name in names)]
-        return evaluator(rows, [*names, *self.formula.ranges])
+        return evaluator_of_numbers(rows, [*names, *self.formula.ranges])
