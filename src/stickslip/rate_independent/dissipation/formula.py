@@ -138,7 +138,7 @@ class SupportFormula(Dissipation, kind="formula"):
 
     @property
     def doubt(self) -> str:
-        return "" if self.convex.proved else f"dissipation {self.convex.said}"
+        return FormulaSets(self.convex).doubt
 
     def hessian(self, v: ArrayLike, s: float = 0.0) -> Array:
         """Second derivatives of Ψ(s, ·) at v, shape (n, n): how the point that v exposes turns with

@@ -57,6 +57,10 @@ class FormulaSets(Dissipation):
     def depends_on_phase(self) -> bool:
         return bool(self.convex.ranges)
 
+    @property
+    def doubt(self) -> str:
+        return "" if self.convex.proved else f"dissipation {self.convex.said}"
+
     def support(self, v: ArrayLike, s: float = 0.0) -> float:
         v = self.vector(v, "v")
         size = float(np.abs(v).max())

@@ -55,6 +55,10 @@ class Product(Dissipation):
         return any(factor.depends_on_phase for factor in self.factors)
 
     @property
+    def doubt(self) -> str:
+        return "; ".join(dict.fromkeys(factor.doubt for factor in self.factors if factor.doubt))
+
+    @property
     def parts(self) -> list[slice]:
         """Components of each factor."""
         ends = np.cumsum([0, *(factor.dimension for factor in self.factors)])

@@ -332,6 +332,7 @@ class Dissipation(ABC):
             ("dimension", str(self.dimension)),
             ("depends on", depends),
             *([("phases", known)] if self.depends_on_phase else []),
+            *([("not proved", self.doubt)] if self.doubt else []),
         ]
 
     def _nearest_at(self, s: float) -> Callable[[Array], Array]:
