@@ -17,7 +17,7 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import Box, enclosures
 from stickslip.symbolic.expressions import Expr
 
-Ranges = Mapping[str, tuple[Array, Array]]
+BoxRanges = Mapping[str, tuple[Array, Array]]
 _MOST = 40_000  # boxes in all
 _NARROWEST = 2.0**-40  # box that is divided, as a part of the first
 
@@ -31,7 +31,7 @@ class Directions:
     names : tuple of str
         Components of v.
     others : mapping of str to (float, float)
-        Ranges of all other names.
+        BoxRanges of all other names.
     sides : tuple of Expr
         Only directions in which all of these are nonnegative count; homogeneous.
     """
@@ -51,14 +51,14 @@ class Directions:
         return Directions(names, self.others, tuple(s for s in sides if s.symbols & {*names}))
 
     def everywhere(
-        self, holds: Callable[[Ranges], NDArray[np.bool_]], along: int | None = None
+        self, holds: Callable[[BoxRanges], NDArray[np.bool_]], along: int | None = None
     ) -> bool:
         """Whether something is proved in all directions.
 
         Parameters
         ----------
         holds : callable
-            Ranges of all names, arrays of shape (boxes,) -> whether it is proved in each box.
+            BoxRanges of all names, arrays of shape (boxes,) -> whether it is proved in each box.
         along : int, optional
             Only in those whose largest component is this one.
         """
@@ -111,7 +111,7 @@ class Directions:
             return True
         upper = [matrix[i][j] for i in kept for j in kept if i <= j]
 
-        def holds(ranges: Ranges) -> NDArray[np.bool_]:
+        def holds(ranges: BoxRanges) -> NDArray[np.bool_]:
             return _positive_semidefinite(enclosures(upper, ranges), len(kept))
 
         return self.everywhere(holds, along)

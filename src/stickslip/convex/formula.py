@@ -194,9 +194,7 @@ def convex_formula(
         if ex.never_negative(value) or directions.nonnegative(value, slack):
             nonnegative = "by its bounds"
         convex = Proof(value, directions, looked.size).how
-    return ConvexFormula(
-        value, names, dict(ranges), homogeneous, convex, nonnegative, looked.count
-    )
+    return ConvexFormula(value, names, dict(ranges), homogeneous, convex, nonnegative, looked.count)
 
 
 def _zeros(base: Expr, names: tuple[str, ...]) -> list[Expr]:

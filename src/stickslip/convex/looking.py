@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from itertools import combinations
+from typing import SupportsIndex
 
 import numpy as np
 
@@ -22,7 +23,7 @@ _FACTORS = (0.5, 2.0, 1e3)
 
 
 @dataclass(frozen=True)
-class Looked:
+class LookedAt:
     """Values of a formula in planes of directions, closed polygons on the unit circle.
 
     Attributes
@@ -128,7 +129,7 @@ class Looked:
             np.broadcast_to(self.places[:, :, None, None], (len(self.places), *full)),
         )
 
-    def _at(self, index: Iterable[int]) -> str:
+    def _at(self, index: Iterable[SupportsIndex]) -> str:
         place, plane, k = (int(i) for i in index)
         return f"at v = {_numbers(self.directions[:, plane, k])}{self._other(place)}"
 
@@ -146,7 +147,7 @@ def looked_at(
     ranges: Mapping[str, tuple[float, float]],
     symbol: str,
     where: str,
-) -> Looked:
+) -> LookedAt:
     """A formula in the planes of all pairs of axes, and in random ones, for some values of the
     other names.
 
@@ -164,11 +165,11 @@ def looked_at(
     n = len(names)
     rng = np.random.default_rng(0)
     axes = np.eye(n)
-    planes = (
-        [axes[[i, j]] for i, j in combinations(range(n), 2)] if n <= _MOST_AXES else []
-    )
+    planes = [axes[[i, j]] for i, j in combinations(range(n), 2)] if n <= _MOST_AXES else []
     if n > 1:
-        planes += [np.linalg.qr(rng.normal(size=(n, 2)))[0].T for _ in range(_PLANES if n > 2 else 1)]
+        planes += [
+            np.linalg.qr(rng.normal(size=(n, 2)))[0].T for _ in range(_PLANES if n > 2 else 1)
+        ]
     angles = 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
     circle = np.array([np.cos(angles), np.sin(angles)])
     circle[np.abs(circle) < 1e-15] = 0.0
@@ -181,7 +182,7 @@ def looked_at(
     share = rng.uniform(size=(len(ranges), _PLACES if free else 1))
     share[:, 0] = 0.0
     places = low[:, None] + (high - low)[:, None] * share
-    return Looked(value, names, tuple(ranges), symbol, where, directions, places)
+    return LookedAt(value, names, tuple(ranges), symbol, where, directions, places)
 
 
 def _numbers(v: Array) -> str:

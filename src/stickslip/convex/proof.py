@@ -10,7 +10,7 @@ one suffice, on the two faces of the cube on which that one is ±1.
 from __future__ import annotations
 
 from stickslip.convex.directions import Directions
-from stickslip.convex.rules import AFFINE, CONVEX, Rules
+from stickslip.convex.rules import CONVEX, STRAIGHT, ConvexRules
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
@@ -45,8 +45,8 @@ class Proof:
         self.how: str = (BY_BOUNDS if self.bounded else BY_RULES) if found else ""
 
     def _is_convex(self, e: Expr, directions: Directions) -> bool:
-        rules = Rules(directions)
-        if rules.shape(e) in (AFFINE, CONVEX):
+        rules = ConvexRules(directions)
+        if rules.shape(e) in (STRAIGHT, CONVEX):
             return True
         if e.op == "sum":
             left = [(t, c) for t, c in e.terms if rules.shape(ex.add((t, c))) not in (0, CONVEX)]
@@ -74,9 +74,7 @@ class Proof:
         name = max(names, key=lambda x: abs(ex.number(normal[x])))
         rest = ex.add((guard, 1.0), (ex.sym(name), -ex.number(normal[name])))
         place = ex.multiply(rest, ex.num(-1.0 / ex.number(normal[name])))
-        jump = ex.add(
-            *((ex.derivative(difference, x), ex.number(n)) for x, n in normal.items())
-        )
+        jump = ex.add(*((ex.derivative(difference, x), ex.number(n)) for x, n in normal.items()))
         try:
             gap, jump = (ex.substitute(part, {name: place}) for part in (difference, jump))
         except ArithmeticError:
@@ -95,9 +93,7 @@ def on_side(expression: Expr, guard: Expr, side: int) -> Expr:
     """What an expression is where a guard has a sign, 1 or −1."""
     return ex.rewrite(
         expression,
-        lambda e: (
-            e.args[1 if side > 0 else 2] if e.op == "select" and e.args[0] is guard else None
-        ),
+        lambda e: e.args[1 if side > 0 else 2] if e.op == "select" and e.args[0] is guard else None,
         again=True,
     )
 

@@ -17,11 +17,11 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import splits
 from stickslip.symbolic.expressions import Expr
 
-AFFINE, CONVEX, CONCAVE = 0, 1, -1
+STRAIGHT, CONVEX, CONCAVE = 0, 1, -1
 _ROUNDING = 1e-14
 
 
-class Rules:
+class ConvexRules:
     """What the rules say of expressions in some directions.
 
     Parameters
@@ -36,7 +36,7 @@ class Rules:
         self._signs: dict[Expr, bool] = {}
 
     def shape(self, e: Expr) -> int | None:
-        """AFFINE, CONVEX or CONCAVE in v, or None if no rule tells."""
+        """STRAIGHT, CONVEX or CONCAVE in v, or None if no rule tells."""
         if e not in self._shapes:
             self._shapes[e] = None
             self._shapes[e] = self._shape(e)
@@ -51,10 +51,10 @@ class Rules:
 
     def _shape(self, e: Expr) -> int | None:
         if not e.symbols & self.names:
-            return AFFINE
+            return STRAIGHT
         match e.op:
             case "sym":
-                return AFFINE
+                return STRAIGHT
             case "sum":
                 shapes = [self._turned(self.shape(term), c > 0.0) for term, c in e.terms]
                 return None if None in shapes else _together([s for s in shapes if s is not None])
@@ -69,7 +69,7 @@ class Rules:
         if len(moving) != 1:
             return None
         shape = self._shape_of_power(*moving[0])
-        if shape == AFFINE or shape is None:
+        if shape == STRAIGHT or shape is None:
             return shape
         if self.nonnegative(factor):
             return shape
@@ -102,7 +102,7 @@ class Rules:
         if shape is None or q < 1.0:
             return False
         even = q % 2.0 == 0.0
-        if shape != CONCAVE and ((even and shape == AFFINE) or self.nonnegative(f)):
+        if shape != CONCAVE and ((even and shape == STRAIGHT) or self.nonnegative(f)):
             return True
         return even and shape == CONCAVE and self.nonnegative(-f)
 
@@ -135,7 +135,7 @@ class Rules:
         if len(signs) != 1:
             return None
         wanted = CONVEX if signs.pop() else CONCAVE
-        return wanted if {self.shape(above), self.shape(below)} <= {AFFINE, wanted} else None
+        return wanted if {self.shape(above), self.shape(below)} <= {STRAIGHT, wanted} else None
 
     def _turned(self, shape: int | None, positive: bool) -> int | None:
         return shape if positive or shape is None else -shape
@@ -161,9 +161,7 @@ def is_nonnegative_form(e: Expr, directions: Directions) -> bool:
     if any(entry.symbols & {*names} for row in matrix for entry in row):
         return False
     rest = ex.substitute(e, dict.fromkeys(names, ex.ZERO))
-    slopes = [
-        ex.substitute(ex.derivative(e, a), dict.fromkeys(names, ex.ZERO)) for a in names
-    ]
+    slopes = [ex.substitute(ex.derivative(e, a), dict.fromkeys(names, ex.ZERO)) for a in names]
     if not all(ex.is_number(part, 0.0) for part in (rest, *slopes)):
         return False
     if all(ex.is_number(entry) for row in matrix for entry in row):

@@ -271,9 +271,7 @@ def slope_of_function(row: Function, a: Interval, of: Intervals) -> Interval:
 
 
 @lru_cache(maxsize=4096)
-def splits(
-    e: Expr, guard: Expr
-) -> tuple[tuple[float, float, tuple[tuple[Expr, float], ...]], ...]:
+def splits(e: Expr, guard: Expr) -> tuple[tuple[float, float, tuple[tuple[Expr, float], ...]], ...]:
     """All c, constant and terms with e = c·guard + constant + terms in which one term of the guard
     is gone.
 

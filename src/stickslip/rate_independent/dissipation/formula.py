@@ -96,10 +96,14 @@ class SupportFormula(Dissipation, kind="formula"):
         largest = max((int(i) for name in used for i in _components(name)), default=0)
         given: Any = self.dimension
         if isinstance(given, bool) or not isinstance(given, int | np.integer) or given < 0:
-            raise DeclarationError("dimension", f"{given!r} is not a dimension", "Give 1, 2, 3, ...")
+            raise DeclarationError(
+                "dimension", f"{given!r} is not a dimension", "Give 1, 2, 3, ..."
+            )
         if given and largest > given:
             raise DeclarationError(
-                "formula", f"it has the component v{largest}, but n = {given}", "Correct one of them"
+                "formula",
+                f"it has the component v{largest}, but n = {given}",
+                "Correct one of them",
             )
         count = int(given) or largest
         if not count:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +20,6 @@ from stickslip.rate_independent.sets.newton import Normal, NormalSearch
 from stickslip.rate_independent.sets.potential import Dissipation
 from stickslip.rate_independent.sets.projections import nearest_by_support
 from stickslip.rate_independent.sets.stretches import (
-    AtPhases,
     OneByOne,
     RowWise,
     Stretches,
@@ -35,6 +35,24 @@ _TILTS = (1e-60, 1e-15, 1e-12, 1e-9)  # of a direction in which the formula has 
 _ROUNDING = 1e-13
 _COARSE = 1e-6  # accuracy of a distance from which what is normal to K(s) is improved
 _MOST_CUTS = 20
+
+
+class Nearby(NamedTuple):
+    """A point of K(s) that is as close to a force as any.
+
+    Attributes
+    ----------
+    y : ndarray of shape (n,)
+        The point: the force, or a gradient of Ψ(s, ·), or a mean of such.
+    gauge : float
+        Of the force; NaN if it was not needed.
+    v : ndarray of shape (n,), optional
+        What is normal to K(s) where the ray through the force leaves it.
+    """
+
+    y: Array
+    gauge: float
+    v: Array | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +128,7 @@ class FormulaSets(Dissipation):
         It is ξ, or a gradient of Ψ(s, ·), or a mean of such: in K(s) whatever a search may have
         missed, so that the distance of ξ is no larger than that from it.
         """
-        return self._nearby(self.vector(xi, "xi"), s)[0]
+        return self.near(self.vector(xi, "xi"), s).y
 
     @validated
     def gauge(self, xi: ArrayLike, s: float = 0.0) -> float:
@@ -121,16 +139,7 @@ class FormulaSets(Dissipation):
     def excess(self, xi: ArrayLike, s: float = 0.0) -> float:
         """How far ξ lies outside K(s): its distance; inside, how far at least it lies inside."""
         xi = self.vector(xi, "xi")
-        length = float(np.linalg.norm(xi))
-        if length <= 0.5 * self.inradius:
-            return length - self.inradius
-        near, gauge = self._nearby(xi, s)
-        outside = float(np.linalg.norm(xi - near))
-        if outside > _ROUNDING * length:
-            return outside
-        # A ball fits around 0, so that one of 1 − gauge times that fits around ξ.
-        gauge = self.gauge(xi, s) if np.isnan(gauge) else gauge
-        return self.inradius * (min(gauge, 1.0) - 1.0) if self.inradius else 0.0
+        return self.depth(xi, self.near(xi, s), s)
 
     def holds(self, xi: Array, s: float, noise: float) -> bool:
         return float(np.linalg.norm(xi - self.member(xi, s))) <= noise
@@ -145,9 +154,7 @@ class FormulaSets(Dissipation):
         ways = rng.normal(size=(256, self.dimension))
         ways = np.vstack([ways / lengths(ways)[:, None], np.eye(self.dimension)])
         ways = np.vstack([ways, -ways])
-        least = min(
-            float(self.sampled(np.full(len(ways), s)).support(ways).min()) for s in phases
-        )
+        least = min(float(self.sampled(np.full(len(ways), s)).support(ways).min()) for s in phases)
         directions = Directions(names, ranges)
         for share in (0.9, 0.5, 0.1):
             if least > 0.0 and directions.nonnegative(
@@ -156,7 +163,7 @@ class FormulaSets(Dissipation):
                 return share * least
         return 0.0
 
-    def sampled(self, phases: Array) -> AtPhases:
+    def sampled(self, phases: Array) -> SampledFormula:
         return SampledFormula(self, phases)
 
     @property
@@ -178,14 +185,16 @@ class FormulaSets(Dissipation):
     def _others(self, s: float) -> Array:
         return np.array([wrapped(s)]) if self.depends_on_phase else np.zeros(0)
 
-    def _nearest(self, xi: Array, s: float, M: Array | None) -> tuple[Array, Normal | None]:
+    def _nearest(
+        self, xi: Array, s: float, M: Array | None, start: Array | None = None
+    ) -> tuple[Array, Normal | None]:
         """The nearest point, with what is normal to K(s) there; None if ξ is inside, or what is
         normal is not known to rounding."""
         if float(np.linalg.norm(xi)) <= self.inradius:
             return xi.copy(), None
         others = self._others(s)
         W = np.eye(self.dimension) if M is None else np.linalg.inv(M)
-        found = self._search.found(xi, W, others)
+        found = self._search.found(xi, W, others, start)
         if found is not None:
             return found.y, found
         for accuracy in (_COARSE, 0.0):
@@ -195,39 +204,65 @@ class FormulaSets(Dissipation):
                 return xi.copy(), None
             if float(np.abs(away).max()) <= _ROUNDING * float(np.abs(xi).max()):
                 break
-            v = away if M is None else M @ away
-            found = self._search.found(xi, W, others, v)
-            found = found or self._search.on_kink(xi, W, v, others)
+            found = self._search.found(xi, W, others, away if M is None else M @ away)
             if found is not None:
                 return found.y, found
         return y, None
 
-    def _nearby(self, xi: Array, s: float) -> tuple[Array, float]:
-        """A point of K(s) that is as close to ξ as any, and the gauge of ξ; NaN if that was not
-        needed."""
+    def near(self, xi: Array, s: float, start: Array | None = None) -> Nearby:
+        """A point of K(s) that is as close to ξ, shape (n,), as any.
+
+        Parameters
+        ----------
+        xi : ndarray of shape (n,)
+        s : float
+        start : ndarray of shape (n,), optional
+            What was normal for a force and a phase close by.
+        """
         length = float(np.linalg.norm(xi))
         if length <= self.inradius:
-            return xi.copy(), np.nan
-        others = self._others(s)
-        found = self._search.smooth(xi, np.eye(self.dimension), others)
-        if found is not None:
-            return found.y, np.inf
-        ray = self._on_ray(xi, s)
+            return Nearby(xi.copy(), np.nan, start)
+        ray = self._on_ray(xi, s, start)
         if ray is not None:
-            edge = self._search.on_face(ray, others)
+            edge = self._search.on_face(ray, self._others(s))
             # Of a point of K(s), any smaller multiple is in K(s), too.
-            inside = min(float(xi @ edge) / float(edge @ edge), 1.0) * edge
+            gauge = float(xi @ edge) / float(edge @ edge)
+            inside = min(gauge, 1.0) * edge
             if float(np.linalg.norm(xi - inside)) <= _ROUNDING * length:
-                return inside, self.support(ray.v, s)
-        y, found = self._nearest(xi, s, None)
-        return (y if found is None else self._search.on_face(found, others)), np.nan
+                return Nearby(inside, gauge, ray.v)
+            start = ray.v
+        y, found = self._nearest(xi, s, None, start)
+        if found is None:
+            return Nearby(y, np.nan, start)
+        return Nearby(self._search.on_face(found, self._others(s)), np.nan, start)
 
-    def _on_ray(self, xi: Array, s: float) -> Normal | None:
+    def depth(self, xi: Array, near: Nearby, s: float) -> float:
+        """How far ξ lies outside K(s); inside, minus how far at least it lies inside.
+
+        Parameters
+        ----------
+        xi : ndarray of shape (n,)
+        near : Nearby
+            Of ξ.
+        s : float
+        """
+        length = float(np.linalg.norm(xi))
+        if length <= 0.5 * self.inradius:
+            return length - self.inradius
+        outside = float(np.linalg.norm(xi - near.y))
+        if outside > _ROUNDING * length:
+            return outside
+        # A ball fits around 0, so that one of 1 − gauge times that fits around ξ.
+        gauge = self.gauge(xi, s) if np.isnan(near.gauge) else near.gauge
+        return self.inradius * (min(gauge, 1.0) - 1.0) if self.inradius else 0.0
+
+    def _on_ray(self, xi: Array, s: float, start: Array | None = None) -> Normal | None:
         """Where the ray through ξ ≠ 0 leaves K(s); None if that is not found to rounding."""
         others = self._others(s)
-        found = self._search.found(xi, None, others)
-        if found is not None:
-            return found
+        for begin in (start, None) if start is not None else (None,):
+            found = self._search.found(xi, None, others, begin)
+            if found is not None:
+                return found
         # From outside, where what is normal to K(s) can be told.
         direction = xi / np.linalg.norm(xi)
         reach = self.support(direction, s)
@@ -239,7 +274,6 @@ class FormulaSets(Dissipation):
             if slope <= _COARSE * reach:
                 return None
             found = self._search.found(xi, None, others, v)
-            found = found or self._search.on_kink(xi, None, v, others)
             if found is not None:
                 return found
             reach = min(reach, self.support(v, s) / slope)
@@ -255,9 +289,7 @@ class FormulaSets(Dissipation):
         for k in range(n):
             across = np.indices((parts,) * (n - 1)).reshape(n - 1, -1)
             for side in (-1.0, 1.0):
-                low, high = (
-                    np.insert(edges[across + shift], k, side, axis=0) for shift in (0, 1)
-                )
+                low, high = (np.insert(edges[across + shift], k, side, axis=0) for shift in (0, 1))
                 lows.append(low)
                 highs.append(high)
         low, high = np.hstack(lows), np.hstack(highs)
@@ -298,9 +330,21 @@ class SampledFormula(OneByOne):
         found = size * self.potential.convex.values(values)[0]
         return np.where(size > 0.0, np.maximum(found, 0.0), 0.0)
 
+    def excess(self, xi: Array) -> Array:
+        rows = [self.potential.depth(row, near, s) for row, near, s in self._each(xi)]
+        return np.array(rows)
+
     def nearest(self, xi: Array) -> Array:
-        rows = [self.potential.member(row, s) for row, s in self._rows_of(xi)]
+        rows = [near.y for _, near, _ in self._each(xi)]
         return np.array(rows).reshape(len(rows), self.potential.dimension)
+
+    def _each(self, xi: Array) -> Iterator[tuple[Array, Nearby, float]]:
+        """Force after force: what was found of one is where the next search starts."""
+        start = None
+        for row, s in self._rows_of(xi):
+            near = self.potential.near(row, s, start)
+            start = near.v
+            yield row, near, s
 
 
 @dataclass(frozen=True, eq=False)

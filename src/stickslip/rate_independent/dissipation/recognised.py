@@ -8,7 +8,7 @@ import numpy as np
 
 from stickslip.convex.directions import Directions
 from stickslip.convex.formula import convex_formula
-from stickslip.convex.rules import AFFINE, CONVEX, Rules, is_nonnegative_form
+from stickslip.convex.rules import CONVEX, STRAIGHT, ConvexRules, is_nonnegative_form
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.dissipation.ellipsoid import Ellipsoid
 from stickslip.rate_independent.dissipation.formula_sets import FormulaSets
@@ -19,12 +19,12 @@ from stickslip.rate_independent.sets.potential import Dissipation
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
-Ranges = Mapping[str, tuple[float, float]]
+_Ranges = Mapping[str, tuple[float, float]]
 _MOST_VERTICES = 64
 _FLATTEST = 1e-10  # eigenvalue of an ellipsoid, relative to the largest, that is not rounding
 
 
-def recognised(value: Expr, names: tuple[str, ...], ranges: Ranges) -> Dissipation | None:
+def recognised(value: Expr, names: tuple[str, ...], ranges: _Ranges) -> Dissipation | None:
     """The potential of another kind that a formula is; None if it is not seen to be one.
 
     Parameters
@@ -67,13 +67,13 @@ def _blocks(value: Expr, names: tuple[str, ...]) -> list[tuple[tuple[str, ...], 
     ]
 
 
-def _factor(part: Expr, block: tuple[str, ...], ranges: Ranges) -> Dissipation:
+def _factor(part: Expr, block: tuple[str, ...], ranges: _Ranges) -> Dissipation:
     own = {name: ends for name, ends in ranges.items() if name in part.symbols}
     known = recognised(part, block, own)
     return known or FormulaSets(convex_formula(part, block, own, "formula", symbol="Psi"))
 
 
-def _ellipsoid(value: Expr, names: tuple[str, ...], ranges: Ranges) -> Ellipsoid | None:
+def _ellipsoid(value: Expr, names: tuple[str, ...], ranges: _Ranges) -> Ellipsoid | None:
     """A root of a quadratic form, maybe with a factor."""
     (term, c) = value.terms[0] if value.op == "sum" and len(value.terms) == 1 else (value, 1.0)
     if term.op != "prod" or c < 0.0:
@@ -98,17 +98,17 @@ def _ellipsoid(value: Expr, names: tuple[str, ...], ranges: Ranges) -> Ellipsoid
     return Ellipsoid(shape)
 
 
-def _polytope(value: Expr, names: tuple[str, ...], ranges: Ranges) -> Polytope | None:
+def _polytope(value: Expr, names: tuple[str, ...], ranges: _Ranges) -> Polytope | None:
     """The largest of linear functions."""
-    vertices = _vertices(value, names, Rules(Directions(names, ranges)))
+    vertices = _vertices(value, names, ConvexRules(Directions(names, ranges)))
     return None if vertices is None else Polytope(vertices=[list(row) for row in vertices])
 
 
-def _vertices(e: Expr, names: tuple[str, ...], rules: Rules) -> list[tuple[Expr, ...]] | None:
+def _vertices(e: Expr, names: tuple[str, ...], rules: ConvexRules) -> list[tuple[Expr, ...]] | None:
     """Linear functions, by their gradients, of which an expression is the largest."""
     found: list[tuple[Expr, ...]]
     shape = rules.shape(e)
-    if shape == AFFINE and not ex.bends(e, names):
+    if shape == STRAIGHT and not ex.bends(e, names):
         return [tuple(ex.derivative(e, name) for name in names)]
     if shape != CONVEX:
         return None

@@ -35,6 +35,7 @@ _EXACT = 16.0 * _EPS  # residual, relative to the forces, that is rounding
 _NEAR_KINK = 0.05  # of |v|: how far a start may be from a kink that holds the solution
 _BESIDE = 1e-14  # of |v|: how far from a kink gradients beside it are taken
 _SINGULAR = 1e-12  # part of the largest eigenvalue
+_ON_KINK = 1e-9  # of |v|: a start that lies on a kink
 _PROBES = 8  # random directions in which a point is compared with the support function
 _REACHES = (1.0, 1e-1, 1e-2, 1e-3)
 
@@ -60,22 +61,20 @@ class Normal(NamedTuple):
     held: Array
 
 
-class Values(NamedTuple):
+class FormulaAt(NamedTuple):
     """A function at one v: its value, gradient (n,) and second derivatives (n, n)."""
 
     value: float
     gradient: Array
     hessian: Array
 
-    def outer(self, v: Array, W: Array | None) -> Values:
+    def outer(self, v: Array, W: Array | None) -> FormulaAt:
         """Of a formula R: ½⟨v, Wv⟩ + R(v), or ½R(v)² where no W is given."""
         if W is None:
             square = np.outer(self.gradient, self.gradient) + self.value * self.hessian
-            return Values(0.5 * self.value**2, self.value * self.gradient, square)
+            return FormulaAt(0.5 * self.value**2, self.value * self.gradient, square)
         pull = W @ v
-        return Values(
-            0.5 * float(v @ pull) + self.value, pull + self.gradient, W + self.hessian
-        )
+        return FormulaAt(0.5 * float(v @ pull) + self.value, pull + self.gradient, W + self.hessian)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,13 +88,13 @@ class NormalSearch:
 
     formula: ConvexFormula
 
-    def at(self, v: Array, others: Array) -> Values:
+    def at(self, v: Array, others: Array) -> FormulaAt:
         """Value and derivatives at v ≠ 0, whatever its size; NaN where there are none."""
         n = self.formula.dimension
         size = float(np.abs(v).max())
         value, *rest = self.formula.numbers([*(v / size).tolist(), *others.tolist()])
         gradient, hessian = np.array(rest[:n]), np.array(rest[n:]).reshape(n, n)
-        return Values(size * value, gradient, hessian / size)
+        return FormulaAt(size * value, gradient, hessian / size)
 
     def smooth(
         self, xi: Array, W: Array | None, others: Array, start: Array | None = None
@@ -109,7 +108,7 @@ class NormalSearch:
         W : ndarray of shape (n, n), optional
             M⁻¹; None if the point on the ray is meant.
         others : ndarray of shape (k,)
-            Values of the other names.
+            FormulaAt of the other names.
         start : ndarray of shape (n,), optional
             A v that separates ξ from K; by default Mξ, which may not.
         """
@@ -128,6 +127,10 @@ class NormalSearch:
         others : ndarray of shape (k,)
         start : ndarray of shape (n,), optional
         """
+        if start is not None and self._near_kinks(start, others, _ON_KINK):
+            found = self.on_kink(xi, W, start, others)
+            if found is not None:
+                return found
         found, v = self._descended(xi, W, others, start)
         if found is not None:
             return found
@@ -199,9 +202,7 @@ class NormalSearch:
             ahead, square = float(xi @ v) - value, float(v @ W @ v)
         return v * (ahead / square) if ahead > 0.0 and square > 0.0 else np.zeros(len(v))
 
-    def on_kink(
-        self, xi: Array, W: Array | None, v: Array, others: Array
-    ) -> Normal | None:
+    def on_kink(self, xi: Array, W: Array | None, v: Array, others: Array) -> Normal | None:
         """The nearest point of ξ, or the one on its ray, from a v that is close to the right one,
         and to the kinks on which that lies; None if it is not found.
 
@@ -215,20 +216,12 @@ class NormalSearch:
         v = self._scaled(xi, W, v, others)
         if not v.any():
             return None
-        unit = v / np.abs(v).max()
-        near = []
-        for i, kink in enumerate(self.formula.kinks):
-            zeros, slopes, _ = self._zeros((kink,), unit, others)
-            size = float(np.abs(slopes).max(initial=0.0))
-            off = float(np.abs(zeros).max(initial=0.0))
-            if np.isfinite(off) and size > 0.0 and off <= _NEAR_KINK * size:
-                near.append((off / size, i))
-        near.sort()
+        near = self._near_kinks(v, others, _NEAR_KINK)
         best: Normal | None = None
         least = np.inf
         size = float(np.abs(xi).max())
         for count in range(len(near), 0, -1):
-            chosen = tuple(self.formula.kinks[i] for _, i in sorted(near[:count]))
+            chosen = tuple(self.formula.kinks[i] for i in sorted(near[:count]))
             found = self._solved(chosen, xi, W, v, others)
             if found is None:
                 continue
@@ -238,6 +231,20 @@ class NormalSearch:
             if outside <= _EXACT * size:
                 break
         return best if least <= 100.0 * _EXACT * size else None
+
+    def _near_kinks(self, v: Array, others: Array, within: float) -> list[int]:
+        """The kinks to which a direction is so close, the closest first."""
+        size = float(np.abs(v).max())
+        if not size > 0.0:
+            return []
+        near = []
+        for i, kink in enumerate(self.formula.kinks):
+            zeros, slopes, _ = self._zeros((kink,), v / size, others)
+            steep = float(np.abs(slopes).max(initial=0.0))
+            off = float(np.abs(zeros).max(initial=0.0))
+            if np.isfinite(off) and steep > 0.0 and off <= within * steep:
+                near.append((off / steep, i))
+        return [i for _, i in sorted(near)]
 
     def _solved(
         self, kinks: tuple[Kink, ...], xi: Array, W: Array | None, v: Array, others: Array
@@ -295,6 +302,7 @@ class NormalSearch:
         if not points:
             return y
         size = float(np.abs(y).max())
+        near = points[0]
         for _ in range(_MOST_ON_KINK):
             near = nearest_in_hull(np.array(points), y)
             rest = ways.T @ (ways @ (y - near))
@@ -329,7 +337,7 @@ class NormalSearch:
         values = self.formula.values(np.concatenate([probes, rows]))[0]
         return float((y @ probes - values).max())
 
-    def _beside(self, kinks: tuple[Kink, ...], v: Array, others: Array) -> Values:
+    def _beside(self, kinks: tuple[Kink, ...], v: Array, others: Array) -> FormulaAt:
         """The formula at v with kinks replaced by what is smooth."""
         n = len(v)
 
@@ -341,7 +349,7 @@ class NormalSearch:
         size = float(np.abs(v).max())
         numbers = made_once(self, "beside", make, kinks)
         out = np.array(numbers([*(v / size).tolist(), *others.tolist()]))
-        return Values(size * float(out[0]), out[1 : n + 1], out[n + 1 :].reshape(n, n) / size)
+        return FormulaAt(size * float(out[0]), out[1 : n + 1], out[n + 1 :].reshape(n, n) / size)
 
     def _zeros(
         self, kinks: tuple[Kink, ...], v: Array, others: Array
@@ -354,7 +362,7 @@ class NormalSearch:
         return out[:, 0], out[:, 1 : n + 1], out[:, n + 1 :].reshape(-1, n, n)
 
     def _derived(self, expressions: Sequence[ex.Expr]) -> Callable[[Sequence[float]], list[float]]:
-        """Values, gradients and second derivatives, one after the other."""
+        """FormulaAt, gradients and second derivatives, one after the other."""
         names = self.formula.names
         rows: list[ex.Expr] = []
         for e in expressions:
