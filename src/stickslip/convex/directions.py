@@ -18,6 +18,7 @@ from stickslip.symbolic.boxes import Box, enclosures
 from stickslip.symbolic.expressions import Expr
 
 BoxRanges = Mapping[str, tuple[Array, Array]]
+Decided = NDArray[np.bool_]
 _MOST = 40_000  # boxes in all
 _NARROWEST = 2.0**-40  # box that is divided, as a part of the first
 
@@ -51,16 +52,22 @@ class Directions:
         return Directions(names, self.others, tuple(s for s in sides if s.symbols & {*names}))
 
     def everywhere(
-        self, holds: Callable[[BoxRanges], NDArray[np.bool_]], along: int | None = None
+        self,
+        verdict: Callable[[BoxRanges], tuple[Decided, Decided]],
+        along: int | None = None,
+        most: int = _MOST,
     ) -> bool:
         """Whether something is proved in all directions.
 
         Parameters
         ----------
-        holds : callable
-            BoxRanges of all names, arrays of shape (boxes,) -> whether it is proved in each box.
+        verdict : callable
+            Ranges of all names, arrays of shape (boxes,) -> whether it is proved in each box, and
+            whether it is wrong in all of it.
         along : int, optional
             Only in those whose largest component is this one.
+        most : int
+            Boxes after which it is given up.
         """
         keys = [*self.names, *self.others]
         low, high = self._faces()
@@ -71,12 +78,16 @@ class Directions:
         looked = 0
         while low.shape[1]:
             looked += low.shape[1]
-            if looked > _MOST:
+            if looked > most:
                 return False
             ranges = {key: (low[i], high[i]) for i, key in enumerate(keys)}
-            open_ = ~holds(ranges)
+            right, wrong = verdict(ranges)
+            open_ = ~right
             for bound in enclosures(self.sides, ranges) if self.sides else ():
                 open_ &= bound[1] >= 0.0
+                wrong = wrong & (bound[0] >= 0.0)
+            if wrong.any():
+                return False
             low, high = low[:, open_], high[:, open_]
             if not low.shape[1]:
                 return True
@@ -91,15 +102,20 @@ class Directions:
             low, high = np.hstack([low, upper]), np.hstack([lower, high])
         return True
 
-    def nonnegative(self, expression: Expr, slack: float = 0.0) -> bool:
+    def nonnegative(self, expression: Expr, slack: float = 0.0, most: int = _MOST) -> bool:
         """Whether an expression is proved to be at least −`slack` in all directions with
-        max |vᵢ| = 1."""
+        max |vᵢ| = 1, by that many boxes at most."""
         if not expression.symbols:
             return ex.number(expression) >= -slack
         known = self.others.keys() | {*self.names}
         if not expression.symbols <= known:
             return False
-        return self.everywhere(lambda ranges: enclosures([expression], ranges)[0][0] >= -slack)
+
+        def verdict(ranges: BoxRanges) -> tuple[Decided, Decided]:
+            (bound,) = enclosures([expression], ranges)
+            return bound[0] >= -slack, bound[1] < -slack
+
+        return self.everywhere(verdict, most=most)
 
     def positive_semidefinite(
         self, matrix: Sequence[Sequence[Expr]], along: int | None = None
@@ -111,10 +127,11 @@ class Directions:
             return True
         upper = [matrix[i][j] for i in kept for j in kept if i <= j]
 
-        def holds(ranges: BoxRanges) -> NDArray[np.bool_]:
-            return _positive_semidefinite(enclosures(upper, ranges), len(kept))
+        def verdict(ranges: BoxRanges) -> tuple[Decided, Decided]:
+            right = _positive_semidefinite(enclosures(upper, ranges), len(kept))
+            return right, np.zeros_like(right)
 
-        return self.everywhere(holds, along)
+        return self.everywhere(verdict, along)
 
     def _faces(self) -> tuple[Array, Array]:
         """Lower and upper ends of the faces of a cube, with the ranges of the other names."""

@@ -35,6 +35,7 @@ _TILTS = (1e-60, 1e-15, 1e-12, 1e-9)  # of a direction in which the formula has 
 _ROUNDING = 1e-13
 _COARSE = 1e-6  # accuracy of a distance from which what is normal to K(s) is improved
 _MOST_CUTS = 20
+_MOST_BOXES = 4000  # in which the radius of a ball is proved
 
 
 class Nearby(NamedTuple):
@@ -115,20 +116,13 @@ class FormulaSets(Dissipation):
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
         """The nearest point, exact to rounding where the kinks of the formula are those of choices
         and roots."""
-        return self._nearest(self.vector(xi, "xi"), s, self.metric(metric))[0]
+        xi = self.vector(xi, "xi")
+        return self.near(xi, s).y if metric is None else self._nearest(xi, s, self.metric(metric))[0]
 
     def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
         y, normal = self._nearest(xi, s, None)
         identity = np.eye(self.dimension)
         return y, identity if normal is None else identity - normal.change
-
-    def member(self, xi: ArrayLike, s: float = 0.0) -> Array:
-        """A point of K(s) that is as close to ξ, shape (n,), as any up to rounding.
-
-        It is ξ, or a gradient of Ψ(s, ·), or a mean of such: in K(s) whatever a search may have
-        missed, so that the distance of ξ is no larger than that from it.
-        """
-        return self.near(self.vector(xi, "xi"), s).y
 
     @validated
     def gauge(self, xi: ArrayLike, s: float = 0.0) -> float:
@@ -142,7 +136,7 @@ class FormulaSets(Dissipation):
         return self.depth(xi, self.near(xi, s), s)
 
     def holds(self, xi: Array, s: float, noise: float) -> bool:
-        return float(np.linalg.norm(xi - self.member(xi, s))) <= noise
+        return float(np.linalg.norm(xi - self.near(xi, s).y)) <= noise
 
     @cached_property
     def inradius(self) -> float:
@@ -156,10 +150,9 @@ class FormulaSets(Dissipation):
         ways = np.vstack([ways, -ways])
         least = min(float(self.sampled(np.full(len(ways), s)).support(ways).min()) for s in phases)
         directions = Directions(names, ranges)
-        for share in (0.9, 0.5, 0.1):
-            if least > 0.0 and directions.nonnegative(
-                ex.add((self.convex.value, 1.0), (length, -share * least))
-            ):
+        for share in (0.5, 0.1):
+            rest = ex.add((self.convex.value, 1.0), (length, -share * least))
+            if least > 0.0 and directions.nonnegative(rest, most=_MOST_BOXES):
                 return share * least
         return 0.0
 
@@ -197,6 +190,9 @@ class FormulaSets(Dissipation):
         found = self._search.found(xi, W, others, start)
         if found is not None:
             return found.y, found
+        inside = self._inside(xi, s, None)
+        if inside is not None:
+            return inside.y, None
         for accuracy in (_COARSE, 0.0):
             y = nearest_by_support(self, xi, s, M, accuracy=accuracy)
             away = xi - y
@@ -222,19 +218,25 @@ class FormulaSets(Dissipation):
         length = float(np.linalg.norm(xi))
         if length <= self.inradius:
             return Nearby(xi.copy(), np.nan, start)
-        ray = self._on_ray(xi, s, start)
-        if ray is not None:
-            edge = self._search.on_face(ray, self._others(s))
-            # Of a point of K(s), any smaller multiple is in K(s), too.
-            gauge = float(xi @ edge) / float(edge @ edge)
-            inside = min(gauge, 1.0) * edge
-            if float(np.linalg.norm(xi - inside)) <= _ROUNDING * length:
-                return Nearby(inside, gauge, ray.v)
-            start = ray.v
+        inside = self._inside(xi, s, start)
+        if inside is not None:
+            return inside
         y, found = self._nearest(xi, s, None, start)
         if found is None:
             return Nearby(y, np.nan, start)
         return Nearby(self._search.on_face(found, self._others(s)), np.nan, start)
+
+    def _inside(self, xi: Array, s: float, start: Array | None) -> Nearby | None:
+        """The point itself, if it is seen to lie in K(s) up to rounding."""
+        ray = self._on_ray(xi, s, start)
+        if ray is None:
+            return None
+        edge = self._search.on_face(ray, self._others(s))
+        # Of a point of K(s), any smaller multiple is in K(s), too.
+        gauge = float(xi @ edge) / float(edge @ edge)
+        inside = min(gauge, 1.0) * edge
+        away = float(np.linalg.norm(xi - inside))
+        return Nearby(inside, gauge, ray.v) if away <= _ROUNDING * np.linalg.norm(xi) else None
 
     def depth(self, xi: Array, near: Nearby, s: float) -> float:
         """How far ξ lies outside K(s); inside, minus how far at least it lies inside.
