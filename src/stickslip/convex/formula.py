@@ -16,7 +16,7 @@ from stickslip.arrays import Array
 from stickslip.convex.degree import degree
 from stickslip.convex.directions import Directions
 from stickslip.convex.looking import looked_at
-from stickslip.convex.proof import Proof
+from stickslip.convex.proof import Proof, linear_guards
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
 from stickslip.symbolic import expressions as ex
@@ -186,6 +186,7 @@ def convex_formula(
     looked.check_values()
     looked.check_degree()
     looked.check_convex()
+    looked.check_borders(_normals(value, names))
     directions = Directions(names, ranges)
     homogeneous = "" if order is None else "by its form"
     convex = nonnegative = ""
@@ -195,6 +196,16 @@ def convex_formula(
             nonnegative = "by its bounds"
         convex = Proof(value, directions, looked.size).how
     return ConvexFormula(value, names, dict(ranges), homogeneous, convex, nonnegative, looked.count)
+
+
+def _normals(value: Expr, names: tuple[str, ...]) -> Array:
+    """Unit normals of the hyperplanes on which a choice of the formula changes."""
+    rows = [
+        [ex.number(ex.derivative(guard, name)) for name in names]
+        for guard in linear_guards(value, names)
+    ]
+    normals = np.array(rows).reshape(len(rows), len(names))
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
 def _zeros(base: Expr, names: tuple[str, ...]) -> list[Expr]:

@@ -19,6 +19,8 @@ _PLANES = 24  # random ones
 _MOST_AXES = 6  # components up to which the planes of all pairs of axes are looked at
 _PLACES = 8  # values of the other names, within their ranges
 _ROUNDING = 1e-11  # of a value, by which convexity may fail
+_BESIDE_BORDERS = 64  # places on a hyperplane
+_REACHES = (1e-1, 1e-2, 1e-3, 1e-4)
 _FACTORS = (0.5, 2.0, 1e3)
 
 
@@ -111,15 +113,43 @@ class LookedAt:
                 u, w = (
                     part * self.directions[:, plane, (k + side * step) % count] for side in (1, -1)
                 )
-                sum_ = self.values[place, plane, k]
-                parts = both[place, plane, k]
-                R = self.symbol
-                raise self._refused(
-                    f"it is not convex: {R}(u + w) = {sum_:.6g} exceeds {R}(u) + {R}(w) = "
-                    f"{parts:.6g} for u = {_numbers(u)} and w = {_numbers(w)}"
-                    f"{self._other(int(place))}",
-                    "A dissipation potential has to be convex",
+                self._refuse_sum(
+                    u, w, self.values[place, plane, k], both[place, plane, k], int(place)
                 )
+
+    def check_borders(self, normals: Array) -> None:
+        """Refuse what has a concave kink on a hyperplane: u and w are on both sides of it.
+
+        Parameters
+        ----------
+        normals : ndarray of shape (k, n)
+            Unit normals of hyperplanes.
+        """
+        n = len(self.names)
+        if n == 1 or not len(normals):
+            return
+        points = np.random.default_rng(0).normal(size=(n, _BESIDE_BORDERS))
+        for normal in normals:
+            on = points - np.outer(normal, normal @ points)
+            on /= np.linalg.norm(on, axis=0)
+            for reach in _REACHES:
+                sides = [0.5 * (on + side * reach * normal[:, None]) for side in (1.0, -1.0)]
+                for place in range(self.places.shape[1]):
+                    others = np.repeat(self.places[:, [place]], on.shape[1], axis=1)
+                    whole = self.value(on, others)
+                    both = self.value(sides[0], others) + self.value(sides[1], others)
+                    off = whole - both - _ROUNDING * self.size
+                    k = int(off.argmax())
+                    if off[k] > 0.0:
+                        self._refuse_sum(sides[0][:, k], sides[1][:, k], whole[k], both[k], place)
+
+    def _refuse_sum(self, u: Array, w: Array, whole: float, both: float, place: int) -> None:
+        R = self.symbol
+        raise self._refused(
+            f"it is not convex: {R}(u + w) = {whole:.9g} exceeds {R}(u) + {R}(w) = {both:.9g} "
+            f"for u = {_numbers(u)} and w = {_numbers(w)}{self._other(place)}",
+            "A dissipation potential has to be convex",
+        )
 
     def _rows(self) -> tuple[Array, Array]:
         n, *shape = self.directions.shape
@@ -186,4 +216,4 @@ def looked_at(
 
 
 def _numbers(v: Array) -> str:
-    return "(" + ", ".join(f"{x:.6g}" for x in v) + ")"
+    return "(" + ", ".join(f"{x:.9g}" for x in v) + ")"

@@ -50,9 +50,9 @@ class Proof:
             return True
         if e.op == "sum":
             left = [(t, c) for t, c in e.terms if rules.shape(ex.add((t, c))) not in (0, CONVEX)]
-            if len(left) < len(e.terms):
-                return self._is_convex(ex.add(*left), directions)
-        guard = _guard(e, directions)
+            if len(left) < len(e.terms) and self._is_convex(ex.add(*left), directions):
+                return True
+        guard = next(iter(linear_guards(e, directions.names)), None)
         if guard is None:
             self.bounded = True
             return not _has_guards(e, directions) and _curves_up(e, directions)
@@ -104,16 +104,23 @@ def _has_guards(e: Expr, directions: Directions) -> bool:
     return any(x.op == "select" and x.args[0].symbols & names for x in ex.walk([e]))
 
 
-def _guard(e: Expr, directions: Directions) -> Expr | None:
-    """A guard that is linear in v, with numbers as coefficients, and holds no other."""
-    names = directions.names
+def linear_guards(e: Expr, names: tuple[str, ...]) -> list[Expr]:
+    """Guards that are linear in v, with numbers as coefficients, and hold no others.
+
+    Parameters
+    ----------
+    e : Expr
+    names : tuple of str
+        Components of v.
+    """
+    found: dict[Expr, None] = {}
     for x in ex.walk([e]):
         if x.op == "select" and x.args[0].symbols and x.args[0].symbols <= {*names}:
             guard = x.args[0]
             slopes = [ex.derivative(guard, name) for name in names]
             if not ex.bends(guard, names) and all(ex.is_number(s) for s in slopes):
-                return guard
-    return None
+                found[guard] = None
+    return list(found)
 
 
 def _curves_up(e: Expr, directions: Directions) -> bool:

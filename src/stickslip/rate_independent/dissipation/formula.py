@@ -119,8 +119,8 @@ class SupportFormula(Dissipation, kind="formula"):
         return count
 
     def _check_period(self) -> None:
-        directions = np.random.default_rng(0).normal(size=(16, self.dimension))
-        start, end = (self.sampled(np.full(16, s)).support(directions) for s in (0.0, 1.0))
+        v = np.random.default_rng(0).normal(size=(self.dimension, 16))
+        start, end = (self.convex.values(np.vstack([v, np.full(16, s)]))[0] for s in (0.0, 1.0))
         off = np.abs(end - start) - 1e-9 * np.maximum(np.abs(start), np.abs(end))
         if (off > 0.0).any():
             raise DeclarationError(
@@ -167,6 +167,9 @@ class SupportFormula(Dissipation, kind="formula"):
 
     def project(self, xi: ArrayLike, s: float = 0.0, metric: ArrayLike | None = None) -> Array:
         return self.form.project(xi, s, metric)
+
+    def member(self, xi: Array, s: float) -> Array:
+        return self.form.member(xi, s)
 
     def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
         return self.form.projection(xi, s)

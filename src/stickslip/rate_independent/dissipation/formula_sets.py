@@ -117,7 +117,11 @@ class FormulaSets(Dissipation):
         """The nearest point, exact to rounding where the kinks of the formula are those of choices
         and roots."""
         xi = self.vector(xi, "xi")
-        return self.near(xi, s).y if metric is None else self._nearest(xi, s, self.metric(metric))[0]
+        M = self.metric(metric)
+        return self._nearest(xi, s, M)[0]
+
+    def member(self, xi: Array, s: float) -> Array:
+        return self.near(xi, s).y
 
     def projection(self, xi: Array, s: float = 0.0) -> tuple[Array, Array]:
         y, normal = self._nearest(xi, s, None)

@@ -97,6 +97,9 @@ class Product(Dissipation):
         )
         return np.concatenate(points), np.asarray(block_diag(*slopes))
 
+    def member(self, xi: Array, s: float) -> Array:
+        return np.concatenate([factor.member(part, s) for factor, part in self.split(xi)])
+
     def cone_form(self, s: float) -> ConeForm | None:
         forms = [form for factor in self.factors if (form := factor.cone_form(s)) is not None]
         complete = len(forms) == len(self.factors)

@@ -33,7 +33,9 @@ _SHORT = 0.1
 _MOST_SHORT = 3  # steps that had to be shortened a lot: there is a kink
 _EXACT = 16.0 * _EPS  # residual, relative to the forces, that is rounding
 _NEAR_KINK = 0.05  # of |v|: how far a start may be from a kink that holds the solution
-_BESIDE = 1e-14  # of |v|: how far from a kink gradients beside it are taken
+_BESIDE = (1e-8, 1e-11, 1e-14)  # of |v|: how far from a kink gradients beside it are taken
+_SURE = 1e-10  # of a point: how close a mean of gradients has to be, to stand for it
+_MOST_ON_FACE = 60
 _SINGULAR = 1e-12  # part of the largest eigenvalue
 _ON_KINK = 1e-9  # of |v|: a start that lies on a kink
 _PROBES = 8  # random directions in which a point is compared with the support function
@@ -51,14 +53,14 @@ class Normal(NamedTuple):
         Normal to K there: M(ξ − y), or R(v) = gauge of ξ.
     change : ndarray of shape (n, n)
         dv/dξ.
-    held : ndarray of shape (k, n)
-        Normals of the kinks on which v lies.
+    kinks : tuple of Kink
+        On which v lies.
     """
 
     y: Array
     v: Array
     change: Array
-    held: Array
+    kinks: tuple[Kink, ...] = ()
 
 
 class FormulaAt(NamedTuple):
@@ -147,7 +149,6 @@ class NormalSearch:
         if not v.any():
             return None, v
         now = self.at(v, others)
-        none = np.zeros((0, len(xi)))
         shortened = 0
         for _ in range(_MOST):
             here = now.outer(v, W)
@@ -157,7 +158,7 @@ class NormalSearch:
                 return None, v
             size = float(np.abs(xi).max() + np.abs(now.gradient).max())
             if off <= _EXACT * size:
-                return Normal(now.gradient, v, np.linalg.pinv(here.hessian), none), v
+                return Normal(now.gradient, v, np.linalg.pinv(here.hessian)), v
             # At an edge of K many v belong to one point on a ray: any will do.
             try:
                 step = (
@@ -183,7 +184,7 @@ class NormalSearch:
                 if share < _SHORTEST:
                     # No better to rounding: a little more of it will do, else this is a kink.
                     if off <= 64.0 * _EXACT * size:
-                        return Normal(now.gradient, v, np.linalg.pinv(here.hessian), none), v
+                        return Normal(now.gradient, v, np.linalg.pinv(here.hessian)), v
                     return None, v
             shortened += share < _SHORT
             if shortened > _MOST_SHORT:
@@ -277,7 +278,7 @@ class NormalSearch:
             settled = float(np.abs(step[:n]).max()) <= _EPS * size
             if max(missing / scale, away) <= (64.0 if settled else 0.25) * _EXACT:
                 y = xi - W @ v if W is not None else xi / self.at(v, others).value
-                return Normal(y, v, inverse[:n, :n], slopes)
+                return Normal(y, v, inverse[:n, :n], kinks)
             v, held = v + step[:n], held + step[n:]
         return None
 
@@ -290,37 +291,54 @@ class NormalSearch:
         found : Normal
         others : ndarray of shape (k,)
         """
-        if not len(found.held):
+        if not found.kinks:
             return found.y
-        y, v = found.y, found.v
-        _, sizes, ways = np.linalg.svd(found.held, full_matrices=False)
+        unit = found.v / np.abs(found.v).max()
+        slopes = self._zeros(found.kinks, unit, others)[1]
+        sizes, ways = np.linalg.svd(slopes, full_matrices=False)[1:]
         ways = ways[sizes > 1e-12 * sizes.max(initial=0.0)]
-        reach = _BESIDE * float(np.abs(v).max())
-        points: list[Array] = []
-        for way in (*ways, *-ways):
-            self._add(points, v + reach * way, others)
-        if not points:
-            return y
-        size = float(np.abs(y).max())
-        near = points[0]
-        for _ in range(_MOST_ON_KINK):
-            near = nearest_in_hull(np.array(points), y)
-            rest = ways.T @ (ways @ (y - near))
-            length = float(np.linalg.norm(rest))
-            if length <= _EXACT * size:
+        best, least = found.y, _SURE * float(np.abs(found.y).max())
+        for reach in _BESIDE:
+            near = self._on_face(found, unit, ways, reach, others)
+            away = float(np.abs(near - found.y).max())
+            if away <= least:
+                best, least = near, away
+            if away <= 10.0 * _EXACT * float(np.abs(found.y).max()):
                 break
-            if not self._add(points, v + (reach / length) * rest, others):
+        return best
+
+    def _on_face(
+        self, found: Normal, unit: Array, ways: Array, reach: float, others: Array
+    ) -> Array:
+        points: list[Array] = []
+        smooth = self._beside(found.kinks, unit, others).gradient
+
+        def add(way: Array) -> bool:
+            """Add the gradient beside the kinks in a direction, if it is new; what the step to
+            there changes of the smooth part is taken away."""
+            v = unit + reach * way
+            point = self.at(v, others).gradient
+            point = point - self._beside(found.kinks, v, others).gradient + smooth
+            size = float(np.abs(point).max())
+            if not np.isfinite(size) or any(
+                np.abs(point - other).max() <= _EPS * size for other in points
+            ):
+                return False
+            points.append(point)
+            return True
+
+        for way in (*ways, *-ways):
+            add(way)
+        if not points:
+            return found.y
+        near = points[0]
+        for _ in range(_MOST_ON_FACE):
+            near = nearest_in_hull(np.array(points), found.y)
+            rest = ways.T @ (ways @ (found.y - near))
+            length = float(np.linalg.norm(rest))
+            if length <= _EPS * float(np.abs(found.y).max()) or not add(rest / length):
                 break
         return near
-
-    def _add(self, points: list[Array], v: Array, others: Array) -> bool:
-        """Add the gradient at v, if it is new."""
-        point = self.at(v, others).gradient
-        known = any(np.abs(point - other).max() <= _EPS * np.abs(point).max() for other in points)
-        if known or not np.isfinite(point).all():
-            return False
-        points.append(point)
-        return True
 
     def _outside(self, found: Normal, others: Array) -> float:
         """How far a point is seen to lie outside K: in random directions, and close to v."""

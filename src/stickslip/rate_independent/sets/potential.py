@@ -124,6 +124,11 @@ class Dissipation(ABC):
             lambda x: self.project(x, s), xi, y, 1e-7 * float(np.abs(xi).max() or 1.0)
         )
 
+    def member(self, xi: Array, s: float) -> Array:
+        """The point of K(s) from which the distance of ξ, shape (n,), is measured: by default the
+        nearest."""
+        return self.project(xi, s)
+
     def cone_form(self, s: float) -> ConeForm | None:
         """K(s) as an image of cones; None if it is known by its support function only."""
         return None
@@ -180,14 +185,14 @@ class Dissipation(ABC):
     def distance(self, xi: ArrayLike, s: float = 0.0) -> float:
         """Euclidean distance of ξ, shape (n,), from K(s)."""
         xi = self.vector(xi, "xi")
-        return float(np.linalg.norm(xi - self.project(xi, s)))
+        return float(np.linalg.norm(xi - self.member(xi, s)))
 
     @validated
     def contains(self, xi: ArrayLike, s: float = 0.0, tolerance: float = 1e-12) -> bool:
         """Whether ξ, shape (n,), lies in K(s), up to `tolerance` times its length, or that of K(s)
         towards it."""
         xi = self.vector(xi, "xi")
-        beyond = xi - self.project(xi, s)
+        beyond = xi - self.member(xi, s)
         distance = float(np.linalg.norm(beyond))
         if distance == 0.0:
             return True
@@ -360,7 +365,7 @@ class Dissipation(ABC):
         for _ in range(60):
             ahead = reach * direction - nearest(reach * direction)
             slope = float(ahead @ direction)
-            if slope <= 1e-12 * reach:
+            if slope <= min(1e-12, accuracy) * reach:
                 break
             reach, last = min(reach, self.support(ahead, s) / slope), reach
             if last - reach <= accuracy * last:
