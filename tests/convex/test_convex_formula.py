@@ -145,7 +145,7 @@ def test_random_formulas_are_judged_rightly() -> None:
     angles = 2.0 * np.pi * (np.arange(count) + 0.37) / count
     circle = np.array([np.cos(angles), np.sin(angles)])
     seen = {"proved": 0, "sampled": 0, "not convex": 0, "negative": 0}
-    for _ in range(100):
+    for _ in range(60):
         text = random_text(rng)
         value = evaluator([read(text)], ["v1", "v2"])
         try:
@@ -164,8 +164,8 @@ def test_random_formulas_are_judged_rightly() -> None:
         seen["proved" if formula.proved else "sampled"] += 1
         if formula.proved:
             assert is_convex(value(circle)[0], float(angles[1] - angles[0])), text
-    assert seen["proved"] >= 25
-    assert seen["not convex"] >= 40
+    assert seen["proved"] >= 15
+    assert seen["not convex"] >= 25
     assert seen["sampled"] <= 3
 
 

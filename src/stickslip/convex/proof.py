@@ -10,7 +10,7 @@ one suffice, on the two faces of the cube on which that one is ±1.
 from __future__ import annotations
 
 from stickslip.convex.directions import Directions
-from stickslip.convex.rules import CONVEX, STRAIGHT, ConvexRules
+from stickslip.convex.rules import AFFINE_SHAPE, CONVEX, ConvexRules
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
@@ -46,7 +46,7 @@ class Proof:
 
     def _is_convex(self, e: Expr, directions: Directions) -> bool:
         rules = ConvexRules(directions)
-        if rules.shape(e) in (STRAIGHT, CONVEX):
+        if rules.shape(e) in (AFFINE_SHAPE, CONVEX):
             return True
         if e.op == "sum":
             left = [(t, c) for t, c in e.terms if rules.shape(ex.add((t, c))) not in (0, CONVEX)]

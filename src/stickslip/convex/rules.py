@@ -17,7 +17,7 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import splits
 from stickslip.symbolic.expressions import Expr
 
-STRAIGHT, CONVEX, CONCAVE = 0, 1, -1
+AFFINE_SHAPE, CONVEX, CONCAVE = 0, 1, -1
 _ROUNDING = 1e-14
 
 
@@ -36,7 +36,7 @@ class ConvexRules:
         self._signs: dict[Expr, bool] = {}
 
     def shape(self, e: Expr) -> int | None:
-        """STRAIGHT, CONVEX or CONCAVE in v, or None if no rule tells."""
+        """AFFINE_SHAPE, CONVEX or CONCAVE in v, or None if no rule tells."""
         if e not in self._shapes:
             self._shapes[e] = None
             self._shapes[e] = self._shape(e)
@@ -51,10 +51,10 @@ class ConvexRules:
 
     def _shape(self, e: Expr) -> int | None:
         if not e.symbols & self.names:
-            return STRAIGHT
+            return AFFINE_SHAPE
         match e.op:
             case "sym":
-                return STRAIGHT
+                return AFFINE_SHAPE
             case "sum":
                 shapes = [self._turned(self.shape(term), c > 0.0) for term, c in e.terms]
                 return None if None in shapes else _together([s for s in shapes if s is not None])
@@ -69,7 +69,7 @@ class ConvexRules:
         if len(moving) != 1:
             return None
         shape = self._shape_of_power(*moving[0])
-        if shape == STRAIGHT or shape is None:
+        if shape == AFFINE_SHAPE or shape is None:
             return shape
         if self.nonnegative(factor):
             return shape
@@ -102,7 +102,7 @@ class ConvexRules:
         if shape is None or q < 1.0:
             return False
         even = q % 2.0 == 0.0
-        if shape != CONCAVE and ((even and shape == STRAIGHT) or self.nonnegative(f)):
+        if shape != CONCAVE and ((even and shape == AFFINE_SHAPE) or self.nonnegative(f)):
             return True
         return even and shape == CONCAVE and self.nonnegative(-f)
 
@@ -135,7 +135,7 @@ class ConvexRules:
         if len(signs) != 1:
             return None
         wanted = CONVEX if signs.pop() else CONCAVE
-        return wanted if {self.shape(above), self.shape(below)} <= {STRAIGHT, wanted} else None
+        return wanted if {self.shape(above), self.shape(below)} <= {AFFINE_SHAPE, wanted} else None
 
     def _turned(self, shape: int | None, positive: bool) -> int | None:
         return shape if positive or shape is None else -shape

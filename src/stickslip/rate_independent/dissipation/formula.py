@@ -77,7 +77,7 @@ class SupportFormula(Dissipation, kind="formula"):
     def __post_init__(self) -> None:
         count = self._read_dimension()
         names = tuple(f"v{i + 1}" for i in range(count))
-        parameters = _read_parameters(self.parameters or {})
+        parameters = _read_parameters({} if self.parameters is None else self.parameters)
         scope = Scope({name: ex.sym(name) for name in (*names, _PHASE)} | parameters)
         value = scope.parse(self.formula, "formula")
         varies = _PHASE in value.symbols
@@ -222,7 +222,11 @@ def _components(text: object) -> list[int]:
     return [int(i) for i in _COMPONENT.findall(text)] if isinstance(text, str) else []
 
 
-def _read_parameters(given: Mapping[str, Any]) -> dict[str, Expr]:
+def _read_parameters(given: Any) -> dict[str, Expr]:
+    if not isinstance(given, Mapping):
+        raise DeclarationError(
+            "parameters", f"a {type(given).__name__} is no table", "Give {name: value}"
+        )
     for name, value in given.items():
         where = f"parameters.{name}"
         check_name(name, where)

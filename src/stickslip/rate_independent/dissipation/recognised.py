@@ -8,7 +8,7 @@ import numpy as np
 
 from stickslip.convex.directions import Directions
 from stickslip.convex.formula import convex_formula
-from stickslip.convex.rules import CONVEX, STRAIGHT, ConvexRules, is_nonnegative_form
+from stickslip.convex.rules import AFFINE_SHAPE, CONVEX, ConvexRules, is_nonnegative_form
 from stickslip.errors import DeclarationError
 from stickslip.rate_independent.dissipation.ellipsoid import Ellipsoid
 from stickslip.rate_independent.dissipation.formula_sets import FormulaSets
@@ -108,7 +108,7 @@ def _vertices(e: Expr, names: tuple[str, ...], rules: ConvexRules) -> list[tuple
     """Linear functions, by their gradients, of which an expression is the largest."""
     found: list[tuple[Expr, ...]]
     shape = rules.shape(e)
-    if shape == STRAIGHT and not ex.bends(e, names):
+    if shape == AFFINE_SHAPE and not ex.bends(e, names):
         return [tuple(ex.derivative(e, name) for name in names)]
     if shape != CONVEX:
         return None

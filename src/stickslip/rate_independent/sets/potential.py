@@ -217,7 +217,14 @@ class Dissipation(ABC):
         length = float(np.linalg.norm(xi))
         if length == 0.0:
             return 0.0
-        reach = self._reach(xi / length, s, lambda x: self.project(x, s), 1e-15)
+        direction = xi / length
+        reach = self._reach(direction, s, lambda x: self.project(x, s), 1e-15)
+        # What is normal to K(s) is known best from a little outside, neither far nor too close.
+        beyond = (1.0 + 1e-8) * reach * direction
+        ahead = beyond - self.project(beyond, s)
+        slope = float(ahead @ direction)
+        if slope > 0.0:
+            reach = min(reach, self.support(ahead, s) / slope)
         return length / reach if reach > 1e-15 * length else np.inf
 
     def holds(self, xi: Array, s: float, noise: float) -> bool:
