@@ -44,7 +44,8 @@ class Nearby(NamedTuple):
     Attributes
     ----------
     y : ndarray of shape (n,)
-        The point: the force, or a gradient of Ψ(s, ·), or a mean of such.
+        The point: the force, or a gradient of Ψ(s, ·), or on kinks what
+        :meth:`NormalSearch.on_face` says.
     gauge : float
         Of the force; NaN if it was not needed.
     v : ndarray of shape (n,), optional

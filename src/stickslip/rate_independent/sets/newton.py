@@ -283,8 +283,9 @@ class NormalSearch:
         return None
 
     def on_face(self, found: Normal, others: Array) -> Array:
-        """A mean of gradients beside v, and so a point of K, that is as close to the point that was
-        found as any: of the face of K to which v is normal.
+        """A mean of gradients beside v that is as close to the point that was found as any, of the
+        face of K to which v is normal: a point of K, exactly where kinks are terms of a sum. If
+        there is none close by, the point itself, which is only seen to be in K.
 
         Parameters
         ----------
