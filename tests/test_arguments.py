@@ -397,19 +397,24 @@ def calls() -> Iterator[tuple[str, Call]]:
     yield "Polytope.vertices", (ss.Polytope, {"vertices": [[1.0], [-1.0]]})
     yield "Product", (ss.Product, {"factors": [ss.WeightedL1(["1"])]})
     yield (
+        "SupportFormula",
+        (ss.SupportFormula, {"formula": "mu*abs(v1)", "dimension": 1, "parameters": {"mu": 1.0}}),
+    )
+    yield (
         "SupportFunction",
         (
             ss.SupportFunction,
             {"function": lambda s, v: abs(v[0]), "dimension": 1, "depends_on_phase": False},
         ),
     )
-    for name in ("value", "support", "contains", "project", "distance", "prox", "average"):
+    for name in ("value", "support", "contains", "project", "distance", "gauge", "prox", "average"):
         given = {
             "value": {"s": 0.0, "v": [1.0]},
             "support": {"v": [1.0], "s": 0.0},
             "contains": {"xi": [1.0], "s": 0.0, "tolerance": 1e-12},
             "project": {"xi": [1.0], "s": 0.0, "metric": None},
             "distance": {"xi": [1.0], "s": 0.0},
+            "gauge": {"xi": [1.0], "s": 0.0},
             "prox": {"v": [1.0], "s": 0.0, "step": 1.0},
             "average": {"tolerance": 1e-8},
         }[name]

@@ -26,7 +26,7 @@ GROUPS: Mapping[str, str] = {
     "Data": "fit Fit fit_problem FitProblem Recording compare Comparison Band",
     "Friction that oscillates": "Evolution EvolutionModel load_evolution evolve History "
     "averaging_study AveragingStudy play Play prandtl_ishlinskii Dissipation WeightedL1 GroupNorm "
-    "Ellipsoid Polytope SupportFunction Product Intersection",
+    "Ellipsoid Polytope SupportFormula SupportFunction Product Intersection",
     "Files, errors, pictures": "open StickslipError DeclarationError ConvergenceError figures "
     "style explore",
 }

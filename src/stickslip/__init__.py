@@ -72,6 +72,7 @@ if TYPE_CHECKING:
         GroupNorm,
         Polytope,
         Product,
+        SupportFormula,
         SupportFunction,
         WeightedL1,
     )
@@ -138,6 +139,7 @@ __all__ = [
     "SpecialPoint",
     "StepControl",
     "StickslipError",
+    "SupportFormula",
     "SupportFunction",
     "System",
     "Trajectory",
@@ -248,6 +250,7 @@ _HOMES = {
             "GroupNorm",
             "Polytope",
             "Product",
+            "SupportFormula",
             "SupportFunction",
             "WeightedL1",
         ],

@@ -19,10 +19,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stickslip import Ellipsoid, GroupNorm, Polytope, Product, WeightedL1
+from stickslip import Ellipsoid, GroupNorm, Polytope, Product, SupportFormula, WeightedL1
 from stickslip.arrays import Array
 from stickslip.errors import StickslipError
 from stickslip.rate_independent.dissipation import Dissipation
+from stickslip.rate_independent.dissipation.formula_sets import FormulaSets
 from stickslip.rate_independent.sets.stable_sets import Boxes
 from stickslip.rate_independent.solvers.dense import BoxSteps, ProjectionSteps
 
@@ -30,7 +31,10 @@ Rng = np.random.Generator
 KERNELS = ("", "Haswell", "SkylakeX")
 SPREAD = 1.0  # eigenvalues of A: 10^±SPREAD. A d is known to the rounding of |A| |d|, no better
 ROUNDINGS = 4.0  # in a force
-KINDS = ("boxes", "groups", "ellipsoid", "flat ellipsoid", "hull", "half-spaces", "product")
+KINDS = (
+    *("boxes", "groups", "ellipsoid", "flat ellipsoid", "hull", "half-spaces"),
+    *("formula", "product"),
+)
 
 
 class Outcome(NamedTuple):
@@ -69,6 +73,9 @@ def potential(rng: Rng, kind: str, n: int) -> Dissipation:
         case "half-spaces":
             normals = np.vstack([rng.normal(size=(3, n)), np.eye(n), -np.eye(n)])
             return Polytope(normals=normals, offsets=rng.uniform(0.1, 1.0, 2 * n + 3))
+        case "formula":
+            formula = SupportFormula(formula_text(rng, n), dimension=n)
+            return FormulaSets(formula.convex)
         case _:
             kinds = rng.choice(KINDS[:-1], int(rng.integers(2, 4)))
             return Product(
@@ -77,6 +84,32 @@ def potential(rng: Rng, kind: str, n: int) -> Dissipation:
                     for k in kinds
                 )
             )
+
+
+def formula_text(rng: Rng, n: int) -> str:
+    """A random formula with kinks: absolute values, norms and the larger of several, of linear
+    forms, and a part that is not even."""
+
+    def linear() -> str:
+        # Some components only: then there are edges of every dimension.
+        used = rng.random(n) < 0.6
+        used[rng.integers(n)] = True
+        return "+".join(f"({rng.normal():.3f})*v{i + 1}" for i in np.flatnonzero(used))
+
+    def norm(count: int) -> str:
+        return "sqrt(" + "+".join(f"({linear()})**2" for _ in range(count)) + ")"
+
+    made = {
+        "size": lambda: f"abs({linear()})",
+        "norm": lambda: norm(int(rng.integers(2, n + 1))),
+        "larger": lambda: f"max({norm(2)}, abs({linear()}))",
+        "part": lambda: f"max({linear()}, 0)",
+        "cubic": lambda: f"(abs({linear()})**3 + abs({linear()})**3)**(1/3)",
+    }
+    chosen = rng.choice(list(made), int(rng.integers(1, 4)))
+    terms = [f"{rng.uniform(0.2, 1.0):.3f}*{made[str(name)]()}" for name in chosen]
+    axes = "+".join(f"{rng.uniform(0.1, 1.0):.3f}*v{i + 1}**2" for i in range(n))
+    return "+".join([*terms, f"sqrt({axes})", f"0.1*v{int(rng.integers(n)) + 1}"])
 
 
 def step(seed: int) -> Outcome:

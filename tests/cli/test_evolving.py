@@ -296,7 +296,7 @@ BAD: dict[str, tuple[str, str, list[str]]] = {
     "no kind": (
         L1,
         L1.replace('kind = "weighted l1", ', ""),
-        ["dissipation.kind", '"group norm", "polytope", "weighted l1"'],
+        ["dissipation.kind", '"polytope", "weighted l1", "formula", "group norm"'],
     ),
     "wrong kind": (
         L1,

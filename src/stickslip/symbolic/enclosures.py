@@ -271,9 +271,7 @@ def slope_of_function(row: Function, a: Interval, of: Intervals) -> Interval:
 
 
 @lru_cache(maxsize=4096)
-def _splits(
-    e: Expr, guard: Expr
-) -> tuple[tuple[float, float, tuple[tuple[Expr, float], ...]], ...]:
+def splits(e: Expr, guard: Expr) -> tuple[tuple[float, float, tuple[tuple[Expr, float], ...]], ...]:
     """All c, constant and terms with e = c·guard + constant + terms in which one term of the guard
     is gone.
 
@@ -333,12 +331,12 @@ def joins(guard: Expr, above: Expr, below: Expr) -> bool:
     difference = above - below
     if difference.op == "num":
         return number(difference) == 0.0
-    if any(not rest and constant == 0.0 for _, constant, rest in _splits(difference, guard)):
+    if any(not rest and constant == 0.0 for _, constant, rest in splits(difference, guard)):
         return True
     for one, other in ((above, below), (below, above)):
         if one.op == "select":
             inner, *branches = one.args
-            for _, constant, rest in _splits(inner, guard):
+            for _, constant, rest in splits(inner, guard):
                 if not rest and constant != 0.0:
                     return joins(guard, branches[0 if constant > 0.0 else 1], other)
             return all(joins(guard, branch, other) for branch in branches)

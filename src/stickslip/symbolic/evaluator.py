@@ -7,8 +7,10 @@ here, nothing that a user wrote.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +18,7 @@ from numpy.typing import ArrayLike
 from stickslip.arrays import Array
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.functions import FUNCTIONS
+from stickslip.symbolic.functions import FUNCTIONS, Function
 from stickslip.symbolic.scalars import Scalar, element
 from stickslip.symbolic.tape import scalars_of
 
@@ -41,6 +43,20 @@ def _by_strict_sign(guard: Array, above: Array | float, below: Array | float) ->
     return np.where(guard > 0.0, above, np.where(guard <= 0.0, below, np.nan))
 
 
+def _number_by_sign(guard: float, above: float, below: float) -> float:
+    return above if guard >= 0.0 else below if guard < 0.0 else math.nan
+
+
+def _number_by_strict_sign(guard: float, above: float, below: float) -> float:
+    return above if guard > 0.0 else below if guard <= 0.0 else math.nan
+
+
+_NUMBERS = {
+    "real_power": ex.real_power,
+    "reciprocal": lambda x: 1.0 / x if x else math.nan,
+    "by_sign": _number_by_sign,
+    "by_strict_sign": _number_by_strict_sign,
+}
 _NAMES = {
     "real_power": _real_power,
     "reciprocal": _reciprocal,
@@ -68,17 +84,54 @@ def evaluator(expressions: Sequence[Expr], names: Sequence[str]) -> NumericFunct
     return _evaluator(tuple(expressions), tuple(names))
 
 
+def evaluator_of_numbers(
+    expressions: Sequence[Expr], names: Sequence[str]
+) -> Callable[[Sequence[float]], list[float]]:
+    """The same for one place at a time, without NumPy: ten times as fast there.
+
+    Parameters
+    ----------
+    expressions : sequence of Expr
+    names : sequence of str
+
+    Returns
+    -------
+    function
+        Takes a number for each name and gives one for each expression.
+    """
+    return _evaluator_of_numbers(tuple(expressions), tuple(names))
+
+
 @lru_cache(maxsize=4096)
-def _evaluator(expressions: tuple[Expr, ...], names: tuple[str, ...]) -> NumericFunction:
+def _evaluator_of_numbers(
+    expressions: tuple[Expr, ...], names: tuple[str, ...]
+) -> Callable[[Sequence[float]], list[float]]:
+    fill = _compiled(expressions, names, _NUMBERS, lambda row: row.ieee)
+    count = len(expressions)
+    return lambda values: fill(values, [0.0] * count)
+
+
+def _compiled(
+    expressions: tuple[Expr, ...],
+    names: tuple[str, ...],
+    operations: Mapping[str, Callable[..., Any]],
+    function: Callable[[Function], Callable[..., Any]],
+) -> Callable[..., Any]:
+    """The generated text, with the meaning of its operations and functions."""
     values = scalars_of(expressions, {name: element("v", i) for i, name in enumerate(names)})
     written = _Text()
     results = [written.of(values[e]) for e in expressions]
     lines = written.lines + [f"out[{i}] = {text}" for i, text in enumerate(results)]
     source = "\n    ".join(["def fill(v, out):", *lines, "return out"])
     called = {e.op for e in ex.walk(expressions)} & FUNCTIONS.keys()
-    space = {**_NAMES, **{name: FUNCTIONS[name].array for name in called}}
+    space: dict[str, Any] = {**operations, **{name: function(FUNCTIONS[name]) for name in called}}
     exec(compile(source, "<generated>", "exec"), space)
-    fill = space["fill"]
+    return space["fill"]
+
+
+@lru_cache(maxsize=4096)
+def _evaluator(expressions: tuple[Expr, ...], names: tuple[str, ...]) -> NumericFunction:
+    fill = _compiled(expressions, names, _NAMES, lambda row: row.array)
     count = len(expressions)
 
     def function(values: ArrayLike) -> Array:

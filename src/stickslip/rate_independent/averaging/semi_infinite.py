@@ -80,6 +80,10 @@ class Intersection(Average):
     def dimension(self) -> int:
         return self.source.dimension
 
+    @property
+    def doubt(self) -> str:
+        return self.source.doubt
+
     @cached_property
     def cover(self) -> Cover:
         """All phases."""

@@ -1,6 +1,7 @@
 """Dissipation potentials: convex, 1-homogeneous, and periodic in the phase."""
 
 from stickslip.rate_independent.dissipation.ellipsoid import Ellipsoid
+from stickslip.rate_independent.dissipation.formula import SupportFormula
 from stickslip.rate_independent.dissipation.group_norm import GroupNorm
 from stickslip.rate_independent.dissipation.polytope import Polytope
 from stickslip.rate_independent.dissipation.product import Product
@@ -16,6 +17,7 @@ __all__ = [
     "OptimalMotion",
     "Polytope",
     "Product",
+    "SupportFormula",
     "SupportFunction",
     "WeightedL1",
 ]

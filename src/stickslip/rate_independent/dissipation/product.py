@@ -55,6 +55,10 @@ class Product(Dissipation):
         return any(factor.depends_on_phase for factor in self.factors)
 
     @property
+    def doubt(self) -> str:
+        return "; ".join(dict.fromkeys(factor.doubt for factor in self.factors if factor.doubt))
+
+    @property
     def parts(self) -> list[slice]:
         """Components of each factor."""
         ends = np.cumsum([0, *(factor.dimension for factor in self.factors)])
@@ -92,6 +96,9 @@ class Product(Dissipation):
             *(factor.projection(part, s) for factor, part in self.split(xi)), strict=True
         )
         return np.concatenate(points), np.asarray(block_diag(*slopes))
+
+    def member(self, xi: Array, s: float) -> Array:
+        return np.concatenate([factor.member(part, s) for factor, part in self.split(xi)])
 
     def cone_form(self, s: float) -> ConeForm | None:
         forms = [form for factor in self.factors if (form := factor.cone_form(s)) is not None]

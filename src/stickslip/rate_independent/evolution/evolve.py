@@ -363,6 +363,7 @@ class OutputPlan:
             "epsilon": problem.epsilon,
             "depends_on_phase": int(problem.dissipation.depends_on_phase),
             "bounded": int(problem.bounded),
+            "doubt": problem.dissipation.doubt,
             "stride": self.stride,
         }
         return xr.Dataset(

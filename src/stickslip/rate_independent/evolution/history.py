@@ -160,7 +160,12 @@ class History(Result):
             Residual("samples", float(samples)),
         )
         outcome = "" if self.outcome.ok else self.outcome.label
-        notes = (looked, f"error of z about {error:.1e} in the energy norm")
+        doubt = str(self.dataset.attrs.get("doubt", ""))
+        notes = (
+            looked,
+            *([doubt] if doubt else []),
+            f"error of z about {error:.1e} in the energy norm",
+        )
         return Certificate(residuals, outcome, notes=notes)
 
     # -- what it says of itself --------------------------------------------------------------------

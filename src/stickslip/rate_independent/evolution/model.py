@@ -112,10 +112,19 @@ class EvolutionModel:
             raise toml.missing("", "dissipation")
         cls: Any = toml.named_kind(given, Dissipation.kinds, "dissipation")
         given = toml.known_keys(cls, given, "dissipation")
-        scope = self._scope(_PHASE)
+        variables = cls.variables(given)
+        for name in variables:
+            if name in self.values:
+                raise DeclarationError(
+                    f"parameters.{name}",
+                    f"'{name}' is a component of the motion in dissipation.formula",
+                    "Choose another name",
+                )
+        scope = self._scope(_PHASE, *variables)
         for item in fields(cls):
             # A whole number is no formula.
-            if item.name in given and getattr(item.type, "__name__", item.type) != "int":
+            plain = item.metadata.get("plain") or getattr(item.type, "__name__", item.type) == "int"
+            if item.name in given and not plain:
                 given[item.name] = _trees(scope, given[item.name], f"dissipation.{item.name}")
         try:
             return cls(**given)

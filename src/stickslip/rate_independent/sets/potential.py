@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
@@ -63,7 +63,7 @@ class Dissipation(ABC):
 
     def __init_subclass__(cls, kind: str | None = None, **more: Any) -> None:
         super().__init_subclass__(**more)
-        for name in ("support", "exposed", "excess", "project", "average"):
+        for name in ("support", "exposed", "excess", "project", "average", "hessian"):
             if name in vars(cls):
                 setattr(cls, name, validated(vars(cls)[name]))
         if kind is not None:
@@ -124,6 +124,11 @@ class Dissipation(ABC):
             lambda x: self.project(x, s), xi, y, 1e-7 * float(np.abs(xi).max() or 1.0)
         )
 
+    def member(self, xi: Array, s: float) -> Array:
+        """The point of K(s) from which the distance of ξ, shape (n,), is measured: by default the
+        nearest."""
+        return self.project(xi, s)
+
     def cone_form(self, s: float) -> ConeForm | None:
         """K(s) as an image of cones; None if it is known by its support function only."""
         return None
@@ -142,6 +147,22 @@ class Dissipation(ABC):
         ConvergenceError
             If the tolerance cannot be reached.
         """
+
+    @property
+    def doubt(self) -> str:
+        """What of it is not proved, as certificates say it; by default nothing."""
+        return ""
+
+    @classmethod
+    def variables(cls, given: Mapping[str, Any]) -> tuple[str, ...]:
+        """Names that its formulas in a model file may hold besides the phase; by default none.
+
+        Parameters
+        ----------
+        given : mapping
+            The fields, as the file has them.
+        """
+        return ()
 
     def outer_form(self, s: float, xi: Array) -> ConeForm:
         """A bounded image of cones that contains K(s), but not a given ξ outside it: K(s) itself
@@ -164,14 +185,14 @@ class Dissipation(ABC):
     def distance(self, xi: ArrayLike, s: float = 0.0) -> float:
         """Euclidean distance of ξ, shape (n,), from K(s)."""
         xi = self.vector(xi, "xi")
-        return float(np.linalg.norm(xi - self.project(xi, s)))
+        return float(np.linalg.norm(xi - self.member(xi, s)))
 
     @validated
     def contains(self, xi: ArrayLike, s: float = 0.0, tolerance: float = 1e-12) -> bool:
         """Whether ξ, shape (n,), lies in K(s), up to `tolerance` times its length, or that of K(s)
         towards it."""
         xi = self.vector(xi, "xi")
-        beyond = xi - self.project(xi, s)
+        beyond = xi - self.member(xi, s)
         distance = float(np.linalg.norm(beyond))
         if distance == 0.0:
             return True
@@ -187,6 +208,24 @@ class Dissipation(ABC):
         outside = float(np.linalg.norm(xi - nearest(xi)))
         length = float(np.linalg.norm(xi))
         return outside if outside > 1e-13 * length else -self._depth(xi, length, s, nearest)
+
+    @validated
+    def gauge(self, xi: ArrayLike, s: float = 0.0) -> float:
+        """The least γ ≥ 0 with ξ in γ K(s), for ξ of shape (n,): the polar of Ψ(s, ·), at most 1
+        exactly in K(s); infinite if no multiple of K(s) reaches ξ."""
+        xi = self.vector(xi, "xi")
+        length = float(np.linalg.norm(xi))
+        if length == 0.0:
+            return 0.0
+        direction = xi / length
+        reach = self._reach(direction, s, lambda x: self.project(x, s), 1e-15)
+        # What is normal to K(s) is known best from a little outside, neither far nor too close.
+        beyond = (1.0 + 1e-8) * reach * direction
+        ahead = beyond - self.project(beyond, s)
+        slope = float(ahead @ direction)
+        if slope > 0.0:
+            reach = min(reach, self.support(ahead, s) / slope)
+        return length / reach if reach > 1e-15 * length else np.inf
 
     def holds(self, xi: Array, s: float, noise: float) -> bool:
         """Whether ξ, shape (n,), lies outside K(s) by no more than `noise`."""
@@ -305,6 +344,7 @@ class Dissipation(ABC):
             ("dimension", str(self.dimension)),
             ("depends on", depends),
             *([("phases", known)] if self.depends_on_phase else []),
+            *([("not proved", self.doubt)] if self.doubt else []),
         ]
 
     def _nearest_at(self, s: float) -> Callable[[Array], Array]:
@@ -320,19 +360,24 @@ class Dissipation(ABC):
         if length == 0.0:
             axes = np.eye(self.dimension)
             return min(self.support(sign * e, s) for e in axes for sign in (1.0, -1.0))
-        direction = xi / length
-        reach = self.support(xi, s) / length
+        return max(self._reach(xi / length, s, nearest, 1e-8) - length, 0.0)
+
+    def _reach(
+        self, direction: Array, s: float, nearest: Callable[[Array], Array], accuracy: float
+    ) -> float:
+        """How far a ray, given by a unit vector, goes on inside K(s)."""
+        reach = self.support(direction, s)
         # Newton's method from outside: cut the ray by the supporting hyperplane at the nearest
         # point of K(s).
         for _ in range(60):
             ahead = reach * direction - nearest(reach * direction)
             slope = float(ahead @ direction)
-            if slope <= 1e-12 * length:
+            if slope <= min(1e-12, accuracy) * reach:
                 break
             reach, last = min(reach, self.support(ahead, s) / slope), reach
-            if last - reach <= 1e-8 * last:
+            if last - reach <= accuracy * last:
                 break
-        return max(reach - length, 0.0)
+        return reach
 
 
 @dataclass(frozen=True, eq=False)

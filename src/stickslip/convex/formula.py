@@ -1,0 +1,238 @@
+"""A dissipation as a formula: checked, with its derivatives and its kinks as expressions.
+
+The object that everything shares which is given a dissipation by a formula R(v): evolutions, which
+evaluate it, and contacts, whose equations are made of its expressions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stickslip.arrays import Array
+from stickslip.convex.degree import degree
+from stickslip.convex.directions import Directions
+from stickslip.convex.looking import looked_at
+from stickslip.convex.proof import Proof, linear_guards
+from stickslip.errors import DeclarationError
+from stickslip.kept import cached_property
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.evaluator import evaluator, evaluator_of_numbers
+from stickslip.symbolic.expressions import Expr
+
+_DEGREE_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class Kink:
+    """Where a formula may have no derivative: where some expressions are all zero.
+
+    Attributes
+    ----------
+    zeros : tuple of Expr
+        Homogeneous, each with a gradient.
+    node : Expr
+        The part of the formula that has the kink: a choice, or a power that is not whole.
+    inside : Expr
+        What may stand for that part where all are zero: the same there, and smooth.
+    """
+
+    zeros: tuple[Expr, ...]
+    node: Expr
+    inside: Expr
+
+
+@dataclass(frozen=True)
+class ConvexFormula:
+    """R(v), convex, homogeneous of degree 1 and nonnegative: the support function of a closed
+    convex set K that contains 0. Made by :func:`convex_formula`, which checks it.
+
+    Attributes
+    ----------
+    value : Expr
+        R for v ≠ 0; R(0) = 0.
+    names : tuple of str
+        Components of v.
+    ranges : mapping of str to (float, float)
+        All other names, with the values for which it was checked.
+    homogeneous, convex, nonnegative : str
+        How each is known, in words; empty where it was only looked at.
+    looked_at : int
+        Number of directions in which it was looked at.
+    """
+
+    value: Expr
+    names: tuple[str, ...]
+    ranges: Mapping[str, tuple[float, float]]
+    homogeneous: str
+    convex: str
+    nonnegative: str
+    looked_at: int
+
+    @property
+    def dimension(self) -> int:
+        """Number of components."""
+        return len(self.names)
+
+    @property
+    def proved(self) -> bool:
+        """Whether it is proved to be a support function, not only seen to be one at samples."""
+        return bool(self.homogeneous and self.convex and self.nonnegative)
+
+    @property
+    def said(self) -> str:
+        """What is known of it, in words."""
+        known = {
+            "homogeneous": self.homogeneous,
+            "convex": self.convex,
+            "nonnegative": self.nonnegative,
+        }
+        sampled = f"as sampled in {self.looked_at} directions"
+        ways: dict[str, list[str]] = {}
+        for word, how in known.items():
+            ways.setdefault(how or sampled, []).append(word)
+        return "; ".join(f"{', '.join(words)} {how}" for how, words in ways.items())
+
+    @cached_property
+    def gradient(self) -> tuple[Expr, ...]:
+        """∇R, the point of K that v exposes; within each piece."""
+        return tuple(ex.derivative(self.value, name) for name in self.names)
+
+    @cached_property
+    def hessian(self) -> tuple[tuple[Expr, ...], ...]:
+        """∇²R, whose product with v is 0; within each piece."""
+        return tuple(tuple(ex.derivative(e, name) for name in self.names) for e in self.gradient)
+
+    @cached_property
+    def kinks(self) -> tuple[Kink, ...]:
+        """Where R may have no derivative, besides v = 0."""
+        names = frozenset(self.names)
+        found: dict[Expr, Kink] = {}
+        for e in ex.walk([self.value]):
+            if e.op == "select" and e.args[0].symbols & names:
+                found.setdefault(e, Kink((e.args[0],), e, e.args[1]))
+            for base, p in e.terms if e.op == "prod" else ():
+                if base.symbols & names and p > 0.0 and not p.is_integer():
+                    zeros = tuple(_zeros(base, self.names))
+                    if zeros:
+                        found.setdefault(e, Kink(zeros, e, ex.ZERO))
+        return tuple(found.values())
+
+    @cached_property
+    def numbers(self) -> Callable[[Sequence[float]], list[float]]:
+        """v and the values of the other names, n + k numbers -> R, ∇R and ∇²R, 1 + n + n² numbers
+        one after the other."""
+        rows = [e for row in self.hessian for e in row]
+        return evaluator_of_numbers(
+            [self.value, *self.gradient, *rows], [*self.names, *self.ranges]
+        )
+
+    @cached_property
+    def values(self) -> Callable[[ArrayLike], Array]:
+        """v and the values of the other names, shape (n + k, …) -> R, shape (1, …)."""
+        return evaluator([self.value], [*self.names, *self.ranges])
+
+
+def convex_formula(
+    value: Expr,
+    names: tuple[str, ...],
+    ranges: Mapping[str, tuple[float, float]],
+    where: str,
+    symbol: str = "R",
+) -> ConvexFormula:
+    """A formula that is checked to be a dissipation.
+
+    What can be proved is: homogeneous by its form, convex by rules or by bounds of its second
+    derivatives in all directions, nonnegative by bounds. All of it is looked at besides, in many
+    directions.
+
+    Parameters
+    ----------
+    value : Expr
+    names : tuple of str
+        Components of v.
+    ranges : mapping of str to (float, float)
+        All other names, with the values that they may have.
+    where : str
+        What an error is about.
+    symbol : str
+        How messages call the formula.
+
+    Raises
+    ------
+    DeclarationError
+        If it is not homogeneous of degree 1, negative, or undefined somewhere, or not convex: with
+        two points that show it.
+    """
+    unknown = sorted(value.symbols - {*names} - ranges.keys())
+    if unknown:
+        raise DeclarationError(where, f"unknown name '{unknown[0]}'", f"Use {', '.join(names)}")
+    by_value = evaluator([value], [*names, *ranges])
+    looked = looked_at(
+        lambda v, others: by_value(np.concatenate([v, others]))[0], names, ranges, symbol, where
+    )
+    order = degree(value, names)
+    if order is not None and abs(order - 1.0) > _DEGREE_ROUNDING:
+        raise DeclarationError(
+            where,
+            f"it is homogeneous of degree {order:.6g}, not 1: {symbol}(2 v) is "
+            f"{2.0**order:.6g} {symbol}(v)",
+            "A dissipation that does not depend on how fast things go has degree 1, as "
+            "sqrt(v1**2 + v2**2) has",
+        )
+    looked.check_values()
+    looked.check_degree()
+    looked.check_convex()
+    looked.check_borders(_normals(value, names))
+    directions = Directions(names, ranges)
+    homogeneous = "" if order is None else "by its form"
+    convex = nonnegative = ""
+    if homogeneous:
+        slack = 1e-14 * looked.size
+        if ex.never_negative(value) or directions.nonnegative(value, slack):
+            nonnegative = "by its bounds"
+        convex = Proof(value, directions, looked.size).how
+    return ConvexFormula(value, names, dict(ranges), homogeneous, convex, nonnegative, looked.count)
+
+
+def _normals(value: Expr, names: tuple[str, ...]) -> Array:
+    """Unit normals of the hyperplanes on which a choice of the formula changes."""
+    rows = [
+        [ex.number(ex.derivative(guard, name)) for name in names]
+        for guard in linear_guards(value, names)
+    ]
+    normals = np.array(rows).reshape(len(rows), len(names))
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+
+def _zeros(base: Expr, names: tuple[str, ...]) -> list[Expr]:
+    """What is zero where a sum of powers, or of squares, is; nothing if that is not seen."""
+    terms = base.terms if base.op == "sum" else ((base, 1.0),)
+    if base.op != "sum" or all(c > 0.0 and _powers(term, names) for term, c in terms):
+        found: list[Expr] = []
+        for term, _ in terms:
+            found += _powers(term, names)
+        return list(dict.fromkeys(found))
+    slopes = [ex.derivative(base, name) for name in names]
+    second = [ex.derivative(slope, name) for slope in slopes for name in names]
+    if ex.bends(base, names) or any(e.symbols & {*names} for e in second):
+        return []
+    return [slope for slope in slopes if not ex.is_number(slope)]
+
+
+def _powers(term: Expr, names: tuple[str, ...]) -> list[Expr]:
+    """What is zero where a term is: of even powers, roots and absolute values, what they are of."""
+    if term.op == "select":
+        return [term.args[0]]
+    if term.op != "prod":
+        return [term] if term.symbols & {*names} and not ex.bends(term, names) else []
+    moving = [(base, p) for base, p in term.terms if base.symbols & {*names}]
+    if len(moving) != 1:
+        return []
+    base, p = moving[0]
+    if base.op == "select":
+        return [base.args[0]]
+    return [base] if p % 2.0 == 0.0 and not ex.bends(base, names) else []

@@ -1,0 +1,184 @@
+"""What is convex by its form: the rules of disciplined convex programming.
+
+Sums of what is convex are; so are the larger of two, absolute values, powers from 1 on of what is
+convex and not negative, and roots of sums of such powers, which are norms (Minkowski).
+
+Source: M. Grant, S. Boyd and Y. Ye, *Disciplined convex programming*, in: Global Optimization
+(2006) 155-210.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+
+from stickslip.convex.directions import Directions
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.enclosures import splits
+from stickslip.symbolic.expressions import Expr
+
+AFFINE_SHAPE, CONVEX, CONCAVE = 0, 1, -1
+_ROUNDING = 1e-14
+
+
+class ConvexRules:
+    """What the rules say of expressions in some directions.
+
+    Parameters
+    ----------
+    directions : Directions
+    """
+
+    def __init__(self, directions: Directions) -> None:
+        self.directions = directions
+        self.names: frozenset[str] = frozenset(directions.names)
+        self._shapes: dict[Expr, int | None] = {}
+        self._signs: dict[Expr, bool] = {}
+
+    def shape(self, e: Expr) -> int | None:
+        """AFFINE_SHAPE, CONVEX or CONCAVE in v, or None if no rule tells."""
+        if e not in self._shapes:
+            self._shapes[e] = None
+            self._shapes[e] = self._shape(e)
+        return self._shapes[e]
+
+    def nonnegative(self, e: Expr) -> bool:
+        """Whether an expression is seen to have no negative value."""
+        if e not in self._signs:
+            seen = ex.never_negative(e)
+            self._signs[e] = seen or self.directions.nonnegative(e)
+        return self._signs[e]
+
+    def _shape(self, e: Expr) -> int | None:
+        if not e.symbols & self.names:
+            return AFFINE_SHAPE
+        match e.op:
+            case "sym":
+                return AFFINE_SHAPE
+            case "sum":
+                shapes = [self._turned(self.shape(term), c > 0.0) for term, c in e.terms]
+                return None if None in shapes else _together([s for s in shapes if s is not None])
+            case "prod":
+                return self._shape_of_product(e)
+            case "select":
+                return self._shape_of_larger(e)
+        return None
+
+    def _shape_of_product(self, e: Expr) -> int | None:
+        factor, moving = self._parted(e)
+        if len(moving) != 1:
+            return None
+        shape = self._shape_of_power(*moving[0])
+        if shape == AFFINE_SHAPE or shape is None:
+            return shape
+        if self.nonnegative(factor):
+            return shape
+        return -shape if self.nonnegative(-factor) else None
+
+    def _parted(self, e: Expr) -> tuple[Expr, list[tuple[Expr, float]]]:
+        """What of a product does not depend on v, and the other factors with their exponents."""
+        terms = e.terms if e.op == "prod" else ((e, 1.0),)
+        fixed = [ex.power(base, ex.num(p)) for base, p in terms if not base.symbols & self.names]
+        moving = [(base, p) for base, p in terms if base.symbols & self.names]
+        return ex.multiply(*fixed) if fixed else ex.ONE, moving
+
+    def _shape_of_power(self, base: Expr, p: float) -> int | None:
+        if p == 1.0:
+            return self.shape(base)
+        if 0.0 < p < 1.0 and self._is_norm(base, _whole(1.0 / p)):
+            return CONVEX
+        shape = self.shape(base)
+        if shape is None:
+            return None
+        if p > 1.0:
+            return CONVEX if self._power_is_convex(base, p) else None
+        if shape == CONVEX or not self.nonnegative(base):
+            return None
+        return CONCAVE if p > 0.0 else CONVEX
+
+    def _power_is_convex(self, f: Expr, q: float) -> bool:
+        """Whether fᵠ is the power of what is convex and nonnegative: of |f| where q is even."""
+        shape = self.shape(f)
+        if shape is None or q < 1.0:
+            return False
+        even = q % 2.0 == 0.0
+        if shape != CONCAVE and ((even and shape == AFFINE_SHAPE) or self.nonnegative(f)):
+            return True
+        return even and shape == CONCAVE and self.nonnegative(-f)
+
+    def _is_norm(self, base: Expr, q: float) -> bool:
+        """Whether the root of order q is one of a sum of powers of order q."""
+        terms = base.terms if base.op == "sum" else ((base, 1.0),)
+        if base.op == "sum" and float(base.value):
+            return False
+        if all(c > 0.0 and self._is_power(term, q) for term, c in terms):
+            return True
+        return q == 2.0 and is_nonnegative_form(base, self.directions)
+
+    def _is_power(self, term: Expr, q: float) -> bool:
+        factor, moving = self._parted(term)
+        if not moving:
+            return False
+        f = ex.multiply(*(ex.power(base, ex.num(_whole(p / q))) for base, p in moving))
+        return f is not term and self._power_is_convex(f, q) and self.nonnegative(factor)
+
+    def _shape_of_larger(self, e: Expr) -> int | None:
+        """Of the larger of two, or the smaller."""
+        guard, above, below = e.args
+        if not guard.symbols & self.names:
+            shapes = [self.shape(above), self.shape(below)]
+            return None if None in shapes else _together([s for s in shapes if s is not None])
+        difference = above - below
+        signs = {
+            c > 0.0 for c, constant, rest in splits(difference, guard) if not rest and not constant
+        }
+        if len(signs) != 1:
+            return None
+        wanted = CONVEX if signs.pop() else CONCAVE
+        return wanted if {self.shape(above), self.shape(below)} <= {AFFINE_SHAPE, wanted} else None
+
+    def _turned(self, shape: int | None, positive: bool) -> int | None:
+        return shape if positive or shape is None else -shape
+
+
+def _together(shapes: Sequence[int]) -> int | None:
+    """The shape of a sum."""
+    return None if {CONVEX, CONCAVE} <= set(shapes) else sum(set(shapes))
+
+
+def _whole(q: float) -> float:
+    """An exponent, without the rounding of 1/(1/3)."""
+    return float(round(q)) if abs(q - round(q)) <= _ROUNDING * abs(q) else q
+
+
+def is_nonnegative_form(e: Expr, directions: Directions) -> bool:
+    """Whether an expression is seen to be ⟨v, Q v⟩ with a positive semidefinite Q: exactly, if Q
+    is made of numbers."""
+    names = directions.names
+    if ex.bends(e, names):
+        return False
+    matrix = [[ex.derivative(ex.derivative(e, a), b) for b in names] for a in names]
+    if any(entry.symbols & {*names} for row in matrix for entry in row):
+        return False
+    rest = ex.substitute(e, dict.fromkeys(names, ex.ZERO))
+    slopes = [ex.substitute(ex.derivative(e, a), dict.fromkeys(names, ex.ZERO)) for a in names]
+    if not all(ex.is_number(part, 0.0) for part in (rest, *slopes)):
+        return False
+    if all(ex.is_number(entry) for row in matrix for entry in row):
+        return _is_semidefinite([[Fraction(ex.number(x)) for x in row] for row in matrix])
+    return Directions((), directions.others).positive_semidefinite(matrix)
+
+
+def _is_semidefinite(matrix: list[list[Fraction]]) -> bool:
+    """Whether a symmetric matrix has no negative eigenvalue, by exact elimination."""
+    size = len(matrix)
+    if any(matrix[i][i] < 0 for i in range(size)):
+        return False
+    pivot = next((i for i in range(size) if matrix[i][i] > 0), None)
+    if pivot is None:
+        return not any(any(row) for row in matrix)
+    others = [i for i in range(size) if i != pivot]
+    top = matrix[pivot][pivot]
+    return _is_semidefinite(
+        [[matrix[i][j] - matrix[i][pivot] * matrix[pivot][j] / top for j in others] for i in others]
+    )
