@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 _DEPENDENT = 1e-10  # part of its size by which a direction may miss the span of others
 _RESOLVED = 1e-10  # part of the time below which a step is too short to be looked into
-_CLOSE = 1e-8  # part of a step before its end
+_CLOSE, _ROUNDED = 1e-12, 4e-16  # parts of a step before its end, and of a velocity
 _MOST_TURNS, _SETTLED = 2000, 1e-14  # of the search for a mechanism
 _TANGENT = 1e-9  # part of its terms below which a guard vanishes without speed
 
@@ -120,7 +120,11 @@ def _right_before(motion: Trajectory, knot: int) -> tuple[float, Array]:
     rates = (states - k.state[knot]) / (parts * left)[:, None]
     # by a parabola in the time that is left
     limit = (rates[0] - 6.0 * rates[1] + 8.0 * rates[2]) / 3.0
-    return float(k.time[knot]), k.state[knot] + _CLOSE * left * limit
+    # The closer the better, but u is a difference of velocities, which are rounded.
+    moving = [i for i, name in enumerate(motion.system.declaration.state) if name[:2] == "d_"]
+    rounding = _ROUNDED * float(np.max(np.abs(k.state[knot, moving]), initial=0.0))
+    close = np.sqrt(rounding / max(float(np.max(np.abs(limit[moving]), initial=0.0)), 1e-300))
+    return float(k.time[knot]), k.state[knot] + max(close, _CLOSE * left) * limit
 
 
 def _events(
