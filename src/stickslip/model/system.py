@@ -210,7 +210,7 @@ class Unilateral:
 
     Thresholds of all contacts of inertial coordinates may use its normal force, by the name
     ``normal_foot`` for a contact called foot; they are linear in normal forces, of which there may
-    be several. Friction in a plane has one, which it may not change.
+    be several. Friction in a plane has one; it may change it, if it is alone on its body.
 
     Attributes
     ----------

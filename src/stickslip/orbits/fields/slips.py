@@ -9,8 +9,8 @@ Neighbours come to rest earlier or later, and what was left of u in all directio
 
 Contacts that share forces leave together once no forces hold the body: h is the least Σ s|Gw| − q·w
 over its mechanisms w (:mod:`stickslip.motion.admissible.overload`), whose derivatives are those
-with the mechanism held. They come to rest together: then h² = uᵀ(J M⁻¹ Jᵀ)⁺u. Near the end u has one
-direction and its length falls evenly, and to first order the time that is left is that of h,
+with the mechanism held. They come to rest together: then h² = uᵀ(J M⁻¹ Jᵀ)⁺u. Near the end u has
+one direction and its length falls evenly, and to first order the time that is left is that of h,
 whatever little of other directions u has: M times that direction is the left null vector of the
 linear decay of the others.
 """
