@@ -124,7 +124,7 @@ def _equal(a: Expr, b: Expr) -> bool:
     if any(e.op == "select" or _is_sampled(e) for e in ex.walk([off])):
         return False
     compared = 0
-    for point in _points(off):
+    for point in _points(a, b):
         pair = [_value(e)(point) for e in (a, b)]
         if all(map(math.isfinite, pair)):
             compared += 1
@@ -137,9 +137,9 @@ def _is_sampled(e: Expr) -> bool:
     return e.op in FUNCTIONS and FUNCTIONS[e.op].sampled
 
 
-def _points(e: Expr) -> Iterator[dict[str, float]]:
+def _points(*expressions: Expr) -> Iterator[dict[str, float]]:
     """Places at which expressions are compared."""
-    names = sorted(e.symbols)
+    names = sorted({name for e in expressions for name in e.symbols})
     for turn in range(1, _POINTS + 1):
         sizes = (0.5 + (0.381966 * turn + 0.55455 * i) % 1.0 for i in range(len(names)))
         signs = (-1.0 if turn > 2 and (turn * (i + 3) // 2) % 2 else 1.0 for i in range(len(names)))

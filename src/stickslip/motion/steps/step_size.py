@@ -90,8 +90,9 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
         if W[r, N - 1] == 0.0 and W[r, N if i < n else N - 2] == 0.0:
             h = min(h, sparse_step(W[r], N if i < n else N - 1, tol))
         value, slope = abs(W[r, 0]), abs(W[r, 1])
-        if len(flow.rows.planes) > 0:
-            # The direction of a slip counts, not its smaller component.
+        if len(flow.rows.planes) > 0 and not seen[i] > 0.0:
+            # Where a motion is followed again, the direction of a slip counts, and not its smaller
+            # component.
             other = companion(flow.rows, r)
             value, slope = max(value, abs(W[other, 0])), max(slope, abs(W[other, 1]))
         size = LEAST_SIZE + value + slope * (last / unit) + flow.atol * max(value, seen[i])
