@@ -27,7 +27,7 @@ def pendulum_bearing(**given: float | str | TimeFunction) -> System:
         title="Mass in a shaken dish",
         source="Zayas, Low, Mahin 1990; Almazán, De la Llera, Inaudi 1998",
         parameters={
-            "m": Parameter(1000.0, "kg", "mass", "(0, inf)"),
+            "m": Parameter(1.0, "kg", "mass", "(0, inf)"),
             "mu": Parameter(0.05, "1", "coefficient of friction", "[0, inf)"),
             "g": Parameter(9.81, "m/s^2", "acceleration of gravity", "(0, inf)"),
             "R": Parameter(1.0, "m", "radius of the dish", "(0, inf)"),
