@@ -43,7 +43,8 @@ _SOLVED, _RIGHT, _PLACE, _TRIED, _U, _V, _SIZE, _BETA, _FIRST = range(9)
 
 @compiled()
 def begin_together(flow: Flow) -> bool:
-    """Whether several slips begin, all of them of contacts that may share forces."""
+    """Whether all slips that begin are of contacts that may share forces: those that stick leave
+    them not every direction."""
     rows = flow.rows
     group = -1
     count = 0
@@ -54,7 +55,7 @@ def begin_together(flow: Flow) -> bool:
                 return False
             group = own
             count += 1
-    return count > 1
+    return count > 0
 
 
 @compiled()
