@@ -703,7 +703,7 @@ def solves(machine: Machine, flow: Flow, lane: Lane, h: float, which: int) -> bo
     for p in range(len(rows.planes)):
         first = rows.planes[p, COMPONENT]
         before[first] = lane.mode[first]
-        if ends(flow, lane.mode, which, p, t, h):
+        if ends_slip(flow, lane.mode, which, p, t, h):
             take_direction(rows, p, space.W, flow.order, h / space.W[len(lane.y), 1], space.V)
             give_direction(rows, p, lane.mode, DIRECTION_GIVEN)
     status = coefficients(machine, flow, Instant(t, space.trial, lane.mode, lane.reg), 1, space.V)
@@ -715,7 +715,7 @@ def solves(machine: Machine, flow: Flow, lane: Lane, h: float, which: int) -> bo
 
 
 @compiled()
-def ends(flow: Flow, mode: Array, which: int, p: int, t: float, h: float) -> bool:
+def ends_slip(flow: Flow, mode: Array, which: int, p: int, t: float, h: float) -> bool:
     """Whether the slip of a contact in a plane ends at the end of a step: where its own guard
     fires; where that of another one does, or of one along a line of the same body, if its speed
     cannot be told from nothing there.
@@ -771,7 +771,7 @@ def rest_together(flow: Flow, lane: Lane, which: int, h: float) -> None:
     rows = flow.rows
     ended = contact_of(which, len(rows.kinks))
     for p in range(len(rows.planes)):
-        if rows.planes[p, COMPONENT] != ended and ends(
+        if rows.planes[p, COMPONENT] != ended and ends_slip(
             flow, lane.mode, which, p, lane.clock[NOW], h
         ):
             set_mode(rows, lane.mode, rows.planes[p, COMPONENT], 0)
