@@ -158,7 +158,7 @@ class MotionEquations:
     members : list of tuple of DryContact
         What each of them was declared as: several whose relative velocities are multiples of one
         another are one, since stick is a velocity that is zero, whichever of them holds. It moves
-        with the relative velocity of the first.
+        with the relative velocity of the first. So are several floors, by the name of the first.
     planes : list of Plane
         Contacts in a plane.
     inertial_force, viscous_force : list of Expr
@@ -243,6 +243,9 @@ class MotionEquations:
         the sum of them.
         """
         whole = self.contacts[i]
+        if c.opens:
+            held = _share(c, self.members[i]) * ex.sym(f"lambda:{i}")
+            return held, ex.ZERO, ex.ZERO, ex.ZERO, ex.ZERO
         width = ex.add((whole.plus, 1.0), (whole.minus, 1.0), (ex.num(_NO_FORCE), 1.0))
         share = (ex.sym(f"lambda:{i}") + whole.plus) * (c.plus + c.minus) / width
 
@@ -366,7 +369,12 @@ def _equations_of(d: Declaration) -> MotionEquations:
         d.contacts, key=lambda c: (_KINDS.index(c.kind), own.get(next(iter(c.direction)), 0))
     )
     groups = one_by_direction(contacts, frozenset(d.parameters))
-    normals = {c.name: ex.sym(f"lambda:{i}") for i, (c, *_) in enumerate(groups) if c.opens}
+    normals = {
+        c.name: _share(c, own) * ex.sym(f"lambda:{i}")
+        for i, own in enumerate(groups)
+        for c in own
+        if c.opens
+    }
     members = [tuple(_name_speed(c, i, normals) for c in own) for i, own in enumerate(groups)]
     contacts = [_sum_of(own) for own in members]
     planes = _planes(contacts)
@@ -457,13 +465,19 @@ def _sum_of(own: Sequence[DryContact]) -> DryContact:
     totals = zip(*(_seen_from_first(c) for c in own), strict=True)
     return replace(
         own[0],
-        name=JOINED.join(c.name for c in own),
+        name=own[0].name if own[0].opens else JOINED.join(c.name for c in own),
         on=next((c.on for c in own if c.on), ""),
         **{
             side: ex.add(*((part, 1.0) for part in parts))
             for side, parts in zip(sides, totals, strict=True)
         },
     )
+
+
+def _share(c: DryContact, own: Sequence[DryContact]) -> Expr:
+    """What each of several floors that are one has of the normal force: the least forces with that
+    sum."""
+    return c.ratio / ex.add(*((other.ratio**2, 1.0) for other in own))
 
 
 def _seen_from_first(c: DryContact) -> tuple[Expr, Expr, Expr, Expr]:
