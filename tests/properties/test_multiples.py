@@ -330,7 +330,7 @@ def test_floors_under_one_foot(r: float, rubs: bool) -> None:
     with friction under it, and impacts."""
 
     def hopper(gaps: Mapping[str, str], mu: str) -> ss.System:
-        friction = {"direction": "d_x", "mu": mu} if rubs else {}
+        friction: dict[str, Any] = {"direction": "d_x", "mu": mu} if rubs else {}
         floors = {
             name: ss.Unilateral(gap, restitution=0.5, **friction) for name, gap in gaps.items()
         }
