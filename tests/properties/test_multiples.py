@@ -321,3 +321,47 @@ def test_planes_along_multiples(seed: int) -> None:
     np.testing.assert_allclose(changes, one.events["time"], rtol=1e-8)
     for name, value in one.final.items():
         assert two.final[name] == pytest.approx(value, abs=1e-8)
+
+
+@pytest.mark.parametrize("rubs", [False, True])
+@pytest.mark.parametrize("r", [1.0, 2.5])
+def test_floors_under_one_foot(r: float, rubs: bool) -> None:
+    """Floors whose gaps are multiples of one another are closed together, and share their force;
+    with friction under it, and impacts."""
+
+    def hopper(gaps: Mapping[str, str], mu: str) -> ss.System:
+        friction: dict[str, Any] = {"direction": "d_x", "mu": mu} if rubs else {}
+        floors = {
+            name: ss.Unilateral(gap, restitution=0.5, **friction) for name, gap in gaps.items()
+        }
+        return ss.System(
+            name="hopper",
+            parameters={"P": ss.Parameter(13.0)},
+            coordinates={"x": ss.Inertial(), "y": ss.Inertial()},
+            kinetic="(d_x**2 + d_y**2)/2",
+            potential="x**2/2 - 2*x*sin(t) + 10*y + P*y*sin(2*t)",
+            contacts=floors,
+            initial={"x": 0.5},
+            span=(0, 20),
+        )
+
+    # N = N_f + r N_g, shared as 1 to r
+    two = ss.simulate(hopper({"f": "y", "g": f"{r!r}*y"}, "0.3"))
+    one = ss.simulate(hopper({"f": "y"}, f"{0.3 * (1 + r) / (1 + r * r)!r}"))
+    assert two.certificate.ok, two.certificate
+    assert two.n_switches == one.n_switches > 10
+    np.testing.assert_allclose(two.events["time"], one.events["time"], rtol=1e-9)
+    assert set(two.events["contact"]) == {"f + g"}
+    assert len(two.impacts) == len(one.impacts) > 100
+    for name in "fg":
+        np.testing.assert_array_equal(two.modes[name], one.modes["f"])
+    times = np.linspace(0.01, 20, 301)
+    data, whole = two.at(times), one.at(times)
+    np.testing.assert_allclose(data["gap_g"], r * data["gap_f"], atol=1e-12)
+    assert np.all((data["normal_g"] > 0) == (data["normal_f"] > 0))
+    total = data["normal_f"] + r * data["normal_g"]
+    np.testing.assert_allclose(total, whole["normal_f"], atol=1e-8)
+    late = np.array([6.5, 15.9])
+    slopes = two.sensitivity(["P"], late, of=["y", "normal_f", "normal_g", "gap_g"])
+    np.testing.assert_allclose(slopes["gap_g"], r * slopes["y"], atol=1e-9)
+    np.testing.assert_allclose(slopes["normal_g"], r * slopes["normal_f"], atol=1e-9)

@@ -161,7 +161,7 @@ class MotionEquations:
     members : list of tuple of DryContact
         What each of them was declared as: several whose relative velocities are multiples of one
         another are one, since stick is a velocity that is zero, whichever of them holds. It moves
-        with the relative velocity of the first.
+        with the relative velocity of the first. So are several floors, by the name of the first.
     planes : list of Plane
         Contacts in a plane.
     inertial_force, viscous_force : list of Expr
@@ -246,6 +246,9 @@ class MotionEquations:
         the sum of them.
         """
         whole = self.contacts[i]
+        if c.opens:
+            held = _share(c, self.members[i]) * ex.sym(f"lambda:{i}")
+            return held, ex.ZERO, ex.ZERO, ex.ZERO, ex.ZERO
         width = ex.add((whole.plus, 1.0), (whole.minus, 1.0), (ex.num(_NO_FORCE), 1.0))
         share = (ex.sym(f"lambda:{i}") + whole.plus) * (c.plus + c.minus) / width
 
@@ -395,8 +398,8 @@ def _equations_of(d: Declaration) -> MotionEquations:
         d.contacts, key=lambda c: (_KINDS.index(c.kind), own.get(next(iter(c.direction), ""), 0))
     )
     groups = one_by_direction(contacts, frozenset(d.parameters))
-    normals = {own[0].name: i for i, own in enumerate(groups) if own[0].opens}
-    glued = [i for i in normals.values() if groups[i][0].plus is not ex.ZERO]
+    normals = {c.name: (i, _share(c, own)) for i, own in enumerate(groups) for c in own if c.opens}
+    glued = [i for i, own in enumerate(groups) if own[0].opens and own[0].plus is not ex.ZERO]
     members = [tuple(_named(c, i, normals, glued) for c in own) for i, own in enumerate(groups)]
     contacts = [_sum_of(own) for own in members]
     planes = _planes(contacts)
@@ -490,13 +493,19 @@ def _sum_of(own: Sequence[DryContact]) -> DryContact:
     totals = zip(*(_seen_from_first(c) for c in own), strict=True)
     return replace(
         own[0],
-        name=JOINED.join(c.name for c in own),
+        name=own[0].name if own[0].opens else JOINED.join(c.name for c in own),
         on=next((c.on for c in own if c.on), ""),
         **{
             side: ex.add(*((part, 1.0) for part in parts))
             for side, parts in zip(sides, totals, strict=True)
         },
     )
+
+
+def _share(c: DryContact, own: Sequence[DryContact]) -> Expr:
+    """What each of several floors that are one has of the normal force: the least forces with that
+    sum."""
+    return c.ratio / ex.add(*((other.ratio**2, 1.0) for other in own))
 
 
 def _seen_from_first(c: DryContact) -> tuple[Expr, Expr, Expr, Expr]:
@@ -511,15 +520,17 @@ def _seen_from_first(c: DryContact) -> tuple[Expr, Expr, Expr, Expr]:
     )
 
 
-def _named(c: DryContact, i: int, normals: dict[str, int], glued: list[int]) -> DryContact:
+def _named(
+    c: DryContact, i: int, normals: dict[str, tuple[int, Expr]], glued: list[int]
+) -> DryContact:
     """Give each contact's ``speed`` its own symbol, and normal forces those of the forces.
 
     What adheres is pressed by as much as it adheres, ``glue:i``; λ is the whole pressure. It makes
     the contact's own friction, and others know of N = λ − glue.
     """
     own = {"speed": ex.absolute(c.ratio) * ex.sym(f"speed:{i}")}
-    for name, n in normals.items():
-        pressure = ex.sym(f"lambda:{n}")
+    for name, (n, share) in normals.items():
+        pressure = share * ex.sym(f"lambda:{n}")
         others = n in glued and c.on != name
         own[name] = pressure - ex.sym(f"glue:{n}") if others else pressure
     return replace(

@@ -615,7 +615,8 @@ class _Solver:
         against = sides[2 * (abs(mode) // 2) + (0 if mode > 0 else 1)]
         force = held if mode == 0 else -against if mode > 0 else against
         speed, force, plus, minus = map(self.fix, (c.ratio * u, force, c.plus, c.minus))
-        return ContactField(c.name, c.kind, speed, force, plus, minus)
+        gap = None if c.gap is None else self.fix(c.gap)
+        return ContactField(c.name, c.kind, speed, force, plus, minus, gap)
 
     def room(self, i: int) -> Expr:
         """What must be nonnegative of a contact in a plane, by its first component."""

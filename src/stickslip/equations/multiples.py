@@ -1,8 +1,10 @@
-"""Contacts along lines whose relative velocities are multiples of one another.
+"""Contacts along lines whose relative velocities are multiples of one another, and floors whose
+gaps are.
 
 Stick is a relative velocity that is zero, whichever force holds it: a brake on a shaft and one
 behind a gear, d_x and −2*d_x on surfaces that fit, come to rest together. As two contacts they
-would be one equation of stick too many.
+would be one equation of stick too many. Two floors under one foot are closed while their gap is
+zero, whichever of them carries it.
 """
 
 from __future__ import annotations
@@ -27,9 +29,10 @@ _POINTS = 6
 def one_by_direction(
     contacts: Sequence[DryContact], parameters: frozenset[str]
 ) -> list[list[DryContact]]:
-    """Contacts in groups whose relative velocities are multiples of that of the first of each.
+    """Contacts in groups whose relative velocities are multiples of that of the first of each;
+    those that open are together where their gaps are, by positive numbers, and rebound alike.
 
-    Those that open, have no mass and no viscosity, or rub in a plane are alone.
+    Those that have no mass and no viscosity, or rub in a plane, are alone.
 
     Raises
     ------
@@ -40,7 +43,16 @@ def one_by_direction(
     normals = frozenset(c.name for c in contacts if c.opens)
     groups: list[list[DryContact]] = []
     alike: dict[tuple[str, ...], list[list[DryContact]]] = {}
+    floors = list[list[DryContact]]()
     for c in contacts:
+        if c.opens and not c.side_of:
+            found = next((g for g in floors if _is_floor_of(c, g[0])), None)
+            if found is None:
+                floors.append([c])
+                groups.append(floors[-1])
+            else:
+                found.append(replace(c, ratio=_simplest(_gap(c), _gap(found[0]))))
+            continue
         own = [c]
         if not (c.opens or c.plane or c.kind == Kind.RATE_INDEPENDENT):
             known = alike.setdefault(tuple(sorted(c.direction)), [])
@@ -50,10 +62,24 @@ def one_by_direction(
             known.append(own)
         groups.append(own)
     for i, own in enumerate(groups):
-        if len(own) > 1:
+        if len(own) > 1 and not own[0].opens:
             first, *others = _from_first(own, parameters)
             groups[i] = [replace(first, restitution=_restitution(own, normals)), *others]
     return groups
+
+
+def _gap(c: DryContact) -> Expr:
+    return c.gap if c.gap is not None else ex.ZERO
+
+
+def _is_floor_of(c: DryContact, other: DryContact) -> bool:
+    """Whether a gap is that of another contact, or a positive multiple, and rebounds alike."""
+    if c.restitution is not other.restitution or _gap(other).symbols != _gap(c).symbols:
+        return False
+    if c.plus is not ex.ZERO or other.plus is not ex.ZERO:
+        return False  # each adheres for itself
+    ratio = _simplest(_gap(c), _gap(other))
+    return ratio.op == "num" and ex.number(ratio) > 0.0
 
 
 def _is_multiple(c: DryContact, other: DryContact) -> bool:

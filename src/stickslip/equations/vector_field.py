@@ -172,7 +172,8 @@ def vector_field(
             back = " and ".join(f"'{short(c.name)}'" for c in own if c.name in turned)
             raise DeclarationError(
                 "modes",
-                f"{said} rub along one direction" + (f", {back} backward" if back else ""),
+                f"{said} {'have one gap' if own[0].gap else 'rub along one direction'}"
+                + (f", {back} backward" if back else ""),
                 "Give them modes that fit" if back else "Give them one mode",
             )
     mode = tuple(signs[own[0].name] for own in equations.members)

@@ -182,7 +182,9 @@ class Trajectory(Result):
                 rows |= {f"{kind}_{key}": own[kind] for kind in kinds}
                 rows[f"slip_speed_{key}"] = u
         for key, i in self._openings.items():
-            rows |= {f"normal_{key}": layout.force[i], f"gap_{key}": layout.gaps[i]}
+            whole = layout.force[i], 0, 0, layout.gaps[i]
+            force, *_, gap = layout.parts.get(f"normal_{key}", whole)
+            rows |= {f"normal_{key}": force, f"gap_{key}": gap}
         return rows | {f"normal_{contact_key(name)}": i for name, i in layout.carrying.items()}
 
     @cached_property
@@ -734,7 +736,12 @@ class Trajectory(Result):
         opening = {normal_force(name): name for name in self.system.unilateral}
         planes = {part: name for name, parts in self.system.planes.items() for part in parts}
         found: dict[str, Array] = {}
-        for i, (c, own) in enumerate(zip(equations.contacts, equations.members, strict=True)):
+        switching = [
+            one
+            for i, (c, own) in enumerate(zip(equations.contacts, equations.members, strict=True))
+            for one in ([(i, floor, (floor,)) for floor in own] if c.opens else [(i, c, own)])
+        ]
+        for i, c, own in switching:
             if c.side_of or self._opens_apart(own):
                 continue
             name = opening.get(c.name) or planes.get(c.name, c.name)
@@ -752,8 +759,8 @@ class Trajectory(Result):
         return found
 
     def _opens_apart(self, own: tuple[DryContact, ...]) -> bool:
-        """Whether several contacts that are one can each open."""
-        return len(own) > 1 and all(c.name in self.system.unilateral for c in own)
+        """Whether several contacts that are one can each open, or are floors that are one."""
+        return len(own) > 1 and (own[0].opens or all(c.name in self.system.unilateral for c in own))
 
     @cached_property
     def _published(self) -> Array:
@@ -773,10 +780,11 @@ class Trajectory(Result):
             if (backward := self._turned.get(contact_key(name))) is not None:
                 seen[:, j] = np.where(backward & (mode[:, j] <= 1), -mode[:, j], mode[:, j])
         joined: dict[tuple[int, int], str] = {}
+        opening = {normal_force(name): name for name in self.system.unilateral}
         for own in self._problem.compiled.equations.members:
             if not self._opens_apart(own):
                 continue
-            columns = [names.index(c.name) for c in own]
+            columns = [names.index(opening.get(c.name, c.name)) for c in own]
             for knot in np.flatnonzero(np.count_nonzero(changes[:, columns], axis=1) > 1):
                 alike: dict[tuple[int, int], list[int]] = {}
                 for j in columns:

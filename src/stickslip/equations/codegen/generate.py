@@ -874,7 +874,8 @@ class _Generator:
         for i, own in enumerate(self.eq.members):
             for c in own if len(own) > 1 else ():
                 sides = tape.row(c.plus), tape.row(c.minus)
-                u = tape.row(c.ratio * ex.sym(f"u:{i}"))
+                # of floors the gap
+                u = tape.row(c.ratio * ex.sym(f"u:{i}") if c.gap is None else c.gap)
                 layout.parts[c.name] = (self.part(i, c), *sides, u)
         facing: dict[str, list[tuple[Expr, float]]] = {}
         for i, c in enumerate(self.eq.contacts):

@@ -165,7 +165,8 @@ def mark_leaving(flow: Flow, mode: Array, group: int, rank: int, fastest: float)
             other = partner(rows, c)
             moves = 0
             if math.hypot(x, y) > MOVES * fastest:
-                moves = 1 if other >= 0 or x > 0.0 else -1
+                # Forces along w are those against a slip along −w.
+                moves = 1 if other >= 0 or x < 0.0 else -1
             flow.space.leaving[c] = moves
             if other >= 0:
                 flow.space.leaving[other] = moves

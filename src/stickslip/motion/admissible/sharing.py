@@ -161,8 +161,8 @@ def grip(flow: Flow, mode: Array, table: Array, group: int) -> tuple[int, int]:
 
 
 @compiled(brief=True)
-def is_gripped(flow: Flow, table: Array, first: int, other: int, rank: int) -> bool:
-    """Whether both components of a contact depend on what sticks in its group.
+def is_gripped(flow: Flow, table: Array, c: int, rank: int) -> bool:
+    """Whether the directions of a contact depend on what sticks in its group.
 
     Parameters
     ----------
@@ -170,18 +170,20 @@ def is_gripped(flow: Flow, table: Array, first: int, other: int, rank: int) -> b
         With the basis of what sticks.
     table : array
         Values of the rows.
-    first, other : int
-        The components.
+    c : int
+        The contact, by its first component.
     rank : int
         Number of vectors of the basis.
     """
     basis = flow.space.basis
     n = flow.rows.sizes[INERTIAL]
-    place_direction(flow, table, first, basis[rank])
+    place_direction(flow, table, c, basis[rank])
     if is_new(n, basis, rank, _INDEPENDENT):
         return False
-    place_direction(flow, table, other, basis[rank])
-    return not is_new(n, basis, rank, _INDEPENDENT)
+    other = partner(flow.rows, c)
+    if other >= 0:
+        place_direction(flow, table, other, basis[rank])
+    return other < 0 or not is_new(n, basis, rank, _INDEPENDENT)
 
 
 @compiled(brief=True)

@@ -698,33 +698,64 @@ def solves(machine: Machine, flow: Flow, lane: Lane, h: float, which: int) -> bo
     """
     rows = flow.rows
     space = flow.space
-    p = slip_that_ends(rows, lane.mode, which)
-    before = 1
-    if p >= 0:
-        take_direction(rows, p, space.W, flow.order, h / space.W[len(lane.y), 1], space.V)
-        before = lane.mode[rows.planes[p, COMPONENT]]
-        give_direction(rows, p, lane.mode, DIRECTION_GIVEN)
-    ahead = Instant(lane.clock[NOW] + h, space.trial, lane.mode, lane.reg)
-    status = coefficients(machine, flow, ahead, 1, space.V)
-    if p >= 0:
-        give_direction(rows, p, lane.mode, before)
+    t = lane.clock[NOW] + h
+    before = space.touched
+    for p in range(len(rows.planes)):
+        first = rows.planes[p, COMPONENT]
+        before[first] = lane.mode[first]
+        if ends_slip(flow, lane.mode, which, p, t, h):
+            take_direction(rows, p, space.W, flow.order, h / space.W[len(lane.y), 1], space.V)
+            give_direction(rows, p, lane.mode, DIRECTION_GIVEN)
+    status = coefficients(machine, flow, Instant(t, space.trial, lane.mode, lane.reg), 1, space.V)
+    for p in range(len(rows.planes)):
+        give_direction(rows, p, lane.mode, before[rows.planes[p, COMPONENT]])
     if status != OK:
         return True  # the rates are not determined here, which the next step finds out
     return keeps(flow, space.V, space.trial, lane.seen, h)
 
 
 @compiled()
-def slip_that_ends(rows: Rows, mode: Array, guard: int) -> int:
-    """The contact in a plane, of what has mass, whose slip ends where a guard fires; or −1."""
-    c = contact_of(guard, len(rows.kinks)) if guard >= len(rows.kinks) else NOWHERE
-    p = rows.plane[c] if 0 <= c < len(rows.u) else NOWHERE
-    return p if p >= 0 and rows.planes[p, MASSIVE] == 1 and mode[c] != 0 else NOWHERE
+def ends_slip(flow: Flow, mode: Array, which: int, p: int, t: float, h: float) -> bool:
+    """Whether the slip of a contact in a plane ends at the end of a step: where its own guard
+    fires; where that of another one does, or of one along a line of the same body, if its speed
+    cannot be told from nothing there.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the series of the step.
+    mode : array of int, shape (contacts,)
+        In the step.
+    which : int
+        The guard that fires, or negative.
+    p : int
+        The plane.
+    t, h : float
+        End and length of the step.
+    """
+    rows = flow.rows
+    mag = flow.space.mag
+    first, other = rows.planes[p, COMPONENT], rows.planes[p, OTHER]
+    c = contact_of(which, len(rows.kinks)) if which >= len(rows.kinks) else NOWHERE
+    if c < 0 or c >= rows.sizes[ON_INERTIAL] or mode[c] == 0 or opens(rows, c):
+        return False
+    if c == first:
+        return True
+    slips = rows.planes[p, MASSIVE] == 1 and (mode[first] == 1 or mode[first] == 2)
+    if not slips or is_loose(rows, mode, first):
+        return False
+    if rows.plane[c] < 0 and (rows.group[c] < 0 or rows.group[c] != rows.group[first]):
+        return False
+    row = flow.space.W[rows.planes[p, AIM] + 2]
+    speed, change = value_and_slope(row, flow.order - 1, flow.space.powers)
+    late = INSTANT * abs(t) / h
+    return bool(abs(speed) <= ROUNDING * (mag[first] + mag[other]) + late * abs(change))
 
 
 @compiled()
 def rest_together(flow: Flow, lane: Lane, which: int, h: float) -> None:
-    """Let all slips in a plane come to rest that end where one does: whose speeds cannot be told
-    from nothing there. What is left of them has no direction.
+    """Let all slips in a plane come to rest that end at the end of a step. What is left of them has
+    no direction.
 
     Parameters
     ----------
@@ -738,20 +769,12 @@ def rest_together(flow: Flow, lane: Lane, which: int, h: float) -> None:
         Length of the step.
     """
     rows = flow.rows
-    W = flow.space.W
-    mag = flow.space.mag
-    ended = slip_that_ends(rows, lane.mode, which)
-    for p in range(len(rows.planes) if ended >= 0 else 0):
-        first, other = rows.planes[p, COMPONENT], rows.planes[p, OTHER]
-        slips = rows.planes[p, MASSIVE] == 1 and (lane.mode[first] == 1 or lane.mode[first] == 2)
-        if p == ended or not slips or is_loose(rows, lane.mode, first):
-            continue
-        speed, change = value_and_slope(
-            W[rows.planes[p, AIM] + 2], flow.order - 1, flow.space.powers
-        )
-        late = INSTANT * abs(lane.clock[NOW]) / h
-        if abs(speed) <= ROUNDING * (mag[first] + mag[other]) + late * abs(change):
-            set_mode(rows, lane.mode, first, 0)
+    ended = contact_of(which, len(rows.kinks))
+    for p in range(len(rows.planes)):
+        if rows.planes[p, COMPONENT] != ended and ends_slip(
+            flow, lane.mode, which, p, lane.clock[NOW], h
+        ):
+            set_mode(rows, lane.mode, rows.planes[p, COMPONENT], 0)
 
 
 # -- flights ---------------------------------------------------------------------------------------

@@ -258,8 +258,9 @@ def aim_together(flow: Flow) -> int:
         rounded *= _ROUNDED
     if size > 0.0 and refine_aim(flow, rank, size):
         return rank
-    # What lacks most of its friction does not begin.
-    rounded_off(flow, rank, tried, rounded, right)
+    # What lacks most of its friction does not begin, nor does what the others do not let move.
+    if size > 0.0:
+        rounded_off(flow, rank, tried, rounded, right)
     least = 1.0
     for p in range(len(rows.planes)):
         if begins_in(flow, p):

@@ -105,7 +105,7 @@ def contact_shares(motion: Trajectory, sums: Sums) -> dict[str, ContactShare]:
         contact.name: ContactShare(
             float(stick),
             lasted - float(stick),
-            float(work) if len(own) == 1 else dissipated_by(motion, contact.name),
+            float(work) if len(own) == 1 or contact.opens else dissipated_by(motion, contact.name),
         )
         for own, stick, work in zip(members, sums.stick, sums.work, strict=True)
         for contact in own

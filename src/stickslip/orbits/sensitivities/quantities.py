@@ -40,8 +40,13 @@ def published(equations: MotionEquations, field: Field) -> dict[str, Expr]:
             continue
         for part in c.parts:
             key = contact_key(part.name)
+            if part.gap is not None:
+                found |= {part.name: part.force, f"gap_{part.name.removeprefix(NORMAL)}": part.gap}
+                continue
             found |= {f"friction_{key}": part.force, f"slip_speed_{key}": part.u}
             found |= {f"threshold_plus_{key}": part.plus, f"threshold_minus_{key}": part.minus}
+        if c.gap is not None and c.parts:
+            continue
         if c.gap is not None:
             found |= {c.name: c.force, f"gap_{c.name.removeprefix(NORMAL)}": c.gap}
             continue
