@@ -294,6 +294,42 @@ def test_a_rod_that_is_pushed_across_at_its_middle_does_not_turn(seed: int) -> N
     assert abs(motion.final["d_th"]) < 1e-9
 
 
+@pytest.mark.parametrize("seed", range(16))
+def test_a_rod_that_many_mechanisms_could_move_begins_with_one(seed: int) -> None:
+    """At 1, all points of a rod hold what they can, across it. How the load grows from there says
+    how it turns, if every point moves on in the direction of its force; if not, some stay."""
+    rng = np.random.default_rng([47, seed])
+    n = int(rng.integers(2, 5))
+    angle = float(rng.uniform(0.0, 6.2)) if seed % 2 else 0.0
+    places, holds = rng.uniform(-1.0, 1.0, n), rng.uniform(0.3, 1.0, n)
+    inertia = float(rng.uniform(0.05, 0.4))
+    most = float(np.sum(holds))
+    moment, more, side = np.array([places @ holds, *(0.2 * most * rng.normal(size=2))])
+    spin = np.exp(1j * angle)
+    points = [(float(x), float(y)) for x, y in (spin * places).view(float).reshape(-1, 2)]
+    along, turn = complex(spin * 1j * most), f"{float(moment)!r}*t + {float(more)!r}*t*(t - 1)"
+    slip = complex(spin * side)
+    forces = (
+        f"{along.real!r}*t + {slip.real!r}*t*(t - 1)",
+        f"{along.imag!r}*t + {slip.imag!r}*t*(t - 1)",
+        turn,
+    )
+    held = [float(hold) for hold in holds]
+    motion = certified(body(points, held, forces, inertia=inertia, end=1.3))
+    assert changes(motion)[0] == pytest.approx(1.0, rel=1e-9)
+
+    def load(t: float) -> Array:
+        push = along * t + slip * t * (t - 1.0)
+        return np.array([push.real, push.imag, moment * t + more * t * (t - 1.0)])
+
+    wide, narrow = (
+        regularised(points, held, inertia, load, np.zeros(3), 1.3, width) for width in (2e-5, 1e-5)
+    )
+    limit = 2.0 * narrow - wide
+    found = np.array([motion.final[name] for name in ("x", "y", "th")])
+    assert np.max(np.abs(found - limit)) < 3e-3 * float(np.max(np.abs(limit)))
+
+
 @pytest.mark.parametrize("seed", range(32))
 def test_a_rod_begins_to_turn_about_one_of_its_points(seed: int) -> None:
     """The other point moves in one direction alone. The moment about the first is t; from 2.4 on it
