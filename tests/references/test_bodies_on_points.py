@@ -181,6 +181,24 @@ def test_a_rod_that_turns_about_its_middle_stops() -> None:
     assert motion.final["th"] == pytest.approx(1.0 / 6.0, rel=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(16))
+def test_what_rubs_along_a_line_rests_with_its_body(seed: int) -> None:
+    """Stick is no velocity: whether a force is as large as it can be does not matter."""
+    rng = np.random.default_rng([48, seed])
+    points = [(float(x), float(y)) for x, y in rng.uniform(-1.0, 1.0, (3, 2))]
+    system = body(points, [0.3, 0.4, 0.5], ("0.05*sin(t)", "0", "0"), end=8.0)
+    x, y, angle = (float(number) for number in rng.uniform([-1.0, -1.0, 0.0], [1.0, 1.0, 6.0]))
+    across = f"(d_x - d_th*({x!r}*sin(th) + {y!r}*cos(th)))"
+    along = f"(d_y + d_th*({x!r}*cos(th) - {y!r}*sin(th)))"
+    line = Contact(f"{float(np.cos(angle))!r}*{across} + {float(np.sin(angle))!r}*{along}", 0.2)
+    system = replace(system, contacts={**system.contacts, "line": line})
+    start = dict(zip(("d_x", "d_y", "d_th"), map(float, rng.normal(size=3)), strict=True))
+    motion = certified(system, start)
+    assert {name: int(mode[-1]) for name, mode in motion.modes.items()} == dict.fromkeys(
+        motion.modes, 0
+    )
+
+
 def test_two_contacts_of_a_point_are_one_of_their_sum() -> None:
     contacts = {name: Contact(("d_x", "d_y"), s) for name, s in (("front", 1.0), ("rear", 2.0))}
     sledge = System(

@@ -148,7 +148,8 @@ def place_guard(flow: Flow, mode: Array, group: int, rank: int) -> tuple[float, 
 
 @compiled(brief=True)
 def mark_leaving(flow: Flow, mode: Array, group: int, rank: int, fastest: float) -> None:
-    """Note which contacts of a group the mechanism in the work space moves.
+    """Note which contacts of a group the mechanism in the work space moves. Where forces would have
+    to be larger along it, the body goes the other way.
 
     Parameters
     ----------
@@ -165,7 +166,7 @@ def mark_leaving(flow: Flow, mode: Array, group: int, rank: int, fastest: float)
             other = partner(rows, c)
             moves = 0
             if math.hypot(x, y) > MOVES * fastest:
-                moves = 1 if other >= 0 or x > 0.0 else -1
+                moves = 1 if other >= 0 or x < 0.0 else -1
             flow.space.leaving[c] = moves
             if other >= 0:
                 flow.space.leaving[other] = moves

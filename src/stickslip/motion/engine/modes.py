@@ -17,7 +17,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import INDEFINITE, SINGULAR, invert, shared_inverse
-from stickslip.motion.admissible.sharing import ON_ITS_OWN, STAYS, grip, is_gripped
+from stickslip.motion.admissible.sharing import ON_ITS_OWN, STAYS, grip, is_gripped, partner
 from stickslip.motion.engine.guards import (
     NUMBER,
     contact_of,
@@ -510,8 +510,8 @@ def evaluate_mode(
 
 @compiled()
 def rest_with_others(machine: Machine, flow: Flow, at: Instant) -> bool:
-    """Let contacts in a plane stick that the others of their body do not let move, where their
-    speed cannot be told from nothing; whether there are any.
+    """Let contacts stick that share forces with others of their body and are not let move by these,
+    where their speed cannot be told from nothing; whether there are any.
 
     Parameters
     ----------
@@ -527,20 +527,26 @@ def rest_with_others(machine: Machine, flow: Flow, at: Instant) -> bool:
     nc = len(rows.u)
     known = False
     found = False
-    for plane in rows.planes:
-        first, other = plane[COMPONENT], plane[OTHER]
+    for first in range(rows.sizes[ON_INERTIAL]):
         group = rows.group[first]
-        if group < 0 or mode[first] == 0 or is_loose(rows, mode, first):
+        if (
+            group < 0
+            or mode[first] == 0
+            or is_component(rows, first)
+            or is_loose(rows, mode, first)
+        ):
             continue
+        other = partner(rows, first)
+        second = other if other >= 0 else first
         rank = grip(flow, mode, flow.space.W, group)[1]
-        if rank == 0 or not is_gripped(flow, flow.space.W, first, other, rank):
+        if rank == 0 or not is_gripped(flow, flow.space.W, first, second, rank):
             continue
         if not known and coefficients(machine, flow, at, 1, flow.space.W) != OK:
             return False
         known = True
-        speed = abs(flow.space.W[rows.u[first], 0]) + abs(flow.space.W[rows.u[other], 0])
-        made = INSTANT * abs(at.t) * (mag[nc + first] + mag[nc + other])
-        if speed <= ROUNDING * (mag[first] + mag[other]) + made:
+        speed = abs(flow.space.W[rows.u[first], 0]) + abs(flow.space.W[rows.u[second], 0])
+        made = INSTANT * abs(at.t) * (mag[nc + first] + mag[nc + second])
+        if speed <= ROUNDING * (mag[first] + mag[second]) + made:
             set_mode(rows, mode, first, 0)
             found = True
     return found
