@@ -114,6 +114,28 @@ def test_points_rest_where_the_least_forces_are_too_large_for_one_of_them() -> N
     assert first == pytest.approx(1.0 / overload(pull, points, holds), rel=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_forces_that_are_shown_hold_a_body(seed: int) -> None:
+    """The least are too large for some points, if these hold less than others. What is shown has
+    the sum that is asked for, is inside its discs, and is continuous in time."""
+    rng = np.random.default_rng([50, seed])
+    n = int(rng.integers(3, 7))
+    places, holds = rng.uniform(-1.0, 1.0, (n, 2)), 10.0 ** rng.uniform(-1.5, 0.0, n)
+    pull = rng.normal(size=3)
+    pull *= 0.999 / overload(pull, places, holds)
+    points = [(float(x), float(y)) for x, y in places]
+    forces = tuple(f"{float(p)!r}*t" for p in pull)
+    motion = certified(body(points, [float(hold) for hold in holds], forces, end=1.0))
+    times = np.linspace(0.0, 1.0, 401)
+    found = motion.at(times)
+    held = np.array([[found[f"friction_{spot}_{i}"] for i in (1, 2)] for spot in SPOTS[:n]])
+    assert np.all(np.linalg.norm(held, axis=1) <= (1.0 + 1e-12) * holds[:, None])
+    moment = places[:, 0] @ held[:, 1] - places[:, 1] @ held[:, 0]
+    sums = np.array([*np.sum(held, axis=0), moment])
+    assert np.max(np.abs(sums + pull[:, None] * times)) < 1e-12
+    assert np.max(np.abs(np.diff(held, axis=2))) < 0.1 * np.max(holds)
+
+
 @pytest.mark.parametrize("seed", range(24))
 def test_a_body_begins_to_slip_when_no_forces_hold_it(seed: int) -> None:
     """Under a growing load, on two to eight points, on a line or not."""
