@@ -321,3 +321,20 @@ def test_planes_along_multiples(seed: int) -> None:
     np.testing.assert_allclose(changes, one.events["time"], rtol=1e-8)
     for name, value in one.final.items():
         assert two.final[name] == pytest.approx(value, abs=1e-8)
+
+
+def test_names_that_cancel_between_two_directions_are_given_values() -> None:
+    """Of two feet at the same height, what is compared does not depend on the height alone."""
+    system = ss.System(
+        "two feet",
+        parameters={name: ss.Parameter(1.0) for name in ("a0", "a1", "h")},
+        coordinates={name: ss.Inertial() for name in ("x", "th")},
+        kinetic="(d_x**2 + d_th**2)/2",
+        contacts={
+            f"f{i}": ss.Contact(f"d_x + (h*cos(th) - a{i}*sin(th))*d_th", 1.0) for i in range(2)
+        },
+        span=(0.0, 1.0),
+    )
+    motion = ss.simulate(system, initial={"d_x": 1.0, "d_th": 0.3})
+    assert motion.certificate.ok
+    assert set(motion.modes) == {"f0", "f1"}

@@ -8,7 +8,7 @@ would be one equation of stick too many.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import replace
 
 from stickslip.errors import DeclarationError, short
@@ -107,7 +107,7 @@ def _simplest(a: Expr, b: Expr) -> Expr:
     found = a / b
     if found.op == "num":
         return found
-    values = [v for v in map(_value(found), _points(found)) if math.isfinite(v)]
+    values = [v for v in map(_value(found), _points(found.symbols)) if math.isfinite(v)]
     constant = ex.num(values[0]) if values else ex.ZERO
     return constant if values and _equal(a, constant * b) else found
 
@@ -124,7 +124,7 @@ def _equal(a: Expr, b: Expr) -> bool:
     if any(e.op == "select" or _is_sampled(e) for e in ex.walk([off])):
         return False
     compared = 0
-    for point in _points(off):
+    for point in _points(a.symbols | b.symbols):
         pair = [_value(e)(point) for e in (a, b)]
         if all(map(math.isfinite, pair)):
             compared += 1
@@ -137,9 +137,9 @@ def _is_sampled(e: Expr) -> bool:
     return e.op in FUNCTIONS and FUNCTIONS[e.op].sampled
 
 
-def _points(e: Expr) -> Iterator[dict[str, float]]:
+def _points(symbols: Set[str]) -> Iterator[dict[str, float]]:
     """Places at which expressions are compared."""
-    names = sorted(e.symbols)
+    names = sorted(symbols)
     for turn in range(1, _POINTS + 1):
         sizes = (0.5 + (0.381966 * turn + 0.55455 * i) % 1.0 for i in range(len(names)))
         signs = (-1.0 if turn > 2 and (turn * (i + 3) // 2) % 2 else 1.0 for i in range(len(names)))
