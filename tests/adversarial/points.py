@@ -159,7 +159,7 @@ def moves_later(case: Carried) -> bool:
 def lawless(case: Carried, found: ss.Trajectory) -> tuple[str, float]:
     """What breaks the law of friction, by kinematics and forces that are computed here, in the
     middle of all phases that are long enough; and the largest force of what sticks, in parts of its
-    threshold: forces that are not unique are published as the least, which may be beyond it."""
+    threshold."""
     board = case.board()
     touches = board.touches()
     clock = np.asarray(found.knots.time) / case.time
@@ -211,6 +211,8 @@ def lawless(case: Carried, found: ss.Trajectory) -> tuple[str, float]:
                         full,
                     )
                 full = max(full, abs(real[k]) / hold[k])
+                if abs(real[k]) - hold[k] > LAWFUL * size:
+                    return f"the force of '{name}' at rest is too large at t = {t:.9g}", full
             elif r[k] > 1e-6 * fast:
                 expected = -part[k] * hold[k] * own[k] / r[k]
                 if abs(real[k] - expected) > LAWFUL * size:

@@ -23,6 +23,7 @@ CHOSEN = [
     ("body on a table", 0),
     ("thresholds in time", 0),
     ("off centre", 0),
+    ("points and lines", 10),
     ("slow loads", 0),
     ("units", 0),
 ]

@@ -365,3 +365,20 @@ def test_floors_under_one_foot(r: float, rubs: bool) -> None:
     slopes = two.sensitivity(["P"], late, of=["y", "normal_f", "normal_g", "gap_g"])
     np.testing.assert_allclose(slopes["gap_g"], r * slopes["y"], atol=1e-9)
     np.testing.assert_allclose(slopes["normal_g"], r * slopes["normal_f"], atol=1e-9)
+
+
+def test_names_that_cancel_between_two_directions_are_given_values() -> None:
+    """Of two feet at the same height, what is compared does not depend on the height alone."""
+    system = ss.System(
+        "two feet",
+        parameters={name: ss.Parameter(1.0) for name in ("a0", "a1", "h")},
+        coordinates={name: ss.Inertial() for name in ("x", "th")},
+        kinetic="(d_x**2 + d_th**2)/2",
+        contacts={
+            f"f{i}": ss.Contact(f"d_x + (h*cos(th) - a{i}*sin(th))*d_th", 1.0) for i in range(2)
+        },
+        span=(0.0, 1.0),
+    )
+    motion = ss.simulate(system, initial={"d_x": 1.0, "d_th": 0.3})
+    assert motion.certificate.ok
+    assert set(motion.modes) == {"f0", "f1"}

@@ -114,6 +114,28 @@ def test_points_rest_where_the_least_forces_are_too_large_for_one_of_them() -> N
     assert first == pytest.approx(1.0 / overload(pull, points, holds), rel=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_forces_that_are_shown_hold_a_body(seed: int) -> None:
+    """The least are too large for some points, if these hold less than others. What is shown has
+    the sum that is asked for, is inside its discs, and is continuous in time."""
+    rng = np.random.default_rng([50, seed])
+    n = int(rng.integers(3, 7))
+    places, holds = rng.uniform(-1.0, 1.0, (n, 2)), 10.0 ** rng.uniform(-1.5, 0.0, n)
+    pull = rng.normal(size=3)
+    pull *= 0.999 / overload(pull, places, holds)
+    points = [(float(x), float(y)) for x, y in places]
+    forces = tuple(f"{float(p)!r}*t" for p in pull)
+    motion = certified(body(points, [float(hold) for hold in holds], forces, end=1.0))
+    times = np.linspace(0.0, 1.0, 401)
+    found = motion.at(times)
+    held = np.array([[found[f"friction_{spot}_{i}"] for i in (1, 2)] for spot in SPOTS[:n]])
+    assert np.all(np.linalg.norm(held, axis=1) <= (1.0 + 1e-12) * holds[:, None])
+    moment = places[:, 0] @ held[:, 1] - places[:, 1] @ held[:, 0]
+    sums = np.array([*np.sum(held, axis=0), moment])
+    assert np.max(np.abs(sums + pull[:, None] * times)) < 1e-12
+    assert np.max(np.abs(np.diff(held, axis=2))) < 0.1 * np.max(holds)
+
+
 @pytest.mark.parametrize("seed", range(24))
 def test_a_body_begins_to_slip_when_no_forces_hold_it(seed: int) -> None:
     """Under a growing load, on two to eight points, on a line or not."""
@@ -179,6 +201,24 @@ def test_a_rod_that_turns_about_its_middle_stops() -> None:
     motion = certified(body(ROD, [0.5, 0.5]), {"d_th": 1.0})
     assert changes(motion) == pytest.approx([1.0 / 3.0], rel=1e-9)
     assert motion.final["th"] == pytest.approx(1.0 / 6.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_what_rubs_along_a_line_rests_with_its_body(seed: int) -> None:
+    """Stick is no velocity: whether a force is as large as it can be does not matter."""
+    rng = np.random.default_rng([49, seed])
+    points = [(float(x), float(y)) for x, y in rng.uniform(-1.0, 1.0, (3, 2))]
+    system = body(points, [0.3, 0.4, 0.5], ("0.05*sin(t)", "0", "0"), end=8.0)
+    x, y, angle = (float(number) for number in rng.uniform([-1.0, -1.0, 0.0], [1.0, 1.0, 6.0]))
+    across = f"(d_x - d_th*({x!r}*sin(th) + {y!r}*cos(th)))"
+    along = f"(d_y + d_th*({x!r}*cos(th) - {y!r}*sin(th)))"
+    line = Contact(f"{float(np.cos(angle))!r}*{across} + {float(np.sin(angle))!r}*{along}", 0.2)
+    system = replace(system, contacts={**system.contacts, "line": line})
+    start = dict(zip(("d_x", "d_y", "d_th"), map(float, rng.normal(size=3)), strict=True))
+    motion = certified(system, start)
+    assert {name: int(mode[-1]) for name, mode in motion.modes.items()} == dict.fromkeys(
+        motion.modes, 0
+    )
 
 
 def test_two_contacts_of_a_point_are_one_of_their_sum() -> None:
@@ -292,6 +332,42 @@ def test_a_rod_that_is_pushed_across_at_its_middle_does_not_turn(seed: int) -> N
     assert motion.final["d_x"] == pytest.approx(-s * speed, abs=1e-9)
     assert motion.final["d_y"] == pytest.approx(c * speed, abs=1e-9)
     assert abs(motion.final["d_th"]) < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_a_rod_that_many_mechanisms_could_move_begins_with_one(seed: int) -> None:
+    """At 1, all points of a rod hold what they can, across it. How the load grows from there says
+    how it turns, if every point moves on in the direction of its force; if not, some stay."""
+    rng = np.random.default_rng([47, seed])
+    n = int(rng.integers(2, 5))
+    angle = float(rng.uniform(0.0, 6.2)) if seed % 2 else 0.0
+    places, holds = rng.uniform(-1.0, 1.0, n), rng.uniform(0.3, 1.0, n)
+    inertia = float(rng.uniform(0.05, 0.4))
+    most = float(np.sum(holds))
+    moment, more, side = np.array([places @ holds, *(0.2 * most * rng.normal(size=2))])
+    spin = np.exp(1j * angle)
+    points = [(float(x), float(y)) for x, y in (spin * places).view(float).reshape(-1, 2)]
+    along, turn = complex(spin * 1j * most), f"{float(moment)!r}*t + {float(more)!r}*t*(t - 1)"
+    slip = complex(spin * side)
+    forces = (
+        f"{along.real!r}*t + {slip.real!r}*t*(t - 1)",
+        f"{along.imag!r}*t + {slip.imag!r}*t*(t - 1)",
+        turn,
+    )
+    held = [float(hold) for hold in holds]
+    motion = certified(body(points, held, forces, inertia=inertia, end=1.3))
+    assert changes(motion)[0] == pytest.approx(1.0, rel=1e-9)
+
+    def load(t: float) -> Array:
+        push = along * t + slip * t * (t - 1.0)
+        return np.array([push.real, push.imag, moment * t + more * t * (t - 1.0)])
+
+    wide, narrow = (
+        regularised(points, held, inertia, load, np.zeros(3), 1.3, width) for width in (2e-5, 1e-5)
+    )
+    limit = 2.0 * narrow - wide
+    found = np.array([motion.final[name] for name in ("x", "y", "th")])
+    assert np.max(np.abs(found - limit)) < 3e-3 * float(np.max(np.abs(limit)))
 
 
 @pytest.mark.parametrize("seed", range(32))

@@ -148,7 +148,8 @@ def place_guard(flow: Flow, mode: Array, group: int, rank: int) -> tuple[float, 
 
 @compiled(brief=True)
 def mark_leaving(flow: Flow, mode: Array, group: int, rank: int, fastest: float) -> None:
-    """Note which contacts of a group the mechanism in the work space moves.
+    """Note which contacts of a group the mechanism in the work space moves. Where forces would have
+    to be larger along it, the body goes the other way.
 
     Parameters
     ----------

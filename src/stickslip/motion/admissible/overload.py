@@ -221,6 +221,15 @@ def slope_of(
 
 
 @compiled(brief=True)
+def inner_forces(flow: Flow, c: int, rank: int) -> tuple[float, float]:
+    """The force f of a contact inside its set at the place that is reached, by its first
+    component."""
+    x, y = speed_of(flow, c, rank, flow.space.aside[_WAY])
+    share = flow.space.aside[RADIUS, c] / math.sqrt(1.0 + x * x + y * y)
+    return share * x, share * y
+
+
+@compiled(brief=True)
 def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> None:
     """F″ at the place that is reached, over the basis that :func:`load_of` leaves.
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from stickslip.arrays import IntVector, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
+from stickslip.motion.admissible.shown import show_admissible
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.steps.arrays import (
     AIM,
@@ -172,6 +173,7 @@ def sample(
                     work.V[row, 0], work.V[row, 1] = out[i, row], 0.0
         coefficients(machine, flow, Instant(times[i], z, mode, reg), 1, work.V)
         machine.powers(work.V, reg, flow.k.K, work.power)
+        show_admissible(flow, mode, work.V)
         for r in range(table):
             out[i, r] = work.V[r, 0]
         for r in range(POWERS_MADE):

@@ -255,7 +255,7 @@ class Space(NamedTuple):
         Of slips in a plane that begin; see :mod:`stickslip.motion.steps.starting`.
     basis, grip, turned_grip, bend, unbent, aside, points, piece, leaving : arrays
         Of contacts that share forces; see :mod:`stickslip.motion.admissible.overload`.
-    span, turn, turned, onset : arrays
+    span, face, turn, turned, onset : arrays
         Of slips that begin together; see :mod:`stickslip.motion.steps.onset`.
     landed, stood : arrays
         New values of the state in all jumps; and the regions before a mode is chosen, then the kink
@@ -315,6 +315,7 @@ class Space(NamedTuple):
     piece: Matrix
     leaving: IntVector
     span: Matrix
+    face: Matrix
     turn: Matrix
     turned: Matrix
     onset: Matrix
@@ -620,9 +621,10 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         piece=z((2 * mq if sharing else 0, most_points)),
         leaving=np.full(nc, 2, np.int64),
         span=z((slips + 1, slips)),
-        turn=z((slips + 2, slips + 1)),
-        turned=z((slips + 1, slips + 1)),
-        onset=z((8 + slips, max(N + 2, slips + 1))),
+        face=z((slips + 1, slips)),
+        turn=z((2 * slips + 1, 2 * slips)),
+        turned=z((2 * slips, 2 * slips)),
+        onset=z((8 + slips, max(N + 2, 2 * slips))),
         wish=z(1, np.int64),
         late=z(1, np.int64),
         stages=z((2 * implicit + 8 + n, max(implicit, len(rows.watched), N // 2 + 1))),

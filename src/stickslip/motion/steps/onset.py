@@ -10,6 +10,10 @@ is one linear problem an order, for vₘ and an order of β. The first of all, b
 v₀, says what minimises a strictly convex function, the accelerations; it is found by Newton's
 method where |u| is rounded off, less and less. Where β₀ vanishes, since the forces have just
 reached what can be held, p > 1, and v₀ is the mechanism that begins.
+
+A rod that is pushed across may turn about any point beyond its ends then: there is a face of
+mechanisms, in which no n depends on V. It spans L, where what forces Â n with other n can do is
+nothing, so that the part in L of each order says β v₀, and from then on the part in L of vₘ₊₁₋ₚ.
 """
 
 from __future__ import annotations
@@ -33,6 +37,7 @@ _NEW = 1e-20  # square of the part of a velocity that is none of the others
 _ANSWERED = 1e-10  # part of the largest answer that is more than rounding errors
 _ROUNDED = 0.1  # factor by which |u| is rounded off less from turn to turn
 _FINEST = 1e-9  # … at last, in parts of the accelerations without friction
+_ACROSS = 1e-13  # square of the part of a velocity across others
 _FULL = 1e-4  # part of the friction that what begins to slip may lack then
 _SURE = 1e-9  # change of Newton's method below which it has settled
 _MOST_TURNS = 40  # of Newton's method
@@ -256,20 +261,19 @@ def aim_together(flow: Flow) -> int:
         if rounded <= _FINEST * size:
             break
         rounded *= _ROUNDED
+    if size > 0.0:
+        rounded_off(flow, rank, way, rounded, right)
+    least = 1.0
+    for p in range(len(rows.planes)):
+        if begins_in(flow, p):
+            least = min(least, math.hypot(aims[AIMS * p + X, 0], aims[AIMS * p + Y, 0]))
+    if size > 0.0 and least >= 1.0 - _FULL and refine_face(flow, rank, size):
+        return rank
     if size > 0.0 and refine_aim(flow, rank, size):
         return rank
     # What lacks most of its friction does not begin, nor does what the others do not let move.
     if size > 0.0:
         rounded_off(flow, rank, tried, rounded, right)
-    least = 1.0
-    for p in range(len(rows.planes)):
-        if begins_in(flow, p):
-            least = min(least, math.hypot(aims[AIMS * p + X, 0], aims[AIMS * p + Y, 0]))
-    if size > 0.0 and least >= 1.0 - _FULL:
-        # None lacks any: forces have just reached what many mechanisms cannot hold, and their
-        # directions are the same for all of these.
-        place_aims_of(flow, rank, tried)
-        return rank
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
             full = math.hypot(aims[AIMS * p + X, 0], aims[AIMS * p + Y, 0])
@@ -281,8 +285,97 @@ def aim_together(flow: Flow) -> int:
 
 
 @compiled(brief=True)
-def place_aims_of(flow: Flow, rank: int, way: Array) -> None:
-    """Directions of a mechanism, without a speed.
+def place_face(flow: Flow, rank: int, way: Array) -> int:
+    """An orthonormal basis of the mechanisms whose directions are those of V, behind one of all
+    others; V is its first vector. Returns how many these others are.
+
+    Parameters
+    ----------
+    flow : Flow
+        Receives the basis in its work space, as rows.
+    rank : int
+        Number of vectors of Z.
+    way : array
+        V.
+    """
+    span, face = flow.space.span, flow.space.face
+    others = 0
+    for p in range(len(flow.rows.planes)):
+        if not begins_in(flow, p) or others == rank:
+            continue
+        x, y = speed_along(flow, rank, way, 2 * p), speed_along(flow, rank, way, 2 * p + 1)
+        speed = math.hypot(x, y)
+        size = 0.0
+        for r in range(rank):
+            face[others, r] = (x * span[r, 2 * p + 1] - y * span[r, 2 * p]) / speed
+            size += face[others, r] ** 2
+        if size > _NEW and is_new(rank, face, others, _ACROSS):
+            others += 1
+    number = others
+    for k in range(-1, rank):
+        for r in range(rank if number < rank else 0):
+            face[number, r] = way[r] if k < 0 else 0.0
+        if number < rank and k >= 0:
+            face[number, k] = 1.0
+        if number < rank and is_new(rank, face, number, _ACROSS):
+            number += 1
+    return others
+
+
+@compiled(brief=True)
+def refine_face(flow: Flow, rank: int, size: float) -> bool:
+    """The directions of a face of mechanisms, exactly, if forces have just reached what they cannot
+    hold; False if not, or if there is one mechanism only.
+
+    Parameters
+    ----------
+    flow : Flow
+        With one of them times some number in its work space, which stays.
+    rank : int
+        Number of vectors of Z.
+    size : float
+        Of the accelerations without friction.
+    """
+    onset, matrix = flow.space.onset, flow.space.turn
+    way, right = onset[_TRIED], onset[_RIGHT]
+    length = 0.0
+    for r in range(rank):
+        length += onset[_PLACE, r] ** 2
+    for r in range(rank):
+        way[r] = onset[_PLACE, r] / math.sqrt(length)
+    before = math.inf
+    for _ in range(_MOST_TURNS):
+        others = place_face(flow, rank, way)
+        number = rank - others
+        if number < 2:
+            return False
+        place_slopes(flow, rank, way, 0.0, 1.0)
+        part_in_span(flow, rank, BX, 0, right)
+        answer_to(flow, rank, X, 0, 1.0, right)
+        border(matrix, rank, flow.space.face, others, number, 0.0)
+        for i in range(number):
+            right[rank + i] = 0.0
+        if not invert(matrix, rank + number, flow.space.turned):
+            return False
+        step_back(flow, rank + number)
+        change, beta = 0.0, 0.0
+        for r in range(rank):
+            way[r] += onset[_SOLVED, r]
+            change = max(change, abs(onset[_SOLVED, r]))
+        for i in range(number):
+            beta = max(beta, abs(onset[_SOLVED, rank + i]))
+        if not beta <= NEGLIGIBLE * size:
+            return False
+        if change <= 2.0 * EPSILON or (change < _SURE and not change < before):
+            begin_along(flow, rank, way, 0.0, 0.0)
+            return True
+        before = change
+    return False
+
+
+@compiled(brief=True)
+def begin_along(flow: Flow, rank: int, way: Array, beta: float, leading: float) -> None:
+    """Put v₀ and β₀, and the directions of all slips that begin.
 
     Parameters
     ----------
@@ -290,18 +383,16 @@ def place_aims_of(flow: Flow, rank: int, way: Array) -> None:
     rank : int
         Number of vectors of Z.
     way : array
-        V, times some number.
+        v₀.
+    beta, leading : float
+        β₀, and the order p; both are 0 where β₀ is not known.
     """
-    onset = flow.space.onset
-    length = 0.0
     for r in range(rank):
-        length += way[r] * way[r]
-    for r in range(rank):
-        onset[_FIRST + r, 0] = way[r] / math.sqrt(length)
-    onset[_BETA, 0] = 0.0
+        flow.space.onset[_FIRST + r, 0] = way[r]
+    flow.space.onset[_BETA, 0] = beta
     for p in range(len(flow.rows.planes)):
         if begins_in(flow, p):
-            flow.space.aims[AIMS * p + LEADING, 0] = 0.0
+            flow.space.aims[AIMS * p + LEADING, 0] = leading
             aim_of(flow, rank, p, 0)
 
 
@@ -328,8 +419,7 @@ def refine_aim(flow: Flow, rank: int, size: float) -> bool:
     size : float
         Of the accelerations without friction.
     """
-    rows = flow.rows
-    aims, onset, matrix = flow.space.aims, flow.space.onset, flow.space.turn
+    onset, matrix = flow.space.onset, flow.space.turn
     way, right = onset[_PLACE], onset[_RIGHT]
     beta = 0.0
     for r in range(rank):
@@ -345,7 +435,7 @@ def refine_aim(flow: Flow, rank: int, size: float) -> bool:
         place_slopes(flow, rank, way, 0.0, 1.0)
         part_in_span(flow, rank, BX, 0, right)
         answer_to(flow, rank, X, 0, 1.0, right)
-        border(matrix, rank, way, beta)
+        border(matrix, rank, onset, _PLACE, 1, beta)
         length = 0.0
         for r in range(rank):
             right[r] -= beta * way[r]
@@ -366,32 +456,31 @@ def refine_aim(flow: Flow, rank: int, size: float) -> bool:
     if not settled:
         return False
     found = abs(beta) > NEGLIGIBLE * size
-    for r in range(rank):
-        onset[_FIRST + r, 0] = way[r]
-    onset[_BETA, 0] = beta if found else 0.0
-    for p in range(len(rows.planes)):
-        if begins_in(flow, p):
-            aims[AIMS * p + LEADING, 0] = 1.0 if found else 0.0
-            aim_of(flow, rank, p, 0)
+    begin_along(flow, rank, way, beta if found else 0.0, 1.0 if found else 0.0)
     return True
 
 
 @compiled(brief=True)
-def border(matrix: Array, rank: int, way: Array, beta: float) -> None:
-    """Put −β on the diagonal of a matrix, and −V around it.
+def border(matrix: Array, rank: int, sides: Array, first: int, number: int, beta: float) -> None:
+    """Put −β on the diagonal of a matrix, and rows times −1 around it.
 
     Parameters
     ----------
     matrix : array
     rank : int
-    way : array
-        V.
+    sides : array
+        The rows, such as V.
+    first, number : int
+        The first of them, and how many they are.
     beta : float
     """
     for r in range(rank):
         matrix[r, r] -= beta
-        matrix[r, rank] = matrix[rank, r] = -way[r]
-    matrix[rank, rank] = 0.0
+        for i in range(number):
+            matrix[r, rank + i] = matrix[rank + i, r] = -sides[first + i, r]
+    for i in range(number):
+        for j in range(number):
+            matrix[rank + i, rank + j] = 0.0
 
 
 @compiled(brief=True)
@@ -477,42 +566,115 @@ def aim_order_together(flow: Flow, rank: int, m: int) -> None:
     """
     rows = flow.rows
     aims, onset, matrix = flow.space.aims, flow.space.onset, flow.space.turn
-    way, right = onset[_PLACE], onset[_RIGHT]
+    way, right, face = onset[_PLACE], onset[_RIGHT], flow.space.face
     leading = 0
     set_apart(flow, rank, m)
-    for r in range(rank):
-        way[r] = onset[_FIRST + r, 0]
-        onset[_FIRST + r, m] = 0.0
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
             leading = int(aims[AIMS * p + LEADING, 0])
-            aim_of(flow, rank, p, m)
     share = 1.0 / (m + 1)
-    place_slopes(flow, rank, way, 0.0, share)
-    border(matrix, rank, way, onset[_BETA, 0] if leading == 1 else 0.0)
-    part_in_span(flow, rank, BX, m, right)
-    answer_to(flow, rank, N_, m, share, right)
-    size = 0.0
     for r in range(rank):
-        size += abs(right[r])
-    last = m + 1 - leading
-    for j in range(last if leading > 0 else 0):
-        if leading > 1 or j > 0:
+        way[r] = onset[_FIRST + r, 0]
+    others = place_face(flow, rank, way) if leading != 1 else rank - 1
+    number = rank - others
+    # What the first turn finds in a face bends the directions of the second.
+    for _ in range(1 if number == 1 else 2):
+        for r in range(rank):
+            way[r] = onset[_FIRST + r, 0]
+            onset[_FIRST + r, m] = 0.0
+        for p in range(len(rows.planes)):
+            if begins_in(flow, p):
+                aim_of(flow, rank, p, m)
+        place_slopes(flow, rank, way, 0.0, share)
+        if number == 1:
+            border(matrix, rank, onset, _PLACE, 1, onset[_BETA, 0] if leading == 1 else 0.0)
+        else:
+            border(matrix, rank, face, others, number, 0.0)
+        part_in_span(flow, rank, BX, m, right)
+        answer_to(flow, rank, N_, m, share, right)
+        size = 0.0
+        for r in range(rank):
+            size += abs(right[r])
+        last = m + 1 - leading
+        for j in range(last + 1 if leading > 0 else 0):
             for r in range(rank):
                 right[r] -= onset[_BETA, j] * onset[_FIRST + r, last - j]
-    right[rank] = 0.0
-    if not invert(matrix, rank + 1, flow.space.turned):
-        return
-    step_back(flow, rank + 1)
-    for r in range(rank):
-        onset[_FIRST + r, m] = onset[_SOLVED, r]
-    beta = onset[_SOLVED, rank]
-    if leading > 0:
-        onset[_BETA, last] = beta
-    elif abs(beta) > NEGLIGIBLE * size and m < MOST_LEADING:
-        leading = m + 1
-        onset[_BETA, 0] = beta
+        for i in range(number):
+            right[rank + i] = 0.0
+        if not invert(matrix, rank + number, flow.space.turned):
+            return
+        step_back(flow, rank + number)
+        for r in range(rank):
+            onset[_FIRST + r, m] = onset[_SOLVED, r]
+        if number > 1:
+            leading = find_in_face(flow, rank, others, m, leading, size)
+            if leading < 0:
+                return
+        elif leading > 0:
+            onset[_BETA, last] += onset[_SOLVED, rank]
+        elif abs(onset[_SOLVED, rank]) > NEGLIGIBLE * size and m < MOST_LEADING:
+            leading = m + 1
+            onset[_BETA, 0] = onset[_SOLVED, rank]
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
             aims[AIMS * p + LEADING, 0] = leading
             aim_of(flow, rank, p, m)
+
+
+@compiled(brief=True)
+def find_in_face(flow: Flow, rank: int, others: int, m: int, leading: int, size: float) -> int:
+    """What order m says in a face of mechanisms: v₀ and β₀; or an order of β, and the part of one
+    of V in the face.
+
+    Parameters
+    ----------
+    flow : Flow
+        With β V in the face in place of what is solved for.
+    rank, others : int
+        Number of vectors of Z, and of those across the face.
+    m, leading : int
+        The order m, and p (0: not known yet).
+    size : float
+        Of its terms.
+
+    Returns
+    -------
+    int
+        p; negative if something would begin against its direction.
+    """
+    rows = flow.rows
+    aims, onset, face = flow.space.aims, flow.space.onset, flow.space.face
+    way = onset[_TRIED]
+    length = 0.0
+    for r in range(rank):
+        way[r] = 0.0
+        for i in range(rank - others):
+            way[r] += onset[_SOLVED, rank + i] * face[others + i, r]
+        length += way[r] * way[r]
+    length = math.sqrt(length)
+    if leading > 0:
+        last = m + 1 - leading
+        change = 0.0
+        for r in range(rank):
+            change += way[r] * onset[_FIRST + r, 0]
+        onset[_BETA, last] += change
+        for r in range(rank if last > 0 else 0):
+            across = way[r] - change * onset[_FIRST + r, 0]
+            onset[_FIRST + r, last] += across / onset[_BETA, 0]
+        return leading
+    if not length > NEGLIGIBLE * size or m >= MOST_LEADING:
+        return 0
+    for p in range(len(rows.planes)):
+        if begins_in(flow, p):
+            along = aims[AIMS * p + N_, 0] * speed_along(flow, rank, way, 2 * p)
+            along += aims[AIMS * p + M_, 0] * speed_along(flow, rank, way, 2 * p + 1)
+            aims[AIMS * p + LEADING, 0] = m + 1
+            aims[AIMS * p + RHO, 0] = along if along > NEGLIGIBLE * length else -length
+            if not along > NEGLIGIBLE * length:
+                leading = -1
+    if leading < 0:
+        return leading
+    for r in range(rank):
+        way[r] /= length
+    begin_along(flow, rank, way, length, m + 1.0)
+    return m + 1

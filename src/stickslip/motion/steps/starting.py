@@ -217,11 +217,11 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
                 return status
     # The leading orders of |Au|, and with them p; beyond, only what is asked for.
     # What would begin against its direction does not, as its guard says: no more is asked of it.
-    orders = order - 1 if order > 1 and all_begin(flow) else 1
+    orders = order - 1 if order > 1 else 1
     for m in range(1, orders):
         needed = m + 2 if rank == 0 else m + 1 + leading_order(flow)
         deeper = order if needed > FEWEST_ORDERS else FEWEST_ORDERS
-        if needed > deeper:
+        if needed > deeper or not all_begin(flow):
             break
         work = table if deeper == order else begun
         work[rows.sizes[DIMENSION], 1] = table[rows.sizes[DIMENSION], 1]

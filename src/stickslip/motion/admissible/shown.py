@@ -1,0 +1,98 @@
+"""Forces of contacts that share them, as they are shown: the least, as far as these are admissible.
+
+The least forces that rest needs, in units of the thresholds, may be too large for one contact where
+others hold more. Then those are shown that are first inside their sets on the straight way to the
+forces that :mod:`stickslip.motion.admissible.overload` finds there. They have the same sum, and
+depend continuously on time.
+"""
+
+from __future__ import annotations
+
+import math
+
+from stickslip.arrays import Array
+from stickslip.motion.admissible.overload import (
+    GIVEN_FORCES,
+    RADIUS,
+    fits,
+    inner_forces,
+    overload,
+    place_held,
+)
+from stickslip.motion.admissible.sharing import (
+    axis_of,
+    grip,
+    is_first,
+    partner,
+    sticks_in,
+)
+from stickslip.motion.steps.arrays import ON_INERTIAL, Flow, is_component
+from stickslip.translator import compiled
+
+
+@compiled(brief=True)
+def show_admissible(flow: Flow, mode: Array, table: Array) -> None:
+    """Make forces of contacts that share them admissible.
+
+    Parameters
+    ----------
+    flow : Flow
+    mode : array of int, shape (contacts,)
+    table : array
+        Values of the rows; those of the forces are changed.
+    """
+    rows = flow.rows
+    for first in range(rows.sizes[ON_INERTIAL]):
+        group = rows.group[first]
+        if group < 0 or mode[first] != 0 or not is_first(rows, mode, first):
+            continue
+        count, rank = grip(flow, mode, table, group)
+        place_held(flow, mode, table, group)
+        if count == rank or fits(flow, mode, group, 0.0):
+            continue
+        overload(flow, mode, group, rank, 0.0, True)
+        part = part_of_the_way(flow, mode, group, rank)
+        for c in range(first, rows.sizes[ON_INERTIAL]):
+            if sticks_in(rows, mode, c, group) and not is_component(rows, c):
+                other = partner(rows, c)
+                x, y = inner_forces(flow, c, rank)
+                table[rows.force[c], 0] += (
+                    axis_of(flow, c) * part * (x - flow.space.aside[GIVEN_FORCES, c])
+                )
+                if other >= 0:
+                    table[rows.force[other], 0] += (
+                        axis_of(flow, other) * part * (y - flow.space.aside[GIVEN_FORCES, other])
+                    )
+
+
+@compiled(brief=True)
+def part_of_the_way(flow: Flow, mode: Array, group: int, rank: int) -> float:
+    """The least part of the way to forces inside their sets for which those in the work space come
+    inside, too.
+
+    Parameters
+    ----------
+    flow : Flow
+        With both.
+    mode : array of int, shape (contacts,)
+    group, rank : int
+    """
+    rows = flow.rows
+    aside = flow.space.aside
+    part = 0.0
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if not sticks_in(rows, mode, c, group) or is_component(rows, c):
+            continue
+        other = partner(rows, c)
+        a = aside[GIVEN_FORCES, c]
+        b = aside[GIVEN_FORCES, other] if other >= 0 else 0.0
+        x, y = inner_forces(flow, c, rank)
+        x, y = x - a, y - b
+        # |(a, b) + part (x, y)| = s: it is outside at 0, and inside at 1
+        outside = a * a + b * b - aside[RADIUS, c] ** 2
+        if outside > 0.0:
+            inwards = -(a * x + b * y)
+            root = inwards * inwards - (x * x + y * y) * outside
+            below = inwards + math.sqrt(max(root, 0.0))
+            part = max(part, outside / below if below > outside else 1.0)
+    return part
