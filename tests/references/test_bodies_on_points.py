@@ -214,7 +214,8 @@ def test_what_rubs_along_a_line_rests_with_its_body(seed: int) -> None:
     along = f"(d_y + d_th*({x!r}*cos(th) - {y!r}*sin(th)))"
     line = Contact(f"{float(np.cos(angle))!r}*{across} + {float(np.sin(angle))!r}*{along}", 0.2)
     system = replace(system, contacts={**system.contacts, "line": line})
-    start = dict(zip(("d_x", "d_y", "d_th"), map(float, rng.normal(size=3)), strict=True))
+    rates = map(float, rng.normal(size=3))
+    start: dict[str, float] = dict(zip(("d_x", "d_y", "d_th"), rates, strict=True))
     motion = certified(system, start)
     assert {name: int(mode[-1]) for name, mode in motion.modes.items()} == dict.fromkeys(
         motion.modes, 0

@@ -149,7 +149,7 @@ def resolution(trajectory: Trajectory, pieces: Pieces) -> Array:
     run = _prepared(trajectory, pieces, None)
     rows = trajectory._problem.rows
     resolve_steps(rows, pieces.listed, run, _work(trajectory, pieces, run, 0))
-    return run.parts[:-1]
+    return np.abs(run.parts[:-1])
 
 
 def _prepared(trajectory: Trajectory, pieces: Pieces, directions: Array | None) -> Pass:

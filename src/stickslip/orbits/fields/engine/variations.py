@@ -118,7 +118,7 @@ class Pass(NamedTuple):
     piece : array of int, shape (knots,)
         Piece of the step that begins at each.
     parts : array of int, shape (knots,)
-        In which each step is resolved.
+        In which each step is resolved; negative where these become shorter towards its end.
     after : array, shape (knots, columns, directions)
         Change of (state, p) right after each knot.
     late : array, shape (knots, directions)
@@ -301,24 +301,13 @@ def fastest(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> fl
 
 
 @compiled()
-def comes_to_rest(rows: Rows, run: Pass, i: int) -> bool:
-    """Whether a slip in a plane comes to rest at the end of a step: the Jacobian is singular there,
-    as 1/abs(u)."""
-    for p in range(len(rows.planes)):
-        c = rows.planes[p, COMPONENT]
-        rests = run.knots.mode[i + 1, c] == 0 and rows.planes[p, MASSIVE] == 1
-        if rests and run.knots.mode[i, c] != 0:
-            return True
-    return False
-
-
-@compiled()
-def share_of_step(rows: Rows, run: Pass, i: int, part: int) -> tuple[float, float]:
+def share_of_step(run: Pass, i: int, part: int) -> tuple[float, float]:
     """Where a part of a step begins, and how long it is, as parts of the step: all are equal, but
-    where a slip in a plane comes to rest each half of what is left has the same number of them."""
-    if not comes_to_rest(rows, run, i):
+    where a slip in a plane ends each half of what is left has the same number of them, since the
+    Jacobian is singular there, as 1/abs(u)."""
+    if run.parts[i] > 0:
         return part / run.parts[i], 1.0 / run.parts[i]
-    share = run.parts[i] // _HALVES
+    share = -run.parts[i] // _HALVES
     half = part // share
     left = math.ldexp(1.0, -half)
     length = (left if half == _HALVES - 1 else 0.5 * left) / share
@@ -342,14 +331,25 @@ def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int
             rate = run.drives
             if i == 0 or not turns_about(rows, listed, run, work, i):
                 rate = max(rate, fastest(listed, run, work, w, i))
-            if comes_to_rest(rows, run, i):
-                run.parts[i] = _HALVES * max(1, math.ceil(0.5 * h * rate / _REACH))
+            if listed.steady[w] == 1:
+                run.parts[i] = max(1, math.ceil(h * rate / _REACH))
+            elif slides(rows, run, i) and turns_about(rows, listed, run, work, i + 1):
+                run.parts[i] = -_HALVES * max(1, math.ceil(0.5 * h * rate / _REACH))
             else:
-                if listed.steady[w] == 0 and not turns_about(rows, listed, run, work, i + 1):
+                if not turns_about(rows, listed, run, work, i + 1):
                     rate = max(rate, fastest(listed, run, work, w, i + 1))
                 run.parts[i] = max(1, math.ceil(h * rate / _REACH))
         nodes += nodes_of(listed, run, i)
     return nodes
+
+
+@compiled()
+def slides(rows: Rows, run: Pass, i: int) -> bool:
+    """Whether something with mass slips in a plane in the step from a knot."""
+    for p in range(len(rows.planes)):
+        if rows.planes[p, MASSIVE] == 1 and run.knots.mode[i, rows.planes[p, COMPONENT]] != 0:
+            return True
+    return False
 
 
 @compiled()
@@ -389,18 +389,18 @@ def nodes_of(listed: Listed, run: Pass, i: int) -> int:
     """At how many nodes of a step states are wanted: at none where the Jacobian is the same at
     all."""
     even = listed.steady[run.piece[i]] == 1 and run.after.shape[1] == run.knots.state.shape[1]
-    return 0 if even or not time_of(run, i + 1) > time_of(run, i) else STAGES * run.parts[i]
+    return 0 if even or not time_of(run, i + 1) > time_of(run, i) else STAGES * abs(run.parts[i])
 
 
 @compiled()
-def place_nodes(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> None:
+def place_nodes(listed: Listed, run: Pass, work: PassSpace) -> None:
     """The step that each of the nodes belongs to, and its time."""
     place = 0
     for i in range(len(run.piece) - 1):
         begin = time_of(run, i)
         h = time_of(run, i + 1) - begin
         for j in range(nodes_of(listed, run, i)):
-            first, length = share_of_step(rows, run, i, j // STAGES)
+            first, length = share_of_step(run, i, j // STAGES)
             work.step[place] = i
             work.clock[place] = begin + (first + NODES[j % STAGES] * length) * h - run.origin
             place += 1
@@ -476,12 +476,11 @@ def gauss_step(places: Array, values: Array, h: float, change: Array, system: Ar
 
 
 @compiled()
-def flow_through(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int, node: int) -> None:
+def flow_through(listed: Listed, run: Pass, work: PassSpace, i: int, node: int) -> None:
     """The variation after the step from knot i, from that at its beginning.
 
     Parameters
     ----------
-    rows : Rows
     listed : Listed
     run : Pass
     work : PassSpace
@@ -496,7 +495,7 @@ def flow_through(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int,
         return
     w = run.piece[i]
     first, moving, last = listed.slopes[w, 0], listed.slopes[w, 1], listed.slopes[w, 2]
-    parts = run.parts[i]
+    parts = abs(run.parts[i])
     h = length / parts
     even = nodes_of(listed, run, i) == 0
     for g in range(STAGES):
@@ -511,7 +510,7 @@ def flow_through(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int,
             node += 1
         perform(listed.made, moving, last, work.values, STAGES)
         if listed.steady[w] == 0:
-            _, share = share_of_step(rows, run, i, part)
+            _, share = share_of_step(run, i, part)
             gauss_step(listed.jacobian[w], work.values, share * length, change, work.system)
         else:
             if part == 0:
@@ -910,7 +909,7 @@ def vary(
         if nodes > len(work.step):
             run.event[BEGINS] = nodes
             return CROWDED
-        place_nodes(flow.rows, listed, run, work)
+        place_nodes(listed, run, work)
         step, clock = work.step[:nodes], work.clock[:nodes]
         states_at(machine, flow, run.seen, run.knots, step, clock, work.between, work.states)
     knots = len(run.piece)
@@ -921,7 +920,7 @@ def vary(
         if is_stopped(flow.space):
             return HALTED
         if i >= start:
-            flow_through(flow.rows, listed, run, work, i, node)
+            flow_through(listed, run, work, i, node)
         node += nodes_of(listed, run, i)
         i += 1
         if i <= start:
