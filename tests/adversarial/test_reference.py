@@ -315,6 +315,7 @@ def test_two_legs_against_small_steps(family: str, seed: int) -> None:
     assert stepped_states == pytest.approx(motion.states[:, :3], abs=1e-3)
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_time_runs_out_after_what_the_garbage_collector_does() -> None:
     """What is raised there is ignored, and nothing would end the body."""
 
