@@ -34,7 +34,7 @@ from stickslip.equations.codegen.program import (
     THIRD,
     Program,
 )
-from stickslip.motion.steps.arrays import AHEAD, AIM, ASIDE, COMPONENT, OTHER, Flow, Rows
+from stickslip.motion.steps.arrays import AHEAD, AIM, ASIDE, COMPONENT, MASSIVE, OTHER, Flow, Rows
 from stickslip.motion.steps.roots import horner
 from stickslip.symbolic.tape import DIRECTION_GIVEN, Op
 from stickslip.translator import RELAXED, compiled
@@ -378,7 +378,9 @@ def follow_directions(
         speed = W[plane[AIM] + 2, 0]
         across, longer = 0.0, 0.0
         power = x**N
-        for k in range(N, 2 * N - 1 if mode[plane[COMPONENT]] != 0 and speed > 0.0 else 0):
+        # Without mass Au follows from the direction, and says nothing of it.
+        asked = plane[MASSIVE] == 1 and mode[plane[COMPONENT]] != 0 and speed > 0.0
+        for k in range(N, 2 * N - 1 if asked else 0):
             turned, length = 0.0, 0.0
             for j in range(k - N + 1, N):
                 turned += n[j] * b[k - j] - m[j] * a[k - j]
@@ -386,7 +388,7 @@ def follow_directions(
             across += abs(turned) * power
             longer += abs(length) * power
             power *= x
-        right = speed > 0.0 and across <= tol * speed and longer <= tol
+        right = asked and across <= tol * speed and longer <= tol
         discs[plane[AIM], SLOPE] = 1.0 if right else 0.0
         found = found or right
     return found

@@ -22,6 +22,7 @@ from stickslip.motion.steps.arrays import (
     EPSILON,
     INERTIAL,
     INSTANT,
+    MASSIVE,
     OTHER,
     ROUNDING,
     Flow,
@@ -338,7 +339,7 @@ def up_to_rest(flow: Flow, mode: Array, h: float) -> float:
     for p in range(len(rows.planes)):
         c = rows.planes[p, COMPONENT]
         speed = W[rows.planes[p, AIM] + 2]
-        if mode[c] == 0 or not speed[0] > 0.0:
+        if rows.planes[p, MASSIVE] == 0 or mode[c] == 0 or not speed[0] > 0.0:
             continue
         end, slope = slip_end(speed, flow.order, h / unit)
         if end < np.inf:

@@ -40,6 +40,7 @@ from stickslip.motion.steps.arrays import (
     EPSILON,
     IMPLICIT,
     INSTANT,
+    MASSIVE,
     MOST_IMPLICIT,
     OK,
     ROUNDING,
@@ -316,7 +317,7 @@ def leads_to_rest(flow: Flow, start: Instant, room: float, seen: Array) -> bool:
     for p in range(len(rows.planes)):
         first = rows.planes[p, AIM]
         slips = start.mode[rows.planes[p, COMPONENT]] != 0 and W[first + 2, 0] > 0.0
-        if not slips:
+        if rows.planes[p, MASSIVE] == 0 or not slips:
             continue
         end, _ = slip_end(W[first + 2], flow.order, 2.0 * room / unit)
         if abs(end * unit - room) <= _AT_THE_END * room + INSTANT * abs(start.t):
