@@ -44,7 +44,7 @@ class DryContact:
     ----------
     kind : str
         Kind of the coordinates it acts on; viscous where it acts on none, between motions that are
-        given: its velocity is no state.
+        given: its velocity is not part of the state.
     direction : dict of str to Expr
         Coefficients by coordinate: constants, but of t and inertial coordinates where it acts on
         these.
