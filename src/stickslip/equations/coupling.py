@@ -91,7 +91,10 @@ def components(
 
 
 def together(
-    parts: Sequence[Component], pairs: Iterable[tuple[int, int]], closed: Iterable[int]
+    parts: Sequence[Component],
+    pairs: Iterable[tuple[int, int]],
+    closed: Iterable[int],
+    always: Iterable[int] = (),
 ) -> dict[int, int]:
     """Contacts with friction in a plane, and those beside them, that may hold the same coordinates:
     then their directions may depend on each other.
@@ -103,6 +106,8 @@ def together(
         Components of contacts in a plane.
     closed : iterable of int
         Contacts that do not open.
+    always : iterable of int
+        Contacts that belong to such a group even if they are alone.
 
     Returns
     -------
@@ -121,5 +126,10 @@ def together(
     for c in closed:
         if c in home:
             members.setdefault(joined[home[c]], []).append(c)
-    found = [own for own in members.values() if len(own) > 2 and in_plane.intersection(own)]
+    lone = frozenset(always)
+    found = [
+        own
+        for own in members.values()
+        if in_plane.intersection(own) and (len(own) > 2 or lone.intersection(own))
+    ]
     return {c: number for number, own in enumerate(found) for c in own}

@@ -17,9 +17,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-from stickslip.equations.coupling import components, together
+from stickslip.equations.coupling import Component, components, together
 from stickslip.equations.multiples import one_by_direction
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property, made_once
@@ -28,6 +28,9 @@ from stickslip.model.names import JOINED
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
+
+if TYPE_CHECKING:
+    from stickslip.convex.formula import ConvexFormula
 
 _KINDS = tuple(Kind)
 _NO_FORCE = 1e-300  # beside every threshold
@@ -125,8 +128,15 @@ class Plane(NamedTuple):
         Of coordinates without mass, the vector along which they slip, a function of the state:
         what acts against the friction, A⁻¹F. Empty of those with mass, which slip along Au.
     bends : bool
-        Whether its friction may change the normal force that presses it: then the response of Au is
-        not linear in the direction.
+        Whether the response of Au is not linear in the direction: of a formula, and where its
+        friction may change the normal force that presses it.
+    formula : ConvexFormula or None
+        R, in parts of the thresholds, of what has the dissipation s R(u); A is 1 then.
+    slope : pair of Expr
+        What a unit of the threshold has as friction against a slip along the direction n, whose
+        components are the symbols ``n:i``: A n, or ∇R(n).
+    pieces : tuple of (Expr, Expr)
+        Kinks between pieces of ∇R, and the same functions of the direction.
     """
 
     parts: tuple[int, int]
@@ -135,14 +145,38 @@ class Plane(NamedTuple):
     kinetic: Expr
     pull: tuple[Expr, ...] = ()
     bends: bool = False
+    formula: ConvexFormula | None = None
+    slope: tuple[Expr, ...] = ()
+    pieces: tuple[tuple[Expr, Expr], ...] = ()
+
+    def bounds(self, i: int) -> tuple[Expr, Expr]:
+        """The largest force of a component against a slip forward, and back."""
+        if self.formula is None:
+            return self.static * self.axes[i], self.static * self.axes[i]
+        first, second = self.formula.names
+        along = [
+            {first: ex.num(float(side if i == 0 else 0)), second: ex.num(float(side if i else 0))}
+            for side in (1, -1)
+        ]
+        R = [ex.substitute(self.formula.value, v) for v in along]
+        return self.static * R[0], self.static * R[1]
 
     def scaled(self, forces: tuple[Expr, Expr]) -> Expr:
         """abs(A⁻¹λ)² of forces λ."""
         return ex.add(*(((f / a) ** 2, 1.0) for f, a in zip(forces, self.axes, strict=True)))
 
     def admissible(self, forces: tuple[Expr, Expr]) -> Expr:
-        """s² − abs(A⁻¹λ)², not negative where forces λ can be held."""
-        return self.static**2 - self.scaled(forces)
+        """s² − abs(A⁻¹λ)², not negative where forces λ can be held; of a formula, which says that
+        for each direction alone (:meth:`room_along`), s²."""
+        square = self.static**2
+        return square - self.scaled(forces) if self.formula is None else square
+
+    def room_along(self, forces: Sequence[Expr], way: Sequence[Expr]) -> Expr:
+        """s R(w) + λ·w of a formula, not negative for any w where forces λ can be held."""
+        assert self.formula is not None
+        R = ex.substitute(self.formula.value, dict(zip(self.formula.names, way, strict=True)))
+        held = ((f * w, 1.0) for f, w in zip(forces, way, strict=True))
+        return ex.add((self.static * R, 1.0), *held)
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,9 +338,7 @@ class MotionEquations:
 
     def velocity(self, i: int) -> Expr:
         """The relative velocity of a contact, Σ jₓ ẋ − w."""
-        c = self.contacts[i]
-        moved = ((j * ex.sym(f"d_{x}"), 1.0) for x, j in c.direction.items())
-        return ex.add(*moved, (c.speed, -1.0))
+        return relative_velocity(self.contacts[i])
 
     def pressing(self, i: int) -> list[int]:
         """Contacts that can open whose normal forces are in the friction of contact i."""
@@ -332,7 +364,8 @@ class MotionEquations:
     @cached_property
     def sharing(self) -> dict[int, int]:
         """Of contacts with mass that may hold the same coordinates, with friction in a plane, which
-        such group each belongs to: their directions may depend on each other."""
+        such group each belongs to: their directions may depend on each other. What has a formula
+        is in a group, too, alone or not: how long it holds is asked of its support function."""
         massive = [c for c in self.contacts if c.kind == Kind.INERTIAL]
         pairs = [plane.parts for plane in self.planes if plane.parts[0] < len(massive)]
         if not pairs:
@@ -345,7 +378,9 @@ class MotionEquations:
             [[place[x] for x in c.direction] for c in massive],
             [(c, n) for c in range(len(massive)) for n in self.pressing(c)],
         )
-        return together(parts, pairs, [i for i, c in enumerate(massive) if not c.opens])
+        always = {i for plane in self.planes if plane.formula is not None for i in plane.parts}
+        closed = [i for i, c in enumerate(massive) if not c.opens]
+        return together(parts, pairs, closed, always)
 
     def strength(self, i: int) -> Expr:
         """The square of the force that a contact can hold, of those that may share forces: 1 for
@@ -550,8 +585,23 @@ def _planes(contacts: list[DryContact]) -> list[Plane]:
             continue
         name = c.name.removesuffix("1") + "2"
         j = next(k for k, other in enumerate(contacts) if (other.name, other.plane) == (name, 2))
-        found.append(Plane((i, j), (c.axis, contacts[j].axis), c.plus, c.kinetic_plus))
+        plane = Plane((i, j), (c.axis, contacts[j].axis), c.plus, c.kinetic_plus)
+        n = [ex.sym(f"n:{part}") for part in (i, j)]
+        slope = (plane.axes[0] * n[0], plane.axes[1] * n[1])
+        pieces: tuple[tuple[Expr, Expr], ...] = ()
+        if c.dissipation is not None:
+            from stickslip.convex.smooth import slope_of
+
+            u = [relative_velocity(contacts[part]) for part in (i, j)]
+            slope, pieces = slope_of(c.dissipation, n, u)
+        found.append(plane._replace(formula=c.dissipation, slope=slope, pieces=pieces))
     return found
+
+
+def relative_velocity(c: DryContact) -> Expr:
+    """The relative velocity of a contact, Σ jₓ ẋ − w."""
+    moved = ((j * ex.sym(f"d_{x}"), 1.0) for x, j in c.direction.items())
+    return ex.add(*moved, (c.speed, -1.0))
 
 
 def _pressing(contacts: list[DryContact], i: int) -> list[int]:
@@ -587,8 +637,17 @@ def _pressed(d: Declaration, contacts: list[DryContact], planes: list[Plane]) ->
         others = [
             o for o in planes if o is not plane and home.get(o.parts[0]) == home.get(plane.parts[0])
         ]
-        if bends and others:
+        if plane.formula is not None:
+            _check_turning(d, contacts, plane, joined[home[plane.parts[0]]])
+        if (bends or plane.formula is not None) and others:
             name, other = (contacts[q.parts[0]].name.removesuffix(" 1") for q in (plane, others[0]))
+            if plane.formula is not None:
+                raise DeclarationError(
+                    f"contacts.'{name}'",
+                    f"it has a dissipation of its own, beside the friction of '{other}' in a plane "
+                    "on the same body",
+                    "Let one contact of the body rub in a plane",
+                )
             raise DeclarationError(
                 f"contacts.'{name}'",
                 "its friction in a plane changes the normal force that presses it, beside that of "
@@ -596,8 +655,25 @@ def _pressed(d: Declaration, contacts: list[DryContact], planes: list[Plane]) ->
                 "Let one contact of the body rub in a plane, or give the normal forces as formulas "
                 "of time and state",
             )
-        found.append(plane._replace(bends=bends))
+        found.append(plane._replace(bends=bends or plane.formula is not None))
     return found
+
+
+def _check_turning(
+    d: Declaration, contacts: list[DryContact], plane: Plane, part: Component
+) -> None:
+    """Refuse a contact with a formula on a body that more contacts hold than it has freedoms, if
+    their directions turn: then nothing says how long it holds."""
+    closed = [c for c in part.contacts if not contacts[c].opens]
+    held = frozenset(d.parameters)
+    turning = any(not j.symbols <= held for c in closed for j in contacts[c].direction.values())
+    if turning and len(closed) > len(part.coordinates):
+        raise DeclarationError(
+            f"contacts.'{contacts[plane.parts[0]].name.removesuffix(' 1')}'",
+            f"it has a dissipation of its own, and {len(closed)} directions that turn hold "
+            f"{len(part.coordinates)} coordinates",
+            "Let as many directions hold a body as it has freedoms",
+        )
 
 
 def _pull(
@@ -658,9 +734,10 @@ def _equal(a: Expr, b: Expr) -> bool:
 
 def _component(c: DryContact, i: int, plane: Plane) -> DryContact:
     """A component of a contact in a plane, with its part of the forces."""
-    kinetic = plane.kinetic * c.axis * ex.sym(f"n:{i}")
-    static = plane.static * c.axis
-    return replace(c, plus=static, minus=static, kinetic_plus=kinetic, kinetic_minus=kinetic)
+    k = plane.parts.index(i)
+    plus, minus = plane.bounds(k)
+    kinetic = plane.kinetic * plane.slope[k]
+    return replace(c, plus=plus, minus=minus, kinetic_plus=kinetic, kinetic_minus=kinetic)
 
 
 def _damping(d: Declaration, others: list[str]) -> dict[str, Expr]:

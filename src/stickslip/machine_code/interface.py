@@ -98,11 +98,20 @@ class Landings(Powers):
     """New values of the state in jumps."""
 
 
+class Supports(SystemFunction):
+    """Support functions of the forces of contacts that have a formula."""
+
+    @staticmethod
+    def signature(w: Vector, K: Vector, out: Vector) -> None:
+        """Write to `out`."""
+
+
 INTERFACE: dict[str, type[SystemFunction]] = {
     "setup": Setup,
     "jets": Jets,
     "residual": Residuals,
     "powers": Powers,
     "landings": Landings,
+    "supports": Supports,
 }
 """By name in the machine code of a system."""

@@ -29,10 +29,12 @@ from stickslip.symbolic.formulas import Scope, TimeFunction, compared, is_finite
 from stickslip.symbolic.pieces import unwrapped
 
 if TYPE_CHECKING:
+    from stickslip.convex.formula import ConvexFormula
     from stickslip.model.system import System
 
 _VISCOUS_MATRIX = "viscous matrix of the viscous coordinates"
 _REMEDY = "A threshold is never negative; write max(..., 0) where it may vanish"
+_VELOCITIES = ("v1", "v2")  # as a dissipation names them
 _QUADRATIC = "Write a pure quadratic form, like m/2*d_x**2"
 
 
@@ -64,6 +66,8 @@ class DryContact:
         `minus` and the kinetic forces then are those of abs(A⁻¹λ).
     axis : Expr
         Of a component, the entry of A.
+    dissipation : ConvexFormula or None
+        Of a component, R in parts of the threshold; then A is 1.
     side_of : str
         Of a side of a constraint, the name of that.
     ratio : Expr
@@ -84,6 +88,7 @@ class DryContact:
     restitution: Expr = ex.ZERO
     plane: int = 0
     axis: Expr = ex.ONE
+    dissipation: ConvexFormula | None = None
     side_of: str = ""
     ratio: Expr = ex.ONE
 
@@ -180,6 +185,8 @@ class Declaration:
         Drives that are no formulas.
     limits : list of (str, Expr, Range)
         Closed formulas that have to stay in a range, with their places: parameters of laws.
+    dissipations : list of (str, ConvexFormula)
+        Of contacts that have a formula, with their places; checked for the declared parameters.
     start : dict of str to float
         Values of the state at the start.
     """
@@ -205,6 +212,7 @@ class Declaration:
     drives: dict[str, Expr] = field(default_factory=dict)
     given: dict[str, TimeFunction] = field(default_factory=dict)
     limits: list[tuple[str, Expr, Range]] = field(default_factory=list)
+    dissipations: list[tuple[str, ConvexFormula]] = field(default_factory=list)
     scope: Scope = field(default_factory=lambda: Scope({}))
     start: dict[str, float] = field(default_factory=dict)
 
@@ -327,6 +335,12 @@ class Declaration:
         for where, formula, interval in self.limits:
             if formula.symbols <= values.keys():
                 interval.check(ex.evaluate(formula, values), where)
+        for where, formula in self.dissipations:
+            ranges = formula.ranges.items()
+            if any(not low <= values.get(x, low) <= high for x, (low, high) in ranges):
+                from stickslip.convex.smooth import smooth_dissipation
+
+                smooth_dissipation(formula.value, formula.names, values, where)
 
 
 def declare(system: System) -> Declaration:
@@ -764,7 +778,19 @@ class _Reader:
     def _dry(self, name: str, contact: Contact) -> list[DryContact]:
         """A contact along a line, or the two components of one in a plane."""
         where = entry_key("contacts", name)
+        if contact.threshold is None:
+            raise DeclarationError(
+                f"{where}.threshold",
+                "missing",
+                'Add the largest force that it holds, like threshold = "mu*m*g"',
+            )
         if isinstance(contact.direction, str):
+            if contact.dissipation is not None:
+                raise DeclarationError(
+                    f"{where}.dissipation",
+                    "a contact along a line has none",
+                    "Give a pair of thresholds, or two directions, like direction = ['d_x', 'd_y']",
+                )
             if isinstance(contact.surface_speed, tuple):
                 raise DeclarationError(
                     f"{where}.surface_speed",
@@ -794,6 +820,7 @@ class _Reader:
                 f"Write it like ['{given}', 0]",
             )
         axes = [self._axis(axis, f"{where}.axes") for axis in contact.axes]
+        formula = None if contact.dissipation is None else self._dissipation(where, contact)
         parts = contact.components(name)
         for label in parts:
             if label in self.system.contacts:
@@ -803,11 +830,55 @@ class _Reader:
                     "Rename one of the two",
                 )
         found = [
-            replace(self._contact(label, part, name), plane=i, axis=axis)
+            replace(self._contact(label, part, name), plane=i, axis=axis, dissipation=formula)
             for i, ((label, part), axis) in enumerate(zip(parts.items(), axes, strict=True), 1)
         ]
         self._check_plane(where, found)
+        if formula is not None:
+            self._check_formula(where, found[0])
         return found
+
+    def _dissipation(self, where: str, contact: Contact) -> ConvexFormula:
+        """The dissipation of a contact in a plane that has a formula."""
+        from stickslip.convex.smooth import smooth_dissipation
+
+        key = f"{where}.dissipation"
+        if contact.axes != (1.0, 1.0):
+            raise DeclarationError(
+                f"{where}.axes",
+                "it has a dissipation, which says how friction depends on the direction",
+                "Leave one of the two out",
+            )
+        taken = [x for x in _VELOCITIES if x in self.constants]
+        if taken:
+            raise DeclarationError(
+                key,
+                f"'{taken[0]}' is a component of the relative velocity there, and a parameter",
+                "Rename the parameter",
+            )
+        velocities = {x: ex.sym(x) for x in _VELOCITIES}
+        scope = self.scope(velocities, why="A dissipation uses v1, v2 and parameters")
+        value = scope.parse(contact.dissipation, key)
+        found = smooth_dissipation(value, _VELOCITIES, self.system.values, key)
+        self.result.dissipations.append((key, found))
+        return found
+
+    def _check_formula(self, where: str, part: DryContact) -> None:
+        """Refuse a dissipation where no motion knows it."""
+        if part.kind != Kind.INERTIAL and not part.prescribed:
+            raise DeclarationError(
+                f"{where}.dissipation",
+                f"its coordinates are {part.kind}",
+                "Declare them inertial; evolutions without mass take a SupportFormula",
+            )
+        pressed = (part.plus.symbols | part.kinetic_plus.symbols) & self.normals.keys()
+        if pressed:
+            raise DeclarationError(
+                f"{where}.threshold",
+                f"it depends on {min(pressed)}, and the contact has a dissipation of its own",
+                "Give the normal force as a formula of time and state, or leave the dissipation "
+                "out",
+            )
 
     def _axis(self, given: object, where: str) -> Expr:
         """A half axis, which is positive."""

@@ -72,6 +72,8 @@ class _Check:
             if force is None:
                 force, meaning = _over(power, slip), f"{as_power} over the relative velocity,"
             self.terms(f"{where}.surface_speed", c.speed, slip, "the relative velocity")
+            if c.dissipation is not None:
+                continue  # of a factor, and numbers in a formula may have units
             for e in (c.plus, c.minus):
                 self.terms(f"{where}.threshold", e, force, meaning)
             self.units["speed"] = slip

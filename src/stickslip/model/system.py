@@ -158,6 +158,8 @@ class Contact:
     In a plane, u and the friction force λ have two components. With the diagonal matrix A of the
     `axes`, abs(A⁻¹λ) ≤ s in stick, and in slip λ = −k A n with n = Au/abs(Au): the dissipation
     potential is s·abs(Au), and the forces that it holds are an ellipse, a disc for equal axes.
+    With a `dissipation` R the potential is s·R(u): it holds λ with −λ·v ≤ s R(v) for all v, and in
+    slip λ = −k ∇R(u).
 
     Attributes
     ----------
@@ -168,7 +170,7 @@ class Contact:
         its force in stick, which nothing determines, is 0.
     threshold : str, float or pair of these
         Largest force it can hold, s ≥ 0. A pair gives s⁺ (for u > 0) and s⁻ (for u < 0) along a
-        line; in a plane there is one.
+        line; in a plane there is one. May be left out beside a `dissipation`, where it is a factor.
     surface_speed : str, float or pair of these
         Speed w(t) of the surface (a belt); in a plane two components, which may also depend on
         coordinates (a turntable).
@@ -179,17 +181,24 @@ class Contact:
         Unit of the friction force.
     axes : pair of str or float
         Half axes of the set of forces, in parts of the threshold: for a contact in a plane.
+    dissipation : str, optional
+        R, of a contact in a plane: a formula in ``v1``, ``v2`` and parameters, convex, positive and
+        homogeneous of degree 1, such as ``"sqrt(v1**2 + 4*v2**2) + 0.2*v1"``, with a gradient
+        wherever v is not 0. It need not be even. Its coordinates are inertial.
     """
 
     direction: Direction | tuple[Direction, Direction]
-    threshold: Formula | tuple[Formula, Formula]
+    threshold: Formula | tuple[Formula, Formula] | None = None
     surface_speed: SurfaceSpeed = 0.0
     kinetic: Formula | tuple[Formula, Formula] | None = None
     unit: str = ""
     axes: Axes = (1.0, 1.0)
+    dissipation: str | None = None
 
     def __post_init__(self) -> None:
         hold_plain(self)
+        if self.threshold is None and self.dissipation is not None:
+            object.__setattr__(self, "threshold", 1.0)
 
     def components(self, name: str) -> dict[str, Contact]:
         """By name, a contact along each of its directions."""
@@ -198,7 +207,9 @@ class Contact:
         given = self.surface_speed
         speeds = given if isinstance(given, tuple) else (0.0, 0.0)
         return {
-            f"{name} {i}": replace(self, direction=d, surface_speed=w, axes=(1.0, 1.0))
+            f"{name} {i}": replace(
+                self, direction=d, surface_speed=w, axes=(1.0, 1.0), dissipation=None
+            )
             for i, (d, w) in enumerate(zip(self.direction, speeds, strict=True), 1)
         }
 

@@ -127,7 +127,7 @@ class Problem:
         # What was followed before had other parameters, and another unit of time.
         space.known[-1] = 1
         space.W[self.rows.sizes[DIMENSION], 1] = 1.0
-        return Flow(self.rows, k, space, self.order, tol, atol)
+        return Flow(self.rows, k, space, self.order, tol, atol, self.compiled.supports)
 
     @property
     def shared_flight(self) -> Flight:

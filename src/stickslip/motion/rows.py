@@ -58,6 +58,7 @@ def _rows(equations: MotionEquations, layout: Layout) -> Rows:
         *_links(equations, layout),
         *_jumps(layout),
         *_planes(layout),
+        np.array(layout.pieces, dtype=np.int64).reshape(-1, 3),
         0,
         _together(layout),
     )
@@ -114,7 +115,7 @@ def _together(layout: Layout) -> Array:
 
 def _planes(layout: Layout) -> tuple[Array, Array]:
     """Contacts in a plane, and the one that each contact is a component of."""
-    table = np.array(layout.planes, dtype=np.int64).reshape(-1, 11)
+    table = np.array(layout.planes, dtype=np.int64).reshape(-1, 12)
     plane = np.full(len(layout.u), -1, np.int64)
     for p, (first, second, *_) in enumerate(layout.planes):
         plane[[first, second]] = p

@@ -1,6 +1,6 @@
 """Equations of motion -> what the functions that the engine calls have to compute, as data.
 
-A system has five functions:
+A system has six functions:
 
 ``setup(p, K, M, C, J, omega)``
     constants, mass matrix, viscous matrix, contact directions and drive frequencies from the
@@ -14,13 +14,16 @@ A system has five functions:
 ``powers(W, reg, K, out)``
     energy, dissipated power, supplied power at order 0;
 ``landings(W, reg, K, out)``
-    new values of the state in all jumps, from order 0.
+    new values of the state in all jumps, from order 0;
+``supports(w, K, out)``
+    of each dissipation that is a formula, the support function of its forces at a vector w.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -44,6 +47,9 @@ from stickslip.symbolic.tape import (
     rows_read,
     scalars_of,
 )
+
+if TYPE_CHECKING:
+    from stickslip.convex.formula import ConvexFormula
 
 ORDERS = (8, 12, 16, 20, 24)  # that a Taylor series may have
 INVERSES = ("Rq", "Rz")  # of the linear problems of inertial and of viscous coordinates
@@ -95,7 +101,13 @@ class Layout:
     planes : list of tuple of int
         Of each contact in a plane its components, the first row of its direction, that of
         s² − |A⁻¹λ|², the place of the size of that, the rows of Au, of s, and of what is not
-        negative in slip, 1 if it has mass, and 1 if it changes the normal force that presses it.
+        negative in slip, 1 if it has mass, 1 if the response is not linear in the direction, and
+        the number of its formula, −1: none.
+    formulas : int
+        Number of dissipations that are formulas.
+    pieces : list of (int, int, int)
+        Kinks between pieces of these, the number of the plane, and the row of the same function of
+        the direction.
     carrying : dict of str to int
         Rows of the force of constraints, the sum of those of their sides, and of the normal forces
         of contacts that adhere.
@@ -138,6 +150,8 @@ class Layout:
     gaps: dict[int, int] = field(default_factory=dict)
     restitution: dict[int, int] = field(default_factory=dict)
     planes: list[tuple[int, ...]] = field(default_factory=list)
+    formulas: int = 0
+    pieces: list[tuple[int, int, int]] = field(default_factory=list)
     pressed: int = 1
     prescribed: bool = False
     carrying: dict[str, int] = field(default_factory=dict)
@@ -184,7 +198,7 @@ class Generated:
     layout : Layout
         With the tape, of which ``jets`` makes series.
     constants : ParameterExpressions
-    setup, sizes, residual, powers, landings : list of Store
+    setup, sizes, residual, powers, landings, supports : list of Store
         Statements of the functions; `sizes`, of ``jets``, fill ``mag`` from order 0.
     """
 
@@ -195,6 +209,7 @@ class Generated:
     residual: list[Store]
     powers: list[Store]
     landings: list[Store]
+    supports: list[Store]
 
 
 def generate(equations: MotionEquations) -> Generated:
@@ -542,7 +557,7 @@ class _Generator:
             return c.kinetic_plus, c.kinetic_minus, c.plus, c.minus
         plane = next(p for p in self.eq.planes if i in p.parts)
         drops = plane.kinetic is not plane.static and not plane.pull
-        static = c.plus * ex.sym(f"n:{i}") if drops else c.kinetic_plus
+        static = plane.static * plane.slope[plane.parts.index(i)] if drops else c.kinetic_plus
         return c.kinetic_plus, c.kinetic_plus, static, static
 
     def ahead(self, plane: Plane) -> list[int]:
@@ -572,8 +587,10 @@ class _Generator:
         stage = max(tape.stage[row] for row in inputs)
         first, _, speed = (tape.new_row(stage) for _ in range(3))
         pressing = self.eq.pressing(plane.parts[0])
+        # A gradient has no value at 0.
+        rests = () if plane.formula is None else (Scaled(ex.ONE),)
         made = Instruction(
-            Op.DIRECTION, first, inputs, place=plane.parts[0], size=3, pressed=(*pressing,)
+            Op.DIRECTION, first, inputs, rests, plane.parts[0], 3, pressed=(*pressing,)
         )
         tape.emit(stage, made)
         for row, i in enumerate(plane.parts, first):
@@ -747,21 +764,23 @@ class _Generator:
         """Lay the equations out, and state what the functions compute."""
         self.lay_out()
         residual, powers, landings = self.residual(), self.powers(), self.landings()
+        supports = self.supports()
         setup = self.setup()
         self.finish()
         layout = self.layout
         guards = [*layout.u, *layout.force, *layout.plus, *layout.minus, *layout.kinks]
         guards += [row for *_, force, margin in layout.kinetic for row in (force, margin)]
         guards += layout.gaps.values()
-        for _, _, first, admissible, _, *sides, _, slips, _, _ in layout.planes:
+        for _, _, first, admissible, _, *sides, _, slips, _, _, _ in layout.planes:
             guards += [first, first + 1, first + 2, admissible, *sides, slips]
+        guards += [row for _, _, row in layout.pieces]
         layout.kept = sorted({*range(self.n), *guards})
         needed = _closure(layout.instructions, {*layout.kept, *layout.rates})
         tape, layout.instructions = layout.instructions, []
         for i in tape:
             (layout.instructions if needed & {*rows_made(i)} else layout.shown).append(i)
         sizes = self.magnitudes
-        return Generated(layout, self.constants, setup, sizes, residual, powers, landings)
+        return Generated(layout, self.constants, setup, sizes, residual, powers, landings, supports)
 
     def lay_out(self) -> None:
         """Rows of everything, in the order in which it can be computed: velocities, rates, laws of
@@ -860,8 +879,12 @@ class _Generator:
             ]
             slips = tape.row(ex.add(*along)) if plane.pull else first + 2
             massive = int(not (plane.pull or given))
-            ends = (tape.row(plane.static), slips, massive, int(plane.bends))
+            number = -1 if plane.formula is None else self.formulas.index(plane.formula)
+            ends = (tape.row(plane.static), slips, massive, int(plane.bends), number)
             layout.planes.append((*plane.parts, first, row, place, *sides, *ends))
+            layout.pieces += [
+                (self.eq.kinks.index(guard), p, tape.row(same)) for guard, same in plane.pieces
+            ]
             # rounding errors of the forces, as they enter their squares
             parts = [self.size(plane.static**2)]
             if given:
@@ -922,6 +945,7 @@ class _Generator:
         layout.timed = self.eq.timed
         layout.prescribed = any(c.prescribed for c in self.eq.contacts)
         layout.constants = self.constants.slots
+        layout.formulas = len(self.formulas)
 
     def setup(self) -> list[Store]:
         d = self.d
@@ -1036,6 +1060,42 @@ class _Generator:
 
     def powers(self) -> list[Store]:
         return self.listed([self.eq.energy, self.eq.dissipation, self.eq.supply])
+
+    @cached_property
+    def formulas(self) -> list[ConvexFormula]:
+        """Dissipations that are formulas, each once."""
+        found = [plane.formula for plane in self.eq.planes if plane.formula is not None]
+        return list({id(formula): formula for formula in found}.values())
+
+    def supports(self) -> list[Store]:
+        """Of the forces −∂R(0) of each formula beside a middle of them: the support function S(w) =
+        R(−w) − w·middle with its first and second derivatives, and that middle, an average of the
+        forces against slips along both axes."""
+        stores = list[Store]()
+        w = [ex.sym("w1"), ex.sym("w2")]
+        names = {str(x.value): element("w", i) for i, x in enumerate(w)}
+        for f, formula in enumerate(self.formulas):
+            first, second = formula.names
+            along = [(1, 0), (-1, 0), (0, 1), (0, -1)]
+            middle = [
+                ex.add(
+                    *(
+                        (ex.substitute(slope, {first: ex.num(x), second: ex.num(y)}), -0.25)
+                        for x, y in along
+                    )
+                )
+                for slope in formula.gradient
+            ]
+            back = ex.substitute(formula.value, {first: -w[0], second: -w[1]})
+            S = ex.add((back, 1.0), *((x * m, -1.0) for x, m in zip(w, middle, strict=True)))
+            slope = [ex.derivative(S, x) for x in names]
+            bend = [ex.derivative(slope[i], x) for i, x in ((0, "w1"), (1, "w1"), (1, "w2"))]
+            targets = [S, *slope, *bend, *middle]
+            v = scalars_of(targets, names, constants=self.constants)
+            stores += [
+                Store("out", (len(targets) * f + k,), v[e]) for k, e in enumerate(targets)
+            ]
+        return stores
 
     def landings(self) -> list[Store]:
         return self.listed([e for jump in self.eq.jumps for e in jump.values.values()])

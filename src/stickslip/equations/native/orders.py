@@ -415,7 +415,8 @@ def _speed(s: Series, i: Instruction, k: Order) -> None:
 
 
 def _direction(s: Series, i: Instruction, k: Order) -> None:
-    """u/|u| and |u| in slip, unless they are given; zero where there is no friction."""
+    """u/|u| and |u| in slip, unless they are given; zero where there is no friction, but for the
+    first component if there is a part, which it is then."""
     a, b, size = i.inputs
     n, m, r = i.row, i.row + 1, i.row + 2
     is_given = s.is_mode(i.place, "eq", DIRECTION_GIVEN)
@@ -428,13 +429,15 @@ def _direction(s: Series, i: Instruction, k: Order) -> None:
         s.put(r, 0, s.select(free, 0.0, own))
     first = s.get(r, 0)
 
+    rests = s.factor(i.parts[0]) if i.parts and k == 0 else 0.0
+
     def put(row: int, made: Operand) -> None:
         kept = s.once(
             ("kept", i.row),
             lambda: s.either(is_given, s.test("oeq", first, 0.0)),
         )
         slips = s.select(kept, s.stored(row, k), made)
-        s.put(row, k, s.select(free, 0.0, slips))
+        s.put(row, k, s.select(free, rests if row == n else 0.0, slips))
 
     if k != 0:
         squares = s.add(s.square(a, k), s.square(b, k))

@@ -33,6 +33,7 @@ class CompiledSystem:
     residual: Any
     powers: Any
     landings: Any
+    supports: Any
 
     @property
     def layout(self) -> Layout:
@@ -60,7 +61,7 @@ def assembly_of(generated: Generated) -> str:
     """The functions of a system as LLVM assembly."""
     long = is_long(generated)
     functions: list[Routine] = [series_of(generated)]
-    for name in ("setup", "residual", "powers", "landings"):
+    for name in ("setup", "residual", "powers", "landings", "supports"):
         routine = Tabled(name) if long else Routine(name)
         routine.statements(getattr(generated, name))
         routine.end("ret void")

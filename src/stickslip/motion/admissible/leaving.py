@@ -25,6 +25,7 @@ from stickslip.motion.admissible.overload import (
     overload,
     place_held,
 )
+from stickslip.motion.admissible.sets import excess, formula_of, support_at
 from stickslip.motion.admissible.sharing import (
     STAYS,
     grip,
@@ -134,7 +135,7 @@ def place_guard(flow: Flow, mode: Array, group: int, rank: int) -> tuple[float, 
         other = partner(rows, c)
         x, y = speed_of(flow, c, rank, space.aside[MECHANISM])
         x, y = x / fastest, y / fastest
-        speed = math.hypot(x, y)
+        speed = support_at(flow, c, x, y)
         for k in range(flow.order):
             guard[k] += speed * radius_at(rows, W, c, k) - x * held_at(flow, W, c, k)
             if other >= 0:
@@ -259,11 +260,32 @@ def place_polynomials(flow: Flow, mode: Array, group: int) -> bool:
     for c in range(nc):
         if sticks_in(rows, mode, c, group) and not is_component(rows, c):
             other = partner(rows, c)
-            force = math.hypot(
-                aside[GIVEN_FORCES, c], aside[GIVEN_FORCES, other] if other >= 0 else 0.0
-            )
-            inside = inside and force < aside[RADIUS, c]
+            a = aside[GIVEN_FORCES, c]
+            b = aside[GIVEN_FORCES, other] if other >= 0 else 0.0
+            inside = inside and holds_all(flow, c, a, b)
     return inside
+
+
+@compiled(brief=True)
+def holds_all(flow: Flow, c: int, a: float, b: float) -> bool:
+    """Whether the least set of a contact in the work space has all forces up to a size inside.
+
+    Parameters
+    ----------
+    flow : Flow
+    c : int
+        The contact, by its first component.
+    a, b : float
+        The sizes of both components.
+    """
+    radius = flow.space.aside[RADIUS, c]
+    if formula_of(flow.rows, c) < 0:
+        return math.hypot(a, b) < radius
+    corners = 0
+    for i in range(4):
+        x, y = a if i % 2 == 0 else -a, b if i < 2 else -b
+        corners += 1 if excess(flow, c, radius, x, y) < 0.0 else 0
+    return corners == 4
 
 
 @compiled(brief=True)

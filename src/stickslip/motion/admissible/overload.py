@@ -5,9 +5,9 @@ forces inside their sets, discs in a plane and intervals along a line, that have
 rest needs: q has to be in the convex set K = Σ Gᵀ(set of each), G the directions. That is decided
 by a smooth, strictly convex function of what the body might do,
 
-    F(w) = Σ s √(1 + |Gw|²) − q·w,   F′(w) = Σ Gᵀf − q,   f = s Gw/√(1 + |Gw|²).
+    F(w) = Σ s √(1 + |Gw|²) − q·w,   F′(w) = Σ Gᵀf − q,   f = s Gw/√(1 + |Gw|²)
 
-It has a minimum if and only if q is inside K, and there the f are forces with the sum q, each
+(for sets of any other form with their support functions in place of |Gw|). It has a minimum if and only if q is inside K, and there the f are forces with the sum q, each
 inside its set: a proof that the body can rest. If q is outside, F falls for ever, and Newton's
 method comes to some w with Σ s |Gw| < q·w: a mechanism against which friction is too weak, and the
 proof of that. K is convex, and so is the set of all (q, s) for which q is in it: what holds at the
@@ -20,6 +20,7 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
+from stickslip.motion.admissible.sets import excess, inner_bend, inner_force, support_at
 from stickslip.motion.admissible.sharing import (
     held_at,
     partner,
@@ -33,7 +34,7 @@ from stickslip.motion.steps.arrays import (
     Flow,
     is_component,
 )
-from stickslip.motion.steps.vectors import direction_and_turn, is_new
+from stickslip.motion.steps.vectors import is_new
 from stickslip.translator import compiled
 
 _INDEPENDENT = 1e-13  # square of the part of a direction that is none of the others
@@ -85,10 +86,9 @@ def fits(flow: Flow, mode: Array, group: int, lack: float) -> bool:
     for c in range(rows.sizes[ON_INERTIAL]):
         if sticks_in(rows, mode, c, group) and not is_component(rows, c):
             other = partner(rows, c)
-            force = math.hypot(
-                aside[GIVEN_FORCES, c], aside[GIVEN_FORCES, other] if other >= 0 else 0.0
-            )
-            if not force <= (1.0 + lack) * aside[RADIUS, c]:
+            a = aside[GIVEN_FORCES, c]
+            b = aside[GIVEN_FORCES, other] if other >= 0 else 0.0
+            if not excess(flow, c, (1.0 + lack) * aside[RADIUS, c], a, b) <= 0.0:
                 return False
     return True
 
@@ -213,11 +213,11 @@ def slope_of(
             continue
         other = partner(rows, c)
         x, y = speed_of(flow, c, rank, w)
-        share = space.aside[RADIUS, c] / math.sqrt(1.0 + x * x + y * y)
+        f, g = inner_force(flow, c, space.aside[RADIUS, c], x, y)
         for r in range(rank):
-            slope[r] += share * x * space.grip[c, r]
+            slope[r] += f * space.grip[c, r]
             if other >= 0:
-                slope[r] += share * y * space.grip[other, r]
+                slope[r] += g * space.grip[other, r]
 
 
 @compiled(brief=True)
@@ -225,8 +225,7 @@ def inner_forces(flow: Flow, c: int, rank: int) -> tuple[float, float]:
     """The force f of a contact inside its set at the place that is reached, by its first
     component."""
     x, y = speed_of(flow, c, rank, flow.space.aside[_WAY])
-    share = flow.space.aside[RADIUS, c] / math.sqrt(1.0 + x * x + y * y)
-    return share * x, share * y
+    return inner_force(flow, c, flow.space.aside[RADIUS, c], x, y)
 
 
 @compiled(brief=True)
@@ -256,7 +255,7 @@ def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> None:
             continue
         other = partner(rows, c)
         x, y = speed_of(flow, c, rank, space.aside[_WAY])
-        _, _, xx, yy, xy, size = direction_and_turn(x, y, 1.0)
+        xx, yy, xy, size = inner_bend(flow, c, x, y)
         along = space.aside[RADIUS, c] / size
         for i in range(rank):
             a = grips[c, i]
@@ -340,7 +339,7 @@ def load_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
     for c in range(rows.sizes[ON_INERTIAL]):
         if sticks_in(rows, mode, c, group) and not is_component(rows, c):
             x, y = speed_of(flow, c, rank, best)
-            lost += aside[RADIUS, c] * math.hypot(x, y)
+            lost += aside[RADIUS, c] * support_at(flow, c, x, y)
     # F″ is smallest along the mechanism, and largest where contacts stay behind.
     for r in range(rank):
         basis[held, r] = best[r]

@@ -8,6 +8,7 @@ Where more directions stick than there are coordinates, forces are not unique. C
 from __future__ import annotations
 
 from stickslip.arrays import Array
+from stickslip.motion.admissible.sets import formula_of, middle_of
 from stickslip.motion.steps.arrays import (
     COORDINATES,
     INERTIAL,
@@ -20,6 +21,7 @@ from stickslip.motion.steps.arrays import (
     Flow,
     Rows,
     direction_entry,
+    is_component,
 )
 from stickslip.motion.steps.vectors import is_new
 from stickslip.translator import compiled
@@ -83,10 +85,20 @@ def find_shared(flow: Flow, mode: Array, table: Array, lasting: bool) -> None:
         if not is_first(rows, mode, first):
             continue
         count, rank = grip(flow, mode, table, group)
-        if count > rank and not (lasting and turns(flow, mode, group)):
+        several = count > rank and not (lasting and turns(flow, mode, group))
+        if several or any_formula(rows, mode, group):
             for c in range(first, rows.sizes[ON_INERTIAL]):
                 if sticks_in(rows, mode, c, group):
                     leaving[c] = STAYS
+
+
+@compiled(brief=True)
+def any_formula(rows: Rows, mode: Array, group: int) -> bool:
+    """Whether one of the contacts of a group that stick has a formula."""
+    found = False
+    for c in range(rows.sizes[ON_INERTIAL]):
+        found = found or (sticks_in(rows, mode, c, group) and formula_of(rows, c) >= 0)
+    return found
 
 
 @compiled(brief=True)
@@ -198,7 +210,10 @@ def held_at(flow: Flow, table: Array, c: int, k: int) -> float:
     axis."""
     rows = flow.rows
     middle = 0.0
-    if rows.plane[c] < 0:
+    if formula_of(rows, c) >= 0:
+        radius = table[rows.planes[rows.plane[c], STATIC], k]
+        middle = radius * middle_of(flow, c, int(is_component(rows, c)))
+    elif rows.plane[c] < 0:
         middle = 0.5 * (table[rows.minus[c], k] - table[rows.plus[c], k])
     return float((table[rows.force[c], k] - middle) / axis_of(flow, c))
 

@@ -19,6 +19,7 @@ from stickslip.motion.admissible.overload import (
     overload,
     place_held,
 )
+from stickslip.motion.admissible.sets import excess, formula_of
 from stickslip.motion.admissible.sharing import (
     axis_of,
     grip,
@@ -28,6 +29,8 @@ from stickslip.motion.admissible.sharing import (
 )
 from stickslip.motion.steps.arrays import ON_INERTIAL, Flow, is_component
 from stickslip.translator import compiled
+
+_HALVINGS = 50  # of the way into a set
 
 
 @compiled(brief=True)
@@ -88,6 +91,9 @@ def part_of_the_way(flow: Flow, mode: Array, group: int, rank: int) -> float:
         b = aside[GIVEN_FORCES, other] if other >= 0 else 0.0
         x, y = inner_forces(flow, c, rank)
         x, y = x - a, y - b
+        if formula_of(rows, c) >= 0:
+            part = max(part, part_to_set(flow, c, a, b, x, y))
+            continue
         # |(a, b) + part (x, y)| = s: it is outside at 0, and inside at 1
         outside = a * a + b * b - aside[RADIUS, c] ** 2
         if outside > 0.0:
@@ -96,3 +102,29 @@ def part_of_the_way(flow: Flow, mode: Array, group: int, rank: int) -> float:
             below = inwards + math.sqrt(max(root, 0.0))
             part = max(part, outside / below if below > outside else 1.0)
     return part
+
+
+@compiled(brief=True)
+def part_to_set(flow: Flow, c: int, a: float, b: float, x: float, y: float) -> float:
+    """The least part of the way (x, y) from a force (a, b) into the set of a contact that has a
+    formula.
+
+    Parameters
+    ----------
+    flow : Flow
+        With its radius.
+    c : int
+        The contact, by its first component.
+    a, b, x, y : float
+    """
+    radius = flow.space.aside[RADIUS, c]
+    if not excess(flow, c, radius, a, b) > 0.0:
+        return 0.0
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        if excess(flow, c, radius, a + middle * x, b + middle * y) > 0.0:
+            low = middle
+        else:
+            high = middle
+    return high

@@ -263,6 +263,8 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         if doubt >= 0 and x == 0.0:
             return inadmissible(rows.doubtful, doubt), count
         look_ahead(flow, x, h)
+        if 0 <= which < len(rows.kinks) and len(rows.planes) > 0:
+            which = end_instead(flow, lane, which, x * h)
         # The next step begins with the rates at the end of this one, unless something comes in
         # between.
         asked = is_promise_due(rows, lane, which, due) or is_full(task, rows, count)
@@ -717,8 +719,8 @@ def solves(machine: Machine, flow: Flow, lane: Lane, h: float, which: int) -> bo
 @compiled()
 def ends_slip(flow: Flow, mode: Array, which: int, p: int, t: float, h: float) -> bool:
     """Whether the slip of a contact in a plane ends at the end of a step: where its own guard
-    fires; where that of another one does, or of one along a line of the same body, if its speed
-    cannot be told from nothing there.
+    fires; where that of another one does, or of one along a line of the same body, or a kink, if
+    its speed cannot be told from nothing there.
 
     Parameters
     ----------
@@ -736,20 +738,45 @@ def ends_slip(flow: Flow, mode: Array, which: int, p: int, t: float, h: float) -
     rows = flow.rows
     mag = flow.space.mag
     first, other = rows.planes[p, COMPONENT], rows.planes[p, OTHER]
+    kink = 0 <= which < len(rows.kinks)
     c = contact_of(which, len(rows.kinks)) if which >= len(rows.kinks) else NOWHERE
-    if c < 0 or c >= rows.sizes[ON_INERTIAL] or mode[c] == 0 or opens(rows, c):
-        return False
-    if c == first:
-        return True
+    if not kink:
+        if c < 0 or c >= rows.sizes[ON_INERTIAL] or mode[c] == 0 or opens(rows, c):
+            return False
+        if c == first:
+            return True
     slips = rows.planes[p, MASSIVE] == 1 and (mode[first] == 1 or mode[first] == 2)
     if not slips or is_loose(rows, mode, first):
         return False
-    if rows.plane[c] < 0 and (rows.group[c] < 0 or rows.group[c] != rows.group[first]):
-        return False
+    if not kink and rows.plane[c] < 0:
+        if rows.group[c] < 0 or rows.group[c] != rows.group[first]:
+            return False
     row = flow.space.W[rows.planes[p, AIM] + 2]
     speed, change = value_and_slope(row, flow.order - 1, flow.space.powers)
     late = INSTANT * abs(t) / h
     return bool(abs(speed) <= ROUNDING * (mag[first] + mag[other]) + late * abs(change))
+
+
+@compiled()
+def end_instead(flow: Flow, lane: Lane, kink: int, h: float) -> int:
+    """The guard of the slip in a plane that ends where a kink fires: a kink of a component of its
+    velocity is at zero there, too, and no direction is left. The kink itself if there is none.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the series of the step, up to its end.
+    lane : Lane
+        At its beginning.
+    kink : int
+    h : float
+        Length of the step.
+    """
+    rows = flow.rows
+    for p in range(len(rows.planes)):
+        if ends_slip(flow, lane.mode, kink, p, lane.clock[NOW] + h, h):
+            return int(len(rows.kinks) + 2 * rows.planes[p, COMPONENT])
+    return kink
 
 
 @compiled()

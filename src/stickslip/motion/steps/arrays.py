@@ -9,7 +9,7 @@ import numpy as np
 
 from stickslip.arrays import Array, ByteMatrix, IntMatrix, IntVector, Matrix, Vector
 from stickslip.equations.codegen.program import Program
-from stickslip.machine_code.interface import Jets, Landings, Powers, Residuals
+from stickslip.machine_code.interface import Jets, Landings, Powers, Residuals, Supports
 from stickslip.translator import compiled, row_of
 
 # Codes of motion.outcome.Outcome, and one that asks to be called again with a new record.
@@ -81,11 +81,10 @@ KINK, WAY, FIRST_LANDING, LANDINGS = range(4)
 FEWEST_ORDERS = 8  # of a Taylor series
 # Columns of Rows.planes: the components, the first row of the direction (the second and that of
 # |Au| follow), the row of s² − |A⁻¹λ|² and the place of its size, the rows of Au, of s, and of what
-# is not negative in slip (|Au| with mass, else n·Au), 1 for one with mass, and 1 for one that
-# changes the normal force that presses it.
-COMPONENT, OTHER, AIM, ADMISSIBLE, ADMISSIBLE_SIZE, AHEAD, ASIDE, STATIC, SLIPS, MASSIVE, BENDS = (
-    range(11)
-)
+# is not negative in slip (|Au| with mass, else n·Au), 1 for one with mass, 1 for one whose friction
+# makes of Au what is not linear in its direction, and the number of its formula, −1: none.
+COMPONENT, OTHER, AIM, ADMISSIBLE, ADMISSIBLE_SIZE, AHEAD, ASIDE, STATIC, SLIPS, MASSIVE = range(10)
+BENDS, FORMULA = 10, 11
 # Columns of Rows.doubtful.
 DOUBTED, SLIPPING, TOWARDS = range(3)
 # Columns of Rows.links.
@@ -152,10 +151,13 @@ class Rows(NamedTuple):
         By the columns from `KINK` to `LANDINGS`.
     landings : array of int
         Parts of the state that have new values, jump by jump.
-    planes : array of int, shape (planes, 11)
-        Contacts in a plane, by the columns from `COMPONENT` to `BENDS`.
+    planes : array of int, shape (planes, 12)
+        Contacts in a plane, by the columns from `COMPONENT` to `FORMULA`.
     plane : array of int, shape (contacts,)
         Which of them each contact is a component of; −1: of none.
+    pieces : array of int, shape (pieces, 3)
+        Kinks of the dissipations of planes that have a formula, the plane, and the row of the same
+        function of the direction.
     in_turn : int
         1 if contacts that close at once have impacts one after the other.
     group : array of int, shape (contacts,)
@@ -190,6 +192,7 @@ class Rows(NamedTuple):
     landings: IntVector
     planes: IntMatrix
     plane: IntVector
+    pieces: IntMatrix
     in_turn: int
     group: IntVector
 
@@ -255,6 +258,8 @@ class Space(NamedTuple):
         Of slips in a plane that begin; see :mod:`stickslip.motion.steps.starting`.
     basis, grip, turned_grip, bend, unbent, aside, points, piece, leaving : arrays
         Of contacts that share forces; see :mod:`stickslip.motion.admissible.overload`.
+    along, supported : arrays
+        A vector, and support functions there; see :mod:`stickslip.motion.admissible.sets`.
     span, face, turn, turned, onset : arrays
         Of slips that begin together; see :mod:`stickslip.motion.steps.onset`.
     landed, stood : arrays
@@ -314,6 +319,8 @@ class Space(NamedTuple):
     points: Matrix
     piece: Matrix
     leaving: IntVector
+    along: Vector
+    supported: Vector
     span: Matrix
     face: Matrix
     turn: Matrix
@@ -412,6 +419,8 @@ class Flow(NamedTuple):
         Of the Taylor series.
     tol, atol : float
         Local tolerance relative to the size of the state plus `atol`.
+    supports : Supports
+        Support functions of the forces of contacts that have a formula.
     """
 
     rows: Rows
@@ -420,6 +429,7 @@ class Flow(NamedTuple):
     order: int
     tol: float
     atol: float
+    supports: Supports
 
 
 FlowOfMany = Annotated[Flow, "many k"]
@@ -438,7 +448,8 @@ class Instant(NamedTuple):
 @compiled()
 def flow_of(flow: Flow, g: int) -> Flow:
     """The same for one of many sets of parameters."""
-    return Flow(flow.rows, row_of(flow.k, g), flow.space, flow.order, flow.tol, flow.atol)
+    k = row_of(flow.k, g)
+    return Flow(flow.rows, k, flow.space, flow.order, flow.tol, flow.atol, flow.supports)
 
 
 @compiled()
@@ -620,6 +631,8 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         points=z((2 * mq if sharing else 0, most_points)),
         piece=z((2 * mq if sharing else 0, most_points)),
         leaving=np.full(nc, 2, np.int64),
+        along=z(2),
+        supported=z(8 * max(1, int(rows.planes[:, FORMULA].max(initial=-1)) + 1)),
         span=z((slips + 1, slips)),
         face=z((slips + 1, slips)),
         turn=z((2 * slips + 1, 2 * slips)),

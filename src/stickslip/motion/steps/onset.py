@@ -22,7 +22,7 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
-from stickslip.motion.steps.arrays import COMPONENT, EPSILON, Flow
+from stickslip.motion.steps.arrays import COMPONENT, EPSILON, FORMULA, Flow
 from stickslip.motion.steps.vectors import direction_and_turn, is_new
 from stickslip.translator import compiled
 
@@ -87,7 +87,8 @@ def begin_together(flow: Flow) -> bool:
     for p in range(len(rows.planes)):
         if flow.space.aims[AIMS * p + LEADING, 0] >= 0.0:
             own = rows.group[rows.planes[p, COMPONENT]]
-            if own < 0 or (count > 0 and own != group):
+            bent = rows.planes[p, FORMULA] >= 0
+            if own < 0 or bent or (count > 0 and own != group):
                 return False
             group = own
             count += 1

@@ -30,6 +30,7 @@ from stickslip.motion.steps.arrays import (
     DIMENSION,
     EPSILON,
     FEWEST_ORDERS,
+    FORMULA,
     INSTANT,
     MASSIVE,
     OK,
@@ -92,6 +93,10 @@ def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: A
     int
         OK, or SINGULAR or INDEFINITE, what keeps the equations from being solved.
     """
+    for plane in flow.rows.planes:
+        aim = plane[AIM]
+        if plane[FORMULA] >= 0 and table[aim, 0] == 0.0 and table[aim + 1, 0] == 0.0:
+            table[aim, 0] = 1.0  # until it is known: a gradient has no value at 0
     status = plain_coefficients(machine, flow, at, order, table)
     if status != OK or len(flow.rows.planes) == 0:
         return status
@@ -323,9 +328,12 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
         if r % AIMS != LEADING:
             for k in range(aims.shape[1]):
                 aims[r, k] = 0.0
+        if r % AIMS == N_ and rows.planes[r // AIMS, FORMULA] >= 0:
+            aims[r, 0] = 1.0  # a gradient has no value at 0
     for probe in range(-1, 2 * planes):
         if probe >= 0 and aims[AIMS * (probe // 2) + LEADING, 0] < 0.0:
             continue
+        bent = probe >= 0 and rows.planes[probe // 2, FORMULA] >= 0
         if probe >= 0:
             aims[AIMS * (probe // 2) + N_ + probe % 2, 0] = 1.0
         place_aims(flow, table, FEWEST_ORDERS)
@@ -340,7 +348,7 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
                 else:
                     answer[2 * p + i, probe] = rate - aims[AIMS * p + BX + i, 0]
         if probe >= 0:
-            aims[AIMS * (probe // 2) + N_ + probe % 2, 0] = 0.0
+            aims[AIMS * (probe // 2) + N_ + probe % 2, 0] = 1.0 if bent and probe % 2 == 0 else 0.0
     return OK
 
 
@@ -488,8 +496,35 @@ def rate_towards(
     aims[AIMS * p + N_, 0], aims[AIMS * p + M_, 0] = n, m
     place_aims(flow, table, FEWEST_ORDERS)
     status = plain_coefficients(machine, flow, at, FEWEST_ORDERS, table)
+    if status == OK and on_other_pieces(flow.rows, p, at.reg, table):
+        place_aims(flow, table, FEWEST_ORDERS)
+        status = plain_coefficients(machine, flow, at, FEWEST_ORDERS, table)
     x, y = table[flow.rows.planes[p, AHEAD], 1], table[flow.rows.planes[p, AHEAD + 1], 1]
     return status, n * y - m * x, n * x + m * y
+
+
+@compiled()
+def on_other_pieces(rows: Rows, p: int, reg: Array, table: Array) -> bool:
+    """Put the kinks of the dissipation of a plane onto the sides where a direction is; whether one
+    was not.
+
+    Parameters
+    ----------
+    rows : Rows
+    p : int
+        The plane.
+    reg : array of int, shape (kinks,)
+        Is changed.
+    table : array
+        With the direction.
+    """
+    changed = False
+    for piece in rows.pieces:
+        side = 1 if table[piece[2], 0] >= 0.0 else 0
+        if piece[1] == p and reg[piece[0]] != side:
+            reg[piece[0]] = side
+            changed = True
+    return changed
 
 
 @compiled()

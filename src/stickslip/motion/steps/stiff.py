@@ -322,7 +322,7 @@ def leads_to_rest(flow: Flow, start: Instant, room: float, seen: Array) -> bool:
         end, _ = slip_end(W[first + 2], flow.order, 2.0 * room / unit)
         if abs(end * unit - room) <= _AT_THE_END * room + INSTANT * abs(start.t):
             tol, atol = _COARSER * flow.tol, _COARSER * flow.atol
-            known = Flow(rows, flow.k, flow.space, flow.order, tol, atol)
+            known = Flow(rows, flow.k, flow.space, flow.order, tol, atol, flow.supports)
             return step_size(known, flow.order, seen, room) >= room
     return False
 

@@ -295,6 +295,14 @@ def all_stick(
             nonnegative += [h + fix(c.plus), fix(c.minus) - h]
     state = frozenset(d.state)
     equal += [fix(c.speed) for c in equations.contacts if c.speed.symbols & state]
+    for plane in equations.planes:
+        if plane.formula is not None:
+            name = equations.labels[plane.parts[0]]
+            raise DeclarationError(
+                f"contacts.'{name}'",
+                "it has a dissipation of its own, and equilibria are sought for discs and ellipses",
+                "Let a motion come to rest: simulate says where it does",
+            )
     nonnegative += [
         fix(plane.admissible((held[plane.parts[0]], held[plane.parts[1]])))
         for plane in equations.planes

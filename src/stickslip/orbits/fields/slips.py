@@ -21,9 +21,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.linalg
+import scipy.optimize
 
 from stickslip.arrays import Array
-from stickslip.equations.derive import MotionEquations
+from stickslip.equations.derive import MotionEquations, Plane
 from stickslip.model.system import Kind
 from stickslip.motion.knots import Knots
 from stickslip.orbits.fields.engine.variations import Leave
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 
 _DEPENDENT = 1e-10  # part of its size by which a direction may miss the span of others
 _RESOLVED = 1e-10  # part of the time below which a step is too short to be looked into
+_ANGLES, _POLISH = 180, 4  # of the search for the direction in which a slip begins
 _CLOSE, _ROUNDED = 1e-12, 4e-16  # parts of a step before its end, and of a velocity
 _MOST_TURNS, _SETTLED = 2000, 1e-14  # of the search for a mechanism
 _TANGENT = 1e-9  # part of its terms below which a guard vanishes without speed
@@ -87,11 +89,17 @@ def through(
     else:
         here = left.leave(t, y, p)
         cause = int(k.cause[knot])
-        passing = (
-            _loosening(equations, pieces, begun, (t, y, p), here.rates)
-            if left.field.shared.intersection(begun)
-            else _own(left, here, cause if cause >= 0 else len(equations.kinks) + begun[0])
-        )
+        formulas = [plane for plane in equations.planes if plane.formula is not None]
+        bent = [plane for plane in formulas if plane.parts[0] in begun]
+        if bent and (len(begun) > 1 or left.field.shared.intersection(begun)):
+            return none
+        if bent:
+            passing = _leaving(left, bent[0], (t, y, p), here.rates)
+        elif left.field.shared.intersection(begun):
+            passing = _loosening(equations, pieces, begun, (t, y, p), here.rates)
+        else:
+            own = cause if cause >= 0 else len(equations.kinks) + begun[0]
+            passing = _own(left, here, own)
     if not abs(passing.fall) > _TANGENT * passing.terms:
         return none
     earlier = passing.slopes / passing.fall
@@ -245,6 +253,51 @@ def _stopping(
 def _parts(equations: MotionEquations, c: int) -> tuple[int, ...]:
     """A contact, by its first component, with the other one."""
     return next((plane.parts for plane in equations.planes if plane.parts[0] == c), (c,))
+
+
+def _leaving(
+    piece: Piece, plane: Plane, at: tuple[float, Array, Array], rates: Array
+) -> _Passing:
+    """The guard of a contact that has a formula and begins to slip: s R(w) + λ·w for the direction
+    w in which that is least. It is least there, so that its derivatives are those with this w.
+
+    Parameters
+    ----------
+    piece : Piece
+        Before.
+    plane : Plane
+    at : (float, array, array)
+        t, y, p.
+    rates : array, shape (n,)
+    """
+    values = dict(zip(piece.field.names, (at[0], *at[1], *at[2]), strict=True))
+    forces = [piece.field.contacts[part].force for part in plane.parts]
+    held = [ex.evaluate(force, values) for force in forces]
+    s = ex.evaluate(plane.static, values)
+    formula = plane.formula
+    assert formula is not None
+    others = [values[name] for name in formula.ranges]
+
+    def room(angle: float) -> float:
+        w = np.cos(angle), np.sin(angle)
+        return s * formula.numbers([*w, *others])[0] + held[0] * w[0] + held[1] * w[1]
+
+    angles = 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
+    start = float(angles[np.argmin([room(angle) for angle in angles])])
+    width = 2.0 * np.pi / _ANGLES
+    given = {"bounds": (start - width, start + width), "method": "bounded"}
+    angle = scipy.optimize.minimize_scalar(room, **given, options={"xatol": 1e-12}).x
+    for _ in range(_POLISH):
+        w = np.array([np.cos(angle), np.sin(angle)])
+        R, *rest = formula.numbers([*w, *others])
+        across = np.array([-w[1], w[0]])
+        bend = across @ np.array(rest[2:]).reshape(2, 2) @ across
+        slope = s * across @ np.array(rest[:2]) + np.array(held) @ across
+        angle -= slope / max(s * (bend - R) - np.array(held) @ w, 1e-3 * s * R)
+    way = [ex.num(float(np.cos(angle))), ex.num(float(np.sin(angle)))]
+    h = plane.room_along(forces, way)
+    slopes = np.array([ex.evaluate(ex.derivative(h, c), values) for c in piece.columns])
+    return _passing(ex.evaluate(ex.derivative(h, "t"), values), slopes, rates)
 
 
 def _loosening(

@@ -329,7 +329,8 @@ def differentiate(
     """
     n = len(c.followed[0])
     flow = own_flow(e, i)
-    fine = Flow(flow.rows, flow.k, flow.space, flow.order, rules.fine[0], rules.fine[1])
+    tol, atol = rules.fine[0], rules.fine[1]
+    fine = Flow(flow.rows, flow.k, flow.space, flow.order, tol, atol, flow.supports)
     knots = knots_of(bench.record, 0, count)
     run = Pass(
         knots,

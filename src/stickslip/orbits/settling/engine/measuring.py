@@ -399,7 +399,8 @@ def add_steps(
     balance = bench.balance
     work = bench.steps.work
     steps = count - 1
-    fine = Flow(flow.rows, flow.k, flow.space, flow.order, rules.fine[0], rules.fine[1])
+    tol, atol = rules.fine[0], rules.fine[1]
+    fine = Flow(flow.rows, flow.k, flow.space, flow.order, tol, atol, flow.supports)
     flow.space.known[-1] = 1
     for j in range(steps):
         fill(work[j], 0.0)

@@ -44,7 +44,7 @@ class Shared(NamedTuple):
 def at_desk(e: Engine, desk: Desk) -> Engine:
     """An engine that works in the space of a thread."""
     f = e.flow
-    flow = Flow(f.rows, f.k, desk.space, f.order, f.tol, f.atol)
+    flow = Flow(f.rows, f.k, desk.space, f.order, f.tol, f.atol, f.supports)
     return Engine(e.machine, flow, desk.flight, e.forms, e.group, e.codes, e.lanes)
 
 

@@ -1,0 +1,202 @@
+"""The sets of forces of single contacts, by their support functions.
+
+A contact holds the forces m + s K: m is a middle of the set, s its radius, and K an interval, a
+disc, or what a formula R makes of the forces −∂R(0), of which a function of the system tells the
+support function S(w) = max {f·w : f ∈ K} with its derivatives. The functions here say what is asked
+of K: how far forces are outside, and how S is rounded off at 0, √(1 + S²), so that its gradients
+fill K.
+"""
+
+from __future__ import annotations
+
+import math
+
+from stickslip.motion.steps.arrays import FORMULA, NOWHERE, Flow, Rows
+from stickslip.motion.steps.vectors import direction_and_turn
+from stickslip.translator import compiled
+
+# Of each formula in Space.supported: S, its first and second derivatives, and the middle.
+_VALUE, _X, _Y, _XX, _XY, _YY, _MIDDLE = range(7)
+PER_FORMULA = 8
+_ANGLES = 32  # in which the forces of a formula are compared with S
+_MOST_TURNS = 8  # of Newton's method between them
+
+
+@compiled(brief=True)
+def formula_of(rows: Rows, c: int) -> int:
+    """The number of the formula of a contact; negative for others."""
+    return int(rows.planes[rows.plane[c], FORMULA] if rows.plane[c] >= 0 else NOWHERE)
+
+
+@compiled(brief=True)
+def find_support(flow: Flow, f: int, x: float, y: float) -> int:
+    """Put S of a formula at a vector into the work space; where, it is there."""
+    along = flow.space.along
+    along[0], along[1] = x, y
+    flow.supports(along, flow.k.K, flow.space.supported)
+    return PER_FORMULA * f
+
+
+@compiled(brief=True)
+def middle_of(flow: Flow, c: int, side: int) -> float:
+    """A component of the middle of the set of a contact that has a formula, for radius 1."""
+    at = find_support(flow, formula_of(flow.rows, c), 1.0, 0.0)
+    return float(flow.space.supported[at + _MIDDLE + side])
+
+
+@compiled(brief=True)
+def support_at(flow: Flow, c: int, x: float, y: float) -> float:
+    """S of a contact, by its first component."""
+    f = formula_of(flow.rows, c)
+    if f < 0 or (x == 0.0 and y == 0.0):
+        return math.hypot(x, y)
+    at = find_support(flow, f, x, y)
+    return float(flow.space.supported[at])
+
+
+@compiled(brief=True)
+def inner_force(flow: Flow, c: int, radius: float, x: float, y: float) -> tuple[float, float]:
+    """A force inside the set of a contact, the gradient of s √(1 + S²).
+
+    Parameters
+    ----------
+    flow : Flow
+    c : int
+        The contact, by its first component.
+    radius : float
+        Of the set.
+    x, y : float
+        Where the gradient is wanted.
+    """
+    f = formula_of(flow.rows, c)
+    if f < 0:
+        share = radius / math.sqrt(1.0 + x * x + y * y)
+        return share * x, share * y
+    if x == 0.0 and y == 0.0:
+        return 0.0, 0.0
+    at = find_support(flow, f, x, y)
+    out = flow.space.supported
+    S = out[at]
+    share = radius * S / math.sqrt(1.0 + S * S)
+    return share * out[at + _X], share * out[at + _Y]
+
+
+@compiled(brief=True)
+def inner_bend(flow: Flow, c: int, x: float, y: float) -> tuple[float, float, float, float]:
+    """The second derivatives of √(1 + S²), by xx, yy and xy, times that root, and the root.
+
+    Parameters
+    ----------
+    flow : Flow
+    c : int
+        The contact, by its first component.
+    x, y : float
+    """
+    f = formula_of(flow.rows, c)
+    if f < 0:
+        _, _, xx, yy, xy, root = direction_and_turn(x, y, 1.0)
+        return xx, yy, xy, root
+    if x == 0.0 and y == 0.0:
+        # S² has second derivatives at 0 along each way only: something between them.
+        a, b, d, _ = inner_bend_along(flow, f, 1.0, 0.0, 1.0)
+        g, h, j, _ = inner_bend_along(flow, f, 0.0, 1.0, 1.0)
+        return 0.5 * (a + g), 0.5 * (b + h), 0.5 * (d + j), 1.0
+    return inner_bend_along(flow, f, x, y, 0.0)
+
+
+@compiled(brief=True)
+def inner_bend_along(
+    flow: Flow, f: int, x: float, y: float, small: float
+) -> tuple[float, float, float, float]:
+    """The same of formula f away from 0; for small vectors, in a direction, if `small` is 1."""
+    at = find_support(flow, f, x, y)
+    out = flow.space.supported
+    S = out[at]
+    square = 1.0 + S * S if small == 0.0 else 1.0
+    a, b = out[at + _X], out[at + _Y]
+    xx = a * a / square + S * out[at + _XX]
+    yy = b * b / square + S * out[at + _YY]
+    return xx, yy, a * b / square + S * out[at + _XY], math.sqrt(square)
+
+
+@compiled(brief=True)
+def excess(flow: Flow, c: int, radius: float, a: float, b: float) -> float:
+    """How far a force is outside the set of a contact: the most of f·m − s S(m), |m| = 1; not
+    positive inside.
+
+    Parameters
+    ----------
+    flow : Flow
+    c : int
+        The contact, by its first component.
+    radius : float
+        Of the set.
+    a, b : float
+        The force beside the middle.
+    """
+    f = formula_of(flow.rows, c)
+    if f < 0:
+        return math.hypot(a, b) - radius
+    most = -math.inf
+    width = 2.0 * math.pi / _ANGLES
+    before = over_at(flow, f, radius, a, b, -width)
+    here = over_at(flow, f, radius, a, b, 0.0)
+    for k in range(_ANGLES):
+        after = over_at(flow, f, radius, a, b, (k + 1) * width)
+        if here >= before and here >= after:
+            most = max(most, largest_over(flow, f, radius, a, b, k * width, width))
+        before, here = here, after
+    return most
+
+
+@compiled(brief=True)
+def over_at(flow: Flow, f: int, radius: float, a: float, b: float, angle: float) -> float:
+    """f·m − s S(m) of a formula in a direction.
+
+    Parameters
+    ----------
+    flow : Flow
+    f : int
+        Number of the formula.
+    radius, a, b : float
+        Of the set, and the force.
+    angle : float
+    """
+    x, y = math.cos(angle), math.sin(angle)
+    return float(a * x + b * y - radius * flow.space.supported[find_support(flow, f, x, y)])
+
+
+@compiled(brief=True)
+def largest_over(
+    flow: Flow, f: int, radius: float, a: float, b: float, angle: float, width: float
+) -> float:
+    """The largest of these values within a width of an angle, by Newton's method, bracketed.
+
+    Parameters
+    ----------
+    flow, f, radius, a, b
+        As of :func:`over_at`.
+    angle, width : float
+    """
+    low, high = angle - width, angle + width
+    most = over_at(flow, f, radius, a, b, angle)
+    out = flow.space.supported
+    for _ in range(4 * _MOST_TURNS):
+        x, y = math.cos(angle), math.sin(angle)
+        at = find_support(flow, f, x, y)
+        over = a * x + b * y - radius * out[at]
+        most = max(most, over)
+        slope = -a * y + b * x - radius * (out[at + _Y] * x - out[at + _X] * y)
+        bend = y * y * out[at + _XX] - 2.0 * x * y * out[at + _XY] + x * x * out[at + _YY]
+        second = -over - radius * bend
+        if slope > 0.0:
+            low = angle
+        else:
+            high = angle
+        after = angle - slope / second if second < 0.0 else 0.5 * (low + high)
+        if not low < after < high:
+            after = 0.5 * (low + high)
+        if abs(after - angle) <= 1e-15 + 1e-9 * width:
+            break
+        angle = after
+    return most
