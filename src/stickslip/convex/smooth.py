@@ -111,9 +111,7 @@ class Slope(NamedTuple):
     pieces: tuple[tuple[Expr, Expr], ...] = ()
 
 
-def slope_of(
-    formula: ConvexFormula, direction: Sequence[Expr], velocity: Sequence[Expr]
-) -> Slope:
+def slope_of(formula: ConvexFormula, direction: Sequence[Expr], velocity: Sequence[Expr]) -> Slope:
     """∇R as expressions of a direction; which of its pieces counts is asked of a velocity along it,
     which is part of the state.
 

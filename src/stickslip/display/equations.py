@@ -4,7 +4,7 @@ notebooks."""
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, TypeVar, cast
 
@@ -154,8 +154,12 @@ class Equations:
         return cast("Contact", friction)
 
     def _length(self, contact: Contact) -> Node:
-        """|Au| of a contact in a plane, by its components."""
+        """|Au| of a contact in a plane, by its components, or what its dissipation is of u."""
         read = self._reader.read
+        if contact.dissipation is not None:
+            first, second = self._velocities(contact)
+            u: dict[str, Node] = {"v1": first, "v2": second}
+            return inserted(read(contact.dissipation), u)
         scaled = [
             times(read(axis), u)
             for axis, u in zip(contact.axes, self._velocities(contact), strict=True)
@@ -266,6 +270,9 @@ class Equations:
         matrix = "" if first == second == UNITY else f"{self._free_letter('AEGD')}{index}"
         u = self._velocities(contact)
         found = PlaneFriction(name, index, u, threshold, sliding, matrix, (first, second))
+        if contact.dissipation is not None:
+            R = self._reader.read(contact.dissipation)
+            found = replace(found, dissipation=R, called=f"{self._free_letter('RPS')}{index}")
         self.frictions.append(found)
         return found
 

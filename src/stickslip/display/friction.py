@@ -18,6 +18,7 @@ from stickslip.display.tree import (
     inserted,
     negate,
     raised,
+    sum_of,
     times,
 )
 
@@ -93,6 +94,10 @@ class PlaneFriction:
         What the matrix of the axes is called; empty for a disc.
     axes : pair of Node
         Its diagonal.
+    dissipation : Node or None
+        R(v) of a contact that has a formula, in ``v1`` and ``v2``.
+    called : str
+        What R is called.
     """
 
     contact: str
@@ -102,6 +107,8 @@ class PlaneFriction:
     sliding: Node
     matrix: str
     axes: tuple[Node, Node]
+    dissipation: Node | None = None
+    called: str = ""
 
     def component(self, i: int) -> Name:
         """The symbol of a component of its force, counted from 1."""
@@ -113,17 +120,21 @@ class PlaneFriction:
         found = [Relation("=", Name(f"u{self.index}"), Call(VECTOR, self.velocity))]
         if self.matrix:
             found.append(Relation("=", Name(self.matrix), Call("diag", self.axes)))
+        if self.dissipation is not None:
+            found.append(Relation("=", Call(self.called, (Name("v"),)), self.dissipation))
         return found
 
     @property
     def law(self) -> Hashable:
         """What contacts share that obey the same law."""
-        return self.threshold, self.sliding, self.matrix
+        return self.threshold, self.sliding, self.matrix, self.dissipation
 
     def laws(self, write: UnicodeWriter, index: str) -> list[tuple[str, str]]:
         """Pairs of a condition and the law that then holds, with symbols of the given index."""
         force: Node = Name(f"lam{index}")
         u: Node = Name(f"u{index}")
+        if self.dissipation is not None:
+            return [(write(when), write(law)) for when, law in self._of_formula(force, u)]
         moved = u
         if self.matrix:
             A = Name(self.matrix)
@@ -137,6 +148,18 @@ class PlaneFriction:
             (Relation("!=", u, NOUGHT), Relation("=", force, slip)),
         ]
         return [(write(when), write(law)) for when, law in laws]
+
+    def _of_formula(self, force: Node, u: Node) -> list[tuple[Node, Node]]:
+        """Pairs of a condition and the law that then holds, with R."""
+        v = [Name(name) for name in ("v1", "v2")]
+        work = sum_of(*(negate(times(self.component(i), x)) for i, x in enumerate(v, 1)))
+        most = times(self.threshold, Call(self.called, (Name("v"),)))
+        slope = Call(VECTOR, tuple(Call(self.called, (u,), by=(x.name,)) for x in v))
+        sliding = inserted(self.sliding, {"speed": Call("abs", (u,))})
+        return [
+            (Relation("=", u, NOUGHT), Relation("<=", work, most)),
+            (Relation("!=", u, NOUGHT), Relation("=", force, negate(times(sliding, slope)))),
+        ]
 
 
 AnyFriction = Friction | PlaneFriction

@@ -384,7 +384,8 @@ class _Overview:
             self._line(axes, f"size_{plane.key}", BLUE, zorder=3)
             _roomy(axes, np.concatenate([size, bound, [0.0]]))
             unit = unit_label(self.unit(f"friction_{plane.parts[0]}"))
-            said = r"$|\lambda|$" if plane.is_disc else r"$|A^{-1}\lambda|$"
+            plain = plane.is_disc or plane.formula is not None
+            said = r"$|\lambda|$" if plain else r"$|A^{-1}\lambda|$"
             axes.set_ylabel(said + (f"  [{unit}]" if unit else ""))
             axes.set_title(plane.name)
             if plane is next(iter(self.in_plane.values())):

@@ -778,7 +778,7 @@ class _Reader:
     def _dry(self, name: str, contact: Contact) -> list[DryContact]:
         """A contact along a line, or the two components of one in a plane."""
         where = entry_key("contacts", name)
-        if contact.threshold is None:
+        if contact.threshold == "":
             raise DeclarationError(
                 f"{where}.threshold",
                 "missing",

@@ -188,7 +188,7 @@ class Contact:
     """
 
     direction: Direction | tuple[Direction, Direction]
-    threshold: Formula | tuple[Formula, Formula] | None = None
+    threshold: Formula | tuple[Formula, Formula] = ""
     surface_speed: SurfaceSpeed = 0.0
     kinetic: Formula | tuple[Formula, Formula] | None = None
     unit: str = ""
@@ -197,7 +197,7 @@ class Contact:
 
     def __post_init__(self) -> None:
         hold_plain(self)
-        if self.threshold is None and self.dissipation is not None:
+        if self.threshold == "" and self.dissipation is not None:
             object.__setattr__(self, "threshold", 1.0)
 
     def components(self, name: str) -> dict[str, Contact]:

@@ -1092,9 +1092,7 @@ class _Generator:
             bend = [ex.derivative(slope[i], x) for i, x in ((0, "w1"), (1, "w1"), (1, "w2"))]
             targets = [S, *slope, *bend, *middle]
             v = scalars_of(targets, names, constants=self.constants)
-            stores += [
-                Store("out", (len(targets) * f + k,), v[e]) for k, e in enumerate(targets)
-            ]
+            stores += [Store("out", (len(targets) * f + k,), v[e]) for k, e in enumerate(targets)]
         return stores
 
     def landings(self) -> list[Store]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.patches import Ellipse, Patch
+from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from stickslip.arrays import Array
@@ -31,11 +31,13 @@ from stickslip.model.units import unit_label
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
+    from stickslip.convex.formula import ConvexFormula
     from stickslip.model.declaration import DryContact
     from stickslip.motion.trajectory import Trajectory
 
 _SAME = 1e-3  # part of a threshold by which it may change and still be drawn as one line
 _ROUND = 181  # points of an ellipse
+_FINE = 1441  # and of what a formula makes
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ class InPlane:
     @cached_property
     def is_disc(self) -> bool:
         """Whether friction is the same in all directions."""
-        return self.axes == (1.0, 1.0)
+        return self.axes == (1.0, 1.0) and self.formula is None
 
     @cached_property
     def directions(self) -> tuple[dict[str, float], dict[str, float]] | None:
@@ -105,12 +107,47 @@ class InPlane:
         return first, second
 
     def bounds(self, values: Mapping[str, Array]) -> tuple[Array, Array]:
-        """Half axes of the set of forces, in units of a force."""
+        """Half axes of the set of forces, in units of a force; of a formula the threshold, of which
+        the outline is a multiple."""
         first, second = (values[f"threshold_{part}"] for part in self.parts)
+        if self.formula is not None:
+            along = [self.formula.numbers([*e, *self._others])[0] for e in np.eye(2)]
+            s = first / along[0] if along[0] >= along[1] else second / along[1]
+            return s, s
         return first, second
 
+    @property
+    def formula(self) -> ConvexFormula | None:
+        """Its dissipation, where that is a formula."""
+        return self._declared[0].dissipation
+
+    @property
+    def _others(self) -> list[float]:
+        """Values of the parameters in the formula."""
+        assert self.formula is not None
+        return [self.trajectory.parameters[name] for name in self.formula.ranges]
+
+    @cached_property
+    def outline(self) -> Array:
+        """The border of the set of forces, in parts of :meth:`bounds`, shape (points, 2)."""
+        if self.formula is None:
+            angle = np.linspace(0.0, 2.0 * np.pi, _ROUND)
+            return np.column_stack([np.cos(angle), np.sin(angle)])
+        angle = np.linspace(0.0, 2.0 * np.pi, _FINE)
+        way = zip(np.cos(angle), np.sin(angle), strict=True)
+        # The force against a slip in each direction.
+        return np.array([[-x for x in self.formula.numbers([*w, *self._others])[1:3]] for w in way])
+
     def size(self, values: Mapping[str, Array]) -> tuple[Array, Array]:
-        """abs(A⁻¹λ), and the threshold that bounds it."""
+        """abs(A⁻¹λ), and the threshold that bounds it; of a formula abs(λ), and the largest force
+        of that direction."""
+        if self.formula is not None:
+            x, y = self.force(values)
+            angles = np.arctan2(self.outline[:, 1], self.outline[:, 0])
+            order = np.argsort(angles)
+            radii = np.hypot(*self.outline[order].T)
+            most = np.interp(np.arctan2(y, x), angles[order], radii, period=2.0 * np.pi)
+            return np.hypot(x, y), self.bounds(values)[0] * most
         scaled = (part / a for part, a in zip(self.force(values), self.axes, strict=True))
         return np.hypot(*scaled), self.bounds(values)[0] / self.axes[0]
 
@@ -231,14 +268,10 @@ class PlaneCurves:
         """A friction force in the set of forces, which may change."""
         curve = self.force[plane.key]
         least, largest = self.reach[plane.key]
-        angle = np.linspace(0.0, 2.0 * np.pi, _ROUND)
-        circle = np.column_stack([np.cos(angle), np.sin(angle)])
-        axes.add_patch(
-            Ellipse((0.0, 0.0), *(2.0 * largest), fc=BAND, ec="none", alpha=0.5, zorder=0)
-        )
+        axes.fill(*(plane.outline * largest).T, fc=BAND, ec="none", alpha=0.5, zorder=0)
         changes = np.any(largest - least > _SAME * largest)
         for half in (least, largest) if changes else (largest,):
-            axes.plot(*(circle * half).T, color=THRESHOLD, lw=1.0, zorder=1)
+            axes.plot(*(plane.outline * half).T, color=THRESHOLD, lw=1.0, zorder=1)
         x, y, sticking = curve.points()
         axes.plot(x, np.where(sticking, np.nan, y), color=BLUE, lw=1.5, zorder=2)
         axes.plot(x, np.where(sticking, y, np.nan), color=STICK_LINE, lw=1.8, zorder=3)

@@ -5,10 +5,11 @@ forces inside their sets, discs in a plane and intervals along a line, that have
 rest needs: q has to be in the convex set K = Σ Gᵀ(set of each), G the directions. That is decided
 by a smooth, strictly convex function of what the body might do,
 
-    F(w) = Σ s √(1 + |Gw|²) − q·w,   F′(w) = Σ Gᵀf − q,   f = s Gw/√(1 + |Gw|²)
+    F(w) = Σ s √(1 + |Gw|²) − q·w,   F′(w) = Σ Gᵀf − q,   f = s Gw/√(1 + |Gw|²).
 
-(for sets of any other form with their support functions in place of |Gw|). It has a minimum if and only if q is inside K, and there the f are forces with the sum q, each
-inside its set: a proof that the body can rest. If q is outside, F falls for ever, and Newton's
+For sets of any other form their support functions stand in place of |Gw|. F has a minimum if and
+only if q is inside K, and there the f are forces with the sum q, each inside its set: a proof that
+the body can rest. If q is outside, F falls for ever, and Newton's
 method comes to some w with Σ s |Gw| < q·w: a mechanism against which friction is too weak, and the
 proof of that. K is convex, and so is the set of all (q, s) for which q is in it: what holds at the
 control points of polynomials, in Bernstein's form, holds along them.

@@ -76,9 +76,9 @@ def inner_force(flow: Flow, c: int, radius: float, x: float, y: float) -> tuple[
         return 0.0, 0.0
     at = find_support(flow, f, x, y)
     out = flow.space.supported
-    S = out[at]
+    S = float(out[at])
     share = radius * S / math.sqrt(1.0 + S * S)
-    return share * out[at + _X], share * out[at + _Y]
+    return float(share * out[at + _X]), float(share * out[at + _Y])
 
 
 @compiled(brief=True)
@@ -111,12 +111,12 @@ def inner_bend_along(
     """The same of formula f away from 0; for small vectors, in a direction, if `small` is 1."""
     at = find_support(flow, f, x, y)
     out = flow.space.supported
-    S = out[at]
+    S = float(out[at])
     square = 1.0 + S * S if small == 0.0 else 1.0
-    a, b = out[at + _X], out[at + _Y]
-    xx = a * a / square + S * out[at + _XX]
-    yy = b * b / square + S * out[at + _YY]
-    return xx, yy, a * b / square + S * out[at + _XY], math.sqrt(square)
+    a, b = float(out[at + _X]), float(out[at + _Y])
+    xx = a * a / square + S * float(out[at + _XX])
+    yy = b * b / square + S * float(out[at + _YY])
+    return xx, yy, a * b / square + S * float(out[at + _XY]), math.sqrt(square)
 
 
 @compiled(brief=True)
@@ -184,11 +184,11 @@ def largest_over(
     for _ in range(4 * _MOST_TURNS):
         x, y = math.cos(angle), math.sin(angle)
         at = find_support(flow, f, x, y)
-        over = a * x + b * y - radius * out[at]
+        over = a * x + b * y - radius * float(out[at])
         most = max(most, over)
-        slope = -a * y + b * x - radius * (out[at + _Y] * x - out[at + _X] * y)
+        slope = -a * y + b * x - radius * float(out[at + _Y] * x - out[at + _X] * y)
         bend = y * y * out[at + _XX] - 2.0 * x * y * out[at + _XY] + x * x * out[at + _YY]
-        second = -over - radius * bend
+        second = -over - radius * float(bend)
         if slope > 0.0:
             low = angle
         else:

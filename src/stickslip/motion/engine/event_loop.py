@@ -748,9 +748,9 @@ def ends_slip(flow: Flow, mode: Array, which: int, p: int, t: float, h: float) -
     slips = rows.planes[p, MASSIVE] == 1 and (mode[first] == 1 or mode[first] == 2)
     if not slips or is_loose(rows, mode, first):
         return False
-    if not kink and rows.plane[c] < 0:
-        if rows.group[c] < 0 or rows.group[c] != rows.group[first]:
-            return False
+    apart = rows.group[c] < 0 or rows.group[c] != rows.group[first] if c >= 0 else False
+    if c >= 0 and rows.plane[c] < 0 and apart:
+        return False
     row = flow.space.W[rows.planes[p, AIM] + 2]
     speed, change = value_and_slope(row, flow.order - 1, flow.space.powers)
     late = INSTANT * abs(t) / h

@@ -17,6 +17,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Mode, Region, in_region
+from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
 from stickslip.orbits.equilibria.reduction import Reduced, reduce
 from stickslip.orbits.fields.steady import ResidualFunction

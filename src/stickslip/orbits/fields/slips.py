@@ -255,9 +255,7 @@ def _parts(equations: MotionEquations, c: int) -> tuple[int, ...]:
     return next((plane.parts for plane in equations.planes if plane.parts[0] == c), (c,))
 
 
-def _leaving(
-    piece: Piece, plane: Plane, at: tuple[float, Array, Array], rates: Array
-) -> _Passing:
+def _leaving(piece: Piece, plane: Plane, at: tuple[float, Array, Array], rates: Array) -> _Passing:
     """The guard of a contact that has a formula and begins to slip: s R(w) + λ·w for the direction
     w in which that is least. It is least there, so that its derivatives are those with this w.
 
