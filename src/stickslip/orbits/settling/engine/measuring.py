@@ -6,8 +6,7 @@ import numpy as np
 
 from stickslip.arrays import Array, Many
 from stickslip.machine_code.functions import entry_point
-from stickslip.motion.between.observers import Sums, reset
-from stickslip.motion.between.step_balance import (
+from stickslip.motion.audit.accounts import (
     ENERGY_BALANCE,
     EQUATIONS,
     FED,
@@ -20,9 +19,9 @@ from stickslip.motion.between.step_balance import (
     Accounts,
     Tally,
     Wanted,
-    audit_steps,
-    judge,
 )
+from stickslip.motion.audit.observers import Sums, reset
+from stickslip.motion.audit.step_balance import audit_steps, judge
 from stickslip.motion.engine.modes import copy, resolve
 from stickslip.motion.steps.arrays import (
     FINISHED,
