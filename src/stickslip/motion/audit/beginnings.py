@@ -18,8 +18,8 @@ from stickslip.motion.audit.accounts import EXCESS, LARGEST_FORCE, Tally
 from stickslip.motion.audit.forces import widest_room
 from stickslip.motion.audit.nodes import most
 from stickslip.motion.audit.step_ends import jump_after
-from stickslip.motion.engine.guards import resting
-from stickslip.motion.engine.modes import copy, resolve
+from stickslip.motion.modes.guards import resting
+from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     ADMISSIBLE_SIZE,
@@ -45,6 +45,7 @@ from stickslip.motion.steps.arrays import (
     set_mode,
 )
 from stickslip.motion.steps.starting import coefficients, is_prescribed
+from stickslip.motion.steps.vectors import copy
 from stickslip.translator import compiled
 
 

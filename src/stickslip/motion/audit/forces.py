@@ -59,8 +59,8 @@ from stickslip.motion.audit.nodes import (
     most,
     to_control_points,
 )
-from stickslip.motion.engine.guards import resting
-from stickslip.motion.engine.modes import resolve
+from stickslip.motion.modes.guards import resting
+from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     COMPONENT,
     COORDINATES,

@@ -31,7 +31,7 @@ from stickslip.motion.audit.accounts import (
 from stickslip.motion.audit.between_nodes import StepPiece, strays
 from stickslip.motion.audit.contact_planes import judge_plane, sample_plane
 from stickslip.motion.audit.nodes import largest_of, least_on_nodes, most
-from stickslip.motion.engine.guards import resting
+from stickslip.motion.modes.guards import resting
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     EPSILON,

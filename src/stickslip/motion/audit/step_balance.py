@@ -70,7 +70,7 @@ from stickslip.motion.audit.step_ends import (
     jump_or_collide,
     may_collide,
 )
-from stickslip.motion.engine.modes import copy, resolve
+from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     CONTACTS,
     COORDINATES,
@@ -96,6 +96,7 @@ from stickslip.motion.steps.roots import horner, rate_on
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import impulse
 from stickslip.motion.steps.stiff import ends_there, follow_mode
+from stickslip.motion.steps.vectors import copy
 from stickslip.translator import compiled
 
 _MOST_PIECES = 512  # of a step

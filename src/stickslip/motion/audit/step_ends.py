@@ -30,7 +30,6 @@ from stickslip.motion.audit.impulses import (
     explain_jump,
 )
 from stickslip.motion.audit.nodes import most
-from stickslip.motion.engine.modes import copy
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     EPSILON,
@@ -53,6 +52,7 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.jumps import fired_jump, make_jump
 from stickslip.motion.steps.roots import rate_on
 from stickslip.motion.steps.starting import coefficients
+from stickslip.motion.steps.vectors import copy
 from stickslip.translator import compiled
 
 

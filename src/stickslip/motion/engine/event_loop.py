@@ -24,7 +24,13 @@ from stickslip.motion.engine.forms import (
     form_of,
     slots_of,
 )
-from stickslip.motion.engine.guards import (
+from stickslip.motion.engine.impacts import (
+    first_approaching,
+    is_paradox,
+    open_all,
+    size_gaps,
+)
+from stickslip.motion.modes.guards import (
     contact_of,
     doubt_of,
     first_event,
@@ -33,21 +39,9 @@ from stickslip.motion.engine.guards import (
     resting,
     spell,
 )
-from stickslip.motion.engine.impacts import (
-    first_approaching,
-    is_paradox,
-    open_all,
-    size_gaps,
-)
-from stickslip.motion.engine.modes import (
-    copy,
-    flip,
-    keeps,
-    let_slide,
-    may_be_carried,
-    set_regions,
-)
-from stickslip.motion.engine.resting import settle
+from stickslip.motion.modes.mode_series import keeps
+from stickslip.motion.modes.pivots import flip, let_slide, may_be_carried, set_regions
+from stickslip.motion.modes.resting import settle
 from stickslip.motion.steps.arrays import (
     AIM,
     ASTRAY,
@@ -120,6 +114,7 @@ from stickslip.motion.steps.jumps import due_jump, fires, make_jump, passed_jump
 from stickslip.motion.steps.roots import value_and_slope
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import fill_powers
+from stickslip.motion.steps.vectors import copy
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled, row_of
 
@@ -1000,7 +995,7 @@ def fire(guard: int, lane: Lane, rows: Rows, leaving: Array, max_events: int) ->
     lane : Lane
     rows : Rows
     leaving : array of int, shape (contacts,)
-        As of :func:`stickslip.motion.engine.modes.flip`.
+        As of :func:`stickslip.motion.modes.pivots.flip`.
     max_events : int
     """
     clock = lane.clock

@@ -345,7 +345,7 @@ class Lane(NamedTuple):
     counters : array of int
         By slots: `HAPPENED`, events; `SWITCHES` of contacts; `CAUSE`, the switch that has just
         fired, or −1; `CROSSED`, kinks; `TAKEN`, steps; `WORD`, the modes that it has been in, one
-        after the other, as a number (:func:`stickslip.motion.engine.guards.spell`).
+        after the other, as a number (:func:`stickslip.motion.modes.guards.spell`).
     """
 
     clock: Vector

@@ -22,7 +22,7 @@ from stickslip.motion.audit.accounts import (
 )
 from stickslip.motion.audit.observers import Sums, reset
 from stickslip.motion.audit.step_balance import audit_steps, judge
-from stickslip.motion.engine.modes import copy, resolve
+from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     FINISHED,
     FULL,
@@ -35,6 +35,7 @@ from stickslip.motion.steps.arrays import (
     is_stopped,
 )
 from stickslip.motion.steps.starting import coefficients
+from stickslip.motion.steps.vectors import copy
 from stickslip.orbits.settling.engine.returns import (
     begin_again,
     bring_home,
