@@ -205,12 +205,12 @@ def fresh_installations() -> list[str]:
 EDITS = {
     "an edit of a comment": ("motion/engine/event_loop.py", "\n# ", "\n# Really: "),
     "an edit of a constant of one file": (
-        "motion/engine/roots.py",
+        "motion/steps/roots.py",
         "_HALVINGS = 60",
         "_HALVINGS = 61",
     ),
     "an edit of a function of one file": (
-        "motion/engine/roots.py",
+        "motion/steps/roots.py",
         "        s = s * x + c[k]\n",
         "        s = c[k] + s * x\n",
     ),

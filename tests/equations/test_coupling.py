@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from stickslip import Contact, Inertial, System, Viscous, catalogue
 from stickslip.equations.coupling import Component, components
 from stickslip.errors import DeclarationError
-from stickslip.motion.engine.modes import resolve
+from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.problem import pose
 from stickslip.motion.steps.arrays import own_inverse
 

@@ -12,7 +12,7 @@ from scipy import special
 
 from flows import taylor_series
 from stickslip import System, Viscous
-from stickslip.motion.engine.modes import resolve
+from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.steps.arrays import Instant
 from stickslip.motion.steps.discs import BALL, OFF, DiscTape, spread, spread_state

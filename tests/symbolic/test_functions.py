@@ -24,7 +24,7 @@ import stickslip as ss
 from flows import taylor_series
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
-from stickslip.motion.engine.modes import resolve
+from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.problem import pose
 from stickslip.motion.steps.arrays import Instant
 from stickslip.motion.steps.discs import DiscTape, spread, spread_state

@@ -92,8 +92,8 @@ ENGINE = Library(
         f"stickslip.{name}"
         for name in (
             "equations.native.kernels",
+            "motion.audit.step_balance",
             "motion.between.dense",
-            "motion.between.step_balance",
             "motion.between.trace",
             "motion.engine.event_loop",
             "motion.engine.flights",

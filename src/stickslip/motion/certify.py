@@ -1,7 +1,7 @@
 """Certificates: does a motion obey the law it is meant to solve?
 
 All numbers are computed from the stored knots alone, by a method that did not produce them
-(:mod:`stickslip.motion.between.step_balance`):
+(:mod:`stickslip.motion.audit.step_balance`):
 
 * *energy balance (E)*: E(t) + dissipated = E(0) + supplied, at every knot, relative to the energy
   that flows;

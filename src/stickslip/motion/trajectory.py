@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from stickslip.model.declaration import DryContact
-    from stickslip.motion.between.observers import Sums
-    from stickslip.motion.between.step_balance import Accounts
+    from stickslip.motion.audit.accounts import Accounts
+    from stickslip.motion.audit.observers import Sums
     from stickslip.motion.event_catalogue import EventCatalogue
 
 GRID = 1000  # points of the dataset between knots
@@ -52,7 +52,7 @@ class Audit:
     ----------
     energy, dissipated, supplied : arrays, shape (knots,)
     residuals : array, shape (4,)
-        See :func:`stickslip.motion.between.step_balance.judge`.
+        See :func:`stickslip.motion.audit.step_balance.judge`.
     open : array, shape (knots,)
         Time after each knot that is not verified.
     largest : array, shape (n,)
@@ -351,7 +351,8 @@ class Trajectory(Result):
     @cached_property
     def audit(self) -> Audit:
         """Energy, work and violations at the knots, recomputed from them."""
-        from stickslip.motion.between.step_balance import FED_IN_ALL, LARGEST, judge
+        from stickslip.motion.audit.accounts import FED_IN_ALL, LARGEST
+        from stickslip.motion.audit.step_balance import judge
 
         k = self.knots
         rows = self._problem.compiled.layout.rows
@@ -413,7 +414,8 @@ class Trajectory(Result):
 
         If these are whole steps, from knots to the next ones, they are checked, too.
         """
-        from stickslip.motion.between import step_balance
+        from stickslip.motion.audit.accounts import Wanted, make_accounts
+        from stickslip.motion.audit.step_balance import audit_steps
         from stickslip.motion.steps.arrays import Record
 
         p, k = self._problem, self.knots
@@ -422,14 +424,14 @@ class Trajectory(Result):
         after = Record(*(part[1:] for part in knots)) if checked else starts
 
         def audited() -> Accounts:
-            accounts = step_balance.make_accounts(len(ends), p.rows)
-            step_balance.audit_steps(
+            accounts = make_accounts(len(ends), p.rows)
+            audit_steps(
                 p.machine,
                 p.flow(retracing=True),
                 self._seen,
                 starts,
                 after._replace(time=ends),
-                step_balance.Wanted(checked, checked),
+                Wanted(checked, checked),
                 accounts,
             )
             return accounts

@@ -11,7 +11,7 @@ from stickslip.equations.derive import derive
 from stickslip.equations.field import Field, in_region, mode_field, solve
 from stickslip.machine_code.functions import entry_point
 from stickslip.machine_code.interface import Jets
-from stickslip.motion.engine.modes import resolve
+from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.steps.arrays import OK, Constants, Rows, Space
 from stickslip.orbits.fields.instructions import PointFunction

@@ -12,7 +12,7 @@ import stickslip as ss
 from stickslip import Contact, Inertial, Parameter, System
 from stickslip.arrays import Array
 from stickslip.figures.sweep import plot_sweep
-from stickslip.motion.engine.guards import spell
+from stickslip.motion.modes.guards import spell
 from stickslip.motion.outcome import Outcome
 from stickslip.orbits.settling.motions import Settings
 from stickslip.sweeps.work.chunk import measure_chunk

@@ -47,7 +47,7 @@ from stickslip.translator import compiled
     LEFT_ALONE,
 ) = range(11)
 _OF_A_FIT = 11
-# Rows that only forces need (:mod:`stickslip.motion.between.forces`): what a contact does, and the
+# Rows that only forces need (:mod:`stickslip.motion.audit.forces`): what a contact does, and the
 # size of its force; its force in the mode; a force that others come on top of; by link,
 # coefficients of friction; and by contact, differences to the force in the mode, at both ends of a
 # piece.

@@ -1,1 +1,1 @@
-"""The motion between its knots, compiled: values, pictures, and the audit."""
+"""The motion between its knots, compiled: values and pictures."""

@@ -14,7 +14,7 @@ import numpy as np
 from stickslip.arrays import IntVector, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.admissible.shown import show_admissible
-from stickslip.motion.engine.modes import copy, resolve
+from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     AIM,
     COMPONENT,
@@ -31,6 +31,7 @@ from stickslip.motion.steps.discs import give_direction
 from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.stiff import ends_there, follow_mode
+from stickslip.motion.steps.vectors import copy
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from stickslip.arrays import Array, IntVector, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.between.dense import Scratch
-from stickslip.motion.engine.modes import copy, resolve
+from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     Flow,
@@ -20,6 +20,7 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.stiff import ends_there, follow_mode
+from stickslip.motion.steps.vectors import copy
 from stickslip.translator import compiled
 
 TOLERANCE = 1e-12  # of a series relative to the size of its row

@@ -1,1 +1,1 @@
-"""The event loop, compiled: modes, guards and their roots, steps and flights."""
+"""The event loop, compiled: steps and flights, events and impacts."""

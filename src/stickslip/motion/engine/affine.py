@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array, Matrix, Vector
-from stickslip.motion.engine.modes import resolve
+from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     COORDINATES,
     DIMENSION,

@@ -27,7 +27,6 @@ from stickslip.motion.engine.forms import (
     ClosedForms,
     Flight,
 )
-from stickslip.motion.engine.guards import switch_of
 from stickslip.motion.engine.signals import (
     SignalSum,
     Wave,
@@ -38,6 +37,7 @@ from stickslip.motion.engine.signals import (
     length,
     rough_acos,
 )
+from stickslip.motion.modes.guards import switch_of
 from stickslip.motion.steps.arrays import ROUNDING
 from stickslip.translator import compiled
 

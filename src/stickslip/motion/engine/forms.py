@@ -62,7 +62,7 @@ class ClosedForms(NamedTuple):
     felt : array
         1 for each component of s that matters, else 0.
     switch : array of int
-        The number of each guard, as in :func:`stickslip.motion.engine.guards.scan`.
+        The number of each guard, as in :func:`stickslip.motion.modes.guards.scan`.
     c1, c2 : arrays
         Coefficients of the powers of τ in the signals: c₁ = c1·s, c₂ = c2.
     a, b : arrays of complex

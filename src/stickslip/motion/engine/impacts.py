@@ -16,7 +16,8 @@ from stickslip.motion.admissible.impacts_law import (
     put_part,
     takes_part,
 )
-from stickslip.motion.engine.modes import resolve, stop, touching
+from stickslip.motion.modes.inverses import resolve
+from stickslip.motion.modes.surfaces import stop, touching
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     HOLDS_BACK,

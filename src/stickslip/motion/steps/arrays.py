@@ -253,7 +253,7 @@ class Space(NamedTuple):
         M⁻¹Jᵀ and J M⁻¹ Jᵀ of contacts that take part in an impact, and the equations of impulses.
     cones, rays, shares, explained : arrays
         Of forces and impulses that a law allows; see :mod:`stickslip.motion.admissible.cones` and
-        :mod:`stickslip.motion.between.impulses`.
+        :mod:`stickslip.motion.audit.impulses`.
     begun, answer, aims : arrays
         Of slips in a plane that begin; see :mod:`stickslip.motion.steps.starting`.
     basis, grip, turned_grip, bend, unbent, aside, points, piece, leaving : arrays
@@ -352,7 +352,7 @@ class Lane(NamedTuple):
     counters : array of int
         By slots: `HAPPENED`, events; `SWITCHES` of contacts; `CAUSE`, the switch that has just
         fired, or −1; `CROSSED`, kinks; `TAKEN`, steps; `WORD`, the modes that it has been in, one
-        after the other, as a number (:func:`stickslip.motion.engine.guards.spell`).
+        after the other, as a number (:func:`stickslip.motion.modes.guards.spell`).
     """
 
     clock: Vector

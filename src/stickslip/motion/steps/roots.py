@@ -44,6 +44,15 @@ def horner(c: Array, d: int, x: float) -> float:
     return s
 
 
+@compiled()
+def rate_on(c: Array, d: int, x: float) -> float:
+    """Derivative of Σ c[k] xᵏ, k ≤ d."""
+    s = 0.0
+    for k in range(d, 0, -1):
+        s = s * x + k * c[k]
+    return s
+
+
 @compiled(relaxed=RELAXED)
 def value_and_slope(c: Array, d: int, powers: Array) -> tuple[float, float]:
     """Value at h of Σ c[k] xᵏ, k ≤ d, d ≥ 4, and h times its derivative there, from the powers of

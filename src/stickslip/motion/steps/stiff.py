@@ -17,7 +17,7 @@ A polynomial is taken only if
 
       2 (1 + Λₛ) B ρ^(1 − s)/(ρ − 1),  ρ = 3 + √8,
 
-  where Λₛ is the Lebesgue constant of the nodes; see :mod:`stickslip.motion.between.step_balance`.
+  where Λₛ is the Lebesgue constant of the nodes; see :mod:`stickslip.motion.audit.between_nodes`.
   What is hidden in a rate counts for as long as a series would last: what came before has decayed;
 * it spares as many series as it costs.
 """

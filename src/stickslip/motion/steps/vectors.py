@@ -1,4 +1,4 @@
-"""A few vectors, and a few equations."""
+"""Copies of vectors, orthonormal bases, and a few equations."""
 
 from __future__ import annotations
 
@@ -99,3 +99,17 @@ def direction_and_turn(
     x, y = x / root, y / root
     least = (rounded / root) ** 2
     return x, y, least + y * y, least + x * x, -x * y, root
+
+
+@compiled()
+def clear(numbers: Array) -> None:
+    """Set whole numbers to 0."""
+    for i in range(len(numbers)):
+        numbers[i] = 0
+
+
+@compiled()
+def copy(source: Array, target: Array) -> None:
+    """Copy a vector (a slice assignment would compile shape checks that can never fail)."""
+    for i in range(len(source)):
+        target[i] = source[i]

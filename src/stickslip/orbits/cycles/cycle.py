@@ -27,7 +27,7 @@ from stickslip.kept import cached_property
 from stickslip.model.quantities import described, drift_units, per_distance_unit
 from stickslip.model.system import System
 from stickslip.model.units import with_unit
-from stickslip.motion.between.observers import Sums
+from stickslip.motion.audit.observers import Sums
 from stickslip.motion.knots import IS_CLOSED, IS_OPEN
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose

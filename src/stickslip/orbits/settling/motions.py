@@ -16,7 +16,7 @@ import numpy as np
 from stickslip.arguments import check_fields
 from stickslip.arrays import Array, plain_array
 from stickslip.errors import DeclarationError
-from stickslip.motion.between.observers import LASTED, STUCK, Sums
+from stickslip.motion.audit.observers import LASTED, STUCK, Sums
 from stickslip.motion.ensemble import Lanes
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem

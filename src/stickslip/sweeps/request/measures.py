@@ -35,7 +35,7 @@ from stickslip.arrays import Array
 from stickslip.equations.derive import derive
 from stickslip.errors import DeclarationError
 from stickslip.model.system import System
-from stickslip.motion.between.observers import LASTED, STUCK
+from stickslip.motion.audit.observers import LASTED, STUCK
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
 from stickslip.orbits.cycles.measure import dissipated_by

@@ -29,7 +29,6 @@ import numpy as np
 
 from stickslip.arrays import Array, Array3, IntMatrix, IntVector, Many, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
-from stickslip.motion.engine.modes import copy
 from stickslip.motion.steps.arrays import (
     CAUSE,
     EMPTY_WORD,
@@ -41,6 +40,7 @@ from stickslip.motion.steps.arrays import (
     Machine,
     is_stopped,
 )
+from stickslip.motion.steps.vectors import copy
 from stickslip.orbits.fields.engine.variations import (
     ALIKE,
     BEGINS,

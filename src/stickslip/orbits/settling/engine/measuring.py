@@ -6,8 +6,7 @@ import numpy as np
 
 from stickslip.arrays import Array, Many
 from stickslip.machine_code.functions import entry_point
-from stickslip.motion.between.observers import Sums, reset
-from stickslip.motion.between.step_balance import (
+from stickslip.motion.audit.accounts import (
     ENERGY_BALANCE,
     EQUATIONS,
     FED,
@@ -20,10 +19,10 @@ from stickslip.motion.between.step_balance import (
     Accounts,
     Tally,
     Wanted,
-    audit_steps,
-    judge,
 )
-from stickslip.motion.engine.modes import copy, resolve
+from stickslip.motion.audit.observers import Sums, reset
+from stickslip.motion.audit.step_balance import audit_steps, judge
+from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     FINISHED,
     FULL,
@@ -36,6 +35,7 @@ from stickslip.motion.steps.arrays import (
     is_stopped,
 )
 from stickslip.motion.steps.starting import coefficients
+from stickslip.motion.steps.vectors import copy
 from stickslip.orbits.settling.engine.returns import (
     begin_again,
     bring_home,

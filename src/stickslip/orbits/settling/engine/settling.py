@@ -25,8 +25,8 @@ import math
 from stickslip.arrays import Array, Many
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.event_loop import integrate
-from stickslip.motion.engine.guards import stands
-from stickslip.motion.engine.modes import copy, resolve
+from stickslip.motion.modes.guards import stands
+from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.steps.arrays import (
     CAUSE,
@@ -54,6 +54,7 @@ from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import better
 from stickslip.motion.steps.stiff import follow_mode as along
+from stickslip.motion.steps.vectors import copy
 from stickslip.orbits.settling.engine.frames import find_frame
 from stickslip.orbits.settling.engine.returns import (
     MOST_RETURNS,

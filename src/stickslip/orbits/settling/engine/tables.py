@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array, Array3, Array4, IntMatrix, IntVector, Many, Matrix, Vector
-from stickslip.motion.between.observers import Sums, make_sums
-from stickslip.motion.between.step_balance import Steps, Tally, make_steps, make_tally
+from stickslip.motion.audit.accounts import Steps, Tally, make_steps, make_tally
+from stickslip.motion.audit.observers import Sums, make_sums
 from stickslip.motion.engine.forms import ClosedForms, Flight
 from stickslip.motion.steps.arrays import (
     DIMENSION,
@@ -217,7 +217,7 @@ class Bench(NamedTuple):
         Knots; what does not fit is measured piece by piece.
     steps : Steps
     tally : Tally
-        As in :func:`stickslip.motion.between.step_balance.audit_steps`.
+        As in :func:`stickslip.motion.audit.step_balance.audit_steps`.
     gaps : array, shape (n,)
         By how much a cycle fails to close.
     ends : array, shape (3, n)
@@ -227,7 +227,7 @@ class Bench(NamedTuple):
         Energy AT_FIRST; dissipated (LOST) and supplied (GAINED) so far; LOWEST and HIGHEST energy;
         largest residual of the balance (IMBALANCE).
     residuals : array, shape (4,)
-        See :func:`stickslip.motion.between.step_balance.judge`.
+        See :func:`stickslip.motion.audit.step_balance.judge`.
     table, value : arrays
         Taylor coefficients and powers at an instant.
     mode, region : arrays of int

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array, IntVector, Vector
-from stickslip.motion.between.nodes import GAUSS_NODES, GAUSS_WEIGHTS
-from stickslip.motion.engine.guards import resting, stands
+from stickslip.motion.audit.nodes import GAUSS_NODES, GAUSS_WEIGHTS
+from stickslip.motion.modes.guards import resting, stands
 from stickslip.motion.steps.arrays import Rows, is_component
 from stickslip.motion.steps.roots import halve, horner, lowest
 from stickslip.translator import compiled

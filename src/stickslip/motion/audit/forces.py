@@ -6,11 +6,15 @@ are not, others with the same effect are looked for at both ends of a piece
 (:mod:`stickslip.motion.admissible.cones`), well inside the law if that can be. Directions must not
 turn in it; then differences to the forces of the mode that change evenly from end to end have no
 effect, JᵀΔ = 0, and the law is asked between the nodes, too, as it is asked of those of the mode.
+Contacts of one body that share its forces (:mod:`stickslip.motion.admissible.sharing`) are judged
+together, by the least violation that some forces have.
 """
 
 from __future__ import annotations
 
 import math
+
+import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.motion.admissible.cones import (
@@ -34,12 +38,31 @@ from stickslip.motion.admissible.cones import (
     fit_cones,
     no_cones,
 )
-from stickslip.motion.admissible.impacts_law import (
-    put_part,
+from stickslip.motion.admissible.impacts_law import put_part
+from stickslip.motion.admissible.leaving import lacking_part
+from stickslip.motion.admissible.sharing import ON_ITS_OWN, axis_of, held_at, is_first, radius_at
+from stickslip.motion.audit.accounts import (
+    EXCESS,
+    LARGEST_FORCE,
+    LARGEST_SPEED,
+    NEGLIGIBLE_PART,
+    REST_PART,
+    SPEED_HELD,
+    Tally,
 )
-from stickslip.motion.between.nodes import COUNT, GAUSS_NODES, least_on_nodes
-from stickslip.motion.engine.modes import resolve
+from stickslip.motion.audit.between_nodes import StepPiece, strays
+from stickslip.motion.audit.nodes import (
+    COUNT,
+    GAUSS_NODES,
+    largest_of,
+    least_on_nodes,
+    most,
+    to_control_points,
+)
+from stickslip.motion.modes.guards import resting
+from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
+    COMPONENT,
     COORDINATES,
     DIMENSION,
     MATRIX,
@@ -47,11 +70,16 @@ from stickslip.motion.steps.arrays import (
     ON_INERTIAL,
     PART,
     PRESSING,
+    ROUNDING,
+    RUBBING,
+    STATIC,
     Flow,
     Instant,
     Machine,
     Rows,
     Space,
+    gap_size,
+    is_loose,
     opens,
 )
 from stickslip.motion.steps.roots import horner
@@ -353,3 +381,145 @@ def is_admissible(rows: Rows, space: Space, mode: Array) -> bool:
             if least_on_nodes(space.samples[guard], space.bernstein, 1e-2 * little) < -little:
                 return False
     return True
+
+
+@compiled()
+def asks_for_others(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Tally) -> bool:
+    """Whether forces of what rests do not obey the law at a node; what rests is put into the work
+    space.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the guards at the nodes.
+    mode : array of int, shape (contacts,)
+    piece : StepPiece
+    tally : Tally
+        Sizes.
+    """
+    if len(space.delassus) == 0:
+        return False
+    law, samples = tally.law, space.samples
+    asked = False
+    for c in range(rows.sizes[ON_INERTIAL]):
+        row = rows.sizes[DIMENSION] + 3 * c
+        space.cones[FORCE_SIZE, c] = law[c, LARGEST_FORCE]
+        space.cones[RESTS, c] = 0.0
+        guards = 0
+        if opens(rows, c):
+            guards = 1 if mode[c] == 0 else 0
+            wide = largest_of(samples[row]) > ROUNDING * gap_size(rows, space, c)
+            if mode[c] != 0 and not wide and stays_still(rows, space, c, piece, tally):
+                space.cones[RESTS, c] = TOUCHES
+        elif rows.plane[c] < 0 and not is_loose(rows, mode, c):
+            guards = 2 if resting(mode[c]) else 0
+            rubs = rows.first_link[c + 1] > rows.first_link[c]
+            if not resting(mode[c]) and rubs and rows.alone[c] == 0:
+                still = rows.drops[c] == 0 and stays_still(rows, space, c, piece, tally)
+                space.cones[RESTS, c] = HOLDS if still else RUBS
+        if guards > 0:
+            space.cones[RESTS, c] = HOLDS
+        for part in range(guards):
+            for g in range(COUNT):
+                asked = asked or samples[row + part, g] < -NEGLIGIBLE_PART * law[c, LARGEST_FORCE]
+    for link in range(len(rows.links) if asked else 0):
+        c, n = rows.links[link, RUBBING], rows.links[link, PRESSING]
+        if space.cones[RESTS, n] == TOUCHES and is_loose(rows, mode, c):
+            still = stays_still(rows, space, c, piece, tally)
+            space.cones[RESTS, c] = TOUCHES if still else 0.0
+            # Friction that slips would press, too: not asked for here.
+            space.cones[RESTS, n] = space.cones[RESTS, n] if still else 0.0
+    return asked
+
+
+@compiled()
+def stays_still(rows: Rows, space: Space, c: int, piece: StepPiece, tally: Tally) -> bool:
+    """Whether the velocity of a contact is nothing but rounding errors in a piece.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the polynomials.
+    c : int
+    piece : StepPiece
+    tally : Tally
+        Sizes.
+    """
+    W = space.W[rows.u[c]]
+    x = piece.h / space.W[rows.sizes[DIMENSION], 1]
+    moved = 0.0
+    for k in range(piece.order - 1, -1, -1):
+        moved = moved * x + abs(W[k])
+    made = piece.acting * space.mag[len(rows.u) + c]
+    speed = max(tally.law[c, LARGEST_SPEED], REST_PART * max(tally.law[c, SPEED_HELD], made))
+    return moved <= NEGLIGIBLE_PART * speed
+
+
+@compiled()
+def sample_together(flow: Flow, mode: Array, g: int) -> None:
+    """Keep the forces of contacts that share them, and what these can hold, at a node.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the values of the rows at the node.
+    mode : array of int, shape (contacts,)
+    g : int
+        The node.
+    """
+    space = flow.space
+    nc = flow.rows.sizes[ON_INERTIAL]
+    for c in range(nc):
+        if mode[c] == 0 and space.leaving[c] != ON_ITS_OWN:
+            space.points[c, g] = held_at(flow, space.V, c, 0)
+            space.points[nc + c, g] = radius_at(flow.rows, space.V, c, 0)
+
+
+@compiled()
+def judge_together(flow: Flow, mode: Array, piece: StepPiece, tally: Tally) -> None:
+    """By how much some forces at least that hold contacts at rest on a piece are too large, where
+    they are not unique.
+
+    Parameters
+    ----------
+    flow : Flow
+        With what :func:`sample_together` keeps, and the discs.
+    mode : array of int, shape (contacts,)
+    piece : StepPiece
+    tally : Tally
+        Receives the largest.
+    """
+    rows = flow.rows
+    space = flow.space
+    law = tally.law
+    nc = rows.sizes[ON_INERTIAL]
+    known = piece.factor < np.inf
+    for first in range(nc):
+        if (
+            mode[first] != 0
+            or space.leaving[first] == ON_ITS_OWN
+            or not is_first(rows, mode, first)
+        ):
+            continue
+        least = piece.rounding
+        loose = 0.0
+        for c in range(first, nc):
+            if mode[c] != 0 or rows.group[c] != rows.group[first]:
+                continue
+            to_control_points(space.points[c], space.bernstein[0])
+            to_control_points(space.points[nc + c], space.bernstein[0])
+            force = law[c, LARGEST_FORCE]
+            if rows.plane[c] >= 0:
+                force = law[rows.planes[rows.plane[c], COMPONENT], LARGEST_FORCE]
+            if not force > 0.0:
+                continue
+            least = max(least, piece.rounding * space.mag[2 * len(rows.u) + c] / force)
+            if known:
+                strayed = strays(space.discs[rows.force[c]], piece.factor) / axis_of(flow, c)
+                radius = rows.planes[rows.plane[c], STATIC] if rows.plane[c] >= 0 else rows.plus[c]
+                strayed += strays(space.discs[radius], piece.factor)
+                loose = max(loose, strayed / force)
+        lack = lacking_part(flow, mode, first, COUNT - 1, least)
+        law[first, EXCESS] = most(law[first, EXCESS], (lack + loose) * law[first, LARGEST_FORCE])

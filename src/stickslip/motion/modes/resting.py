@@ -31,10 +31,12 @@ from stickslip.motion.admissible.cones import (
 from stickslip.motion.admissible.impacts_law import (
     put_part,
 )
-from stickslip.motion.engine.guards import (
+from stickslip.motion.modes.choosing import settle_mode
+from stickslip.motion.modes.guards import (
     stays,
 )
-from stickslip.motion.engine.modes import copy, is_apart, resolve, settle_mode
+from stickslip.motion.modes.inverses import resolve
+from stickslip.motion.modes.surfaces import is_apart
 from stickslip.motion.steps.arrays import (
     ASTRAY,
     CAUSE,
@@ -63,7 +65,7 @@ from stickslip.motion.steps.arrays import (
     set_mode,
 )
 from stickslip.motion.steps.starting import coefficients
-from stickslip.motion.steps.vectors import is_new
+from stickslip.motion.steps.vectors import copy, is_new
 from stickslip.translator import compiled
 
 # Rows of Space.tried: the mode that pivoting has found; all contacts without their forces; which
@@ -81,13 +83,13 @@ _AHEAD = 1e-3  # of recent steps: how far ahead forces are asked for, which have
 def settle(
     machine: Machine, flow: Flow, lane: Lane, room: float, hold: bool, promised: float
 ) -> tuple[int, float, float, int]:
-    """The mode that the motion takes now, as of :func:`settle_mode`; rest, where pivoting would let
-    something slip that some admissible forces hold.
+    """Find the mode that the motion takes now, as :func:`.settle_mode` does; rest, where pivoting
+    would let something slip that some admissible forces hold.
 
     Parameters
     ----------
     machine, flow, lane, room, hold, promised
-        As of :func:`settle_mode`.
+        As of :func:`.settle_mode`.
 
     Returns
     -------

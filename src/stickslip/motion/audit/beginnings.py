@@ -1,0 +1,365 @@
+"""Whether what begins to slip, or to open, with a step could stick.
+
+Where the sliding force is below the threshold, or friction may come from any side, as in a plane,
+the law alone would let rest end at any time. The stated rule is that what can stick sticks. So what
+begins to slip is held once more, and its forces are evaluated anew: if all that rests then has room
+up to its threshold, the least room is the violation.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.motion.admissible.cones import FORCE_SIZE, RESTS
+from stickslip.motion.admissible.leaving import spare_part
+from stickslip.motion.admissible.sharing import ON_ITS_OWN, any_share, find_shared
+from stickslip.motion.audit.accounts import EXCESS, LARGEST_FORCE, Tally
+from stickslip.motion.audit.forces import widest_room
+from stickslip.motion.audit.nodes import most
+from stickslip.motion.audit.step_ends import jump_after
+from stickslip.motion.modes.guards import resting
+from stickslip.motion.modes.inverses import resolve
+from stickslip.motion.steps.arrays import (
+    ADMISSIBLE,
+    ADMISSIBLE_SIZE,
+    DIMENSION,
+    EPSILON,
+    FEWEST_ORDERS,
+    NOWHERE,
+    OK,
+    ON_INERTIAL,
+    OTHER,
+    ROUNDING,
+    Flow,
+    Instant,
+    Machine,
+    Record,
+    Rows,
+    Space,
+    gap_size,
+    is_component,
+    is_loose,
+    opens,
+    plain_coefficients,
+    set_mode,
+)
+from stickslip.motion.steps.starting import coefficients, is_prescribed
+from stickslip.motion.steps.vectors import copy
+from stickslip.translator import compiled
+
+
+@compiled()
+def judge_beginning(
+    machine: Machine, flow: Flow, starts: Record, ends: Record, i: int, tally: Tally
+) -> None:
+    """By how much what begins to slip, or to open, with a step could stick.
+
+    Where the sliding force is below the threshold, the friction law alone would allow it, and so
+    does adhesion: the stated rule is that what can stick sticks. Of several that begin together one
+    has reached its threshold; what they carry at rest has to hold all it can. This is asked of what
+    slips from a velocity that is zero, and of what has no mass and rested before.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    starts, ends : Record
+        As of :func:`.audit_steps`.
+    i : int
+        The step.
+    tally : Tally
+        Receives the largest.
+    """
+    rows = flow.rows
+    nc = len(rows.u)
+    slips = starts.mode[i]
+    asked = False
+    for c in range(nc):
+        asked = asked or (not resting(slips[c]) and may_stick_again(rows, c))
+    if not asked or (is_quiet(starts, i) and len(rows.planes) == 0):
+        return
+    mode = flow.space.touched[:nc]
+    reg = flow.space.touched[nc:]
+    copy(slips, mode)
+    copy(starts.region[i], reg)
+    at = Instant(starts.time[i], starts.state[i], mode, reg)
+    if hold_beginnings(machine, flow, at, starts, ends, i):
+        c, room = least_room(flow, at, slips, tally)
+        if c < 0 and room == 0.0:
+            c, room = shared_room(machine, flow, at, slips, tally)
+        if c >= 0:
+            tally.law[c, EXCESS] = most(tally.law[c, EXCESS], room * tally.law[c, LARGEST_FORCE])
+
+
+@compiled()
+def is_quiet(starts: Record, i: int) -> bool:
+    """Whether a step goes on with what the one before did: no event is recorded there. On a line no
+    slip begins then; in a plane one may turn round."""
+    return bool(i > 0 and starts.cause[i] < 0)
+
+
+@compiled()
+def may_stick_again(rows: Rows, c: int) -> bool:
+    """Whether a contact that slips, or is open, may be held by more than its force, or from another
+    side."""
+    return bool(rows.drops[c] == 1 or rows.plane[c] >= 0 or adheres(rows, c))
+
+
+@compiled()
+def adheres(rows: Rows, c: int) -> bool:
+    """Whether a contact that can open holds a pull: it has a threshold."""
+    return bool(opens(rows, c) and rows.plus[c] != rows.minus[c])
+
+
+@compiled()
+def hold_beginnings(
+    machine: Machine, flow: Flow, at: Instant, starts: Record, ends: Record, i: int
+) -> bool:
+    """Let what begins to slip with a step stick, or rest as it has rested before; whether anything
+    does for which that is a question. Its forces are left in the work space.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    at : Instant
+        The beginning; its mode is changed.
+    starts, ends, i
+        As of :func:`judge_beginning`.
+    """
+    rows = flow.rows
+    space = flow.space
+    slips = starts.mode[i]
+    if not resolve(rows, flow.k, space, at.mode):
+        return False
+    if plain_coefficients(machine, flow, at, 1, space.W) != OK:
+        return False
+    quiet = is_quiet(starts, i)
+    asked = False
+    for c in range(len(slips)):
+        if adheres(rows, c) and slips[c] != 0 and not quiet:
+            if slips[c] == 1 and closed_at_rest(rows, space, c):
+                asked = True
+                carried = i > 0 and starts.mode[i - 1, c] == 2
+                set_mode(rows, at.mode, c, 2 if carried else 0)
+            continue
+        skipped = is_component(rows, c) or opens(rows, c) or is_loose(rows, slips, c)
+        skipped = skipped or is_prescribed(rows, c)
+        if skipped or resting(slips[c]) or (quiet and rows.plane[c] < 0):
+            continue
+        # All rests before the start.
+        before = starts.mode[i - 1, c] if i > 0 else 0
+        if c < rows.sizes[ON_INERTIAL]:
+            # What keeps its threshold, and its side, may be carried by others and never slip.
+            begins = is_still(rows, space, c)
+            begins = begins and (may_stick_again(rows, c) or before != slips[c])
+        else:
+            # A jump may tear away what has no mass.
+            torn = i > 0 and jump_after(rows, starts.cause[i], starts.region[i - 1]) >= 0
+            begins = not quiet and not torn and resting(before)
+        if begins:
+            asked = asked or may_stick_again(rows, c)
+            set_mode(rows, at.mode, c, before if resting(before) else 0)
+    if asked and quiet:
+        asked = release_what_stays(machine, flow, at, ends, slips, i)
+    if not asked or not resolve(rows, flow.k, space, at.mode):
+        return False
+    return coefficients(machine, flow, at, FEWEST_ORDERS, space.W) == OK
+
+
+@compiled()
+def closed_at_rest(rows: Rows, space: Space, c: int) -> bool:
+    """Whether a contact that can open has neither a gap nor a velocity, up to rounding."""
+    apart = abs(space.W[rows.gaps[c], 0]) > ROUNDING * gap_size(rows, space, c)
+    return is_still(rows, space, c) and not apart
+
+
+@compiled()
+def release_what_stays(
+    machine: Machine, flow: Flow, at: Instant, ends: Record, slips: Array, i: int
+) -> bool:
+    """Let those slip on whose velocity is still nothing but rounding errors at the end of a step:
+    their slip ends, and none begins. Whether one is left that begins.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    at : Instant
+        The beginning; its mode is changed.
+    ends : Record
+    slips : array of int, shape (contacts,)
+        The mode of the step.
+    i : int
+    """
+    space = flow.space
+    mode = at.mode
+    for c in range(len(mode)):
+        space.labels[c, 0] = mode[c]
+    copy(slips, mode)
+    final = Instant(ends.time[i], ends.state[i], mode, at.reg)
+    if not resolve(flow.rows, flow.k, space, mode):
+        return False
+    if plain_coefficients(machine, flow, final, 1, space.W) != OK:
+        return False
+    left = False
+    for c in range(len(mode)):
+        held = space.labels[c, 0]
+        begins = held != slips[c] and not is_component(flow.rows, c)
+        if begins and not is_still(flow.rows, space, c):
+            set_mode(flow.rows, mode, c, held)
+            left = True
+    return left
+
+
+@compiled()
+def is_still(rows: Rows, space: Space, c: int) -> bool:
+    """Whether the relative velocity of a contact vanishes, up to rounding."""
+    still = abs(space.W[rows.u[c], 0]) <= ROUNDING * space.mag[c]
+    if rows.plane[c] >= 0:
+        other = rows.planes[rows.plane[c], OTHER]
+        still = still and abs(space.W[rows.u[other], 0]) <= ROUNDING * space.mag[other]
+    return bool(still)
+
+
+@compiled()
+def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int, float]:
+    """Which of the contacts that are held is nearest to its threshold, and the part of its force by
+    which it is below; −1 and 0 where one has no room; −1 and −1 where something else keeps them
+    from resting: another contact, what may happen beyond a kink, or a gap that may close.
+
+    Parameters
+    ----------
+    flow : Flow
+        Its work space has the forces.
+    at : Instant
+        With the mode in which they are held.
+    slips : array of int, shape (contacts,)
+        The mode in which they slip.
+    tally : Tally
+        With the size of each force.
+    """
+    rows = flow.rows
+    W = flow.space.W
+    mag = flow.space.mag
+    nc = len(slips)
+    mode = at.mode
+    unit = W[rows.sizes[DIMENSION], 1]
+    late = 0.5 * EPSILON * abs(at.t) / unit
+    for j in range(len(rows.kinks)):
+        if rows.timed[j] == 0 and abs(W[rows.kinks[j], 0]) <= ROUNDING * mag[3 * nc + j]:
+            return NOWHERE, -1.0
+    first = NOWHERE
+    least = np.inf
+    full = False
+    sharing = any_share(rows)
+    if sharing:
+        find_shared(flow, mode, W, False)
+    for c in range(nc):
+        if is_component(rows, c) or is_loose(rows, mode, c) or is_prescribed(rows, c):
+            continue
+        if opens(rows, c):
+            gap = abs(W[rows.gaps[c], 0]) - ROUNDING * gap_size(rows, flow.space, c)
+            if W[rows.force[c], 0] < 0.0 if mode[c] == 0 else gap <= 0.0:
+                return NOWHERE, -1.0
+            others = mode[c] == 2 and abs(W[rows.u[c], 1]) > ROUNDING * mag[nc + c] * unit
+            if others and slips[c] == 1:
+                return NOWHERE, -1.0
+            if mode[c] == 0 and slips[c] != 0:
+                room = room_to_tear(rows, flow.space, c, late, tally.law[c, LARGEST_FORCE])
+                full = full or not room > 0.0
+                if room < least:
+                    first, least = c, room
+        elif resting(mode[c]):
+            room = room_left(rows, flow.space, c, late, tally.law[c, LARGEST_FORCE])
+            if sharing and mode[c] == 0 and flow.space.leaving[c] != ON_ITS_OWN:
+                room = spare_part(flow, mode, c)
+                if tally.law[c, LARGEST_FORCE] > 0.0:
+                    room -= late * abs(W[rows.force[c], 1]) / tally.law[c, LARGEST_FORCE]
+            carried = abs(mode[c]) != 2 or abs(W[rows.u[c], 1]) <= ROUNDING * mag[nc + c] * unit
+            if not carried:
+                return NOWHERE, -1.0
+            full = full or not room > 0.0
+            if not resting(slips[c]) and room < least:
+                first, least = c, room
+    return (NOWHERE, 0.0) if full else (first, least)
+
+
+@compiled()
+def shared_room(
+    machine: Machine, flow: Flow, at: Instant, slips: Array, tally: Tally
+) -> tuple[int, float]:
+    """The same where forces are not unique: the room of those that have most; −1 if there is none.
+
+    Parameters
+    ----------
+    machine, flow, at, slips, tally
+        As of :func:`least_room`.
+    """
+    rows, space = flow.rows, flow.space
+    begins = NOWHERE
+    held = 0
+    if len(space.delassus) == 0:
+        return NOWHERE, 0.0
+    for c in range(rows.sizes[ON_INERTIAL]):
+        rests = 0.0
+        if opens(rows, c):
+            rests = 1.0 if at.mode[c] == 0 else 0.0
+        elif not is_loose(rows, at.mode, c):
+            slides = -1.0 if rows.first_link[c + 1] > rows.first_link[c] else 0.0
+            rests = 1.0 if resting(at.mode[c]) else slides
+            if resting(at.mode[c]) and not resting(slips[c]):
+                begins = c
+        held += 1 if rests > 0.0 else 0
+        space.cones[RESTS, c], space.cones[FORCE_SIZE, c] = rests, tally.law[c, LARGEST_FORCE]
+    if held < 2 or begins < 0:
+        return NOWHERE, 0.0
+    room = widest_room(machine, flow, at)
+    return (begins, room) if room > 0.0 else (NOWHERE, 0.0)
+
+
+@compiled()
+def room_left(rows: Rows, space: Space, c: int, late: float, force: float) -> float:
+    """How far a contact that rests is from its threshold, in parts of its force.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the forces.
+    c : int
+    late : float
+        By how much the time is a rounded number, in the unit of that of the coefficients.
+    force : float
+        Size of its force.
+    """
+    W = space.W
+    nc = len(rows.u)
+    if not force > 0.0:
+        return 0.0
+    if rows.plane[c] >= 0:
+        plane = rows.planes[rows.plane[c]]
+        row = plane[ADMISSIBLE]
+        unsure = ROUNDING * space.mag[plane[ADMISSIBLE_SIZE]] + late * abs(W[row, 1])
+        return float((W[row, 0] - unsure) / (force * force))
+    held, up, down = rows.force[c], rows.plus[c], rows.minus[c]
+    unsure = ROUNDING * space.mag[2 * nc + c]
+    unsure += late * (abs(W[held, 1]) + abs(W[up, 1]) + abs(W[down, 1]))
+    room = min(W[held, 0] + W[up, 0], W[down, 0] - W[held, 0])
+    return float((room - unsure) / force)
+
+
+@compiled()
+def room_to_tear(rows: Rows, space: Space, c: int, late: float, force: float) -> float:
+    """How far what adheres is from being torn off, in parts of its force.
+
+    Parameters
+    ----------
+    rows, space, c, late, force
+        As of :func:`room_left`.
+    """
+    if not force > 0.0:
+        return 0.0
+    unsure = ROUNDING * space.mag[2 * len(rows.u) + c] + late * abs(space.W[rows.force[c], 1])
+    return float((space.W[rows.force[c], 0] - unsure) / force)

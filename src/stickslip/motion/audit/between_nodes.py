@@ -1,0 +1,268 @@
+"""What the residual and the guards may do between the nodes of a piece.
+
+On a disc around the beginning of a piece [0, h] the residual r = p′ − f(p) and every guard differ
+from their first values by at most B (:mod:`stickslip.motion.steps.discs`). A function that is
+analytic and bounded by B inside the ellipse with foci 0 and h and sum of half axes ρh/2 differs
+from its interpolant at n nodes by at most
+
+    2 (1 + Λ) B ρ^(1 − n)/(ρ − 1)
+
+(L. N. Trefethen, *Approximation Theory and Approximation Practice*, theorem 8.2; Λ is the Lebesgue
+constant of the nodes). A pulse, however narrow, makes B large.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.motion.audit.accounts import (
+    CANCELLED_PART,
+    LARGEST,
+    LARGEST_FORCE,
+    LARGEST_SPEED,
+    NEGLIGIBLE_PART,
+    OPENING,
+    REACHED,
+    REST_PART,
+    Tally,
+)
+from stickslip.motion.audit.nodes import LEBESGUE, NARROW, WIDE
+from stickslip.motion.steps.arrays import (
+    ADMISSIBLE,
+    AIM,
+    COMPONENT,
+    DIMENSION,
+    ON_INERTIAL,
+    Flow,
+    Rows,
+    Space,
+    opens,
+    own_inverse,
+)
+from stickslip.motion.steps.discs import (
+    BALL,
+    OFF,
+    SLOPE,
+    spread,
+    spread_given,
+    spread_state,
+    tape_of,
+)
+from stickslip.motion.steps.step_size import LEAST_SIZE, fill_powers, impulse
+from stickslip.translator import RELAXED, compiled
+
+
+class StepPiece(NamedTuple):
+    """A part of a step, on which the motion is followed by polynomials.
+
+    Attributes
+    ----------
+    order : int
+        Of the polynomials.
+    t, h : float
+        Its beginning and its length.
+    acting : float
+        How long a series would last; see :func:`counts_for`.
+    factor : float
+        From the discs of rows to what these may do between the nodes; infinite if that could not be
+        made small.
+    rounding : float
+        Rounding errors by which forces and velocities may be off, in parts of their terms: those
+        of the state add up, at random, from piece to piece.
+    """
+
+    order: int
+    t: float
+    h: float
+    acting: float
+    factor: float
+    rounding: float
+
+
+@compiled()
+def enclose(
+    flow: Flow, mode: Array, reg: Array, N: int, h: float, acting: float, tally: Tally
+) -> float:
+    """Bound the residual and all guards on a piece.
+
+    Parameters
+    ----------
+    acting : float
+        How long a series would last; see :func:`counts_for`.
+
+    Returns
+    -------
+    float
+        Factor from discs to what may be between the nodes, or infinity.
+
+    Notes
+    -----
+    The discs of all rows are left in the work space.
+    """
+    rows = flow.rows
+    space = flow.space
+    tape = tape_of(flow)
+    n = rows.sizes[DIMENSION]
+    powers = space.reaches
+    unit = space.W[n, 1]
+    fill_powers(space.powers, h / unit)
+    for turn in range(2):
+        radius, factor = (4.0 * h, WIDE) if turn == 0 else (2.0 * h, NARROW)
+        fill_powers(powers, radius / unit)
+        space.discs[n, BALL] = radius
+        space.discs[n, OFF] = 0.0
+        spread_state(space.W, N, powers, rows.watched[:n], space.discs)
+        spread_given(rows, mode, space.W, N, powers, space.discs)
+        spread(tape, mode, reg, 0, len(rows.program.code))
+        for r in range(n):
+            space.discs[r, SLOPE] = slope_range(space.W[r], N, powers) / unit
+        if encloses(rows, space, mode, N, h, acting, factor, tally):
+            return factor
+    return np.inf
+
+
+@compiled(relaxed=RELAXED)
+def slope_range(c: Array, N: int, powers: Array) -> float:
+    """How far the derivative of a polynomial strays from its first value on a disc."""
+    total = 0.0
+    for k in range(2, N + 1):
+        total += k * abs(c[k]) * powers[k - 1]
+    return total
+
+
+@compiled()
+def strays(disc: Array, factor: float) -> float:
+    """What a row may do between the nodes."""
+    return factor * disc[BALL] + 2.0 * (1.0 + LEBESGUE) * disc[OFF]
+
+
+@compiled()
+def residual_strays(rows: Rows, discs: Array, r: int, factor: float) -> float:
+    """What the residual of a part of the state may do between the nodes."""
+    return strays(discs[rows.program.rates[r]], factor) + factor * discs[r, SLOPE]
+
+
+@compiled()
+def extent(c: Array, N: int, powers: Array) -> float:
+    """Largest term of a polynomial: its size on a piece, even if it begins with zeros."""
+    size = LEAST_SIZE
+    for k in range(N + 1):
+        size = max(size, abs(c[k]) * powers[k])
+    return size
+
+
+@compiled()
+def counts_for(rows: Rows, mag: Array, r: int, size: float, h: float, acting: float) -> float:
+    """For how long an error of a rate counts in a piece of length h.
+
+    Where a polynomial lasts longer than a series, because something decays, that is as long as a
+    series would last, or as the terms of the rate would take to change this part of the state by
+    its size: what does not decay counts fully.
+
+    Parameters
+    ----------
+    rows : Rows
+    mag : array
+        Sizes of the terms of what may cancel.
+    r : int
+        Part of the state.
+    size : float
+        Its size.
+    h, acting : float
+        Length of the piece, and how long a series would last.
+    """
+    place = rows.program.rate_sizes[r]
+    if place < 0 or not acting < h or not mag[place] * h > size:
+        return h
+    return float(max(acting, size / mag[place]))
+
+
+@compiled()
+def encloses(
+    rows: Rows,
+    space: Space,
+    mode: Array,
+    N: int,
+    h: float,
+    acting: float,
+    factor: float,
+    tally: Tally,
+) -> bool:
+    """Whether what may be between the nodes of a piece is negligible.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the coefficients, the discs and the powers of the piece.
+    mode : array of int, shape (contacts,)
+    N : int
+        Order of the polynomials.
+    h, acting : float
+        Length of the piece, and how long a series would last.
+    factor : float
+        From the discs to what may be between the nodes.
+    tally : Tally
+        Sizes so far.
+    """
+    n = rows.sizes[DIMENSION]
+    nc = len(rows.u)
+    mag = space.mag
+    discs = space.discs
+    W = space.W
+    powers = space.powers
+    for r in range(n):
+        size = max(extent(W[r], N, powers), tally.state[LARGEST, r])
+        time = counts_for(rows, mag, r, size, h, acting)
+        size += REST_PART * impulse(rows, mag, r, acting)
+        if not time * residual_strays(rows, discs, r, factor) <= NEGLIGIBLE_PART * size:
+            return False
+    for c in range(nc):
+        speed = (
+            max(
+                extent(W[rows.u[c]], N, powers),
+                CANCELLED_PART * mag[c],
+                tally.law[c, LARGEST_SPEED],
+            )
+            + REST_PART * acting * mag[nc + c]
+        )
+        if c < rows.sizes[ON_INERTIAL] and mode[c] == 0 and own_inverse(rows, space, c) != 0.0:
+            # Forces that begin with zero make a velocity, too.
+            made = extent(W[rows.force[c]], N - 1, powers) / abs(own_inverse(rows, space, c))
+            speed += REST_PART * acting * made
+        if not strays(discs[rows.u[c]], factor) <= NEGLIGIBLE_PART * speed:
+            return False
+        forces = rows.force[c], rows.plus[c], rows.minus[c]
+        held = max(CANCELLED_PART * mag[2 * nc + c], tally.law[c, LARGEST_FORCE])
+        for row in forces:
+            held = max(held, extent(W[row], N - 1, powers))
+        for row in forces:
+            if not strays(discs[row], factor) <= NEGLIGIBLE_PART * held:
+                return False
+        if opens(rows, c):
+            row = rows.gaps[c]
+            # At an instant all terms of a gap may vanish; of what stays closed they always do.
+            size = extent(W[row], N - 1, powers) + h * mag[c]
+            size += REST_PART * acting * acting * mag[nc + c]
+            size += mag[3 * nc + len(rows.kinks) + c]
+            if not strays(discs[row], factor) <= NEGLIGIBLE_PART * max(size, tally.law[c, OPENING]):
+                return False
+    for p in range(len(rows.planes)):
+        aim = rows.planes[p, AIM]
+        held = tally.law[rows.planes[p, COMPONENT], LARGEST_FORCE]
+        held = max(held, extent(W[rows.plus[rows.planes[p, COMPONENT]]], N - 1, powers))
+        loose = strays(discs[rows.planes[p, ADMISSIBLE]], factor)
+        turns = strays(discs[aim], factor) + strays(discs[aim + 1], factor)
+        if not (loose <= NEGLIGIBLE_PART * held * held and turns <= NEGLIGIBLE_PART):
+            return False
+    for j in range(len(rows.kinks)):
+        row = rows.kinks[j]
+        size = max(
+            extent(W[row], N - 1, powers), CANCELLED_PART * mag[3 * nc + j], tally.kinks[j, REACHED]
+        )
+        if not strays(discs[row], factor) <= NEGLIGIBLE_PART * size:
+            return False
+    return True

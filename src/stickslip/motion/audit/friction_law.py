@@ -1,0 +1,255 @@
+"""The law on a piece of a step: thresholds, directions of slip, gaps and kinks.
+
+Guards are evaluated at the Gauss nodes, and bounded between them (:mod:`.between_nodes`). Contacts
+in a plane have a module of their own (:mod:`.contact_planes`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.motion.admissible.sharing import ON_ITS_OWN
+from stickslip.motion.audit.accounts import (
+    BACKWARDS,
+    BEYOND,
+    CANCELLED_PART,
+    CREEP,
+    EXCESS,
+    LARGEST_FORCE,
+    LARGEST_SPEED,
+    NEGLIGIBLE_PART,
+    OFF_THRESHOLD,
+    OPENING,
+    OVERLAP,
+    REACHED,
+    REST_PART,
+    SPEED_HELD,
+    Tally,
+    free_speed,
+)
+from stickslip.motion.audit.between_nodes import StepPiece, strays
+from stickslip.motion.audit.contact_planes import judge_plane, sample_plane
+from stickslip.motion.audit.nodes import largest_of, least_on_nodes, most
+from stickslip.motion.modes.guards import resting
+from stickslip.motion.steps.arrays import (
+    DIMENSION,
+    EPSILON,
+    ON_INERTIAL,
+    ON_VISCOUS,
+    ROUNDING,
+    WIDEST,
+    Rows,
+    Space,
+    gap_size,
+    is_component,
+    is_loose,
+    opens,
+)
+from stickslip.translator import compiled
+
+_LATE = 4.0 * EPSILON  # part of a time by which that of a kink or of an event may be wrong
+
+
+@compiled()
+def sample_law(
+    rows: Rows, space: Space, mode: Array, reg: Array, h: float, g: int, tally: Tally
+) -> None:
+    """Keep the values of all guards at a node, and the sizes of what they are made of.
+
+    A contact has three rows: what must be nonnegative (two of them in stick), and what must vanish.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the values of the rows at the node; receives those of the guards.
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+    h : float
+        How long a series would last, in which forces make a velocity.
+    g : int
+        The node.
+    tally : Tally
+        Receives the sizes.
+    """
+    n = rows.sizes[DIMENSION]
+    nc = len(rows.u)
+    mq = rows.sizes[ON_INERTIAL]
+    V = space.V
+    mag = space.mag
+    samples = space.samples
+    law = tally.law
+    for c in range(nc):
+        u = V[rows.u[c], 0]
+        if is_loose(rows, mode, c):
+            # It has no force, but says how fast things are.
+            law[c, LARGEST_SPEED] = most(law[c, LARGEST_SPEED], abs(u))
+            continue
+        if rows.plane[c] >= 0:
+            if not is_component(rows, c):
+                sample_plane(rows, space, mode, h, g, c, tally)
+            continue
+        held = V[rows.force[c], 0]
+        up = V[rows.plus[c], 0]
+        down = V[rows.minus[c], 0]
+        # Where thresholds vanish, a force is known up to the rounding of its terms only.
+        law[c, LARGEST_FORCE] = most(
+            most(law[c, LARGEST_FORCE], max(abs(held), max(up, down))),
+            CANCELLED_PART * mag[2 * nc + c],
+        )
+        law[c, LARGEST_SPEED] = most(most(law[c, LARGEST_SPEED], abs(u)), CANCELLED_PART * mag[c])
+        row = n + 3 * c
+        if opens(rows, c):
+            gap = V[rows.gaps[c], 0]
+            # What is closed has no size but that of what forces would do to it.
+            size = max(abs(gap), mag[3 * nc + len(rows.kinks) + c], REST_PART * h * h * mag[nc + c])
+            law[c, OPENING] = most(law[c, OPENING], size)
+            law[c, SPEED_HELD] = most(law[c, SPEED_HELD], mag[nc + c] * h)
+            space.impact[WIDEST, c] = law[c, OPENING]
+            samples[row, g] = held if mode[c] == 0 else gap
+            samples[row + 1, g] = gap
+            samples[row + 2, g] = u
+            continue
+        if resting(mode[c]):
+            samples[row, g] = held + up
+            samples[row + 1, g] = down - held
+            samples[row + 2, g] = u
+        if mode[c] == 0:
+            law[c, SPEED_HELD] = most(law[c, SPEED_HELD], free_speed(rows, space, c, h))
+        else:
+            law[c, SPEED_HELD] = most(law[c, SPEED_HELD], mag[nc + c] * h if c < mq else mag[c])
+        if abs(mode[c]) == 1:
+            samples[row, g] = mode[c] * u
+            samples[row + 2, g] = held + (up if mode[c] > 0 else -down)
+    for j in range(len(rows.kinks)):
+        value = V[rows.kinks[j], 0] if reg[j] == 1 else -V[rows.kinks[j], 0]
+        samples[n + 3 * nc + j, g] = value
+        tally.kinks[j, REACHED] = most(tally.kinks[j, REACHED], abs(value))
+
+
+@compiled()
+def steepness(c: Array, N: int, x: float) -> float:
+    """Bound of the derivative of Σ c[k] τᵏ, k < N, for 0 ≤ τ ≤ x."""
+    total = 0.0
+    for k in range(N - 1, 0, -1):
+        total = total * x + k * abs(c[k])
+    return total
+
+
+@compiled()
+def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Tally) -> None:
+    """By how much guards fail on a piece, at the nodes and between them.
+
+    What a force or a velocity does within a rounding error of the time is none of theirs.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the guards at the nodes, and the discs.
+    mode : array of int, shape (contacts,)
+    piece : StepPiece
+    tally : Tally
+        Receives the largest.
+    """
+    n = rows.sizes[DIMENSION]
+    nc = len(rows.u)
+    mag = space.mag
+    discs = space.discs
+    samples = space.samples
+    law = tally.law
+    factor = piece.factor
+    unit = space.W[n, 1]
+    late = _LATE * abs(piece.t) / unit
+    for c in range(nc):
+        if is_loose(rows, mode, c):
+            continue
+        if opens(rows, c):
+            judge_opening(rows, space, mode, c, factor, tally)
+            continue
+        if rows.plane[c] >= 0:
+            if not is_component(rows, c):
+                judge_plane(rows, space, mode, c, factor, tally)
+            continue
+        row = n + 3 * c
+        loose = 0.0
+        tight = 0.0
+        up, down = (
+            steepness(space.W[rows.plus[c]], piece.order, piece.h / unit),
+            steepness(space.W[rows.minus[c]], piece.order, piece.h / unit),
+        )
+        rounding = piece.rounding * mag[c] + late * steepness(
+            space.W[rows.u[c]], piece.order, piece.h / unit
+        )
+        unsure = piece.rounding * mag[2 * nc + c]
+        unsure += late * (
+            steepness(space.W[rows.force[c]], piece.order, piece.h / unit) + max(up, down)
+        )
+        if factor < np.inf:
+            loose = strays(discs[rows.force[c]], factor)
+            loose += max(strays(discs[rows.plus[c]], factor), strays(discs[rows.minus[c]], factor))
+            tight = strays(discs[rows.u[c]], factor)
+        if resting(mode[c]):
+            for part in range(2 if space.leaving[c] == ON_ITS_OWN or mode[c] != 0 else 0):
+                low = least_on_nodes(
+                    samples[row + part],
+                    space.bernstein,
+                    1e-2 * NEGLIGIBLE_PART * law[c, LARGEST_FORCE],
+                )
+                law[c, EXCESS] = most(law[c, EXCESS], loose - low - unsure)
+            law[c, CREEP] = most(law[c, CREEP], largest_of(samples[row + 2]) + tight - rounding)
+        else:
+            law[c, BACKWARDS] = most(
+                law[c, BACKWARDS],
+                tight - rounding - least_on_nodes(samples[row], space.bernstein, rounding),
+            )
+            if c >= rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]:
+                law[c, OFF_THRESHOLD] = most(
+                    law[c, OFF_THRESHOLD], largest_of(samples[row + 2]) + loose - unsure
+                )
+    for j in range(len(rows.kinks)):
+        between = strays(discs[rows.kinks[j]], factor) if factor < np.inf else 0.0
+        negligible = 1e-2 * NEGLIGIBLE_PART * tally.kinks[j, REACHED]
+        low = least_on_nodes(samples[n + 3 * nc + j], space.bernstein, negligible)
+        tally.kinks[j, BEYOND] = most(tally.kinks[j, BEYOND], between - low)
+
+
+@compiled()
+def judge_opening(
+    rows: Rows, space: Space, mode: Array, c: int, factor: float, tally: Tally
+) -> None:
+    """By how much g ≥ 0, or N ≥ 0 and g = 0, fail on a piece.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With normal forces and gaps at the nodes, and the discs.
+    mode : array of int, shape (contacts,)
+    c : int
+        The contact.
+    factor : float
+        As of :class:`.StepPiece`.
+    tally : Tally
+        Receives the largest.
+    """
+    law = tally.law
+    row = rows.sizes[DIMENSION] + 3 * c
+    known = factor < np.inf
+    apart = strays(space.discs[rows.gaps[c]], factor) if known else 0.0
+    apart -= ROUNDING * gap_size(rows, space, c)
+    if mode[c] != 0:
+        low = least_on_nodes(
+            space.samples[row], space.bernstein, 1e-2 * NEGLIGIBLE_PART * law[c, OPENING]
+        )
+        law[c, OVERLAP] = most(law[c, OVERLAP], apart - low)
+        if abs(mode[c]) == 2:  # carried, it touches
+            law[c, OVERLAP] = most(law[c, OVERLAP], largest_of(space.samples[row]) + apart)
+        return
+    loose = strays(space.discs[rows.force[c]], factor) if known else 0.0
+    low = least_on_nodes(
+        space.samples[row], space.bernstein, 1e-2 * NEGLIGIBLE_PART * law[c, LARGEST_FORCE]
+    )
+    unsure = ROUNDING * space.mag[2 * len(rows.u) + c]
+    law[c, EXCESS] = most(law[c, EXCESS], loose - low - unsure)
+    law[c, OVERLAP] = most(law[c, OVERLAP], largest_of(space.samples[row + 1]) + apart)

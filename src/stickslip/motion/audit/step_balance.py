@@ -1,0 +1,451 @@
+"""The audit of a motion: does it obey its law between the knots, too?
+
+Each step is followed again from its first state by Taylor polynomials p, which are only candidates
+here. The equations and the law are evaluated for them at Gauss nodes, without series
+(:mod:`.friction_law`, :mod:`.contact_planes`), and bounded between the nodes
+(:mod:`.between_nodes`). A piece of a step is halved until what may happen between its nodes is
+negligible; where 512 pieces do not suffice, the time is reported as not verified. Stiff motion is
+followed by polynomials that last longer than Taylor series (:mod:`stickslip.motion.steps.stiff`),
+and checked in the same way. :mod:`.step_ends` checks where a step arrives and what happens there,
+:mod:`.beginnings` whether what begins to slip could have stuck.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from stickslip.arrays import Array, Vector
+from stickslip.machine_code.functions import entry_point
+from stickslip.motion.admissible.sharing import any_share, find_shared
+from stickslip.motion.audit.accounts import (
+    BACKWARDS,
+    BEYOND,
+    CREEP,
+    DEFECT,
+    ENERGY_BALANCE,
+    EQUATIONS,
+    EXCESS,
+    FED,
+    FED_IN_ALL,
+    FRICTION_LAW,
+    LARGEST,
+    LARGEST_FORCE,
+    LARGEST_SPEED,
+    OFF_THRESHOLD,
+    OPENING,
+    OVERLAP,
+    OWN_ROUNDING,
+    REACHED,
+    REST_PART,
+    ROUNDED,
+    ROUNDING_ERRORS,
+    SPEED_HELD,
+    SPENT,
+    SWAY,
+    Accounts,
+    Steps,
+    Tally,
+    Wanted,
+    count_gaps,
+)
+from stickslip.motion.audit.beginnings import judge_beginning
+from stickslip.motion.audit.between_nodes import StepPiece, counts_for, enclose, residual_strays
+from stickslip.motion.audit.contact_planes import share_sizes
+from stickslip.motion.audit.forces import (
+    asks_for_others,
+    judge_together,
+    sample_together,
+    try_other_forces,
+)
+from stickslip.motion.audit.friction_law import judge_law, sample_law
+from stickslip.motion.audit.nodes import COUNT, GAUSS_NODES, GAUSS_WEIGHTS, LEBESGUE, most
+from stickslip.motion.audit.observers import add_step, count_times
+from stickslip.motion.audit.step_ends import (
+    audit_start,
+    close_step,
+    count_jumps,
+    jump_after,
+    jump_or_collide,
+    may_collide,
+)
+from stickslip.motion.modes.inverses import resolve
+from stickslip.motion.steps.arrays import (
+    CONTACTS,
+    COORDINATES,
+    DIMENSION,
+    DISSIPATED,
+    EPSILON,
+    INERTIAL,
+    MATRIX,
+    MEMBERS,
+    ROUNDING,
+    SUPPLIED,
+    Flow,
+    Instant,
+    Machine,
+    Record,
+    Rows,
+    Space,
+    direction_entry,
+    is_stopped,
+)
+from stickslip.motion.steps.discs import give_directions, take_directions
+from stickslip.motion.steps.roots import horner, rate_on
+from stickslip.motion.steps.starting import coefficients
+from stickslip.motion.steps.step_size import impulse
+from stickslip.motion.steps.stiff import ends_there, follow_mode
+from stickslip.motion.steps.vectors import copy
+from stickslip.translator import compiled
+
+_MOST_PIECES = 512  # of a step
+_ROUNDINGS = 8.0  # rounding errors of a rate, in parts of the size of its terms
+# square root of the number of pieces after which rounding errors of the state count beside others
+_WALK = 16.0
+
+
+@entry_point()
+def audit_steps(
+    machine: Machine,
+    flow: Flow,
+    seen: Vector,
+    starts: Record,
+    ends: Record,
+    wanted: Wanted,
+    accounts: Accounts,
+) -> None:
+    """Follow steps again, and measure them.
+
+    Parameters
+    ----------
+    seen : array
+        Sizes of the rows that bound the steps; see :class:`stickslip.motion.steps.arrays.Lane`.
+    starts, ends : Record
+        Where each step begins and ends, with the modes and regions that begin there.
+    wanted : Wanted
+    accounts : Accounts
+    """
+    for i in range(len(ends.time)):
+        if is_stopped(flow.space):
+            return
+        length = ends.time[i] - starts.time[i]
+        count_times(flow.rows, starts.mode[i], ends.mode[i], length, accounts.sums)
+        if length > 0.0:
+            audit_step(machine, flow, seen, starts, ends, wanted, i, accounts)
+        elif wanted.law and (
+            may_collide(flow.rows, ends.cause[i])
+            or jump_after(flow.rows, ends.cause[i], starts.region[i]) >= 0
+        ):
+            audit_start(machine, flow, starts, ends, i, accounts)
+
+
+@compiled()
+def audit_step(
+    machine: Machine,
+    flow: Flow,
+    seen: Array,
+    starts: Record,
+    ends: Record,
+    wanted: Wanted,
+    i: int,
+    accounts: Accounts,
+) -> None:
+    """Follow the i-th step again, piece by piece, and measure it.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    seen, starts, ends, wanted, accounts
+        As of :func:`audit_steps`.
+    i : int
+        The step.
+    """
+    steps, tally, sums = accounts.steps, accounts.tally, accounts.sums
+    check = wanted.law
+    nc = len(flow.rows.u)
+    W = flow.space.W
+    y = flow.space.trial
+    n = len(y)
+    mode = flow.space.touched[:nc]
+    reg = flow.space.touched[nc:]
+    copy(starts.mode[i], mode)
+    copy(starts.region[i], reg)
+    copy(starts.state[i], y)
+    resolve(flow.rows, flow.k, flow.space, mode)
+    base = starts.time[i]
+    left = ends.time[i] - base
+    last = 0.0
+    pieces = 0
+    whole = 0.0
+    order = flow.order
+    h = left
+    while left > 0.0:
+        if is_stopped(flow.space):
+            return
+        start = Instant(base, y, mode, reg)
+        order, h, series = follow_mode(machine, flow, start, left, last, seen)
+        h = min(left, max(h, 1e-12 * left))
+        if ends_there(h, left, base):
+            h = left
+        factor = 0.0
+        if not h > 0.0:
+            h = left  # nothing here is a number, which the nodes will show
+        if check:
+            # a closed form may last for many Taylor steps, each of which counts by itself
+            if not whole > 0.0:
+                whole = h
+                count_gaps(i, steps, tally)
+            longest = h
+            give_directions(flow.rows, mode, True)
+            factor = enclose(flow, mode, reg, order, h, min(h, series), tally)
+            while not factor < np.inf and pieces < _MOST_PIECES:
+                h = 0.5 * h
+                pieces = pieces + 1
+                factor = enclose(flow, mode, reg, order, h, min(h, series), tally)
+            give_directions(flow.rows, mode, False)
+            if not factor < np.inf:
+                h, steps.open[i] = longest, left  # no more is tried in this step
+        acting = min(h, series) if series > 0.0 else h
+        rounding = ROUNDING * max(1.0, math.sqrt(pieces) / _WALK)
+        piece = StepPiece(order, base, h, acting, factor, rounding)
+        measure_piece(machine, flow, piece, mode, reg, check, i, steps, tally)
+        if wanted.extremes:
+            add_step(flow.rows, W, order, h, W[n, 1], flow.space.stack, sums)
+        for r in range(n):
+            y[r] = horner(W[r], order, h / W[n, 1])
+        base = base + h
+        left = left - h
+        whole = whole - h
+        last = h
+        pieces = pieces + 1
+    if check:
+        final = Instant(ends.time[i], ends.state[i], mode, reg)
+        jump_or_collide(machine, flow, final, h, ends, i, accounts)
+        close_step(flow, final, order, h, starts.state[i], i, steps, tally)
+        count_jumps(machine, flow, final, ends.region[i], i, steps, tally)
+        judge_beginning(machine, flow, starts, ends, i, tally)
+
+
+@compiled()
+def measure_piece(
+    machine: Machine,
+    flow: Flow,
+    piece: StepPiece,
+    mode: Array,
+    reg: Array,
+    check: bool,
+    i: int,
+    steps: Steps,
+    tally: Tally,
+) -> None:
+    """Evaluate the law at the nodes of a piece, and add up what was found there and what may be
+    between them.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    piece : StepPiece
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+    check : bool
+        Whether more than the work is wanted.
+    i : int
+        The step.
+    steps : Steps
+    tally : Tally
+        Both are added to.
+    """
+    rows = flow.rows
+    space = flow.space
+    n = rows.sizes[DIMENSION]
+    W = space.W
+    V = space.V
+    y = space.y0
+    power = space.powers
+    unit = W[n, 1]
+    give_directions(rows, mode, True)
+    sharing = check and any_share(rows)
+    if sharing:
+        find_shared(flow, mode, W, True)
+    for g in range(COUNT):
+        tau, weight = piece.h * GAUSS_NODES[g], piece.h * GAUSS_WEIGHTS[g]
+        for r in range(n):
+            y[r] = horner(W[r], piece.order, tau / unit)
+        take_directions(rows, W, piece.order, tau / unit, V)
+        coefficients(machine, flow, Instant(piece.t + tau, y, mode, reg), 1, V)
+        machine.powers(V, reg, flow.k.K, power)
+        steps.work[i, SPENT] += weight * power[DISSIPATED]
+        if piece.acting < piece.h:
+            steps.work[i, SPENT] -= weight * power_of_residuals(flow, piece, tau)
+        steps.work[i, FED] += weight * power[SUPPLIED]
+        tally.total[FED_IN_ALL] += weight * abs(power[SUPPLIED])
+        if check:
+            sample_residuals(rows, space, piece, y, g, i, steps, tally)
+            sample_law(rows, space, mode, reg, piece.acting, g, tally)
+            if sharing:
+                sample_together(flow, mode, g)
+    give_directions(rows, mode, False)
+    if not check:
+        return
+    for r in range(n):
+        largest = 0.0
+        for g in range(COUNT):
+            largest = most(largest, abs(space.samples[r, g]))
+        known = piece.factor < np.inf
+        between = residual_strays(rows, space.discs, r, piece.factor) if known else 0.0
+        size = tally.state[LARGEST, r]
+        time = counts_for(rows, space.mag, r, size, piece.h, piece.acting)
+        steps.gap[i, r] += time * (LEBESGUE * largest + between)
+    if asks_for_others(rows, space, mode, piece, tally):
+        try_other_forces(machine, flow, Instant(piece.t, y, mode, reg), piece.order, piece.h)
+    judge_law(rows, space, mode, piece, tally)
+    if sharing:
+        judge_together(flow, mode, piece, tally)
+
+
+@compiled()
+def power_of_residuals(flow: Flow, piece: StepPiece, tau: float) -> float:
+    """What forces without mass do at a node by the difference between the rates that the law gives
+    there and those of the polynomials.
+
+    The way is that of the polynomials. Where they last longer than series, because something
+    decays, the rates of the law have errors that are forgotten at once; their power would be
+    counted all the time.
+
+    Parameters
+    ----------
+    flow : Flow
+        Its work space has the polynomials, and the values of the rows at the node.
+    piece : StepPiece
+    tau : float
+        The node.
+    """
+    rows = flow.rows
+    W = flow.space.W
+    V = flow.space.V
+    unit = W[rows.sizes[DIMENSION], 1]
+    first = 2 * rows.sizes[INERTIAL]
+    rates = rows.program.rates
+    power = 0.0
+    for part in rows.parts:
+        if part[MATRIX] == 0:
+            continue
+        n = part[COORDINATES]
+        members = rows.members[part[MEMBERS] :]
+        for i in range(n):
+            z = members[i]
+            force = 0.0
+            for j in range(n):
+                force += flow.k.C[z, j] * V[rates[first + members[j]], 0]
+            for j in range(part[CONTACTS]):
+                c = members[n + j]
+                force -= direction_entry(rows, flow.k.J, V, c, i) * V[rows.force[c], 0]
+            way = rate_on(W[first + z], piece.order, tau / unit) / unit
+            power += force * (V[rates[first + z], 0] - way)
+    return power
+
+
+@compiled()
+def sample_residuals(
+    rows: Rows,
+    space: Space,
+    piece: StepPiece,
+    y: Array,
+    g: int,
+    i: int,
+    steps: Steps,
+    tally: Tally,
+) -> None:
+    """Keep the residuals p′ − f(p) at a node, and count the rounding errors of the rates.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With the values of the rows at the node; receives the residuals.
+    piece : StepPiece
+    y : array, shape (n,)
+        State at the node.
+    g, i : int
+        The node, and the step.
+    steps : Steps
+    tally : Tally
+        Both are added to.
+    """
+    W = space.W
+    mag = space.mag
+    sizes = rows.program.rate_sizes
+    n = len(y)
+    unit = W[n, 1]
+    tau, weight = piece.h * GAUSS_NODES[g], piece.h * GAUSS_WEIGHTS[g]
+    for r in range(n):
+        rate = space.V[rows.program.rates[r], 0]
+        space.samples[r, g] = rate - rate_on(W[r], piece.order, tau / unit) / unit
+        tally.state[LARGEST, r] = most(tally.state[LARGEST, r], abs(y[r]))
+        if sizes[r] >= 0:
+            size = tally.state[LARGEST, r]
+            time = counts_for(rows, mag, r, size, piece.h, piece.acting)
+            steps.noise[i, r] += time * GAUSS_WEIGHTS[g] * _ROUNDINGS * EPSILON * mag[sizes[r]]
+            tally.total[ROUNDING_ERRORS] += weight * _ROUNDINGS * EPSILON * mag[sizes[r]]
+        sway = impulse(rows, mag, r, piece.acting)
+        tally.state[SWAY, r] = most(tally.state[SWAY, r], sway)
+
+
+@entry_point()
+def judge(
+    rows: Rows, tally: Tally, imbalance: float, flow: float, energy: float, residuals: Vector
+) -> None:
+    """Residuals of a motion, relative to sizes that do not vanish where something sticks.
+
+    Parameters
+    ----------
+    imbalance : float
+        Largest violation of the energy balance.
+    flow, energy : float
+        Energy that flows, and the largest modulus of the energy.
+    residuals : array, shape (4,)
+        Receives the residual of the energy balance, the violation of the friction law, the defect
+        of the equations of motion, and the audit's own rounding errors.
+    """
+    state = tally.state
+    law = tally.law
+    n = rows.sizes[DIMENSION]
+    force = 0.0
+    reach_ = 0.0
+    violation = 0.0
+    defect = 0.0
+    own = 0.0
+    for c in range(len(law)):
+        force = most(force, law[c, LARGEST_FORCE])
+        speed = max(law[c, LARGEST_SPEED], REST_PART * law[c, SPEED_HELD])
+        violation = most(
+            violation, relative(max(law[c, EXCESS], law[c, OFF_THRESHOLD]), law[c, LARGEST_FORCE])
+        )
+        violation = most(violation, relative(max(law[c, CREEP], law[c, BACKWARDS]), speed))
+        violation = most(violation, relative(law[c, OVERLAP], law[c, OPENING]))
+    for j in range(len(tally.kinks)):
+        violation = most(violation, relative(tally.kinks[j, BEYOND], tally.kinks[j, REACHED]))
+    share_sizes(rows, state)
+    for r in range(n):
+        size = max(state[LARGEST, r], REST_PART * state[SWAY, r])
+        defect = most(defect, relative(state[DEFECT, r], size))
+        own = most(own, relative(state[ROUNDED, r], size))
+        reach_ = max(reach_, state[LARGEST, r])
+    # The energy itself is known to rounding only: where next to nothing flows, that is the scale.
+    scale = max(flow, 1e-6 * energy, 1e-6 * force * reach_)
+    residuals[ENERGY_BALANCE] = relative(
+        max(imbalance - force * tally.total[ROUNDING_ERRORS], 0.0), scale
+    )
+    residuals[FRICTION_LAW] = violation
+    residuals[EQUATIONS] = defect
+    residuals[OWN_ROUNDING] = own
+
+
+@compiled()
+def relative(value: float, size: float) -> float:
+    """A violation relative to a size; nothing relative to nothing is nothing."""
+    if value <= 0.0:
+        return 0.0
+    return value / size if size > 0.0 else np.inf

@@ -1,0 +1,354 @@
+"""The Taylor series of the motion in a given mode, and the step that it is good for."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.equations.codegen.series import SINGULAR, invert
+from stickslip.motion.admissible.sharing import grip, is_gripped, partner
+from stickslip.motion.modes.inverses import resolve
+from stickslip.motion.modes.surfaces import ON_SURFACE, release_or_hold
+from stickslip.motion.steps.arrays import (
+    AIM,
+    COMPONENT,
+    COORDINATES,
+    DIMENSION,
+    EPSILON,
+    INERTIAL,
+    INSTANT,
+    MASSIVE,
+    MEMBERS,
+    NAN,
+    NOW,
+    OFF_SURFACE,
+    OK,
+    ON_INERTIAL,
+    ON_VISCOUS,
+    OTHER,
+    OVERFLOW,
+    PART,
+    PROMISED,
+    RATE_INDEPENDENT,
+    RECENT,
+    ROUNDING,
+    SERIES,
+    SPAN,
+    VISCOUS,
+    Flow,
+    Instant,
+    Lane,
+    Machine,
+    Rows,
+    is_component,
+    is_loose,
+    loosen_friction,
+    set_mode,
+)
+from stickslip.motion.steps.starting import coefficients
+from stickslip.motion.steps.step_size import COARSER, LEAST_SIZE, better, step_size, suits
+from stickslip.motion.steps.vectors import copy
+from stickslip.translator import compiled
+
+_PAST = 1.0625  # of the time to a kink: the end of the step in which it comes
+# parts of a step, and of the time, within which a kink is the one that has been passed
+_PASSED, _ROUNDED = 1e-12, 1e3 * EPSILON
+_LOOSER = 1e4  # tolerances by which the rates at the end of a step may break its promise
+
+
+@compiled()
+def make_series(
+    machine: Machine, flow: Flow, lane: Lane, room: float, near: float, hold: bool
+) -> tuple[int, float]:
+    """Taylor coefficients of the mode in which a lane is, and the step that they are good for,
+    between two times that can be told apart, as they are recorded.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    lane : Lane
+        Its state is put back onto the constraints of the mode.
+    room, near : float
+        Longest step that is wanted, and (times the slack) longest for which slip was denied here.
+    hold : bool
+        Whether sticking contacts are put onto the surface speed.
+
+    Returns
+    -------
+    status, step
+        As of :func:`evaluate_mode`; 0 unless that is OK.
+    """
+    t = lane.clock[NOW]
+    here = Instant(t, lane.y, lane.mode, lane.reg)
+    recent, span = lane.clock[RECENT], lane.clock[SPAN]
+    status = evaluate_mode(machine, flow, here, recent, near, span, hold)
+    h = 0.0
+    if status == OK:
+        h = step_size(flow, flow.order, lane.seen, lane.clock[SERIES])
+        h = min(h, room)
+        passed = max(_PASSED * h, _ROUNDED * abs(t))
+        h = min(h, _PAST * soonest_kink(flow.rows, flow.space.W, flow.order, passed))
+        h = (t + h) - t
+        if len(flow.rows.planes) > 0:
+            # A slip in a plane begins from rest, exactly.
+            copy(lane.y, flow.space.y0)
+    return status, h
+
+
+@compiled()
+def evaluate_mode(
+    machine: Machine, flow: Flow, at: Instant, last: float, near: float, span: float, hold: bool
+) -> int:
+    """Taylor coefficients of the motion in a mode; y is put back onto the constraints of the
+    mode.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    at : Instant
+        Its state is put back, and its mode is changed where a contact that is not at rest slips.
+    last, near, span : float
+        As in :func:`.release_or_hold`.
+    hold : bool
+        Whether sticking contacts are put onto the surface speed.
+
+    Returns
+    -------
+    int
+        OK, SINGULAR, INDEFINITE, NAN, OFF_SURFACE or OVERFLOW.
+    """
+    W = flow.space.W
+    rows = flow.rows
+    while True:
+        loosen_friction(rows, at.mode)
+        if not resolve(rows, flow.k, flow.space, at.mode):
+            return SINGULAR
+        sticking = False
+        for c in range(rows.sizes[ON_INERTIAL]):
+            sticking = sticking or at.mode[c] == 0
+        if not sticking or not hold:
+            break
+        status = coefficients(machine, flow, at, 1, W)
+        if status != OK:
+            return status
+        if release_or_hold(flow, at, last, near, span) and not rest_with_others(machine, flow, at):
+            break
+    if rows.sizes[RATE_INDEPENDENT] > 0:
+        status = project_rates(machine, flow, at)
+        if status != OK:
+            return status
+    status = coefficients(machine, flow, at, flow.order, W)
+    if status != OK:
+        return status
+    return judge_coefficients(rows, W, flow.order)
+
+
+@compiled()
+def project_rates(machine: Machine, flow: Flow, at: Instant) -> int:
+    """Put sliding rate-independent coordinates back on λ + σ s = 0 (one Newton step: they are there
+    up to rounding)."""
+    sizes = flow.rows.sizes
+    space = flow.space
+    mode = at.mode
+    nr = sizes[RATE_INDEPENDENT]
+    first = sizes[ON_INERTIAL] + sizes[ON_VISCOUS]
+    offset = 2 * sizes[INERTIAL] + sizes[VISCOUS]
+    G = space.G
+    sliding = False
+    for i in range(nr):
+        sliding = sliding or mode[first + i] != 0
+    if not sliding:
+        return OK
+    machine.residual(at.t, at.y, mode, at.reg, flow.k.K, G, space.A)
+    for i in range(nr):
+        if mode[first + i] != 0 and not abs(G[i]) <= ON_SURFACE * G[nr + i]:
+            return OFF_SURFACE
+    if not invert(space.A, nr, space.B):
+        return SINGULAR
+    for i in range(nr):
+        for j in range(nr):
+            at.y[offset + i] -= space.B[i, j] * G[j]
+    return OK
+
+
+@compiled()
+def rest_with_others(machine: Machine, flow: Flow, at: Instant) -> bool:
+    """Let contacts stick that the others of their body do not let move, where their speed cannot be
+    told from nothing; whether there are any.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        With the inverses of the mode.
+    at : Instant
+        Its mode is changed.
+    """
+    rows = flow.rows
+    mode = at.mode
+    mag = flow.space.mag
+    nc = len(rows.u)
+    known = False
+    found = False
+    for c in range(rows.sizes[ON_INERTIAL]):
+        group = rows.group[c]
+        if group < 0 or mode[c] == 0 or is_component(rows, c) or is_loose(rows, mode, c):
+            continue
+        rank = grip(flow, mode, flow.space.W, group)[1]
+        if rank == 0 or not is_gripped(flow, flow.space.W, c, rank):
+            continue
+        if not known and coefficients(machine, flow, at, 1, flow.space.W) != OK:
+            return False
+        known = True
+        speed, size, rate = abs(flow.space.W[rows.u[c], 0]), mag[c], mag[nc + c]
+        other = partner(rows, c)
+        if other >= 0:
+            speed += abs(flow.space.W[rows.u[other], 0])
+            size += mag[other]
+            rate += mag[nc + other]
+        if speed <= ROUNDING * size + INSTANT * abs(at.t) * rate:
+            set_mode(rows, mode, c, 0)
+            found = True
+    return found
+
+
+@compiled()
+def judge_coefficients(rows: Rows, W: Array, N: int) -> int:
+    """Whether Taylor coefficients are numbers, NAN, or OVERFLOW in their unit of time.
+
+    What overflows at high orders only is a blow-up, for which no step is small enough: it becomes
+    infinite.
+    """
+    for r in range(rows.sizes[DIMENSION]):
+        if not (math.isfinite(W[r, 0]) and math.isfinite(W[rows.program.rates[r], 0])):
+            return NAN
+        if not (math.isfinite(W[r, 1]) and math.isfinite(W[r, min(N, 2)])):
+            return OVERFLOW
+        if not math.isfinite(W[r, N]):
+            W[r, N] = np.inf
+    for c in range(len(rows.u)):
+        r = rows.u[c]
+        if not math.isfinite(W[r, 0]):
+            return NAN
+        if not math.isfinite(W[r, N - 1]):
+            W[r, N - 1] = np.inf
+    return OK
+
+
+@compiled()
+def soonest_kink(rows: Rows, W: Array, N: int, passed: float) -> float:
+    """When the next kink of time comes whose guard is a polynomial of degree two, or one; infinite
+    if there is none.
+
+    A series that ends, as that of a drive between two samples, would last for ever; beyond the
+    kink its terms are so large that what is small before it would count as zero.
+
+    Parameters
+    ----------
+    rows : Rows
+    W : array
+        Taylor coefficients.
+    N : int
+        Their number.
+    passed : float
+        Time within which a kink is the one that has just been passed.
+    """
+    found = np.inf
+    unit = W[rows.sizes[DIMENSION], 1]
+    for j in range(len(rows.timed)):
+        c = W[rows.kinks[j]]
+        ends = rows.timed[j] == 1
+        for k in range(3, N):
+            ends = ends and c[k] == 0.0
+        inside = c[1] * c[1] - 4.0 * c[2] * c[0]
+        if ends and inside >= 0.0 and c[1] != 0.0:
+            q = -0.5 * (c[1] + math.copysign(math.sqrt(inside), c[1]))
+            near = c[0] / q
+            far = q / c[2] if c[2] != 0.0 else near
+            for x in (near, far):
+                if x * unit > passed:
+                    found = min(found, x * unit)
+    return found
+
+
+@compiled()
+def unit_for(status: int, h: float, room: float, unit: float) -> tuple[bool, float]:
+    """Another unit of time for coefficients that overflow in this one, or where it does not suit
+    the step; first, whether there is one.
+
+    All others are powers of two times these, so that nothing is rounded.
+    """
+    if status == OVERFLOW:
+        return True, COARSER * unit
+    if status == OK and not suits(h, room, unit):
+        return True, better(h, unit)
+    return False, unit
+
+
+@compiled()
+def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
+    """Whether rates, times the length of the step that ends here, are those that the step's series
+    promises.
+
+    Parameters
+    ----------
+    table : array
+        Values of the rows at the end of the step.
+    """
+    rows = flow.rows
+    mag = flow.space.mag
+    promise = flow.space.promise[PROMISED]
+    tol = _LOOSER * flow.tol
+    late = INSTANT * abs(table[len(y), 0]) / h  # the end is a rounded time
+    vague = vagueness(flow, table, y, h)
+    for i in range(len(y)):
+        size = LEAST_SIZE + abs(y[i]) + abs(promise[i]) + flow.atol * seen[i]
+        rounding = (ROUNDING + vague) * mag[rows.noise[i]] * h if rows.noise[i] >= 0 else 0.0
+        rounding += late * abs(promise[i])
+        rate = rows.program.rates[i]
+        if rate < len(y) and rows.noise[rate] >= 0:
+            # A velocity that is made by forces which nearly cancel is known no better.
+            rounding += ROUNDING * mag[rows.noise[rate]] * h * h
+        if abs(table[rate, 0] * h - promise[i]) > tol * size + rounding:
+            return False
+    return True
+
+
+@compiled()
+def vagueness(flow: Flow, table: Array, y: Array, h: float) -> float:
+    """What rounding errors of velocities make of the directions of slips that begin together.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the promise of the step.
+    table : array
+        Values of the rows at its end.
+    y : array
+        State there.
+    h : float
+        Its length.
+    """
+    rows = flow.rows
+    mag = flow.space.mag
+    nc = len(rows.u)
+    nq = rows.sizes[INERTIAL]
+    found = 0.0
+    for plane in rows.planes:
+        first, other = plane[COMPONENT], plane[OTHER]
+        speed = table[plane[AIM] + 2, 0]
+        if plane[MASSIVE] == 0 or rows.group[first] < 0 or not speed > 0.0:
+            continue
+        faster = 0.0
+        part = rows.parts[rows.homes[first, PART]]
+        for i in range(part[COORDINATES]):
+            r = nq + rows.members[part[MEMBERS] + i]
+            faster += y[r] * flow.space.promise[PROMISED, r]
+        if faster > 0.0:
+            size = mag[first] + mag[other] + h * (mag[nc + first] + mag[nc + other])
+            found = max(found, ROUNDING * size / speed)
+    return found

@@ -1,0 +1,311 @@
+"""The constraints of a mode: what sticks has the velocity of its surface, what is closed no gap.
+
+States are put back onto them here; what is away from them by more than rounding errors, and more
+than a step makes of it, slips or is open.
+"""
+
+from __future__ import annotations
+
+from stickslip.arrays import Array
+from stickslip.motion.modes.inverses import resolve
+from stickslip.motion.steps.arrays import (
+    CAUSE,
+    COMPONENT,
+    COORDINATES,
+    FIRED,
+    FIRST_ROW,
+    INERTIAL,
+    INSTANT,
+    MASSIVE,
+    MEMBERS,
+    NOW,
+    OK,
+    ON_INERTIAL,
+    OTHER,
+    PART,
+    RECENT,
+    ROUNDING,
+    SEAT,
+    SPAN,
+    Flow,
+    Instant,
+    Lane,
+    Machine,
+    Rows,
+    Space,
+    direction_entry,
+    gap_size,
+    opens,
+    own_inverse,
+    presses,
+    set_mode,
+)
+from stickslip.motion.steps.starting import coefficients
+from stickslip.motion.steps.vectors import clear
+from stickslip.translator import compiled
+
+ON_SURFACE = 1e-9  # part of its terms by which what has to vanish may be away from zero
+_NOTHING = 1e-250  # a velocity that is none in any units
+_MOST_STOPS = 24  # until what rounding errors leave is below the least number that there is
+_WIDE = 4.0  # of a step: a velocity that is zero to slip is zero to stick, whose terms are others
+_LOOSELY = 1e-3  # of the tolerance, where that is loose
+_TOUCHING = 1e-12  # part of its size, and of what it does in a step, below which a gap is zero
+
+
+@compiled()
+def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: float) -> bool:
+    """Put sticking inertial contacts exactly on the surface speed; one that is not there (it cannot
+    jump) slips.
+
+    Parameters
+    ----------
+    last, near : float
+        Length of recent steps, and of the longest step for which slip was denied here: what was
+        zero to that is zero to stick, or else neither would go on.
+    span : float
+        Time that the motion may last.
+
+    Returns
+    -------
+    bool
+        False if contacts were released, one of each component, so that the mode has changed.
+    """
+    rows = flow.rows
+    space = flow.space
+    W = space.W
+    mag = space.mag
+    mode = at.mode
+    asked = space.asked
+    mq = rows.sizes[ON_INERTIAL]
+    released = False
+    clear(asked)
+    for c in range(mq):
+        if mode[c] != 0:
+            continue
+        gap = W[rows.u[c], 0]
+        rate = held_back(rows, space, c)
+        slow = (ON_SURFACE * last + _WIDE * ROUNDING * near) * rate + ROUNDING * mag[c]
+        if opens(rows, c):
+            slow += _WIDE * ROUNDING * mag[c]
+            if len(rows.planes) > 0:
+                # Towards the end of a slip steps are as short as a rounding error of the time.
+                slow += _WIDE * INSTANT * abs(at.t) * rate
+        if rows.plane[c] >= 0:
+            # Both components together have come to rest.
+            first, second = rows.planes[rows.plane[c], COMPONENT], rows.planes[rows.plane[c], OTHER]
+            rate = held_back(rows, space, first) + held_back(rows, space, second)
+            slow = (ON_SURFACE * last + _WIDE * ROUNDING * near) * rate
+            slow += _WIDE * (ROUNDING * (mag[first] + mag[second]) + INSTANT * abs(at.t) * rate)
+        if abs(gap) > slow or is_apart(flow, c, last, span):
+            # Contacts of other components hold the same whether this one does or not.
+            if asked[rows.homes[c, PART]] == 0:
+                set_mode(rows, mode, c, 1 if gap > 0.0 or opens(rows, c) else -1)
+            asked[rows.homes[c, PART]] = 1
+            released = True
+    if released:
+        return False
+    for c in range(mq):
+        if mode[c] == 0:
+            stop(flow, W, at.y, c)
+        if mode[c] == 0 and opens(rows, c):
+            # What is closed stays on the surface itself, too.
+            part = rows.homes[c, PART]
+            first = rows.parts[part, FIRST_ROW]
+            distance = W[rows.gaps[c], 0]
+            for i in range(rows.parts[part, COORDINATES]):
+                q = rows.members[rows.parts[part, MEMBERS] + i]
+                at.y[q] -= space.Rq[first + i, rows.homes[c, SEAT] - first] * distance
+    return True
+
+
+@compiled()
+def stop(flow: Flow, table: Array, y: Array, c: int) -> None:
+    """Take what is left of the velocity of a sticking contact, relative to its surface, out of the
+    rates.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the inverses of the mode.
+    table : array
+        Values of the rows.
+    y : array
+        State; its rates are changed.
+    c : int
+        The contact.
+    """
+    rows = flow.rows
+    R = flow.space.Rq
+    u = table[rows.u[c], 0]
+    if is_on_surface(flow, table, c):
+        return
+    part = rows.homes[c, PART]
+    one = two = c
+    if rows.plane[c] >= 0:
+        one, two = rows.planes[rows.plane[c], COMPONENT], rows.planes[rows.plane[c], OTHER]
+    first = rows.parts[part, FIRST_ROW]
+    for i in range(rows.parts[part, COORDINATES]):
+        if is_rubbed(rows, flow.k.J, table, c, i):
+            continue
+        q = rows.sizes[INERTIAL] + rows.members[rows.parts[part, MEMBERS] + i]
+        y[q] -= R[first + i, rows.homes[c, SEAT] - first] * u
+        if len(rows.planes) > 0:
+            # What is left of rounding errors, of either component, is nothing. The other one may
+            # move coordinates of another part only.
+            size = 0.0
+            for d in (one, two):
+                if rows.homes[d, PART] == part:
+                    size += abs(R[first + i, rows.homes[d, SEAT] - first])
+            size *= abs(table[rows.u[one], 0]) + abs(table[rows.u[two], 0])
+            if abs(y[q]) <= max(ROUNDING * size, _NOTHING):
+                y[q] = 0.0
+
+
+@compiled()
+def is_on_surface(flow: Flow, table: Array, c: int) -> bool:
+    """Whether a sticking contact has the velocity of its surface: exactly; or, where there is
+    friction in a plane, up to rounding. Nothing would be gained there, and an impulse that puts it
+    onto its surface moves what begins to slip beside it, from rest.
+
+    Parameters
+    ----------
+    flow : Flow
+    table : array
+        Values of the rows, with their sizes in the work space.
+    c : int
+    """
+    rows = flow.rows
+    near = ROUNDING * flow.space.mag[c] if len(rows.planes) > 0 else 0.0
+    return bool(abs(table[rows.u[c], 0]) <= near)
+
+
+@compiled()
+def all_on_surface(flow: Flow, mode: Array) -> bool:
+    """Whether all that sticks has the velocity of its surface."""
+    for c in range(flow.rows.sizes[ON_INERTIAL]):
+        if mode[c] == 0 and not is_on_surface(flow, flow.space.W, c):
+            return False
+    return True
+
+
+@compiled()
+def is_rubbed(rows: Rows, J: Array, table: Array, c: int, i: int) -> bool:
+    """Whether friction in a plane, under the normal force of a contact, moves a coordinate of their
+    component.
+
+    What puts the contact back onto its surface is no impulse, and moves nothing else: a slip that
+    begins is at rest, exactly.
+
+    Parameters
+    ----------
+    rows : Rows
+    J : array
+        Directions that do not change.
+    table : array
+        Values of the rows.
+    c, i : int
+        The contact, and the place of the coordinate in the component.
+    """
+    for p in range(len(rows.planes)):
+        if presses(rows, c, rows.planes[p, COMPONENT]):
+            x = direction_entry(rows, J, table, rows.planes[p, COMPONENT], i)
+            y = direction_entry(rows, J, table, rows.planes[p, OTHER], i)
+            if x != 0.0 or y != 0.0:
+                return True
+    return False
+
+
+@compiled()
+def held_back(rows: Rows, space: Space, c: int) -> float:
+    """The acceleration that a sticking contact holds back, or could."""
+    mag = space.mag
+    nc = len(rows.u)
+    return float(mag[nc + c] + mag[2 * nc + c] / abs(own_inverse(rows, space, c)))
+
+
+@compiled()
+def is_apart(flow: Flow, c: int, last: float, span: float) -> bool:
+    """Whether a contact that can open is not closed, up to what its gap does in a step and to
+    rounding, or as it is where it has just closed; what rounding errors of forces have made of a
+    gap is no faster than they are."""
+    rows = flow.rows
+    space = flow.space
+    if not opens(rows, c):
+        return False
+    if not is_wide(flow, c, last):
+        return False
+    drift = abs(space.W[rows.u[c], 0])
+    drifts = drift <= ROUNDING * held_back(rows, space, c) * span
+    return not (drifts and abs(space.W[rows.gaps[c], 0]) <= drift * span)
+
+
+@compiled()
+def is_wide(flow: Flow, c: int, last: float) -> bool:
+    """Whether the gap of a contact is more than what a step, or rounding, makes of it."""
+    closed = max(touching(flow, c, last), FIRED * gap_size(flow.rows, flow.space, c))
+    return bool(abs(flow.space.W[flow.rows.gaps[c], 0]) > closed)
+
+
+@compiled()
+def touching(flow: Flow, c: int, last: float) -> float:
+    """The distance below which a contact is closed: a part of its gap's size, and of what
+    velocities and forces do to it in a step."""
+    mag = flow.space.mag
+    moved = last * (mag[c] + last * mag[len(flow.rows.u) + c])
+    return float(max(_TOUCHING, _LOOSELY * flow.tol) * (gap_size(flow.rows, flow.space, c) + moved))
+
+
+@compiled()
+def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
+    """After an event, put the velocities of contacts in a plane that have just left stick, or may
+    leave it now, onto those of their surfaces: a slip begins from nothing, and not from rounding
+    errors.
+
+    What stops one contact moves the others by rounding errors of what it takes away: these become
+    small beside themselves, turn by turn, until nothing is left.
+    """
+    rows = flow.rows
+    if len(rows.planes) == 0 or lane.counters[CAUSE] < 0:
+        return
+    c = lane.counters[CAUSE] - len(rows.kinks)
+    before = flow.space.touched
+    asked = False
+    for p in range(len(rows.planes)):
+        first = rows.planes[p, COMPONENT]
+        before[first] = lane.mode[first]
+        if rows.planes[p, MASSIVE] == 1:
+            left = leaves_with(rows, lane, first, c)
+            asked = asked or left or lane.mode[first] == 0
+            if left:
+                set_mode(rows, lane.mode, first, 0)
+    if not asked:
+        return
+    here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
+    known = resolve(rows, flow.k, flow.space, lane.mode)
+    for _ in range(_MOST_STOPS):
+        known = known and coefficients(machine, flow, here, 1, flow.space.W) == OK
+        if not known or all_on_surface(flow, lane.mode):
+            break
+        known = release_or_hold(flow, here, lane.clock[RECENT], 0.0, lane.clock[SPAN])
+    for p in range(len(rows.planes)):
+        first = rows.planes[p, COMPONENT]
+        if before[first] != 0:
+            set_mode(rows, lane.mode, first, before[first])
+
+
+@compiled()
+def leaves_with(rows: Rows, lane: Lane, first: int, c: int) -> bool:
+    """Whether a contact in a plane has just left stick, where the switch of contact c has fired:
+    with those that it shared its force with.
+
+    Parameters
+    ----------
+    rows : Rows
+    lane : Lane
+    first, c : int
+        The first component of the one, and the other.
+    """
+    if first == c:
+        return True
+    together = c >= 0 and rows.group[first] >= 0 and rows.group[first] == rows.group[c]
+    return bool(together and lane.settled[first] == 0 and lane.mode[first] != 0)
