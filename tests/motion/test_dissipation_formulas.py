@@ -196,7 +196,7 @@ def test_a_cycle_and_its_multipliers():
 def test_parameters_of_a_formula_are_checked_where_they_change():
     system = puck(contact("sqrt(v1**2 + v2**2) + c*v1"), parameters={"c": ss.Parameter(0.3)})
     assert ss.simulate(system, (0.0, 1.0), parameters={"c": 0.9}).certificate
-    with pytest.raises(DeclarationError, match="negative|nonnegative"):
+    with pytest.raises(DeclarationError, match="nonnegative"):
         ss.simulate(system, (0.0, 1.0), parameters={"c": 1.2})
 
 

@@ -16,7 +16,8 @@ from stickslip.arrays import Array
 from stickslip.convex.degree import degree
 from stickslip.convex.directions import Directions
 from stickslip.convex.looking import looked_at
-from stickslip.convex.proof import Proof, linear_guards
+from stickslip.convex.proof import BY_RULES, Proof, linear_guards
+from stickslip.convex.rules import AFFINE_SHAPE, CONVEX, ConvexRules
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
 from stickslip.symbolic import expressions as ex
@@ -142,6 +143,7 @@ def convex_formula(
     ranges: Mapping[str, tuple[float, float]],
     where: str,
     symbol: str = "R",
+    like: Expr | None = None,
 ) -> ConvexFormula:
     """A formula that is checked to be a dissipation.
 
@@ -160,6 +162,9 @@ def convex_formula(
         What an error is about.
     symbol : str
         How messages call the formula.
+    like : Expr, optional
+        The formula with norms in place of functions that are known to be convex and nonnegative:
+        what its form proves is true of both.
 
     Raises
     ------
@@ -190,7 +195,11 @@ def convex_formula(
     directions = Directions(names, ranges)
     homogeneous = "" if order is None else "by its form"
     convex = nonnegative = ""
-    if homogeneous:
+    if like is not None:
+        shape = ConvexRules(directions).shape(like)
+        convex = BY_RULES if shape in (AFFINE_SHAPE, CONVEX) else ""
+        nonnegative = BY_RULES if ex.never_negative(like) else ""
+    elif homogeneous:
         slack = 1e-14 * looked.size
         if ex.never_negative(value) or directions.nonnegative(value, slack):
             nonnegative = "by its bounds"

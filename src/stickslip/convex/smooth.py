@@ -1,8 +1,9 @@
-"""Dissipations of contacts in a plane: convex, with a gradient wherever the velocity is not 0."""
+"""Dissipations of contacts in a plane and of faces: convex, with a gradient wherever v is not 0."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -14,29 +15,38 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
-_ANGLES = 1440  # between which a jump of the gradient is looked for
+_ANGLES = 1440  # of a circle, between which a jump of the gradient is looked for
+_ARCS = 24  # that are looked into
+_PLANES = 9  # circles beside those of pairs of axes, of three components
 _HALVINGS = 44
 _JUMP = 1e-6  # change of a gradient, in parts of its size, across what rounding leaves of an arc
 _FLAT = 1e-9  # width of the set of forces, in parts of the largest
 
 
 def smooth_dissipation(
-    value: Expr, names: tuple[str, ...], values: Mapping[str, float], where: str
+    value: Expr,
+    names: tuple[str, ...],
+    values: Mapping[str, float],
+    where: str,
+    like: Expr | None = None,
 ) -> ConvexFormula:
     """A formula that is checked to be the dissipation of a contact in a plane.
 
     A contact needs one force for each direction of slip, so kinks are refused; they are looked for
-    by bisection between 1,440 directions.
+    by bisection where the gradient changes most between 1,440 directions of a circle, of faces of
+    twelve circles.
 
     Parameters
     ----------
     value : Expr
-    names : pair of str
+    names : tuple of str
         Components of the relative velocity.
     values : mapping of str to float
         Parameters.
     where : str
         What an error is about.
+    like : Expr, optional
+        As of :func:`convex_formula`.
 
     Raises
     ------
@@ -45,70 +55,95 @@ def smooth_dissipation(
         some direction.
     """
     ranges = {x: (values[x], values[x]) for x in sorted(value.symbols - {*names})}
-    found = convex_formula(value, names, ranges, where)
+    found = convex_formula(value, names, ranges, where, like=like)
     others = [low for low, _ in ranges.values()]
     _check_width(found, others, where)
     _check_kinks(found, others, where)
     return found
 
 
+def _circles(n: int) -> list[Array]:
+    """Orthonormal pairs that span the planes in which directions are looked at, shape (2, n)."""
+    axes = np.eye(n)
+    found = [axes[[i, j]] for i, j in combinations(range(n), 2)]
+    rng = np.random.default_rng(0)
+    others = _PLANES if n > 2 else 0
+    return found + [np.linalg.qr(rng.normal(size=(n, 2)))[0].T for _ in range(others)]
+
+
+def _along(circle: Array, angles: Array) -> Array:
+    return np.cos(angles) * circle[0][:, None] + np.sin(angles) * circle[1][:, None]
+
+
 def _check_width(formula: ConvexFormula, others: list[float], where: str) -> None:
     angles = np.pi * np.arange(_ANGLES) / _ANGLES
-    v = np.array([np.cos(angles), np.sin(angles)])
     given = np.broadcast_to(np.array(others)[:, None], (len(others), _ANGLES))
-    width = formula.values([*v, *given])[0] + formula.values([*-v, *given])[0]
-    k = int(width.argmin())
-    if not width[k] > _FLAT * width.max():
-        raise DeclarationError(
-            where,
-            f"it vanishes along v = ({v[0, k]:.6g}, {v[1, k]:.6g}), both ways",
-            "Use a contact along a line, with one direction",
-        )
+    for circle in _circles(formula.dimension):
+        v = _along(circle, angles)
+        width = formula.values([*v, *given])[0] + formula.values([*-v, *given])[0]
+        k = int(width.argmin())
+        if not width[k] > _FLAT * width.max():
+            raise DeclarationError(
+                where,
+                f"it vanishes along v = {_numbers(v[:, k])}, both ways",
+                "Leave that direction out",
+            )
 
 
 def _check_kinks(formula: ConvexFormula, others: list[float], where: str) -> None:
     gradient = evaluator([*formula.gradient], [*formula.names, *formula.ranges])
+    given = np.broadcast_to(np.array(others)[:, None], (len(others), _ANGLES))
+    for circle in _circles(formula.dimension):
 
-    def slopes(angles: Array) -> Array:
-        v = np.array([np.cos(angles), np.sin(angles)])
-        given = np.broadcast_to(np.array(others)[:, None], (len(others), len(angles)))
-        return gradient([*v, *given])
+        def slopes(angles: Array, circle: Array = circle) -> Array:
+            return gradient([*_along(circle, angles), *given[:, : len(angles)]])
 
-    # A start that hits no direction in which a formula may have a kink by its form.
-    low = 0.1234567 + 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
-    high = low + 2.0 * np.pi / _ANGLES
-    here, there = slopes(low), slopes(high)
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        between = slopes(middle)
-        first = np.abs(between - here).max(axis=0) >= np.abs(there - between).max(axis=0)
-        low, high = np.where(first, low, middle), np.where(first, middle, high)
-        here, there = np.where(first, here, between), np.where(first, between, there)
-    jump = np.abs(there - here).max(axis=0)
-    k = int(np.nan_to_num(jump, nan=np.inf).argmax())
-    if not jump[k] <= _JUMP * np.abs(here).max():
-        x, y = np.cos(low[k]), np.sin(low[k])
-        raise DeclarationError(
-            where,
-            f"its gradient jumps at v = ({x:.6g}, {y:.6g}), from ({here[0, k]:.6g}, "
-            f"{here[1, k]:.6g}) to ({there[0, k]:.6g}, {there[1, k]:.6g})",
-            "Slip in one direction has one force: use contacts along lines, whose friction adds "
-            f"up, or round the kink off, as sqrt({formula.names[0]}**2 + ...) does",
-        )
+        # A start that hits no direction in which a formula may have a kink by its form.
+        low = 0.1234567 + 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
+        high = low + 2.0 * np.pi / _ANGLES
+        here, there = slopes(low), slopes(high)
+        # A jump is among the largest changes.
+        changes = np.nan_to_num(np.abs(there - here).max(axis=0), nan=np.inf)
+        most = np.argsort(changes)[-_ARCS:]
+        low, high, here, there = low[most], high[most], here[:, most], there[:, most]
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            between = slopes(middle)
+            first = np.abs(between - here).max(axis=0) >= np.abs(there - between).max(axis=0)
+            low, high = np.where(first, low, middle), np.where(first, middle, high)
+            here, there = np.where(first, here, between), np.where(first, between, there)
+        jump = np.abs(there - here).max(axis=0)
+        k = int(np.nan_to_num(jump, nan=np.inf).argmax())
+        if not jump[k] <= _JUMP * np.abs(here).max():
+            at = _numbers(_along(circle, low[k : k + 1])[:, 0])
+            raise DeclarationError(
+                where,
+                f"its gradient jumps at v = {at}, from {_numbers(here[:, k])} to "
+                f"{_numbers(there[:, k])}",
+                "Slip in one direction has one force: use contacts along lines, whose friction "
+                f"adds up, or round the kink off, as sqrt({formula.names[0]}**2 + ...) does",
+            )
+
+
+def _numbers(v: Array) -> str:
+    return "(" + ", ".join(f"{x:.6g}" for x in v) + ")"
 
 
 class Slope(NamedTuple):
-    """∇R as expressions of a direction.
+    """R and ∇R as expressions of a direction.
 
     Attributes
     ----------
     components : tuple of Expr
     pieces : tuple of (Expr, Expr)
         Guards of its pieces: of a velocity, and the same of the direction.
+    value : Expr
+        R of the direction.
     """
 
     components: tuple[Expr, ...]
-    pieces: tuple[tuple[Expr, Expr], ...] = ()
+    pieces: tuple[tuple[Expr, Expr], ...]
+    value: Expr
 
 
 def slope_of(formula: ConvexFormula, direction: Sequence[Expr], velocity: Sequence[Expr]) -> Slope:
@@ -138,5 +173,7 @@ def slope_of(formula: ConvexFormula, direction: Sequence[Expr], velocity: Sequen
         above, below = (ex.rewrite(part, placed, undefined=True) for part in e.args[1:])
         return ex.select(guard, above, below, strict=e.strict)
 
-    slopes = [ex.rewrite(slope, placed, undefined=True) for slope in formula.gradient]
-    return Slope((*slopes,), (*pieces.items(),))
+    value, *slopes = (
+        ex.rewrite(e, placed, undefined=True) for e in (formula.value, *formula.gradient)
+    )
+    return Slope((*slopes,), (*pieces.items(),), value)

@@ -92,7 +92,7 @@ def components(
 
 def together(
     parts: Sequence[Component],
-    pairs: Iterable[tuple[int, int]],
+    pairs: Iterable[tuple[int, ...]],
     closed: Iterable[int],
     always: Iterable[int] = (),
 ) -> dict[int, int]:
@@ -102,8 +102,8 @@ def together(
     Parameters
     ----------
     parts : sequence of Component
-    pairs : iterable of (int, int)
-        Components of contacts in a plane.
+    pairs : iterable of tuple of int
+        Components of contacts in a plane, and of faces.
     closed : iterable of int
         Contacts that do not open.
     always : iterable of int
@@ -117,11 +117,12 @@ def together(
     home = {c: p for p, part in enumerate(parts) for c in part.contacts}
     joined = list(range(len(parts)))
     in_plane = set[int]()
-    for i, j in pairs:
-        if i in home and j in home:
-            old, new = joined[home[j]], joined[home[i]]
-            joined = [new if p == old else p for p in joined]
-            in_plane |= {i, j}
+    for i, *others in pairs:
+        for j in others:
+            if i in home and j in home:
+                old, new = joined[home[j]], joined[home[i]]
+                joined = [new if p == old else p for p in joined]
+                in_plane |= {i, j}
     members: dict[int, list[int]] = {}
     for c in closed:
         if c in home:

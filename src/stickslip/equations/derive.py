@@ -118,9 +118,9 @@ class Plane(NamedTuple):
 
     Attributes
     ----------
-    parts : (int, int)
-        Its components among the contacts.
-    axes : (Expr, Expr)
+    parts : tuple of int
+        Its components among the contacts: two in a plane, three of a face.
+    axes : tuple of Expr
         The diagonal of A.
     static, kinetic : Expr
         Threshold of abs(A⁻¹λ), and its value in slip.
@@ -137,10 +137,12 @@ class Plane(NamedTuple):
         components are the symbols ``n:i``: A n, or ∇R(n).
     pieces : tuple of (Expr, Expr)
         Kinks between pieces of ∇R, and the same functions of the direction.
+    unit : Expr
+        What is called speed, of a unit vector: R(n) of a formula.
     """
 
-    parts: tuple[int, int]
-    axes: tuple[Expr, Expr]
+    parts: tuple[int, ...]
+    axes: tuple[Expr, ...]
     static: Expr
     kinetic: Expr
     pull: tuple[Expr, ...] = ()
@@ -148,24 +150,24 @@ class Plane(NamedTuple):
     formula: ConvexFormula | None = None
     slope: tuple[Expr, ...] = ()
     pieces: tuple[tuple[Expr, Expr], ...] = ()
+    unit: Expr = ex.ONE
 
     def bounds(self, i: int) -> tuple[Expr, Expr]:
         """The largest force of a component against a slip forward, and back."""
         if self.formula is None:
             return self.static * self.axes[i], self.static * self.axes[i]
-        first, second = self.formula.names
+        names = self.formula.names
         along = [
-            {first: ex.num(float(side if i == 0 else 0)), second: ex.num(float(side if i else 0))}
-            for side in (1, -1)
+            {x: ex.num(float(side * (j == i))) for j, x in enumerate(names)} for side in (1, -1)
         ]
         R = [ex.substitute(self.formula.value, v) for v in along]
         return self.static * R[0], self.static * R[1]
 
-    def scaled(self, forces: tuple[Expr, Expr]) -> Expr:
+    def scaled(self, forces: Sequence[Expr]) -> Expr:
         """abs(A⁻¹λ)² of forces λ."""
         return ex.add(*(((f / a) ** 2, 1.0) for f, a in zip(forces, self.axes, strict=True)))
 
-    def admissible(self, forces: tuple[Expr, Expr]) -> Expr:
+    def admissible(self, forces: Sequence[Expr]) -> Expr:
         """s² − abs(A⁻¹λ)², not negative where forces λ can be held; of a formula, which says that
         for each direction alone (:meth:`room_along`), s²."""
         square = self.static**2
@@ -330,6 +332,9 @@ class MotionEquations:
         for plane in self.planes:
             if plane.parts[0] in u:
                 parts = [axis * u[i] for i, axis in zip(plane.parts, plane.axes, strict=True)]
+                if plane.formula is not None:
+                    way = dict(zip(plane.formula.names, parts, strict=True))
+                    parts = [ex.substitute(plane.formula.value, way)]
                 squares |= dict.fromkeys(plane.parts, parts)
         return {
             f"speed:{i}": ex.power(ex.add(*((e**2, 1.0) for e in parts)), ex.num(0.5))
@@ -580,21 +585,29 @@ def _named(
 def _planes(contacts: list[DryContact]) -> list[Plane]:
     """Contacts in a plane, from their components."""
     found = list[Plane]()
-    for i, c in enumerate(contacts):
+    for c in contacts:
         if c.plane != 1:
             continue
-        name = c.name.removesuffix("1") + "2"
-        j = next(k for k, other in enumerate(contacts) if (other.name, other.plane) == (name, 2))
-        plane = Plane((i, j), (c.axis, contacts[j].axis), c.plus, c.kinetic_plus)
-        n = [ex.sym(f"n:{part}") for part in (i, j)]
-        slope = (plane.axes[0] * n[0], plane.axes[1] * n[1])
+        stem = c.name.removesuffix("1")
+        own = {
+            other.plane: k
+            for k, other in enumerate(contacts)
+            if other.plane and other.name == f"{stem}{other.plane}"
+        }
+        parts = tuple(own[k] for k in sorted(own))
+        axes = tuple(contacts[part].axis for part in parts)
+        plane = Plane(parts, axes, c.plus, c.kinetic_plus)
+        n = [ex.sym(f"n:{part}") for part in parts]
+        slope = tuple(axis * x for axis, x in zip(axes, n, strict=True))
         pieces: tuple[tuple[Expr, Expr], ...] = ()
+        unit = ex.ONE
         if c.dissipation is not None:
             from stickslip.convex.smooth import slope_of
 
-            u = [relative_velocity(contacts[part]) for part in (i, j)]
-            slope, pieces = slope_of(c.dissipation, n, u)
-        found.append(plane._replace(formula=c.dissipation, slope=slope, pieces=pieces))
+            u = [relative_velocity(contacts[part]) for part in parts]
+            slope, pieces, unit = slope_of(c.dissipation, n, u)
+        plane = plane._replace(formula=c.dissipation, slope=slope, pieces=pieces, unit=unit)
+        found.append(plane)
     return found
 
 

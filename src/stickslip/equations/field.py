@@ -111,7 +111,7 @@ class Field:
     leaps : list of Expr
         Changes of the state in declared jumps.
     energy : Expr
-    planes : list of (int, int)
+    planes : list of tuple of int
         Contacts that are the components of one in a plane.
     shared : frozenset of int
         Contacts that stick and share their forces with others: these are one choice, the least, and
@@ -128,7 +128,7 @@ class Field:
     constraints: list[Expr]
     leaps: list[Expr]
     energy: Expr
-    planes: list[tuple[int, int]]
+    planes: list[tuple[int, ...]]
     shared: frozenset[int]
 
     @property

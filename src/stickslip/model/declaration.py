@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 
 _VISCOUS_MATRIX = "viscous matrix of the viscous coordinates"
 _REMEDY = "A threshold is never negative; write max(..., 0) where it may vanish"
-_VELOCITIES = ("v1", "v2")  # as a dissipation names them
+_VELOCITIES = ("v1", "v2", "v3")  # as a dissipation names them
+_NUMBERS = {2: "two", 3: "three"}
 _QUADRATIC = "Write a pure quadratic form, like m/2*d_x**2"
 
 
@@ -62,7 +63,8 @@ class DryContact:
     restitution : Expr
         Of either, in an impact.
     plane : int
-        1 and 2 for the components of a contact in a plane, whose forces are of both: `plus`,
+        1, 2 for the components of a contact in a plane, to 3 of a face, whose forces are of all:
+        `plus`,
         `minus` and the kinetic forces then are those of abs(A⁻¹λ).
     axis : Expr
         Of a component, the entry of A.
@@ -185,8 +187,9 @@ class Declaration:
         Drives that are no formulas.
     limits : list of (str, Expr, Range)
         Closed formulas that have to stay in a range, with their places: parameters of laws.
-    dissipations : list of (str, ConvexFormula)
-        Of contacts that have a formula, with their places; checked for the declared parameters.
+    dissipations : list of (str, ConvexFormula, Expr or None)
+        Of contacts that have a formula, with their places, and norms in place of mean speeds;
+        checked for the declared parameters.
     start : dict of str to float
         Values of the state at the start.
     """
@@ -212,7 +215,7 @@ class Declaration:
     drives: dict[str, Expr] = field(default_factory=dict)
     given: dict[str, TimeFunction] = field(default_factory=dict)
     limits: list[tuple[str, Expr, Range]] = field(default_factory=list)
-    dissipations: list[tuple[str, ConvexFormula]] = field(default_factory=list)
+    dissipations: list[tuple[str, ConvexFormula, Expr | None]] = field(default_factory=list)
     scope: Scope = field(default_factory=lambda: Scope({}))
     start: dict[str, float] = field(default_factory=dict)
 
@@ -335,12 +338,21 @@ class Declaration:
         for where, formula, interval in self.limits:
             if formula.symbols <= values.keys():
                 interval.check(ex.evaluate(formula, values), where)
-        for where, formula in self.dissipations:
+        for where, formula, like in self.dissipations:
             ranges = formula.ranges.items()
             if any(not low <= values.get(x, low) <= high for x, (low, high) in ranges):
                 from stickslip.convex.smooth import smooth_dissipation
 
-                smooth_dissipation(formula.value, formula.names, values, where)
+                smooth_dissipation(formula.value, formula.names, values, where, like)
+
+
+def _alike(a: DryContact, b: DryContact) -> bool:
+    """Whether two contacts are along one line."""
+    return a.direction.keys() == b.direction.keys() and all(
+        a.direction[x] * b.direction[y] is b.direction[x] * a.direction[y]
+        for x in a.direction
+        for y in a.direction
+    )
 
 
 def declare(system: System) -> Declaration:
@@ -813,14 +825,29 @@ class _Reader:
                     "directions",
                 )
         given = contact.surface_speed
-        if not isinstance(given, tuple) and given != 0.0:
+        count = len(contact.direction)
+        if (given != 0.0) if not isinstance(given, tuple) else (len(given) != count):
             raise DeclarationError(
                 f"{where}.surface_speed",
-                "a surface in a plane has a velocity of two components",
-                f"Write it like ['{given}', 0]",
+                f"a surface below it has a velocity of {_NUMBERS[count]} components",
+                f"Write it like ['V'{', 0' * (count - 1)}]",
             )
-        axes = [self._axis(axis, f"{where}.axes") for axis in contact.axes]
-        formula = None if contact.dissipation is None else self._dissipation(where, contact)
+        lengths = contact.axes
+        if contact.dissipation is None and len(lengths) != count:
+            raise DeclarationError(
+                f"{where}.axes",
+                f"there are {len(lengths)} for {count} directions",
+                "Give the half axes of the ellipsoid of forces and moments, like [1, 1, '2*a/3'] "
+                "for a disc of radius a, or a dissipation, like 'disc(v1, v2, a*v3)'"
+                if count == 3
+                else "Give one for each direction, like [1.0, 0.6]",
+            )
+        lengths = lengths if len(lengths) == count else (1.0,) * count
+        axes = [self._axis(axis, f"{where}.axes") for axis in lengths]
+        formula = None
+        if contact.dissipation is not None or count == 3:
+            formula = self._dissipation(where, contact, axes)
+            axes = [ex.ONE] * count
         parts = contact.components(name)
         for label in parts:
             if label in self.system.contacts:
@@ -838,29 +865,43 @@ class _Reader:
             self._check_formula(where, found[0])
         return found
 
-    def _dissipation(self, where: str, contact: Contact) -> ConvexFormula:
-        """The dissipation of a contact in a plane that has a formula."""
+    def _dissipation(self, where: str, contact: Contact, axes: list[Expr]) -> ConvexFormula:
+        """The dissipation of a contact in a plane, or of a face, that has a formula, or axes."""
+        from stickslip.convex.faces import mean_speeds, norms_instead
         from stickslip.convex.smooth import smooth_dissipation
 
         key = f"{where}.dissipation"
+        names = _VELOCITIES[: len(axes)]
+        velocities = {x: ex.sym(x) for x in names}
+        if contact.dissipation is None:
+            parts = zip(axes, velocities.values(), strict=True)
+            squares = ((a * a * v * v, 1.0) for a, v in parts)
+            value = ex.power(ex.add(*squares), ex.num(0.5))
+            found = smooth_dissipation(value, names, self.system.values, f"{where}.axes")
+            self.result.dissipations.append((f"{where}.axes", found, None))
+            return found
         if contact.axes != (1.0, 1.0):
             raise DeclarationError(
                 f"{where}.axes",
                 "it has a dissipation, which says how friction depends on the direction",
                 "Leave one of the two out",
             )
-        taken = [x for x in _VELOCITIES if x in self.constants]
+        taken = [x for x in names if x in self.constants]
         if taken:
             raise DeclarationError(
                 key,
                 f"'{taken[0]}' is a component of the relative velocity there, and a parameter",
                 "Rename the parameter",
             )
-        velocities = {x: ex.sym(x) for x in _VELOCITIES}
-        scope = self.scope(velocities, why="A dissipation uses v1, v2 and parameters")
-        value = scope.parse(contact.dissipation, key)
-        found = smooth_dissipation(value, _VELOCITIES, self.system.values, key)
-        self.result.dissipations.append((key, found))
+        why = f"A dissipation uses {', '.join(names)} and parameters"
+        scope = self.scope(velocities, why=why)
+        value, like = (
+            replace(scope, definitions={**own, **scope.definitions}).parse(contact.dissipation, key)
+            for own in (mean_speeds(), norms_instead())
+        )
+        alike = None if like is value else like
+        found = smooth_dissipation(value, names, self.system.values, key, alike)
+        self.result.dissipations.append((key, found, alike))
         return found
 
     def _check_formula(self, where: str, part: DryContact) -> None:
@@ -890,38 +931,32 @@ class _Reader:
 
     def _check_plane(self, where: str, parts: list[DryContact]) -> None:
         """Refuse components that are of different kinds, or along one line."""
-        first, second = parts
-        if first.prescribed != second.prescribed:
+        first, *others = parts
+        second = others[-1]
+        if any(first.prescribed != other.prescribed for other in others):
             raise DeclarationError(
                 f"{where}.direction",
                 "one of its components has no rate",
                 "Give two independent combinations of rates, like ['d_x', 'd_y'], or none at all "
                 "where both surfaces move as given",
             )
-        if first.prescribed and first.speed is ex.ZERO and second.speed is ex.ZERO:
+        if first.prescribed and all(part.speed is ex.ZERO for part in parts):
             raise DeclarationError(
                 f"{where}.direction", "neither side moves", "Write it like ['d_x', 'd_y']"
             )
+        second = next((other for other in others if other.kind != first.kind), second)
         if first.kind != second.kind:
             raise DeclarationError(
                 f"{where}.direction",
                 f"its components are {first.kind} and {second.kind}",
                 "Give all coordinates of one contact the same kind",
             )
-        alike = (
-            not first.prescribed
-            and first.direction.keys() == second.direction.keys()
-            and all(
-                first.direction[x] * second.direction[y] is second.direction[x] * first.direction[y]
-                for x in first.direction
-                for y in first.direction
-            )
-        )
-        if alike:
+        pairs = [(a, b) for i, a in enumerate(parts) for b in parts[i + 1 :]]
+        if not first.prescribed and any(_alike(a, b) for a, b in pairs):
             raise DeclarationError(
                 f"{where}.direction",
                 "both of its components are along one line",
-                "Give two independent combinations of rates, like ['d_x', 'd_y'], or one",
+                "Give independent combinations of rates, like ['d_x', 'd_y'], or one",
             )
 
     def _contact(self, name: str, contact: Contact, declared: str = "") -> DryContact:

@@ -43,7 +43,12 @@ _EXPECTED = {
         "a formula, or a pair of them",
         'Write "V"; of a contact in a plane both components, like ["V", 0]',
     ),
-    "Axes": ("a pair of half axes", "Write it like [1.0, 0.6]"),
+    "Axes": ("two or three half axes", "Write it like [1.0, 0.6]"),
+    "Direction | tuple[Direction, ...]": (
+        "a linear combination of rates, or two or three of them",
+        "Write it like 'd_x' or 'd_x2 - d_x1'; friction in a plane has two components, "
+        "like ['d_x', 'd_y'], a face that turns three, like ['d_x', 'd_y', 'd_phi']",
+    ),
     "Passing": ("how a guard passes through zero", 'Write "falling", "rising" or "both"'),
     "ImpactLaw": ("a law of impacts", 'Write "together" or "in turn"'),
     "Direction": ("one linear combination of rates", PLANAR),
@@ -148,14 +153,24 @@ def _has_kind(value: Any, kind: str) -> bool:
             return _has_kind(value, "Formula")
         case "tuple[float, float]":
             return _is_pair(value, "float")
-        case "tuple[Formula, Formula]" | "Axes":
+        case "tuple[Formula, Formula]":
             return _is_pair(value, "Formula")
+        case "Axes":
+            return _is_pair(value, "Formula") or _is_triple(value, "Formula")
+        case "Direction | tuple[Direction, ...]":
+            return isinstance(value, str) or _is_pair(value, "str") or _is_triple(value, "str")
+        case "SurfaceSpeed" if _is_triple(value, "Formula"):
+            return True
         case _:
             return _is_pair(value, "Formula") or _has_kind(value, "Formula")
 
 
 def _is_pair(value: Any, kind: str) -> bool:
     return isinstance(value, tuple) and len(value) == 2 and all(_has_kind(v, kind) for v in value)
+
+
+def _is_triple(value: Any, kind: str) -> bool:
+    return isinstance(value, tuple) and len(value) == 3 and all(_has_kind(v, kind) for v in value)
 
 
 def wrong_kind(value: Any, expected: str, where: str) -> DeclarationError:

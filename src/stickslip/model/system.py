@@ -24,10 +24,10 @@ Formula = str | float
 """A text or a number. An expression may be given, too: it is written down as a text."""
 Direction = str
 """A linear combination of rates."""
-SurfaceSpeed = Formula | tuple[Formula, Formula]
+SurfaceSpeed = Formula | tuple[Formula, ...]
 """A speed, or in a plane a velocity."""
-Axes = tuple[Formula, Formula]
-"""Half axes of an ellipse."""
+Axes = tuple[Formula, ...]
+"""Half axes of an ellipse, or of an ellipsoid."""
 Drive = Formula | TimeFunction
 """A function of time: a formula, or samples."""
 Passing = str
@@ -152,20 +152,23 @@ class Internal:
 
 @dataclass(frozen=True)
 class Contact:
-    """A dry contact with relative velocity u = direction − surface_speed, along a line or in a
-    plane.
+    """A dry contact with relative velocity u = direction − surface_speed, along a line, in a plane,
+    or of a face that slides and spins.
 
     In a plane, u and the friction force λ have two components. With the diagonal matrix A of the
     `axes`, abs(A⁻¹λ) ≤ s in stick, and in slip λ = −k A n with n = Au/abs(Au): the dissipation
     potential is s·abs(Au), and the forces that it holds are an ellipse, a disc for equal axes.
     With a `dissipation` R the potential is s·R(u): it holds λ with −λ·v ≤ s R(v) for all v, and in
-    slip λ = −k ∇R(u).
+    slip λ = −k ∇R(u). A face has three components, two of its velocity and a rate of turning; λ
+    is two forces and a moment. Its forces are an ellipsoid (R. D. Howe & M. R. Cutkosky, Int. J.
+    Robotics Research 15, 1996), or exactly those of a disc or a ring under an even pressure.
 
     Attributes
     ----------
     direction : str or pair of str
         Linear combination of rates, such as ``"d_x"`` or ``"d_x2 - d_x1"``; two of them, such as
-        ``("d_x", "d_y")``, for a contact in a plane. Where both sides move as given, the rate of a
+        ``("d_x", "d_y")``, for a contact in a plane, and three, such as ``("d_x", "d_y",
+        "d_phi")``, for a face. Where both sides move as given, the rate of a
         drive, such as ``"d_xi"``, or ``"0"`` beside a surface speed: then it moves nothing, and
         its force in stick, which nothing determines, is 0.
     threshold : str, float or pair of these
@@ -175,19 +178,22 @@ class Contact:
         Speed w(t) of the surface (a belt); in a plane two components, which may also depend on
         coordinates (a turntable).
     kinetic : str, float, pair of these or None
-        Friction force k ≤ s while sliding; may use ``speed`` = |u|, in a plane abs(Au). By default
-        k = s.
+        Friction force k ≤ s while sliding; may use ``speed`` = |u|, in a plane abs(Au), with a
+        dissipation R(u), which of a face is a mean of the speeds of its points. By default k = s.
     unit : str
         Unit of the friction force.
-    axes : pair of str or float
-        Half axes of the set of forces, in parts of the threshold: for a contact in a plane.
+    axes : pair of str or float, or three
+        Half axes of the set of forces, in parts of the threshold: for a contact in a plane, or a
+        face, such as ``(1, 1, "2*a/3")`` for a disc of radius a.
     dissipation : str, optional
-        R, of a contact in a plane: a formula in ``v1``, ``v2`` and parameters, convex, positive and
-        homogeneous of degree 1, such as ``"sqrt(v1**2 + 4*v2**2) + 0.2*v1"``, with a gradient
-        wherever v is not 0. It need not be even. Its coordinates are inertial.
+        R, of a contact in a plane or a face: a formula in ``v1``, ``v2`` (``v3``) and parameters,
+        convex, positive and homogeneous of degree 1, such as ``"sqrt(v1**2 + 4*v2**2) + 0.2*v1"``,
+        with a gradient wherever v is not 0. It need not be even. ``"disc(v1, v2, a*v3)"`` and
+        ``"ring(v1, v2, a*v3)"`` are the mean speed of a disc and of a ring of radius a. Its
+        coordinates are inertial.
     """
 
-    direction: Direction | tuple[Direction, Direction]
+    direction: Direction | tuple[Direction, ...]
     threshold: Formula | tuple[Formula, Formula] = ""
     surface_speed: SurfaceSpeed = 0.0
     kinetic: Formula | tuple[Formula, Formula] | None = None
@@ -205,7 +211,7 @@ class Contact:
         if isinstance(self.direction, str):
             return {name: self}
         given = self.surface_speed
-        speeds = given if isinstance(given, tuple) else (0.0, 0.0)
+        speeds = given if isinstance(given, tuple) else (0.0,) * len(self.direction)
         return {
             f"{name} {i}": replace(
                 self, direction=d, surface_speed=w, axes=(1.0, 1.0), dissipation=None
@@ -587,18 +593,19 @@ class System:
         return parts | (contact.friction(name).components(name) if contact.direction else {})
 
     @cached_property
-    def planes(self) -> dict[str, tuple[str, str]]:
-        """Contacts in a plane, with the names of their two components among the dry contacts."""
-        found: dict[str, tuple[str, str]] = {}
+    def planes(self) -> dict[str, tuple[str, ...]]:
+        """Contacts in a plane, and faces, with the names of their components among the dry
+        contacts."""
+        found: dict[str, tuple[str, ...]] = {}
         for name, contact in self.plain.contacts.items():
             if not isinstance(contact, LawContact) and isinstance(contact.direction, tuple):
-                found[name] = (f"{name} 1", f"{name} 2")
+                found[name] = tuple(f"{name} {i + 1}" for i in range(len(contact.direction)))
         return found
 
     @cached_property
     def rubbing(self) -> dict[str, tuple[str, ...]]:
-        """What a person calls a dry contact, with the names of its components: one, or two in a
-        plane."""
+        """What a person calls a dry contact, with the names of its components: one, two in a
+        plane, or three of a face."""
         from stickslip.model.names import normal_force
 
         of = {part: (name, parts) for name, parts in self.planes.items() for part in parts}

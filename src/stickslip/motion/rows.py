@@ -12,7 +12,15 @@ from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import INVERSES, Layout
 from stickslip.equations.codegen.program import pack
 from stickslip.kept import made_once
-from stickslip.motion.steps.arrays import PART, RUBBING, Rows
+from stickslip.motion.steps.arrays import (
+    ADMISSIBLE,
+    ADMISSIBLE_SIZE,
+    COMPONENT,
+    PART,
+    RUBBING,
+    SLIPS,
+    Rows,
+)
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
@@ -115,10 +123,10 @@ def _together(layout: Layout) -> Array:
 
 def _planes(layout: Layout) -> tuple[Array, Array]:
     """Contacts in a plane, and the one that each contact is a component of."""
-    table = np.array(layout.planes, dtype=np.int64).reshape(-1, 12)
+    table = np.array(layout.planes, dtype=np.int64).reshape(-1, 16)
     plane = np.full(len(layout.u), -1, np.int64)
-    for p, (first, second, *_) in enumerate(layout.planes):
-        plane[[first, second]] = p
+    for p, parts in enumerate(layout.planes):
+        plane[[part for part in parts[:3] if part >= 0]] = p
     return table, plane
 
 
@@ -186,8 +194,8 @@ def _places_of_sizes(layout: Layout) -> dict[int, int]:
     others |= {row: c for c, row in enumerate(layout.u)}
     others |= {row: 3 * contacts + j for j, row in enumerate(layout.kinks[:kinks])}
     others |= {row: 3 * contacts + kinks + c for c, row in layout.gaps.items()}
-    for c, _, _, admissible, place, *_, slips, _, _ in layout.planes:
-        others |= {slips: c, admissible: place}
+    for plane in layout.planes:
+        others |= {plane[SLIPS]: plane[COMPONENT], plane[ADMISSIBLE]: plane[ADMISSIBLE_SIZE]}
     return noise | {row: others[row] for row in sorted(others) if row >= n}
 
 

@@ -99,10 +99,11 @@ class Layout:
         Rows of the gaps of contacts that can open, and of the restitution of these and of their
         friction.
     planes : list of tuple of int
-        Of each contact in a plane its components, the first row of its direction, that of
-        s² − |A⁻¹λ|², the place of the size of that, the rows of Au, of s, and of what is not
-        negative in slip, 1 if it has mass, 1 if the response is not linear in the direction, and
-        the number of its formula, −1: none.
+        Of each contact in a plane, or face, its components (−1: no third one), the rows of its
+        direction (the first), of |Au|, of Au, and of s² − |A⁻¹λ|², the place of the size of that,
+        the rows of s and of what is not negative in slip, 1 if it has mass, 1 if the response is
+        not linear in the direction, the number of its formula, −1: none, and 1 if Au is a linear
+        combination of rates with constant coefficients.
     formulas : int
         Number of dissipations that are formulas.
     pieces : list of (int, int, int)
@@ -585,18 +586,25 @@ class _Generator:
         plane = self.eq.planes[p]
         inputs = (*sides, tape.size(terms))
         stage = max(tape.stage[row] for row in inputs)
-        first, _, speed = (tape.new_row(stage) for _ in range(3))
+        count = len(plane.parts)
+        first, *_, speed = (tape.new_row(stage) for _ in range(count + 1))
         pressing = self.eq.pressing(plane.parts[0])
         # A gradient has no value at 0.
         rests = () if plane.formula is None else (Scaled(ex.ONE),)
         made = Instruction(
-            Op.DIRECTION, first, inputs, rests, plane.parts[0], 3, pressed=(*pressing,)
+            Op.DIRECTION, first, inputs, rests, plane.parts[0], count + 1, pressed=(*pressing,)
         )
         tape.emit(stage, made)
         for row, i in enumerate(plane.parts, first):
             tape.name(f"n:{i}", row, stage)
-            if not plane.pull:
+        if not plane.pull:
+            for i in plane.parts:
                 tape.name(f"speed:{i}", speed, stage)
+            if plane.unit is not ex.ONE:
+                # R(u) = |u| R(n)
+                mean = tape.row(ex.sym(f"speed:{plane.parts[0]}") * plane.unit)
+                for i in plane.parts:
+                    tape.name(f"speed:{i}", mean, tape.stage[mean])
         self.directions[p] = first
 
     def aimed(self, parts: Sequence[list[Scaled]], kind: Kind) -> None:
@@ -771,8 +779,9 @@ class _Generator:
         guards = [*layout.u, *layout.force, *layout.plus, *layout.minus, *layout.kinks]
         guards += [row for *_, force, margin in layout.kinetic for row in (force, margin)]
         guards += layout.gaps.values()
-        for _, _, first, admissible, _, *sides, _, slips, _, _, _ in layout.planes:
-            guards += [first, first + 1, first + 2, admissible, *sides, slips]
+        for _, _, _, first, speed, *rows, _, static, slips, _, _, _, _ in layout.planes:
+            guards += [*range(first, speed + 1), *rows, static, slips]
+        guards = [row for row in guards if row >= 0]
         guards += [row for _, _, row in layout.pieces]
         layout.kept = sorted({*range(self.n), *guards})
         needed = _closure(layout.instructions, {*layout.kept, *layout.rates})
@@ -857,7 +866,14 @@ class _Generator:
             # A force is measured against its threshold, too.
             sides = abs(_start(plus)) + abs(_start(minus))
             self.note(2 * self.nc + i, sides, adding=True)
+        turning = {guard: (plane, same) for plane in self.eq.planes for guard, same in plane.pieces}
         for j, guard in enumerate(self.eq.kinks):
+            if guard in turning:
+                # Of any degree in u, it vanishes as u does where a slip ends.
+                plane, same = turning[guard]
+                layout.kinks.append(tape.row(ex.sym(f"speed:{plane.parts[0]}") * same))
+                self.note(3 * self.nc + j, added(element("mag", i) for i in plane.parts))
+                continue
             if self.constants.is_constant(guard):  # of which only the sign matters, however large
                 guard = ex.select(guard, ex.ONE, -ex.ONE)
             layout.kinks.append(tape.row(guard))
@@ -865,7 +881,7 @@ class _Generator:
         for p, plane in enumerate(self.eq.planes):
             first = self.directions[p]
             sides = self.ahead(plane)
-            forces = ex.sym(f"lambda:{plane.parts[0]}"), ex.sym(f"lambda:{plane.parts[1]}")
+            forces = [ex.sym(f"lambda:{part}") for part in plane.parts]
             holds = plane.admissible(forces)
             place = self.plane_sizes + p
             given = self.eq.contacts[plane.parts[0]].prescribed
@@ -877,11 +893,19 @@ class _Generator:
                 (axis * ex.sym(f"n:{i}") * ex.sym(f"u:{i}"), 1.0)
                 for i, axis in zip(plane.parts, plane.axes, strict=True)
             ]
-            slips = tape.row(ex.add(*along)) if plane.pull else first + 2
+            count = len(plane.parts)
+            slips = tape.row(ex.add(*along)) if plane.pull else first + count
             massive = int(not (plane.pull or given))
             number = -1 if plane.formula is None else self.formulas.index(plane.formula)
-            ends = (tape.row(plane.static), slips, massive, int(plane.bends), number)
-            layout.planes.append((*plane.parts, first, row, place, *sides, *ends))
+            third = (-1,) * (3 - count)
+            held = frozenset(self.d.parameters)
+            own = [self.eq.contacts[part] for part in plane.parts]
+            fixed = [e for c in own for e in (c.speed, *c.direction.values())]
+            straight = massive and all(axis is ex.ONE for axis in plane.axes)
+            straight = int(straight and all(e.symbols <= held for e in fixed))
+            ends = (tape.row(plane.static), slips, massive, int(plane.bends), number, straight)
+            where = (*plane.parts, *third, first, first + count, *sides, *third, row, place)
+            layout.planes.append((*where, *ends))
             layout.pieces += [
                 (self.eq.kinks.index(guard), p, tape.row(same)) for guard, same in plane.pieces
             ]
@@ -1072,25 +1096,25 @@ class _Generator:
         R(−w) − w·middle with its first and second derivatives, and that middle, an average of the
         forces against slips along both axes."""
         stores = list[Store]()
-        w = [ex.sym("w1"), ex.sym("w2")]
+        w = [ex.sym(f"w{i}") for i in (1, 2, 3)]
         names = {str(x.value): element("w", i) for i, x in enumerate(w)}
         for f, formula in enumerate(self.formulas):
-            first, second = formula.names
-            along = [(1, 0), (-1, 0), (0, 1), (0, -1)]
+            n = formula.dimension
+            along = [
+                {x: ex.num(float(side * (i == j))) for j, x in enumerate(formula.names)}
+                for i in range(n)
+                for side in (1, -1)
+            ]
             middle = [
-                ex.add(
-                    *(
-                        (ex.substitute(slope, {first: ex.num(x), second: ex.num(y)}), -0.25)
-                        for x, y in along
-                    )
-                )
+                ex.add(*((ex.substitute(slope, way), -0.5 / n) for way in along))
                 for slope in formula.gradient
             ]
-            back = ex.substitute(formula.value, {first: -w[0], second: -w[1]})
-            S = ex.add((back, 1.0), *((x * m, -1.0) for x, m in zip(w, middle, strict=True)))
-            slope = [ex.derivative(S, x) for x in names]
-            bend = [ex.derivative(slope[i], x) for i, x in ((0, "w1"), (1, "w1"), (1, "w2"))]
-            targets = [S, *slope, *bend, *middle]
+            back = {x: -e for x, e in zip(formula.names, w[:n], strict=True)}
+            parts = ((x * m, -1.0) for x, m in zip(w[:n], middle, strict=True))
+            S = ex.add((ex.substitute(formula.value, back), 1.0), *parts)
+            slope = [ex.derivative(S, f"w{i + 1}") if i < n else ex.ZERO for i in range(3)]
+            bend = [ex.derivative(slope[i], f"w{j + 1}") for i in range(3) for j in range(i, 3)]
+            targets = [S, *slope, *bend, *middle, *[ex.ZERO] * (3 - n)]
             v = scalars_of(targets, names, constants=self.constants)
             stores += [Store("out", (len(targets) * f + k,), v[e]) for k, e in enumerate(targets)]
         return stores

@@ -417,13 +417,13 @@ def _speed(s: Series, i: Instruction, k: Order) -> None:
 def _direction(s: Series, i: Instruction, k: Order) -> None:
     """u/|u| and |u| in slip, unless they are given; zero where there is no friction, but for the
     first component if there is a part, which it is then."""
-    a, b, size = i.inputs
-    n, m, r = i.row, i.row + 1, i.row + 2
+    *sides, size = i.inputs
+    n, r = i.row, i.row + len(sides)
     is_given = s.is_mode(i.place, "eq", DIRECTION_GIVEN)
     free = s.is_free(i.place, i.pressed)
     if k == 0:
-        u, v = s.get(a, 0), s.get(b, 0)
-        speed = s.function("llvm.sqrt.f64", s.total([(u, u), (v, v)]))
+        parts = [s.get(row, 0) for row in sides]
+        speed = s.function("llvm.sqrt.f64", s.total([(u, u) for u in parts]))
         still = s.test("ole", speed, s.times(_NOTHING, s.get(size, 0)))
         own = s.select(is_given, s.stored(r, 0), s.select(still, 0.0, speed))
         s.put(r, 0, s.select(free, 0.0, own))
@@ -440,10 +440,12 @@ def _direction(s: Series, i: Instruction, k: Order) -> None:
         s.put(row, k, s.select(free, rests if row == n else 0.0, slips))
 
     if k != 0:
-        squares = s.add(s.square(a, k), s.square(b, k))
+        squares = s.square(sides[0], k)
+        for row in sides[1:]:
+            squares = s.add(squares, s.square(row, k))
         rest = s.negative(s.per(s.total(s.weighted(r, r, k)), k))
         put(r, s.over(s.add(s.times(0.5, squares), rest), first))
-    for row, own in ((n, a), (m, b)):
+    for row, own in enumerate(sides, n):
         put(row, s.divided(s.convolution(r, row, k, 1), s.get(own, k), r, k))
 
 

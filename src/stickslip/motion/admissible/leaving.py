@@ -30,10 +30,12 @@ from stickslip.motion.admissible.sharing import (
     STAYS,
     grip,
     held_at,
+    length_of,
     partner,
     radius_at,
     speed_of,
     sticks_in,
+    third_of,
 )
 from stickslip.motion.steps.arrays import (
     ON_INERTIAL,
@@ -132,18 +134,22 @@ def place_guard(flow: Flow, mode: Array, group: int, rank: int) -> tuple[float, 
     for c in range(rows.sizes[ON_INERTIAL]):
         if not sticks_in(rows, mode, c, group) or is_component(rows, c):
             continue
-        other = partner(rows, c)
-        x, y = speed_of(flow, c, rank, space.aside[MECHANISM])
-        x, y = x / fastest, y / fastest
-        speed = support_at(flow, c, x, y)
+        other, third = partner(rows, c), third_of(rows, c)
+        x, y, z = speed_of(flow, c, rank, space.aside[MECHANISM])
+        x, y, z = x / fastest, y / fastest, z / fastest
+        speed = support_at(flow, c, x, y, z)
         for k in range(flow.order):
             guard[k] += speed * radius_at(rows, W, c, k) - x * held_at(flow, W, c, k)
             if other >= 0:
                 guard[k] -= y * held_at(flow, W, other, k)
+            if third >= 0:
+                guard[k] -= z * held_at(flow, W, third, k)
         size += speed * abs(radius_at(rows, W, c, 0))
         size += abs(x) * space.mag[2 * len(rows.u) + c]
         if other >= 0:
             size += abs(y) * space.mag[2 * len(rows.u) + other]
+        if third >= 0:
+            size += abs(z) * space.mag[2 * len(rows.u) + third]
     return size, fastest
 
 
@@ -163,15 +169,17 @@ def mark_leaving(flow: Flow, mode: Array, group: int, rank: int, fastest: float)
     rows = flow.rows
     for c in range(rows.sizes[ON_INERTIAL]):
         if sticks_in(rows, mode, c, group) and not is_component(rows, c):
-            x, y = speed_of(flow, c, rank, flow.space.aside[MECHANISM])
-            other = partner(rows, c)
+            x, y, z = speed_of(flow, c, rank, flow.space.aside[MECHANISM])
+            other, third = partner(rows, c), third_of(rows, c)
             moves = 0
-            if math.hypot(x, y) > MOVES * fastest:
+            if length_of(x, y, z) > MOVES * fastest:
                 # Forces along w are those against a slip along −w.
                 moves = 1 if other >= 0 or x < 0.0 else -1
             flow.space.leaving[c] = moves
             if other >= 0:
                 flow.space.leaving[other] = moves
+            if third >= 0:
+                flow.space.leaving[third] = moves
 
 
 @compiled(brief=True)

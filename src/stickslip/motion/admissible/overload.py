@@ -24,10 +24,12 @@ from stickslip.equations.codegen.series import invert
 from stickslip.motion.admissible.sets import excess, inner_bend, inner_force, support_at
 from stickslip.motion.admissible.sharing import (
     held_at,
+    length_of,
     partner,
     radius_at,
     speed_of,
     sticks_in,
+    third_of,
 )
 from stickslip.motion.steps.arrays import (
     COMPONENT,
@@ -89,6 +91,7 @@ def fits(flow: Flow, mode: Array, group: int, lack: float) -> bool:
             other = partner(rows, c)
             a = aside[GIVEN_FORCES, c]
             b = aside[GIVEN_FORCES, other] if other >= 0 else 0.0
+            # of faces it is asked in the other way
             if not excess(flow, c, (1.0 + lack) * aside[RADIUS, c], a, b) <= 0.0:
                 return False
     return True
@@ -212,21 +215,23 @@ def slope_of(
     for c in range(rows.sizes[ON_INERTIAL]):
         if not sticks_in(rows, mode, c, group) or is_component(rows, c):
             continue
-        other = partner(rows, c)
-        x, y = speed_of(flow, c, rank, w)
-        f, g = inner_force(flow, c, space.aside[RADIUS, c], x, y)
+        other, third = partner(rows, c), third_of(rows, c)
+        x, y, z = speed_of(flow, c, rank, w)
+        f, g, e = inner_force(flow, c, space.aside[RADIUS, c], x, y, z)
         for r in range(rank):
             slope[r] += f * space.grip[c, r]
             if other >= 0:
                 slope[r] += g * space.grip[other, r]
+            if third >= 0:
+                slope[r] += e * space.grip[third, r]
 
 
 @compiled(brief=True)
-def inner_forces(flow: Flow, c: int, rank: int) -> tuple[float, float]:
+def inner_forces(flow: Flow, c: int, rank: int) -> tuple[float, float, float]:
     """The force f of a contact inside its set at the place that is reached, by its first
     component."""
-    x, y = speed_of(flow, c, rank, flow.space.aside[_WAY])
-    return inner_force(flow, c, flow.space.aside[RADIUS, c], x, y)
+    x, y, z = speed_of(flow, c, rank, flow.space.aside[_WAY])
+    return inner_force(flow, c, flow.space.aside[RADIUS, c], x, y, z)
 
 
 @compiled(brief=True)
@@ -254,9 +259,9 @@ def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> None:
     for c in range(rows.sizes[ON_INERTIAL]):
         if not sticks_in(rows, mode, c, group) or is_component(rows, c):
             continue
-        other = partner(rows, c)
-        x, y = speed_of(flow, c, rank, space.aside[_WAY])
-        xx, yy, xy, size = inner_bend(flow, c, x, y)
+        other, third = partner(rows, c), third_of(rows, c)
+        x, y, z = speed_of(flow, c, rank, space.aside[_WAY])
+        xx, yy, xy, xz, yz, zz, size = inner_bend(flow, c, x, y, z)
         along = space.aside[RADIUS, c] / size
         for i in range(rank):
             a = grips[c, i]
@@ -265,6 +270,10 @@ def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> None:
                 d = grips[c, j]
                 e = grips[other, j] if other >= 0 else 0.0
                 bend[i, j] += along * (xx * a * d + xy * (a * e + b * d) + yy * b * e)
+                if third >= 0:
+                    g, h = grips[third, i], grips[third, j]
+                    mixed = xz * (a * h + g * d) + yz * (b * h + g * e)
+                    bend[i, j] += along * (mixed + zz * g * h)
 
 
 @compiled(brief=True)
@@ -317,8 +326,8 @@ def load_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
         if not sticks_in(rows, mode, c, group):
             continue
         first = rows.planes[rows.plane[c], COMPONENT] if rows.plane[c] >= 0 else c
-        x, y = speed_of(flow, first, rank, aside[_WAY])
-        if math.hypot(x, y) > MOVES * fastest or held == rank:
+        x, y, z = speed_of(flow, first, rank, aside[_WAY])
+        if length_of(x, y, z) > MOVES * fastest or held == rank:
             continue
         for r in range(rank):
             basis[held, r] = space.grip[c, r]
@@ -339,8 +348,8 @@ def load_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
         work += aside[_PULL, r] * best[r]
     for c in range(rows.sizes[ON_INERTIAL]):
         if sticks_in(rows, mode, c, group) and not is_component(rows, c):
-            x, y = speed_of(flow, c, rank, best)
-            lost += aside[RADIUS, c] * support_at(flow, c, x, y)
+            x, y, z = speed_of(flow, c, rank, best)
+            lost += aside[RADIUS, c] * support_at(flow, c, x, y, z)
     # F″ is smallest along the mechanism, and largest where contacts stay behind.
     for r in range(rank):
         basis[held, r] = best[r]
@@ -373,6 +382,6 @@ def fastest_of(flow: Flow, mode: Array, group: int, rank: int, w: Array) -> floa
     found = 0.0
     for c in range(rows.sizes[ON_INERTIAL]):
         if sticks_in(rows, mode, c, group) and not is_component(rows, c):
-            x, y = speed_of(flow, c, rank, w)
-            found = max(found, math.hypot(x, y))
+            x, y, z = speed_of(flow, c, rank, w)
+            found = max(found, length_of(x, y, z))
     return found

@@ -11,15 +11,16 @@ from __future__ import annotations
 
 import math
 
-from stickslip.motion.steps.arrays import FORMULA, NOWHERE, Flow, Rows
+from stickslip.motion.steps.arrays import COMPONENT, FORMULA, NOWHERE, THIRD_PART, Flow, Rows
 from stickslip.motion.steps.vectors import direction_and_turn
 from stickslip.translator import compiled
 
-# Of each formula in Space.supported: S, its first and second derivatives, and the middle.
-_VALUE, _X, _Y, _XX, _XY, _YY, _MIDDLE = range(7)
-PER_FORMULA = 8
+# Of each formula in Space.supported: S, its first and second derivatives (xx, xy, xz, yy, yz, zz),
+# and the middle.
+_VALUE, _X, _Y, _Z, _XX, _XY, _XZ, _YY, _YZ, _ZZ, _MIDDLE = range(11)
+PER_FORMULA = 13
 _ANGLES = 32  # in which the forces of a formula are compared with S
-_MOST_TURNS = 8  # of Newton's method between them
+_MOST_TURNS = 32  # of Newton's method between them
 
 
 @compiled(brief=True)
@@ -29,33 +30,64 @@ def formula_of(rows: Rows, c: int) -> int:
 
 
 @compiled(brief=True)
-def find_support(flow: Flow, f: int, x: float, y: float) -> int:
+def find_support(flow: Flow, f: int, x: float, y: float, z: float) -> int:
     """Put S of a formula at a vector into the work space; where, it is there."""
     along = flow.space.along
-    along[0], along[1] = x, y
+    along[0], along[1], along[2] = x, y, z
     flow.supports(along, flow.k.K, flow.space.supported)
     return PER_FORMULA * f
 
 
 @compiled(brief=True)
-def middle_of(flow: Flow, c: int, side: int) -> float:
-    """A component of the middle of the set of a contact that has a formula, for radius 1."""
-    at = find_support(flow, formula_of(flow.rows, c), 1.0, 0.0)
+def middle_of(flow: Flow, c: int) -> float:
+    """The middle of the set of a contact that has a formula, for radius 1, along this component."""
+    at = find_support(flow, formula_of(flow.rows, c), 1.0, 0.0, 0.0)
+    plane = flow.rows.planes[flow.rows.plane[c]]
+    side = 0
+    for i in range(3):
+        side = i if plane[COMPONENT + i] == c else side
     return float(flow.space.supported[at + _MIDDLE + side])
 
 
 @compiled(brief=True)
-def support_at(flow: Flow, c: int, x: float, y: float) -> float:
+def dissipation_at(flow: Flow, f: int, x: float, y: float, z: float) -> float:
+    """R of a formula at a velocity. Its second derivatives are those of S at the opposite one,
+    which are left in the work space, and so are its first ones (:func:`slope_at`)."""
+    at = find_support(flow, f, -x, -y, -z)
+    out = flow.space.supported
+    middle = out[at + _MIDDLE] * x + out[at + _MIDDLE + 1] * y + out[at + _MIDDLE + 2] * z
+    return float(out[at] - middle)
+
+
+@compiled(brief=True)
+def slope_at(flow: Flow, f: int, i: int) -> float:
+    """A first derivative of R where :func:`dissipation_at` has looked at it."""
+    at = PER_FORMULA * f
+    return float(-flow.space.supported[at + _X + i] - flow.space.supported[at + _MIDDLE + i])
+
+
+@compiled(brief=True)
+def bend_at(flow: Flow, f: int, i: int, j: int) -> float:
+    """A second derivative of R where :func:`dissipation_at` has looked at it."""
+    low, high = min(i, j), max(i, j)
+    place = high if low == 0 else (low + high + 1 if low == 1 else 5)
+    return float(flow.space.supported[PER_FORMULA * f + _XX + place])
+
+
+@compiled(brief=True)
+def support_at(flow: Flow, c: int, x: float, y: float, z: float) -> float:
     """S of a contact, by its first component."""
     f = formula_of(flow.rows, c)
-    if f < 0 or (x == 0.0 and y == 0.0):
+    if f < 0 or (x == 0.0 and y == 0.0 and z == 0.0):
         return math.hypot(x, y)
-    at = find_support(flow, f, x, y)
+    at = find_support(flow, f, x, y, z)
     return float(flow.space.supported[at])
 
 
 @compiled(brief=True)
-def inner_force(flow: Flow, c: int, radius: float, x: float, y: float) -> tuple[float, float]:
+def inner_force(
+    flow: Flow, c: int, radius: float, x: float, y: float, z: float
+) -> tuple[float, float, float]:
     """A force inside the set of a contact, the gradient of s √(1 + S²).
 
     Parameters
@@ -65,64 +97,75 @@ def inner_force(flow: Flow, c: int, radius: float, x: float, y: float) -> tuple[
         The contact, by its first component.
     radius : float
         Of the set.
-    x, y : float
+    x, y, z : float
         Where the gradient is wanted.
     """
     f = formula_of(flow.rows, c)
     if f < 0:
         share = radius / math.sqrt(1.0 + x * x + y * y)
-        return share * x, share * y
-    if x == 0.0 and y == 0.0:
-        return 0.0, 0.0
-    at = find_support(flow, f, x, y)
+        return share * x, share * y, 0.0
+    if x == 0.0 and y == 0.0 and z == 0.0:
+        return 0.0, 0.0, 0.0
+    at = find_support(flow, f, x, y, z)
     out = flow.space.supported
     S = float(out[at])
     share = radius * S / math.sqrt(1.0 + S * S)
-    return float(share * out[at + _X]), float(share * out[at + _Y])
+    return float(share * out[at + _X]), float(share * out[at + _Y]), float(share * out[at + _Z])
 
 
 @compiled(brief=True)
-def inner_bend(flow: Flow, c: int, x: float, y: float) -> tuple[float, float, float, float]:
-    """The second derivatives of √(1 + S²), by xx, yy and xy, times that root, and the root.
+def inner_bend(
+    flow: Flow, c: int, x: float, y: float, z: float
+) -> tuple[float, float, float, float, float, float, float]:
+    """The second derivatives of √(1 + S²), by xx, yy, xy, xz, yz and zz, times that root, and the
+    root.
 
     Parameters
     ----------
     flow : Flow
     c : int
         The contact, by its first component.
-    x, y : float
+    x, y, z : float
     """
     f = formula_of(flow.rows, c)
     if f < 0:
         _, _, xx, yy, xy, root = direction_and_turn(x, y, 1.0)
-        return xx, yy, xy, root
-    if x == 0.0 and y == 0.0:
-        # S² has second derivatives at 0 along each way only: something between them.
-        a, b, d, _ = inner_bend_along(flow, f, 1.0, 0.0, 1.0)
-        g, h, j, _ = inner_bend_along(flow, f, 0.0, 1.0, 1.0)
-        return 0.5 * (a + g), 0.5 * (b + h), 0.5 * (d + j), 1.0
-    return inner_bend_along(flow, f, x, y, 0.0)
+        return xx, yy, xy, 0.0, 0.0, 0.0, root
+    if x != 0.0 or y != 0.0 or z != 0.0:
+        return inner_bend_along(flow, f, x, y, z, 0.0)
+    # S² has second derivatives at 0 along each way only: something between them.
+    a, b, d, e, g, h, _ = inner_bend_along(flow, f, 1.0, 0.0, 0.0, 1.0)
+    i, j, k, m, n, o, _ = inner_bend_along(flow, f, 0.0, 1.0, 0.0, 1.0)
+    a, b, d, e, g, h = a + i, b + j, d + k, e + m, g + n, h + o
+    if flow.rows.planes[flow.rows.plane[c], THIRD_PART] >= 0:
+        i, j, k, m, n, o, _ = inner_bend_along(flow, f, 0.0, 0.0, 1.0, 1.0)
+        a, b, d, e, g, h = a + i, b + j, d + k, e + m, g + n, h + o
+    return 0.5 * a, 0.5 * b, 0.5 * d, 0.5 * e, 0.5 * g, 0.5 * h, 1.0
 
 
 @compiled(brief=True)
 def inner_bend_along(
-    flow: Flow, f: int, x: float, y: float, small: float
-) -> tuple[float, float, float, float]:
+    flow: Flow, f: int, x: float, y: float, z: float, small: float
+) -> tuple[float, float, float, float, float, float, float]:
     """The same of formula f away from 0; for small vectors, in a direction, if `small` is 1."""
-    at = find_support(flow, f, x, y)
+    at = find_support(flow, f, x, y, z)
     out = flow.space.supported
     S = float(out[at])
     square = 1.0 + S * S if small == 0.0 else 1.0
-    a, b = float(out[at + _X]), float(out[at + _Y])
+    a, b, d = float(out[at + _X]), float(out[at + _Y]), float(out[at + _Z])
     xx = a * a / square + S * float(out[at + _XX])
     yy = b * b / square + S * float(out[at + _YY])
-    return xx, yy, a * b / square + S * float(out[at + _XY]), math.sqrt(square)
+    zz = d * d / square + S * float(out[at + _ZZ])
+    xy = a * b / square + S * float(out[at + _XY])
+    xz = a * d / square + S * float(out[at + _XZ])
+    yz = b * d / square + S * float(out[at + _YZ])
+    return xx, yy, xy, xz, yz, zz, math.sqrt(square)
 
 
 @compiled(brief=True)
 def excess(flow: Flow, c: int, radius: float, a: float, b: float) -> float:
     """How far a force is outside the set of a contact: the most of f·m − s S(m), |m| = 1; not
-    positive inside.
+    positive inside. Of faces that is not said, but infinite.
 
     Parameters
     ----------
@@ -137,6 +180,8 @@ def excess(flow: Flow, c: int, radius: float, a: float, b: float) -> float:
     f = formula_of(flow.rows, c)
     if f < 0:
         return math.hypot(a, b) - radius
+    if flow.rows.planes[flow.rows.plane[c], THIRD_PART] >= 0:
+        return math.inf
     most = -math.inf
     width = 2.0 * math.pi / _ANGLES
     before = over_at(flow, f, radius, a, b, -width)
@@ -163,7 +208,7 @@ def over_at(flow: Flow, f: int, radius: float, a: float, b: float, angle: float)
     angle : float
     """
     x, y = math.cos(angle), math.sin(angle)
-    return float(a * x + b * y - radius * flow.space.supported[find_support(flow, f, x, y)])
+    return float(a * x + b * y - radius * flow.space.supported[find_support(flow, f, x, y, 0.0)])
 
 
 @compiled(brief=True)
@@ -181,9 +226,9 @@ def largest_over(
     low, high = angle - width, angle + width
     most = over_at(flow, f, radius, a, b, angle)
     out = flow.space.supported
-    for _ in range(4 * _MOST_TURNS):
+    for _ in range(_MOST_TURNS):
         x, y = math.cos(angle), math.sin(angle)
-        at = find_support(flow, f, x, y)
+        at = find_support(flow, f, x, y, 0.0)
         over = a * x + b * y - radius * float(out[at])
         most = max(most, over)
         slope = -a * y + b * x - radius * float(out[at + _Y] * x - out[at + _X] * y)

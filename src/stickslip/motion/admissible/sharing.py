@@ -7,6 +7,8 @@ Where more directions stick than there are coordinates, forces are not unique. C
 
 from __future__ import annotations
 
+import math
+
 from stickslip.arrays import Array
 from stickslip.motion.admissible.sets import formula_of, middle_of
 from stickslip.motion.steps.arrays import (
@@ -18,10 +20,10 @@ from stickslip.motion.steps.arrays import (
     OTHER,
     PART,
     STATIC,
+    THIRD_PART,
     Flow,
     Rows,
     direction_entry,
-    is_component,
 )
 from stickslip.motion.steps.vectors import is_new
 from stickslip.translator import compiled
@@ -192,16 +194,26 @@ def is_gripped(flow: Flow, table: Array, c: int, rank: int) -> bool:
     place_direction(flow, table, c, basis[rank])
     if is_new(n, basis, rank, _INDEPENDENT):
         return False
-    other = partner(flow.rows, c)
+    other, third = partner(flow.rows, c), third_of(flow.rows, c)
     if other >= 0:
         place_direction(flow, table, other, basis[rank])
-    return other < 0 or not is_new(n, basis, rank, _INDEPENDENT)
+        if is_new(n, basis, rank, _INDEPENDENT):
+            return False
+    if third >= 0:
+        place_direction(flow, table, third, basis[rank])
+    return third < 0 or not is_new(n, basis, rank, _INDEPENDENT)
 
 
 @compiled(brief=True)
 def partner(rows: Rows, c: int) -> int:
-    """The other component of a contact in a plane; −1 for others."""
+    """The second component of a contact in a plane, or of a face; −1 for others."""
     return int(rows.planes[rows.plane[c], OTHER] if rows.plane[c] >= 0 else NOWHERE)
+
+
+@compiled(brief=True)
+def third_of(rows: Rows, c: int) -> int:
+    """The third component of a face; −1 for others."""
+    return int(rows.planes[rows.plane[c], THIRD_PART] if rows.plane[c] >= 0 else NOWHERE)
 
 
 @compiled(brief=True)
@@ -212,7 +224,7 @@ def held_at(flow: Flow, table: Array, c: int, k: int) -> float:
     middle = 0.0
     if formula_of(rows, c) >= 0:
         radius = table[rows.planes[rows.plane[c], STATIC], k]
-        middle = radius * middle_of(flow, c, int(is_component(rows, c)))
+        middle = radius * middle_of(flow, c)
     elif rows.plane[c] < 0:
         middle = 0.5 * (table[rows.minus[c], k] - table[rows.plus[c], k])
     return float((table[rows.force[c], k] - middle) / axis_of(flow, c))
@@ -227,13 +239,22 @@ def radius_at(rows: Rows, table: Array, c: int, k: int) -> float:
 
 
 @compiled(brief=True)
-def speed_of(flow: Flow, c: int, rank: int, w: Array) -> tuple[float, float]:
-    """Gw of a contact, by its first component: both components of it; the second is 0 on a line."""
+def speed_of(flow: Flow, c: int, rank: int, w: Array) -> tuple[float, float, float]:
+    """Gw of a contact, by its first component: all components of it; on a line the others are 0."""
     grips = flow.space.grip
     other = partner(flow.rows, c)
-    x, y = 0.0, 0.0
+    third = third_of(flow.rows, c)
+    x, y, z = 0.0, 0.0, 0.0
     for r in range(rank):
         x += grips[c, r] * w[r]
         if other >= 0:
             y += grips[other, r] * w[r]
-    return x, y
+        if third >= 0:
+            z += grips[third, r] * w[r]
+    return x, y, z
+
+
+@compiled(brief=True)
+def length_of(x: float, y: float, z: float) -> float:
+    """The length of a vector."""
+    return math.hypot(x, y) if z == 0.0 else math.hypot(math.hypot(x, y), z)

@@ -26,6 +26,7 @@ from stickslip.motion.admissible.sharing import (
     is_first,
     partner,
     sticks_in,
+    third_of,
 )
 from stickslip.motion.steps.arrays import ON_INERTIAL, Flow, is_component
 from stickslip.translator import compiled
@@ -57,14 +58,18 @@ def show_admissible(flow: Flow, mode: Array, table: Array) -> None:
         part = part_of_the_way(flow, mode, group, rank)
         for c in range(first, rows.sizes[ON_INERTIAL]):
             if sticks_in(rows, mode, c, group) and not is_component(rows, c):
-                other = partner(rows, c)
-                x, y = inner_forces(flow, c, rank)
+                other, third = partner(rows, c), third_of(rows, c)
+                x, y, z = inner_forces(flow, c, rank)
                 table[rows.force[c], 0] += (
                     axis_of(flow, c) * part * (x - flow.space.aside[GIVEN_FORCES, c])
                 )
                 if other >= 0:
                     table[rows.force[other], 0] += (
                         axis_of(flow, other) * part * (y - flow.space.aside[GIVEN_FORCES, other])
+                    )
+                if third >= 0:
+                    table[rows.force[third], 0] += part * (
+                        z - flow.space.aside[GIVEN_FORCES, third]
                     )
 
 
@@ -89,7 +94,7 @@ def part_of_the_way(flow: Flow, mode: Array, group: int, rank: int) -> float:
         other = partner(rows, c)
         a = aside[GIVEN_FORCES, c]
         b = aside[GIVEN_FORCES, other] if other >= 0 else 0.0
-        x, y = inner_forces(flow, c, rank)
+        x, y, _ = inner_forces(flow, c, rank)
         x, y = x - a, y - b
         if formula_of(rows, c) >= 0:
             part = max(part, part_to_set(flow, c, a, b, x, y))

@@ -23,13 +23,13 @@ from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     ADMISSIBLE_SIZE,
+    COMPONENT,
     DIMENSION,
     EPSILON,
     FEWEST_ORDERS,
     NOWHERE,
     OK,
     ON_INERTIAL,
-    OTHER,
     ROUNDING,
     Flow,
     Instant,
@@ -41,6 +41,7 @@ from stickslip.motion.steps.arrays import (
     is_component,
     is_loose,
     opens,
+    parts_of,
     plain_coefficients,
     set_mode,
 )
@@ -217,8 +218,8 @@ def release_what_stays(
 def is_still(rows: Rows, space: Space, c: int) -> bool:
     """Whether the relative velocity of a contact vanishes, up to rounding."""
     still = abs(space.W[rows.u[c], 0]) <= ROUNDING * space.mag[c]
-    if rows.plane[c] >= 0:
-        other = rows.planes[rows.plane[c], OTHER]
+    for i in range(parts_of(rows, rows.plane[c]) if rows.plane[c] >= 0 else 0):
+        other = rows.planes[rows.plane[c], COMPONENT + i]
         still = still and abs(space.W[rows.u[other], 0]) <= ROUNDING * space.mag[other]
     return bool(still)
 

@@ -41,6 +41,7 @@ from stickslip.motion.steps.arrays import (
     Space,
     opens,
     own_inverse,
+    parts_of,
 )
 from stickslip.motion.steps.discs import (
     BALL,
@@ -115,7 +116,7 @@ def enclose(
         space.discs[n, BALL] = radius
         space.discs[n, OFF] = 0.0
         spread_state(space.W, N, powers, rows.watched[:n], space.discs)
-        spread_given(rows, mode, space.W, N, powers, space.discs)
+        spread_given(flow, mode, N)
         spread(tape, mode, reg, 0, len(rows.program.code))
         for r in range(n):
             space.discs[r, SLOPE] = slope_range(space.W[r], N, powers) / unit
@@ -255,7 +256,9 @@ def encloses(
         held = tally.law[rows.planes[p, COMPONENT], LARGEST_FORCE]
         held = max(held, extent(W[rows.plus[rows.planes[p, COMPONENT]]], N - 1, powers))
         loose = strays(discs[rows.planes[p, ADMISSIBLE]], factor)
-        turns = strays(discs[aim], factor) + strays(discs[aim + 1], factor)
+        turns = 0.0
+        for i in range(parts_of(rows, p)):
+            turns += strays(discs[aim + i], factor)
         if not (loose <= NEGLIGIBLE_PART * held * held and turns <= NEGLIGIBLE_PART):
             return False
     for j in range(len(rows.kinks)):

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.motion.admissible.sharing import ON_ITS_OWN
+from stickslip.motion.admissible.sharing import ON_ITS_OWN, length_of
 from stickslip.motion.audit.accounts import (
     BACKWARDS,
     CANCELLED_PART,
@@ -34,6 +34,7 @@ from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM,
     ASIDE,
+    ATOP,
     COMPONENT,
     COORDINATES,
     DIMENSION,
@@ -46,8 +47,10 @@ from stickslip.motion.steps.arrays import (
     PART,
     ROUNDING,
     STATIC,
+    THIRD_PART,
     Rows,
     Space,
+    whole_size,
 )
 from stickslip.motion.steps.discs import BALL, OFF
 from stickslip.translator import compiled
@@ -79,11 +82,12 @@ def sample_plane(
     samples = space.samples
     law = tally.law
     plane = rows.planes[rows.plane[c]]
-    other = plane[OTHER]
+    other, third = plane[OTHER], plane[THIRD_PART]
     u, v = V[plane[AHEAD], 0], V[plane[ASIDE], 0]
+    w = V[plane[ATOP], 0] if third >= 0 else 0.0
     force = max(V[plane[STATIC], 0], 0.0)
     law[c, LARGEST_FORCE] = most(law[c, LARGEST_FORCE], force)
-    speed = max(math.hypot(u, v), CANCELLED_PART * (mag[c] + mag[other]))
+    speed = max(length_of(u, v, w), CANCELLED_PART * whole_size(rows, mag, rows.plane[c], 0))
     law[c, LARGEST_SPEED] = most(law[c, LARGEST_SPEED], speed)
     row = n + 3 * c
     if mode[c] == 0:
@@ -92,13 +96,22 @@ def sample_plane(
         samples[row + 2, g] = v
         for i in (c, other):
             law[c, SPEED_HELD] = most(law[c, SPEED_HELD], free_speed(rows, space, i, h))
+        if third >= 0:
+            samples[n + 3 * third, g] = w
+            law[c, SPEED_HELD] = most(law[c, SPEED_HELD], free_speed(rows, space, third, h))
         return
     x, y = V[plane[AIM], 0], V[plane[AIM] + 1, 0]
     samples[row, g] = x * u + y * v
     samples[row + 1, g] = x * v - y * u
     samples[row + 2, g] = x * x + y * y - 1.0
+    if third >= 0:
+        z = V[plane[AIM] + 2, 0]
+        samples[row, g] += z * w
+        samples[row + 2, g] += z * z
+        samples[n + 3 * third, g] = x * w - z * u
+        samples[n + 3 * third + 1, g] = y * w - z * v
     if plane[MASSIVE] == 1:
-        made = (mag[len(rows.u) + c] + mag[len(rows.u) + other]) * h
+        made = whole_size(rows, mag, rows.plane[c], len(rows.u)) * h
         law[c, SPEED_HELD] = most(law[c, SPEED_HELD], made)
     elif c >= rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]:
         # What slides without mass or viscosity has the force s, by nothing but its place.
@@ -151,8 +164,9 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
     plane = rows.planes[rows.plane[c]]
     row = rows.sizes[DIMENSION] + 3 * c
     known = factor < np.inf
-    ahead, aside, aim = plane[AHEAD], plane[ASIDE], plane[AIM]
-    rounding = ROUNDING * (mag[c] + mag[plane[OTHER]])
+    ahead, aside, aim, third = plane[AHEAD], plane[ASIDE], plane[AIM], plane[THIRD_PART]
+    last = rows.sizes[DIMENSION] + 3 * third  # samples of the third component
+    rounding = ROUNDING * whole_size(rows, mag, rows.plane[c], 0)
     if mode[c] == 0:
         force = law[c, LARGEST_FORCE]
         loose = strays(discs[plane[ADMISSIBLE]], factor) if known else 0.0
@@ -163,6 +177,10 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
         for part in (1, 2):
             moves = strays(discs[ahead if part == 1 else aside], factor) if known else 0.0
             creep = largest_of(samples[row + part]) + moves - rounding
+            law[c, CREEP] = most(law[c, CREEP], creep)
+        if third >= 0:
+            moves = strays(discs[plane[ATOP]], factor) if known else 0.0
+            creep = largest_of(samples[last]) + moves - rounding
             law[c, CREEP] = most(law[c, CREEP], creep)
         return
     along = 0.0
@@ -175,10 +193,19 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
         across += product_strays(W, discs, aim + 1, ahead, factor)
         unit = product_strays(W, discs, aim, aim, factor)
         unit += product_strays(W, discs, aim + 1, aim + 1, factor)
+    if known and third >= 0:
+        along += product_strays(W, discs, aim + 2, plane[ATOP], factor)
+        for i in range(2):
+            across += product_strays(W, discs, aim + i, plane[ATOP], factor)
+            across += product_strays(W, discs, aim + 2, plane[AHEAD + i], factor)
+        unit += product_strays(W, discs, aim + 2, aim + 2, factor)
     low = least_on_nodes(samples[row], space.bernstein, rounding)
     law[c, BACKWARDS] = most(law[c, BACKWARDS], along - rounding - low)
     turned = largest_of(samples[row + 1]) + across - rounding
     law[c, BACKWARDS] = most(law[c, BACKWARDS], turned)
+    for i in range(2 if third >= 0 else 0):
+        turned = largest_of(samples[last + i]) + across - rounding
+        law[c, BACKWARDS] = most(law[c, BACKWARDS], turned)
     longer = law[c, LARGEST_FORCE] * (largest_of(samples[row + 2]) + unit - ROUNDING)
     law[c, OFF_THRESHOLD] = most(law[c, OFF_THRESHOLD], longer)
     if c >= rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]:
@@ -205,6 +232,7 @@ def share_sizes(rows: Rows, state: Array) -> None:
         for first in (0, rows.sizes[INERTIAL]):
             largest = 0.0
             for turn in range(2):
+                # A rate of turning is none of a velocity.
                 for i in (COMPONENT, OTHER):
                     part = rows.parts[rows.homes[rows.planes[p, i], PART]]
                     for j in range(part[COORDINATES]):

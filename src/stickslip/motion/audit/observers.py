@@ -15,7 +15,7 @@ import numpy as np
 from stickslip.arrays import Array, IntVector, Vector
 from stickslip.motion.audit.nodes import GAUSS_NODES, GAUSS_WEIGHTS
 from stickslip.motion.modes.guards import resting, stands
-from stickslip.motion.steps.arrays import Rows, is_component
+from stickslip.motion.steps.arrays import COMPONENT, Rows, is_component, parts_of
 from stickslip.motion.steps.roots import halve, horner, lowest
 from stickslip.translator import compiled
 
@@ -210,8 +210,8 @@ def widen_square(
     square = stack[len(stack) - 1]
     for k in range(order):
         square[k] = 0.0
-        for i in range(2):
-            c = W[rows.force[rows.planes[p, i]]]
+        for i in range(parts_of(rows, p)):
+            c = W[rows.force[rows.planes[p, COMPONENT + i]]]
             for j in range(k + 1):
                 square[k] += c[j] * c[k - j]
     _, high = widen(square, order - 1, x, 0.0, largest * largest, stack)

@@ -17,6 +17,7 @@ from stickslip.motion.admissible.shown import show_admissible
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     AIM,
+    AIM_SPEED,
     COMPONENT,
     DIMENSION,
     POWERS_MADE,
@@ -125,7 +126,7 @@ def states_at(
         for p in range(len(rows.planes) if all_rows else 0):
             first = rows.planes[p, AIM]
             slips = known and mode[rows.planes[p, COMPONENT]] != 0
-            for row in range(first, first + 3):
+            for row in range(first, rows.planes[p, AIM_SPEED] + 1):
                 x = (times[i] - base) / W[n, 1]
                 out[i, row] = horner(W[row], order - 1, x) if slips else -1.0
 
@@ -167,10 +168,11 @@ def sample(
             copy(knots.mode[last], mode)
         for p in range(len(planes)):
             first = planes[p, AIM]
-            if out[i, first + 2] >= 0.0:
+            speed = planes[p, AIM_SPEED]
+            if out[i, speed] >= 0.0:
                 # Close to the end of a slip Au is a rounding error.
                 give_direction(rows, p, mode, DIRECTION_GIVEN)
-                for row in range(first, first + 3):
+                for row in range(first, speed + 1):
                     work.V[row, 0], work.V[row, 1] = out[i, row], 0.0
         coefficients(machine, flow, Instant(times[i], z, mode, reg), 1, work.V)
         machine.powers(work.V, reg, flow.k.K, work.power)

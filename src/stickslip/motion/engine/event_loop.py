@@ -31,7 +31,7 @@ from stickslip.motion.modes.guards import contact_of, doubt_of, first_event
 from stickslip.motion.modes.mode_series import keeps
 from stickslip.motion.modes.resting import settle
 from stickslip.motion.steps.arrays import (
-    AIM,
+    AIM_SPEED,
     ASTRAY,
     CAUSE,
     COMPONENT,
@@ -55,7 +55,6 @@ from stickslip.motion.steps.arrays import (
     ON_INERTIAL,
     ON_JUMP,
     ON_VISCOUS,
-    OTHER,
     PROMISED,
     RATE_INDEPENDENT,
     RECENT,
@@ -80,6 +79,7 @@ from stickslip.motion.steps.arrays import (
     is_stopped,
     opens,
     set_mode,
+    whole_size,
 )
 from stickslip.motion.steps.discs import give_direction, take_direction
 from stickslip.motion.steps.roots import value_and_slope
@@ -407,7 +407,7 @@ def ends_slip(flow: Flow, mode: Array, which: int, p: int, t: float, h: float) -
     """
     rows = flow.rows
     mag = flow.space.mag
-    first, other = rows.planes[p, COMPONENT], rows.planes[p, OTHER]
+    first = rows.planes[p, COMPONENT]
     kink = 0 <= which < len(rows.kinks)
     c = contact_of(which, len(rows.kinks)) if which >= len(rows.kinks) else NOWHERE
     if not kink:
@@ -421,10 +421,10 @@ def ends_slip(flow: Flow, mode: Array, which: int, p: int, t: float, h: float) -
     apart = rows.group[c] < 0 or rows.group[c] != rows.group[first] if c >= 0 else False
     if c >= 0 and rows.plane[c] < 0 and apart:
         return False
-    row = flow.space.W[rows.planes[p, AIM] + 2]
+    row = flow.space.W[rows.planes[p, AIM_SPEED]]
     speed, change = value_and_slope(row, flow.order - 1, flow.space.powers)
     late = INSTANT * abs(t) / h
-    return bool(abs(speed) <= ROUNDING * (mag[first] + mag[other]) + late * abs(change))
+    return bool(abs(speed) <= ROUNDING * whole_size(rows, mag, p, 0) + late * abs(change))
 
 
 @compiled()

@@ -20,7 +20,6 @@ from stickslip.motion.steps.arrays import (
     MASSIVE,
     NOWHERE,
     ON_INERTIAL,
-    OTHER,
     ROUNDING,
     SLIPPING,
     SLIPS,
@@ -32,6 +31,7 @@ from stickslip.motion.steps.arrays import (
     is_component,
     is_loose,
     opens,
+    whole_size,
 )
 from stickslip.motion.steps.roots import divide_out, first_crossing
 from stickslip.motion.steps.starting import is_prescribed
@@ -317,11 +317,11 @@ def guard_in_plane(
         return row, mag[plane[ADMISSIBLE_SIZE]] + near * abs(W[row, 1]), 0.0
     # A slip is over when what is left of it cannot be told from nothing, or its time from its end.
     row = plane[SLIPS]
-    rate = (mag[nc + c] + mag[nc + plane[OTHER]]) * unit + abs(W[row, 1])
+    rate = whole_size(rows, mag, rows.plane[c], nc) * unit + abs(W[row, 1])
     late = INSTANT * abs(W[rows.sizes[DIMENSION], 0]) / unit
     if space.powers[1] <= 0.5 * late:
         late = _LONGEST_END * space.powers[1]
-    size = mag[c] + mag[plane[OTHER]] + late / ROUNDING * abs(W[row, 1])
+    size = whole_size(rows, mag, rows.plane[c], 0) + late / ROUNDING * abs(W[row, 1])
     return row, size, rate
 
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import SINGULAR, invert
-from stickslip.motion.admissible.sharing import grip, is_gripped, partner
+from stickslip.motion.admissible.sharing import grip, is_gripped, partner, third_of
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.modes.surfaces import ON_SURFACE, release_or_hold
 from stickslip.motion.steps.arrays import (
-    AIM,
+    AIM_SPEED,
     COMPONENT,
     COORDINATES,
     DIMENSION,
@@ -27,7 +27,6 @@ from stickslip.motion.steps.arrays import (
     OK,
     ON_INERTIAL,
     ON_VISCOUS,
-    OTHER,
     OVERFLOW,
     PART,
     PROMISED,
@@ -46,6 +45,7 @@ from stickslip.motion.steps.arrays import (
     is_loose,
     loosen_friction,
     set_mode,
+    whole_size,
 )
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import COARSER, LEAST_SIZE, better, step_size, suits
@@ -205,11 +205,11 @@ def rest_with_others(machine: Machine, flow: Flow, at: Instant) -> bool:
             return False
         known = True
         speed, size, rate = abs(flow.space.W[rows.u[c], 0]), mag[c], mag[nc + c]
-        other = partner(rows, c)
-        if other >= 0:
-            speed += abs(flow.space.W[rows.u[other], 0])
-            size += mag[other]
-            rate += mag[nc + other]
+        for other in (partner(rows, c), third_of(rows, c)):
+            if other >= 0:
+                speed += abs(flow.space.W[rows.u[other], 0])
+                size += mag[other]
+                rate += mag[nc + other]
         if speed <= ROUNDING * size + INSTANT * abs(at.t) * rate:
             set_mode(rows, mode, c, 0)
             found = True
@@ -338,9 +338,10 @@ def vagueness(flow: Flow, table: Array, y: Array, h: float) -> float:
     nc = len(rows.u)
     nq = rows.sizes[INERTIAL]
     found = 0.0
-    for plane in rows.planes:
-        first, other = plane[COMPONENT], plane[OTHER]
-        speed = table[plane[AIM] + 2, 0]
+    for p in range(len(rows.planes)):
+        plane = rows.planes[p]
+        first = plane[COMPONENT]
+        speed = table[plane[AIM_SPEED], 0]
         if plane[MASSIVE] == 0 or rows.group[first] < 0 or not speed > 0.0:
             continue
         faster = 0.0
@@ -349,6 +350,6 @@ def vagueness(flow: Flow, table: Array, y: Array, h: float) -> float:
             r = nq + rows.members[part[MEMBERS] + i]
             faster += y[r] * flow.space.promise[PROMISED, r]
         if faster > 0.0:
-            size = mag[first] + mag[other] + h * (mag[nc + first] + mag[nc + other])
+            size = whole_size(rows, mag, p, 0) + h * whole_size(rows, mag, p, nc)
             found = max(found, ROUNDING * size / speed)
     return found

@@ -12,13 +12,13 @@ from stickslip.motion.admissible.sharing import ON_ITS_OWN, STAYS
 from stickslip.motion.modes.guards import NUMBER, contact_of, is_second, stays
 from stickslip.motion.modes.surfaces import is_wide
 from stickslip.motion.steps.arrays import (
+    COMPONENT,
     CONTACTS,
     COORDINATES,
     FIRED,
     MEMBERS,
     NOWHERE,
     ON_INERTIAL,
-    OTHER,
     PART,
     Flow,
     Rows,
@@ -27,6 +27,7 @@ from stickslip.motion.steps.arrays import (
     is_component,
     is_loose,
     opens,
+    parts_of,
     set_mode,
 )
 from stickslip.motion.steps.vectors import clear, is_new
@@ -175,8 +176,9 @@ def hold_or_slide(flow: Flow, mode: Array, last: float, fired: int, slack: float
             held = stays(rows, space, mode, c, N, last, fired, slack)
             held = held and not (opens(rows, c) and is_wide(flow, c, last))
             if rows.plane[c] >= 0:
-                other = rows.planes[rows.plane[c], OTHER]
-                held = held and stays(rows, space, mode, other, N, last, fired, slack)
+                for i in range(parts_of(rows, rows.plane[c])):
+                    other = rows.planes[rows.plane[c], COMPONENT + i]
+                    held = held and stays(rows, space, mode, other, N, last, fired, slack)
             force = 2 if held else 1
             if abs(mode[c]) != force:
                 set_mode(rows, mode, c, force if mode[c] > 0 else -force)

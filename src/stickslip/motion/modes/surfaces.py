@@ -27,6 +27,7 @@ from stickslip.motion.steps.arrays import (
     ROUNDING,
     SEAT,
     SPAN,
+    THIRD_PART,
     Flow,
     Instant,
     Lane,
@@ -39,6 +40,7 @@ from stickslip.motion.steps.arrays import (
     own_inverse,
     presses,
     set_mode,
+    whole_size,
 )
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.vectors import clear
@@ -91,11 +93,14 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
                 # Towards the end of a slip steps are as short as a rounding error of the time.
                 slow += _WIDE * INSTANT * abs(at.t) * rate
         if rows.plane[c] >= 0:
-            # Both components together have come to rest.
-            first, second = rows.planes[rows.plane[c], COMPONENT], rows.planes[rows.plane[c], OTHER]
-            rate = held_back(rows, space, first) + held_back(rows, space, second)
+            # All components together have come to rest.
+            plane = rows.planes[rows.plane[c]]
+            rate = held_back(rows, space, plane[COMPONENT]) + held_back(rows, space, plane[OTHER])
+            if plane[THIRD_PART] >= 0:
+                rate += held_back(rows, space, plane[THIRD_PART])
             slow = (ON_SURFACE * last + _WIDE * ROUNDING * near) * rate
-            slow += _WIDE * (ROUNDING * (mag[first] + mag[second]) + INSTANT * abs(at.t) * rate)
+            size = whole_size(rows, mag, rows.plane[c], 0)
+            slow += _WIDE * (ROUNDING * size + INSTANT * abs(at.t) * rate)
         if abs(gap) > slow or is_apart(flow, c, last, span):
             # Contacts of other components hold the same whether this one does or not.
             if asked[rows.homes[c, PART]] == 0:
@@ -140,9 +145,10 @@ def stop(flow: Flow, table: Array, y: Array, c: int) -> None:
     if is_on_surface(flow, table, c):
         return
     part = rows.homes[c, PART]
-    one = two = c
+    one = two = three = c
     if rows.plane[c] >= 0:
         one, two = rows.planes[rows.plane[c], COMPONENT], rows.planes[rows.plane[c], OTHER]
+        three = max(rows.planes[rows.plane[c], THIRD_PART], one)
     first = rows.parts[part, FIRST_ROW]
     for i in range(rows.parts[part, COORDINATES]):
         if is_rubbed(rows, flow.k.J, table, c, i):
@@ -156,7 +162,12 @@ def stop(flow: Flow, table: Array, y: Array, c: int) -> None:
             for d in (one, two):
                 if rows.homes[d, PART] == part:
                     size += abs(R[first + i, rows.homes[d, SEAT] - first])
-            size *= abs(table[rows.u[one], 0]) + abs(table[rows.u[two], 0])
+            left = abs(table[rows.u[one], 0]) + abs(table[rows.u[two], 0])
+            if three != one:
+                left += abs(table[rows.u[three], 0])
+                if rows.homes[three, PART] == part:
+                    size += abs(R[first + i, rows.homes[three, SEAT] - first])
+            size *= left
             if abs(y[q]) <= max(ROUNDING * size, _NOTHING):
                 y[q] = 0.0
 

@@ -79,12 +79,13 @@ PART, SEAT = range(2)
 # Rows.landings, and how many they are.
 KINK, WAY, FIRST_LANDING, LANDINGS = range(4)
 FEWEST_ORDERS = 8  # of a Taylor series
-# Columns of Rows.planes: the components, the first row of the direction (the second and that of
-# |Au| follow), the row of s² − |A⁻¹λ|² and the place of its size, the rows of Au, of s, and of what
-# is not negative in slip (|Au| with mass, else n·Au), 1 for one with mass, 1 for one whose friction
-# makes of Au what is not linear in its direction, and the number of its formula, −1: none.
-COMPONENT, OTHER, AIM, ADMISSIBLE, ADMISSIBLE_SIZE, AHEAD, ASIDE, STATIC, SLIPS, MASSIVE = range(10)
-BENDS, FORMULA = 10, 11
+# Columns of Rows.planes: the components (−1: no third one), the first row of the direction (the
+# others follow), the rows of |Au|, of Au, of s² − |A⁻¹λ|² with the place of its size, of s, and of
+# what is not negative in slip (|Au| with mass, else n·Au), 1 for one with mass, 1 for one whose
+# friction makes of Au what is not linear in its direction, the number of its formula, −1: none, and
+# 1 where Au is a linear combination of rates with constant coefficients.
+COMPONENT, OTHER, THIRD_PART, AIM, AIM_SPEED, AHEAD, ASIDE, ATOP = range(8)
+ADMISSIBLE, ADMISSIBLE_SIZE, STATIC, SLIPS, MASSIVE, BENDS, FORMULA, STRAIGHT = range(8, 16)
 # Columns of Rows.doubtful.
 DOUBTED, SLIPPING, TOWARDS = range(3)
 # Columns of Rows.links.
@@ -151,8 +152,8 @@ class Rows(NamedTuple):
         By the columns from `KINK` to `LANDINGS`.
     landings : array of int
         Parts of the state that have new values, jump by jump.
-    planes : array of int, shape (planes, 12)
-        Contacts in a plane, by the columns from `COMPONENT` to `FORMULA`.
+    planes : array of int, shape (planes, 16)
+        Contacts in a plane, by the columns from `COMPONENT` to `STRAIGHT`.
     plane : array of int, shape (contacts,)
         Which of them each contact is a component of; −1: of none.
     pieces : array of int, shape (pieces, 3)
@@ -254,8 +255,9 @@ class Space(NamedTuple):
     cones, rays, shares, explained : arrays
         Of forces and impulses that a law allows; see :mod:`stickslip.motion.admissible.cones` and
         :mod:`stickslip.motion.audit.impulses`.
-    begun, answer, aims : arrays
-        Of slips in a plane that begin; see :mod:`stickslip.motion.steps.starting`.
+    begun, answer, aims, facing : arrays
+        Of slips in a plane that begin; see :mod:`stickslip.motion.steps.starting`, and of faces,
+        :mod:`stickslip.motion.steps.face_onset`.
     basis, grip, turned_grip, bend, unbent, aside, points, piece, leaving : arrays
         Of contacts that share forces; see :mod:`stickslip.motion.admissible.overload`.
     along, supported : arrays
@@ -310,6 +312,7 @@ class Space(NamedTuple):
     begun: Matrix
     answer: Matrix
     aims: Matrix
+    facing: Matrix
     basis: Matrix
     grip: Matrix
     turned_grip: Matrix
@@ -503,9 +506,36 @@ def direction_entry(rows: Rows, J: Array, table: Array, c: int, j: int) -> float
 
 @compiled()
 def is_component(rows: Rows, c: int) -> bool:
-    """Whether a contact is the second component of one in a plane: what is said of that is said of
-    the first."""
-    return bool(rows.plane[c] >= 0 and rows.planes[rows.plane[c], OTHER] == c)
+    """Whether a contact is a component of one in a plane, or a face, but the first: what is said of
+    that is said of the first."""
+    return bool(rows.plane[c] >= 0 and rows.planes[rows.plane[c], COMPONENT] != c)
+
+
+@compiled()
+def parts_of(rows: Rows, p: int) -> int:
+    """Number of components of contact p in a plane; three of a face."""
+    return 3 if rows.planes[p, THIRD_PART] >= 0 else 2
+
+
+@compiled()
+def whole_size(rows: Rows, mag: Array, p: int, offset: int) -> float:
+    """The sum of sizes of all components of a contact in a plane.
+
+    Parameters
+    ----------
+    rows : Rows
+    mag : array
+        Sizes.
+    p : int
+        The plane.
+    offset : int
+        Where those that are meant begin: 0, of velocities.
+    """
+    plane = rows.planes[p]
+    size = mag[offset + plane[COMPONENT]] + mag[offset + plane[OTHER]]
+    if plane[THIRD_PART] >= 0:
+        size += mag[offset + plane[THIRD_PART]]
+    return float(size)
 
 
 @compiled()
@@ -548,6 +578,8 @@ def set_mode(rows: Rows, mode: Array, c: int, value: int) -> None:
     if rows.plane[c] >= 0:
         plane = rows.planes[rows.plane[c]]
         mode[plane[COMPONENT]] = mode[plane[OTHER]] = abs(value)
+        if plane[THIRD_PART] >= 0:
+            mode[plane[THIRD_PART]] = abs(value)
 
 
 @compiled()
@@ -621,7 +653,8 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         stood=np.full(nk + 1, -1, np.int64),
         begun=z((table_rows if len(rows.planes) else 0, FEWEST_ORDERS + 1)),
         answer=z((2 * len(rows.planes), 2 * len(rows.planes))),
-        aims=z((11 * len(rows.planes), N + 1)),
+        aims=z((14 * len(rows.planes), N + 1)),
+        facing=z((22 * len(rows.planes), 5)),
         basis=z((several, nq)),
         grip=z((mq if sharing else 0, nq)),
         turned_grip=z((mq if sharing else 0, nq)),
@@ -631,8 +664,8 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         points=z((2 * mq if sharing else 0, most_points)),
         piece=z((2 * mq if sharing else 0, most_points)),
         leaving=np.full(nc, 2, np.int64),
-        along=z(2),
-        supported=z(8 * max(1, int(rows.planes[:, FORMULA].max(initial=-1)) + 1)),
+        along=z(3),
+        supported=z(13 * max(1, int(rows.planes[:, FORMULA].max(initial=-1)) + 1)),
         span=z((slips + 1, slips)),
         face=z((slips + 1, slips)),
         turn=z((2 * slips + 1, 2 * slips)),

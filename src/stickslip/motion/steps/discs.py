@@ -34,7 +34,23 @@ from stickslip.equations.codegen.program import (
     THIRD,
     Program,
 )
-from stickslip.motion.steps.arrays import AHEAD, AIM, ASIDE, COMPONENT, MASSIVE, OTHER, Flow, Rows
+from stickslip.motion.steps.arrays import (
+    AHEAD,
+    AIM,
+    AIM_SPEED,
+    COMPONENT,
+    COORDINATES,
+    INERTIAL,
+    MASSIVE,
+    MEMBERS,
+    OTHER,
+    PART,
+    STRAIGHT,
+    THIRD_PART,
+    Flow,
+    Rows,
+    parts_of,
+)
 from stickslip.motion.steps.roots import horner
 from stickslip.symbolic.tape import DIRECTION_GIVEN, Op
 from stickslip.translator import RELAXED, compiled
@@ -274,10 +290,19 @@ def spread_within(tape: DiscTape, i: int, turn: int) -> bool:
 
 
 @compiled()
-def is_given(W: Array, discs: Array, row: int, mode: int) -> bool:
+def is_given(W: Array, discs: Array, row: int, speed: int, mode: int) -> bool:
     """Whether the rows of the direction of a slip are polynomials, as the state is: given, or
-    noted to be right (:func:`follow_directions`)."""
-    given = mode == DIRECTION_GIVEN or (mode != 0 and W[row + 2, 0] == 0.0)
+    noted to be right (:func:`follow_directions`).
+
+    Parameters
+    ----------
+    W, discs : arrays
+    row, speed : int
+        Rows of the direction, the first, and of |Au|.
+    mode : int
+        Of the contact.
+    """
+    given = mode == DIRECTION_GIVEN or (mode != 0 and W[speed, 0] == 0.0)
     return bool(given or discs[row, SLOPE] == 1.0)
 
 
@@ -305,6 +330,8 @@ def give_direction(rows: Rows, p: int, mode: Array, value: int) -> None:
     """Set the mode of plane p."""
     mode[rows.planes[p, COMPONENT]] = value
     mode[rows.planes[p, OTHER]] = value
+    if rows.planes[p, THIRD_PART] >= 0:
+        mode[rows.planes[p, THIRD_PART]] = value
 
 
 @compiled()
@@ -339,7 +366,7 @@ def take_direction(rows: Rows, p: int, W: Array, N: int, x: float, V: Array) -> 
     W, N, x, V
         As of :func:`take_directions`.
     """
-    for row in range(rows.planes[p, AIM], rows.planes[p, AIM] + 3):
+    for row in range(rows.planes[p, AIM], rows.planes[p, AIM_SPEED] + 1):
         V[row, 0] = horner(W[row], N - 1, x)
 
 
@@ -373,19 +400,24 @@ def follow_directions(
     found = False
     for p in range(len(rows.planes)):
         plane = rows.planes[p]
-        n, m = W[plane[AIM]], W[plane[AIM] + 1]
-        a, b = W[plane[AHEAD]], W[plane[ASIDE]]
-        speed = W[plane[AIM] + 2, 0]
+        aim = plane[AIM]
+        parts = parts_of(rows, p)
+        speed = W[plane[AIM_SPEED], 0]
         across, longer = 0.0, 0.0
         power = x**N
         # Without mass Au follows from the direction, and says nothing of it.
         asked = plane[MASSIVE] == 1 and mode[plane[COMPONENT]] != 0 and speed > 0.0
         for k in range(N, 2 * N - 1 if asked else 0):
-            turned, length = 0.0, 0.0
-            for j in range(k - N + 1, N):
-                turned += n[j] * b[k - j] - m[j] * a[k - j]
-                length += n[j] * n[k - j] + m[j] * m[k - j]
-            across += abs(turned) * power
+            length = 0.0
+            for i in range(parts):
+                for other in range(i):
+                    turned = 0.0
+                    a, b = W[plane[AHEAD + other]], W[plane[AHEAD + i]]
+                    for j in range(k - N + 1, N):
+                        turned += W[aim + other, j] * b[k - j] - W[aim + i, j] * a[k - j]
+                    across += abs(turned) * power
+                for j in range(k - N + 1, N):
+                    length += W[aim + i, j] * W[aim + i, k - j]
             longer += abs(length) * power
             power *= x
         right = asked and across <= tol * speed and longer <= tol
@@ -402,27 +434,60 @@ def forget_directions(rows: Rows, discs: Array) -> None:
 
 
 @compiled()
-def spread_given(rows: Rows, mode: Array, W: Array, N: int, powers: Array, discs: Array) -> None:
-    """Discs of the directions of slips that are polynomials, as :func:`spread_state` makes them.
+def spread_given(flow: Flow, mode: Array, N: int) -> None:
+    """Discs of the directions of slips that are polynomials, as :func:`spread_state` makes them;
+    and, where Au is a polynomial, how far it strays along its direction, and across.
 
     Parameters
     ----------
-    rows : Rows
+    flow : Flow
+        With Taylor coefficients, and the powers of the radius; receives the discs.
     mode : array of int, shape (contacts,)
-    W : array, shape (rows, N + 1)
-        Taylor coefficients.
     N : int
-        Their order.
-    powers : array, shape (N + 1,)
-        Of the radius.
-    discs : array, shape (rows, 4)
-        Receives the discs.
+        Order of the coefficients.
     """
+    rows, W, discs, powers = flow.rows, flow.space.W, flow.space.discs, flow.space.reaches
     for p in range(len(rows.planes)):
         first = rows.planes[p, AIM]
-        if is_given(W, discs, first, int(mode[rows.planes[p, COMPONENT]])):
-            for row in range(first, first + 3):
+        speed = rows.planes[p, AIM_SPEED]
+        if is_given(W, discs, first, speed, int(mode[rows.planes[p, COMPONENT]])):
+            for row in range(first, speed + 1):
                 store(W, discs, row, reach(W[row], N - 1, powers), 0.0, 0.0)
+        discs[speed, SLOPE] = -1.0
+        if rows.planes[p, STRAIGHT] == 1 and W[speed, 0] > 0.0:
+            spread_straight(flow, p, N)
+
+
+@compiled()
+def spread_straight(flow: Flow, p: int, N: int) -> None:
+    """How far Au of a slip strays along its direction, and across, in place of two slopes.
+
+    Parameters
+    ----------
+    flow : Flow
+        As of :func:`spread_given`.
+    p, N : int
+        The plane, and the order of the coefficients.
+    """
+    rows, W, discs, powers = flow.rows, flow.space.W, flow.space.discs, flow.space.reaches
+    plane = rows.planes[p]
+    along, across = 0.0, 0.0
+    for k in range(1, N + 1):
+        inwards, square = 0.0, 0.0
+        for i in range(parts_of(rows, p)):
+            c = plane[COMPONENT + i]
+            part = rows.parts[rows.homes[c, PART]]
+            moved = 0.0
+            for j in range(part[COORDINATES]):
+                q = rows.sizes[INERTIAL] + rows.members[part[MEMBERS] + j]
+                moved += flow.k.J[c, j] * W[q, k]
+            inwards += moved * W[plane[AIM] + i, 0]
+            square += moved * moved
+        along += abs(inwards) * powers[k]
+        # rounding errors of what is across count as across
+        across += math.sqrt(max(square - inwards * inwards, 4e-16 * square)) * powers[k]
+    discs[plane[AIM_SPEED], SLOPE] = across
+    discs[plane[AIM] + 1, SLOPE] = along
 
 
 @compiled()
@@ -431,17 +496,21 @@ def spread_direction(tape: DiscTape, mode: Array, i: int) -> None:
 
     The two factors of u² = (u₁ + iu₂)(u₁ − iu₂) begin with the modulus |u|, and stray by no more
     than both components together, a part q of that. So their roots stray by 1 − √(1 − q), in parts
-    of their own modulus, and the reciprocals of these by 1/√(1 − q) − 1.
+    of their own modulus, and the reciprocals of these by 1/√(1 − q) − 1. With three components, u²
+    strays by at most 2q + q² in parts of itself, and any root of it as these do together.
+
+    A slip that is braked strays mostly along itself. With α along n₀ and β across, it has the
+    direction (α n₀ + β)/√(α² + β·β), which strays by no more than ρ/√(1 − ρ²) + 1/√(1 − ρ²) − 1
+    with any bound ρ of |β|/|α|.
     """
     code = tape.program.code
     W = tape.W
     discs = tape.discs
     row = code[i, RESULT]
-    if is_given(W, discs, row, int(mode[code[i, PLACE]])):
+    last = row + code[i, SIZE] - 1
+    if is_given(W, discs, row, last, int(mode[code[i, PLACE]])):
         return
-    a = code[i, FIRST]
-    b = code[i, SECOND]
-    speed = W[row + 2, 0]
+    speed = W[last, 0]
     aim = np.inf
     long = np.inf
     off = np.inf
@@ -449,8 +518,14 @@ def spread_direction(tape: DiscTape, mode: Array, i: int) -> None:
     if mode[code[i, PLACE]] == 0:
         aim, long, off = 0.0, 0.0, 0.0
     else:
-        q = (discs[a, BALL] + discs[b, BALL]) / speed
-        s = (discs[a, OFF] + discs[b, OFF]) / speed
+        q, s = 0.0, 0.0
+        for k in range(last - row):
+            q += discs[code[i, FIRST + k], BALL]
+            s += discs[code[i, FIRST + k], OFF]
+        q, s = q / speed, s / speed
+        if last - row > 2:
+            # |u² − u₀²|/u₀² = r: the roots stray by 1 − √(1 − r), as with q = r of two components
+            q = 2.0 * q + q * q
         if q + s < 1.0:
             root = math.sqrt(1.0 - q)
             over = 1.0 / root - 1.0
@@ -458,9 +533,18 @@ def spread_direction(tape: DiscTape, mode: Array, i: int) -> None:
             long = speed * (2.0 - root) ** 2 - speed
             off = 2.0 * s / (1.0 - q - s)
             near = speed * (1.0 - q - s)
-    store(W, discs, row, aim, off, 0.0)
-    store(W, discs, row + 1, aim, off, 0.0)
-    store(W, discs, row + 2, long, off * speed if off > 0.0 else 0.0, near)
+        across, along = discs[last, SLOPE], discs[row + 1, SLOPE]
+        if across >= 0.0 and along + across < speed:
+            rho = across / (speed - along)
+            root = math.sqrt(1.0 - rho * rho)
+            if (rho + 1.0 - root) / root < aim:
+                aim, off = (rho + 1.0 - root) / root, 0.0
+                # |α √(1 + (β/α)²) − |u₀||
+                long = min(long, along + (speed + along) * (1.0 / root - 1.0))
+                near = max(near, (speed - along) * root)
+    for k in range(last - row):
+        store(W, discs, row + k, aim, off, 0.0)
+    store(W, discs, last, long, off * speed if off > 0.0 else 0.0, near)
 
 
 @compiled()

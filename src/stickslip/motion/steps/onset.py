@@ -28,9 +28,10 @@ from stickslip.translator import compiled
 
 # Rows of Space.aims for each plane: the direction (two rows), ρ, the right-hand side (two rows),
 # what is solved for (two rows), the order p, what else is kept for a while, and what of the
-# velocity is not in Z V (two rows).
-AIMS = 11
-N_, M_, RHO, BX, BY, X, Y, LEADING, SPARE, OX, OY = range(AIMS)
+# velocity is not in Z V (two rows); behind them those of the third component of a face
+# (:mod:`stickslip.motion.steps.face_onset`).
+AIMS = 14
+N_, M_, RHO, BX, BY, X, Y, LEADING, SPARE, OX, OY = range(11)
 NEGLIGIBLE = 1e-12  # part of its terms below which an order of |Au| is none
 MOST_LEADING = 4  # orders of |Au| that may vanish
 _NEW = 1e-20  # square of the part of a velocity that is none of the others

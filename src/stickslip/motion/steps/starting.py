@@ -24,7 +24,9 @@ from stickslip.arrays import Array
 from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM,
+    AIM_SPEED,
     ASIDE,
+    ATOP,
     BENDS,
     COMPONENT,
     DIMENSION,
@@ -39,6 +41,7 @@ from stickslip.motion.steps.arrays import (
     OTHER,
     ROUNDING,
     SEAT,
+    THIRD_PART,
     Flow,
     Instant,
     Machine,
@@ -46,6 +49,14 @@ from stickslip.motion.steps.arrays import (
     is_loose,
     plain_coefficients,
     set_mode,
+)
+from stickslip.motion.steps.face_onset import (
+    BZ,
+    L_,
+    aim_face_order,
+    aim_faces,
+    is_face,
+    put_pieces,
 )
 from stickslip.motion.steps.onset import (
     AIMS,
@@ -95,7 +106,10 @@ def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: A
     """
     for plane in flow.rows.planes:
         aim = plane[AIM]
-        if plane[FORMULA] >= 0 and table[aim, 0] == 0.0 and table[aim + 1, 0] == 0.0:
+        nowhere = table[aim, 0] == 0.0 and table[aim + 1, 0] == 0.0
+        if plane[THIRD_PART] >= 0:
+            nowhere = nowhere and table[aim + 2, 0] == 0.0
+        if plane[FORMULA] >= 0 and nowhere:
             table[aim, 0] = 1.0  # until it is known: a gradient has no value at 0
     status = plain_coefficients(machine, flow, at, order, table)
     if status != OK or len(flow.rows.planes) == 0:
@@ -141,6 +155,8 @@ def aim_prescribed(flow: Flow, mode: Array, table: Array) -> bool:
         c, aim = plane[COMPONENT], plane[AIM]
         if not 1 <= mode[c] <= 2 or not is_prescribed(rows, c):
             continue
+        if plane[THIRD_PART] >= 0:
+            continue  # is not declared
         x, y = table[plane[AHEAD]], table[plane[ASIDE]]
         still = _LATE * ROUNDING * (mag[c] + mag[plane[OTHER]]) + late * math.hypot(x[1], y[1])
         if not math.hypot(x[0], y[0]) <= still:
@@ -185,7 +201,7 @@ def begins(flow: Flow, mode: Array, table: Array) -> bool:
         c = rows.planes[p, COMPONENT]
         moves = mode[c] == 1 or mode[c] == 2
         slips = rows.planes[p, MASSIVE] == 1 and moves and not is_loose(rows, mode, c)
-        starts = slips and table[rows.planes[p, AIM] + 2, 0] == 0.0
+        starts = slips and table[rows.planes[p, AIM_SPEED], 0] == 0.0
         flow.space.aims[AIMS * p + LEADING, 0] = 0.0 if starts else -1.0
         found = found or starts
     return found
@@ -216,6 +232,9 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
         rank = aim_together(flow)
     else:
         aim_first(flow)
+        status = aim_faces(machine, flow, at, begun)
+        if status != OK:
+            return status
         if any_bends(flow):
             status = aim_where_it_bends(machine, flow, at, begun)
             if status != OK:
@@ -238,10 +257,15 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
             for i in range(2):
                 aims[AIMS * p + BX + i, m] = work[rows.planes[p, AHEAD + i], m + 1]
                 aims[AIMS * p + OX + i, m] = work[rows.planes[p, AHEAD + i], needed - 1]
+            if is_face(rows, p):
+                aims[AIMS * p + BZ, m] = work[rows.planes[p, ATOP], m + 1]
         if rank > 0:
             aim_order_together(flow, rank, m)
         else:
             aim_order(flow, m)
+            for p in range(len(rows.planes)):
+                if is_face(rows, p) and aims[AIMS * p + LEADING, 0] >= 0.0:
+                    aim_face_order(flow, p, m)
     place_aims(flow, table, order)
     status = plain_coefficients(machine, flow, at, order, table)
     place_speeds(flow, table, order)
@@ -289,6 +313,8 @@ def place_aims(flow: Flow, table: Array, order: int) -> None:
         for k in range(table.shape[1]):
             table[first, k] = aims[AIMS * p + N_, k] if k < aims.shape[1] else 0.0
             table[first + 1, k] = aims[AIMS * p + M_, k] if k < aims.shape[1] else 0.0
+            if is_face(rows, p):
+                table[first + 2, k] = aims[AIMS * p + L_, k] if k < aims.shape[1] else 0.0
     place_speeds(flow, table, order)
 
 
@@ -301,7 +327,7 @@ def place_speeds(flow: Flow, table: Array, order: int) -> None:
         leading = int(aims[AIMS * p + LEADING, 0])
         if leading < 0:
             continue
-        row = rows.planes[p, AIM] + 2
+        row = rows.planes[p, AIM_SPEED]
         for k in range(table.shape[1]):
             known = 0 < leading <= k
             table[row, k] = aims[AIMS * p + RHO, k - leading] if known else 0.0
@@ -332,6 +358,8 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
             aims[r, 0] = 1.0  # a gradient has no value at 0
     for probe in range(-1, 2 * planes):
         if probe >= 0 and aims[AIMS * (probe // 2) + LEADING, 0] < 0.0:
+            continue
+        if probe >= 0 and is_face(rows, probe // 2):
             continue
         bent = probe >= 0 and rows.planes[probe // 2, FORMULA] >= 0
         if probe >= 0:
@@ -389,7 +417,7 @@ def aim_first(flow: Flow) -> None:
         change = 0.0
         for p in range(planes):
             base = AIMS * p
-            if aims[base + LEADING, 0] < 0.0:
+            if aims[base + LEADING, 0] < 0.0 or is_face(flow.rows, p):
                 continue
             x, y = coupled(flow, p, N_, 0)
             x += aims[base + BX, 0]
@@ -417,7 +445,8 @@ def any_bends(flow: Flow) -> bool:
     found = False
     for p in range(len(flow.rows.planes)):
         starts = flow.space.aims[AIMS * p + LEADING, 0] >= 0.0
-        found = found or (starts and flow.rows.planes[p, BENDS] == 1)
+        bends = flow.rows.planes[p, BENDS] == 1 and not is_face(flow.rows, p)
+        found = found or (starts and bends)
     return found
 
 
@@ -447,7 +476,7 @@ def aim_where_it_bends(machine: Machine, flow: Flow, at: Instant, table: Array) 
     status = OK
     for p in range(planes):
         base = AIMS * p
-        if aims[base + LEADING, 0] < 0.0 or rows.planes[p, BENDS] == 0:
+        if aims[base + LEADING, 0] < 0.0 or rows.planes[p, BENDS] == 0 or is_face(rows, p):
             continue
         best, angle = -math.inf, math.atan2(aims[base + M_, 0], aims[base + N_, 0])
         before, low = 0.0, 0.0
@@ -496,35 +525,11 @@ def rate_towards(
     aims[AIMS * p + N_, 0], aims[AIMS * p + M_, 0] = n, m
     place_aims(flow, table, FEWEST_ORDERS)
     status = plain_coefficients(machine, flow, at, FEWEST_ORDERS, table)
-    if status == OK and on_other_pieces(flow.rows, p, at.reg, table):
+    if status == OK and put_pieces(flow.rows, p, at.reg, table):
         place_aims(flow, table, FEWEST_ORDERS)
         status = plain_coefficients(machine, flow, at, FEWEST_ORDERS, table)
     x, y = table[flow.rows.planes[p, AHEAD], 1], table[flow.rows.planes[p, AHEAD + 1], 1]
     return status, n * y - m * x, n * x + m * y
-
-
-@compiled()
-def on_other_pieces(rows: Rows, p: int, reg: Array, table: Array) -> bool:
-    """Put the kinks of the dissipation of a plane onto the sides where a direction is; whether one
-    was not.
-
-    Parameters
-    ----------
-    rows : Rows
-    p : int
-        The plane.
-    reg : array of int, shape (kinks,)
-        Is changed.
-    table : array
-        With the direction.
-    """
-    changed = False
-    for piece in rows.pieces:
-        side = 1 if table[piece[2], 0] >= 0.0 else 0
-        if piece[1] == p and reg[piece[0]] != side:
-            reg[piece[0]] = side
-            changed = True
-    return changed
 
 
 @compiled()
@@ -580,6 +585,8 @@ def respond_to_turns(machine: Machine, flow: Flow, at: Instant, table: Array) ->
     for probe in range(-1, 2 * planes):
         row = AIMS * (probe // 2) + N_ + probe % 2
         if probe >= 0 and aims[AIMS * (probe // 2) + LEADING, 0] < 0.0:
+            continue
+        if probe >= 0 and is_face(rows, probe // 2):
             continue
         if probe >= 0:
             aims[row, 1] = 1.0
@@ -670,7 +677,7 @@ def aim_order(flow: Flow, m: int) -> None:
         for p in range(planes):
             base = AIMS * p
             leading = int(aims[base + LEADING, 0])
-            if leading < 0:
+            if leading < 0 or is_face(flow.rows, p):
                 continue
             n, o = aims[base + N_, 0], aims[base + M_, 0]
             x, y = coupled(flow, p, X, m)
@@ -722,7 +729,7 @@ def aim_order(flow: Flow, m: int) -> None:
     for p in range(planes):
         base = AIMS * p
         leading = int(aims[base + LEADING, 0])
-        if leading < 0:
+        if leading < 0 or is_face(flow.rows, p):
             continue
         aims[base + N_, m], aims[base + M_, m] = aims[base + X, m], aims[base + Y, m]
         rho = aims[base + SPARE, m]

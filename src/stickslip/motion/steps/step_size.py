@@ -16,19 +16,20 @@ from stickslip.arrays import Array
 from stickslip.equations.codegen.program import OPERATION, RESULT
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
-    AIM,
+    AIM_SPEED,
     COMPONENT,
     DIMENSION,
     EPSILON,
     INERTIAL,
     INSTANT,
     MASSIVE,
-    OTHER,
     ROUNDING,
     Flow,
     Instant,
     Machine,
     Rows,
+    parts_of,
+    whole_size,
 )
 from stickslip.motion.steps.discs import (
     BALL,
@@ -136,20 +137,19 @@ def is_silent(rows: Rows, W: Array, r: int) -> bool:
         The row.
     """
     for p in range(len(rows.planes)):
-        if r == rows.planes[p, ADMISSIBLE] and W[rows.planes[p, AIM] + 2, 0] > 0.0:
+        if r == rows.planes[p, ADMISSIBLE] and W[rows.planes[p, AIM_SPEED], 0] > 0.0:
             return True
     return False
 
 
 @compiled()
 def companion(rows: Rows, row: int) -> int:
-    """The relative velocity in the other direction of a plane; any other row itself."""
-    for plane in rows.planes:
-        first, second = rows.u[plane[COMPONENT]], rows.u[plane[OTHER]]
-        if row == first:
-            return int(second)
-        if row == second:
-            return int(first)
+    """The relative velocity in the next direction of a plane, or a face; any other row itself."""
+    for p in range(len(rows.planes)):
+        parts = parts_of(rows, p)
+        for i in range(parts):
+            if row == rows.u[rows.planes[p, COMPONENT + i]]:
+                return int(rows.u[rows.planes[p, COMPONENT + (i + 1) % parts]])
     return row
 
 
@@ -338,12 +338,12 @@ def up_to_rest(flow: Flow, mode: Array, h: float) -> float:
     first, clear = np.inf, np.inf
     for p in range(len(rows.planes)):
         c = rows.planes[p, COMPONENT]
-        speed = W[rows.planes[p, AIM] + 2]
+        speed = W[rows.planes[p, AIM_SPEED]]
         if rows.planes[p, MASSIVE] == 0 or mode[c] == 0 or not speed[0] > 0.0:
             continue
         end, slope = slip_end(speed, flow.order, h / unit)
         if end < np.inf:
-            vague = ROUNDING * (mag[c] + mag[rows.planes[p, OTHER]]) / slope
+            vague = ROUNDING * whole_size(rows, mag, p, 0) / slope
             late = 2.0 * (vague * unit + INSTANT * abs(W[n, 0]))
             first = min(first, end * unit)
             clear = min(clear, end * unit + max(late, _BEYOND * end * unit))
@@ -407,7 +407,7 @@ def unseen(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -> float:
     discs[n, BALL] = 2.0 * h
     discs[n, OFF] = 0.0
     spread_state(W, N, powers, p.seen, discs)
-    spread_given(flow.rows, mode, W, N, powers, discs)
+    spread_given(flow, mode, N)
     part = math.ldexp(1.0, -N)  # of the radius of a disc that is left over
     first = 0
     last = p.leading[0]

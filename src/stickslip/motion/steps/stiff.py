@@ -33,7 +33,7 @@ from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import ORDERS
 from stickslip.equations.codegen.series import invert
 from stickslip.motion.steps.arrays import (
-    AIM,
+    AIM_SPEED,
     CAUSE,
     COMPONENT,
     DIMENSION,
@@ -49,7 +49,14 @@ from stickslip.motion.steps.arrays import (
     Lane,
     Machine,
 )
-from stickslip.motion.steps.discs import BALL, OFF, spread, spread_state, tape_of
+from stickslip.motion.steps.discs import (
+    BALL,
+    OFF,
+    spread,
+    spread_given,
+    spread_state,
+    tape_of,
+)
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import (
     LEAST_SIZE,
@@ -315,11 +322,11 @@ def leads_to_rest(flow: Flow, start: Instant, room: float, seen: Array) -> bool:
     W = flow.space.W
     unit = W[rows.sizes[DIMENSION], 1]
     for p in range(len(rows.planes)):
-        first = rows.planes[p, AIM]
-        slips = start.mode[rows.planes[p, COMPONENT]] != 0 and W[first + 2, 0] > 0.0
+        speed = rows.planes[p, AIM_SPEED]
+        slips = start.mode[rows.planes[p, COMPONENT]] != 0 and W[speed, 0] > 0.0
         if rows.planes[p, MASSIVE] == 0 or not slips:
             continue
-        end, _ = slip_end(W[first + 2], flow.order, 2.0 * room / unit)
+        end, _ = slip_end(W[speed], flow.order, 2.0 * room / unit)
         if abs(end * unit - room) <= _AT_THE_END * room + INSTANT * abs(start.t):
             tol, atol = _COARSER * flow.tol, _COARSER * flow.atol
             known = Flow(rows, flow.k, flow.space, flow.order, tol, atol, flow.supports)
@@ -420,6 +427,7 @@ def between_nodes(flow: Flow, start: Instant, h: float, step: float, seen: Array
     discs[n, BALL] = 2.0 * step
     discs[n, OFF] = 0.0
     spread_state(W, flow.order, powers, flow.rows.watched[:n], discs)
+    spread_given(flow, start.mode, flow.order)
     spread(tape_of(flow), start.mode, start.reg, 0, len(flow.rows.program.code))
     fill_powers(powers, step / W[n, 1])
     return hidden(flow, start.mode, h, _PARTS[tables_of(flow.order)], seen)

@@ -1,0 +1,397 @@
+"""The slip of a face that begins: with three components of its velocity, one force for each
+direction.
+
+As in :mod:`stickslip.motion.steps.starting`, (Au)₁ = b − k D ∇R(n) = ρ n says where it goes, with
+Delassus' matrix D and the rate b without friction, both of which four probes tell. The velocity w =
+ρ n minimises (w − b)·D⁻¹(w − b)/2 + k R(w): it is found by Newton's method with R rounded off at 0,
+less and less, which has no need of D⁻¹,
+
+    w − b + k D ∇√(R(w)² + ε²) = 0,
+
+and at last in n and ρ, also where ρ = 0 since the force has just reached its set. Each further
+order is one linear problem for the part of nₘ across n and for one order of ρ.
+"""
+
+from __future__ import annotations
+
+import math
+
+from stickslip.arrays import Array
+from stickslip.equations.codegen.series import invert
+from stickslip.motion.admissible.sets import bend_at, dissipation_at, slope_at
+from stickslip.motion.steps.arrays import (
+    AHEAD,
+    AIM,
+    COMPONENT,
+    FEWEST_ORDERS,
+    FORMULA,
+    OK,
+    THIRD_PART,
+    Flow,
+    Instant,
+    Machine,
+    Rows,
+    plain_coefficients,
+)
+from stickslip.motion.steps.onset import (
+    AIMS,
+    BX,
+    LEADING,
+    MOST_LEADING,
+    N_,
+    NEGLIGIBLE,
+    RHO,
+)
+from stickslip.motion.steps.vectors import solve_equations
+from stickslip.translator import compiled
+
+L_, BZ = 11, 12  # rows of Space.aims for the third component
+_ROUNDED = 0.1  # factor by which R is rounded off less from turn to turn
+_FINEST = 1e-7  # … at last, in parts of its value without friction
+_MOST_TURNS = 40  # of Newton's method
+_SETTLED = 1e-15  # part of its terms by which it may fail at last
+# Rows of Space.facing for each face: D, b, k with ρ, forces of probes (with room for an inverse),
+# that inverse, rates of probes, equations, and what is solved for.
+_D, _B, _K, _FORCES, _INVERSE, _RATES, _EQUATIONS, _SOLVED = 0, 3, 4, 5, 11, 14, 17, 21
+PER_FACE = 22
+
+
+@compiled(brief=True)
+def is_face(rows: Rows, p: int) -> bool:
+    """Whether a contact in a plane is a face."""
+    return bool(rows.planes[p, THIRD_PART] >= 0)
+
+
+@compiled(brief=True)
+def aim_row(i: int) -> int:
+    """The row of Space.aims of a component of the direction."""
+    return N_ + i if i < 2 else L_
+
+
+@compiled(brief=True)
+def rate_row(i: int) -> int:
+    """The row of Space.aims of a component of what the lower orders make of the rate."""
+    return BX + i if i < 2 else BZ
+
+
+@compiled(brief=True)
+def put_pieces(rows: Rows, p: int, reg: Array, table: Array) -> bool:
+    """Put the kinks of the dissipation of a plane onto the sides where a direction is; whether one
+    was not.
+
+    Parameters
+    ----------
+    rows : Rows
+    p : int
+        The plane.
+    reg : array of int, shape (kinks,)
+        Is changed.
+    table : array
+        With the direction.
+    """
+    changed = False
+    for piece in rows.pieces:
+        side = 1 if table[piece[2], 0] >= 0.0 else 0
+        if piece[1] == p and reg[piece[0]] != side:
+            reg[piece[0]] = side
+            changed = True
+    return changed
+
+
+@compiled(brief=True)
+def aim_faces(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
+    """Directions of the faces that begin to slip, at the beginning.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        Its work space says which begin, and receives the directions.
+    at : Instant
+    table : array
+        Work space.
+    """
+    for p in range(len(flow.rows.planes)):
+        if is_face(flow.rows, p) and flow.space.aims[AIMS * p + LEADING, 0] >= 0.0:
+            status = probe_face(machine, flow, at, table, p)
+            if status != OK:
+                return status
+            aim_face(flow, p)
+            status = put_face(machine, flow, at, table, p)
+            if status != OK:
+                return status
+    return OK
+
+
+@compiled(brief=True)
+def put_face(machine: Machine, flow: Flow, at: Instant, table: Array, p: int) -> int:
+    """Make series with the direction of a face in the work space, on the pieces of its dissipation
+    where that is.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    at : Instant
+    table : array
+        Receives them.
+    p : int
+        The face.
+    """
+    aims = flow.space.aims
+    status = OK
+    for _ in range(2):
+        for i in range(3):
+            for k in range(table.shape[1]):
+                table[flow.rows.planes[p, AIM] + i, k] = 0.0
+            table[flow.rows.planes[p, AIM] + i, 0] = aims[AIMS * p + aim_row(i), 0]
+        status = plain_coefficients(machine, flow, at, FEWEST_ORDERS, table)
+        if status != OK or not put_pieces(flow.rows, p, at.reg, table):
+            break
+    return status
+
+
+@compiled(brief=True)
+def probe_face(machine: Machine, flow: Flow, at: Instant, table: Array, p: int) -> int:
+    """D, b and k of a face, from the rates and forces that four directions make.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        Receives them in its work space.
+    at : Instant
+    table : array
+        Work space.
+    p : int
+        The face.
+    """
+    rows, aims = flow.rows, flow.space.aims
+    plane = rows.planes[p]
+    own = flow.space.facing[PER_FACE * p :]
+    size = math.sqrt(1.0 / 3.0)
+    for probe in range(4):
+        # the corners of a tetrahedron
+        aims[AIMS * p + N_, 0] = size if probe < 2 else -size
+        aims[AIMS * p + N_ + 1, 0] = size if probe % 2 == 0 else -size
+        aims[AIMS * p + L_, 0] = size if probe == 0 or probe == 3 else -size
+        status = put_face(machine, flow, at, table, p)
+        if status != OK:
+            return status
+        for i in range(3):
+            force = table[rows.force[plane[COMPONENT + i]], 0]
+            rate = table[plane[AHEAD + i], 1]
+            if probe == 0:
+                own[_SOLVED, i], own[_B, i] = force, rate
+            else:
+                own[_FORCES + probe - 1, i] = force - own[_SOLVED, i]
+                own[_RATES + probe - 1, i] = rate - own[_B, i]
+    R = dissipation_at(flow, plane[FORMULA], size, size, size)
+    own[_K, 0] = -size * (own[_SOLVED, 0] + own[_SOLVED, 1] + own[_SOLVED, 2]) / R
+    known = invert(own[_FORCES:], 3, own[_INVERSE:])
+    for i in range(3):
+        for j in range(3):
+            own[_D + i, j] = 0.0
+            for k in range(3 if known else 0):
+                own[_D + i, j] += own[_INVERSE + j, k] * own[_RATES + k, i]
+    for i in range(3):
+        for j in range(3):
+            own[_B, i] -= own[_D + i, j] * own[_SOLVED, j]
+    return OK
+
+
+@compiled(brief=True)
+def aim_face(flow: Flow, p: int) -> None:
+    """The direction in which a face begins to slip, and ρ.
+
+    Parameters
+    ----------
+    flow : Flow
+        With D, b and k in its work space; receives the direction there.
+    p : int
+        The face.
+    """
+    aims = flow.space.aims
+    own = flow.space.facing[PER_FACE * p :]
+    w = own[_SOLVED]
+    size = 0.0
+    for i in range(3):
+        w[i] = own[_B, i]
+        size = max(size, abs(w[i]))
+    f = flow.rows.planes[p, FORMULA]
+    whole = dissipation_at(flow, f, w[0], w[1], w[2]) if size > 0.0 else 0.0
+    if not whole > 0.0:
+        w[0], w[1], w[2] = 1.0, 0.0, 0.0
+    rounded = whole
+    while rounded > _FINEST * whole:
+        for _ in range(_MOST_TURNS):
+            if not improve_rate(flow, f, own, rounded) > 1e-6 * size:
+                break
+        rounded *= _ROUNDED
+    length = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
+    own[_K, 1] = length
+    for i in range(3):
+        w[i] /= length
+    for _ in range(_MOST_TURNS):
+        if not improve_direction(flow, f, own, size) > _SETTLED:
+            break
+    for i in range(3):
+        aims[AIMS * p + aim_row(i), 0] = w[i]
+    first = abs(own[_K, 1]) > NEGLIGIBLE * size
+    aims[AIMS * p + RHO, 0] = own[_K, 1] if first else 0.0
+    aims[AIMS * p + LEADING, 0] = 1.0 if first else 0.0
+
+
+@compiled(brief=True)
+def improve_rate(flow: Flow, f: int, own: Array, rounded: float) -> float:
+    """A step of Newton's method for w, where R is rounded off; its largest component.
+
+    Parameters
+    ----------
+    flow : Flow
+    f : int
+        Number of the formula.
+    own : array
+        Of the face; its w is changed.
+    rounded : float
+    """
+    w, equations = own[_SOLVED], own[_EQUATIONS:]
+    R = dissipation_at(flow, f, w[0], w[1], w[2])
+    root = math.sqrt(R * R + rounded * rounded)
+    part = own[_K, 0] * R / root
+    less = own[_K, 0] * rounded * rounded / root**3
+    for i in range(3):
+        for j in range(3):
+            equations[i, j] = 1.0 if i == j else 0.0
+        equations[i, 3] = own[_B, i] - w[i]
+        for k in range(3):
+            equations[i, 3] -= own[_D + i, k] * part * slope_at(flow, f, k)
+            for j in range(3):
+                second = part * bend_at(flow, f, k, j)
+                second += less * slope_at(flow, f, k) * slope_at(flow, f, j)
+                equations[i, j] += own[_D + i, k] * second
+    if not solve_equations(equations, 3):
+        return 0.0
+    # where R is rounded off little, a full step may lead to the other side of 0
+    length, step = 0.0, 0.0
+    for i in range(3):
+        length += w[i] * w[i]
+        step += equations[i, 3] ** 2
+    share = min(1.0, 0.5 * math.sqrt(length / step)) if step > 0.0 and part > 0.0 else 1.0
+    most = 0.0
+    for i in range(3):
+        w[i] += share * equations[i, 3]
+        most = max(most, abs(share * equations[i, 3]))
+    return most
+
+
+@compiled(brief=True)
+def improve_direction(flow: Flow, f: int, own: Array, size: float) -> float:
+    """A step of Newton's method for n and ρ in b − k D ∇R(n) = ρ n; how far it goes.
+
+    Parameters
+    ----------
+    flow : Flow
+    f : int
+        Number of the formula.
+    own : array
+        Of the face; its direction and ρ are changed.
+    size : float
+        Of rates.
+    """
+    n, equations = own[_SOLVED], own[_EQUATIONS:]
+    place_tangent(flow, f, own, n[0], n[1], n[2], own[_K, 1])
+    for i in range(3):
+        equations[i, 4] = -own[_B, i] + own[_K, 1] * n[i]
+        for k in range(3):
+            equations[i, 4] += own[_D + i, k] * own[_K, 0] * slope_at(flow, f, k)
+    equations[3, 4] = 0.0
+    if not solve_equations(equations, 4):
+        return 0.0
+    most = abs(equations[3, 4]) / size if size > 0.0 else 0.0
+    length = 0.0
+    for i in range(3):
+        most = max(most, abs(equations[i, 4]))
+    share = min(1.0, 0.5 / most) if most > 0.0 else 1.0
+    for i in range(3):
+        n[i] += share * equations[i, 4]
+        length += n[i] * n[i]
+    own[_K, 1] += share * equations[3, 4]
+    for i in range(3):
+        n[i] /= math.sqrt(length)
+    return most
+
+
+@compiled(brief=True)
+def place_tangent(flow: Flow, f: int, own: Array, x: float, y: float, z: float, rho: float) -> None:
+    """The equations of a change of n and of ρ: −k D ∇²R(n) − ρ and −n, and nothing along n.
+
+    Parameters
+    ----------
+    flow : Flow
+    f : int
+        Number of the formula.
+    own : array
+        Of the face; receives them.
+    x, y, z, rho : float
+    """
+    equations = own[_EQUATIONS:]
+    dissipation_at(flow, f, x, y, z)
+    for i in range(3):
+        for j in range(3):
+            equations[i, j] = -rho if i == j else 0.0
+            for k in range(3):
+                equations[i, j] -= own[_D + i, k] * own[_K, 0] * bend_at(flow, f, k, j)
+    for i in range(3):
+        along = x if i == 0 else (y if i == 1 else z)
+        equations[i, 3] = -along
+        equations[3, i] = along
+    equations[3, 3] = 0.0
+
+
+@compiled(brief=True)
+def aim_face_order(flow: Flow, p: int, m: int) -> None:
+    """Order m of the direction of a face, and the order of |Au| that it tells.
+
+    Parameters
+    ----------
+    flow : Flow
+        With bₘ, the rates of Au with order m of the direction 0.
+    p : int
+        The face.
+    m : int
+    """
+    aims = flow.space.aims
+    base = AIMS * p
+    own = flow.space.facing[PER_FACE * p :]
+    equations = own[_EQUATIONS:]
+    x, y, z = aims[base + N_, 0], aims[base + N_ + 1, 0], aims[base + L_, 0]
+    leading = int(aims[base + LEADING, 0])
+    rho = aims[base + RHO, 0] if leading == 1 else 0.0
+    # times m + 1, so that the response is that of order 0
+    place_tangent(flow, flow.rows.planes[p, FORMULA], own, x, y, z, (m + 1) * rho)
+    along = 0.0
+    size = 0.0
+    k = m + 1 - leading
+    for i in range(3):
+        row = base + aim_row(i)
+        for j in range(1, m):
+            along -= 0.5 * aims[row, j] * aims[row, m - j]
+        right = -aims[base + rate_row(i), m]
+        size += abs(right)
+        if leading > 0:
+            for j in range(1, k):
+                right += aims[base + RHO, j] * aims[row, k - j]
+            if leading > 1 and k > 0:
+                right += aims[base + RHO, 0] * aims[row, k]
+        equations[i, 4] = (m + 1) * right
+    equations[3, 4] = along
+    known = solve_equations(equations, 4)
+    for i in range(3):
+        aims[base + aim_row(i), m] = equations[i, 4] if known else 0.0
+    found = equations[3, 4] / (m + 1) if known else 0.0
+    if leading > 0:
+        aims[base + RHO, k] = found
+    elif abs(found) > NEGLIGIBLE * size and m < MOST_LEADING:
+        aims[base + LEADING, 0] = m + 1.0
+        aims[base + RHO, 0] = found
