@@ -26,7 +26,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from stickslip.symbolic.formulas import Definition
 
-_NOTHING = 1e-140  # beside any q², so that q² log|q| has its value at 0
+# Beside q² in the logarithm: so a motion passes through q = 0 in steps. It changes the mean speed
+# by less than 5e-19; and its derivatives by 1e-9, but only while |q| is about 1e-9.
+_PASSING = 1e-18
 # Coefficients of P and Q, for q > 0 (it spins faster than it slides) and q < 0.
 _DISC_SPINS = (
     0.8002811699174276,
@@ -139,7 +141,7 @@ def mean_speeds() -> dict[str, Definition]:
         ("ring", (_RING, _RING_LOG), (_RING, _RING_LOG)),
     ):
         for part, (P, Q) in ((f"{name}_spins", spins), (f"{name}_slides", slides)):
-            text = f"{_nested(P)} + q**2/2*log(q**2 + {_NOTHING})*{_nested(Q)}"
+            text = f"{_nested(P)} + q**2/2*log(q**2 + {_PASSING})*{_nested(Q)}"
             found[part] = Definition(name, ("q",), text)
         q = "face_side(u, v, w)"
         length = "sqrt(u**2 + v**2 + w**2)"

@@ -16,7 +16,7 @@ from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.expressions import Expr
 
 _ANGLES = 1440  # of a circle, between which a jump of the gradient is looked for
-_ARCS = 24  # that are looked into
+_ARCS = 12  # that are looked into
 _PLANES = 9  # circles beside those of pairs of axes, of three components
 _HALVINGS = 44
 _JUMP = 1e-6  # change of a gradient, in parts of its size, across what rounding leaves of an arc
@@ -92,37 +92,40 @@ def _check_width(formula: ConvexFormula, others: list[float], where: str) -> Non
 
 def _check_kinks(formula: ConvexFormula, others: list[float], where: str) -> None:
     gradient = evaluator([*formula.gradient], [*formula.names, *formula.ranges])
-    given = np.broadcast_to(np.array(others)[:, None], (len(others), _ANGLES))
-    for circle in _circles(formula.dimension):
+    circles = np.array(_circles(formula.dimension))
+    # A start that hits no direction in which a formula may have a kink by its form.
+    angles = 0.1234567 + 2.0 * np.pi * np.arange(_ANGLES + 1) / _ANGLES
 
-        def slopes(angles: Array, circle: Array = circle) -> Array:
-            return gradient([*_along(circle, angles), *given[:, : len(angles)]])
+    def slopes(own: Array, angle: Array) -> Array:
+        """∇R in directions of circles, shape (n, count)."""
+        v = np.cos(angle) * own[:, 0].T + np.sin(angle) * own[:, 1].T
+        return gradient([*v, *(np.full(len(angle), x) for x in others)])
 
-        # A start that hits no direction in which a formula may have a kink by its form.
-        low = 0.1234567 + 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
-        high = low + 2.0 * np.pi / _ANGLES
-        here, there = slopes(low), slopes(high)
-        # A jump is among the largest changes.
-        changes = np.nan_to_num(np.abs(there - here).max(axis=0), nan=np.inf)
-        most = np.argsort(changes)[-_ARCS:]
-        low, high, here, there = low[most], high[most], here[:, most], there[:, most]
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            between = slopes(middle)
-            first = np.abs(between - here).max(axis=0) >= np.abs(there - between).max(axis=0)
-            low, high = np.where(first, low, middle), np.where(first, middle, high)
-            here, there = np.where(first, here, between), np.where(first, between, there)
-        jump = np.abs(there - here).max(axis=0)
-        k = int(np.nan_to_num(jump, nan=np.inf).argmax())
-        if not jump[k] <= _JUMP * np.abs(here).max():
-            at = _numbers(_along(circle, low[k : k + 1])[:, 0])
-            raise DeclarationError(
-                where,
-                f"its gradient jumps at v = {at}, from {_numbers(here[:, k])} to "
-                f"{_numbers(there[:, k])}",
-                "Slip in one direction has one force: use contacts along lines, whose friction "
-                f"adds up, or round the kink off, as sqrt({formula.names[0]}**2 + ...) does",
-            )
+    every = np.repeat(circles, len(angles), axis=0)
+    found = slopes(every, np.tile(angles, len(circles))).reshape(-1, len(circles), len(angles))
+    changes = np.abs(np.diff(found, axis=2)).max(axis=0)
+    # A jump is among the largest changes.
+    most = np.argsort(np.nan_to_num(changes, nan=np.inf), axis=1)[:, -_ARCS:]
+    which, arc = np.repeat(np.arange(len(circles)), _ARCS), most.ravel()
+    own, low, high = circles[which], angles[arc], angles[arc + 1]
+    here, there = found[:, which, arc], found[:, which, arc + 1]
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        between = slopes(own, middle)
+        first = np.abs(between - here).max(axis=0) >= np.abs(there - between).max(axis=0)
+        low, high = np.where(first, low, middle), np.where(first, middle, high)
+        here, there = np.where(first, here, between), np.where(first, between, there)
+    jump = np.abs(there - here).max(axis=0)
+    k = int(np.nan_to_num(jump, nan=np.inf).argmax())
+    if not jump[k] <= _JUMP * np.abs(here).max():
+        at = np.cos(low[k]) * own[k, 0] + np.sin(low[k]) * own[k, 1]
+        raise DeclarationError(
+            where,
+            f"its gradient jumps at v = {_numbers(at)}, from {_numbers(here[:, k])} to "
+            f"{_numbers(there[:, k])}",
+            "Slip in one direction has one force: use contacts along lines, whose friction "
+            f"adds up, or round the kink off, as sqrt({formula.names[0]}**2 + ...) does",
+        )
 
 
 def _numbers(v: Array) -> str:

@@ -157,8 +157,7 @@ class Equations:
         """|Au| of a contact in a plane, by its components, or what its dissipation is of u."""
         read = self._reader.read
         if contact.dissipation is not None:
-            first, second = self._velocities(contact)
-            u: dict[str, Node] = {"v1": first, "v2": second}
+            u = {f"v{i}": e for i, e in enumerate(self._velocities(contact), 1)}
             return inserted(read(contact.dissipation), u)
         scaled = [
             times(read(axis), u)
@@ -266,10 +265,11 @@ class Equations:
         threshold, _ = self._pair(contact.threshold)
         sliding = threshold if contact.kinetic is None else self._pair(contact.kinetic)[0]
         index = self._next_index()
-        first, second = map(self._reader.read, contact.axes)
-        matrix = "" if first == second == UNITY else f"{self._free_letter('AEGD')}{index}"
+        axes = tuple(map(self._reader.read, contact.axes))
+        plain = contact.dissipation is not None or all(axis == UNITY for axis in axes)
+        matrix = "" if plain else f"{self._free_letter('AEGD')}{index}"
         u = self._velocities(contact)
-        found = PlaneFriction(name, index, u, threshold, sliding, matrix, (first, second))
+        found = PlaneFriction(name, index, u, threshold, sliding, matrix, axes)
         if contact.dissipation is not None:
             R = self._reader.read(contact.dissipation)
             found = replace(found, dissipation=R, called=f"{self._free_letter('RPS')}{index}")
@@ -286,10 +286,9 @@ class Equations:
         both = given if isinstance(given, (tuple, list)) else (given, given)
         return self._reader.read(both[0]), self._reader.read(both[1])
 
-    def _velocities(self, contact: Contact) -> tuple[Node, Node]:
-        """Both components of the velocity of a contact in a plane."""
-        first, second = contact.components("").values()
-        return self._velocity(first), self._velocity(second)
+    def _velocities(self, contact: Contact) -> tuple[Node, ...]:
+        """Components of the velocity of a contact in a plane, or of a face."""
+        return tuple(map(self._velocity, contact.components("").values()))
 
     def _velocity(self, contact: Contact) -> Node:
         """Relative velocity along a line."""

@@ -87,26 +87,26 @@ class PlaneFriction:
     ----------
     contact, index : str
         As in :class:`Friction`.
-    velocity : pair of Node
+    velocity : tuple of Node
     threshold, sliding : Node
         Largest force and sliding force.
     matrix : str
         What the matrix of the axes is called; empty for a disc.
-    axes : pair of Node
+    axes : tuple of Node
         Its diagonal.
     dissipation : Node or None
-        R(v) of a contact that has a formula, in ``v1`` and ``v2``.
+        R(v) of a contact that has a formula, in ``v1``, ``v2`` (and ``v3``).
     called : str
         What R is called.
     """
 
     contact: str
     index: str
-    velocity: tuple[Node, Node]
+    velocity: tuple[Node, ...]
     threshold: Node
     sliding: Node
     matrix: str
-    axes: tuple[Node, Node]
+    axes: tuple[Node, ...]
     dissipation: Node | None = None
     called: str = ""
 
@@ -151,7 +151,7 @@ class PlaneFriction:
 
     def _of_formula(self, force: Node, u: Node) -> list[tuple[Node, Node]]:
         """Pairs of a condition and the law that then holds, with R."""
-        v = [Name(name) for name in ("v1", "v2")]
+        v = [Name(f"v{i + 1}") for i in range(len(self.velocity))]
         work = sum_of(*(negate(times(self.component(i), x)) for i, x in enumerate(v, 1)))
         most = times(self.threshold, Call(self.called, (Name("v"),)))
         slope = Call(VECTOR, tuple(Call(self.called, (u,), by=(x.name,)) for x in v))

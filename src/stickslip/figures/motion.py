@@ -386,7 +386,8 @@ class _Overview:
             unit = unit_label(self.unit(f"friction_{plane.parts[0]}"))
             plain = plane.is_disc or plane.formula is not None
             said = r"$|\lambda|$" if plain else r"$|A^{-1}\lambda|$"
-            axes.set_ylabel(said + (f"  [{unit}]" if unit else ""))
+            said += f"  [{unit}]" if unit else ""
+            axes.set_ylabel("part of the limit" if plane.turns else said)
             axes.set_title(plane.name)
             if plane is next(iter(self.in_plane.values())):
                 self.explain(axes, "size of the friction force", "threshold")

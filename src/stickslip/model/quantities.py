@@ -125,6 +125,14 @@ def slip_unit(system: System, contact: str) -> str | None:
 def force_unit(system: System, contact: str) -> str | None:
     """The unit of a friction force: the declared one, or what makes its work an energy."""
     declared = next(c for c in system.declaration.contacts if c.name == contact)
+    if declared.unit and declared.plane == 3:
+        # of a face a moment: work is done at a rate of turning
+        first = contact.removesuffix("3") + "1"
+        speed, turning = slip_unit(system, first), slip_unit(system, contact)
+        if speed is None or turning is None:
+            return None
+        parts = (factors(declared.unit), 1), (factors(speed), 1), (factors(turning), -1)
+        return unit_text(unit_product(*parts))
     if declared.unit:
         return declared.unit
     work = energy_unit(system)

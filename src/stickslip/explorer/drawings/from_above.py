@@ -26,7 +26,7 @@ def bodies_of(system: System) -> dict[tuple[str, str], str]:
     """Pairs of coordinates that a contact in a plane moves alone, with its name in variables."""
     declared = {c.name: c for c in system.declaration.contacts}
     found: dict[tuple[str, str], str] = {}
-    for name, (first, second) in system.planes.items():
+    for name, (first, second, *_) in system.planes.items():
         across, up = (list(declared[part].direction) for part in (first, second))
         if len(across) == len(up) == 1:
             found.setdefault((across[0], up[0]), contact_key(name))

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 _SAME = 1e-3  # part of a threshold by which it may change and still be drawn as one line
 _ROUND = 181  # points of an ellipse
 _FINE = 1441  # and of what a formula makes
+_SPHERE = 4001  # directions of a face
 
 
 @dataclass(frozen=True)
@@ -60,22 +61,24 @@ class InPlane:
         return contact_key(self.name)
 
     @cached_property
-    def parts(self) -> tuple[str, str]:
-        """Names of its components in variables."""
-        first, second = self.trajectory.system.planes[self.name]
-        return contact_key(first), contact_key(second)
+    def parts(self) -> tuple[str, ...]:
+        """Names of its components in variables: two, or three of a face."""
+        return tuple(map(contact_key, self.trajectory.system.planes[self.name]))
 
     @cached_property
-    def _declared(self) -> tuple[DryContact, DryContact]:
+    def _declared(self) -> tuple[DryContact, ...]:
         contacts = {c.name: c for c in self.trajectory.system.declaration.contacts}
-        first, second = self.trajectory.system.planes[self.name]
-        return contacts[first], contacts[second]
+        return tuple(contacts[part] for part in self.trajectory.system.planes[self.name])
+
+    @property
+    def turns(self) -> bool:
+        """Whether it is a face, whose force is one in the plane and a moment."""
+        return len(self.parts) == 3
 
     @cached_property
-    def axes(self) -> tuple[float, float]:
+    def axes(self) -> tuple[float, ...]:
         """Half axes of its set of forces, in parts of the threshold."""
-        first, second = (ex.evaluate(c.axis, self.trajectory.parameters) for c in self._declared)
-        return first, second
+        return tuple(ex.evaluate(c.axis, self.trajectory.parameters) for c in self._declared)
 
     @cached_property
     def is_disc(self) -> bool:
@@ -92,7 +95,7 @@ class InPlane:
         if any(w.symbols - given.keys() for c in self._declared for w in c.direction.values()):
             return None
         first, second = (
-            {x: ex.evaluate(w, given) for x, w in c.direction.items()} for c in self._declared
+            {x: ex.evaluate(w, given) for x, w in c.direction.items()} for c in self._declared[:2]
         )
         return first, second
 
@@ -102,19 +105,21 @@ class InPlane:
         return [f"{kind}_{part}" for part in self.parts for kind in ("friction", "threshold")]
 
     def force(self, values: Mapping[str, Array]) -> tuple[Array, Array]:
-        """Both components of the friction force."""
-        first, second = (values[f"friction_{part}"] for part in self.parts)
-        return first, second
+        """Both components of the friction force; of a face its size in the plane, and a moment."""
+        first, second, *third = (values[f"friction_{part}"] for part in self.parts)
+        return (np.hypot(first, second), third[0]) if third else (first, second)
 
     def bounds(self, values: Mapping[str, Array]) -> tuple[Array, Array]:
         """Half axes of the set of forces, in units of a force; of a formula the threshold, of which
         the outline is a multiple."""
-        first, second = (values[f"threshold_{part}"] for part in self.parts)
+        bounds = [values[f"threshold_{part}"] for part in self.parts]
         if self.formula is not None:
-            along = [self.formula.numbers([*e, *self._others])[0] for e in np.eye(2)]
-            s = first / along[0] if along[0] >= along[1] else second / along[1]
+            axes = np.eye(len(self.parts))
+            along = [self.formula.numbers([*e, *self._others])[0] for e in axes]
+            largest = int(np.argmax(along))
+            s = bounds[largest] / along[largest]
             return s, s
-        return first, second
+        return bounds[0], bounds[1]
 
     @property
     def formula(self) -> ConvexFormula | None:
@@ -133,14 +138,54 @@ class InPlane:
         if self.formula is None:
             angle = np.linspace(0.0, 2.0 * np.pi, _ROUND)
             return np.column_stack([np.cos(angle), np.sin(angle)])
+        if self.turns:
+            from scipy.spatial import ConvexHull
+
+            surface = self._surface
+            border = np.column_stack([np.hypot(surface[:, 0], surface[:, 1]), surface[:, 2]])
+            both = np.concatenate([border, border * [-1.0, 1.0]])
+            hull = both[ConvexHull(both).vertices]
+            right = hull[hull[:, 0] >= 0.0]
+            return right[np.argsort(np.arctan2(right[:, 1], right[:, 0]))]
         angle = np.linspace(0.0, 2.0 * np.pi, _FINE)
         way = zip(np.cos(angle), np.sin(angle), strict=True)
         # The force against a slip in each direction.
         return np.array([[-x for x in self.formula.numbers([*w, *self._others])[1:3]] for w in way])
 
+    @cached_property
+    def _ways(self) -> Array:
+        """Directions all over an ellipsoid, shape (points, 3), by the golden angle: of velocities
+        that dissipate alike along the axes."""
+        assert self.formula is not None
+        along = [self.formula.numbers([*e, *self._others])[0] for e in np.eye(3)]
+        k = np.arange(_SPHERE) + 0.5
+        height = 1.0 - 2.0 * k / _SPHERE
+        turn = np.pi * (1.0 + 5.0**0.5) * k
+        across = np.sqrt(1.0 - height**2)
+        return np.column_stack([across * np.cos(turn), across * np.sin(turn), height]) / along
+
+    @cached_property
+    def _surface(self) -> Array:
+        """The forces of a face against slips in these directions, in parts of :meth:`bounds`."""
+        assert self.formula is not None
+        numbers = self.formula.numbers
+        found = [numbers([*w, *self._others])[1:4] for w in self._ways]
+        return -np.array(found)
+
+    def _share(self, values: Mapping[str, Array]) -> Array:
+        """The part of its limit surface that the force of a face is at."""
+        forces = np.column_stack([values[f"friction_{part}"] for part in self.parts])
+        outward = -self._ways
+        most = np.einsum("ij,ij->i", self._surface, outward)
+        found = [np.max(outward @ force / most) for force in forces]
+        return np.array(found) / self.bounds(values)[0]
+
     def size(self, values: Mapping[str, Array]) -> tuple[Array, Array]:
         """abs(A⁻¹λ), and the threshold that bounds it; of a formula abs(λ), and the largest force
-        of that direction."""
+        of that direction; of a face the part of its limit surface, and 1."""
+        if self.turns:
+            share = self._share(values)
+            return share, np.ones_like(share)
         if self.formula is not None:
             x, y = self.force(values)
             angles = np.arctan2(self.outline[:, 1], self.outline[:, 0])
@@ -178,8 +223,15 @@ class InPlane:
 
     def force_labels(self) -> tuple[str, str]:
         """What is written at the axes of the force."""
-        unit = quantity(self.trajectory.system, f"friction_{self.parts[0]}").get("units", "")
-        return axis_label(["lam_1"], unit), axis_label(["lam_2"], unit)
+        units = [
+            quantity(self.trajectory.system, f"friction_{part}").get("units", "")
+            for part in self.parts
+        ]
+        if self.turns:
+            label = unit_label(units[0])
+            across = r"$\sqrt{\lambda_1^2 + \lambda_2^2}$" + (f"  [{label}]" if label else "")
+            return across, axis_label(["lam_3"], units[2])
+        return axis_label(["lam_1"], units[0]), axis_label(["lam_2"], units[1])
 
 
 class PlaneCurves:
@@ -282,7 +334,7 @@ class PlaneCurves:
             Line2D([], [], color=STICK_LINE, lw=1.8, label="in stick"),
             Patch(fc=BAND, ec=THRESHOLD, lw=0.8, label=said),
         ]
-        _square(axes, *plane.force_labels())
+        _square(axes, *plane.force_labels(), alike=not plane.turns)
         if len(self.planes) > 1:
             # The corners of a disc are free.
             axes.text(0.02, 0.98, plane.name, transform=axes.transAxes, va="top")
@@ -309,13 +361,14 @@ def _box(plane: InPlane, sampled: Sampled) -> tuple[Array, Array]:
     some = np.unique(np.linspace(0, sampled.steps - 1, 200).astype(int))
     names = [f"threshold_{part}" for part in plane.parts]
     bounds = motion.trace(names, sampled.time[some], some + sampled.first)
-    first, second = (float(np.max(bounds[name])) for name in names)
-    return np.array([-first, first]), np.array([-second, second])
+    first, *_, last = (float(np.max(bounds[name])) for name in names)
+    return np.array([0.0 if plane.turns else -first, first]), np.array([-last, last])
 
 
-def _square(axes: Axes, across: str, up: str) -> None:
-    """Equal scales, and names of the axes."""
-    axes.set_aspect("equal", adjustable="datalim")
+def _square(axes: Axes, across: str, up: str, alike: bool = True) -> None:
+    """Equal scales, of what is alike, and names of the axes."""
+    if alike:
+        axes.set_aspect("equal", adjustable="datalim")
     axes.set_box_aspect(0.9)
     axes.set_anchor("N")
     axes.margins(0.08)

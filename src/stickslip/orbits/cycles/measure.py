@@ -110,9 +110,10 @@ def contact_shares(motion: Trajectory, sums: Sums) -> dict[str, ContactShare]:
         for own, stick, work in zip(members, sums.stick, sums.work, strict=True)
         for contact in own
     }
-    for name, (first, second) in motion.system.planes.items():
-        own, other = found.pop(first), found.pop(second)
-        found[name] = replace(own, dissipated=own.dissipated + other.dissipated)
+    for name, parts in motion.system.planes.items():
+        own, *others = (found.pop(part) for part in parts)
+        lost = own.dissipated + sum(other.dissipated for other in others)
+        found[name] = replace(own, dissipated=lost)
     for name, sides in motion.system.constraints.items():
         for side in sides:
             found.pop(normal_force(side))
