@@ -21,7 +21,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.record.audited import Audit, audited, follow_again
 from stickslip.motion.record.knots import IS_OPEN, Knots
-from stickslip.motion.record.switches import SLIP, Switches
+from stickslip.motion.record.switches import SLIP_WORD, Switches
 from stickslip.results import Result, listed
 from stickslip.stopping.scopes import unbroken
 from stickslip.symbolic import expressions as ex
@@ -431,7 +431,7 @@ class Trajectory(Result):
             words += ["open", "closed"]
         first = -1
         if contact in self.system.planes:
-            words = ["stick", SLIP, *words[3:]]
+            words = ["stick", SLIP_WORD, *words[3:]]
             first = 0
         flags = {
             "flag_values": np.arange(first, first + len(words), dtype=np.int8),

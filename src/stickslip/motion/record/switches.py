@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from stickslip.equations.derive import MotionEquations
     from stickslip.model.declaration import DryContact
 
-SLIP = "slip"  # in a plane, where it has no sign
+SLIP_WORD = "slip"  # in a plane, where it has no sign
 
 
 class Switches:
@@ -212,7 +212,7 @@ class Switches:
         # The names of the modes −1, 0, 1, of what can open, then those of the regions 0, 1, and of
         # the sides of a jump; last, of a slip in a plane.
         words = [MODE_NAMES[mode] for mode in (-1, 0, 1)]
-        words = [*words, "open", "closed", "below", "above", "before", "after", SLIP]
+        words = [*words, "open", "closed", "below", "above", "before", "after", SLIP_WORD]
         said = mode + 1
         in_plane = np.array([name in self.system.planes for name in self.columns], bool)
         said[:, in_plane] = np.where(mode[:, in_plane] == 1, len(words) - 1, said[:, in_plane])
