@@ -27,8 +27,8 @@ from stickslip.figures.drawing.thinning import (
 )
 from stickslip.figures.motion import plot_trajectory
 from stickslip.model.quantities import FORCES, contact_key
-from stickslip.motion.knots import Knots
 from stickslip.motion.outcome import Outcome
+from stickslip.motion.record.knots import Knots
 
 
 def time_panels(figure: Figure) -> list[Axes]:

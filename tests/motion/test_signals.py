@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from stickslip.arrays import Array
-from stickslip.motion.engine import signals
-from stickslip.motion.engine.signals import SignalSum, first_of_many
+from stickslip.motion.affine import signals
+from stickslip.motion.affine.signals import SignalSum, first_of_many
 
 
 def value(s: SignalSum, x: float) -> float:

@@ -20,7 +20,7 @@ from stickslip import (
     simulate,
     simulate_many,
 )
-from stickslip.motion.steps.stiff import POWERS, SLOPES, STAGE_NODES, TERMS
+from stickslip.motion.steps.radau import POWERS, SLOPES, STAGE_NODES, TERMS
 
 
 def given(**defaults: float) -> dict[str, Parameter]:

@@ -33,7 +33,7 @@ from stickslip.symbolic import expressions as ex
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from stickslip.motion.knots import Knots
+    from stickslip.motion.record.knots import Knots
     from stickslip.motion.trajectory import Trajectory
 
 

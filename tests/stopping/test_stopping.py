@@ -261,7 +261,7 @@ def test_control_c_keeps_a_sound_motion(system: ss.System) -> None:
 
 def last_part(motion: ss.Trajectory, begin: int) -> ss.Trajectory:
     """A motion from a knot on."""
-    from stickslip.motion.knots import Knots
+    from stickslip.motion.record.knots import Knots
 
     k = motion.knots
     parts = (part[begin:] for part in (k.clock, k.state, k.mode, k.region, k.cause))

@@ -25,7 +25,7 @@ from stickslip.figures.drawing.style import (
 )
 from stickslip.model.quantities import contact_key, quantity
 from stickslip.model.units import unit_label
-from stickslip.motion.knots import IS_CLOSED, IS_OPEN
+from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN
 
 if TYPE_CHECKING:
     from stickslip.orbits.cycles.cycle import Cycle

@@ -42,7 +42,7 @@ from stickslip.figures.drawing.thinning import COLUMNS, FEW, Columns, Curve, str
 from stickslip.model.names import normal_force
 from stickslip.model.quantities import FORCES, contact_key, quantity
 from stickslip.model.units import unit_label
-from stickslip.motion.knots import IS_CLOSED, IS_OPEN
+from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory

@@ -18,8 +18,8 @@ from stickslip.fitting.recording import CLOCKS, Recording, as_recordings
 from stickslip.fitting.unknowns import FreeRange, Unknown, read_unknowns
 from stickslip.kept import cached_property
 from stickslip.model.system import Formula, System
-from stickslip.motion.knots import Knots
 from stickslip.motion.problem import pose
+from stickslip.motion.record.knots import Knots
 from stickslip.motion.trajectory import Trajectory
 from stickslip.orbits.sensitivities.quantities import read_observations
 

@@ -92,11 +92,11 @@ ENGINE = Library(
         f"stickslip.{name}"
         for name in (
             "equations.native.kernels",
+            "motion.affine.flights",
             "motion.audit.step_balance",
             "motion.between.dense",
             "motion.between.trace",
             "motion.engine.event_loop",
-            "motion.engine.flights",
             "motion.steps.tables",
             "orbits.fields.engine.interpreter",
             "orbits.fields.engine.variations",

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.motion.affine.forms import ClosedForms
 from stickslip.motion.engine import event_loop
-from stickslip.motion.engine.forms import ClosedForms
 from stickslip.motion.problem import Problem
 from stickslip.motion.steps.arrays import (
     CAUSE,

@@ -16,7 +16,7 @@ from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property, made_once
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
-from stickslip.motion.engine.forms import MOST_SWITCHES, make_closed_forms, make_flight
+from stickslip.motion.affine.forms import MOST_SWITCHES, make_closed_forms, make_flight
 from stickslip.motion.rows import layout_rows
 from stickslip.motion.steps.arrays import (
     DIMENSION,
@@ -33,7 +33,7 @@ from stickslip.symbolic.enclosures import bounds
 
 if TYPE_CHECKING:
     from stickslip.equations.native.systems import CompiledSystem
-    from stickslip.motion.engine.forms import ClosedForms, Flight
+    from stickslip.motion.affine.forms import ClosedForms, Flight
 
 
 MOTION_SLOTS = 64  # modes with a closed form that one set of parameters may have

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import AnyArray as Array
-from stickslip.motion.engine.flights import mode_key
-from stickslip.motion.engine.forms import AFFINE
-from stickslip.motion.knots import Knots
+from stickslip.motion.affine.flights import mode_key
+from stickslip.motion.affine.forms import AFFINE
+from stickslip.motion.record.knots import Knots
 from stickslip.motion.steps.arrays import ROUNDING
 from stickslip.stopping.scopes import unbroken
 

@@ -13,9 +13,9 @@ from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.model.system import System
-from stickslip.motion.knots import Knots
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
+from stickslip.motion.record.knots import Knots
 from stickslip.motion.starts import (
     check_contacts,
     check_stable_start,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -13,21 +12,19 @@ from numpy.typing import ArrayLike
 from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate
-from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.kept import cached_property
-from stickslip.model.names import JOINED, normal_force
 from stickslip.model.quantities import FORCES, contact_key, forces_of, quantity
 from stickslip.model.system import System
 from stickslip.motion.certify import certify_trajectory
-from stickslip.motion.knots import IS_CLOSED, IS_OPEN, Knots
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
+from stickslip.motion.record.audited import Audit, audited, follow_again
+from stickslip.motion.record.knots import IS_OPEN, Knots
+from stickslip.motion.record.switches import SLIP_WORD, Switches
 from stickslip.results import Result, listed
 from stickslip.stopping.scopes import unbroken
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.functions import FUNCTIONS
-from stickslip.symbolic.pieces import unwrapped
 
 if TYPE_CHECKING:
     import pandas
@@ -35,39 +32,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from stickslip.model.declaration import DryContact
-    from stickslip.motion.audit.accounts import Accounts
-    from stickslip.motion.audit.observers import Sums
     from stickslip.motion.event_catalogue import EventCatalogue
 
 GRID = 1000  # points of the dataset between knots
-_SLIP = "slip"  # in a plane, where it has no sign
-
-
-@dataclass(frozen=True)
-class Audit:
-    """A motion measured again from its knots.
-
-    Attributes
-    ----------
-    energy, dissipated, supplied : arrays, shape (knots,)
-    residuals : array, shape (4,)
-        See :func:`stickslip.motion.audit.step_balance.judge`.
-    open : array, shape (knots,)
-        Time after each knot that is not verified.
-    largest : array, shape (n,)
-        Largest modulus of each component.
-    sums : Sums
-        Extremes, times in stick, forces and work of the contacts.
-    """
-
-    energy: Array
-    dissipated: Array
-    supplied: Array
-    residuals: Array
-    open: Array
-    largest: Array
-    sums: Sums
 
 
 class Trajectory(Result):
@@ -161,7 +128,7 @@ class Trajectory(Result):
     def _rows(self) -> dict[str, int]:
         """Row of each published quantity, without modes and energies."""
         layout = self._problem.compiled.layout
-        contacts = self._contacts
+        contacts = self._switches.contacts
         rows = {name: i for i, name in enumerate(layout.state)}
         rows |= {name: row for name, row in layout.named.items() if name not in rows}
         for parts in self.system.rubbing.values():
@@ -181,61 +148,23 @@ class Trajectory(Result):
                 }
                 rows |= {f"{kind}_{key}": own[kind] for kind in kinds}
                 rows[f"slip_speed_{key}"] = u
-        for key, i in self._openings.items():
+        for key, i in self._switches.openings.items():
             whole = layout.force[i], 0, 0, layout.gaps[i]
             force, *_, gap = layout.parts.get(f"normal_{key}", whole)
             rows |= {f"normal_{key}": force, f"gap_{key}": gap}
         return rows | {f"normal_{contact_key(name)}": i for name, i in layout.carrying.items()}
 
     @cached_property
-    def _contacts(self) -> dict[str, int]:
-        """Key of each contact that rubs in the order of declaration, with its number in the engine;
-        in a plane of each of its components."""
-        equations = self._problem.compiled.equations
-        numbers = equations.numbers
-        names = [n for n in self.system.dry_contacts if not equations.contacts[numbers[n]].opens]
-        return {contact_key(name): numbers[name] for name in names}
+    def _switches(self) -> Switches:
+        """What the contacts do from knot to knot."""
+        return Switches(self.system, self._problem.compiled.equations, self.knots)
 
-    @cached_property
-    def _openings(self) -> dict[str, int]:
-        """Key of each contact that can open, with the number of its normal direction."""
-        numbers = self._problem.compiled.equations.numbers
-        return {contact_key(name): numbers[normal_force(name)] for name in self.system.unilateral}
-
-    @cached_property
+    @property
     def modes(self) -> dict[str, Array]:
         """Mode of each contact from every knot on, by its name in variables: −1, 0, 1 where it
         slips or sticks (in a plane 1 where it slips); of one that can open, 2 where it is open, and
         3 where it is closed and without friction."""
-        mode = self.knots.slip
-        first = {name: contact_key(parts[0]) for name, parts in self.system.rubbing.items()}
-        found = {
-            contact_key(name): mode[:, self._contacts[key]]
-            for name, key in first.items()
-            if key in self._contacts
-        }
-        for key, backward in self._turned.items():
-            found[key] = np.where(backward, -found[key], found[key]).astype(np.int8)
-        for key, i in self._openings.items():
-            closed = found.get(key, np.full(len(mode), IS_CLOSED))
-            found[key] = np.where(mode[:, i] == 0, closed, IS_OPEN).astype(np.int8)
-        for key in map(contact_key, self.system.constraints):
-            found.setdefault(key, np.full(len(mode), IS_CLOSED, np.int8))
-        return found
-
-    @cached_property
-    def _turned(self) -> dict[str, Array]:
-        """Of contacts that may slip back where what they are one with slips forward, whether they
-        do from every knot on, by the names of variables."""
-        equations = self._problem.compiled.equations
-        if not equations.turning:
-            return {}
-        regions, place = np.unique(self.knots.region, axis=0, return_inverse=True)
-        turned = [equations.turned(row.tolist()) for row in regions]
-        return {
-            contact_key(name): np.array([name in own for own in turned])[place.ravel()]
-            for name in dict.fromkeys(name for own in turned for name in own)
-        }
+        return self._switches.modes
 
     @cached_property
     def impacts(self) -> pandas.DataFrame:
@@ -249,7 +178,7 @@ class Trajectory(Result):
 
         k = self.knots
         first = len(self._problem.compiled.equations.kinks)
-        numbers = {first + i: key for key, i in self._openings.items()}
+        numbers = {first + i: key for key, i in self._switches.openings.items()}
         struck = self._strikes
         before = self._sample_clock(k.clock[struck], struck - 1)
         after = self._sample_clock(k.clock[struck], struck)
@@ -272,7 +201,7 @@ class Trajectory(Result):
         where the motion ends because they cannot."""
         k = self.knots
         first = len(self._problem.compiled.equations.kinks)
-        closed = np.isin(k.cause, [first + i for i in self._openings.values()])
+        closed = np.isin(k.cause, [first + i for i in self._switches.openings.values()])
         closed[0] = False
         closed[-1] &= self.outcome not in (Outcome.NO_COLLISION, Outcome.CREATES_ENERGY)
         index = np.flatnonzero(closed)
@@ -281,7 +210,7 @@ class Trajectory(Result):
     @cached_property
     def _leaps(self) -> Array:
         """Knots at which the state jumps, in impacts or declared jumps."""
-        jumped = np.flatnonzero(np.any(self._jumped, axis=1)) + 1
+        jumped = np.flatnonzero(np.any(self._switches.jumped, axis=1)) + 1
         return np.union1d(self._strikes, jumped)
 
     @cached_property
@@ -292,7 +221,7 @@ class Trajectory(Result):
         """
         import pandas as pd
 
-        knot, which = map(np.ascontiguousarray, np.nonzero(self._jumped))
+        knot, which = map(np.ascontiguousarray, np.nonzero(self._switches.jumped))
         clock = self.knots.clock[knot + 1]
         energy = self._problem.compiled.layout.rows
         before = self._sample_clock(clock, knot)[:, energy]
@@ -301,18 +230,6 @@ class Trajectory(Result):
         time = self.knots.time[knot + 1]
         columns = {"time": time, "jump": names[which], "energy_change": after - before}
         return pd.DataFrame(columns)
-
-    @cached_property
-    def _jumped(self) -> Array:
-        """Which jumps each step ends with, shape (steps, jumps)."""
-        k = self.knots
-        jumps = self._problem.compiled.equations.jumps
-        found = np.zeros((len(k.clock) - 1, len(jumps)), bool)
-        for j, jump in enumerate(jumps):
-            rises = k.region[:-1, jump.kink] == 0
-            passes = rises if jump.direction > 0 else ~rises if jump.direction < 0 else True
-            found[:, j] = (k.cause[1:] == jump.kink) & passes
-        return found
 
     def _sample(self, times: Array, index: Array) -> Array:
         """Values of all rows, energy and powers at times within the steps of the knots `index`."""
@@ -351,92 +268,10 @@ class Trajectory(Result):
     @cached_property
     def audit(self) -> Audit:
         """Energy, work and violations at the knots, recomputed from them."""
-        from stickslip.motion.audit.accounts import FED_IN_ALL, LARGEST
-        from stickslip.motion.audit.step_balance import judge
-
         k = self.knots
         rows = self._problem.compiled.layout.rows
         energy = self._sample_clock(k.clock, np.arange(len(k.clock)))[:, rows]
-        index = np.arange(len(k.clock) - 1)
-        steps, tally, sums = self._integrate(k.clock[:-1], k.state[:-1], index, k.clock[1:], True)
-        work = np.vstack([np.zeros((1, 2)), np.cumsum(steps.work, axis=0)])
-        balance = energy - energy[0] + work[:, 0] - work[:, 1]
-        flow = max(
-            np.ptp(energy),
-            work[-1, 0],
-            tally.total[FED_IN_ALL],
-            np.max(self._kinetic(), initial=0.0),
-        )
-        imbalance, top = np.max(np.abs(balance)), np.max(np.abs(energy))
-        residuals = np.zeros(4)
-        judge(self._problem.rows, tally, float(imbalance), float(flow), float(top), residuals)
-        return Audit(
-            energy,
-            work[:, 0],
-            work[:, 1],
-            residuals,
-            np.append(steps.open, 0.0),
-            tally.state[LARGEST],
-            sums,
-        )
-
-    def _kinetic(self) -> Array:
-        """Kinetic energy at the knots."""
-        layout = self._problem.compiled.layout
-        n = layout.sizes["nq"]
-        v = self.knots.state[:, n : 2 * n]
-        parts = layout.coupled["Rq"]
-        if any(part.moving for part in parts):
-            return self._kinetic_of_formula()
-        total = np.zeros(len(v))
-        for part in parts:
-            of_part = v[:, part.coordinates]
-            M = self._problem.constants.M[part.coordinates, : len(part.coordinates)]
-            total += np.einsum("ki,ij,kj->k", of_part, M, of_part)
-        return 0.5 * total
-
-    def _kinetic_of_formula(self) -> Array:
-        """The same where the mass matrix is not constant."""
-        from stickslip.symbolic.evaluator import evaluator
-
-        d = self._problem.compiled.equations.declaration
-        given = self._problem.parameters
-        k = self.knots
-        values = [*k.state.T, k.time, *(np.full(len(k.time), given[p]) for p in d.parameters)]
-        (found,) = evaluator([d.kinetic], [*d.state, "t", *d.parameters])(np.array(values))
-        return np.asarray(found)
-
-    def _integrate(
-        self, times: Array, states: Array, index: Array, ends: Array, checked: bool = False
-    ) -> Accounts:
-        """Follow the motion from given times and states, inside the steps of the knots `index`, to
-        `ends`, for its work.
-
-        If these are whole steps, from knots to the next ones, they are checked, too.
-        """
-        from stickslip.motion.audit.accounts import Wanted, make_accounts
-        from stickslip.motion.audit.step_balance import audit_steps
-        from stickslip.motion.steps.arrays import Record
-
-        p, k = self._problem, self.knots
-        knots = k.record
-        starts = Record(times, states, knots.mode[index], knots.region[index], knots.cause[index])
-        after = Record(*(part[1:] for part in knots)) if checked else starts
-
-        def audited() -> Accounts:
-            accounts = make_accounts(len(ends), p.rows)
-            audit_steps(
-                p.machine,
-                p.flow(retracing=True),
-                self._seen,
-                starts,
-                after._replace(time=ends),
-                Wanted(checked, checked),
-                accounts,
-            )
-            return accounts
-
-        return unbroken(audited)
+        return audited(self._problem, k, self._seen, energy)
 
     # -- what a user asks for ----------------------------------------------------------------------
 
@@ -532,7 +367,7 @@ class Trajectory(Result):
 
     def _without_contact(self, values: dict[str, Array], index: Array) -> None:
         """Let the forces of what is open be exactly zero: solving leaves rounding errors."""
-        for key in self._openings:
+        for key in self._switches.openings:
             is_open = self.modes[key][index] == IS_OPEN
             for kind in ("normal", *FORCES):
                 name = f"{kind}_{key}"
@@ -553,7 +388,8 @@ class Trajectory(Result):
         first = np.diff(knot, prepend=-1) != 0
         starts = np.where(first, k.clock[knot], np.roll(ends, 1))
         origins = np.where(first[:, None], k.state[knot], np.roll(states[order], 1, axis=0))
-        pieces = self._integrate(starts, np.ascontiguousarray(origins), knot, ends).steps.work
+        given = starts, np.ascontiguousarray(origins), knot, ends
+        pieces = follow_again(self._problem, k, self._seen, *given).steps.work
         sums = np.cumsum(pieces, axis=0)
         work[order] = sums - (sums - pieces)[first][np.cumsum(first) - 1]
         return work
@@ -595,7 +431,7 @@ class Trajectory(Result):
             words += ["open", "closed"]
         first = -1
         if contact in self.system.planes:
-            words = ["stick", _SLIP, *words[3:]]
+            words = ["stick", SLIP_WORD, *words[3:]]
             first = 0
         flags = {
             "flag_values": np.arange(first, first + len(words), dtype=np.int8),
@@ -619,37 +455,7 @@ class Trajectory(Result):
         joined names; ``slip+`` and ``slip-`` then say which way the first of them slips. That a
         sample of a drive has passed is none.
         """
-        import pandas as pd
-
-        equations = self._problem.compiled.equations
-        k = self.knots
-        mode = self._published
-        switched, joined = self._switched
-        changes = np.hstack([switched, self._crossed, self._jumped])
-        knot, which = np.nonzero(changes)
-        names = [*self._columns] + [f"{ex.to_text(unwrapped(g))} = 0" for g in equations.kinks]
-        names += self.system.jumps
-        # The names of the modes −1, 0, 1, of what can open, then those of the regions 0, 1, and of
-        # the sides of a jump; last, of a slip in a plane.
-        words = [MODE_NAMES[mode] for mode in (-1, 0, 1)]
-        words = [*words, "open", "closed", "below", "above", "before", "after", _SLIP]
-        said = mode + 1
-        in_plane = np.array([name in self.system.planes for name in self._columns], bool)
-        said[:, in_plane] = np.where(mode[:, in_plane] == 1, len(words) - 1, said[:, in_plane])
-        values = np.hstack([said, k.region + 5, np.full((len(mode), len(equations.jumps)), 7)])
-        said_of = np.array(names, dtype=object)[which]
-        places = zip(knot.tolist(), which.tolist(), strict=True) if joined else ()
-        for i, place in enumerate(places):
-            said_of[i] = joined.get(place, said_of[i])
-        leaps = which >= mode.shape[1] + len(equations.kinks)
-        columns = {
-            "time": k.time[knot + 1],
-            "contact": said_of,
-            "from": np.array(words, dtype=object)[values[knot, which]],
-            "to": np.array(words, dtype=object)[values[knot + 1, which] + leaps],
-        }
-        states = zip(self._problem.compiled.layout.state, k.state[knot + 1].T, strict=True)
-        return pd.DataFrame(columns | dict(states))
+        return self._switches.events(self._problem.compiled.layout.state)
 
     @validated
     def event_catalogue(self, *, energy: bool = True) -> EventCatalogue:
@@ -725,94 +531,13 @@ class Trajectory(Result):
     @property
     def n_switches(self) -> int:
         """Number of changes between stick and slip, over all contacts."""
-        return int(np.count_nonzero(self._switched[0]))
-
-    @cached_property
-    def _columns(self) -> dict[str, Array]:
-        """Modes at the knots of what switches as one, by name, in the order of the engine.
-
-        Of contacts that are one with others that is the mode of all, and of those among them that
-        can open whether they are open; but each of contacts that can all open has its own.
-        """
-        equations = self._problem.compiled.equations
-        opening = {normal_force(name): name for name in self.system.unilateral}
-        planes = {part: name for name, parts in self.system.planes.items() for part in parts}
-        found: dict[str, Array] = {}
-        switching = [
-            one
-            for i, (c, own) in enumerate(zip(equations.contacts, equations.members, strict=True))
-            for one in ([(i, floor, (floor,)) for floor in own] if c.opens else [(i, c, own)])
-        ]
-        for i, c, own in switching:
-            if c.side_of or self._opens_apart(own):
-                continue
-            name = opening.get(c.name) or planes.get(c.name, c.name)
-            together = next((o for o in equations.members if len(o) > 1 and _has(o, name)), own)
-            if len(own) > 1:
-                pressing = equations.pressing(i)
-                free = np.full(len(self.knots.mode), bool(pressing) and not equations.rubs_alone(i))
-                loose = free & np.all(self.knots.mode[:, pressing] != 0, axis=1)
-                found[name] = np.where(loose, IS_OPEN, self.knots.slip[:, i]).astype(np.int8)
-            elif len(together) > 1 and not self._opens_apart(together):
-                closed = self.knots.mode[:, i] == 0
-                found[name] = np.where(closed, IS_CLOSED, IS_OPEN).astype(np.int8)
-            else:
-                found[name] = self.modes[contact_key(name)]
-        return found
-
-    def _opens_apart(self, own: tuple[DryContact, ...]) -> bool:
-        """Whether several contacts that are one can each open, or are floors that are one."""
-        return len(own) > 1 and (own[0].opens or all(c.name in self.system.unilateral for c in own))
-
-    @cached_property
-    def _published(self) -> Array:
-        """Modes at the knots, a column for each of these."""
-        columns = [*self._columns.values()]
-        return np.stack(columns, axis=1) if columns else self.knots.slip
-
-    @cached_property
-    def _switched(self) -> tuple[Array, dict[tuple[int, int], str]]:
-        """Changes of these columns from knot to knot; and what contacts are called that can open
-        and switch as one, by knot and column of the first: the others' changes are left out."""
-        mode = self._published
-        changes = np.diff(mode, axis=0)
-        names = [*self._columns]
-        seen = mode.copy()  # along one direction
-        for j, name in enumerate(names):
-            if (backward := self._turned.get(contact_key(name))) is not None:
-                seen[:, j] = np.where(backward & (mode[:, j] <= 1), -mode[:, j], mode[:, j])
-        joined: dict[tuple[int, int], str] = {}
-        opening = {normal_force(name): name for name in self.system.unilateral}
-        for own in self._problem.compiled.equations.members:
-            if not self._opens_apart(own):
-                continue
-            columns = [names.index(opening.get(c.name, c.name)) for c in own]
-            for knot in np.flatnonzero(np.count_nonzero(changes[:, columns], axis=1) > 1):
-                alike: dict[tuple[int, int], list[int]] = {}
-                for j in columns:
-                    if changes[knot, j]:
-                        way = int(seen[knot, j]), int(seen[knot + 1, j])
-                        alike.setdefault(way, []).append(j)
-                for first, *others in alike.values():
-                    changes[knot, others] = 0
-                    joined[int(knot), first] = JOINED.join(names[j] for j in (first, *others))
-        return changes, joined
+        return int(np.count_nonzero(self._switches.switched[0]))
 
     @property
     def n_kinks(self) -> int:
         """Number of kinks (regions of piecewise functions) crossed, without samples of drives and
         guards of jumps."""
-        return int(np.count_nonzero(self._crossed))
-
-    @property
-    def _crossed(self) -> Array:
-        """Changes of the regions of all kinks but those of samples, and those that are guards of
-        jumps alone."""
-        equations = self._problem.compiled.equations
-        sampled = {g for g in equations.kinks if g.op in FUNCTIONS and FUNCTIONS[g.op].sampled}
-        left_out = sampled | equations.guards_alone
-        counted = [guard not in left_out for guard in equations.kinks]
-        return np.diff(self.knots.region, axis=0) * np.array(counted, int)
+        return int(np.count_nonzero(self._switches.crossed))
 
     @property
     def final(self) -> dict[str, float]:
@@ -962,7 +687,3 @@ class Trajectory(Result):
         trajectory = cls(problem, tuple(settings["t_span"]), knots, outcome, settings["rtol"])
         trajectory.wall_time = settings["wall_time"]
         return trajectory
-
-
-def _has(contacts: tuple[DryContact, ...], name: str) -> bool:
-    return any(c.name == name for c in contacts)

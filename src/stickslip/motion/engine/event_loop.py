@@ -15,6 +15,7 @@ import numpy as np
 from stickslip.arrays import Array, IntVector, Many
 from stickslip.equations.codegen.series import INDEFINITE
 from stickslip.machine_code.functions import entry_point
+from stickslip.motion.affine.forms import ClosedForms, Flight, slots_of
 from stickslip.motion.engine.events import (
     CLOSEST,
     count_step,
@@ -25,7 +26,6 @@ from stickslip.motion.engine.events import (
     strike,
 )
 from stickslip.motion.engine.flying import fly_on
-from stickslip.motion.engine.forms import ClosedForms, Flight, slots_of
 from stickslip.motion.engine.impacts import is_paradox
 from stickslip.motion.modes.guards import contact_of, doubt_of, first_event
 from stickslip.motion.modes.mode_series import keeps

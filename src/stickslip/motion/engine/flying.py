@@ -1,17 +1,16 @@
 """Closed-form flights from event to event, as long as modes are affine.
 
-:mod:`.flights` follows one flight. Here modes are chosen by means of their closed forms, which are
-made where a motion first enters them (:mod:`.closed_forms`). What these cannot decide is left to
-Taylor steps.
+:mod:`stickslip.motion.affine.flights` follows one flight. Here modes are chosen by means of their
+closed forms, which are made where a motion first enters them
+(:mod:`stickslip.motion.affine.closed_forms`). What these cannot decide is left to Taylor steps.
 """
 
 from __future__ import annotations
 
 from stickslip.arrays import Array
-from stickslip.motion.engine import flights
-from stickslip.motion.engine.closed_forms import make_form
-from stickslip.motion.engine.events import count_step, fire, note
-from stickslip.motion.engine.forms import (
+from stickslip.motion.affine import flights
+from stickslip.motion.affine.closed_forms import make_form
+from stickslip.motion.affine.forms import (
     AFFINE,
     GERM_ORDERS,
     GUARDS,
@@ -20,6 +19,7 @@ from stickslip.motion.engine.forms import (
     form_of,
     slots_of,
 )
+from stickslip.motion.engine.events import count_step, fire, note
 from stickslip.motion.modes.guards import contact_of, doubt_of
 from stickslip.motion.modes.pivots import flip, let_slide, may_be_carried
 from stickslip.motion.steps.arrays import (

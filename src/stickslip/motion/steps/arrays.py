@@ -235,7 +235,7 @@ class Space(NamedTuple):
         zero, see :mod:`stickslip.motion.steps.discs`; last, how far the derivative of a part of the
         state strays.
     kinds : array of int
-        What each row depends on; see :mod:`stickslip.motion.steps.structure`.
+        What each row depends on; see :mod:`stickslip.motion.affine.structure`.
     samples, bernstein : arrays, shapes (rows, nodes) and (halvings, nodes)
         Of an audit: residuals and guards at the nodes of a piece, and polynomials in Bernstein's
         form.
@@ -247,7 +247,7 @@ class Space(NamedTuple):
     asked : array of int
         1 for each component of which a contact has changed its mode.
     stages : array
-        Of implicit steps: two matrices and some vectors; see :mod:`stickslip.motion.steps.stiff`.
+        Of implicit steps: two matrices and some vectors; see :mod:`stickslip.motion.steps.radau`.
     impact, tried : arrays
         Of impacts; see :mod:`stickslip.motion.admissible.impacts_law`.
     response, delassus, impulses : arrays, shapes (nq, mq), (mq, mq), (mq, mq + 1)

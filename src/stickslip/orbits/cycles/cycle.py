@@ -28,9 +28,9 @@ from stickslip.model.quantities import described, drift_units, per_distance_unit
 from stickslip.model.system import System
 from stickslip.model.units import with_unit
 from stickslip.motion.audit.observers import Sums
-from stickslip.motion.knots import IS_CLOSED, IS_OPEN
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
+from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN
 from stickslip.orbits.continuation.branch import SpecialPoint
 from stickslip.orbits.cycles import measure
 from stickslip.orbits.cycles.certificate import certify_cycle

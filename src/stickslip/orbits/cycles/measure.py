@@ -16,7 +16,7 @@ from stickslip.model.quantities import contact_key, described, formula_unit
 from stickslip.model.system import System
 from stickslip.model.units import agree, factors
 from stickslip.motion.audit.observers import LASTED, Sums
-from stickslip.motion.knots import IS_CLOSED, IS_OPEN
+from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN
 from stickslip.orbits.return_map.recurrence import segments
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator

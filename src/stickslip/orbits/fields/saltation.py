@@ -171,7 +171,7 @@ def strikes_of(motion: Trajectory) -> dict[int, Strike]:
 def leaps(motion: Trajectory) -> dict[int, Strike]:
     """The declared jumps of a motion by their knots."""
     k = motion.knots
-    index = np.flatnonzero(np.any(motion._jumped, axis=1)) + 1
+    index = np.flatnonzero(np.any(motion._switches.jumped, axis=1)) + 1
     before = motion._states_at(k.time[index], index - 1)
     pairs = zip(map(int, index), before, strict=True)
     return {i: Strike(i, i, float(k.time[i]), y) for i, y in pairs}
@@ -209,7 +209,7 @@ def saltation(
     contact = switch - len(equations.kinks)
     g = int(np.flatnonzero(left.switches == switch)[0])
     if contact < 0:
-        jump = int(np.flatnonzero(motion._jumped[strike.knot - 1])[0])
+        jump = int(np.flatnonzero(motion._switches.jumped[strike.knot - 1])[0])
         found = _jump_map(equations, left, jump)(t, y, p)
     else:
         near = _near(equations, left, (t, y, p), contact)

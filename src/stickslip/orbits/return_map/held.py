@@ -177,7 +177,7 @@ def _changed(
     motion: Trajectory, change: Variation, pieces: Pieces, i: int, t: float, y: Array
 ) -> Array:
     """Derivatives of the state at a time within a step."""
-    from stickslip.motion.knots import Knots
+    from stickslip.motion.record.knots import Knots
     from stickslip.motion.trajectory import Trajectory
 
     k = motion.knots

@@ -15,7 +15,7 @@ from stickslip.orbits.fields.symmetry import Surroundings, Symmetry
 from stickslip.orbits.fields.variational import resolution
 
 if TYPE_CHECKING:
-    from stickslip.motion.knots import Knots
+    from stickslip.motion.record.knots import Knots
     from stickslip.motion.trajectory import Trajectory
 
 
@@ -208,7 +208,7 @@ def as_felt(sizes: Array, felt: list[Array]) -> Array:
 
 def stretch(motion: Trajectory, first: int, last: int) -> Trajectory:
     """The part of a motion between two knots, both included."""
-    from stickslip.motion.knots import Knots
+    from stickslip.motion.record.knots import Knots
     from stickslip.motion.trajectory import Trajectory
 
     k = motion.knots

@@ -308,7 +308,7 @@ class Orbit:
     @cached_property
     def motion(self) -> Trajectory:
         """One period, from the first station."""
-        from stickslip.motion.knots import Knots
+        from stickslip.motion.record.knots import Knots
         from stickslip.motion.trajectory import Trajectory
 
         if len(self.legs) == 1:

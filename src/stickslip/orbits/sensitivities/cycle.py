@@ -19,7 +19,7 @@ from scipy.optimize import linear_sum_assignment
 from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError, suggestion
 from stickslip.model.quantities import quantity
-from stickslip.motion.knots import Knots
+from stickslip.motion.record.knots import Knots
 from stickslip.motion.trajectory import Trajectory
 from stickslip.orbits.cycles.finding import from_cycle
 from stickslip.orbits.fields.mode_field import Pieces

@@ -24,7 +24,7 @@ from stickslip.errors import DeclarationError, suggestion
 from stickslip.kept import made_once
 from stickslip.model.quantities import quantity
 from stickslip.model.system import Kind
-from stickslip.motion.knots import Knots
+from stickslip.motion.record.knots import Knots
 from stickslip.motion.simulate import simulate
 from stickslip.motion.trajectory import Trajectory
 from stickslip.orbits.fields.mode_field import Piece, Pieces

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from stickslip.arrays import AnyArray as Array
-from stickslip.motion.engine.forms import AFFINE, GUARDS
+from stickslip.motion.affine.forms import AFFINE, GUARDS
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.steps.arrays import NOW
 from stickslip.orbits.fields.mode_field import Pieces

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
-from stickslip.motion.engine.affine import orthogonalise
-from stickslip.motion.engine.forms import AFFINE, GUARDS, ClosedForms, Flight, slots_of
+from stickslip.motion.affine.forms import AFFINE, GUARDS, ClosedForms, Flight, slots_of
+from stickslip.motion.affine.matrices import orthogonalise
 from stickslip.translator import compiled
 
 _SMALLEST = 1e-9  # singular value of the rows, relative to the largest, that counts

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array, Array3, Array4, IntMatrix, IntVector, Many, Matrix, Vector
+from stickslip.motion.affine.forms import ClosedForms, Flight
 from stickslip.motion.audit.accounts import Steps, Tally, make_steps, make_tally
 from stickslip.motion.audit.observers import Sums, make_sums
-from stickslip.motion.engine.forms import ClosedForms, Flight
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     POWERS_MADE,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from stickslip.arrays import Many
 from stickslip.machine_code.functions import entry_point
-from stickslip.motion.engine.forms import Flight
+from stickslip.motion.affine.forms import Flight
 from stickslip.motion.steps.arrays import Flow, Lane, Space
 from stickslip.orbits.settling.engine.exponents import grow_lane
 from stickslip.orbits.settling.engine.measuring import advance_lane

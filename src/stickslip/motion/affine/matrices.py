@@ -1,7 +1,7 @@
 """Modes as matrices: rates, forces and guards that are affine in the state, driven by 1, t, cos ωt
 and sin ωt with the frequencies of the declaration.
 
-The tape proves which modes are affine (:mod:`stickslip.motion.steps.structure`); probing them at a
+The tape proves which modes are affine (:mod:`stickslip.motion.affine.structure`); probing them at a
 few states and times then gives their matrices, and a few more points tell whether rounding spoils
 them.
 """
@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array, Matrix, Vector
+from stickslip.motion.affine.structure import is_affine
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     COORDINATES,
@@ -37,7 +38,6 @@ from stickslip.motion.steps.arrays import (
     own_inverse,
 )
 from stickslip.motion.steps.starting import coefficients
-from stickslip.motion.steps.structure import is_affine
 from stickslip.translator import compiled
 
 # so large that constants do not drown the slopes, in whatever unit; scaling with it is exact

@@ -1,6 +1,6 @@
 """Closed forms of affine modes, made where a motion first enters them.
 
-Matrices of a mode (:mod:`.affine`) become the table that :mod:`.flights` follow. A mode whose
+Matrices of a mode (:mod:`.matrices`) become the table that :mod:`.flights` follow. A mode whose
 eigenvectors are nearly dependent, whose eigenvalues are not known well enough, or that is near
 resonance, is left to the Taylor steps, which need no such structure.
 """
@@ -11,9 +11,8 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
-from stickslip.motion.engine.affine import linearise
-from stickslip.motion.engine.eigenvalues import decompose, modulus
-from stickslip.motion.engine.forms import (
+from stickslip.motion.affine.eigenvalues import decompose, modulus
+from stickslip.motion.affine.forms import (
     AFFINE,
     EXPONENTS,
     GERM_ORDERS,
@@ -24,6 +23,7 @@ from stickslip.motion.engine.forms import (
     ClosedForms,
     Making,
 )
+from stickslip.motion.affine.matrices import linearise
 from stickslip.motion.steps.arrays import (
     EPSILON,
     INERTIAL,

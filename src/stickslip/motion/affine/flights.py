@@ -17,8 +17,7 @@ import numpy as np
 
 from stickslip.arrays import Array, IntVector
 from stickslip.machine_code.functions import entry_point
-from stickslip.motion.engine.affine import drive_vector
-from stickslip.motion.engine.forms import (
+from stickslip.motion.affine.forms import (
     EXPONENTS,
     GERM_ORDERS,
     GUARDS,
@@ -27,7 +26,8 @@ from stickslip.motion.engine.forms import (
     ClosedForms,
     Flight,
 )
-from stickslip.motion.engine.signals import (
+from stickslip.motion.affine.matrices import drive_vector
+from stickslip.motion.affine.signals import (
     SignalSum,
     Wave,
     first_of_bend,

@@ -17,8 +17,8 @@ from stickslip.arrays import (
     Matrix,
     Vector,
 )
-from stickslip.motion.engine.affine import Probes, make_probes
-from stickslip.motion.engine.eigenvalues import Eigenproblem, make_eigenproblem
+from stickslip.motion.affine.eigenvalues import Eigenproblem, make_eigenproblem
+from stickslip.motion.affine.matrices import Probes, make_probes
 from stickslip.motion.steps.arrays import DIMENSION, Rows
 from stickslip.translator import compiled
 
