@@ -580,22 +580,11 @@ def _pressed(d: Declaration, contacts: list[DryContact], planes: list[Plane]) ->
     moved = [[place[q] for q in c.direction] for c in acting]
     joined = components(len(place), entries, 0, moved, links)
     home = {c: k for k, part in enumerate(joined) for c in part.contacts}
+    rubbed = {home.get(plane.parts[0]) for plane in planes}
     found = list[Plane]()
     for plane in planes:
         normals = _pressing(contacts, plane.parts[0])
-        bends = any(home[n] == home[plane.parts[0]] for n in normals)
-        others = [
-            o for o in planes if o is not plane and home.get(o.parts[0]) == home.get(plane.parts[0])
-        ]
-        if bends and others:
-            name, other = (contacts[q.parts[0]].name.removesuffix(" 1") for q in (plane, others[0]))
-            raise DeclarationError(
-                f"contacts.'{name}'",
-                "its friction in a plane changes the normal force that presses it, beside that of "
-                f"'{other}' on the same body",
-                "Let one contact of the body rub in a plane, or give the normal forces as formulas "
-                "of time and state",
-            )
+        bends = any(home[n] in rubbed for n in normals)
         found.append(plane._replace(bends=bends))
     return found
 
