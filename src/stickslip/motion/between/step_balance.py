@@ -924,7 +924,7 @@ def judge_together(flow: Flow, mode: Array, piece: StepPiece, tally: Tally) -> N
             or not is_first(rows, mode, first)
         ):
             continue
-        least = piece.rounding
+        least = max(piece.rounding, vagueness(rows, space, mode, first, tally))
         loose = 0.0
         for c in range(first, nc):
             if mode[c] != 0 or rows.group[c] != rows.group[first]:
@@ -1247,6 +1247,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
             space.W[rows.u[c]], piece.order, piece.h / unit
         )
         unsure = piece.rounding * mag[2 * nc + c]
+        unsure += vagueness(rows, space, mode, c, tally) * law[c, _FORCE]
         unsure += late * (
             steepness(space.W[rows.force[c]], piece.order, piece.h / unit) + max(up, down)
         )
@@ -1374,6 +1375,37 @@ def product_strays(W: Array, discs: Array, a: int, b: int, factor: float) -> flo
 
 
 @compiled()
+def vagueness(rows: Rows, space: Space, mode: Array, c: int, tally: Tally) -> float:
+    """By how much rounding errors of velocities turn the directions of slips in a piece, and with
+    them the forces that a contact has beside these, in parts of its size: where a slip ends, the
+    last that is left of it is rounding errors.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With what :func:`sample_plane` keeps.
+    mode : array of int, shape (contacts,)
+    c : int
+        The contact.
+    tally : Tally
+        With the largest speeds.
+    """
+    found = 0.0
+    for p in range(len(rows.planes)):
+        first = rows.planes[p, COMPONENT]
+        beside = rows.homes[first, PART] == rows.homes[c, PART] and rows.planes[p, MASSIVE] == 1
+        if beside and not resting(mode[first]) and not is_loose(rows, mode, first):
+            rounding = ROUNDING * tally.law[first, _SPEED]
+            slowest = np.inf
+            for g in range(COUNT):
+                slowest = min(slowest, space.samples[rows.sizes[DIMENSION] + 3 * first, g])
+            if rounding > found * slowest:
+                found = rounding / max(slowest, ROUNDING * rounding)
+    return found
+
+
+@compiled()
 def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, tally: Tally) -> None:
     """By how much the law of a contact in a plane fails on a piece.
 
@@ -1405,6 +1437,7 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
         loose = strays(discs[plane[ADMISSIBLE]], factor) if known else 0.0
         low = least_on_nodes(samples[row], space.bernstein, 1e-2 * _NEGLIGIBLE * force * force)
         unsure = ROUNDING * mag[plane[ADMISSIBLE_SIZE]]
+        unsure += vagueness(rows, space, mode, c, tally) * force * force
         if force > 0.0 and space.leaving[c] == ON_ITS_OWN:
             law[c, _EXCESS] = most(law[c, _EXCESS], (loose - low - unsure) / force)
         for part in (1, 2):
@@ -1426,7 +1459,8 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
     law[c, _BACKWARDS] = most(law[c, _BACKWARDS], along - rounding - low)
     turned = largest_of(samples[row + 1]) + across - rounding
     law[c, _BACKWARDS] = most(law[c, _BACKWARDS], turned)
-    longer = law[c, _FORCE] * (largest_of(samples[row + 2]) + unit - ROUNDING)
+    unsure = ROUNDING + vagueness(rows, space, mode, c, tally)
+    longer = law[c, _FORCE] * (largest_of(samples[row + 2]) + unit - unsure)
     law[c, _OFF_THRESHOLD] = most(law[c, _OFF_THRESHOLD], longer)
     if c >= rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]:
         off = largest_of(samples[row + 3 * (plane[OTHER] - c)])
@@ -1471,6 +1505,7 @@ def judge_opening(
     loose = strays(space.discs[rows.force[c]], factor) if known else 0.0
     low = least_on_nodes(space.samples[row], space.bernstein, 1e-2 * _NEGLIGIBLE * law[c, _FORCE])
     unsure = ROUNDING * space.mag[2 * len(rows.u) + c]
+    unsure += vagueness(rows, space, mode, c, tally) * law[c, _FORCE]
     law[c, _EXCESS] = most(law[c, _EXCESS], loose - low - unsure)
     law[c, _OVERLAP] = most(law[c, _OVERLAP], largest_of(space.samples[row + 1]) + apart)
 
