@@ -598,7 +598,8 @@ def knock(
         if lane.counters[TAKEN] == 0:
             size_gaps(machine, flow, here, lane.clock[SPAN])
         going = due < 0 and (cause >= 0 or lane.counters[TAKEN] > 0)
-        struck_first = first_approaching(machine, flow, here, last, going)
+        opened = cause - len(rows.kinks)
+        struck_first = first_approaching(machine, flow, here, last, going, opened)
         if struck_first >= 0:
             if not going:
                 open_all(rows, lane.mode)

@@ -28,6 +28,7 @@ from stickslip.motion.engine.guards import (
 from stickslip.motion.steps.arrays import (
     AIM,
     ASTRAY,
+    BENDS,
     CAUSE,
     COMPONENT,
     CONTACTS,
@@ -319,7 +320,7 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
         return False
     for c in range(mq):
         if mode[c] == 0:
-            stop(flow, W, at.y, c)
+            stop(flow, W, at.y, mode, c)
         if mode[c] == 0 and opens(rows, c):
             # What is closed stays on the surface itself, too.
             part = rows.homes[c, PART]
@@ -332,7 +333,7 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
 
 
 @compiled()
-def stop(flow: Flow, table: Array, y: Array, c: int) -> None:
+def stop(flow: Flow, table: Array, y: Array, mode: Array, c: int) -> None:
     """Take what is left of the velocity of a sticking contact, relative to its surface, out of the
     rates.
 
@@ -344,6 +345,7 @@ def stop(flow: Flow, table: Array, y: Array, c: int) -> None:
         Values of the rows.
     y : array
         State; its rates are changed.
+    mode : array of int, shape (contacts,)
     c : int
         The contact.
     """
@@ -358,7 +360,7 @@ def stop(flow: Flow, table: Array, y: Array, c: int) -> None:
         one, two = rows.planes[rows.plane[c], COMPONENT], rows.planes[rows.plane[c], OTHER]
     first = rows.parts[part, FIRST_ROW]
     for i in range(rows.parts[part, COORDINATES]):
-        if is_rubbed(rows, flow.k.J, table, c, i):
+        if is_rubbed(flow, table, mode, c, i):
             continue
         q = rows.sizes[INERTIAL] + rows.members[rows.parts[part, MEMBERS] + i]
         y[q] -= R[first + i, rows.homes[c, SEAT] - first] * u
@@ -393,27 +395,31 @@ def is_on_surface(flow: Flow, table: Array, c: int) -> bool:
 
 
 @compiled()
-def is_rubbed(rows: Rows, J: Array, table: Array, c: int, i: int) -> bool:
-    """Whether friction in a plane, under the normal force of a contact, moves a coordinate of their
+def is_rubbed(flow: Flow, table: Array, mode: Array, c: int, i: int) -> bool:
+    """Whether a slip in a plane, under the normal force of a contact, moves a coordinate of their
     component.
 
     What puts the contact back onto its surface is no impulse, and moves nothing else: a slip that
-    begins is at rest, exactly.
+    begins is at rest, exactly. Where friction changes the normal force, they move the same, and
+    only a slip that begins has nothing taken from it.
 
     Parameters
     ----------
-    rows : Rows
-    J : array
-        Directions that do not change.
+    flow : Flow
     table : array
         Values of the rows.
+    mode : array of int, shape (contacts,)
     c, i : int
         The contact, and the place of the coordinate in the component.
     """
-    for p in range(len(rows.planes)):
-        if presses(rows, c, rows.planes[p, COMPONENT]):
-            x = direction_entry(rows, J, table, rows.planes[p, COMPONENT], i)
-            y = direction_entry(rows, J, table, rows.planes[p, OTHER], i)
+    rows, J = flow.rows, flow.k.J
+    for plane in rows.planes:
+        first = plane[COMPONENT]
+        if mode[first] == 0 or not presses(rows, c, first):
+            continue
+        if plane[BENDS] == 0 or table[plane[AIM] + 2, 0] == 0.0:
+            x = direction_entry(rows, J, table, first, i)
+            y = direction_entry(rows, J, table, plane[OTHER], i)
             if x != 0.0 or y != 0.0:
                 return True
     return False
