@@ -979,7 +979,7 @@ def keep_start(machine: Machine, flow: Flow, lane: Lane) -> None:
 def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     """After an event, put the velocities of contacts in a plane that have just left stick, or may
     leave it now, onto those of their surfaces: a slip begins from nothing, and not from rounding
-    errors.
+    errors. So does what opens beside them.
 
     What stops one contact moves the others by rounding errors of what it takes away: these become
     small beside themselves, turn by turn, until nothing is left.
@@ -989,7 +989,9 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
         return
     c = lane.counters[CAUSE] - len(rows.kinks)
     before = flow.space.touched
-    asked = False
+    asked = opened = c >= 0 and opens(rows, c) and lane.mode[c] != 0 and lane.settled[c] == 0
+    if opened:
+        set_mode(rows, lane.mode, c, 0)
     for p in range(len(rows.planes)):
         first = rows.planes[p, COMPONENT]
         before[first] = lane.mode[first]
@@ -1011,12 +1013,14 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
         first = rows.planes[p, COMPONENT]
         if before[first] != 0:
             set_mode(rows, lane.mode, first, before[first])
+    if opened:
+        set_mode(rows, lane.mode, c, 1)
 
 
 @compiled()
 def leaves_with(rows: Rows, lane: Lane, first: int, c: int) -> bool:
     """Whether a contact in a plane has just left stick, where the switch of contact c has fired:
-    with those that it shared its force with.
+    with those that it shared its force with, or with the normal force that has pressed it.
 
     Parameters
     ----------
@@ -1028,6 +1032,7 @@ def leaves_with(rows: Rows, lane: Lane, first: int, c: int) -> bool:
     if first == c:
         return True
     together = c >= 0 and rows.group[first] >= 0 and rows.group[first] == rows.group[c]
+    together = together or (c >= 0 and presses(rows, c, first))
     return bool(together and lane.settled[first] == 0 and lane.mode[first] != 0)
 
 
