@@ -1922,7 +1922,10 @@ def judge(
     own = 0.0
     for c in range(len(law)):
         force = most(force, law[c, _FORCE])
-        speed = max(law[c, _SPEED], _REST * law[c, _HELD])
+        # In a plane velocities are vectors, whose size stands at their first component.
+        first = rows.planes[rows.plane[c], COMPONENT] if rows.plane[c] >= 0 else c
+        speed = max(law[c, _SPEED], law[first, _SPEED])
+        speed = max(speed, _REST * max(law[c, _HELD], law[first, _HELD]))
         violation = most(
             violation, relative(max(law[c, _EXCESS], law[c, _OFF_THRESHOLD]), law[c, _FORCE])
         )

@@ -100,6 +100,10 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
         if noise[i] >= 0:
             # What cancels in a rate is known to rounding only.
             size += EPSILON / tol * mag[noise[i]] * (last if i < n else 1.0)
+        elif len(flow.rows.planes) > 0 and i < flow.rows.sizes[INERTIAL]:
+            # Friction in a plane may leave a place that is zero to rounding errors of forces.
+            rate = noise[flow.rows.program.rates[i]]
+            size += EPSILON / tol * mag[rate] * last * last
         if size > 2.0 * LEAST_SIZE:
             size = 1.0 / size
             middle = max(middle, abs(W[r, N - 1]) * size)
