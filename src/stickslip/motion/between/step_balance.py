@@ -35,6 +35,7 @@ from stickslip.motion.admissible.sharing import (
     find_shared,
     held_at,
     is_first,
+    press_themselves,
     radius_at,
 )
 from stickslip.motion.between.forces import HOLDS, RUBS, TOUCHES, try_other_forces, widest_room
@@ -1735,6 +1736,8 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
         elif resting(mode[c]):
             room = room_left(rows, flow.space, c, late, tally.law[c, _FORCE])
             if sharing and mode[c] == 0 and flow.space.leaving[c] != ON_ITS_OWN:
+                if press_themselves(flow, mode, W, rows.group[c]):
+                    return c, 1.0  # nobody has asked what they hold then
                 room = spare_part(flow, mode, c)
                 if tally.law[c, _FORCE] > 0.0:
                     room -= late * abs(W[rows.force[c], 1]) / tally.law[c, _FORCE]
