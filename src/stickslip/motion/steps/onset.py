@@ -85,19 +85,21 @@ def span_rates(flow: Flow) -> int:
 
 @compiled(brief=True)
 def begin_together(flow: Flow) -> bool:
-    """Whether several slips begin, all of them of contacts that may share forces; or one that the
-    others let move along a line only, so that friction does not tell its direction."""
+    """Whether several slips begin, all of them of contacts that may share forces, or one that
+    changes normal forces; or one that the others let move along a line only, so that friction does
+    not tell its direction."""
     rows = flow.rows
     group = -1
     count = 0
+    bends = any_bends(flow)
     for p in range(len(rows.planes)):
-        if flow.space.aims[AIMS * p + LEADING, 0] >= 0.0:
+        if begins_in(flow, p):
             own = rows.group[rows.planes[p, COMPONENT]]
-            if own < 0 or (count > 0 and own != group):
+            if not bends and (own < 0 or (count > 0 and own != group)):
                 return False
             group = own
             count += 1
-    return count > 1 or (count == 1 and span_rates(flow) == 1)
+    return count > 1 or (count == 1 and group >= 0 and span_rates(flow) == 1)
 
 
 @compiled(brief=True)
