@@ -773,8 +773,10 @@ def encloses(
         held = max(_CANCELS * mag[2 * nc + c], tally.law[c, _FORCE])
         for row in forces:
             held = max(held, extent(W[row], N - 1, powers))
+        # What nothing presses has no friction, but for rounding errors.
         for row in forces:
-            if not strays(discs[row], factor) <= _NEGLIGIBLE * held:
+            loose = is_loose(rows, mode, c)
+            if not loose and not strays(discs[row], factor) <= _NEGLIGIBLE * held:
                 return False
         if opens(rows, c):
             row = rows.gaps[c]
@@ -785,6 +787,8 @@ def encloses(
             if not strays(discs[row], factor) <= _NEGLIGIBLE * max(size, tally.law[c, _OPENING]):
                 return False
     for p in range(len(rows.planes)):
+        if is_loose(rows, mode, rows.planes[p, COMPONENT]):
+            continue
         aim = rows.planes[p, AIM]
         held = tally.law[rows.planes[p, COMPONENT], _FORCE]
         held = max(held, extent(W[rows.plus[rows.planes[p, COMPONENT]]], N - 1, powers))
