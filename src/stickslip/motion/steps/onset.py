@@ -99,7 +99,7 @@ def begin_together(flow: Flow) -> bool:
                 return False
             group = own
             count += 1
-    return count > 1 or (count == 1 and group >= 0 and span_rates(flow) == 1)
+    return bool(count > 1 or (count == 1 and group >= 0 and span_rates(flow) == 1))
 
 
 @compiled(brief=True)
