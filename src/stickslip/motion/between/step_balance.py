@@ -929,7 +929,7 @@ def judge_together(flow: Flow, mode: Array, piece: StepPiece, tally: Tally) -> N
             or not is_first(rows, mode, first)
         ):
             continue
-        least = max(piece.rounding, vagueness(rows, space, mode, first, tally))
+        least = max(piece.rounding, blurred_by_turns(rows, space, mode, first, tally))
         loose = 0.0
         for c in range(first, nc):
             if mode[c] != 0 or rows.group[c] != rows.group[first]:
@@ -1252,7 +1252,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
             space.W[rows.u[c]], piece.order, piece.h / unit
         )
         unsure = piece.rounding * mag[2 * nc + c]
-        unsure += vagueness(rows, space, mode, c, tally) * law[c, _FORCE]
+        unsure += blurred_by_turns(rows, space, mode, c, tally) * law[c, _FORCE]
         unsure += late * (
             steepness(space.W[rows.force[c]], piece.order, piece.h / unit) + max(up, down)
         )
@@ -1380,7 +1380,7 @@ def product_strays(W: Array, discs: Array, a: int, b: int, factor: float) -> flo
 
 
 @compiled()
-def vagueness(rows: Rows, space: Space, mode: Array, c: int, tally: Tally) -> float:
+def blurred_by_turns(rows: Rows, space: Space, mode: Array, c: int, tally: Tally) -> float:
     """By how much rounding errors of velocities turn the directions of slips in a piece, and with
     them the forces that a contact has beside these, in parts of its size: where a slip ends, the
     last that is left of it is rounding errors.
@@ -1442,7 +1442,7 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
         loose = strays(discs[plane[ADMISSIBLE]], factor) if known else 0.0
         low = least_on_nodes(samples[row], space.bernstein, 1e-2 * _NEGLIGIBLE * force * force)
         unsure = ROUNDING * mag[plane[ADMISSIBLE_SIZE]]
-        unsure += vagueness(rows, space, mode, c, tally) * force * force
+        unsure += blurred_by_turns(rows, space, mode, c, tally) * force * force
         if force > 0.0 and space.leaving[c] == ON_ITS_OWN:
             law[c, _EXCESS] = most(law[c, _EXCESS], (loose - low - unsure) / force)
         for part in (1, 2):
@@ -1464,7 +1464,7 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
     law[c, _BACKWARDS] = most(law[c, _BACKWARDS], along - rounding - low)
     turned = largest_of(samples[row + 1]) + across - rounding
     law[c, _BACKWARDS] = most(law[c, _BACKWARDS], turned)
-    unsure = ROUNDING + vagueness(rows, space, mode, c, tally)
+    unsure = ROUNDING + blurred_by_turns(rows, space, mode, c, tally)
     longer = law[c, _FORCE] * (largest_of(samples[row + 2]) + unit - unsure)
     law[c, _OFF_THRESHOLD] = most(law[c, _OFF_THRESHOLD], longer)
     if c >= rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]:
@@ -1510,7 +1510,7 @@ def judge_opening(
     loose = strays(space.discs[rows.force[c]], factor) if known else 0.0
     low = least_on_nodes(space.samples[row], space.bernstein, 1e-2 * _NEGLIGIBLE * law[c, _FORCE])
     unsure = ROUNDING * space.mag[2 * len(rows.u) + c]
-    unsure += vagueness(rows, space, mode, c, tally) * law[c, _FORCE]
+    unsure += blurred_by_turns(rows, space, mode, c, tally) * law[c, _FORCE]
     law[c, _EXCESS] = most(law[c, _EXCESS], loose - low - unsure)
     law[c, _OVERLAP] = most(law[c, _OVERLAP], largest_of(space.samples[row + 1]) + apart)
 
