@@ -199,6 +199,12 @@ def lawless(case: Carried, found: ss.Trajectory) -> tuple[str, float]:
             np.real(force[:p]) / touches.axes[:, 0] + 1j * np.imag(force[:p]) / touches.axes[:, 1]
         )
         hold = touches.threshold(t)
+        if case.shape.feet:
+            bears = [np.asarray(sampled[f"normal_{name}"])[i] / case.force for name in names]
+            parts = touches.in_space(q, real) / bears
+            if np.max(np.abs(bears - board.pressed(arm, parts))) > LAWFUL * board.weight:
+                return f"normal forces do not balance moments at t = {t:.9g}", full
+            hold = hold * bears
         r = np.abs(own)
         soft = np.exp(-r / np.where(touches.fast > 0, touches.fast, 1.0))
         part = touches.drop + np.where(touches.fast > 0, (1.0 - touches.drop) * soft, 0.0)

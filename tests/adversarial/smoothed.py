@@ -110,6 +110,9 @@ class Board:
     lines : tuple of Line
     table : mapping of str to float
         Numbers of its motion; empty: it rests.
+    weight, height : float
+        Of one body on three spots, whose thresholds are parts of what presses them; above these,
+        the centre of mass. 0: thresholds are forces.
     """
 
     mass: Array
@@ -119,6 +122,8 @@ class Board:
     spots: tuple[Spot, ...]
     lines: tuple[Line, ...]
     table: Mapping[str, float]
+    weight: float = 0.0
+    height: float = 0.0
 
     @property
     def size(self) -> int:
@@ -152,6 +157,19 @@ class Board:
         turn = (load[2::3] + moments - np.imag(np.conj(arm) * force)) / self.inertia
         move = force / self.mass + (v[2::3] ** 2 - 1j * turn) * arm
         return np.stack([np.real(move), np.imag(move), turn], axis=1).ravel()
+
+    def pressed(self, arm: Array, parts: Array) -> Array:
+        """What presses three spots that rub with parts of it, by the balance of moments: nothing
+        leaves the table.
+
+        Parameters
+        ----------
+        arm, parts : complex arrays, shape (3,)
+            From the centre of mass to them, and the friction of each, in space.
+        """
+        lever = arm + self.height * parts
+        system = np.stack([np.ones(3), np.real(lever), np.imag(lever)])
+        return np.linalg.solve(system, np.array([self.weight, 0.0, 0.0]))
 
     def touches(self) -> Touches:
         """All contacts as arrays."""
@@ -254,6 +272,8 @@ def rates(board: Board, law: Smooth, width: float) -> Callable[[float, Array], A
         if touches.drops:
             kept = law.left(r / (law.long * width))
             hold = hold * np.where(touches.fast > 0.0, 1.0, sliding + (1.0 - sliding) * kept)
+        if board.weight > 0.0:
+            hold = hold * board.pressed(arm, -hold * law.divided(r, width) * own)
         force = -hold * law.divided(r, width) * own
         if not touches.plain:
             force = touches.in_space(q, force)

@@ -25,6 +25,9 @@ CHOSEN = [
     ("off centre", 0),
     ("points and lines", 10),
     ("slow loads", 0),
+    ("on three legs", 1),
+    ("on three legs", 3),
+    ("on three legs", 9),
     ("units", 0),
 ]
 

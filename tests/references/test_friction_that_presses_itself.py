@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import stickslip as ss
-from stickslip import DeclarationError, Inertial, Parameter, System, Trajectory, Unilateral
+from stickslip import Inertial, Parameter, System, Trajectory, Unilateral
 
 K, G = 0.8, 9.81  # curvature of the bowl, and gravity
 START = {"x": 1.0, "y": 0.0, "z": 0.4}
@@ -154,8 +154,15 @@ def test_a_dish_is_flat_for_small_shakes() -> None:
     assert away[1] < 0.02 * away[0]  # as the square of its size
 
 
-def test_one_such_contact_for_each_body() -> None:
-    one = bowl().contacts["bowl"]
-    assert isinstance(one, Unilateral)
-    with pytest.raises(DeclarationError, match="beside that of"):
-        ss.simulate(replace(bowl(), contacts={"one": one, "two": one}))
+@pytest.mark.parametrize("start", [(0.0, 0.0), (0.3, 2.0)])
+def test_a_bowl_that_is_declared_twice(start: tuple[float, float]) -> None:
+    """Both share what presses the bead, and slip at once."""
+    one = bowl(force=4.0)
+    contact = one.contacts["bowl"]
+    assert isinstance(contact, Unilateral)
+    two = replace(one, contacts={"one": contact, "two": contact})
+    expected, found = (
+        certified(ss.simulate(system, initial=thrown(*start))).final for system in (one, two)
+    )
+    for name in expected:
+        assert found[name] == pytest.approx(expected[name], rel=1e-9, abs=1e-12)

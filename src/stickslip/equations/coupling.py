@@ -8,10 +8,12 @@ number.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from stickslip.errors import DeclarationError
+from stickslip.symbolic import expressions as ex
 
 _MOST_COORDINATES = 200
 """That one inverse may couple: its cost grows with their cube."""
@@ -134,3 +136,10 @@ def together(
         if in_plane.intersection(own) and (len(own) > 2 or lone.intersection(own))
     ]
     return {c: number for number, own in enumerate(found) for c in own}
+
+
+def somewhere(table: Sequence[Sequence[ex.Expr]]) -> list[list[float]]:
+    """Values of expressions in a point that is nothing special."""
+    names = sorted(frozenset[str]().union(*(e.symbols for row in table for e in row)))
+    point = {name: 0.7 + math.sin(i + 1.0) / 7.0 for i, name in enumerate(names)}
+    return [[ex.evaluate(e, point) for e in row] for row in table]

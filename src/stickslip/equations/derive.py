@@ -19,7 +19,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from stickslip.equations.coupling import Component, components, together
+import numpy as np
+
+from stickslip.equations.coupling import Component, components, somewhere, together
 from stickslip.equations.multiples import one_by_direction
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property, made_once
@@ -627,13 +629,13 @@ def _pressing(contacts: list[DryContact], i: int) -> list[int]:
 
 
 def _pressed(d: Declaration, contacts: list[DryContact], planes: list[Plane]) -> list[Plane]:
-    """Note which friction in a plane may change the normal force that it depends on: masses, or
-    contacts, join the plane and the normal direction.
+    """Note which friction in a plane may change a normal force that it depends on, or that another
+    depends on: masses, or contacts, join a plane and the normal direction.
 
     Raises
     ------
     DeclarationError
-        If several such contacts are joined.
+        If the law does not tell the normal force that presses one of them.
     """
     acting = [c for c in contacts if c.kind == Kind.INERTIAL]
     parts = [i for plane in planes for i in plane.parts]
@@ -643,30 +645,36 @@ def _pressed(d: Declaration, contacts: list[DryContact], planes: list[Plane]) ->
     moved = [[place[q] for q in c.direction] for c in acting]
     joined = components(len(place), entries, 0, moved, links)
     home = {c: k for k, part in enumerate(joined) for c in part.contacts}
+    rubbed = {home.get(plane.parts[0]) for plane in planes}
+    opening = [[i for i in part.contacts if contacts[i].opens] for part in joined]
+    shared = set[int]().union(*(_dependent(own, contacts) for own in opening if planes))
     found = list[Plane]()
     for plane in planes:
         normals = _pressing(contacts, plane.parts[0])
-        bends = any(home[n] == home[plane.parts[0]] for n in normals)
+        bends = any(home[n] in rubbed for n in normals)
         others = [
             o for o in planes if o is not plane and home.get(o.parts[0]) == home.get(plane.parts[0])
         ]
         if plane.formula is not None:
             _check_turning(d, contacts, plane, joined[home[plane.parts[0]]])
-        if (bends or plane.formula is not None) and others:
-            name, other = (contacts[q.parts[0]].name.removesuffix(" 1") for q in (plane, others[0]))
-            if plane.formula is not None:
-                raise DeclarationError(
-                    f"contacts.'{name}'",
-                    f"it has a dissipation of its own, beside the friction of '{other}' in a plane "
-                    "on the same body",
-                    "Let one contact of the body rub in a plane",
-                )
+        if plane.formula is not None and others:
+            name, beside = (
+                contacts[q.parts[0]].name.removesuffix(" 1") for q in (plane, others[0])
+            )
             raise DeclarationError(
                 f"contacts.'{name}'",
-                "its friction in a plane changes the normal force that presses it, beside that of "
-                f"'{other}' on the same body",
-                "Let one contact of the body rub in a plane, or give the normal forces as formulas "
-                "of time and state",
+                f"it has a dissipation of its own, beside the friction of '{beside}' in a plane "
+                "on the same body",
+                "Let one contact of the body rub in a plane",
+            )
+        if bends and (unknown := [contacts[n].name for n in normals if n in shared]):
+            raise DeclarationError(
+                f"contacts.'{contacts[plane.parts[0]].name.removesuffix(' 1')}'",
+                f"its friction changes {unknown[0]}, which it depends on, and no law tells how the "
+                "body shares its weight: the normal directions of its contacts depend on each "
+                "other",
+                "Let it stand on three feet, or give the normal forces as formulas of time and "
+                "state",
             )
         found.append(plane._replace(bends=bends or plane.formula is not None))
     return found
@@ -687,6 +695,34 @@ def _check_turning(
             f"{len(part.coordinates)} coordinates",
             "Let as many directions hold a body as it has freedoms",
         )
+
+
+def _dependent(normals: list[int], contacts: list[DryContact]) -> set[int]:
+    """Those of the normal forces of a body that its motion does not tell, where all are at work.
+
+    Their directions depend on those of others, and so do their gaps, or they are not closed at the
+    same time: a floor and a ceiling are not. Both are looked at in one point, which is nothing
+    special; both sides of a constraint are one.
+    """
+    sides = {contacts[n].side_of or contacts[n].name: n for n in reversed(normals)}
+    closed = list(sides.values())
+    names = sorted({q for n in closed for q in contacts[n].direction})
+    if len(closed) < 2:
+        return set()
+    table = [
+        [*(contacts[n].direction.get(q, ex.ZERO) for q in names), contacts[n].gap or ex.ZERO]
+        for n in closed
+    ]
+    J = np.array(somewhere(table))
+    J /= np.linalg.norm(J, axis=1)[:, None]
+    rank = np.linalg.matrix_rank(J)
+    rest = (np.delete(J, i, axis=0) for i in range(len(J)))
+    among = {
+        contacts[n].side_of or contacts[n].name
+        for n, others in zip(closed, rest, strict=True)
+        if np.linalg.matrix_rank(others) == rank
+    }
+    return {n for n in normals if (contacts[n].side_of or contacts[n].name) in among}
 
 
 def _pull(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from typing import TYPE_CHECKING
 
@@ -11,6 +10,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import INVERSES, Layout
 from stickslip.equations.codegen.program import pack
+from stickslip.equations.coupling import somewhere
 from stickslip.kept import made_once
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
@@ -92,7 +92,7 @@ def _carried(equations: MotionEquations, layout: Layout) -> set[int]:
         if len(directions) > 1:
             names = sorted({x for direction in directions.values() for x in direction})
             J = np.array(
-                _somewhere([[j.get(x, ex.ZERO) for x in names] for j in directions.values()])
+                somewhere([[j.get(x, ex.ZERO) for x in names] for j in directions.values()])
             )
             J = J / np.linalg.norm(J, axis=1)[:, None]
             rank = np.linalg.matrix_rank(J)
@@ -104,13 +104,6 @@ def _carried(equations: MotionEquations, layout: Layout) -> set[int]:
             }
     lines = {i for i, c in enumerate(equations.contacts) if not (c.opens or c.plane)}
     return (found & lines) - set(layout.together)
-
-
-def _somewhere(table: list[list[ex.Expr]]) -> list[list[float]]:
-    """Values of expressions in a point that is nothing special."""
-    names = sorted(frozenset().union(*(e.symbols for row in table for e in row)))
-    point = {name: 0.7 + math.sin(i + 1.0) / 7.0 for i, name in enumerate(names)}
-    return [[ex.evaluate(e, point) for e in row] for row in table]
 
 
 def _together(layout: Layout) -> Array:

@@ -38,6 +38,9 @@ class Point:
         Whether the threshold is a normal force: a mass of its own is pressed down by it.
     line : bool
         Whether there is friction along a line only.
+    foot : bool
+        Whether it is one of three feet of a body which is pressed down by its weight; they are
+        below its centre of mass, and a threshold is a part of what presses them.
     """
 
     body: int = 0
@@ -48,6 +51,7 @@ class Point:
     ellipse: bool = False
     pressed: bool = False
     line: bool = False
+    foot: bool = False
 
 
 @dataclass(frozen=True)
@@ -70,8 +74,13 @@ class Shape:
     off: bool = False
 
     @property
+    def feet(self) -> bool:
+        """Whether the body stands on feet."""
+        return any(point.foot for point in self.points)
+
+    @property
     def names(self) -> tuple[str, ...]:
-        """Coordinates."""
+        """Coordinates in the plane."""
         return tuple(f"{a}{b}" for b in range(self.bodies) for a in ("x", "y", "th"))
 
 
@@ -144,6 +153,8 @@ class Carried:
         units |= dict.fromkeys(("px", "py", "cx", "cy", "X", "Y"), l)
         units |= dict.fromkeys(("om", "al", "wo", "Om", "Oa"), 1 / t)
         units |= dict.fromkeys(("wx", "wy", "ax", "ay"), l / t)
+        if self.shape.feet:
+            units |= {"s": 1.0, "A": units["I"], "h": l, "g": l / t**2}
         return units.get(plain, 1.0)
 
     def board(self) -> Board:
@@ -191,7 +202,13 @@ def declared(shape: Shape) -> System:
     used += [f"{w}{b}" for b in range(shape.bodies if shape.off else 0) for w in ("cx", "cy")]
     used += [w for k, point in enumerate(shape.points) for w in of_point(point, k)]
     used += TABLE if shape.table else []
+    used += ["A0", "h0", "g0"] if shape.feet else []
     kinetic = []
+    potential = [f"K{i}/2*{x}**2" for i, x in enumerate(names)]
+    if shape.feet:
+        forces |= {"z": "0", "a": "0", "b": "0"}
+        kinetic.append("m0/2*d_z**2 + A0/2*(d_a**2 + d_b**2)")
+        potential.append("m0*g0*z")
     for b in range(shape.bodies):
         v, w = f"d_x{b}", f"d_y{b}"
         if shape.off:
@@ -202,13 +219,13 @@ def declared(shape: Shape) -> System:
         if point.pressed:
             forces[f"down{k}"] = f"-({_holds(point, k)})"
             kinetic.append(f"d_down{k}**2/2")
-    positive = ("m", "I", "s", "e", "d", "la", "vs")
+    positive = ("m", "I", "s", "e", "d", "la", "vs", "A", "g")
     return System(
         name="carried",
         parameters={n: Parameter(1.0 if n.startswith(positive) else 0.0) for n in used},
         coordinates={x: Inertial(force=f) for x, f in forces.items()},
         kinetic=" + ".join(kinetic),
-        potential=" + ".join(f"K{i}/2*{x}**2" for i, x in enumerate(names)),
+        potential=" + ".join(potential),
         viscous=" + ".join(f"C{i}/2*d_{x}**2" for i, x in enumerate(names)),
         contacts={f"p{k}": contact(shape, k) for k in range(len(shape.points))},
     )
@@ -243,6 +260,10 @@ def contact(shape: Shape, k: int) -> Contact | Unilateral:
             f"wy + ay*cos(wo*t) + {turn}*({x} - X)",
         )
     s = _holds(point, k)
+    if point.foot:
+        v, w = f"{v} - h0*d_b", f"{w} + h0*d_a"
+        v, w = _into(b, v, w) if point.turned else (v, w)
+        return Unilateral(f"z + ({arm[1]})*a - ({arm[0]})*b", (v, w), s)
     if point.line:
         pull = f"la{k}*({surface[0]}) + lb{k}*({surface[1]})" if surface else 0.0
         return Contact(f"la{k}*({v}) + lb{k}*({w})", s, pull)
@@ -293,6 +314,7 @@ def by_hand(shape: Shape, n: Numbers) -> Board:
         tuple(spots),
         tuple(lines),
         {w: n[w] for w in TABLE} if shape.table else {},
+        *((n["m0"] * n["g0"], n["h0"]) if shape.feet else ()),
     )
 
 
@@ -466,6 +488,31 @@ def pressed_points(rng: Rng) -> Carried:
     """What holds is a normal force."""
     law = str(pick(rng, ("same", "same", "drop")))
     return made(rng, Shape(several(rng, 1, 3, law=law, pressed=True)))
+
+
+@family
+def on_three_legs(rng: Rng) -> Carried:
+    """Friction below the centre of mass moves the weight from foot to foot, and is a part of it; so
+    low that no foot leaves the table."""
+    case = made(rng, Shape((Point(foot=True, turned=bool(rng.integers(2))),) * 3))
+    n = dict(case.numbers)
+    angles = rng.uniform(0.0, 2.0 * np.pi) + 2.0 * np.pi / 3.0 * (
+        np.arange(3.0) + rng.uniform(-0.2, 0.2, 3)
+    )
+    feet = rng.uniform(0.4, 1.2, 3) * np.exp(1j * angles)
+    edges = np.roll(feet, -1) - feet
+    margin = float(np.min(np.imag(np.conj(feet) * edges) / np.abs(edges)))
+    n |= {f"px{k}": float(z.real) for k, z in enumerate(feet)}
+    n |= {f"py{k}": float(z.imag) for k, z in enumerate(feet)}
+    n |= {"A0": float(rng.uniform(0.1, 0.6)), "g0": float(rng.uniform(0.5, 2.0))}
+    rubs = rng.uniform(0.2, 0.8, 3) if rng.integers(2) else np.full(3, rng.uniform(0.2, 0.8))
+    n |= {f"s{k}": float(mu) for k, mu in enumerate(rubs)}
+    n["h0"] = float(rng.uniform(0.2, 0.95) * margin / np.max(rubs))
+    case = replace(case, numbers=n)
+    if rng.integers(4) == 0:
+        powers = [float(10.0 ** rng.integers(-4, 5)) for _ in range(3)]
+        case = replace(case, length=powers[0], time=powers[1], force=powers[2])
+    return case
 
 
 @family

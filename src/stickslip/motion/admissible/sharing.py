@@ -19,11 +19,14 @@ from stickslip.motion.steps.arrays import (
     ON_INERTIAL,
     OTHER,
     PART,
+    PRESSING,
+    RUBBING,
     STATIC,
     THIRD_PART,
     Flow,
     Rows,
     direction_entry,
+    opens,
 )
 from stickslip.motion.steps.vectors import is_new
 from stickslip.translator import compiled
@@ -129,14 +132,15 @@ def axis_of(flow: Flow, c: int) -> float:
 
 @compiled(brief=True)
 def place_direction(flow: Flow, table: Array, c: int, vector: Array) -> None:
-    """The direction of a contact, in all inertial coordinates."""
+    """The direction of a contact, in all inertial coordinates; in a plane with its axis."""
     rows = flow.rows
     part = rows.parts[rows.homes[c, PART]]
+    axis = 1.0 if opens(rows, c) else axis_of(flow, c)
     for q in range(rows.sizes[INERTIAL]):
         vector[q] = 0.0
     for j in range(part[COORDINATES]):
         entry = direction_entry(rows, flow.k.J, table, c, j)
-        vector[rows.members[part[MEMBERS] + j]] = axis_of(flow, c) * entry
+        vector[rows.members[part[MEMBERS] + j]] = axis * entry
 
 
 @compiled(brief=True)
@@ -202,6 +206,40 @@ def is_gripped(flow: Flow, table: Array, c: int, rank: int) -> bool:
     if third >= 0:
         place_direction(flow, table, third, basis[rank])
     return third < 0 or not is_new(n, basis, rank, _INDEPENDENT)
+
+
+@compiled(brief=True)
+def press_themselves(flow: Flow, mode: Array, table: Array, group: int) -> bool:
+    """Whether forces of what sticks in a group that cancel each other change the normal forces that
+    press it, as those of feet at different heights do: then more can be held than with the normal
+    forces of the mode.
+
+    Parameters
+    ----------
+    flow : Flow
+        Its work space receives a basis of their directions.
+    mode : array of int, shape (contacts,)
+    table : array
+        Values of the rows.
+    group : int
+    """
+    rows = flow.rows
+    basis = flow.space.basis
+    n = rows.sizes[INERTIAL]
+    rank = grip(flow, mode, table, group)[1]
+    for c in range(rows.sizes[ON_INERTIAL]):
+        pressing = False
+        for link in range(len(rows.links) if opens(rows, c) and mode[c] == 0 else 0):
+            pressed = rows.links[link, PRESSING] == c
+            pressing = pressing or (
+                pressed and sticks_in(rows, mode, rows.links[link, RUBBING], group)
+            )
+        if pressing:
+            place_direction(flow, table, c, basis[rank])
+            if not is_new(n, basis, rank, _INDEPENDENT):
+                return True
+            rank += 1
+    return False
 
 
 @compiled(brief=True)

@@ -13,7 +13,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.motion.admissible.cones import FORCE_SIZE, RESTS
 from stickslip.motion.admissible.leaving import spare_part
-from stickslip.motion.admissible.sharing import ON_ITS_OWN, any_share, find_shared
+from stickslip.motion.admissible.sharing import ON_ITS_OWN, any_share, find_shared, press_themselves
 from stickslip.motion.audit.accounts import EXCESS, LARGEST_FORCE, Tally
 from stickslip.motion.audit.forces import widest_room
 from stickslip.motion.audit.nodes import most
@@ -275,6 +275,8 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
         elif resting(mode[c]):
             room = room_left(rows, flow.space, c, late, tally.law[c, LARGEST_FORCE])
             if sharing and mode[c] == 0 and flow.space.leaving[c] != ON_ITS_OWN:
+                if press_themselves(flow, mode, W, rows.group[c]):
+                    return c, 1.0  # nobody has asked what they hold then
                 room = spare_part(flow, mode, c)
                 if tally.law[c, LARGEST_FORCE] > 0.0:
                     room -= late * abs(W[rows.force[c], 1]) / tally.law[c, LARGEST_FORCE]

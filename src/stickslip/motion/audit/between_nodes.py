@@ -39,6 +39,7 @@ from stickslip.motion.steps.arrays import (
     Flow,
     Rows,
     Space,
+    is_loose,
     opens,
     own_inverse,
     parts_of,
@@ -240,8 +241,10 @@ def encloses(
         held = max(CANCELLED_PART * mag[2 * nc + c], tally.law[c, LARGEST_FORCE])
         for row in forces:
             held = max(held, extent(W[row], N - 1, powers))
+        # What nothing presses has no friction, but for rounding errors.
         for row in forces:
-            if not strays(discs[row], factor) <= NEGLIGIBLE_PART * held:
+            loose = is_loose(rows, mode, c)
+            if not loose and not strays(discs[row], factor) <= NEGLIGIBLE_PART * held:
                 return False
         if opens(rows, c):
             row = rows.gaps[c]
@@ -252,6 +255,8 @@ def encloses(
             if not strays(discs[row], factor) <= NEGLIGIBLE_PART * max(size, tally.law[c, OPENING]):
                 return False
     for p in range(len(rows.planes)):
+        if is_loose(rows, mode, rows.planes[p, COMPONENT]):
+            continue
         aim = rows.planes[p, AIM]
         held = tally.law[rows.planes[p, COMPONENT], LARGEST_FORCE]
         held = max(held, extent(W[rows.plus[rows.planes[p, COMPONENT]]], N - 1, powers))

@@ -27,7 +27,8 @@ from stickslip.motion.audit.accounts import (
     free_speed,
 )
 from stickslip.motion.audit.between_nodes import strays
-from stickslip.motion.audit.nodes import LEBESGUE, largest_of, least_on_nodes, most
+from stickslip.motion.audit.nodes import COUNT, LEBESGUE, largest_of, least_on_nodes, most
+from stickslip.motion.modes.guards import resting
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     ADMISSIBLE_SIZE,
@@ -50,6 +51,7 @@ from stickslip.motion.steps.arrays import (
     THIRD_PART,
     Rows,
     Space,
+    is_loose,
     whole_size,
 )
 from stickslip.motion.steps.discs import BALL, OFF
@@ -140,6 +142,37 @@ def product_strays(W: Array, discs: Array, a: int, b: int, factor: float) -> flo
 
 
 @compiled()
+def blurred_by_turns(rows: Rows, space: Space, mode: Array, c: int, tally: Tally) -> float:
+    """By how much rounding errors of velocities turn the directions of slips in a piece, and with
+    them the forces that a contact has beside these, in parts of its size: where a slip ends, the
+    last that is left of it is rounding errors.
+
+    Parameters
+    ----------
+    rows : Rows
+    space : Space
+        With what :func:`sample_plane` keeps.
+    mode : array of int, shape (contacts,)
+    c : int
+        The contact.
+    tally : Tally
+        With the largest speeds.
+    """
+    found = 0.0
+    for p in range(len(rows.planes)):
+        first = rows.planes[p, COMPONENT]
+        beside = rows.homes[first, PART] == rows.homes[c, PART] and rows.planes[p, MASSIVE] == 1
+        if beside and not resting(mode[first]) and not is_loose(rows, mode, first):
+            rounding = ROUNDING * tally.law[first, LARGEST_SPEED]
+            slowest = np.inf
+            for g in range(COUNT):
+                slowest = min(slowest, space.samples[rows.sizes[DIMENSION] + 3 * first, g])
+            if rounding > found * slowest:
+                found = rounding / max(slowest, ROUNDING * rounding)
+    return found
+
+
+@compiled()
 def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, tally: Tally) -> None:
     """By how much the law of a contact in a plane fails on a piece.
 
@@ -172,6 +205,7 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
         loose = strays(discs[plane[ADMISSIBLE]], factor) if known else 0.0
         low = least_on_nodes(samples[row], space.bernstein, 1e-2 * NEGLIGIBLE_PART * force * force)
         unsure = ROUNDING * mag[plane[ADMISSIBLE_SIZE]]
+        unsure += blurred_by_turns(rows, space, mode, c, tally) * force * force
         if force > 0.0 and space.leaving[c] == ON_ITS_OWN:
             law[c, EXCESS] = most(law[c, EXCESS], (loose - low - unsure) / force)
         for part in (1, 2):
@@ -206,7 +240,8 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
     for i in range(2 if third >= 0 else 0):
         turned = largest_of(samples[last + i]) + across - rounding
         law[c, BACKWARDS] = most(law[c, BACKWARDS], turned)
-    longer = law[c, LARGEST_FORCE] * (largest_of(samples[row + 2]) + unit - ROUNDING)
+    unsure = ROUNDING + blurred_by_turns(rows, space, mode, c, tally)
+    longer = law[c, LARGEST_FORCE] * (largest_of(samples[row + 2]) + unit - unsure)
     law[c, OFF_THRESHOLD] = most(law[c, OFF_THRESHOLD], longer)
     if c >= rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]:
         off = largest_of(samples[row + 3 * (plane[OTHER] - c)])

@@ -51,6 +51,7 @@ from stickslip.motion.audit.accounts import (
     Tally,
 )
 from stickslip.motion.audit.between_nodes import StepPiece, strays
+from stickslip.motion.audit.contact_planes import blurred_by_turns
 from stickslip.motion.audit.nodes import (
     COUNT,
     GAUSS_NODES,
@@ -503,7 +504,7 @@ def judge_together(flow: Flow, mode: Array, piece: StepPiece, tally: Tally) -> N
             or not is_first(rows, mode, first)
         ):
             continue
-        least = piece.rounding
+        least = max(piece.rounding, blurred_by_turns(rows, space, mode, first, tally))
         loose = 0.0
         for c in range(first, nc):
             if mode[c] != 0 or rows.group[c] != rows.group[first]:

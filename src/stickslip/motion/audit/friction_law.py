@@ -29,7 +29,7 @@ from stickslip.motion.audit.accounts import (
     free_speed,
 )
 from stickslip.motion.audit.between_nodes import StepPiece, strays
-from stickslip.motion.audit.contact_planes import judge_plane, sample_plane
+from stickslip.motion.audit.contact_planes import blurred_by_turns, judge_plane, sample_plane
 from stickslip.motion.audit.nodes import largest_of, least_on_nodes, most
 from stickslip.motion.modes.guards import resting
 from stickslip.motion.steps.arrays import (
@@ -182,6 +182,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
             space.W[rows.u[c]], piece.order, piece.h / unit
         )
         unsure = piece.rounding * mag[2 * nc + c]
+        unsure += blurred_by_turns(rows, space, mode, c, tally) * law[c, LARGEST_FORCE]
         unsure += late * (
             steepness(space.W[rows.force[c]], piece.order, piece.h / unit) + max(up, down)
         )
@@ -251,5 +252,6 @@ def judge_opening(
         space.samples[row], space.bernstein, 1e-2 * NEGLIGIBLE_PART * law[c, LARGEST_FORCE]
     )
     unsure = ROUNDING * space.mag[2 * len(rows.u) + c]
+    unsure += blurred_by_turns(rows, space, mode, c, tally) * law[c, LARGEST_FORCE]
     law[c, EXCESS] = most(law[c, EXCESS], loose - low - unsure)
     law[c, OVERLAP] = most(law[c, OVERLAP], largest_of(space.samples[row + 1]) + apart)

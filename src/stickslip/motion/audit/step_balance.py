@@ -72,6 +72,7 @@ from stickslip.motion.audit.step_ends import (
 )
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
+    COMPONENT,
     CONTACTS,
     COORDINATES,
     DIMENSION,
@@ -419,7 +420,10 @@ def judge(
     own = 0.0
     for c in range(len(law)):
         force = most(force, law[c, LARGEST_FORCE])
-        speed = max(law[c, LARGEST_SPEED], REST_PART * law[c, SPEED_HELD])
+        # In a plane velocities are vectors, whose size stands at their first component.
+        first = rows.planes[rows.plane[c], COMPONENT] if rows.plane[c] >= 0 else c
+        speed = max(law[c, LARGEST_SPEED], law[first, LARGEST_SPEED])
+        speed = max(speed, REST_PART * max(law[c, SPEED_HELD], law[first, SPEED_HELD]))
         violation = most(
             violation, relative(max(law[c, EXCESS], law[c, OFF_THRESHOLD]), law[c, LARGEST_FORCE])
         )

@@ -102,7 +102,9 @@ def size_gaps(machine: Machine, flow: Flow, here: Instant, span: float) -> None:
 
 
 @compiled()
-def first_approaching(machine: Machine, flow: Flow, here: Instant, last: float, going: bool) -> int:
+def first_approaching(
+    machine: Machine, flow: Flow, here: Instant, last: float, going: bool, opened: int
+) -> int:
     """The first contact that is closed and approaches; −1 if there is none.
 
     Parameters
@@ -115,6 +117,8 @@ def first_approaching(machine: Machine, flow: Flow, here: Instant, last: float, 
     going : bool
         Whether the motion is under way, in the mode of the instant: what has been closed does not
         approach but for rounding errors.
+    opened : int
+        Another contact that has been closed: it has just opened; or negative.
     """
     if approaching(machine, flow, here, last, NOWHERE, 1.0) == 0:
         return NOWHERE
@@ -122,7 +126,8 @@ def first_approaching(machine: Machine, flow: Flow, here: Instant, last: float, 
     for c in range(flow.rows.sizes[ON_INERTIAL]):
         slow = -_SLOW * space.mag[c]
         near = opens(flow.rows, c) and space.tried[NEAR, c] == 1
-        if near and space.impact[BEFORE, c] < slow and not (going and here.mode[c] == 0):
+        kept = going and (here.mode[c] == 0 or c == opened)
+        if near and space.impact[BEFORE, c] < slow and not kept:
             return c
     return NOWHERE
 
@@ -186,7 +191,7 @@ def stop_what_is_held(machine: Machine, flow: Flow, lane: Lane) -> None:
     for c in range(rows.sizes[ON_INERTIAL]):
         held = lane.mode[c] == 0 and takes_part(rows, space.tried, c)
         if held and abs(space.W[rows.u[c], 0]) <= ROUNDING * largest:
-            stop(flow, space.W, lane.y, c)
+            stop(flow, space.W, lane.y, lane.mode, c)
 
 
 @compiled()

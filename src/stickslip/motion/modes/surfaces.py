@@ -9,6 +9,8 @@ from __future__ import annotations
 from stickslip.arrays import Array
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
+    AIM_SPEED,
+    BENDS,
     CAUSE,
     COMPONENT,
     COORDINATES,
@@ -111,7 +113,7 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
         return False
     for c in range(mq):
         if mode[c] == 0:
-            stop(flow, W, at.y, c)
+            stop(flow, W, at.y, mode, c)
         if mode[c] == 0 and opens(rows, c):
             # What is closed stays on the surface itself, too.
             part = rows.homes[c, PART]
@@ -124,7 +126,7 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
 
 
 @compiled()
-def stop(flow: Flow, table: Array, y: Array, c: int) -> None:
+def stop(flow: Flow, table: Array, y: Array, mode: Array, c: int) -> None:
     """Take what is left of the velocity of a sticking contact, relative to its surface, out of the
     rates.
 
@@ -136,6 +138,7 @@ def stop(flow: Flow, table: Array, y: Array, c: int) -> None:
         Values of the rows.
     y : array
         State; its rates are changed.
+    mode : array of int, shape (contacts,)
     c : int
         The contact.
     """
@@ -151,7 +154,7 @@ def stop(flow: Flow, table: Array, y: Array, c: int) -> None:
         three = max(rows.planes[rows.plane[c], THIRD_PART], one)
     first = rows.parts[part, FIRST_ROW]
     for i in range(rows.parts[part, COORDINATES]):
-        if is_rubbed(rows, flow.k.J, table, c, i):
+        if is_rubbed(flow, table, mode, c, i):
             continue
         q = rows.sizes[INERTIAL] + rows.members[rows.parts[part, MEMBERS] + i]
         y[q] -= R[first + i, rows.homes[c, SEAT] - first] * u
@@ -200,27 +203,31 @@ def all_on_surface(flow: Flow, mode: Array) -> bool:
 
 
 @compiled()
-def is_rubbed(rows: Rows, J: Array, table: Array, c: int, i: int) -> bool:
-    """Whether friction in a plane, under the normal force of a contact, moves a coordinate of their
+def is_rubbed(flow: Flow, table: Array, mode: Array, c: int, i: int) -> bool:
+    """Whether a slip in a plane, under the normal force of a contact, moves a coordinate of their
     component.
 
     What puts the contact back onto its surface is no impulse, and moves nothing else: a slip that
-    begins is at rest, exactly.
+    begins is at rest, exactly. Where friction changes the normal force, they move the same, and
+    only a slip that begins has nothing taken from it.
 
     Parameters
     ----------
-    rows : Rows
-    J : array
-        Directions that do not change.
+    flow : Flow
     table : array
         Values of the rows.
+    mode : array of int, shape (contacts,)
     c, i : int
         The contact, and the place of the coordinate in the component.
     """
-    for p in range(len(rows.planes)):
-        if presses(rows, c, rows.planes[p, COMPONENT]):
-            x = direction_entry(rows, J, table, rows.planes[p, COMPONENT], i)
-            y = direction_entry(rows, J, table, rows.planes[p, OTHER], i)
+    rows, J = flow.rows, flow.k.J
+    for plane in rows.planes:
+        first = plane[COMPONENT]
+        if mode[first] == 0 or not presses(rows, c, first):
+            continue
+        if plane[BENDS] == 0 or table[plane[AIM_SPEED], 0] == 0.0:
+            x = direction_entry(rows, J, table, first, i)
+            y = direction_entry(rows, J, table, plane[OTHER], i)
             if x != 0.0 or y != 0.0:
                 return True
     return False
@@ -270,7 +277,7 @@ def touching(flow: Flow, c: int, last: float) -> float:
 def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     """After an event, put the velocities of contacts in a plane that have just left stick, or may
     leave it now, onto those of their surfaces: a slip begins from nothing, and not from rounding
-    errors.
+    errors. So does what opens beside them.
 
     What stops one contact moves the others by rounding errors of what it takes away: these become
     small beside themselves, turn by turn, until nothing is left.
@@ -280,7 +287,9 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
         return
     c = lane.counters[CAUSE] - len(rows.kinks)
     before = flow.space.touched
-    asked = False
+    asked = opened = c >= 0 and opens(rows, c) and lane.mode[c] != 0 and lane.settled[c] == 0
+    if opened:
+        set_mode(rows, lane.mode, c, 0)
     for p in range(len(rows.planes)):
         first = rows.planes[p, COMPONENT]
         before[first] = lane.mode[first]
@@ -302,12 +311,14 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
         first = rows.planes[p, COMPONENT]
         if before[first] != 0:
             set_mode(rows, lane.mode, first, before[first])
+    if opened:
+        set_mode(rows, lane.mode, c, 1)
 
 
 @compiled()
 def leaves_with(rows: Rows, lane: Lane, first: int, c: int) -> bool:
     """Whether a contact in a plane has just left stick, where the switch of contact c has fired:
-    with those that it shared its force with.
+    with those that it shared its force with, or with the normal force that has pressed it.
 
     Parameters
     ----------
@@ -319,4 +330,5 @@ def leaves_with(rows: Rows, lane: Lane, first: int, c: int) -> bool:
     if first == c:
         return True
     together = c >= 0 and rows.group[first] >= 0 and rows.group[first] == rows.group[c]
+    together = together or (c >= 0 and presses(rows, c, first))
     return bool(together and lane.settled[first] == 0 and lane.mode[first] != 0)

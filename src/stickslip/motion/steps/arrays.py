@@ -609,7 +609,8 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
     implicit = N // 2 * n if n <= MOST_IMPLICIT else 0
     sharing = bool(np.any(rows.group >= 0))
     several = nq + 1 if sharing else 0
-    slips = 2 * len(rows.planes) if sharing else 0
+    bends = bool(np.any(rows.planes[:, BENDS]))
+    slips = 2 * len(rows.planes) if sharing or bends else 0
     most_points = max(N + 1, AUDIT_NODES)
     W = z((table_rows, N + 1))
     V = z((table_rows, 2))

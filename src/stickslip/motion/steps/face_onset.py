@@ -26,26 +26,17 @@ from stickslip.motion.steps.arrays import (
     FEWEST_ORDERS,
     FORMULA,
     OK,
-    THIRD_PART,
     Flow,
     Instant,
     Machine,
     Rows,
     plain_coefficients,
 )
-from stickslip.motion.steps.onset import (
-    AIMS,
-    BX,
-    LEADING,
-    MOST_LEADING,
-    N_,
-    NEGLIGIBLE,
-    RHO,
-)
+from stickslip.motion.steps.onset import MOST_LEADING, NEGLIGIBLE
+from stickslip.motion.steps.response import AIMS, BX, BZ, L_, LEADING, N_, RHO, is_face
 from stickslip.motion.steps.vectors import solve_equations
 from stickslip.translator import compiled
 
-L_, BZ = 11, 12  # rows of Space.aims for the third component
 _ROUNDED = 0.1  # factor by which R is rounded off less from turn to turn
 _FINEST = 1e-7  # … at last, in parts of its value without friction
 _MOST_TURNS = 40  # of Newton's method
@@ -54,12 +45,6 @@ _SETTLED = 1e-15  # part of its terms by which it may fail at last
 # that inverse, rates of probes, equations, and what is solved for.
 _D, _B, _K, _FORCES, _INVERSE, _RATES, _EQUATIONS, _SOLVED = 0, 3, 4, 5, 11, 14, 17, 21
 PER_FACE = 22
-
-
-@compiled(brief=True)
-def is_face(rows: Rows, p: int) -> bool:
-    """Whether a contact in a plane is a face."""
-    return bool(rows.planes[p, THIRD_PART] >= 0)
 
 
 @compiled(brief=True)

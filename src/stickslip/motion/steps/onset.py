@@ -8,7 +8,9 @@ of V, and the rates of Au depend on their coefficients as in :mod:`stickslip.mot
 
 is one linear problem an order, for vₘ and an order of β. The first of all, b₀ + Â n(Z v₀) = β₀ Z
 v₀, says what minimises a strictly convex function, the accelerations; it is found by Newton's
-method where |u| is rounded off, less and less. Where β₀ vanishes, since the forces have just
+method where |u| is rounded off, less and less. Where friction changes the normal forces that press
+it, the rates are another function of the directions, and b₀ and Â are those of its tangent at each
+turn (:mod:`stickslip.motion.steps.response`). Where β₀ vanishes, since the forces have just
 reached what can be held, p > 1, and v₀ is the mechanism that begins.
 
 A rod that is pushed across may turn about any point beyond its ends then: there is a face of
@@ -22,16 +24,25 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
-from stickslip.motion.steps.arrays import COMPONENT, EPSILON, FORMULA, Flow
+from stickslip.motion.steps.arrays import COMPONENT, EPSILON, FORMULA, OK, Flow, Instant, Machine
+from stickslip.motion.steps.response import (
+    AIMS,
+    BX,
+    LEADING,
+    M_,
+    N_,
+    OX,
+    OY,
+    RHO,
+    X,
+    Y,
+    any_bends,
+    begins_in,
+    respond_at,
+)
 from stickslip.motion.steps.vectors import direction_and_turn, is_new
 from stickslip.translator import compiled
 
-# Rows of Space.aims for each plane: the direction (two rows), ρ, the right-hand side (two rows),
-# what is solved for (two rows), the order p, what else is kept for a while, and what of the
-# velocity is not in Z V (two rows); behind them those of the third component of a face
-# (:mod:`stickslip.motion.steps.face_onset`).
-AIMS = 14
-N_, M_, RHO, BX, BY, X, Y, LEADING, SPARE, OX, OY = range(11)
 NEGLIGIBLE = 1e-12  # part of its terms below which an order of |Au| is none
 MOST_LEADING = 4  # orders of |Au| that may vanish
 _NEW = 1e-20  # square of the part of a velocity that is none of the others
@@ -45,12 +56,6 @@ _MOST_TURNS = 40  # of Newton's method
 # Rows of Space.onset: what is solved for and its right-hand side, V at a place, series of one
 # contact (both components, |V|), β, and V behind them.
 _SOLVED, _RIGHT, _PLACE, _TRIED, _U, _V, _SIZE, _BETA, _FIRST = range(9)
-
-
-@compiled(brief=True)
-def begins_in(flow: Flow, p: int) -> bool:
-    """Whether a contact in a plane is one of those that begin to slip together."""
-    return bool(flow.space.aims[AIMS * p + LEADING, 0] >= 0.0)
 
 
 @compiled(brief=True)
@@ -80,20 +85,23 @@ def span_rates(flow: Flow) -> int:
 
 @compiled(brief=True)
 def begin_together(flow: Flow) -> bool:
-    """Whether several slips begin, all of them of contacts that may share forces; or one that the
-    others let move along a line only, so that friction does not tell its direction."""
+    """Whether several slips begin, all of them of contacts that may share forces, or one that
+    changes normal forces; or one that the others let move along a line only, so that friction does
+    not tell its direction."""
     rows = flow.rows
     group = -1
     count = 0
+    bends = any_bends(flow)
     for p in range(len(rows.planes)):
-        if flow.space.aims[AIMS * p + LEADING, 0] >= 0.0:
+        if begins_in(flow, p):
             own = rows.group[rows.planes[p, COMPONENT]]
-            bent = rows.planes[p, FORMULA] >= 0
-            if own < 0 or bent or (count > 0 and own != group):
+            if rows.planes[p, FORMULA] >= 0:
+                return False
+            if not bends and (own < 0 or (count > 0 and own != group)):
                 return False
             group = own
             count += 1
-    return count > 1 or (count == 1 and span_rates(flow) == 1)
+    return bool(count > 1 or (count == 1 and group >= 0 and span_rates(flow) == 1))
 
 
 @compiled(brief=True)
@@ -196,20 +204,69 @@ def place_slopes(flow: Flow, rank: int, way: Array, rounded: float, share: float
 
 
 @compiled(brief=True)
-def rounded_off(flow: Flow, rank: int, way: Array, rounded: float, out: Array) -> float:
-    """b₀ + Â n − u with directions that are rounded off; its size.
+def respond_along(
+    machine: Machine,
+    flow: Flow,
+    at: Instant,
+    table: Array,
+    rank: int,
+    way: Array,
+    rounded: float,
+    slopes: bool,
+) -> bool:
+    """Where the rates of Au are no linear function of directions, replace them by b₀ + Â n at the
+    directions u/√(|u|² + rounded²); False if there are no rates.
 
     Parameters
     ----------
+    machine : Machine
     flow : Flow
+        Receives b₀ and Â in its work space.
+    at : Instant
+    table : array
+        Work space.
     rank : int
         Number of vectors of Z.
     way : array
         u.
     rounded : float
+    slopes : bool
+        As of :func:`respond_at`.
+    """
+    if not any_bends(flow):
+        return True
+    aims = flow.space.aims
+    for p in range(len(flow.rows.planes)):
+        if begins_in(flow, p):
+            x, y = speed_along(flow, rank, way, 2 * p), speed_along(flow, rank, way, 2 * p + 1)
+            x, y, _, _, _, _ = direction_and_turn(x, y, rounded)
+            aims[AIMS * p + N_, 0], aims[AIMS * p + M_, 0] = x, y
+    return bool(respond_at(machine, flow, at, table, slopes) == OK)
+
+
+@compiled(brief=True)
+def rounded_off(
+    machine: Machine,
+    flow: Flow,
+    at: Instant,
+    table: Array,
+    rank: int,
+    way: Array,
+    rounded: float,
+    slopes: bool,
+    out: Array,
+) -> float:
+    """b₀ + Â n − u with directions that are rounded off; its size.
+
+    Parameters
+    ----------
+    machine, flow, at, table, rank, way, rounded, slopes
+        As of :func:`respond_along`.
     out : array
         Receives it.
     """
+    if not respond_along(machine, flow, at, table, rank, way, rounded, slopes):
+        return math.inf
     place_slopes(flow, rank, way, rounded, 1.0)
     part_in_span(flow, rank, BX, 0, out)
     answer_to(flow, rank, X, 0, 1.0, out)
@@ -221,10 +278,21 @@ def rounded_off(flow: Flow, rank: int, way: Array, rounded: float, out: Array) -
 
 
 @compiled(brief=True)
-def aim_together(flow: Flow) -> int:
+def aim_together(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
     """v₀, and β₀ unless it vanishes, of slips that begin together; returns the number of vectors of
-    Z. What does not begin has a β below zero."""
+    Z. What does not begin has a β below zero.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        With the response to probes.
+    at : Instant
+    table : array
+        Work space.
+    """
     rows = flow.rows
+    bends = any_bends(flow)
     aims, onset = flow.space.aims, flow.space.onset
     way, right, tried = onset[_PLACE], onset[_RIGHT], onset[_TRIED]
     rank = span_rates(flow)
@@ -239,8 +307,10 @@ def aim_together(flow: Flow) -> int:
     size = math.sqrt(size)
     rounded = size
     while rounded > 0.0:
-        off = rounded_off(flow, rank, way, rounded, right)
+        off = rounded_off(machine, flow, at, table, rank, way, rounded, True, right)
         for _ in range(_MOST_TURNS):
+            if not off < math.inf:
+                break
             for i in range(rank):
                 flow.space.turn[i, i] -= 1.0
             if off <= 4.0 * EPSILON * size or not invert(flow.space.turn, rank, flow.space.turned):
@@ -251,7 +321,7 @@ def aim_together(flow: Flow) -> int:
             for _ in range(30):
                 for r in range(rank):
                     tried[r] = way[r] + length * onset[_SOLVED, r]
-                after = rounded_off(flow, rank, tried, rounded, right)
+                after = rounded_off(machine, flow, at, table, rank, tried, rounded, False, right)
                 if after < (1.0 - 0.1 * length) * off:
                     break
                 length *= 0.5
@@ -260,22 +330,26 @@ def aim_together(flow: Flow) -> int:
             off = after
             for r in range(rank):
                 way[r] = tried[r]
+            if bends:
+                off = rounded_off(machine, flow, at, table, rank, way, rounded, True, right)
         if rounded <= _FINEST * size:
             break
         rounded *= _ROUNDED
     if size > 0.0:
-        rounded_off(flow, rank, way, rounded, right)
+        rounded_off(machine, flow, at, table, rank, way, rounded, True, right)
     least = 1.0
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
             least = min(least, math.hypot(aims[AIMS * p + X, 0], aims[AIMS * p + Y, 0]))
-    if size > 0.0 and least >= 1.0 - _FULL and refine_face(flow, rank, size):
-        return rank
-    if size > 0.0 and refine_aim(flow, rank, size):
+    refined = size > 0.0 and least >= 1.0 - _FULL
+    refined = refined and refine_face(machine, flow, at, table, rank, size)
+    if not refined and size > 0.0:
+        refined = refine_aim(machine, flow, at, table, rank, size)
+    if refined and (not bends or respond_at(machine, flow, at, table, True) == OK):
         return rank
     # What lacks most of its friction does not begin, nor does what the others do not let move.
     if size > 0.0:
-        rounded_off(flow, rank, tried, rounded, right)
+        rounded_off(machine, flow, at, table, rank, tried, rounded, True, right)
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
             full = math.hypot(aims[AIMS * p + X, 0], aims[AIMS * p + Y, 0])
@@ -325,14 +399,20 @@ def place_face(flow: Flow, rank: int, way: Array) -> int:
 
 
 @compiled(brief=True)
-def refine_face(flow: Flow, rank: int, size: float) -> bool:
+def refine_face(
+    machine: Machine, flow: Flow, at: Instant, table: Array, rank: int, size: float
+) -> bool:
     """The directions of a face of mechanisms, exactly, if forces have just reached what they cannot
     hold; False if not, or if there is one mechanism only.
 
     Parameters
     ----------
+    machine : Machine
     flow : Flow
         With one of them times some number in its work space, which stays.
+    at : Instant
+    table : array
+        Work space.
     rank : int
         Number of vectors of Z.
     size : float
@@ -349,7 +429,7 @@ def refine_face(flow: Flow, rank: int, size: float) -> bool:
     for _ in range(_MOST_TURNS):
         others = place_face(flow, rank, way)
         number = rank - others
-        if number < 2:
+        if number < 2 or not respond_along(machine, flow, at, table, rank, way, 0.0, True):
             return False
         place_slopes(flow, rank, way, 0.0, 1.0)
         part_in_span(flow, rank, BX, 0, right)
@@ -409,13 +489,19 @@ def step_back(flow: Flow, rank: int) -> None:
 
 
 @compiled(brief=True)
-def refine_aim(flow: Flow, rank: int, size: float) -> bool:
+def refine_aim(
+    machine: Machine, flow: Flow, at: Instant, table: Array, rank: int, size: float
+) -> bool:
     """v₀ and β₀ from a neighbourhood, exactly; False if not all slips begin.
 
     Parameters
     ----------
+    machine : Machine
     flow : Flow
         With v₀ times some number in its work space.
+    at : Instant
+    table : array
+        Work space.
     rank : int
         Number of vectors of Z.
     size : float
@@ -434,6 +520,8 @@ def refine_aim(flow: Flow, rank: int, size: float) -> bool:
     before = math.inf
     settled = False
     for _ in range(_MOST_TURNS):
+        if not respond_along(machine, flow, at, table, rank, way, 0.0, True):
+            return False
         place_slopes(flow, rank, way, 0.0, 1.0)
         part_in_span(flow, rank, BX, 0, right)
         answer_to(flow, rank, X, 0, 1.0, right)

@@ -50,31 +50,33 @@ from stickslip.motion.steps.arrays import (
     plain_coefficients,
     set_mode,
 )
-from stickslip.motion.steps.face_onset import (
-    BZ,
-    L_,
-    aim_face_order,
-    aim_faces,
-    is_face,
-    put_pieces,
-)
+from stickslip.motion.steps.face_onset import aim_face_order, aim_faces, put_pieces
 from stickslip.motion.steps.onset import (
+    MOST_LEADING,
+    NEGLIGIBLE,
+    aim_order_together,
+    aim_together,
+    begin_together,
+)
+from stickslip.motion.steps.response import (
     AIMS,
     BX,
     BY,
+    BZ,
     LEADING,
     M_,
-    MOST_LEADING,
     N_,
-    NEGLIGIBLE,
     OX,
     RHO,
     SPARE,
     X,
     Y,
-    aim_order_together,
-    aim_together,
-    begin_together,
+    any_bends,
+    is_face,
+    place_aims,
+    place_speeds,
+    respond,
+    respond_at,
 )
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled
@@ -229,7 +231,7 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
         return status
     rank = 0
     if begin_together(flow):
-        rank = aim_together(flow)
+        rank = aim_together(machine, flow, at, begun)
     else:
         aim_first(flow)
         status = aim_faces(machine, flow, at, begun)
@@ -302,85 +304,6 @@ def stage_order(needed: int, most: int) -> int:
 
 
 @compiled()
-def place_aims(flow: Flow, table: Array, order: int) -> None:
-    """Put what is known of directions and speeds into a table."""
-    rows = flow.rows
-    aims = flow.space.aims
-    for p in range(len(rows.planes)):
-        if aims[AIMS * p + LEADING, 0] < 0.0:
-            continue
-        first = rows.planes[p, AIM]
-        for k in range(table.shape[1]):
-            table[first, k] = aims[AIMS * p + N_, k] if k < aims.shape[1] else 0.0
-            table[first + 1, k] = aims[AIMS * p + M_, k] if k < aims.shape[1] else 0.0
-            if is_face(rows, p):
-                table[first + 2, k] = aims[AIMS * p + L_, k] if k < aims.shape[1] else 0.0
-    place_speeds(flow, table, order)
-
-
-@compiled()
-def place_speeds(flow: Flow, table: Array, order: int) -> None:
-    """Put |Au| = tᵖ ρ into a table, as far as it is known."""
-    rows = flow.rows
-    aims = flow.space.aims
-    for p in range(len(rows.planes)):
-        leading = int(aims[AIMS * p + LEADING, 0])
-        if leading < 0:
-            continue
-        row = rows.planes[p, AIM_SPEED]
-        for k in range(table.shape[1]):
-            known = 0 < leading <= k
-            table[row, k] = aims[AIMS * p + RHO, k - leading] if known else 0.0
-
-
-@compiled()
-def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
-    """What (Au)₁ is without friction, and what each component of each direction adds to it.
-
-    Parameters
-    ----------
-    machine : Machine
-    flow : Flow
-        Receives the response in its work space, (Au)₁ in place of the right-hand sides of order 0.
-    at : Instant
-    table : array
-        Work space.
-    """
-    rows = flow.rows
-    aims = flow.space.aims
-    answer = flow.space.answer
-    planes = len(rows.planes)
-    for r in range(len(aims)):
-        if r % AIMS != LEADING:
-            for k in range(aims.shape[1]):
-                aims[r, k] = 0.0
-        if r % AIMS == N_ and rows.planes[r // AIMS, FORMULA] >= 0:
-            aims[r, 0] = 1.0  # a gradient has no value at 0
-    for probe in range(-1, 2 * planes):
-        if probe >= 0 and aims[AIMS * (probe // 2) + LEADING, 0] < 0.0:
-            continue
-        if probe >= 0 and is_face(rows, probe // 2):
-            continue
-        bent = probe >= 0 and rows.planes[probe // 2, FORMULA] >= 0
-        if probe >= 0:
-            aims[AIMS * (probe // 2) + N_ + probe % 2, 0] = 1.0
-        place_aims(flow, table, FEWEST_ORDERS)
-        status = plain_coefficients(machine, flow, at, FEWEST_ORDERS, table)
-        if status != OK:
-            return status
-        for p in range(planes):
-            for i in range(2):
-                rate = table[rows.planes[p, AHEAD + i], 1]
-                if probe < 0:
-                    aims[AIMS * p + BX + i, 0] = rate
-                else:
-                    answer[2 * p + i, probe] = rate - aims[AIMS * p + BX + i, 0]
-        if probe >= 0:
-            aims[AIMS * (probe // 2) + N_ + probe % 2, 0] = 1.0 if bent and probe % 2 == 0 else 0.0
-    return OK
-
-
-@compiled()
 def coupled(flow: Flow, p: int, part: int, m: int) -> tuple[float, float]:
     """What the other slips that begin add to bₘ of one, by their directions.
 
@@ -440,17 +363,6 @@ def aim_first(flow: Flow) -> None:
 
 
 @compiled()
-def any_bends(flow: Flow) -> bool:
-    """Whether a slip begins that changes the normal force which presses it."""
-    found = False
-    for p in range(len(flow.rows.planes)):
-        starts = flow.space.aims[AIMS * p + LEADING, 0] >= 0.0
-        bends = flow.rows.planes[p, BENDS] == 1 and not is_face(flow.rows, p)
-        found = found or (starts and bends)
-    return found
-
-
-@compiled()
 def aim_where_it_bends(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
     """Directions at the beginning where friction changes the normal force that presses it: (Au)₁ is
     no linear function of n₀, but has its direction, as before. All angles are looked through; of
@@ -499,7 +411,7 @@ def aim_where_it_bends(machine: Machine, flow: Flow, at: Instant, table: Array) 
         first = abs(along) > NEGLIGIBLE * size
         aims[base + RHO, 0] = along if first else 0.0
         aims[base + LEADING, 0] = 1.0 if first else 0.0
-    return respond_to_turns(machine, flow, at, table)
+    return respond_at(machine, flow, at, table, True)
 
 
 @compiled()
@@ -563,47 +475,6 @@ def angle_between(
             f = 0.5 * f if kept < 0 else f
             kept = -1
     return 0.5 * (low + high)
-
-
-@compiled()
-def respond_to_turns(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
-    """What each component of a change of each direction adds to the rate of Au, at the directions
-    that are known.
-
-    Parameters
-    ----------
-    machine : Machine
-    flow : Flow
-        With directions; receives the response in its work space.
-    at : Instant
-    table : array
-        Work space.
-    """
-    rows = flow.rows
-    aims, answer = flow.space.aims, flow.space.answer
-    planes = len(rows.planes)
-    for probe in range(-1, 2 * planes):
-        row = AIMS * (probe // 2) + N_ + probe % 2
-        if probe >= 0 and aims[AIMS * (probe // 2) + LEADING, 0] < 0.0:
-            continue
-        if probe >= 0 and is_face(rows, probe // 2):
-            continue
-        if probe >= 0:
-            aims[row, 1] = 1.0
-        place_aims(flow, table, FEWEST_ORDERS)
-        status = plain_coefficients(machine, flow, at, FEWEST_ORDERS, table)
-        if status != OK:
-            return status
-        if probe >= 0:
-            aims[row, 1] = 0.0
-        for p in range(planes):
-            for i in range(2):
-                rate = 2.0 * table[rows.planes[p, AHEAD + i], 2]
-                if probe < 0:
-                    aims[AIMS * p + X + i, 0] = rate
-                else:
-                    answer[2 * p + i, probe] = rate - aims[AIMS * p + X + i, 0]
-    return OK
 
 
 @compiled()

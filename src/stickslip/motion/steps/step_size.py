@@ -23,6 +23,7 @@ from stickslip.motion.steps.arrays import (
     INERTIAL,
     INSTANT,
     MASSIVE,
+    ON_INERTIAL,
     ROUNDING,
     Flow,
     Instant,
@@ -101,6 +102,8 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
         if noise[i] >= 0:
             # What cancels in a rate is known to rounding only.
             size += EPSILON / tol * mag[noise[i]] * (last if i < n else 1.0)
+        if len(flow.rows.planes) > 0:
+            size += EPSILON / tol * made(flow, i, last)
         if size > 2.0 * LEAST_SIZE:
             size = 1.0 / size
             middle = max(middle, abs(W[r, N - 1]) * size)
@@ -121,6 +124,28 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
     if top * h > edge:
         h = (tol / top) ** (1.0 / N)
     return h * unit
+
+
+@compiled()
+def made(flow: Flow, i: int, last: float) -> float:
+    """What forces, if none cancelled, would make of a place, or of a gap, in a step: friction in a
+    plane leaves what is zero to their rounding errors. Of other rows 0.
+
+    Parameters
+    ----------
+    flow : Flow
+    i : int
+        Number of the row, among those that bound a step.
+    last : float
+        Length of the last step.
+    """
+    rows, mag = flow.rows, flow.space.mag
+    if i < rows.sizes[INERTIAL]:
+        return float(mag[rows.noise[rows.program.rates[i]]] * last * last)
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if rows.gaps[c] == rows.watched[i]:
+            return float(mag[len(rows.u) + c] * last * last)
+    return 0.0
 
 
 @compiled()

@@ -1,0 +1,182 @@
+"""How the relative velocities of contacts in a plane answer to the directions in which they slip.
+
+Slips that begin are at rest: their directions n are no function of the state, and rates are. What
+directions make of the rate of Au is found by probes, series with directions that are given. It is
+b + Â n where friction does not change the normal forces that press it. Otherwise it is a function
+f(n) of all directions, and b + Â n its tangent at some n, with Â = f′ and b = f(n) − Â n. Order 1
+of n = n₀ + t e shows f′ exactly. All higher orders are linear, with f′ at the directions of the
+beginning.
+"""
+
+from __future__ import annotations
+
+from stickslip.arrays import Array
+from stickslip.motion.steps.arrays import (
+    AHEAD,
+    AIM,
+    AIM_SPEED,
+    BENDS,
+    FEWEST_ORDERS,
+    FORMULA,
+    OK,
+    THIRD_PART,
+    Flow,
+    Instant,
+    Machine,
+    Rows,
+    plain_coefficients,
+)
+from stickslip.translator import compiled
+
+# Rows of Space.aims for each plane: the direction (two rows), ρ, the right-hand side (two rows),
+# what is solved for (two rows), the order p, what else is kept for a while, and what of the
+# velocity is not in Z V (two rows); then the direction and the right-hand side of the third part
+# of a face (:mod:`stickslip.motion.steps.face_onset`).
+AIMS = 14
+N_, M_, RHO, BX, BY, X, Y, LEADING, SPARE, OX, OY, L_, BZ = range(13)
+
+
+@compiled(brief=True)
+def is_face(rows: Rows, p: int) -> bool:
+    """Whether a contact in a plane is a face."""
+    return bool(rows.planes[p, THIRD_PART] >= 0)
+
+
+@compiled(brief=True)
+def begins_in(flow: Flow, p: int) -> bool:
+    """Whether a contact in a plane is one of those that begin to slip together."""
+    return bool(flow.space.aims[AIMS * p + LEADING, 0] >= 0.0)
+
+
+@compiled()
+def place_aims(flow: Flow, table: Array, order: int) -> None:
+    """Put what is known of directions and speeds into a table."""
+    rows = flow.rows
+    aims = flow.space.aims
+    for p in range(len(rows.planes)):
+        if aims[AIMS * p + LEADING, 0] < 0.0:
+            continue
+        first = rows.planes[p, AIM]
+        for k in range(table.shape[1]):
+            table[first, k] = aims[AIMS * p + N_, k] if k < aims.shape[1] else 0.0
+            table[first + 1, k] = aims[AIMS * p + M_, k] if k < aims.shape[1] else 0.0
+            if is_face(rows, p):
+                table[first + 2, k] = aims[AIMS * p + L_, k] if k < aims.shape[1] else 0.0
+    place_speeds(flow, table, order)
+
+
+@compiled()
+def place_speeds(flow: Flow, table: Array, order: int) -> None:
+    """Put |Au| = tᵖ ρ into a table, as far as it is known."""
+    rows = flow.rows
+    aims = flow.space.aims
+    for p in range(len(rows.planes)):
+        leading = int(aims[AIMS * p + LEADING, 0])
+        if leading < 0:
+            continue
+        row = rows.planes[p, AIM_SPEED]
+        for k in range(table.shape[1]):
+            known = 0 < leading <= k
+            table[row, k] = aims[AIMS * p + RHO, k - leading] if known else 0.0
+
+
+@compiled()
+def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
+    """What (Au)₁ is without friction, and what each component of each direction adds to it.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        Receives the response in its work space, (Au)₁ in place of the right-hand sides of order 0.
+    at : Instant
+    table : array
+        Work space.
+    """
+    rows = flow.rows
+    aims = flow.space.aims
+    answer = flow.space.answer
+    planes = len(rows.planes)
+    for r in range(len(aims)):
+        if r % AIMS != LEADING:
+            for k in range(aims.shape[1]):
+                aims[r, k] = 0.0
+        if r % AIMS == N_ and rows.planes[r // AIMS, FORMULA] >= 0:
+            aims[r, 0] = 1.0  # a gradient has no value at 0
+    for probe in range(-1, 2 * planes):
+        if probe >= 0 and aims[AIMS * (probe // 2) + LEADING, 0] < 0.0:
+            continue
+        if probe >= 0 and is_face(rows, probe // 2):
+            continue
+        bent = probe >= 0 and rows.planes[probe // 2, FORMULA] >= 0
+        if probe >= 0:
+            aims[AIMS * (probe // 2) + N_ + probe % 2, 0] = 1.0
+        place_aims(flow, table, FEWEST_ORDERS)
+        status = plain_coefficients(machine, flow, at, FEWEST_ORDERS, table)
+        if status != OK:
+            return status
+        for p in range(planes):
+            for i in range(2):
+                rate = table[rows.planes[p, AHEAD + i], 1]
+                if probe < 0:
+                    aims[AIMS * p + BX + i, 0] = rate
+                else:
+                    answer[2 * p + i, probe] = rate - aims[AIMS * p + BX + i, 0]
+        if probe >= 0:
+            aims[AIMS * (probe // 2) + N_ + probe % 2, 0] = 1.0 if bent and probe % 2 == 0 else 0.0
+    return OK
+
+
+@compiled()
+def any_bends(flow: Flow) -> bool:
+    """Whether a slip begins that changes the normal force which presses it."""
+    found = False
+    for p in range(len(flow.rows.planes)):
+        bends = flow.rows.planes[p, BENDS] == 1 and not is_face(flow.rows, p)
+        found = found or (begins_in(flow, p) and bends)
+    return found
+
+
+@compiled()
+def respond_at(machine: Machine, flow: Flow, at: Instant, table: Array, slopes: bool) -> int:
+    """The rate of Au at the directions that are known, as b + Â n.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+        With directions, whose orders above 0 are 0; receives b and Â in its work space.
+    at : Instant
+    table : array
+        Work space.
+    slopes : bool
+        Whether Â becomes the derivative there; otherwise it stays, and b alone is new.
+    """
+    rows = flow.rows
+    aims, answer = flow.space.aims, flow.space.answer
+    planes = len(rows.planes)
+    for probe in range(-1, 2 * planes if slopes else 0):
+        row = AIMS * (probe // 2) + N_ + probe % 2
+        if probe >= 0 and (not begins_in(flow, probe // 2) or is_face(rows, probe // 2)):
+            continue
+        if probe >= 0:
+            aims[row, 1] = 1.0
+        place_aims(flow, table, FEWEST_ORDERS)
+        status = plain_coefficients(machine, flow, at, FEWEST_ORDERS, table)
+        if probe >= 0:
+            aims[row, 1] = 0.0
+        if status != OK:
+            return status
+        for i in range(2 * planes):
+            ahead = rows.planes[i // 2, AHEAD + i % 2]
+            base = AIMS * (i // 2) + BX + i % 2
+            if probe < 0:
+                aims[base, 0], aims[base, 1] = table[ahead, 1], 2.0 * table[ahead, 2]
+            else:
+                answer[i, probe] = 2.0 * table[ahead, 2] - aims[base, 1]
+    for i in range(2 * planes):
+        for j in range(2 * planes):
+            if begins_in(flow, j // 2) and not is_face(rows, j // 2):
+                base = AIMS * (i // 2) + BX + i % 2
+                aims[base, 0] -= answer[i, j] * aims[AIMS * (j // 2) + N_ + j % 2, 0]
+    return OK
