@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
 
@@ -130,6 +131,29 @@ def _check_kinks(formula: ConvexFormula, others: list[float], where: str) -> Non
 
 def _numbers(v: Array) -> str:
     return "(" + ", ".join(f"{x:.6g}" for x in v) + ")"
+
+
+def evened(formula: ConvexFormula) -> tuple[ConvexFormula, tuple[Expr, ...]]:
+    """R′ and a diagonal matrix A with R(u) = R′(Au), such that the rate at which a face turns
+    dissipates like a velocity; of two components R itself.
+
+    Parameters
+    ----------
+    formula : ConvexFormula
+    """
+    n = formula.dimension
+    if n < 3:
+        return formula, (ex.ONE,) * n
+    zero = dict.fromkeys(formula.names, ex.ZERO)
+
+    def width(name: str) -> Expr:
+        ways = (zero | {name: ex.num(side)} for side in (1.0, -1.0))
+        return ex.add(*((ex.substitute(formula.value, w, undefined=True), 0.5) for w in ways))
+
+    turning = formula.names[-1]
+    axis = width(turning) / width(formula.names[0])
+    value = ex.substitute(formula.value, {turning: ex.sym(turning) / axis}, undefined=True)
+    return replace(formula, value=value), (ex.ONE,) * (n - 1) + (axis,)
 
 
 class Slope(NamedTuple):

@@ -133,10 +133,11 @@ class Plane(NamedTuple):
         Whether the response of Au is not linear in the direction: of a formula, and where its
         friction may change the normal force that presses it.
     formula : ConvexFormula or None
-        R, in parts of the thresholds, of what has the dissipation s R(u); A is 1 then.
-    slope : pair of Expr
+        R, in parts of the thresholds, of what has the dissipation s R(Au); A makes of the rate at
+        which a face turns a velocity like the others.
+    slope : tuple of Expr
         What a unit of the threshold has as friction against a slip along the direction n, whose
-        components are the symbols ``n:i``: A n, or ∇R(n).
+        components are the symbols ``n:i``: A n, or A ∇R(n).
     pieces : tuple of (Expr, Expr)
         Kinks between pieces of ∇R, and the same functions of the direction.
     unit : Expr
@@ -162,8 +163,8 @@ class Plane(NamedTuple):
         along = [
             {x: ex.num(float(side * (j == i))) for j, x in enumerate(names)} for side in (1, -1)
         ]
-        R = [ex.substitute(self.formula.value, v) for v in along]
-        return self.static * R[0], self.static * R[1]
+        R = [ex.substitute(self.formula.value, v, undefined=True) for v in along]
+        return self.static * self.axes[i] * R[0], self.static * self.axes[i] * R[1]
 
     def scaled(self, forces: Sequence[Expr]) -> Expr:
         """abs(A⁻¹λ)² of forces λ."""
@@ -176,11 +177,11 @@ class Plane(NamedTuple):
         return square - self.scaled(forces) if self.formula is None else square
 
     def room_along(self, forces: Sequence[Expr], way: Sequence[Expr]) -> Expr:
-        """s R(w) + λ·w of a formula, not negative for any w where forces λ can be held."""
+        """s R(w) + A⁻¹λ·w of a formula, not negative for any w where forces λ can be held."""
         assert self.formula is not None
         R = ex.substitute(self.formula.value, dict(zip(self.formula.names, way, strict=True)))
-        held = ((f * w, 1.0) for f, w in zip(forces, way, strict=True))
-        return ex.add((self.static * R, 1.0), *held)
+        parts = zip(forces, self.axes, way, strict=True)
+        return ex.add((self.static * R, 1.0), *((f / a * w, 1.0) for f, a, w in parts))
 
 
 @dataclass(frozen=True, eq=False)
@@ -446,8 +447,8 @@ def _equations_of(d: Declaration) -> MotionEquations:
     contacts = [_sum_of(own) for own in members]
     planes = _planes(contacts)
     for plane in planes:
-        for i in plane.parts:
-            contacts[i] = _component(contacts[i], i, plane)
+        for i, axis in zip(plane.parts, plane.axes, strict=True):
+            contacts[i] = replace(_component(contacts[i], i, plane), axis=axis)
     planes = _pressed(d, contacts, planes)
     slope = {x: ex.derivative(d.potential, x) - d.forces[x] for x in d.coordinates}
     by_inertial, by_all = _damping(d, d.inertial), _damping(d, [*d.inertial, *d.viscous])
@@ -604,12 +605,14 @@ def _planes(contacts: list[DryContact]) -> list[Plane]:
         pieces: tuple[tuple[Expr, Expr], ...] = ()
         unit = ex.ONE
         if c.dissipation is not None:
-            from stickslip.convex.smooth import slope_of
+            from stickslip.convex.smooth import evened, slope_of
 
-            u = [relative_velocity(contacts[part]) for part in parts]
-            slope, pieces, unit = slope_of(c.dissipation, n, u)
-        plane = plane._replace(formula=c.dissipation, slope=slope, pieces=pieces, unit=unit)
-        found.append(plane)
+            formula, axes = evened(c.dissipation)
+            u = [a * relative_velocity(contacts[p]) for a, p in zip(axes, parts, strict=True)]
+            slopes, pieces, unit = slope_of(formula, n, u)
+            slope = tuple(a * e for a, e in zip(axes, slopes, strict=True))
+            plane = plane._replace(axes=axes, formula=formula)
+        found.append(plane._replace(slope=slope, pieces=pieces, unit=unit))
     return found
 
 

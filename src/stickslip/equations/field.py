@@ -344,8 +344,9 @@ class _Solver:
         size = ex.power(ex.add(*((e**2, 1.0) for e in vector)), ex.num(0.5))
         for i, e in zip(plane.parts, vector, strict=True):
             self.known[f"n:{i}"] = e / size if slips else ex.ZERO
-            if not plane.pull:
-                self.known[f"speed:{i}"] = size if slips else ex.ZERO
+        speed = size * self.fix(plane.unit) if slips else ex.ZERO
+        for i in plane.parts if not plane.pull else ():
+            self.known[f"speed:{i}"] = speed
 
     def ahead(self, plane: Plane) -> list[Expr]:
         """Au of a contact in a plane."""

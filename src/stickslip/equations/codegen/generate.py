@@ -901,7 +901,8 @@ class _Generator:
             held = frozenset(self.d.parameters)
             own = [self.eq.contacts[part] for part in plane.parts]
             fixed = [e for c in own for e in (c.speed, *c.direction.values())]
-            straight = massive and all(axis is ex.ONE for axis in plane.axes)
+            even = plane.formula is not None or all(axis is ex.ONE for axis in plane.axes)
+            straight = massive and even
             straight = int(straight and all(e.symbols <= held for e in fixed))
             ends = (tape.row(plane.static), slips, massive, int(plane.bends), number, straight)
             where = (*plane.parts, *third, first, first + count, *sides, *third, row, place)
@@ -1106,12 +1107,12 @@ class _Generator:
                 for side in (1, -1)
             ]
             middle = [
-                ex.add(*((ex.substitute(slope, way), -0.5 / n) for way in along))
+                ex.add(*((ex.substitute(slope, way, undefined=True), -0.5 / n) for way in along))
                 for slope in formula.gradient
             ]
             back = {x: -e for x, e in zip(formula.names, w[:n], strict=True)}
             parts = ((x * m, -1.0) for x, m in zip(w[:n], middle, strict=True))
-            S = ex.add((ex.substitute(formula.value, back), 1.0), *parts)
+            S = ex.add((ex.substitute(formula.value, back, undefined=True), 1.0), *parts)
             slope = [ex.derivative(S, f"w{i + 1}") if i < n else ex.ZERO for i in range(3)]
             bend = [ex.derivative(slope[i], f"w{j + 1}") for i in range(3) for j in range(i, 3)]
             targets = [S, *slope, *bend, *middle, *[ex.ZERO] * (3 - n)]

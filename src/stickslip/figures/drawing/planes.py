@@ -168,9 +168,11 @@ class InPlane:
     def _surface(self) -> Array:
         """The forces of a face against slips in these directions, in parts of :meth:`bounds`."""
         assert self.formula is not None
-        numbers = self.formula.numbers
-        found = [numbers([*w, *self._others])[1:4] for w in self._ways]
-        return -np.array(found)
+        from stickslip.symbolic.evaluator import evaluator
+
+        gradient = evaluator([*self.formula.gradient], [*self.formula.names, *self.formula.ranges])
+        others = [np.full(len(self._ways), x) for x in self._others]
+        return -gradient([*self._ways.T, *others]).T
 
     def _share(self, values: Mapping[str, Array]) -> Array:
         """The part of its limit surface that the force of a face is at."""

@@ -68,8 +68,8 @@ def show_admissible(flow: Flow, mode: Array, table: Array) -> None:
                         axis_of(flow, other) * part * (y - flow.space.aside[GIVEN_FORCES, other])
                     )
                 if third >= 0:
-                    table[rows.force[third], 0] += part * (
-                        z - flow.space.aside[GIVEN_FORCES, third]
+                    table[rows.force[third], 0] += (
+                        axis_of(flow, third) * part * (z - flow.space.aside[GIVEN_FORCES, third])
                     )
 
 

@@ -477,10 +477,11 @@ def spread_straight(flow: Flow, p: int, N: int) -> None:
         for i in range(parts_of(rows, p)):
             c = plane[COMPONENT + i]
             part = rows.parts[rows.homes[c, PART]]
+            axis = flow.k.J[c, flow.k.J.shape[1] - 3] if rows.group[c] >= 0 else 1.0
             moved = 0.0
             for j in range(part[COORDINATES]):
                 q = rows.sizes[INERTIAL] + rows.members[part[MEMBERS] + j]
-                moved += flow.k.J[c, j] * W[q, k]
+                moved += axis * flow.k.J[c, j] * W[q, k]
             inwards += moved * W[plane[AIM] + i, 0]
             square += moved * moved
         along += abs(inwards) * powers[k]

@@ -19,6 +19,7 @@ import math
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
 from stickslip.motion.admissible.sets import bend_at, dissipation_at, slope_at
+from stickslip.motion.admissible.sharing import axis_of
 from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM,
@@ -164,7 +165,8 @@ def probe_face(machine: Machine, flow: Flow, at: Instant, table: Array, p: int) 
         if status != OK:
             return status
         for i in range(3):
-            force = table[rows.force[plane[COMPONENT + i]], 0]
+            c = plane[COMPONENT + i]
+            force = table[rows.force[c], 0] / axis_of(flow, c)
             rate = table[plane[AHEAD + i], 1]
             if probe == 0:
                 own[_SOLVED, i], own[_B, i] = force, rate

@@ -163,11 +163,11 @@ def possible_modes(
         turns = bool(c.speed.symbols & frozenset(state))  # a surface whose places have speeds
         alone.append((0, 1, -1) if free or turns else (-int(np.sign(w)),))
     found = []
-    for first, second in (plane.parts for plane in equations.planes):
-        both = sorted({abs(m) for m in (*alone[first], *alone[second])})
-        if len(alone[first]) == len(alone[second]) == 1:
-            both = both[-1:]
-        found.append([{first: m, second: m} for m in both])
+    for parts in (plane.parts for plane in equations.planes):
+        all_modes = sorted({abs(m) for part in parts for m in alone[part]})
+        if all(len(alone[part]) == 1 for part in parts):
+            all_modes = all_modes[-1:]
+        found.append([dict.fromkeys(parts, m) for m in all_modes])
     in_plane = {i for plane in equations.planes for i in plane.parts}
     opening = [i for i, c in enumerate(equations.contacts) if c.opens]
     pressing = {i: equations.pressing(i) for i in range(len(alone))}

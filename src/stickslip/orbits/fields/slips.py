@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import scipy.linalg
-import scipy.optimize
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations, Plane
@@ -33,11 +32,12 @@ from stickslip.orbits.fields.saltation import Saltation
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
+    from stickslip.convex.formula import ConvexFormula
     from stickslip.motion.trajectory import Trajectory
 
 _DEPENDENT = 1e-10  # part of its size by which a direction may miss the span of others
 _RESOLVED = 1e-10  # part of the time below which a step is too short to be looked into
-_ANGLES, _POLISH = 180, 4  # of the search for the direction in which a slip begins
+_ANGLES, _POLISH = 400, 12  # of the search for the direction in which a slip begins
 _CLOSE, _ROUNDED = 1e-12, 4e-16  # parts of a step before its end, and of a velocity
 _MOST_TURNS, _SETTLED = 2000, 1e-14  # of the search for a mechanism
 _TANGENT = 1e-9  # part of its terms below which a guard vanishes without speed
@@ -150,7 +150,7 @@ def _events(
         t, y, p.
     """
     left, right = pieces
-    seconds = {plane.parts[1] for plane in equations.planes}
+    seconds = {part for plane in equations.planes for part in plane.parts[1:]}
     stopped: list[int] = []
     begun: list[int] = []
     for c, (m, n) in enumerate(zip(left.field.mode, right.field.mode, strict=True)):
@@ -270,32 +270,52 @@ def _leaving(piece: Piece, plane: Plane, at: tuple[float, Array, Array], rates: 
     """
     values = dict(zip(piece.field.names, (at[0], *at[1], *at[2]), strict=True))
     forces = [piece.field.contacts[part].force for part in plane.parts]
-    held = [ex.evaluate(force, values) for force in forces]
+    parts = zip(forces, plane.axes, strict=True)
+    held = np.array([ex.evaluate(force / axis, values) for force, axis in parts])
     s = ex.evaluate(plane.static, values)
     formula = plane.formula
     assert formula is not None
     others = [values[name] for name in formula.ranges]
 
-    def room(angle: float) -> float:
-        w = np.cos(angle), np.sin(angle)
-        return s * formula.numbers([*w, *others])[0] + held[0] * w[0] + held[1] * w[1]
-
-    angles = 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
-    start = float(angles[np.argmin([room(angle) for angle in angles])])
-    width = 2.0 * np.pi / _ANGLES
-    given = {"bounds": (start - width, start + width), "method": "bounded"}
-    angle = scipy.optimize.minimize_scalar(room, **given, options={"xatol": 1e-12}).x
+    n = formula.dimension
+    # The forces lie on the border of the set: what is least is the dissipation beside their power.
+    ways = _directions(formula, others)
+    rooms = [s * formula.numbers([*w, *others])[0] + w @ held for w in ways]
+    w = ways[int(np.argmin(rooms))]
     for _ in range(_POLISH):
-        w = np.array([np.cos(angle), np.sin(angle)])
-        R, *rest = formula.numbers([*w, *others])
-        across = np.array([-w[1], w[0]])
-        bend = across @ np.array(rest[2:]).reshape(2, 2) @ across
-        slope = s * across @ np.array(rest[:2]) + np.array(held) @ across
-        angle -= slope / max(s * (bend - R) - np.array(held) @ w, 1e-3 * s * R)
-    way = [ex.num(float(np.cos(angle))), ex.num(float(np.sin(angle)))]
+        _, *rest = formula.numbers([*w, *others])
+        bend = np.array(rest[n:]).reshape(n, n)
+        slope = s * np.array(rest[:n]) + held
+        # Newton's method across w; R has no curvature along it.
+        tangent = scipy.linalg.null_space(w[None])
+        turn = np.linalg.solve(s * tangent.T @ bend @ tangent, tangent.T @ slope)
+        length = np.linalg.norm(turn)
+        w = w - tangent @ turn * min(1.0, 0.3 / max(length, 1e-300))
+        w = w / np.linalg.norm(w)
+    way = [ex.num(float(x)) for x in w]
     h = plane.room_along(forces, way)
     slopes = np.array([ex.evaluate(ex.derivative(h, c), values) for c in piece.columns])
     return _passing(ex.evaluate(ex.derivative(h, "t"), values), slopes, rates)
+
+
+def _directions(formula: ConvexFormula, others: list[float]) -> Array:
+    """Directions all over a circle or a sphere, scaled so that those along the axes dissipate
+    alike, shape (count, n)."""
+    n = formula.dimension
+    k = np.arange(_ANGLES) + 0.5
+    if n == 2:
+        found = np.column_stack(
+            [np.cos(2.0 * np.pi * k / _ANGLES), np.sin(2.0 * np.pi * k / _ANGLES)]
+        )
+    else:
+        height, turn = 1.0 - 2.0 * k / _ANGLES, np.pi * (1.0 + 5.0**0.5) * k
+        across = np.sqrt(1.0 - height**2)
+        found = np.column_stack([across * np.cos(turn), across * np.sin(turn), height])
+    sizes = [
+        formula.numbers([*e, *others])[0] + formula.numbers([*-e, *others])[0] for e in np.eye(n)
+    ]
+    found = found / np.array(sizes)
+    return found / np.linalg.norm(found, axis=1, keepdims=True)
 
 
 def _loosening(
@@ -321,7 +341,7 @@ def _loosening(
     """
     piece = pieces[0]
     group = equations.sharing[contacts[0]]
-    seconds = {plane.parts[1] for plane in equations.planes}
+    seconds = {part for plane in equations.planes for part in plane.parts[1:]}
     mode = piece.field.mode
     own = [c for c, g in equations.sharing.items() if g == group and mode[c] == 0]
     names = equations.declaration.inertial
