@@ -631,10 +631,10 @@ class _Solver:
             return ex.add(*((self.known[f"n:{part}"] * u, 1.0) for part, u in pairs))
         if self.eq.contacts[i].kind == Kind.RATE_INDEPENDENT:
             first = len(self.eq.contacts) - len(self.d.rate_independent)
-            x, y = (self.fix(self.eq.rate.force[part - first]) for part in plane.parts)
+            forces = [self.fix(self.eq.rate.force[part - first]) for part in plane.parts]
         else:
-            x, y = (self.known[f"lambda:{part}"] for part in plane.parts)
-        return self.fix(plane.admissible((x, y)))
+            forces = [self.known[f"lambda:{part}"] for part in plane.parts]
+        return self.fix(plane.admissible(forces))
 
     def constraints(self, contacts: list[ContactField]) -> list[Expr]:
         found = []

@@ -432,7 +432,7 @@ def _constrained(piece: Piece) -> list[int]:
             found += [i] if c.gap is None else [i, i]
         elif c.kind == Kind.RATE_INDEPENDENT and mode != 0 and not c.plane:
             found.append(i)
-    for first, _ in piece.field.planes:
+    for first, *_ in piece.field.planes:
         slides = piece.field.mode[first] != 0
         if piece.field.contacts[first].kind == Kind.RATE_INDEPENDENT and slides:
             found.append(first)
