@@ -49,7 +49,7 @@ from stickslip.motion.steps.vectors import clear
 from stickslip.translator import compiled
 
 ON_SURFACE = 1e-9  # part of its terms by which what has to vanish may be away from zero
-_NOTHING = 1e-250  # a velocity that is none in any units
+_NOTHING = 1e-250  # a velocity, or a place, that is none in any units
 _MOST_STOPS = 24  # until what rounding errors leave is below the least number that there is
 _WIDE = 4.0  # of a step: a velocity that is zero to slip is zero to stick, whose terms are others
 _LOOSELY = 1e-3  # of the tolerance, where that is loose
@@ -122,6 +122,8 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
             for i in range(rows.parts[part, COORDINATES]):
                 q = rows.members[rows.parts[part, MEMBERS] + i]
                 at.y[q] -= space.Rq[first + i, rows.homes[c, SEAT] - first] * distance
+                if len(rows.planes) > 0 and abs(at.y[q]) <= _NOTHING:
+                    at.y[q] = 0.0
     return True
 
 

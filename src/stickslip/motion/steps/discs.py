@@ -481,12 +481,12 @@ def spread_straight(flow: Flow, p: int, N: int) -> None:
             moved = 0.0
             for j in range(part[COORDINATES]):
                 q = rows.sizes[INERTIAL] + rows.members[part[MEMBERS] + j]
-                moved += axis * flow.k.J[c, j] * W[q, k]
+                moved += axis * flow.k.J[c, j] * (W[q, k] * powers[k])
             inwards += moved * W[plane[AIM] + i, 0]
             square += moved * moved
-        along += abs(inwards) * powers[k]
+        along += abs(inwards)
         # rounding errors of what is across count as across
-        across += math.sqrt(max(square - inwards * inwards, 4e-16 * square)) * powers[k]
+        across += math.sqrt(max(square - inwards * inwards, 4e-16 * square))
     discs[plane[AIM_SPEED], SLOPE] = across
     discs[plane[AIM] + 1, SLOPE] = along
 

@@ -103,7 +103,7 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
             # What cancels in a rate is known to rounding only.
             size += EPSILON / tol * mag[noise[i]] * (last if i < n else 1.0)
         if len(flow.rows.planes) > 0:
-            size += EPSILON / tol * made(flow, i, last)
+            size += EPSILON / tol * made(flow, i, last if last > 0.0 else unit)
         if size > 2.0 * LEAST_SIZE:
             size = 1.0 / size
             middle = max(middle, abs(W[r, N - 1]) * size)
@@ -137,7 +137,7 @@ def made(flow: Flow, i: int, last: float) -> float:
     i : int
         Number of the row, among those that bound a step.
     last : float
-        Length of the last step.
+        Length of the last step, or another time like it.
     """
     rows, mag = flow.rows, flow.space.mag
     if i < rows.sizes[INERTIAL]:
