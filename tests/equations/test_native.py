@@ -50,7 +50,7 @@ from stickslip.motion.steps.arrays import (
     Space,
     make_space,
 )
-from stickslip.motion.steps.tables import run_setups
+from stickslip.motion.engine.tables import run_setups
 from stickslip.symbolic.scalars import Scalar, Store, element
 from stickslip.symbolic.tape import DIRECTION_GIVEN, Op, ParameterExpressions
 

@@ -548,7 +548,8 @@ def test_pairs_may_be_lists():
     [
         ({"direction": "sqrt(d_x**2 + d_y**2)"}, "direction", r"direction = \['d_x', 'd_y'\]"),
         ({"direction": ["d_x"]}, "direction", r"\['d_x', 'd_y'\]"),
-        ({"direction": ["d_x", "d_y", "d_x"]}, "direction", r"\['d_x', 'd_y'\]"),
+        ({"direction": ["d_x", "d_y", "d_x"]}, "axes", "2 for 3 directions"),
+        ({"direction": ["d_x", "d_y", "d_x"], "axes": [1, 1, 1]}, "direction", "along one line"),
         ({"direction": ["d_x*d_y", "d_y"]}, "direction", "not a linear combination"),
         ({"direction": ["d_x", "2*d_x"]}, "direction", "along one line"),
         ({"axes": [1, 0]}, "axes", "outside the admissible range"),

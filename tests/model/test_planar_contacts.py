@@ -19,15 +19,20 @@ PLANE = ("d_x", "d_y")
 # By a name: the fields of the contact, which of them is refused, what is said, and what would be
 # right.
 BAD: dict[str, tuple[Mapping[str, Any], str, str, str]] = {
-    "one component": ({"direction": ("d_x",)}, "direction", "pair of them", "['d_x', 'd_y']"),
-    "three components": (
-        {"direction": ("d_x", "d_y", "d_u")},
+    "one component": (
+        {"direction": ("d_x",)},
         "direction",
-        "pair of them",
+        "two or three of them",
         "['d_x', 'd_y']",
     ),
-    "no component": ({"direction": ()}, "direction", "pair of them", "['d_x', 'd_y']"),
-    "numbers": ({"direction": (1, 2)}, "direction", "pair of them", "['d_x', 'd_y']"),
+    "three components": (
+        {"direction": ("d_x", "d_y", "d_u")},
+        "axes",
+        "there are 2 for 3 directions",
+        "disc(v1, v2, a*v3)",
+    ),
+    "no component": ({"direction": ()}, "direction", "two or three of them", "['d_x', 'd_y']"),
+    "numbers": ({"direction": (1, 2)}, "direction", "two or three of them", "['d_x', 'd_y']"),
     "a product": (
         {"direction": ("d_x*d_y", "d_y")},
         "direction",
@@ -81,8 +86,8 @@ BAD: dict[str, tuple[Mapping[str, Any], str, str, str]] = {
     "a negative axis": ({"axes": (1, "a")}, "axes", "-1 is outside", "inside"),
     "an axis that is none": ({"axes": (float("nan"), 1)}, "axes", "not finite", "finite number"),
     "an endless axis": ({"axes": (1, float("inf"))}, "axes", "not finite", "finite number"),
-    "one axis": ({"axes": 2.0}, "axes", "a pair of half axes, got a number", "["),
-    "three axes": ({"axes": (1, 1, 1)}, "axes", "a pair of half axes", "["),
+    "one axis": ({"axes": 2.0}, "axes", "half axes, got a number", "["),
+    "three axes": ({"axes": (1, 1, 1)}, "axes", "there are 3 for 2 directions", "["),
     "axes of the state": ({"axes": ("x", 1)}, "axes", "'x' may not stand here", "parameters"),
     "axes in time": ({"axes": ("1 + t", 1)}, "axes", "'t' may not stand here", "parameters"),
     "two thresholds": (
@@ -105,7 +110,12 @@ BAD: dict[str, tuple[Mapping[str, Any], str, str, str]] = {
         "a velocity of two components",
         "['0.3*t', 0]",
     ),
-    "three speeds": ({"surface_speed": (1, 2, 3)}, "surface_speed", "expected", "["),
+    "three speeds": (
+        {"surface_speed": (1, 2, 3)},
+        "surface_speed",
+        "a velocity of two components",
+        "['V', 0]",
+    ),
     "two speeds along a line": (
         {"direction": "d_x", "surface_speed": (1, 2)},
         "surface_speed",

@@ -173,7 +173,9 @@ class Slope(NamedTuple):
     value: Expr
 
 
-def slope_of(formula: ConvexFormula, direction: Sequence[Expr], velocity: Sequence[Expr]) -> Slope:
+def gradient_along(
+    formula: ConvexFormula, direction: Sequence[Expr], velocity: Sequence[Expr]
+) -> Slope:
     """∇R as expressions of a direction; which of its pieces counts is asked of a velocity along it,
     which is part of the state.
 

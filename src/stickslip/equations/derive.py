@@ -605,11 +605,11 @@ def _planes(contacts: list[DryContact]) -> list[Plane]:
         pieces: tuple[tuple[Expr, Expr], ...] = ()
         unit = ex.ONE
         if c.dissipation is not None:
-            from stickslip.convex.smooth import evened, slope_of
+            from stickslip.convex.smooth import evened, gradient_along
 
             formula, axes = evened(c.dissipation)
             u = [a * relative_velocity(contacts[p]) for a, p in zip(axes, parts, strict=True)]
-            slopes, pieces, unit = slope_of(formula, n, u)
+            slopes, pieces, unit = gradient_along(formula, n, u)
             slope = tuple(a * e for a, e in zip(axes, slopes, strict=True))
             plane = plane._replace(axes=axes, formula=formula)
         found.append(plane._replace(slope=slope, pieces=pieces, unit=unit))

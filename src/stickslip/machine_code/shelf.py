@@ -97,7 +97,7 @@ ENGINE = Library(
             "motion.between.dense",
             "motion.between.trace",
             "motion.engine.event_loop",
-            "motion.steps.tables",
+            "motion.engine.tables",
             "orbits.fields.engine.interpreter",
             "orbits.fields.engine.variations",
             "orbits.settling.engine.attraction",

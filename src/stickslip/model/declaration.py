@@ -793,7 +793,7 @@ class _Reader:
         if contact.threshold == "":
             raise DeclarationError(
                 f"{where}.threshold",
-                "missing",
+                "this key is missing",
                 'Add the largest force that it holds, like threshold = "mu*m*g"',
             )
         if isinstance(contact.direction, str):
@@ -830,7 +830,8 @@ class _Reader:
             raise DeclarationError(
                 f"{where}.surface_speed",
                 f"a surface below it has a velocity of {_NUMBERS[count]} components",
-                f"Write it like ['V'{', 0' * (count - 1)}]",
+                f"Write it like ['{given if isinstance(given, str | float | int) else 'V'}'"
+                f"{', 0' * (count - 1)}]",
             )
         lengths = contact.axes
         if contact.dissipation is None and len(lengths) != count:
@@ -955,8 +956,9 @@ class _Reader:
         if not first.prescribed and any(_alike(a, b) for a, b in pairs):
             raise DeclarationError(
                 f"{where}.direction",
-                "both of its components are along one line",
-                "Give independent combinations of rates, like ['d_x', 'd_y'], or one",
+                f"{'both' if len(parts) == 2 else 'two'} of its components are along one line",
+                f"Give {_NUMBERS[len(parts)]} independent combinations of rates, like "
+                f"{['d_x', 'd_y', 'd_phi'][: len(parts)]}, or fewer",
             )
 
     def _contact(self, name: str, contact: Contact, declared: str = "") -> DryContact:

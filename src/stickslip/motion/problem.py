@@ -150,7 +150,7 @@ class Problem:
     def constants_of(self, table: Array) -> Constants:
         """The same for a table of parameters, shape (groups, parameters): arrays with a leading
         axis."""
-        from stickslip.motion.steps.tables import run_setups
+        from stickslip.motion.engine.tables import run_setups
 
         layout = self.compiled.layout
         groups = len(table)

@@ -25,7 +25,6 @@ from stickslip.motion.admissible.overload import (
     overload,
     place_held,
 )
-from stickslip.motion.admissible.sets import excess, formula_of, support_at
 from stickslip.motion.admissible.sharing import (
     STAYS,
     grip,
@@ -43,6 +42,7 @@ from stickslip.motion.steps.arrays import (
     is_component,
 )
 from stickslip.motion.steps.roots import first_crossing, lowest
+from stickslip.motion.steps.sets import force_outside, formula_of, support_at
 from stickslip.translator import compiled
 
 _PROVED = 1e-11  # part of the thresholds that a rest may lack between control points
@@ -292,7 +292,7 @@ def holds_all(flow: Flow, c: int, a: float, b: float) -> bool:
     corners = 0
     for i in range(4):
         x, y = a if i % 2 == 0 else -a, b if i < 2 else -b
-        corners += 1 if excess(flow, c, radius, x, y) < 0.0 else 0
+        corners += 1 if force_outside(flow, c, radius, x, y) < 0.0 else 0
     return corners == 4
 
 

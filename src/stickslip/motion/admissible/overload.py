@@ -21,7 +21,6 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
-from stickslip.motion.admissible.sets import excess, inner_bend, inner_force, support_at
 from stickslip.motion.admissible.sharing import (
     held_at,
     length_of,
@@ -37,6 +36,7 @@ from stickslip.motion.steps.arrays import (
     Flow,
     is_component,
 )
+from stickslip.motion.steps.sets import force_outside, inner_bend, inner_force, support_at
 from stickslip.motion.steps.vectors import is_new
 from stickslip.translator import compiled
 
@@ -92,7 +92,7 @@ def fits(flow: Flow, mode: Array, group: int, lack: float) -> bool:
             a = aside[GIVEN_FORCES, c]
             b = aside[GIVEN_FORCES, other] if other >= 0 else 0.0
             # of faces it is asked in the other way
-            if not excess(flow, c, (1.0 + lack) * aside[RADIUS, c], a, b) <= 0.0:
+            if not force_outside(flow, c, (1.0 + lack) * aside[RADIUS, c], a, b) <= 0.0:
                 return False
     return True
 

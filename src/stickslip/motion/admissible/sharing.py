@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 
 from stickslip.arrays import Array
-from stickslip.motion.admissible.sets import formula_of, middle_of
 from stickslip.motion.steps.arrays import (
     COORDINATES,
     INERTIAL,
@@ -28,6 +27,7 @@ from stickslip.motion.steps.arrays import (
     direction_entry,
     opens,
 )
+from stickslip.motion.steps.sets import axis_of, formula_of, middle_of
 from stickslip.motion.steps.vectors import is_new
 from stickslip.translator import compiled
 
@@ -122,12 +122,6 @@ def turns(flow: Flow, mode: Array, group: int) -> bool:
         if not change <= _STEADY * size:
             return True
     return False
-
-
-@compiled(brief=True)
-def axis_of(flow: Flow, c: int) -> float:
-    """The axis of a component of a contact in a plane; of others 1."""
-    return float(flow.k.J[c, flow.k.J.shape[1] - 3])
 
 
 @compiled(brief=True)

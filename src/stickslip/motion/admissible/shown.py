@@ -19,9 +19,7 @@ from stickslip.motion.admissible.overload import (
     overload,
     place_held,
 )
-from stickslip.motion.admissible.sets import excess, formula_of
 from stickslip.motion.admissible.sharing import (
-    axis_of,
     grip,
     is_first,
     partner,
@@ -29,6 +27,7 @@ from stickslip.motion.admissible.sharing import (
     third_of,
 )
 from stickslip.motion.steps.arrays import ON_INERTIAL, Flow, is_component
+from stickslip.motion.steps.sets import axis_of, force_outside, formula_of
 from stickslip.translator import compiled
 
 _HALVINGS = 50  # of the way into a set
@@ -123,12 +122,12 @@ def part_to_set(flow: Flow, c: int, a: float, b: float, x: float, y: float) -> f
     a, b, x, y : float
     """
     radius = flow.space.aside[RADIUS, c]
-    if not excess(flow, c, radius, a, b) > 0.0:
+    if not force_outside(flow, c, radius, a, b) > 0.0:
         return 0.0
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        if excess(flow, c, radius, a + middle * x, b + middle * y) > 0.0:
+        if force_outside(flow, c, radius, a + middle * x, b + middle * y) > 0.0:
             low = middle
         else:
             high = middle

@@ -30,6 +30,7 @@ from stickslip.motion.audit.impulses import (
     explain_jump,
 )
 from stickslip.motion.audit.nodes import most
+from stickslip.motion.engine.jumps import fired_jump, make_jump
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     EPSILON,
@@ -49,7 +50,6 @@ from stickslip.motion.steps.arrays import (
     Rows,
     opens,
 )
-from stickslip.motion.steps.jumps import fired_jump, make_jump
 from stickslip.motion.steps.roots import rate_on
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.vectors import copy

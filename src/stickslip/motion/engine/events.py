@@ -8,6 +8,7 @@ from __future__ import annotations
 from stickslip.arrays import Array
 from stickslip.motion.engine.collisions import CREATES, JUMPED, NO_IMPULSE, collide
 from stickslip.motion.engine.impacts import first_approaching, open_all, size_gaps
+from stickslip.motion.engine.jumps import due_jump, fires, make_jump, passed_jumps
 from stickslip.motion.modes.guards import germ, guard_of, resting, spell
 from stickslip.motion.modes.pivots import flip, set_regions
 from stickslip.motion.steps.arrays import (
@@ -47,7 +48,6 @@ from stickslip.motion.steps.arrays import (
     opens,
     remember_gaps,
 )
-from stickslip.motion.steps.jumps import due_jump, fires, make_jump, passed_jumps
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.vectors import copy
 from stickslip.translator import compiled

@@ -20,6 +20,7 @@ from stickslip.motion.affine.forms import (
     slots_of,
 )
 from stickslip.motion.engine.events import count_step, fire, note
+from stickslip.motion.engine.jumps import due_jump, passed_jumps
 from stickslip.motion.modes.guards import contact_of, doubt_of
 from stickslip.motion.modes.pivots import flip, let_slide, may_be_carried
 from stickslip.motion.steps.arrays import (
@@ -36,7 +37,6 @@ from stickslip.motion.steps.arrays import (
     Task,
     is_stopped,
 )
-from stickslip.motion.steps.jumps import due_jump, passed_jumps
 from stickslip.motion.steps.vectors import copy
 from stickslip.translator import compiled
 

@@ -85,7 +85,7 @@ FEWEST_ORDERS = 8  # of a Taylor series
 # friction makes of Au what is not linear in its direction, the number of its formula, −1: none, and
 # 1 where Au is a linear combination of rates with constant coefficients.
 COMPONENT, OTHER, THIRD_PART, AIM, AIM_SPEED, AHEAD, ASIDE, ATOP = range(8)
-ADMISSIBLE, ADMISSIBLE_SIZE, STATIC, SLIPS, MASSIVE, BENDS, FORMULA, STRAIGHT = range(8, 16)
+ADMISSIBLE, ADMISSIBLE_SIZE, STATIC, SLIPS, MASSIVE, BENDS, FORMULA, AU_IS_LINEAR = range(8, 16)
 # Columns of Rows.doubtful.
 DOUBTED, SLIPPING, TOWARDS = range(3)
 # Columns of Rows.links.
@@ -153,7 +153,7 @@ class Rows(NamedTuple):
     landings : array of int
         Parts of the state that have new values, jump by jump.
     planes : array of int, shape (planes, 16)
-        Contacts in a plane, by the columns from `COMPONENT` to `STRAIGHT`.
+        Contacts in a plane, by the columns from `COMPONENT` to `AU_IS_LINEAR`.
     plane : array of int, shape (contacts,)
         Which of them each contact is a component of; −1: of none.
     pieces : array of int, shape (pieces, 3)
@@ -261,7 +261,7 @@ class Space(NamedTuple):
     basis, grip, turned_grip, bend, unbent, aside, points, piece, leaving : arrays
         Of contacts that share forces; see :mod:`stickslip.motion.admissible.overload`.
     along, supported : arrays
-        A vector, and support functions there; see :mod:`stickslip.motion.admissible.sets`.
+        A vector, and support functions there; see :mod:`stickslip.motion.steps.sets`.
     span, face, turn, turned, onset : arrays
         Of slips that begin together; see :mod:`stickslip.motion.steps.onset`.
     landed, stood : arrays

@@ -38,6 +38,7 @@ from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM,
     AIM_SPEED,
+    AU_IS_LINEAR,
     COMPONENT,
     COORDINATES,
     INERTIAL,
@@ -45,7 +46,6 @@ from stickslip.motion.steps.arrays import (
     MEMBERS,
     OTHER,
     PART,
-    STRAIGHT,
     THIRD_PART,
     Flow,
     Rows,
@@ -454,7 +454,7 @@ def spread_given(flow: Flow, mode: Array, N: int) -> None:
             for row in range(first, speed + 1):
                 store(W, discs, row, reach(W[row], N - 1, powers), 0.0, 0.0)
         discs[speed, SLOPE] = -1.0
-        if rows.planes[p, STRAIGHT] == 1 and W[speed, 0] > 0.0:
+        if rows.planes[p, AU_IS_LINEAR] == 1 and W[speed, 0] > 0.0:
             spread_straight(flow, p, N)
 
 

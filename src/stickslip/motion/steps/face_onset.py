@@ -18,8 +18,6 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
-from stickslip.motion.admissible.sets import bend_at, dissipation_at, slope_at
-from stickslip.motion.admissible.sharing import axis_of
 from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM,
@@ -35,6 +33,7 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.onset import MOST_LEADING, NEGLIGIBLE
 from stickslip.motion.steps.response import AIMS, BX, BZ, L_, LEADING, N_, RHO, is_face
+from stickslip.motion.steps.sets import axis_of, bend_at, dissipation_at, slope_at
 from stickslip.motion.steps.vectors import solve_equations
 from stickslip.translator import compiled
 

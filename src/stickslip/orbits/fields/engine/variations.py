@@ -10,6 +10,7 @@ import numpy as np
 from stickslip.arrays import Array, Array3, IntArray3, IntMatrix, IntVector, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.between.dense import Scratch, states_at
+from stickslip.motion.engine.jumps import fired_jump
 from stickslip.motion.steps.arrays import (
     COMPONENT,
     MASSIVE,
@@ -20,7 +21,6 @@ from stickslip.motion.steps.arrays import (
     is_stopped,
     opens,
 )
-from stickslip.motion.steps.jumps import fired_jump
 from stickslip.orbits.fields.engine.interpreter import LANES, Instructions, perform
 from stickslip.translator import compiled
 

@@ -30,8 +30,23 @@ def formula_of(rows: Rows, c: int) -> int:
 
 
 @compiled(brief=True)
+def axis_of(flow: Flow, c: int) -> float:
+    """The axis of a component of a contact in a plane; of others 1."""
+    return float(flow.k.J[c, flow.k.J.shape[1] - 3])
+
+
+@compiled(brief=True)
 def find_support(flow: Flow, f: int, x: float, y: float, z: float) -> int:
-    """Put S of a formula at a vector into the work space; where, it is there."""
+    """Put S of a formula at a vector into the work space; where, it is there.
+
+    Parameters
+    ----------
+    flow : Flow
+    f : int
+        Number of the formula.
+    x, y, z : float
+        The vector.
+    """
     along = flow.space.along
     along[0], along[1], along[2] = x, y, z
     flow.supports(along, flow.k.K, flow.space.supported)
@@ -52,7 +67,16 @@ def middle_of(flow: Flow, c: int) -> float:
 @compiled(brief=True)
 def dissipation_at(flow: Flow, f: int, x: float, y: float, z: float) -> float:
     """R of a formula at a velocity. Its second derivatives are those of S at the opposite one,
-    which are left in the work space, and so are its first ones (:func:`slope_at`)."""
+    which are left in the work space, and so are its first ones (:func:`slope_at`).
+
+    Parameters
+    ----------
+    flow : Flow
+    f : int
+        Number of the formula.
+    x, y, z : float
+        The velocity.
+    """
     at = find_support(flow, f, -x, -y, -z)
     out = flow.space.supported
     middle = out[at + _MIDDLE] * x + out[at + _MIDDLE + 1] * y + out[at + _MIDDLE + 2] * z
@@ -76,7 +100,16 @@ def bend_at(flow: Flow, f: int, i: int, j: int) -> float:
 
 @compiled(brief=True)
 def support_at(flow: Flow, c: int, x: float, y: float, z: float) -> float:
-    """S of a contact, by its first component."""
+    """S of a contact.
+
+    Parameters
+    ----------
+    flow : Flow
+    c : int
+        The contact, by its first component.
+    x, y, z : float
+        Where S is wanted.
+    """
     f = formula_of(flow.rows, c)
     if f < 0 or (x == 0.0 and y == 0.0 and z == 0.0):
         return math.hypot(x, y)
@@ -147,7 +180,17 @@ def inner_bend(
 def inner_bend_along(
     flow: Flow, f: int, x: float, y: float, z: float, small: float
 ) -> tuple[float, float, float, float, float, float, float]:
-    """The same of formula f away from 0; for small vectors, in a direction, if `small` is 1."""
+    """The same of a formula away from 0.
+
+    Parameters
+    ----------
+    flow : Flow
+    f : int
+        Number of the formula.
+    x, y, z : float
+    small : float
+        1 if a small vector of this direction is meant.
+    """
     at = find_support(flow, f, x, y, z)
     out = flow.space.supported
     S = float(out[at])
@@ -163,7 +206,7 @@ def inner_bend_along(
 
 
 @compiled(brief=True)
-def excess(flow: Flow, c: int, radius: float, a: float, b: float) -> float:
+def force_outside(flow: Flow, c: int, radius: float, a: float, b: float) -> float:
     """How far a force is outside the set of a contact: the most of f·m − s S(m), |m| = 1; not
     positive inside. Of faces that is not said, but infinite.
 
