@@ -185,7 +185,8 @@ class Result:
 
     @validated
     def __getitem__(self, name: str) -> xarray.DataArray:
-        """A variable of the dataset, with its unit.
+        """A variable of the dataset, with its unit, or any unknown of a structure, such as
+        ``u[17]``.
 
         Raises
         ------
@@ -195,6 +196,12 @@ class Result:
         data = self._said.dataset
         if name in data.variables:
             return data[name]
+        system: System | None = getattr(self, "system", None)
+        row = {} if system is None else system.unknown(str(name))
+        if row and row.keys() <= set(data.variables):
+            first, *others = (weight * data[mode] for mode, weight in row.items())
+            found = sum(others, first).rename(str(name))
+            return found.assign_attrs(data[next(iter(row))].attrs, long_name=str(name))
         known = suggestion(str(name), self._ipython_key_completions_())
         raise DeclarationError(self.KIND, f"it has no '{short(str(name))}'", known)
 

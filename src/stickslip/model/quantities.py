@@ -53,6 +53,9 @@ def quantity(system: System, name: str) -> dict[str, str]:
         return described_as(named[name].meaning or name, named[name].unit or "1")
     if name == "t":
         return described_as("time", system.time_unit or "1")
+    if row := system.unknown(name):
+        mode = quantity(system, next(iter(row)))
+        return mode | {"long_name": name if name[:2] != "d_" else f"rate of {name[2:]}"}
     for prefix, order, what in (("dd_", 2, "acceleration"), ("d_", 1, "rate")):
         moving = named.get(name.removeprefix(prefix))
         if name.startswith(prefix) and moving is not None:

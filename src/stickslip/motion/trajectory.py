@@ -519,6 +519,8 @@ class Trajectory(Result):
         out = self._sample_clock(clock, index)
         rows = self._problem.compiled.layout.rows
         values = {name: out[:, row] for name, row in self._rows.items()}
+        for unknown, weights in self.system.unknowns.items():
+            values[unknown] = sum((w * values[mode] for mode, w in weights.items()), np.zeros(len(out)))
         self._without_contact(values, index)
         for key, mode in self.modes.items():
             values[f"mode_{key}"] = mode[index]

@@ -1,0 +1,245 @@
+"""A structure in a system: its unknowns in formulas, and its modes as coordinates."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from stickslip.errors import DeclarationError, short
+from stickslip.kept import made_once
+from stickslip.structures.structure import Structure
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.formulas import Indexed, is_finite
+
+_ENTRY = re.compile(r"\s*(d_)?([A-Za-z]\w*)\s*\[\s*(\w+)\s*\]\s*\Z")
+_NOTHING = 1e-15  # of the largest entry of a row: what is rounding of a mode that is zero there
+
+
+def entry_of(text: str, structures: Mapping[str, Structure | InModes]) -> tuple[str, str, int]:
+    """What a name like ``d_u[tip]`` means: ``"d_"`` or nothing, the structure, the index.
+
+    Parameters
+    ----------
+    text : str
+    structures : mapping of str to Structure or InModes
+
+    Raises
+    ------
+    KeyError
+        If it is no such name; its argument is a remedy.
+    """
+    match = _ENTRY.match(text)
+    if match is None or match[2] not in structures:
+        known = ", ".join(f"{name}[0]" for name in structures)
+        raise KeyError(f"Write it like {known}" if known else "There are no structures")
+    structure = structures[match[2]]
+    structure = structure.structure if isinstance(structure, InModes) else structure
+    return match[1] or "", match[2], structure.index(match[3])
+
+
+def is_entry(text: object) -> bool:
+    """Whether a text looks like the name of an unknown, or of its rate."""
+    return isinstance(text, str) and _ENTRY.match(text) is not None
+
+
+@dataclass(frozen=True)
+class Named(Indexed):
+    """The unknowns of a structure as symbols: what they are called.
+
+    Attributes
+    ----------
+    name : str
+        Of the structure, or with ``d_`` for the rates.
+    structure : Structure
+    """
+
+    name: str
+    structure: Structure
+
+    @property
+    def symbols(self) -> frozenset[str]:
+        return frozenset()
+
+    def entry(self, key: int | str) -> Expr:
+        return ex.sym(f"{self.name}[{self.structure.key(self.structure.index(key))}]")
+
+
+@dataclass(frozen=True)
+class InForms(Indexed):
+    """The unknowns of a structure, or their rates, as linear forms of the modes.
+
+    Attributes
+    ----------
+    part : InModes
+    prefix : str
+        ``"d_"`` of rates.
+    """
+
+    part: InModes
+    prefix: str = ""
+
+    @property
+    def symbols(self) -> frozenset[str]:
+        return frozenset(f"{self.prefix}{mode}" for mode in self.part.coordinates)
+
+    def entry(self, key: int | str) -> Expr:
+        index = self.part.structure.index(key)
+        modes = self.part.coordinates
+        return made_once(
+            self.part,
+            "forms",
+            lambda: ex.add(
+                *(
+                    (ex.sym(f"{self.prefix}{modes[i]}"), weight)
+                    for i, weight in self.part.weights(index).items()
+                )
+            ),
+            (self.prefix, index),
+        )
+
+
+@dataclass(frozen=True)
+class InModes:
+    """A structure in a system that is written out: coordinates are its modes of unit mass.
+
+    Attributes
+    ----------
+    name : str
+    structure : Structure
+    """
+
+    name: str
+    structure: Structure
+
+    @property
+    def coordinates(self) -> list[str]:
+        """What the modes are called."""
+        return [f"{self.name}_mode_{i}" for i in range(1, self.structure.coordinates + 1)]
+
+    @property
+    def unit(self) -> str:
+        """Of displacements."""
+        return self.structure.unit
+
+    def indexed(self) -> dict[str, Indexed]:
+        """What stands in formulas with an index."""
+        return {self.name: InForms(self), f"d_{self.name}": InForms(self, "d_")}
+
+    def weights(self, index: int) -> dict[int, float]:
+        """Of the modes that move an unknown, by number, how much."""
+        row = self.structure.shape_at(index)
+        large = np.abs(row) > _NOTHING * np.max(np.abs(row), initial=0.0)
+        return {int(i): float(row[i]) for i in np.flatnonzero(large)}
+
+    def energies(self) -> tuple[str, str, str]:
+        """Kinetic and elastic energy and the viscous part of the dissipation potential."""
+        names, s = self.coordinates, self.structure
+        kinetic = _sum(f"d_{q}**2/2" for q in names)
+        elastic = _sum(
+            f"{float(a) / 2.0!r}*{q}**2" for q, a in zip(names, s.squares, strict=True) if a
+        )
+        damping = s.modal_damping
+        if damping.ndim == 1:
+            damped = _sum(
+                f"{float(c) / 2.0!r}*d_{q}**2" for q, c in zip(names, damping, strict=True) if c
+            )
+        else:
+            halved = np.triu(damping, 1) + np.diag(np.diag(damping)) / 2.0
+            damped = _sum(
+                f"{float(halved[i, j])!r}*d_{names[i]}*d_{names[j]}"
+                for i, j in np.argwhere(halved).tolist()
+            )
+        return kinetic, elastic, damped
+
+
+def start_of(
+    structures: Mapping[str, InModes], *given: Mapping[str, float]
+) -> dict[str, float]:
+    """Initial values of parts of the state, where some are given of unknowns: those of which
+    nothing is said are zero, if something is of their structure.
+
+    Parameters
+    ----------
+    structures : mapping of str to InModes
+    *given : mapping of str to float
+        Later ones stand for earlier ones.
+
+    Raises
+    ------
+    DeclarationError
+        If an unknown does not exist, its value is no number, or it is no coordinate of a structure
+        that is reduced.
+    """
+    others: dict[str, float] = {}
+    rows: dict[tuple[str, str], dict[int, float]] = {}
+    for text, value in ((text, value) for values in given for text, value in values.items()):
+        if not is_entry(text):
+            others[text] = value
+            continue
+        where = f"initial.'{short(text)}'"
+        try:
+            prefix, name, index = entry_of(text, structures)
+        except KeyError as error:
+            raise DeclarationError(where, "there is no such unknown", error.args[0]) from None
+        structure = structures[name].structure
+        if index not in structure.own:
+            raise DeclarationError(
+                where,
+                "it is no coordinate of a reduced structure, so that its value determines none",
+                f"Keep it, or give values of modes, like {prefix}{structures[name].coordinates[0]}",
+            )
+        if not is_finite(value):
+            raise DeclarationError(where, "its value is not a finite number", "Give a number")
+        rows.setdefault((prefix, name), {})[structure.own[index]] = float(value)
+    found: dict[str, float] = {}
+    for (prefix, name), row in rows.items():
+        place = np.zeros(structures[name].structure.coordinates)
+        place[[*row]] = [*row.values()]
+        modes = structures[name].structure.in_modes(place)
+        names = (f"{prefix}{mode}" for mode in structures[name].coordinates)
+        found |= dict(zip(names, map(float, modes), strict=True))
+    return {**found, **others}
+
+
+def _sum(terms: Iterable[str]) -> str:
+    return " + ".join(terms) or "0"
+
+
+def row_of(text: str, structures: Mapping[str, InModes]) -> dict[str, float]:
+    """What an unknown, or its rate, is of modes, or their rates.
+
+    Parameters
+    ----------
+    text : str
+        Such as ``d_u[tip]``.
+    structures : mapping of str to InModes
+
+    Raises
+    ------
+    KeyError
+        If there is no such unknown; its argument is a remedy.
+    """
+    prefix, name, index = entry_of(text, structures)
+    part = structures[name]
+    modes = part.coordinates
+    return {f"{prefix}{modes[i]}": weight for i, weight in part.weights(index).items()}
+
+
+def shown_of(structures: Mapping[str, InModes]) -> dict[str, dict[str, float]]:
+    """Unknowns that results show, and their rates, as rows of modes.
+
+    Parameters
+    ----------
+    structures : mapping of str to InModes
+    """
+    names = [
+        f"{prefix}{name}[{unknown}]"
+        for name, part in structures.items()
+        for prefix in ("", "d_")
+        for unknown in part.structure.shown
+    ]
+    return {name: row_of(name, structures) for name in names}
