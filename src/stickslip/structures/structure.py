@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import keyword
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -207,6 +207,12 @@ class Structure:
         return made_once(self, "modes", solved)
 
     @property
+    def known_modes(self) -> tuple[Array, Array] | None:
+        """Squares of the frequencies and modes of the coordinates, if anything has asked for them
+        yet."""
+        return kept(self, "modes").get(None)
+
+    @property
     def squares(self) -> Array:
         """Squares of the frequencies, shape (n,), ascending."""
         return self._eigen[0]
@@ -350,6 +356,12 @@ class Structure:
             )
         return found
 
+    def plain(self) -> dict[str, Any]:
+        """What a model file says of it: its arrays as one text."""
+        from stickslip.structures.files import plain
+
+        return plain(self)
+
     # -- what it says of itself --------------------------------------------------------------------
 
     @cached_property
@@ -373,6 +385,10 @@ class Structure:
 
     def __hash__(self) -> int:
         return hash(self.digest)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        parts = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        return _remade, (parts, self.known_modes)
 
     def __repr__(self) -> str:
         return f"<Structure {self.digest}: {self}>"
@@ -426,8 +442,8 @@ class Structure:
         return self.summary()._repr_html_()
 
 
-def with_modes(structure: Structure, squares: Array, modes: Array) -> Structure:
-    """The structure with modes that are known from a file.
+def remember_modes(structure: Structure, squares: Array, modes: Array) -> None:
+    """Let a structure that has just been made have modes that are known.
 
     Parameters
     ----------
@@ -436,8 +452,14 @@ def with_modes(structure: Structure, squares: Array, modes: Array) -> Structure:
     modes : array, shape (n, n)
         Of its coordinates.
     """
-    made = replace(structure)
-    kept(made, "modes")[None] = _fixed(squares, modes)
+    kept(structure, "modes")[None] = _fixed(squares, modes)
+
+
+def _remade(parts: dict[str, Any], modes: tuple[Array, Array] | None) -> Structure:
+    """A structure from another process, with the same modes."""
+    made = Structure(**parts)
+    if modes is not None:
+        remember_modes(made, *modes)
     return made
 
 
