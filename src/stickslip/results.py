@@ -268,7 +268,12 @@ class Result:
 
         if len(quantities) == 1 and (draw := registered(type(self), quantities[0])) is not None:
             return draw(self, ax=ax)
-        return plot_quantities(self._said.dataset, quantities, self.along, ax)
+        data = self._said.dataset
+        system: System | None = getattr(self, "system", None)
+        if system is not None:  # unknowns of structures
+            asked = (name for name in quantities if name not in data.variables)
+            data = data.assign({name: self[name] for name in asked if system.unknown(name)})
+        return plot_quantities(data, quantities, self.along, ax)
 
     @validated
     def save(self, path: str | Path) -> None:

@@ -10,6 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 
+import numpy as np
+
+from stickslip.arrays import Array
 from stickslip.model.names import normal_force
 from stickslip.model.system import System
 from stickslip.model.units import UnitPowers, agree, factors, lowest_terms, unit_product, unit_text
@@ -89,6 +92,25 @@ def quantity(system: System, name: str) -> dict[str, str]:
             if (kind := name.removesuffix(f"_{key}")) in forces:
                 return described_as(f"{forces[kind]} {said}", force_unit(system, contact))
     raise KeyError(name)
+
+
+def of_modes(
+    rows: Mapping[str, Mapping[str, float]], values: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Values of unknowns of structures from those of modes.
+
+    Parameters
+    ----------
+    rows : mapping of str to mapping
+        See :attr:`System.unknowns`.
+    values : mapping of str to array
+    """
+    found: dict[str, Array] = {}
+    for name, row in rows.items():
+        found[name] = np.zeros_like(next(iter(values.values())))
+        for mode, weight in row.items():
+            found[name] += weight * values[mode]
+    return found
 
 
 def forces_of(parts: Sequence[str]) -> dict[str, str]:

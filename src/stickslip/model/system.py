@@ -562,13 +562,18 @@ class System:
 
         return write_out(self)
 
+    @property
+    def written_structures(self) -> Mapping[str, InModes]:
+        """What is left of structures where the system is written out."""
+        return cast("Mapping[str, InModes]", self.plain.structures)
+
     @cached_property
     def unknowns(self) -> dict[str, dict[str, float]]:
         """Unknowns of structures that results show, and their rates, each as what it is of the
         modes."""
         from stickslip.structures.coordinates import shown_of
 
-        return shown_of(cast("Mapping[str, InModes]", self.plain.structures))
+        return shown_of(self.written_structures)
 
     def unknown(self, name: str) -> dict[str, float]:
         """What an unknown of a structure, or its rate, is of modes; empty if there is none of that
@@ -576,7 +581,7 @@ class System:
         from stickslip.structures.coordinates import row_of
 
         try:
-            return row_of(name, cast("Mapping[str, InModes]", self.plain.structures))
+            return row_of(name, self.written_structures)
         except KeyError:
             return {}
 
@@ -692,7 +697,7 @@ class System:
             rates ``d_x`` and ``speed``. A fact alone is a formula, too.
         values : mapping of str to float, optional
             Numbers of the names that the formula depends on; of parameters only those that differ
-            from their defaults.
+            from their defaults, of the unknowns of a structure those that are not zero.
 
         Returns
         -------
@@ -713,8 +718,11 @@ class System:
         >>> round(toy.evaluate("psi_2", {"rho": 0.1}), 12)
         1.666666666667
         """
+        from stickslip.structures.coordinates import start_of
+
         expression = self.declaration.scope.parse(formula, "formula")
-        return self.declaration.value(expression, {**self.values, **(values or {})})
+        given = start_of(self.written_structures, values or {}, "values")
+        return self.declaration.value(expression, {**self.values, **given})
 
     def heading(self) -> dict[str, Any]:
         """What a summary of its results says of it: its name and its given functions."""

@@ -510,7 +510,9 @@ class _WrittenOut:
                 unit=contact.unit,
             )
             self.add_contact(label, part, where)
-            self.energies["potential"].append(f"({_renamed(law.stiffness, each)})/2*({way} - {slider})**2")
+            self.energies["potential"].append(
+                f"({_renamed(law.stiffness, each)})/2*({way} - {slider})**2"
+            )
             self.start(slider, slopes)
 
     def how_many(self, values: Mapping[str, object], law: FrictionLaw, where: str) -> int:

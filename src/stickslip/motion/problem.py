@@ -234,8 +234,8 @@ class Problem:
         """State vector of initial values (declared defaults where none is given)."""
         declaration = self.system.declaration
         given: Mapping[str, float] = initial
-        if structures := self.system.plain.structures:
-            given = start_of(structures, self.system.initial, initial)
+        if structures := self.system.written_structures:
+            given = start_of(structures, {**self.system.initial, **initial})
         for name, value in given.items():
             check_initial(declaration, name, value)
         given = {**self.system.plain.initial, **given}

@@ -17,7 +17,7 @@ from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.kept import cached_property
 from stickslip.model.names import JOINED, normal_force
-from stickslip.model.quantities import FORCES, contact_key, forces_of, quantity
+from stickslip.model.quantities import FORCES, contact_key, forces_of, of_modes, quantity
 from stickslip.model.system import System
 from stickslip.motion.certify import certify_trajectory
 from stickslip.motion.knots import IS_CLOSED, IS_OPEN, Knots
@@ -452,7 +452,8 @@ class Trajectory(Result):
         Returns
         -------
         dict of str to float or array
-            Coordinates, rates ``d_x``, internal variables; per contact ``friction_``,
+            Coordinates, rates ``d_x``, internal variables; unknowns of structures with names, as
+            ``u[tip]``, and their rates; per contact ``friction_``,
             ``threshold_plus_``, ``threshold_minus_``, ``slip_speed_``, ``mode_``; ``energy``,
             ``dissipated_energy``, ``supplied_energy``.
 
@@ -486,7 +487,7 @@ class Trajectory(Result):
         Parameters
         ----------
         names : sequence of str
-            Parts of the state, friction forces and thresholds.
+            Parts of the state, unknowns of structures, friction forces and thresholds.
         times : array, shape (n,)
         index : array of int, shape (n,)
             Number of the step that each time belongs to; ascending, as are the times in one step.
@@ -494,6 +495,12 @@ class Trajectory(Result):
         from stickslip.motion.between.dense import make_scratch
         from stickslip.motion.between.trace import TOLERANCE, trace_rows
 
+        forms = {n: row for n, row in self.system.unknowns.items() if n in names}
+        if forms:
+            modes = [mode for row in forms.values() for mode in row]
+            others = [name for name in names if name not in forms]
+            values = self.trace([*dict.fromkeys([*others, *modes])], times, index)
+            return values | of_modes(forms, values)
         p, k = self._problem, self.knots
         shown = p.compiled.layout.without_series
         followed = [name for name in names if self._rows[name] not in shown]
@@ -519,8 +526,7 @@ class Trajectory(Result):
         out = self._sample_clock(clock, index)
         rows = self._problem.compiled.layout.rows
         values = {name: out[:, row] for name, row in self._rows.items()}
-        for unknown, weights in self.system.unknowns.items():
-            values[unknown] = sum((w * values[mode] for mode, w in weights.items()), np.zeros(len(out)))
+        values |= of_modes(self.system.unknowns, values)
         self._without_contact(values, index)
         for key, mode in self.modes.items():
             values[f"mode_{key}"] = mode[index]

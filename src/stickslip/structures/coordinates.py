@@ -157,7 +157,7 @@ class InModes:
 
 
 def start_of(
-    structures: Mapping[str, InModes], *given: Mapping[str, float]
+    structures: Mapping[str, InModes], given: Mapping[str, float], section: str = "initial"
 ) -> dict[str, float]:
     """Initial values of parts of the state, where some are given of unknowns: those of which
     nothing is said are zero, if something is of their structure.
@@ -165,8 +165,9 @@ def start_of(
     Parameters
     ----------
     structures : mapping of str to InModes
-    *given : mapping of str to float
-        Later ones stand for earlier ones.
+    given : mapping of str to float
+    section : str
+        Where they stand, for messages.
 
     Raises
     ------
@@ -176,11 +177,11 @@ def start_of(
     """
     others: dict[str, float] = {}
     rows: dict[tuple[str, str], dict[int, float]] = {}
-    for text, value in ((text, value) for values in given for text, value in values.items()):
+    for text, value in given.items():
         if not is_entry(text):
             others[text] = value
             continue
-        where = f"initial.'{short(text)}'"
+        where = f"{section}.'{short(text)}'"
         try:
             prefix, name, index = entry_of(text, structures)
         except KeyError as error:

@@ -101,7 +101,5 @@ def _not_negative(value: object, where: str) -> float:
     if not is_finite(value):
         raise DeclarationError(where, f"'{short(str(value))}' is no finite number", "Give a number")
     if value < 0.0:
-        raise DeclarationError(
-            where, f"{value:g} would feed energy in", "Damping is at least zero"
-        )
+        raise DeclarationError(where, f"{value:g} would feed energy in", "Damping is at least zero")
     return float(value)

@@ -49,8 +49,8 @@ def plain(structure: Structure) -> dict[str, Any]:
     found: dict[str, Any] = {"packed": b64encode(file.getvalue()).decode()}
     if isinstance(structure.damping, ProportionalDamping | ModalDamping):
         found["damping"] = structure.damping.plain()
-    if structure.names:
-        found["names"] = dict(structure.names)
+    if structure.indices:
+        found["names"] = structure.indices
     if structure.unit:
         found["unit"] = structure.unit
     if (left := structure.left_out) is not None:
@@ -139,7 +139,9 @@ def _read(given: object, where: str, folder: Path) -> Symmetric:
     except DeclarationError:
         raise
     except FileNotFoundError:
-        raise DeclarationError(where, f"there is no file '{short(file)}'", "Check the path") from None
+        raise DeclarationError(
+            where, f"there is no file '{short(file)}'", "Check the path"
+        ) from None
     except Exception as error:  # readers raise whatever they like
         raise DeclarationError(
             where, f"'{short(file)}' cannot be read ({short(str(error))})", "Check the file"

@@ -52,11 +52,8 @@ def check_memory(n: int) -> None:
 
 
 def _bytes(count: float) -> str:
-    for unit in ("B", "kB", "MB", "GB", "TB"):
-        if count < 1000.0:
-            break
-        count /= 1000.0
-    return f"{count:.3g} {unit}"
+    power = min(int(np.log10(count) / 3.0), 4)
+    return f"{count / 1000.0**power:.3g} {('B', 'kB', 'MB', 'GB', 'TB')[power]}"
 
 
 def checked(given: Any, what: str, said: Callable[[int], str]) -> Symmetric:
@@ -103,10 +100,14 @@ def checked(given: Any, what: str, said: Callable[[int], str]) -> Symmetric:
         )
     matrix = matrix.astype(float)
     matrix = _symmetric(matrix, what, said)
-    for part in (matrix,) if not is_sparse(matrix) else (
-        matrix.data,
-        matrix.indices,
-        matrix.indptr,
+    for part in (
+        (matrix,)
+        if not is_sparse(matrix)
+        else (
+            matrix.data,
+            matrix.indices,
+            matrix.indptr,
+        )
     ):
         part.flags.writeable = False
     return matrix
@@ -204,9 +205,10 @@ def factored(matrix: Symmetric) -> Factor:
         kept = True
 
         def solve(b: Array) -> Array:
-            found = solve_triangular(lower[order], b[order], lower=True, unit_diagonal=True)
+            below = lower[order]
+            found = solve_triangular(below, b[order], lower=True, unit_diagonal=True)
             found = np.linalg.solve(blocks, found)
-            turned = solve_triangular(lower[order], found, lower=True, unit_diagonal=True, trans="T")
+            turned = solve_triangular(below.T, found, unit_diagonal=True)
             back = np.empty_like(turned)
             back[order] = turned
             return back
@@ -275,7 +277,7 @@ def _shifted(
     if factor.singular:
         shift = 1e-10 * float(np.max(stiffness.diagonal() / mass.diagonal()))
         factor = factored(stiffness + shift * mass)
-    inverse = LinearOperator((n, n), matvec=factor.solve, dtype=float)
+    inverse = cast("Any", LinearOperator)((n, n), matvec=factor.solve, dtype=float)
     start = np.random.default_rng(0).standard_normal(n)  # the same modes each time
     wanted = min(count + 2, n - 1)
     _, modes = eigsh(stiffness, wanted, mass, sigma=-shift, OPinv=inverse, v0=start)

@@ -64,8 +64,11 @@ def craig_bampton(structure: Structure, keep: list[int], count: int) -> Reduced:
         shapes[free, b:] = modes[:, :count]
         stiffness[:b, :b] += across.T @ static
         stiffness[range(b, b + count), range(b, b + count)] = squares[:count]
-    return shapes, _even(shapes.T @ (m @ shapes)), _even(stiffness), LeftOut(
-        "craig-bampton", structure.unknowns, first, 0.0
+    return (
+        shapes,
+        _even(shapes.T @ (m @ shapes)),
+        _even(stiffness),
+        LeftOut("craig-bampton", structure.unknowns, first, 0.0),
     )
 
 
@@ -95,8 +98,11 @@ def modal(structure: Structure, keep: list[int], count: int) -> Reduced:
     first = float(np.sqrt(squares[count])) if len(squares) > count else np.inf
     squares, shapes = squares[:count], shapes[:, :count]
     error = _static_error(structure, keep, squares, shapes) if keep else np.nan
-    return shapes, np.eye(count), np.diag(squares), LeftOut(
-        "modal", structure.unknowns, first, error
+    return (
+        shapes,
+        np.eye(count),
+        np.diag(squares),
+        LeftOut("modal", structure.unknowns, first, error),
     )
 
 

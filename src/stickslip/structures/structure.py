@@ -6,7 +6,7 @@ import hashlib
 import keyword
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
 
@@ -148,9 +148,14 @@ class Structure:
         """How many coordinates it moves by: as many, unless it has a basis."""
         return int(self.mass.shape[0])
 
+    @property
+    def indices(self) -> dict[str, int]:
+        """Names with the indices of their unknowns."""
+        return cast("dict[str, int]", self.names)
+
     @cached_property
     def _called(self) -> dict[int, str]:
-        return {index: name for name, index in dict(self.names or {}).items()}
+        return {index: name for name, index in self.indices.items()}
 
     def key(self, index: int) -> Unknown:
         """What an unknown is called: by its name, if it has one."""
@@ -164,10 +169,10 @@ class Structure:
         KeyError
             If there is none; its argument says what there is.
         """
-        names = dict(self.names or {})
+        names = self.indices
         if isinstance(unknown, str) and unknown not in names and not unknown.isdecimal():
             raise KeyError(suggestion(unknown, names) if names else "Its unknowns have no names")
-        index = names[unknown] if unknown in names else int(unknown)
+        index = names[unknown] if isinstance(unknown, str) and unknown in names else int(unknown)
         if not 0 <= index < self.unknowns:
             raise KeyError(f"Its unknowns are 0 to {self.unknowns - 1}")
         return index
@@ -187,8 +192,8 @@ class Structure:
     def shown(self) -> tuple[Unknown, ...]:
         """Unknowns that results show without being asked: those with names, else those that were
         kept, or all if they are few."""
-        if self.names:
-            return tuple(self.names)
+        if self.indices:
+            return tuple(self.indices)
         if self.basis is not None and len(self.own) <= _ALL:
             return tuple(self.own)
         return tuple(range(self.unknowns)) if self.unknowns <= _ALL else ()
@@ -377,7 +382,7 @@ class Structure:
             for array in arrays:
                 found.update(f"{name} {array.shape} {array.dtype.kind}".encode())
                 found.update(np.ascontiguousarray(array).tobytes())
-        found.update(repr((dict(self.names or {}), self.unit, self.left_out)).encode())
+        found.update(repr((self.indices, self.unit, self.left_out)).encode())
         return found.hexdigest()[:16]
 
     def __eq__(self, other: object) -> bool:
@@ -394,7 +399,7 @@ class Structure:
         return f"<Structure {self.digest}: {self}>"
 
     def __str__(self) -> str:
-        named = f", {len(self.names)} with names" if self.names else ""
+        named = f", {len(self.indices)} with names" if self.indices else ""
         by = f", {self.coordinates:,} coordinates" if self.basis is not None else ""
         return f"{self.unknowns:,} unknowns{named}{by}"
 
@@ -403,8 +408,8 @@ class Structure:
         from stickslip.results import Summary
 
         rows = [("unknowns", f"{self.unknowns:,}")]
-        if self.names:
-            rows.append(("names", _some([*self.names])))
+        if self.indices:
+            rows.append(("names", _some([*self.indices])))
         if self.basis is not None:
             rows.append(("coordinates", f"{self.coordinates:,}"))
         data: dict[str, Any] = {"unknowns": self.unknowns, "coordinates": self.coordinates}

@@ -221,7 +221,8 @@ def mean(motion: Trajectory, formula: str) -> tuple[float, float]:
     """
     known = motion.system.plain.declaration.scope
     rows = {name: ex.sym(name) for name in motion._rows}
-    read = Scope({**rows, **known.names}, known.definitions).parse(formula, "formula")
+    scope = Scope({**rows, **known.names}, known.definitions, vectors=known.vectors)
+    read = scope.parse(formula, "formula")
     names = sorted(read.symbols)
     for name in names:
         if name not in {"t", *rows, *motion.parameters}:
