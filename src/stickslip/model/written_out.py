@@ -36,7 +36,7 @@ from stickslip.model.system import (
     Unilateral,
     Viscous,
 )
-from stickslip.structures.coordinates import InModes, Named, entry_of, is_entry, start_of
+from stickslip.structures.coordinates import BySymbols, InModes, entry_of, is_entry, start_of
 from stickslip.structures.structure import Structure
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.formulas import NAME, Scope, formula_text, is_finite, parse_signature
@@ -358,7 +358,7 @@ class _WrittenOut:
         known = ["t", *system.parameters, *system.coordinates, *system.internal]
         known += [f"d_{x}" for x in system.coordinates]
         unknowns = {
-            f"{prefix}{name}": Named(f"{prefix}{name}", structure)
+            f"{prefix}{name}": BySymbols(f"{prefix}{name}", structure)
             for name, structure in system.structures.items()
             if isinstance(structure, Structure)
             for prefix in ("", "d_")

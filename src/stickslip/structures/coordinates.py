@@ -47,7 +47,7 @@ def is_entry(text: object) -> bool:
 
 
 @dataclass(frozen=True)
-class Named(Indexed):
+class BySymbols(Indexed):
     """The unknowns of a structure as symbols: what they are called.
 
     Attributes

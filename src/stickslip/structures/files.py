@@ -22,7 +22,7 @@ _KINDS = (".mtx", ".npz", ".npy", ".mat")
 _MOST_BYTES = 2_000_000_000  # of arrays in one text
 
 
-def plain(structure: Structure) -> dict[str, Any]:
+def packed_structure(structure: Structure) -> dict[str, Any]:
     """What a model file says of a structure: names and rules as they are, arrays as one text.
 
     Its modes are among them: others, which rounding makes elsewhere, would be other coordinates.

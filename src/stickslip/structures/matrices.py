@@ -56,7 +56,7 @@ def _bytes(count: float) -> str:
     return f"{count / 1000.0**power:.3g} {('B', 'kB', 'MB', 'GB', 'TB')[power]}"
 
 
-def checked(given: Any, what: str, said: Callable[[int], str]) -> Symmetric:
+def checked_symmetric(given: Any, what: str, said: Callable[[int], str]) -> Symmetric:
     """A symmetric matrix of finite numbers, that nobody can change.
 
     Parameters
@@ -153,7 +153,7 @@ def _symmetric(matrix: Symmetric, what: str, said: Callable[[int], str]) -> Symm
 
 
 @dataclass(frozen=True)
-class Factor:
+class Factored:
     """A symmetric matrix, factored.
 
     Attributes
@@ -176,8 +176,8 @@ class Factor:
         return self.least < _SINGULAR
 
 
-def factored(matrix: Symmetric) -> Factor:
-    """Factors of a symmetric matrix, L D Lᵀ.
+def factored(matrix: Symmetric) -> Factored:
+    """Factored of a symmetric matrix, L D Lᵀ.
 
     Rows and columns are scaled to a unit diagonal first, since unknowns may have any units.
     """
@@ -192,7 +192,7 @@ def factored(matrix: Symmetric) -> Factor:
         try:
             lu = splu((by @ matrix @ by).tocsc(), "MMD_AT_PLUS_A", 0.0, options=options)
         except RuntimeError:  # a pivot is exactly zero
-            return Factor(lambda b: np.full_like(b, np.nan), 0, 0.0)
+            return Factored(lambda b: np.full_like(b, np.nan), 0, 0.0)
         pivots = lu.U.diagonal()
         # Rows leave the diagonal only where a pivot on it is zero.
         kept = np.array_equal(lu.perm_r, lu.perm_c)
@@ -218,11 +218,11 @@ def factored(matrix: Symmetric) -> Factor:
         return by * solve(by * b)
 
     least = float(np.min(np.abs(pivots))) if kept else 0.0
-    return Factor(unscaled, int(np.count_nonzero(pivots < 0.0)), least)
+    return Factored(unscaled, int(np.count_nonzero(pivots < 0.0)), least)
 
 
-def lowest(
-    stiffness: Symmetric, mass: Symmetric, count: int, factor: Factor | None = None
+def lowest_modes(
+    stiffness: Symmetric, mass: Symmetric, count: int, factor: Factored | None = None
 ) -> tuple[Array, Array]:
     """The lowest modes of K x = ω² M x, of unit mass.
 
@@ -230,7 +230,7 @@ def lowest(
     ----------
     stiffness, mass : matrix, shape (n, n)
     count : int
-    factor : Factor, optional
+    factor : Factored, optional
         Of the stiffness, if there is one already.
 
     Returns
@@ -267,7 +267,7 @@ def rounding(stiffness: Symmetric, mass: Symmetric) -> float:
 
 
 def _shifted(
-    stiffness: Symmetric, mass: Symmetric, count: int, factor: Factor | None
+    stiffness: Symmetric, mass: Symmetric, count: int, factor: Factored | None
 ) -> tuple[Array, Array]:
     """Lanczos' iteration with (K + s M)⁻¹ M, s > 0 where there are rigid modes."""
     from scipy.sparse.linalg import LinearOperator, eigsh
@@ -298,7 +298,7 @@ def _shifted(
     return squares[:count], modes[:, :count]
 
 
-def rows_of(matrix: Symmetric, rows: Sequence[int] | Array, columns: Sequence[int] | Array) -> Any:
+def block_of(matrix: Symmetric, rows: Sequence[int] | Array, columns: Sequence[int] | Array) -> Any:
     """A block of a matrix."""
     block = matrix[rows][:, columns]
     return block.tocsc() if is_sparse(matrix) else block

@@ -8,16 +8,16 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
-from stickslip.structures.matrices import Factor, factored, lowest, rounding, rows_of
+from stickslip.structures.matrices import Factored, block_of, factored, lowest_modes, rounding
 
 if TYPE_CHECKING:
     from stickslip.structures.structure import LeftOut, Structure
 
-Reduced = tuple[Array, Array, Array, "LeftOut"]
+InShapes = tuple[Array, Array, Array, "LeftOut"]
 """Shapes of coordinates, (n, m), the mass and the stiffness of m coordinates, what is left out."""
 
 
-def craig_bampton(structure: Structure, keep: list[int], count: int) -> Reduced:
+def craig_bampton(structure: Structure, keep: list[int], count: int) -> InShapes:
     """Kept unknowns, and modes that are fixed there.
 
     Parameters
@@ -40,13 +40,13 @@ def craig_bampton(structure: Structure, keep: list[int], count: int) -> Reduced:
     free = np.setdiff1d(np.arange(n), held)
     k, m = structure.stiffness, structure.mass
     b = len(held)
-    inner = rows_of(k, free, free)
+    inner = block_of(k, free, free)
     count = min(count, len(free))
     shapes = np.zeros((n, b + count))
     shapes[held, np.arange(b)] = 1.0
     squares, first = np.empty(0), np.inf
     stiffness = np.zeros((b + count, b + count))
-    stiffness[:b, :b] = _full(rows_of(k, held, held))
+    stiffness[:b, :b] = _full(block_of(k, held, held))
     if len(free):
         factor = factored(inner)
         if factor.singular:
@@ -56,9 +56,9 @@ def craig_bampton(structure: Structure, keep: list[int], count: int) -> Reduced:
                 'Keep more of them, such as all of one node, or take method="modal"',
             )
         wanted = min(count + 1, len(free))
-        squares, modes = lowest(inner, rows_of(m, free, free), wanted, factor)
+        squares, modes = lowest_modes(inner, block_of(m, free, free), wanted, factor)
         first = float(np.sqrt(squares[count])) if len(squares) > count else np.inf
-        across = _full(rows_of(k, free, held))
+        across = _full(block_of(k, free, held))
         static = -factor.solve(across)
         shapes[free, :b] = static
         shapes[free, b:] = modes[:, :count]
@@ -72,7 +72,7 @@ def craig_bampton(structure: Structure, keep: list[int], count: int) -> Reduced:
     )
 
 
-def modal(structure: Structure, keep: list[int], count: int) -> Reduced:
+def modal(structure: Structure, keep: list[int], count: int) -> InShapes:
     """The lowest modes alone.
 
     Parameters
@@ -94,7 +94,7 @@ def modal(structure: Structure, keep: list[int], count: int) -> Reduced:
         raise DeclarationError("modes", "none is asked for", "Give a whole number, like 20")
     n = structure.coordinates
     count = min(count, n)
-    squares, shapes = lowest(structure.stiffness, structure.mass, min(count + 1, n))
+    squares, shapes = lowest_modes(structure.stiffness, structure.mass, min(count + 1, n))
     first = float(np.sqrt(squares[count])) if len(squares) > count else np.inf
     squares, shapes = squares[:count], shapes[:, :count]
     error = _static_error(structure, keep, squares, shapes) if keep else np.nan
@@ -130,8 +130,8 @@ def _static_error(structure: Structure, keep: list[int], squares: Array, shapes:
     return float(np.max(np.maximum(parts, 0.0)))
 
 
-def _regular(structure: Structure) -> tuple[Factor, float]:
-    """Factors of K, or where that is singular of K + s M, and s."""
+def _regular(structure: Structure) -> tuple[Factored, float]:
+    """Factored of K, or where that is singular of K + s M, and s."""
     factor = factored(structure.stiffness)
     if not factor.singular:
         return factor, 0.0

@@ -22,7 +22,7 @@ from stickslip.symbolic.formulas import NAME
 if TYPE_CHECKING:
     from stickslip.results import Summary
 
-Unknown = int | str
+UnknownKey = int | str
 """An unknown, by its index or its name."""
 Method = Literal["craig-bampton", "modal"]
 _ALL = 50  # unknowns without names that results show all
@@ -109,12 +109,12 @@ class Structure:
         def said(index: int) -> str:
             return called.get(index, str(index)) if self.basis is None else str(index)
 
-        mass = matrices.checked(self.mass, "mass", said)
-        stiffness = matrices.checked(self.stiffness, "stiffness", said)
+        mass = matrices.checked_symmetric(self.mass, "mass", said)
+        stiffness = matrices.checked_symmetric(self.stiffness, "stiffness", said)
         sizes = {"mass": mass, "stiffness": stiffness}
         damping = self.damping
         if damping is not None and not isinstance(damping, ProportionalDamping | ModalDamping):
-            sizes["damping"] = damping = matrices.checked(damping, "damping", said)
+            sizes["damping"] = damping = matrices.checked_symmetric(damping, "damping", said)
         for what, matrix in sizes.items():
             if matrix.shape != mass.shape:
                 n, m = matrix.shape[0], mass.shape[0]
@@ -157,11 +157,11 @@ class Structure:
     def _called(self) -> dict[int, str]:
         return {index: name for name, index in self.indices.items()}
 
-    def key(self, index: int) -> Unknown:
+    def key(self, index: int) -> UnknownKey:
         """What an unknown is called: by its name, if it has one."""
         return self._called.get(index, index)
 
-    def index(self, unknown: Unknown) -> int:
+    def index(self, unknown: UnknownKey) -> int:
         """Where an unknown stands.
 
         Raises
@@ -189,7 +189,7 @@ class Structure:
         return dict(zip(rows[ones].tolist(), places[ones].tolist(), strict=True))
 
     @cached_property
-    def shown(self) -> tuple[Unknown, ...]:
+    def shown(self) -> tuple[UnknownKey, ...]:
         """Unknowns that results show without being asked: those with names, else those that were
         kept, or all if they are few."""
         if self.indices:
@@ -207,7 +207,7 @@ class Structure:
         def solved() -> tuple[Array, Array]:
             if is_sparse(self.mass):
                 matrices.check_memory(self.coordinates)
-            return _fixed(*matrices.lowest(self.stiffness, self.mass, self.coordinates))
+            return _fixed(*matrices.lowest_modes(self.stiffness, self.mass, self.coordinates))
 
         return made_once(self, "modes", solved)
 
@@ -272,7 +272,7 @@ class Structure:
     @validated
     def reduced(
         self,
-        keep: Sequence[Unknown] = (),
+        keep: Sequence[UnknownKey] = (),
         modes: int = 20,
         *,
         method: Method = "craig-bampton",
@@ -333,7 +333,7 @@ class Structure:
             mass, stiffness, damping, self.names, unit=self.unit, basis=basis, left_out=left_out
         )
 
-    def _places(self, keep: Sequence[Unknown], fixed: bool) -> list[int]:
+    def _places(self, keep: Sequence[UnknownKey], fixed: bool) -> list[int]:
         """Rows of kept unknowns; for Craig and Bampton's method they are coordinates."""
         found: list[int] = []
         for unknown in keep:
@@ -363,9 +363,9 @@ class Structure:
 
     def plain(self) -> dict[str, Any]:
         """What a model file says of it: its arrays as one text."""
-        from stickslip.structures.files import plain
+        from stickslip.structures.files import packed_structure
 
-        return plain(self)
+        return packed_structure(self)
 
     # -- what it says of itself --------------------------------------------------------------------
 
