@@ -603,21 +603,20 @@ def _proportional(
 ) -> ProportionalDamping | None:
     """The rule by which a matrix was made, if it is C = α M + β K up to rounding."""
 
-    def product(a: Symmetric, b: Symmetric) -> float:
-        return float((a * b).sum())
-
-    scale = product(stiffness, stiffness) or 1.0
-    table = np.array(
-        [
-            [product(mass, mass), product(mass, stiffness)],
-            [product(mass, stiffness), scale],
-        ]
-    )
-    right = np.array([product(mass, damping), product(stiffness, damping)])
-    size = np.sqrt(np.maximum(np.diag(table), 1e-300))
-    alpha, beta = np.linalg.lstsq(table / np.outer(size, size), right / size)[0] / size
-    apart = abs(damping - alpha * mass - beta * stiffness)
-    size = abs(damping) + abs(alpha * mass) + abs(beta * stiffness)
-    if min(alpha, beta) < 0.0 or (apart - _ROUNDED * size).max() > 0.0:
-        return None
-    return ProportionalDamping(float(alpha), float(beta))
+    for parts in ([stiffness], [mass], [mass, stiffness]):
+        table = np.array([[float((a * b).sum()) for a in parts] for b in parts])
+        size = np.sqrt(np.diag(table))
+        if not np.all(size > 0.0):
+            continue
+        found = np.zeros(len(parts))
+        apart = damping
+        for _ in range(3):  # later ones for what rounding has left
+            right = np.array([float((part * apart).sum()) for part in parts])
+            found += np.linalg.lstsq(table / np.outer(size, size), right / size)[0] / size
+            apart = damping - sum(c * part for c, part in zip(found, parts, strict=True))
+        terms = sum(abs(c * part) for c, part in zip(found, parts, strict=True))
+        if np.all(found >= 0.0) and (abs(apart) - _ROUNDED * (abs(damping) + terms)).max() <= 0.0:
+            alpha = found[0] if parts[0] is mass else 0.0
+            beta = found[-1] if parts[-1] is stiffness else 0.0
+            return ProportionalDamping(float(alpha), float(beta))
+    return None
