@@ -59,6 +59,8 @@ EVERYTHING = System(
         "u": Viscous(force=0.25),
         "z": RateIndependent(meaning="hysteresis"),
     },
+    structures={"beam": Structure([[2.0]], [[3.0]], ModalDamping(0.01), ["tip"])},
+    forces={"beam[tip]": "0.5*m"},
     internal={"alpha": Internal("1 - alpha", "K", "temperature"), "beta": Internal(-1)},
     kinetic="m/2*d_x**2",
     potential="k/2*x**2 + H(u)**2 + (z - u)**2",

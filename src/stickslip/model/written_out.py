@@ -39,7 +39,14 @@ from stickslip.model.system import (
 from stickslip.structures.coordinates import BySymbols, InModes, entry_of, is_entry, start_of
 from stickslip.structures.structure import Structure
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.formulas import NAME, Scope, formula_text, is_finite, parse_signature
+from stickslip.symbolic.formulas import (
+    NAME,
+    Scope,
+    check_name,
+    formula_text,
+    is_finite,
+    parse_signature,
+)
 
 if TYPE_CHECKING:
     from stickslip.model.laws import FrictionLaw
@@ -125,7 +132,11 @@ class _WrittenOut:
             name: [part for part in parts if part != 0.0] or [0.0]
             for name, parts in self.energies.items()
         }
-        joined = {n: " + ".join(map(str, p)) if len(p) > 1 else p[0] for n, p in energies.items()}
+        # In brackets, what was declared means what it would mean alone, or nothing.
+        joined = {
+            name: " + ".join(f"({part})" for part in parts) if len(parts) > 1 else parts[0]
+            for name, parts in energies.items()
+        }
         return replace(
             self.system,
             functions=self.functions,
@@ -234,6 +245,7 @@ class _WrittenOut:
     def structure(self, name: str, structure: Structure) -> None:
         """Write a structure out: its modes are coordinates, and feel what pushes unknowns."""
         where = entry_key("structures", name)
+        check_name(name, where)
         part = InModes(name, structure)
         self.structures[name] = part
         try:

@@ -103,6 +103,8 @@ class Structure:
 
     def __post_init__(self) -> None:
         put = object.__setattr__
+        if not isinstance(self.unit, str):
+            raise DeclarationError("unit", "expected a text", 'Write it in quotes, like "m"')
         names = _indices(self.names)
         called = {index: name for name, index in names.items()}
 
@@ -484,12 +486,12 @@ def _indices(names: Any) -> dict[str, int]:
     """Names with their indices; what is wrong with them is said once sizes are known."""
     if isinstance(names, Mapping):
         return dict(names)
-    listed = [] if names is None or isinstance(names, str) else list(names)
+    listed = list(names) if isinstance(names, Sequence) and not isinstance(names, str) else []
     return {name: index for index, name in enumerate(listed)}
 
 
 def _check_names(given: Any, names: dict[str, int], count: int) -> None:
-    if isinstance(given, str):
+    if isinstance(given, str) or not isinstance(given, Mapping | Sequence | None):
         raise DeclarationError("names", "expected a list of names", 'Write it like ["tip"]')
     listed = not isinstance(given, Mapping)
     if listed and given is not None:

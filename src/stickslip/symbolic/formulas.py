@@ -352,6 +352,8 @@ class _Reader:
             )
         if not text.strip():
             raise self.fail("the formula is empty", "Write a formula, or 0")
+        if "#" in text:  # what follows would not be read, on further lines, too
+            raise self.fail("'#' cannot stand in a formula", "Put comments outside of it")
         if len(text) > _LONGEST:
             raise self.fail(
                 f"the formula has {len(text)} characters (at most {_LONGEST})",
