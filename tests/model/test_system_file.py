@@ -27,6 +27,8 @@ from stickslip.model.system import (
 )
 from stickslip.model.system_file import dumps, load, loads, save
 from stickslip.model.toml import MAX_BYTES
+from stickslip.structures.damping import ModalDamping
+from stickslip.structures.structure import Structure
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 TWINS = {

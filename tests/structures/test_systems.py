@@ -22,7 +22,7 @@ def both(contacts: Any, names: dict[str, str], n: int = 6, **parts: Any) -> list
     force = "F*cos(omega*t)"
     replaced: Any = parts
     for old, new in names.items():
-        replaced = eval_free(replaced, old, new)
+        replaced = renamed(replaced, old, new)
     return [
         ss.System(
             "chain",
@@ -44,12 +44,12 @@ def both(contacts: Any, names: dict[str, str], n: int = 6, **parts: Any) -> list
     ]
 
 
-def eval_free(item: Any, old: str, new: str) -> Any:
+def renamed(item: Any, old: str, new: str) -> Any:
     """Texts with another name."""
     if isinstance(item, str):
         return item.replace(old, new)
     if isinstance(item, dict):
-        return {eval_free(k, old, new): eval_free(v, old, new) for k, v in item.items()}
+        return {renamed(k, old, new): renamed(v, old, new) for k, v in item.items()}
     return item
 
 
@@ -89,23 +89,19 @@ def test_a_chain_moves_as_it_does_as_formulas(kind: str) -> None:
     first, second = (ss.simulate(system, (0.0, 25.0)) for system in (body, formulas))
     assert first.certificate.ok and second.certificate.ok
     assert first.n_switches == second.n_switches
-    assert first.n_switches > 2 or kind == "LuGre"
+    switches = [len(motion.events) + len(motion.impacts) for motion in (first, second)]
+    assert switches[0] == switches[1] > (-1 if kind == "LuGre" else 1)
     times = np.linspace(0.0, 25.0, 101)
-    there, here = second.at(times), first.at(times)
-    for unknown, coordinate in NAMES.items():
+    here, there = first.at(times), second.at(times)
+    for unknown, coordinate in (("u[tip]", "q5"), ("u[mid]", "q2")):
         for rate in ("", "d_"):
-            exact = there[rate + coordinate]
-            shown = rate + unknown
-            found = here[shown] if shown in here else first.at(times)
-            if shown in here:
-                np.testing.assert_allclose(found, exact, atol=1e-11, err_msg=shown)
-    for contact in body.dry_contacts:
-        key = f"friction_{contact.replace(' ', '_')}"
-        np.testing.assert_allclose(here[key], there[key], atol=1e-9)
-    first_unknown = first["u[0]"]
-    np.testing.assert_allclose(first_unknown[-1], second["q0"][-1], atol=1e-11)
-    energy = "dissipated_energy"
-    np.testing.assert_allclose(here[energy], there[energy], atol=1e-10)
+            one, other = here[rate + unknown], there[rate + coordinate]
+            np.testing.assert_allclose(one, other, atol=1e-11, err_msg=unknown)
+    for name in there:
+        if name.startswith("friction_"):
+            np.testing.assert_allclose(here[name], there[name], atol=1e-9, err_msg=name)
+    np.testing.assert_allclose(first["u[0]"][-1], second["q0"][-1], atol=1e-11)  # has no name
+    np.testing.assert_allclose(here["dissipated_energy"], there["dissipated_energy"], atol=1e-10)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -115,7 +111,7 @@ def test_random_bodies_move_as_formulas(seed: int) -> None:
     n = int(rng.integers(3, 6))
     mass, stiffness, damping = random_body(rng, n)
     weights = rng.normal(size=n)
-    force = "sin(1.3*t)"
+    force = "3*sin(1.3*t)"
 
     def contacts(rates: list[str]) -> dict[str, Any]:
         way = " + ".join(f"({w!r})*{rate}" for w, rate in zip(weights.tolist(), rates, strict=True))
@@ -145,12 +141,14 @@ def test_random_bodies_move_as_formulas(seed: int) -> None:
 
 def test_cycles_are_those_of_formulas() -> None:
     body, formulas = both(CONTACTS["a dry contact"], NAMES)
-    found = [ss.find_cycle(system, ss.simulate(system, (0.0, 180.0))) for system in (body, formulas)]
+    found = [
+        ss.find_cycle(system, ss.simulate(system, (0.0, 180.0))) for system in (body, formulas)
+    ]
     assert all(cycle.certificate.ok for cycle in found)
     assert found[0].period == pytest.approx(found[1].period, abs=1e-11)
     one, other = (np.sort_complex(np.asarray(cycle.multipliers, complex)) for cycle in found)
     np.testing.assert_allclose(np.abs(one), np.abs(other), atol=1e-8)
-    motions = [cycle.motion for cycle in found]
+    motions = [cycle.trajectory for cycle in found]
     starts = [float(m.knots.time[0]) for m in motions]
     times = np.linspace(0.0, found[0].period, 33)[:-1]
     phases = [np.mod(times - start, found[0].period) + start for start in starts]
@@ -209,7 +207,7 @@ def test_sdnd106_of_code_aster() -> None:
 
 
 def test_a_contact_that_holds_makes_the_beam_the_held_beam() -> None:
-    """NLvib, example 8: while its node sticks the beam swings with the frequency of the held one."""
+    """NLvib, example 8: while its node sticks the beam swings as the held one does."""
     mass, stiffness = clamped(8)
     held = [i for i in range(16) if i != 4]
     fixed = ss.Structure(mass[np.ix_(held, held)], stiffness[np.ix_(held, held)])
@@ -366,7 +364,7 @@ def test_what_is_wrong_with_unknowns_is_said(what: str) -> None:
 def test_other_things_are_no_structures() -> None:
     with pytest.raises(ss.DeclarationError, match=r"structures.u: expected a structure, got a num"):
         ss.System("s", structures={"u": 3.0})  # type: ignore[dict-item]
-    with pytest.raises(ss.DeclarationError, match="structures.'u v': 'u v' is not a name"):
+    with pytest.raises(ss.DeclarationError, match=r"structures.'u v': 'u v' is not a name"):
         ss.System("s", structures={"u v": ss.Structure([[1.0]], [[1.0]])})
 
 
@@ -391,8 +389,9 @@ def test_formulas_of_results_name_unknowns() -> None:
     system = small(initial={"u[tip]": 1.0}, span=(0.0, 5.0))
     assert system.evaluate("2*u[tip] - u[1]", {"u[tip]": 3.0, "u[1]": 1.0}) == pytest.approx(5.0)
     motion = ss.simulate(system)
-    slopes = motion.sensitivity("u_mode_1", of=["u[tip] - u[0]"])
-    assert slopes is not None
+    slopes = motion.sensitivity(["u_mode_1"], [0.0], of=["u[tip] - u[0]"])
+    row = {name: system.unknown(name)["u_mode_1"] for name in ("u[tip]", "u[0]")}
+    assert float(slopes["u[tip] - u[0]"].squeeze()) == pytest.approx(row["u[tip]"] - row["u[0]"])
     with pytest.raises(ss.DeclarationError, match=r"it has no 'u\[9\]'"):
         _ = motion["u[9]"]
     assert {"u[tip]", "d_u[tip]"} <= set(motion.dataset.data_vars)
