@@ -571,6 +571,8 @@ class System:
     def unknowns(self) -> dict[str, dict[str, float]]:
         """Unknowns of structures that results show, and their rates, each as what it is of the
         modes."""
+        if not self.structures:
+            return {}
         from stickslip.structures.coordinates import shown_of
 
         return shown_of(self.written_structures)
@@ -578,6 +580,8 @@ class System:
     def unknown(self, name: str) -> dict[str, float]:
         """What an unknown of a structure, or its rate, is of modes; empty if there is none of that
         name."""
+        if not self.structures:
+            return {}
         from stickslip.structures.coordinates import row_of
 
         try:
@@ -718,10 +722,12 @@ class System:
         >>> round(toy.evaluate("psi_2", {"rho": 0.1}), 12)
         1.666666666667
         """
-        from stickslip.structures.coordinates import start_of
-
         expression = self.declaration.scope.parse(formula, "formula")
-        given = start_of(self.written_structures, values or {}, "values")
+        given = values or {}
+        if structures := self.written_structures:
+            from stickslip.structures.coordinates import start_of
+
+            given = start_of(structures, given, "values")
         return self.declaration.value(expression, {**self.values, **given})
 
     def heading(self) -> dict[str, Any]:

@@ -36,11 +36,11 @@ from stickslip.model.system import (
     Unilateral,
     Viscous,
 )
-from stickslip.structures.coordinates import BySymbols, InModes, entry_of, is_entry, start_of
-from stickslip.structures.structure import Structure
+from stickslip.structures.names import entry_of, is_entry
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.formulas import (
     NAME,
+    Indexed,
     Scope,
     check_name,
     formula_text,
@@ -67,9 +67,9 @@ def write_out(system: System) -> System:
         if a constraint does not hold at the start.
     """
     check_shape(system)
-    short_hand = (LawContact, Bilateral, Unilateral, Structure)
-    parts = (*system.contacts.values(), *system.structures.values())
-    if not system.forces and not any(isinstance(part, short_hand) for part in parts):
+    short_hand = (LawContact, Bilateral, Unilateral)
+    long = any(isinstance(contact, short_hand) for contact in system.contacts.values())
+    if not (long or system.structures or system.forces):
         return system
     work = _WrittenOut(system)
     for name, contact in system.contacts.items():
@@ -80,8 +80,7 @@ def write_out(system: System) -> System:
         else:
             work.contacts[name] = contact
     for name, structure in system.structures.items():
-        if isinstance(structure, Structure):
-            work.structure(name, structure)
+        work.structure(name, structure)
     work.start_structures()
     if work.contacts == system.contacts and work.structures == system.structures:
         return system
@@ -242,8 +241,12 @@ class _WrittenOut:
             else:
                 self.push(x, slope, force)
 
-    def structure(self, name: str, structure: Structure) -> None:
+    def structure(self, name: str, structure: AnyStructure) -> None:
         """Write a structure out: its modes are coordinates, and feel what pushes unknowns."""
+        from stickslip.structures.coordinates import InModes
+
+        if isinstance(structure, InModes):
+            return
         where = entry_key("structures", name)
         check_name(name, where)
         part = InModes(name, structure)
@@ -272,8 +275,11 @@ class _WrittenOut:
 
     def start_structures(self) -> None:
         """Let modes begin where unknowns are to."""
-        parts = {name: part for name, part in self.structures.items() if isinstance(part, InModes)}
-        self.initial = start_of(parts, self.initial)
+        if self.structures:
+            from stickslip.structures.coordinates import InModes, start_of
+
+            parts = cast("Mapping[str, InModes]", self.structures)
+            self.initial = start_of(parts, self.initial)
 
     def unknown(self, section: str, text: str) -> str:
         """The name of an unknown, or of its rate, as symbols have it.
@@ -295,9 +301,7 @@ class _WrittenOut:
             raise DeclarationError(
                 entry_key(section, text), "a force acts on no rate", f"Write {text[2:]}"
             )
-        structure = self.structures[name]
-        structure = structure.structure if isinstance(structure, InModes) else structure
-        return f"{prefix}{name}[{structure.key(index)}]"
+        return f"{prefix}{name}[{self.structures[name].key(index)}]"
 
     def constraint(self, name: str, contact: Bilateral) -> None:
         """Write a constraint out: two contacts that face each other, and friction under the sum of
@@ -369,14 +373,20 @@ class _WrittenOut:
         names.functions("drives", system.drives, clock="t")
         known = ["t", *system.parameters, *system.coordinates, *system.internal]
         known += [f"d_{x}" for x in system.coordinates]
-        unknowns = {
+        symbols = {name: ex.sym(name) for name in known}
+        return Scope(symbols, names.with_derivatives(), vectors=self.unknowns())
+
+    def unknowns(self) -> dict[str, Indexed]:
+        """Those of structures and their rates, by what they are called."""
+        if not self.system.structures:
+            return {}
+        from stickslip.structures.coordinates import BySymbols
+
+        return {
             f"{prefix}{name}": BySymbols(f"{prefix}{name}", structure)
-            for name, structure in system.structures.items()
-            if isinstance(structure, Structure)
+            for name, structure in self.system.structures.items()
             for prefix in ("", "d_")
         }
-        symbols = {name: ex.sym(name) for name in known}
-        return Scope(symbols, names.with_derivatives(), vectors=unknowns)
 
     def slopes(self, contact: LawContact, where: str) -> dict[str, str]:
         """Coefficients of the rates in a direction, by coordinate or unknown of a structure."""

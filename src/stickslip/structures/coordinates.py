@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
@@ -10,40 +9,13 @@ import numpy as np
 
 from stickslip.errors import DeclarationError, short
 from stickslip.kept import made_once
-from stickslip.structures.structure import Structure
+from stickslip.structures.names import entry_of, is_entry
+from stickslip.structures.structure import Structure, UnknownKey
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Indexed, is_finite
 
-_ENTRY = re.compile(r"\s*(d_)?([A-Za-z]\w*)\s*\[\s*(\w+)\s*\]\s*\Z")
 _NOTHING = 1e-15  # of the largest entry of a row: what is rounding of a mode that is zero there
-
-
-def entry_of(text: str, structures: Mapping[str, Structure | InModes]) -> tuple[str, str, int]:
-    """What a name like ``d_u[tip]`` means: ``"d_"`` or nothing, the structure, the index.
-
-    Parameters
-    ----------
-    text : str
-    structures : mapping of str to Structure or InModes
-
-    Raises
-    ------
-    KeyError
-        If it is no such name; its argument is a remedy.
-    """
-    match = _ENTRY.match(text)
-    if match is None or match[2] not in structures:
-        known = ", ".join(f"{name}[0]" for name in structures)
-        raise KeyError(f"Write it like {known}" if known else "There are no structures")
-    structure = structures[match[2]]
-    structure = structure.structure if isinstance(structure, InModes) else structure
-    return match[1] or "", match[2], structure.index(match[3])
-
-
-def is_entry(text: object) -> bool:
-    """Whether a text looks like the name of an unknown, or of its rate."""
-    return isinstance(text, str) and _ENTRY.match(text) is not None
 
 
 @dataclass(frozen=True)
@@ -58,7 +30,7 @@ class BySymbols(Indexed):
     """
 
     name: str
-    structure: Structure
+    structure: Structure | InModes
 
     @property
     def symbols(self) -> frozenset[str]:
@@ -124,6 +96,14 @@ class InModes:
     def unit(self) -> str:
         """Of displacements."""
         return self.structure.unit
+
+    def index(self, unknown: UnknownKey) -> int:
+        """Where an unknown stands."""
+        return self.structure.index(unknown)
+
+    def key(self, index: int) -> UnknownKey:
+        """What an unknown is called."""
+        return self.structure.key(index)
 
     def indexed(self) -> dict[str, Indexed]:
         """What stands in formulas with an index."""
