@@ -155,6 +155,45 @@ def test_cycles_are_those_of_formulas() -> None:
     tip = motions[0].at(phases[0])["u[tip]"]
     np.testing.assert_allclose(tip, motions[1].at(phases[1])["q5"], atol=1e-11)
 
+    for unknown, coordinate in (("u[tip]", "q5"), ("u[mid]", "q2")):
+        ends, exact = found[0].extrema[unknown], found[1].extrema[coordinate]
+        np.testing.assert_allclose(ends, exact, atol=1e-11)
+        h, exact_h = found[0].harmonic[unknown], found[1].harmonic[coordinate]
+        assert abs(h - exact_h) < 1e-10
+    lag = found[0].relative_phase["u[tip]"]
+    assert lag == pytest.approx(found[1].relative_phase["q5"], abs=1e-9)
+
+
+def test_responses_are_those_of_formulas() -> None:
+    """A mass on a spring with a Jenkins element: of the unknown, its force, and phases."""
+    parts: dict[str, Any] = {"parameters": {"omega": ss.Parameter(1.0), "F": ss.Parameter(0.3)}}
+    law = ss.laws.jenkins
+    body = ss.System(
+        "body",
+        structures={"u": ss.Structure([[2.0]], [[2.0]], [[0.1]], ["x"])},
+        forces={"u[x]": "F*cos(omega*t)"},
+        contacts={"j": law("d_u[x]", F_c=0.2, k=1.0)},
+        **parts,
+    )
+    other = typed(
+        [[2.0]] * np.ones((1, 1)),
+        2.0 * np.ones((1, 1)),
+        0.1 * np.ones((1, 1)),
+        {0: "F*cos(omega*t)"},
+        contacts={"j": law("d_q0", F_c=0.2, k=1.0)},
+        **parts,
+    )
+    first, second = (
+        ss.frequency_response(system, "omega", (0.9, 1.2), points=3) for system in (body, other)
+    )
+    assert (first.coordinate, second.coordinate) == ("u[x]", "q0")
+    assert first.certificate.ok and second.certificate.ok
+    for name in ("peak_amplitude", "peak_omega"):
+        if name in second.dataset:
+            np.testing.assert_allclose(first[name], second[name], rtol=1e-7)
+    with pytest.raises(ss.DeclarationError, match=r"no coordinate 'u\[9\]'"):
+        ss.frequency_response(body, "omega", (0.9, 1.2), coordinate="u[9]")
+
 
 def test_one_mode_with_one_contact_is_the_scalar_oscillator() -> None:
     """Half swings about ±F_c/k lose 2F_c/k of their amplitude each."""

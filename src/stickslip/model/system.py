@@ -577,6 +577,11 @@ class System:
 
         return shown_of(self.written_structures)
 
+    @cached_property
+    def places(self) -> list[str]:
+        """What a person follows: coordinates as declared, and unknowns of structures."""
+        return [*self.coordinates, *(name for name in self.unknowns if name[:2] != "d_")]
+
     def unknown(self, name: str) -> dict[str, float]:
         """What an unknown of a structure, or its rate, is of modes; empty if there is none of that
         name."""
