@@ -293,6 +293,18 @@ def test_a_large_structure_is_reduced_within_seconds() -> None:
     np.testing.assert_allclose(small.frequencies[:3], exact, rtol=1e-3)
 
 
+def test_results_show_what_has_a_name_or_was_kept() -> None:
+    mass, stiffness = chain(60)
+    names = [f"n{i}" for i in range(60)]
+    assert ss.Structure(mass, stiffness, names={"tip": 59}).shown == ("tip",)
+    assert ss.Structure(mass, stiffness).shown == ()
+    whole = ss.Structure(mass, stiffness, names=names)
+    assert whole.shown == ()
+    assert whole.reduced(keep=[3, 7], modes=2).shown == ("n3", "n7")
+    assert ss.Structure(mass, stiffness).reduced(keep=np.array([7]), modes=2).shown == (7,)
+    assert ss.Structure(*chain(2)).shown == (0, 1)
+
+
 def test_a_structure_goes_to_another_process_with_its_modes() -> None:
     body = ss.Structure(np.eye(4), np.eye(4), ss.ModalDamping(0.1), names={"a": 1})
     modes = body.modes  # any rotation of these would do

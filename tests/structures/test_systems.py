@@ -55,6 +55,9 @@ def renamed(item: Any, old: str, new: str) -> Any:
 
 NAMES = {"u[tip]": "q5", "u[mid]": "q2", "u[0]": "q0"}
 CONTACTS: dict[str, Any] = {
+    "a constraint": lambda tip, mid, first: {
+        "wire": ss.Bilateral(f"{tip} - {first}", f"d_{mid}", 0.2)
+    },
     "a dry contact": lambda tip, mid, first: {"rub": ss.Contact(f"d_{mid}", 0.4)},
     "with another threshold at rest": lambda tip, mid, first: {
         "rub": ss.Contact(f"d_{tip} - d_{first}", 0.4, kinetic=0.3)
@@ -84,7 +87,8 @@ CONTACTS: dict[str, Any] = {
 @pytest.mark.parametrize("kind", CONTACTS)
 def test_a_chain_moves_as_it_does_as_formulas(kind: str) -> None:
     """With a cubic spring, a start of its unknowns, and every kind of contact."""
-    parts = {"potential": "0.1/4*u[0]**4", "initial": {"u[mid]": 0.5, "d_u[tip]": 0.2}}
+    rate = "d_u[mid]" if kind == "a constraint" else "d_u[tip]"
+    parts = {"potential": "0.1/4*u[0]**4", "initial": {"u[mid]": 0.5, rate: 0.2}}
     body, formulas = both(CONTACTS[kind], NAMES, **parts)
     first, second = (ss.simulate(system, (0.0, 25.0)) for system in (body, formulas))
     assert first.certificate.ok and second.certificate.ok
@@ -363,6 +367,13 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "not closed": ({"potential": "u[0"}, "potential: .* is not a formula"),
     "a sum that goes on": ({"potential": "u[0]**2 -"}, "potential: .* is not a formula"),
     "a comment": ({"potential": "u[0]**2 # soft"}, "potential: '#' cannot stand"),
+    "a constraint that does not hold": (
+        {
+            "contacts": {"wire": ss.Bilateral("u[tip] - u[0]", "d_u[1]", 0.2)},
+            "initial": {"u[0]": 1.0},
+        },
+        r"contacts.'wire'.constraint: it is -1 at the initial state",
+    ),
     "a force on nothing": ({"forces": {"u[top]": 1.0}}, r"forces.'u\[top\]': there is no such"),
     "a force on all": ({"forces": {"u": 1.0}}, r"forces.u: there is no such unknown"),
     "a force on a rate": ({"forces": {"d_u[0]": 1.0}}, r"a force acts on no rate. Write u\[0\]"),

@@ -325,15 +325,14 @@ class _WrittenOut:
     def check_held(self, constraint: Formula, where: str) -> None:
         """Refuse a constraint that does not hold at the start."""
         system = self.system
-        state = {x: float(system.initial.get(x, 0.0)) for x in system.coordinates}
-        values = {**state, **system.values, "t": float(system.span[0])}
         held = self.scope.parse(constraint, where)
-        unknowns = [name for name in held.symbols if is_entry(name)]
-        values |= {name: float(self.initial.get(name, 0.0)) for name in unknowns}
+        places = [*system.coordinates, *(name for name in held.symbols if is_entry(name))]
+        state = {x: float(self.initial.get(x, 0.0)) for x in places}
+        values = {**state, **system.values, "t": float(system.span[0])}
         if not held.symbols <= values.keys():
             return  # refused as a gap
         here = ex.evaluate(held, values)
-        if not abs(here) <= _HELD * max(1.0, *map(abs, state.values())):
+        if not abs(here) <= _HELD * max([1.0, *map(abs, state.values())]):
             raise DeclarationError(
                 where,
                 f"it is {here:g} at the initial state, and has to be zero",
@@ -466,7 +465,7 @@ class _WrittenOut:
         """Let a force act against the velocity, on one coordinate or unknown of a structure."""
         term = {"1": f"-{force}", "-1": force}.get(slope, f"-({slope})*{force}")
         before = self.forces.get(x, 0.0) if is_entry(x) else self.coordinates[x].force
-        total = term if before == 0.0 else f"{before} {term if term[0] == '-' else '+ ' + term}"
+        total = term if before == 0.0 else f"({before}) {term if term[0] == '-' else '+ ' + term}"
         if is_entry(x):
             self.forces[x] = total
         else:
@@ -477,7 +476,7 @@ class _WrittenOut:
         coordinate = self.coordinates[x]
         assert isinstance(coordinate, Viscous)
         term = force if slope == "1" else f"({slope})*{force}"
-        total = term if coordinate.drag == 0.0 else f"{coordinate.drag} + {term}"
+        total = term if coordinate.drag == 0.0 else f"({coordinate.drag}) + {term}"
         self.coordinates[x] = replace(coordinate, drag=total)
         self.origins[f"coordinates.{x}.drag"] = where
 

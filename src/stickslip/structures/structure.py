@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 UnknownKey = int | str
 """An unknown, by its index or its name."""
 Method = Literal["craig-bampton", "modal"]
-_ALL = 50  # unknowns without names that results show all
+_ALL = 50  # unknowns that results show
 _SHOWN = 6  # frequencies in a summary
 _ROUNDED = 64.0 * np.finfo(float).eps  # of an entry, what may be rounding
 
@@ -192,13 +192,12 @@ class Structure:
 
     @cached_property
     def shown(self) -> tuple[UnknownKey, ...]:
-        """Unknowns that results show without being asked: those with names, else those that were
-        kept, or all if they are few."""
-        if self.indices:
-            return tuple(self.indices)
-        if self.basis is not None and len(self.own) <= _ALL:
-            return tuple(self.own)
-        return tuple(range(self.unknowns)) if self.unknowns <= _ALL else ()
+        """Unknowns that results show without being asked: those with names and those that were
+        kept, or all, as long as they are few."""
+        named = [*self.indices.values()] if len(self.indices) <= _ALL else []
+        own = [*self.own] if self.basis is not None and len(self.own) <= _ALL else []
+        few = range(self.unknowns if self.unknowns <= _ALL else 0)
+        return tuple(self.key(index) for index in dict.fromkeys([*named, *own]) or few)
 
     # -- modes -------------------------------------------------------------------------------------
 
