@@ -101,7 +101,8 @@ def test_what_is_wrong_in_a_file_is_said(folder: Path, lines: str, said: str) ->
 def bodies() -> dict[str, ss.Structure]:
     rng = np.random.default_rng(3)
     mass, stiffness, damping = random_body(rng, 5)
-    whole = ss.Structure(*map(sp.csr_array, clamped(20)), ss.ModalDamping([0.01, 0.02]))
+    sparse = [sp.csr_array(matrix) for matrix in clamped(20)]
+    whole = ss.Structure(sparse[0], sparse[1], ss.ModalDamping([0.01, 0.02]))
     return {
         "full": ss.Structure(mass, stiffness, damping, [f"n{i}" for i in range(5)], unit="mm"),
         "sparse": ss.Structure(sp.csr_array(MASS), sp.csr_array(STIFFNESS), sp.csr_array(MASS)),
