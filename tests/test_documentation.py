@@ -16,9 +16,12 @@ from urllib.parse import unquote, urldefrag
 
 import pytest
 import typer
+from scipy.io import mmwrite
+from scipy.sparse import csr_array, save_npz
 
 import check_site
 import stickslip as ss
+from bodies import clamped
 from making import (
     command_line,
     docstrings,
@@ -141,6 +144,9 @@ def test_model_files_on_pages_are_read(tmp_path: Path) -> None:
     texts = [block for page in WRITTEN for block in blocks(page, "toml")]
     texts += [block for language, block in BLOCK.findall(prose) if language == "toml"]
     assert len(texts) >= 2
+    mass, stiffness = clamped(8)
+    mmwrite(tmp_path / "M.mtx", mass)
+    save_npz(tmp_path / "K.npz", csr_array(stiffness))
     for text in texts:
         (tmp_path / "model.toml").write_text(text, encoding="utf-8")
         assert ss.load(tmp_path / "model.toml").contacts

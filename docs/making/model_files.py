@@ -9,6 +9,7 @@ from making import docstrings, markdown
 from stickslip.model import schema, system
 from stickslip.model.samples import Samples
 from stickslip.rate_independent.evolution.model import EvolutionModel
+from stickslip.structures.structure import Structure
 
 ENTRIES: dict[str, tuple[str, tuple[type, ...]]] = {
     "parameters.NAME": ("A number of the model.", (system.Parameter,)),
@@ -34,6 +35,18 @@ _SAMPLES = {
     "values": "the values themselves",
     "kind": '`"linear"`, `"cubic"` or `"hold"`: what is between the samples',
     "periodic": "`true` if they repeat",
+}
+_STRUCTURES = {
+    "mass": "file of the matrix, relative to the model file: `.mtx`, `.npz`, `.npy` or `.mat`; "
+    "`beam.mat:M` is one of several arrays. **Has to be there.**",
+    "stiffness": "the same of the stiffness. **Has to be there.**",
+    "damping": "a file, `{ratios = [0.01]}` or `{alpha = 0.5, beta = 8e-5}`",
+    "names": "a list of all names, or a table of some with their indices",
+    "unit": "unit of displacements",
+    "keep": "unknowns that a reduced structure keeps",
+    "modes": "how many modes it has beside them",
+    "method": '`"craig-bampton"` or `"modal"`',
+    "packed": "all arrays as one text, as they are stored with results, in place of files",
 }
 
 
@@ -73,12 +86,15 @@ def pages() -> dict[str, str]:
             if len(classes) > 1:
                 parts.append(f"### {cls.__name__}\n\n{docstrings.first_sentence(cls)}\n")
             parts.append(markdown.table(head, keys(cls)))
+    structures = [[markdown.code(key), text] for key, text in _STRUCTURES.items()]
     samples = [[markdown.code(key), text] for key, text in _SAMPLES.items()]
     page = markdown.filled(
         "model-files",
         system=markdown.table(head, keys(system.System)),
         entries="\n".join(parts),
         samples_are=docstrings.first_sentence(Samples),
+        structures_are=docstrings.first_sentence(Structure),
+        structures=markdown.table(["key", "meaning"], structures),
         samples=markdown.table(["key", "meaning"], samples),
         evolution=markdown.table(head, keys(EvolutionModel)),
     )

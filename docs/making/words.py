@@ -41,6 +41,7 @@ WORDS: Mapping[str, str] = {
     "how-to/sensitivities": "derivatives, sensitivity, gradients",
     "how-to/fit": "fit, fit data, parameter estimation, identification, which law, calibrate",
     "how-to/finite-elements": "finite elements, FEM, membrane",
+    "how-to/structures": "structure, beam, matrix, stiffness matrix, modes, Craig-Bampton, Nastran",
     "how-to/data": "export csv, export data, save, pandas, xarray, netCDF, plot",
     "how-to/explore": "explorer, play in the browser, interactive, slider, GUI",
     "how-to/notebooks": "notebook, jupyter",

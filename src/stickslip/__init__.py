@@ -84,6 +84,8 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.evolution.model import EvolutionModel
     from stickslip.rate_independent.play.clamp import prandtl_ishlinskii
     from stickslip.rate_independent.play.operator import Play, play
+    from stickslip.structures.damping import ModalDamping, ProportionalDamping
+    from stickslip.structures.structure import Structure
     from stickslip.sweeps.adaptive import Adaptive
     from stickslip.sweeps.basin import basin
     from stickslip.sweeps.lines import frequency_response
@@ -127,11 +129,13 @@ __all__ = [
     "Intersection",
     "Jump",
     "Map",
+    "ModalDamping",
     "Outcome",
     "Parameter",
     "Play",
     "Polytope",
     "Product",
+    "ProportionalDamping",
     "RateIndependent",
     "Recording",
     "Samples",
@@ -139,6 +143,7 @@ __all__ = [
     "SpecialPoint",
     "StepControl",
     "StickslipError",
+    "Structure",
     "SupportFormula",
     "SupportFunction",
     "System",
@@ -233,6 +238,8 @@ _HOMES = {
     "play": "rate_independent.play.operator",
     "prandtl_ishlinskii": "rate_independent.play.clamp",
     "Samples": "model.samples",
+    **dict.fromkeys(["ModalDamping", "ProportionalDamping"], "structures.damping"),
+    "Structure": "structures.structure",
     "Band": "fitting.band",
     "Comparison": "fitting.comparing",
     "compare": "fitting.comparing:compare_systems",

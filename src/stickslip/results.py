@@ -185,7 +185,8 @@ class Result:
 
     @validated
     def __getitem__(self, name: str) -> xarray.DataArray:
-        """A variable of the dataset, with its unit.
+        """A variable of the dataset, with its unit, or any unknown of a structure, such as
+        ``u[17]``.
 
         Raises
         ------
@@ -195,6 +196,12 @@ class Result:
         data = self._said.dataset
         if name in data.variables:
             return data[name]
+        system: System | None = getattr(self, "system", None)
+        row = {} if system is None else system.unknown(str(name))
+        if row and row.keys() <= set(data.variables):
+            first, *others = (weight * data[mode] for mode, weight in row.items())
+            found = sum(others, first).rename(str(name))
+            return found.assign_attrs(data[next(iter(row))].attrs, long_name=str(name))
         known = suggestion(str(name), self._ipython_key_completions_())
         raise DeclarationError(self.KIND, f"it has no '{short(str(name))}'", known)
 
@@ -261,7 +268,12 @@ class Result:
 
         if len(quantities) == 1 and (draw := registered(type(self), quantities[0])) is not None:
             return draw(self, ax=ax)
-        return plot_quantities(self._said.dataset, quantities, self.along, ax)
+        data = self._said.dataset
+        system: System | None = getattr(self, "system", None)
+        if system is not None:  # unknowns of structures
+            asked = (name for name in quantities if name not in data.variables)
+            data = data.assign({name: self[name] for name in asked if system.unknown(name)})
+        return plot_quantities(data, quantities, self.along, ax)
 
     @validated
     def save(self, path: str | Path) -> None:

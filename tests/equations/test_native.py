@@ -44,13 +44,13 @@ from stickslip.machine_code.interface import (
     SystemFunction,
 )
 from stickslip.machine_code.objects import addresses
+from stickslip.motion.engine.tables import run_setups
 from stickslip.motion.problem import pose
 from stickslip.motion.steps.arrays import (
     Constants,
     Space,
     make_space,
 )
-from stickslip.motion.engine.tables import run_setups
 from stickslip.symbolic.scalars import Scalar, Store, element
 from stickslip.symbolic.tape import DIRECTION_GIVEN, Op, ParameterExpressions
 

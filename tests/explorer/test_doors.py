@@ -154,10 +154,17 @@ def test_hostile_formulas_are_refused_by_name(explorer: Explorer, formula: str) 
     assert "mistake of ours" not in refused["reason"]
 
 
-def test_a_model_from_a_page_reads_no_files(explorer: Explorer) -> None:
+@pytest.mark.parametrize(
+    ("entry", "line"),
+    [
+        ("drives.a", '{file = "/etc/passwd", time = "t", value = "a"}'),
+        ("structures.u", '{mass = "/home/M.mtx", stiffness = "/home/K.mtx"}'),
+    ],
+)
+def test_a_model_from_a_page_reads_no_files(explorer: Explorer, entry: str, line: str) -> None:
     toml = (
-        'name = "spy"\ncoordinates.x = {kind = "inertial", force = "a"}\nkinetic = "d_x**2/2"\n'
-        'drives.a = {file = "/etc/passwd", time = "t", value = "a"}\n'
+        'name = "spy"\ncoordinates.x = {kind = "inertial"}\nkinetic = "d_x**2/2"\n'
+        f"{entry} = {line}\n"
     )
 
     async def ask(page: Page) -> list[dict]:
@@ -165,7 +172,7 @@ def test_a_model_from_a_page_reads_no_files(explorer: Explorer) -> None:
         return await page.answer()
 
     refused = talk(explorer.address, ask)[0]["refused"]
-    assert refused["where"] == "drives.a"
+    assert refused["where"] == entry
     assert "reads no files" in refused["reason"]
 
 

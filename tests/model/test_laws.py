@@ -289,3 +289,26 @@ def test_a_page_says_which_parameters_may_be_left_out() -> None:
             assert {own: told[own] for own in law.known()} == {
                 own: own in law.options for own in law.known()
             }
+
+
+@pytest.mark.parametrize("end", [" # soft", " -", " *", " + (1", " -\n"])
+@pytest.mark.parametrize("section", ["potential", "kinetic", "viscous"])
+def test_what_is_added_to_an_energy_does_not_end_it(section: str, end: str) -> None:
+    """The spring of a slider stands behind the declared energy; a comment would hide it, and an
+    open end change its sign."""
+    energies = {"potential": "x**2/2", "kinetic": "d_x**2/2", "viscous": "d_x**2/20"}
+    law = ss.laws.jenkins("d_x", F_c=0.5, k=2.0)
+    with pytest.raises(DeclarationError, match=f"{section}: .*(formula|read)"):
+        block(law, **{**energies, section: energies[section] + end})
+
+
+@pytest.mark.parametrize("end", [" -", " *", " + (1", " -\n"])
+def test_what_is_added_to_a_force_does_not_end_it(end: str) -> None:
+    law = ss.laws.dahl("d_x", F_c=0.5, k=2.0)
+    with pytest.raises(DeclarationError, match=r"force: .*(formula|read)"):
+        block(law, coordinates={"x": ss.Inertial(force=f"cos(t){end}")})
+
+
+def test_lines_after_a_comment_are_not_lost() -> None:
+    with pytest.raises(DeclarationError, match="'#' cannot stand in a formula"):
+        block(ss.Contact("d_x", 1.0), potential="x**2/2 # soft\n + x**4/4 # hard")

@@ -27,6 +27,8 @@ from stickslip.model.system import (
 )
 from stickslip.model.system_file import dumps, load, loads, save
 from stickslip.model.toml import MAX_BYTES
+from stickslip.structures.damping import ModalDamping
+from stickslip.structures.structure import Structure
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 TWINS = {
@@ -59,6 +61,8 @@ EVERYTHING = System(
         "u": Viscous(force=0.25),
         "z": RateIndependent(meaning="hysteresis"),
     },
+    structures={"beam": Structure([[2.0]], [[3.0]], ModalDamping(0.01), ["tip"])},
+    forces={"beam[tip]": "0.5*m"},
     internal={"alpha": Internal("1 - alpha", "K", "temperature"), "beta": Internal(-1)},
     kinetic="m/2*d_x**2",
     potential="k/2*x**2 + H(u)**2 + (z - u)**2",

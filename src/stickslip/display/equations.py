@@ -192,7 +192,8 @@ class Equations:
         if x not in d.inertial:
             return NOUGHT
         momentum = differentiated(read(self.system.kinetic), f"d_{x}")
-        accelerations = {f"d_{y}": Name(ACCELERATION.format(y)) for y in d.inertial}
+        moving = [*d.inertial, *(name[2:] for name in self._reader.unknowns if name[:2] == "d_")]
+        accelerations = {f"d_{y}": Name(ACCELERATION.format(y)) for y in moving}
         force = d.velocity_force(x)
         if force is ex.ZERO:
             return inserted(momentum, accelerations)
@@ -308,6 +309,9 @@ class Equations:
         """Functions and drives with their bodies."""
         for name, (arguments, body) in self._reader.definitions.items():
             yield Call(name, tuple(Name(a) for a in arguments)), body
+        for unknown in self._reader.unknowns.values():
+            terms = (times(Number(weight), Name(mode)) for mode, weight in unknown.weights)
+            yield unknown, sum_of(*terms)
 
     def conditions(self, write: UnicodeWriter) -> Iterator[tuple[str, str, str]]:
         """Names of conditions, what they say, and whether that holds."""
@@ -330,6 +334,7 @@ class Equations:
     def writer(self, kind: type[_W]) -> _W:
         """What writes the formulas of this system in an alphabet."""
         names = [*self.system.coordinates, *self.system.internal]
+        names += {name.removeprefix("d_"): None for name in self._reader.unknowns}
         rates = {f"d_{x}": (x, 1) for x in names if f"d_{x}" not in self.system.internal}
         rates |= {_RATE.format(x): (x, 1) for x in names}
         rates |= {ACCELERATION.format(x): (x, 2) for x in names}

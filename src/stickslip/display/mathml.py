@@ -8,7 +8,7 @@ from html import escape
 from stickslip.display.printers import UnicodeWriter
 from stickslip.display.symbols import is_word, symbol_parts
 from stickslip.display.tree import Call, Node
-from stickslip.symbolic.pieces import STRUCTURES, Structure
+from stickslip.symbolic.pieces import STRUCTURES, Pieced
 
 
 def math(content: str) -> str:
@@ -59,7 +59,7 @@ class MathmlWriter(UnicodeWriter):
     def brackets(self, text: str) -> str:
         return row("<mo>(</mo>", text, "<mo>)</mo>")
 
-    def fenced(self, structure: Structure, text: str) -> str:
+    def fenced(self, structure: Pieced, text: str) -> str:
         left, right = (f"<mo>{escape(fence)}</mo>" for fence in structure.fences)
         return row(left, text, right)
 

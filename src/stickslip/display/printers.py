@@ -25,7 +25,7 @@ from stickslip.display.tree import (
     negate,
 )
 from stickslip.symbolic.functions import FUNCTIONS
-from stickslip.symbolic.pieces import STRUCTURES, Structure
+from stickslip.symbolic.pieces import STRUCTURES, Pieced
 
 _SUM, _PRODUCT, _POWER, _ATOM = range(4)
 _VULGAR = {
@@ -192,7 +192,7 @@ class UnicodeWriter:
     def brackets(self, text: str) -> str:
         return f"({text})"
 
-    def fenced(self, structure: Structure, text: str) -> str:
+    def fenced(self, structure: Pieced, text: str) -> str:
         return text.join(structure.fences)
 
     def fraction(self, above: Node, below: Node) -> str:
@@ -251,7 +251,7 @@ class LatexWriter(UnicodeWriter):
         tall = r"\frac" in text or r"\begin" in text
         return rf"\left({text}\right)" if tall else f"({text})"
 
-    def fenced(self, structure: Structure, text: str) -> str:
+    def fenced(self, structure: Pieced, text: str) -> str:
         return text.join(structure.latex_fences)
 
     def fraction(self, above: Node, below: Node) -> str:

@@ -43,8 +43,8 @@ class Symbol:
 
 
 def parse_name(name: str) -> Symbol:
-    """Take ``psi_star`` or ``x_R`` or ``x12`` apart."""
-    first, *rest = name.split("_")
+    """Take ``psi_star`` or ``x_R`` or ``x12`` or ``u[tip]`` apart."""
+    first, *rest = name.replace("[", "_").rstrip("]").split("_")
     match = re.fullmatch(r"([A-Za-z]+)(\d+)", first)
     if match and (len(match[1]) == 1 or match[1] in _GREEK):
         first = match[1]

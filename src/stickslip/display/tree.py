@@ -40,6 +40,18 @@ class Name:
 
 
 @dataclass(frozen=True)
+class OfModes(Name):
+    """An unknown of a structure, or its rate: a linear form of modes, or of their rates.
+
+    Attributes
+    ----------
+    weights : tuple of (str, Fraction)
+    """
+
+    weights: tuple[tuple[str, Fraction], ...]
+
+
+@dataclass(frozen=True)
 class InWords:
     """A function of time that is no formula, in words."""
 
@@ -197,6 +209,8 @@ def differentiated(node: Node, name: str) -> Node:
     match node:
         case Number():
             return NOUGHT
+        case OfModes(_, weights):
+            return Number(dict(weights).get(name, Fraction(0)))
         case Name(own):
             return UNITY if own == name else NOUGHT
         case Sum(terms):
@@ -312,6 +326,8 @@ def _shown(text: str) -> Node:
 def names_in(node: Node) -> set[str]:
     """Names an expression depends on, hidden ones included."""
     match node:
+        case OfModes(_, weights):
+            return {mode for mode, _ in weights}
         case Name(name):
             return {name}
         case InWords():
@@ -353,6 +369,8 @@ class Reader:
     ----------
     definitions : dict of str to (arguments, body)
         Functions and drives of the system, their bodies as trees.
+    unknowns : dict of str to OfModes
+        Those of structures that have been read.
     """
 
     def __init__(self, system: System | None = None) -> None:
@@ -364,6 +382,8 @@ class Reader:
         self._parameters = frozenset(() if system is None else system.parameters)
         self._bodies: dict[str, Node] = {}
         self._read: dict[str, Node] = {}
+        self._system = system
+        self.unknowns: dict[str, OfModes] = {}
         self.definitions: dict[str, tuple[tuple[str, ...], Node]] = {
             name: (arguments, self._body(name)) for name, (arguments, _) in self._sources.items()
         }
@@ -408,6 +428,8 @@ class Reader:
                 return _binary(op, self._visit(left), self._visit(right))
             case ast.Compare(left=left, ops=[op], comparators=[right]):
                 return Relation(_SIGNS[type(op)], self._visit(left), self._visit(right))
+            case ast.Subscript(value=ast.Name(id=name), slice=index):
+                return self._of_modes(f"{name}[{ast.unparse(index)}]")
             case ast.Call(func=ast.Name(id=name), args=nodes):
                 return self._called(name, tuple(map(self._visit, nodes)))
         raise TypeError(f"not part of the formula language: {type(node).__name__}")
@@ -419,6 +441,12 @@ class Reader:
         if name.startswith("d_") and self._sources.get(name[2:], (None,))[0] == ():
             return Call(name[2:], (), self._hidden(name[2:]), by=("t",))
         return Name(name)
+
+    def _of_modes(self, name: str) -> OfModes:
+        """An unknown of a structure."""
+        row = {} if self._system is None else self._system.unknown(name)
+        weights = tuple((mode, Fraction(repr(weight))) for mode, weight in row.items())
+        return self.unknowns.setdefault(name, OfModes(name, weights))
 
     def _called(self, name: str, arguments: tuple[Node, ...]) -> Node:
         """A function, or the derivative ``d_mu(s)`` of one of the system's functions."""

@@ -107,13 +107,19 @@ class _Overview:
         self.trajectory = trajectory
         self.system = trajectory.system
         self.declaration = trajectory.system.declaration
+        d = self.declaration
+        rows = {x: row for x, row in self.system.unknowns.items() if not x.startswith("d_")}
+        modes = {mode for row in rows.values() for mode in row}
+        self.inertial = [*(x for x in d.inertial if x not in modes), *rows]
+        self.massless = [*d.viscous, *d.rate_independent]
         self.shown = self.chosen(coordinates)
+        moving = self.shown.union(*(rows.get(x, ()) for x in self.shown))
         named = {normal_force(name): name for name in self.system.unilateral}
         named |= {part: name for name, parts in self.system.planes.items() for part in parts}
         shown = [
             c.side_of or named.get(c.name, c.name)
             for c in self.declaration.contacts
-            if coordinates is None or self.shown & c.direction.keys()
+            if coordinates is None or moving & c.direction.keys()
         ]
         self.names = list(dict.fromkeys(shown))
         self.contacts = [contact_key(name) for name in self.names]
@@ -140,8 +146,7 @@ class _Overview:
 
     def chosen(self, coordinates: Sequence[str] | None) -> set[str]:
         """Coordinates and internal variables that are shown."""
-        d = self.declaration
-        known = [*d.coordinates, *d.internal]
+        known = [*self.inertial, *self.massless, *self.declaration.internal]
         for name in coordinates or ():
             if name not in known:
                 raise DeclarationError(
@@ -174,7 +179,7 @@ class _Overview:
 
     def collect(self) -> tuple[Array, dict[str, Array], list[Curve]]:
         """Lines over time, and the curves of the planes, bit by bit from all of the motion."""
-        names = [*self.declaration.state]
+        names = [*self.declaration.state, *self.system.unknowns]
         if len(self.contacts) <= _MANY:
             rubbing = [key for key in self.contacts if self.rubs(key) and key not in self.in_plane]
             names += [f"{kind}_{key}" for key in rubbing for kind in FORCES]
@@ -267,9 +272,9 @@ class _Overview:
     def panels(self) -> list[Callable[[Axes], None]]:
         """Panels from top to bottom."""
         d = self.declaration
-        kinds = (d.inertial, d.viscous, d.rate_independent)
+        kinds = (self.inertial, d.viscous, d.rate_independent)
         groups = [g for kind in kinds for g in self.by_unit(self.these(kind))]
-        velocities = self.by_unit([f"d_{q}" for q in self.these(d.inertial)])
+        velocities = self.by_unit([f"d_{q}" for q in self.these(self.inertial)])
         inside = self.these(d.internal)
         internal = [[name] for name in inside] if len(inside) <= _MANY else self.by_unit(inside)
         panels = [self.trace(names) for names in groups]
@@ -500,8 +505,8 @@ class _Overview:
         """
         d = self.declaration
         planes: list[tuple[list[str], list[str]]] = []
-        if 1 <= len(d.inertial) <= 2:
-            planes += [([q], [f"d_{q}"]) for q in d.inertial]
+        if 1 <= len(self.inertial) <= 2:
+            planes += [([q], [f"d_{q}"]) for q in self.inertial]
         elif len(d.state) == 2:
             planes.append(([d.state[0]], [d.state[1]]))
         relative = [x for x, weight in self.system.translation.items() if weight == 1.0]

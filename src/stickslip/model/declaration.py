@@ -25,12 +25,13 @@ from stickslip.model.system import CROSSINGS, Contact, Kind, Side, Unilateral
 from stickslip.model.units import check_unit
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.formulas import Scope, TimeFunction, compared, is_finite
+from stickslip.symbolic.formulas import Indexed, Scope, TimeFunction, compared, is_finite
 from stickslip.symbolic.pieces import unwrapped
 
 if TYPE_CHECKING:
     from stickslip.convex.formula import ConvexFormula
     from stickslip.model.system import System
+    from stickslip.structures.coordinates import InModes
 
 _VISCOUS_MATRIX = "viscous matrix of the viscous coordinates"
 _REMEDY = "A threshold is never negative; write max(..., 0) where it may vanish"
@@ -403,6 +404,10 @@ class _Reader:
             names.claim(name, where, rate=True)
             check_unit(coordinate.unit, f"{where}.unit")
             kinds[coordinate.kind].append(name)
+        self.indexed: dict[str, Indexed] = {}
+        for name, part in system.structures.items():
+            names.claim(name, entry_key("structures", name), rate=True)
+            self.indexed |= cast("InModes", part).indexed()
         for name, internal in system.internal.items():
             where = entry_key("internal", name)
             names.claim(name, where, rate=f"d_{name}" not in system.internal)
@@ -435,7 +440,10 @@ class _Reader:
     def scope(self, *groups: Mapping[str, Expr], why: str) -> Scope:
         names = {name: e for group in (self.constants, *groups) for name, e in group.items()}
         everything = [*self.state, *self.rates, "speed"]
-        return Scope(names, self.definitions, {n: why for n in everything if n not in names})
+        vectors = {name: v for name, v in self.indexed.items() if v.symbols <= names.keys()}
+        forbidden = {n: why for n in (*everything, *self.indexed) if n not in names}
+        whole = {n: f"Name one of its unknowns, like {n}[0]" for n in vectors}
+        return Scope(names, self.definitions, forbidden | whole, vectors=vectors)
 
     def energy(self) -> None:
         system, result = self.system, self.result
@@ -1229,7 +1237,8 @@ class _Reader:
         for name, text in self.system.facts.items():
             self.result.facts[name] = self.static.parse(text, entry_key("facts", name))
         names = {**self.result.facts, **self.anywhere.names}
-        self.result.scope = Scope(names, self.definitions)
+        forbidden, vectors = self.anywhere.forbidden, self.anywhere.vectors
+        self.result.scope = Scope(names, self.definitions, forbidden, vectors=vectors)
 
     def defaults(self) -> None:
         system, result = self.system, self.result

@@ -10,6 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 
+import numpy as np
+
+from stickslip.arrays import Array
 from stickslip.model.names import normal_force
 from stickslip.model.system import System
 from stickslip.model.units import UnitPowers, agree, factors, lowest_terms, unit_product, unit_text
@@ -53,6 +56,9 @@ def quantity(system: System, name: str) -> dict[str, str]:
         return described_as(named[name].meaning or name, named[name].unit or "1")
     if name == "t":
         return described_as("time", system.time_unit or "1")
+    if row := system.unknown(name):
+        mode = quantity(system, next(iter(row)))
+        return mode | {"long_name": name if name[:2] != "d_" else f"rate of {name[2:]}"}
     for prefix, order, what in (("dd_", 2, "acceleration"), ("d_", 1, "rate")):
         moving = named.get(name.removeprefix(prefix))
         if name.startswith(prefix) and moving is not None:
@@ -86,6 +92,25 @@ def quantity(system: System, name: str) -> dict[str, str]:
             if (kind := name.removesuffix(f"_{key}")) in forces:
                 return described_as(f"{forces[kind]} {said}", force_unit(system, contact))
     raise KeyError(name)
+
+
+def of_modes(
+    rows: Mapping[str, Mapping[str, float]], values: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Values of unknowns of structures from those of modes.
+
+    Parameters
+    ----------
+    rows : mapping of str to mapping
+        See :attr:`System.unknowns`.
+    values : mapping of str to array
+    """
+    found: dict[str, Array] = {}
+    for name, row in rows.items():
+        found[name] = np.zeros_like(next(iter(values.values())))
+        for mode, weight in row.items():
+            found[name] += weight * values[mode]
+    return found
 
 
 def forces_of(parts: Sequence[str]) -> dict[str, str]:

@@ -65,6 +65,10 @@ _EXPECTED = {
     "int": ("a whole number", "Write it without quotes, like 40"),
     "tuple[Formula, Formula]": ("a pair of formulas", 'Write it like [0, "2*pi/omega"]'),
     "tuple[float, float]": ("a pair of numbers", "Write it like [0, 100]"),
+    "AnyStructure": (
+        "a structure",
+        'Give ss.Structure(mass, stiffness); in a model file {mass = "M.mtx", stiffness = "K.mtx"}',
+    ),
     "table": (
         "a table",
         "Write it like {name = value} or Parameter(1.0), as for any other entry of its section",
@@ -119,6 +123,12 @@ def _check_kind(value: Any, kind: str, where: str) -> None:
             _check_kind(entry, kind[len("Mapping[str, ") : -1], entry_key(where, name))
     elif kind == "Any":
         return
+    elif kind == "AnyStructure":
+        from stickslip.structures.coordinates import InModes
+        from stickslip.structures.structure import Structure
+
+        if not isinstance(value, Structure | InModes):
+            raise wrong_kind(value, "AnyStructure", where)
     elif kind not in _EXPECTED:
         if not isinstance(value, _CLASSES[kind]):
             raise wrong_kind(value, "table", where)

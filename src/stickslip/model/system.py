@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeAlias, cast
 
 from stickslip.arguments import validated
 from stickslip.kept import cached_property
@@ -19,6 +19,8 @@ from stickslip.symbolic.formulas import TimeFunction, formula_text
 
 if TYPE_CHECKING:
     from stickslip.model.declaration import Declaration
+    from stickslip.structures.coordinates import InModes
+    from stickslip.structures.structure import Structure
 
 Formula = str | float
 """A text or a number. An expression may be given, too: it is written down as a text."""
@@ -34,6 +36,8 @@ Passing = str
 """How a guard passes through zero: a key of :data:`CROSSINGS`."""
 CROSSINGS = {"falling": -1, "both": 0, "rising": 1}
 """The sign of its rate where it does."""
+AnyStructure: TypeAlias = "Structure | InModes"
+"""A structure, or in a system that is written out what is left of it."""
 ImpactLaw = str
 """What contacts do that close at once: one of :data:`IMPACT_LAWS`."""
 IMPACT_LAWS = ("together", "in turn")
@@ -488,6 +492,11 @@ class System:
         Given functions of time, such as ``{"ell": "V*t"}``, or measured ones.
     coordinates : mapping of str to Coordinate
         The rate of coordinate ``x`` is called ``d_x``.
+    structures : mapping of str to Structure
+        Bodies by their matrices. Of one that is called u, formulas may name unknowns ``u[3]`` or
+        ``u[tip]`` and rates ``d_u[tip]``.
+    forces : mapping of str to formula
+        Non-potential forces on unknowns of structures, such as ``{"u[tip]": "F*cos(omega*t)"}``.
     internal : mapping of str to Internal
     kinetic, potential, viscous : formula
         Kinetic energy T(q, q̇, t), at most quadratic in the rates of inertial coordinates; potential
@@ -505,8 +514,8 @@ class System:
     translation : mapping of str to float
         A direction in which the whole system may be shifted.
     initial : mapping of str to float
-        Default initial values of coordinates, rates of inertial coordinates and internal variables
-        (else 0).
+        Default initial values of coordinates, rates of inertial coordinates, internal variables,
+        unknowns of structures and their rates (else 0).
     span : (float, float)
         Default time span; if it is left out, from 0 to 100, or for as long as all samples that
         drive the system are known.
@@ -530,6 +539,8 @@ class System:
     functions: Mapping[str, Formula] = field(default_factory=dict[str, Formula])
     drives: Mapping[str, Drive] = field(default_factory=dict[str, Drive])
     coordinates: Mapping[str, Coordinate] = field(default_factory=dict[str, Coordinate])
+    structures: Mapping[str, AnyStructure] = field(default_factory=dict[str, "AnyStructure"])
+    forces: Mapping[str, Formula] = field(default_factory=dict[str, Formula])
     internal: Mapping[str, Internal] = field(default_factory=dict[str, Internal])
     kinetic: Formula = 0.0
     potential: Formula = 0.0
@@ -562,11 +573,43 @@ class System:
 
     @cached_property
     def plain(self) -> System:
-        """The same system with the laws of its contacts and its constraints written out: what is
-        moved and shown."""
+        """The same system with the laws of its contacts, its constraints and its structures written
+        out: what is moved and shown."""
         from stickslip.model.written_out import write_out
 
         return write_out(self)
+
+    @property
+    def written_structures(self) -> Mapping[str, InModes]:
+        """What is left of structures where the system is written out."""
+        return cast("Mapping[str, InModes]", self.plain.structures)
+
+    @cached_property
+    def unknowns(self) -> dict[str, dict[str, float]]:
+        """Unknowns of structures that results show, and their rates, each as what it is of the
+        modes."""
+        if not self.structures:
+            return {}
+        from stickslip.structures.coordinates import shown_of
+
+        return shown_of(self.written_structures)
+
+    @cached_property
+    def places(self) -> list[str]:
+        """What a person follows: coordinates as declared, and unknowns of structures."""
+        return [*self.coordinates, *(name for name in self.unknowns if name[:2] != "d_")]
+
+    def unknown(self, name: str) -> dict[str, float]:
+        """What an unknown of a structure, or its rate, is of modes; empty if there is none of that
+        name."""
+        if not self.structures:
+            return {}
+        from stickslip.structures.coordinates import row_of
+
+        try:
+            return row_of(name, self.written_structures)
+        except KeyError:
+            return {}
 
     @cached_property
     def dry_contacts(self) -> dict[str, Contact]:
@@ -681,7 +724,7 @@ class System:
             rates ``d_x`` and ``speed``. A fact alone is a formula, too.
         values : mapping of str to float, optional
             Numbers of the names that the formula depends on; of parameters only those that differ
-            from their defaults.
+            from their defaults, of the unknowns of a structure those that are not zero.
 
         Returns
         -------
@@ -703,7 +746,12 @@ class System:
         1.666666666667
         """
         expression = self.declaration.scope.parse(formula, "formula")
-        return self.declaration.value(expression, {**self.values, **(values or {})})
+        given = values or {}
+        if structures := self.written_structures:
+            from stickslip.structures.coordinates import start_of
+
+            given = start_of(structures, given, "values")
+        return self.declaration.value(expression, {**self.values, **given})
 
     def heading(self) -> dict[str, Any]:
         """What a summary of its results says of it: its name and its given functions."""

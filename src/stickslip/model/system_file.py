@@ -68,6 +68,13 @@ def drive_entry(value: Any, where: str, folder: Path) -> Any:
     )
 
 
+def _structure(value: Any, where: str, folder: Path) -> Any:
+    """A structure of files, or of a packed text."""
+    from stickslip.structures.files import from_plain
+
+    return from_plain(toml.mapping(value, where), where, folder)
+
+
 _SYSTEMS = toml.Language(
     System,
     groups=(
@@ -84,6 +91,7 @@ _SYSTEMS = toml.Language(
         "parameters": partial(toml.entry, Parameter),
         "drives": drive_entry,
         "coordinates": _coordinate,
+        "structures": _structure,
         "internal": partial(toml.entry, Internal),
         "contacts": _contact,
         "jumps": partial(toml.entry, Jump),

@@ -16,13 +16,14 @@ from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.model.schema import entry_key, wrong_kind
 
 MAX_BYTES = 300_000  # tomllib reads some 300 kB in a second
-_MOST_OF_FILE = 16_000_000
+_MOST_OF_FILE = 200_000_000
 _PACKED = re.compile(r'packed = "[A-Za-z0-9+/=]*"')  # samples, read at once
 _LONG_LINE = 150
 
 # The time that tomllib needs grows with the square of the number of parts of a key.
 _DEEP_KEY = re.compile(r"""(?<![\w"'-])(?:[\w"'-]++[ \t]*+\.[ \t]*+){12}""")
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+\Z")
+_PLAIN_TEXT = re.compile(r"[A-Za-z0-9+/= ]*\Z")
 _ESCAPES = {"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r"}
 
 
@@ -352,6 +353,8 @@ def _key(name: str) -> str:
 
 
 def _text(text: str) -> str:
+    if _PLAIN_TEXT.match(text):  # at once: what is packed is long
+        return f'"{text}"'
     if "\\" in text and not re.search(r"['\x00-\x08\x0a-\x1f\x7f]", text):
         return f"'{text}'"
     plain = "".join(_ESCAPES.get(c, c) for c in text)

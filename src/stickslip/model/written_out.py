@@ -1,5 +1,5 @@
 """A system written out: what computes knows neither laws with names nor constraints; what is left
-of them is a declaration like any other.
+of them is a declaration like any other; neither does it know structures, which become modes.
 
 A law becomes thresholds, forces, internal variables and sliders behind springs, with the contact's
 name behind each of their names; a constraint two contacts that face each other, and friction under
@@ -20,11 +20,13 @@ from stickslip.model.names import DeclaredNames, key_of, normal_force, parse_ran
 from stickslip.model.schema import check_shape, entry_key, wrong_kind
 from stickslip.model.system import (
     AnyContact,
+    AnyStructure,
     Bilateral,
     Contact,
     Coordinate,
     Drive,
     Formula,
+    Inertial,
     Internal,
     Kind,
     LawContact,
@@ -34,8 +36,17 @@ from stickslip.model.system import (
     Unilateral,
     Viscous,
 )
+from stickslip.structures.names import entry_of, is_entry
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.formulas import NAME, Scope, formula_text, is_finite, parse_signature
+from stickslip.symbolic.formulas import (
+    NAME,
+    Indexed,
+    Scope,
+    check_name,
+    formula_text,
+    is_finite,
+    parse_signature,
+)
 
 if TYPE_CHECKING:
     from stickslip.model.laws import FrictionLaw
@@ -57,7 +68,8 @@ def write_out(system: System) -> System:
     """
     check_shape(system)
     short_hand = (LawContact, Bilateral, Unilateral)
-    if not any(isinstance(contact, short_hand) for contact in system.contacts.values()):
+    long = any(isinstance(contact, short_hand) for contact in system.contacts.values())
+    if not (long or system.structures or system.forces):
         return system
     work = _WrittenOut(system)
     for name, contact in system.contacts.items():
@@ -67,7 +79,10 @@ def write_out(system: System) -> System:
             work.constraint(name, contact)
         else:
             work.contacts[name] = contact
-    if work.contacts == system.contacts:
+    for name, structure in system.structures.items():
+        work.structure(name, structure)
+    work.start_structures()
+    if work.contacts == system.contacts and work.structures == system.structures:
         return system
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # its doubts are those of the system, which says them
@@ -98,23 +113,40 @@ class _WrittenOut:
         self.coordinates: dict[str, Coordinate] = dict(system.coordinates)
         self.internal: dict[str, Internal] = dict(system.internal)
         self.contacts: dict[str, AnyContact] = {}
-        self.potential: list[Formula] = [system.potential]
-        self.initial = dict(system.initial)
+        self.energies: dict[str, list[Formula]] = {
+            name: [getattr(system, name)] for name in ("kinetic", "potential", "viscous")
+        }
+        self.structures: dict[str, AnyStructure] = dict(system.structures)
+        self.forces = {self.unknown("forces", x): force for x, force in system.forces.items()}
+        self.initial = {
+            self.unknown("initial", x) if is_entry(x) else x: value
+            for x, value in system.initial.items()
+        }
         self.translation = dict(system.translation)
         self.ranges: list[tuple[str, str, str]] = []
         self.origins: dict[str, str] = {}
 
     def result(self) -> System:
-        parts = [part for part in self.potential if part != 0.0] or [0.0]
+        energies = {
+            name: [part for part in parts if part != 0.0] or [0.0]
+            for name, parts in self.energies.items()
+        }
+        # In brackets, what was declared means what it would mean alone, or nothing.
+        joined = {
+            name: " + ".join(f"({part})" for part in parts) if len(parts) > 1 else parts[0]
+            for name, parts in energies.items()
+        }
         return replace(
             self.system,
             functions=self.functions,
             coordinates=self.coordinates,
             internal=self.internal,
             contacts=self.contacts,
-            potential=" + ".join(map(str, parts)) if len(parts) > 1 else parts[0],
+            structures=self.structures,
+            forces={},
             initial=self.initial,
             translation=self.translation,
+            **joined,
         )
 
     def as_declared(self, error: DeclarationError) -> DeclarationError:
@@ -194,7 +226,9 @@ class _WrittenOut:
                 self.initial.setdefault(words[own], self.number(law.start[own], words, where))
         force = f"force_{key}"
         self.take(self.functions, force, _renamed(law.force, words), where)
-        massless = [x for x in slopes if self.coordinates[x].kind == Kind.VISCOUS]
+        massless = [
+            x for x in slopes if not is_entry(x) and self.coordinates[x].kind == Kind.VISCOUS
+        ]
         if law.increasing and massless and len(slopes) > 1:
             raise DeclarationError(
                 f"{where}.direction",
@@ -206,6 +240,68 @@ class _WrittenOut:
                 self.resist(x, slope, force, where)
             else:
                 self.push(x, slope, force)
+
+    def structure(self, name: str, structure: AnyStructure) -> None:
+        """Write a structure out: its modes are coordinates, and feel what pushes unknowns."""
+        from stickslip.structures.coordinates import InModes
+
+        if isinstance(structure, InModes):
+            return
+        where = entry_key("structures", name)
+        check_name(name, where)
+        part = InModes(name, structure)
+        self.structures[name] = part
+        try:
+            energies = part.energies()
+        except DeclarationError as error:  # too large for all its modes
+            raise DeclarationError(where, error.reason, error.remedy) from None
+        for kind, energy in zip(("kinetic", "potential", "viscous"), energies, strict=True):
+            self.energies[kind].append(energy)
+        pushed: list[list[str]] = [[] for _ in part.coordinates]
+        for unknown, force in self.forces.items():
+            _, of, index = entry_of(unknown, self.structures)
+            if of == name:
+                load = f"load_{key_of(unknown).strip('_')}"
+                self.take(self.functions, load, force, where)
+                self.origins[f"functions.{load}"] = entry_key("forces", unknown)
+                for i, weight in part.weights(index).items():
+                    pushed[i].append(f"({weight!r})*{load}")
+        for i, (mode, terms) in enumerate(zip(part.coordinates, pushed, strict=True), 1):
+            coordinate = Inertial(
+                structure.unit, f"mode {i} of {name}", force=" + ".join(terms) or 0.0
+            )
+            self.take(self.coordinates, mode, coordinate, where)
+            self.origins[f"coordinates.{mode}"] = where
+
+    def start_structures(self) -> None:
+        """Let modes begin where unknowns are to."""
+        if self.structures:
+            from stickslip.structures.coordinates import InModes, start_of
+
+            parts = cast("Mapping[str, InModes]", self.structures)
+            self.initial = start_of(parts, self.initial)
+
+    def unknown(self, section: str, text: str) -> str:
+        """The name of an unknown, or of its rate, as symbols have it.
+
+        Raises
+        ------
+        DeclarationError
+            If there is none.
+        """
+        try:
+            prefix, name, index = entry_of(text, self.structures)
+        except KeyError as error:
+            where = entry_key(section, text)
+            if text in self.coordinates:
+                remedy = f"Write it under coordinates.{text}.force"
+                raise DeclarationError(where, "no unknown of a structure", remedy) from None
+            raise DeclarationError(where, "there is no such unknown", error.args[0]) from None
+        if prefix and section == "forces":
+            raise DeclarationError(
+                entry_key(section, text), "a force acts on no rate", f"Write {text[2:]}"
+            )
+        return f"{prefix}{name}[{self.structures[name].key(index)}]"
 
     def constraint(self, name: str, contact: Bilateral) -> None:
         """Write a constraint out: two contacts that face each other, and friction under the sum of
@@ -229,13 +325,14 @@ class _WrittenOut:
     def check_held(self, constraint: Formula, where: str) -> None:
         """Refuse a constraint that does not hold at the start."""
         system = self.system
-        state = {x: float(system.initial.get(x, 0.0)) for x in system.coordinates}
-        values = {**state, **system.values, "t": float(system.span[0])}
         held = self.scope.parse(constraint, where)
+        places = [*system.coordinates, *(name for name in held.symbols if is_entry(name))]
+        state = {x: float(self.initial.get(x, 0.0)) for x in places}
+        values = {**state, **system.values, "t": float(system.span[0])}
         if not held.symbols <= values.keys():
             return  # refused as a gap
         here = ex.evaluate(held, values)
-        if not abs(here) <= _HELD * max(1.0, *map(abs, state.values())):
+        if not abs(here) <= _HELD * max([1.0, *map(abs, state.values())]):
             raise DeclarationError(
                 where,
                 f"it is {here:g} at the initial state, and has to be zero",
@@ -275,15 +372,29 @@ class _WrittenOut:
         names.functions("drives", system.drives, clock="t")
         known = ["t", *system.parameters, *system.coordinates, *system.internal]
         known += [f"d_{x}" for x in system.coordinates]
-        return Scope({name: ex.sym(name) for name in known}, names.with_derivatives())
+        symbols = {name: ex.sym(name) for name in known}
+        return Scope(symbols, names.with_derivatives(), vectors=self.unknowns())
+
+    def unknowns(self) -> dict[str, Indexed]:
+        """Those of structures and their rates, by what they are called."""
+        if not self.system.structures:
+            return {}
+        from stickslip.structures.coordinates import BySymbols
+
+        return {
+            f"{prefix}{name}": BySymbols(f"{prefix}{name}", structure)
+            for name, structure in self.system.structures.items()
+            for prefix in ("", "d_")
+        }
 
     def slopes(self, contact: LawContact, where: str) -> dict[str, str]:
-        """Coefficients of the rates in a direction, by coordinate."""
-        system = self.system
-        rates = {f"d_{x}": ex.sym(f"d_{x}") for x in system.coordinates}
+        """Coefficients of the rates in a direction, by coordinate or unknown of a structure."""
         text = self.scope.parse(contact.direction, f"{where}.direction")
+        unknowns = sorted(n[2:] for n in text.symbols if is_entry(n) and n.startswith("d_"))
+        moving = [*self.system.coordinates, *unknowns]
+        rates = {f"d_{x}": ex.sym(f"d_{x}") for x in moving}
         found: dict[str, str] = {}
-        for x in system.coordinates:
+        for x in moving:
             slope = ex.derivative(text, f"d_{x}")
             if slope.symbols & rates.keys() or ex.bends(text, rates):
                 raise DeclarationError(
@@ -304,7 +415,12 @@ class _WrittenOut:
 
     def unit_of_way(self, slopes: Mapping[str, str]) -> str:
         """The unit of displacements along a direction, if all coordinates say the same."""
-        units = {self.system.coordinates[x].unit for x in slopes}
+        units = {
+            self.structures[entry_of(x, self.structures)[1]].unit
+            if is_entry(x)
+            else self.system.coordinates[x].unit
+            for x in slopes
+        }
         return units.pop() if len(units) == 1 else ""
 
     def is_pressed(self, value: object) -> bool:
@@ -346,19 +462,21 @@ class _WrittenOut:
         section[name] = part
 
     def push(self, x: str, slope: str, force: str) -> None:
-        """Let a force act against the velocity, on one coordinate."""
-        coordinate = self.coordinates[x]
+        """Let a force act against the velocity, on one coordinate or unknown of a structure."""
         term = {"1": f"-{force}", "-1": force}.get(slope, f"-({slope})*{force}")
-        before = coordinate.force
-        total = term if before == 0.0 else f"{before} {term if term[0] == '-' else '+ ' + term}"
-        self.coordinates[x] = replace(coordinate, force=total)
+        before = self.forces.get(x, 0.0) if is_entry(x) else self.coordinates[x].force
+        total = term if before == 0.0 else f"({before}) {term if term[0] == '-' else '+ ' + term}"
+        if is_entry(x):
+            self.forces[x] = total
+        else:
+            self.coordinates[x] = replace(self.coordinates[x], force=total)
 
     def resist(self, x: str, slope: str, force: str, where: str) -> None:
         """Let a force that increases with the velocity resist a coordinate without mass."""
         coordinate = self.coordinates[x]
         assert isinstance(coordinate, Viscous)
         term = force if slope == "1" else f"({slope})*{force}"
-        total = term if coordinate.drag == 0.0 else f"{coordinate.drag} + {term}"
+        total = term if coordinate.drag == 0.0 else f"({coordinate.drag}) + {term}"
         self.coordinates[x] = replace(coordinate, drag=total)
         self.origins[f"coordinates.{x}.drag"] = where
 
@@ -413,7 +531,9 @@ class _WrittenOut:
                 unit=contact.unit,
             )
             self.add_contact(label, part, where)
-            self.potential.append(f"({_renamed(law.stiffness, each)})/2*({way} - {slider})**2")
+            self.energies["potential"].append(
+                f"({_renamed(law.stiffness, each)})/2*({way} - {slider})**2"
+            )
             self.start(slider, slopes)
 
     def how_many(self, values: Mapping[str, object], law: FrictionLaw, where: str) -> int:

@@ -28,6 +28,7 @@ from stickslip.motion.steps.arrays import (
     make_space,
 )
 from stickslip.stopping.scopes import flagged
+from stickslip.structures.coordinates import start_of
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds
 
@@ -232,9 +233,12 @@ class Problem:
     def initial_state(self, initial: Mapping[str, float]) -> Array:
         """State vector of initial values (declared defaults where none is given)."""
         declaration = self.system.declaration
-        for name, value in initial.items():
+        given: Mapping[str, float] = initial
+        if structures := self.system.written_structures:
+            given = start_of(structures, {**self.system.initial, **initial})
+        for name, value in given.items():
             check_initial(declaration, name, value)
-        given = {**self.system.plain.initial, **initial}
+        given = {**self.system.plain.initial, **given}
         return np.array([float(given.get(name, 0.0)) for name in declaration.state])
 
 

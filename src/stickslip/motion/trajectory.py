@@ -14,7 +14,7 @@ from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.kept import cached_property
-from stickslip.model.quantities import FORCES, contact_key, forces_of, quantity
+from stickslip.model.quantities import FORCES, contact_key, forces_of, of_modes, quantity
 from stickslip.model.system import System
 from stickslip.motion.certify import certify_trajectory
 from stickslip.motion.outcome import Outcome
@@ -289,7 +289,8 @@ class Trajectory(Result):
         Returns
         -------
         dict of str to float or array
-            Coordinates, rates ``d_x``, internal variables; per contact ``friction_``,
+            Coordinates, rates ``d_x``, internal variables; unknowns of structures with names, as
+            ``u[tip]``, and their rates; per contact ``friction_``,
             ``threshold_plus_``, ``threshold_minus_``, ``slip_speed_``, ``mode_``; ``energy``,
             ``dissipated_energy``, ``supplied_energy``.
 
@@ -323,7 +324,7 @@ class Trajectory(Result):
         Parameters
         ----------
         names : sequence of str
-            Parts of the state, friction forces and thresholds.
+            Parts of the state, unknowns of structures, friction forces and thresholds.
         times : array, shape (n,)
         index : array of int, shape (n,)
             Number of the step that each time belongs to; ascending, as are the times in one step.
@@ -331,6 +332,12 @@ class Trajectory(Result):
         from stickslip.motion.between.dense import make_scratch
         from stickslip.motion.between.trace import TOLERANCE, trace_rows
 
+        forms = {n: row for n, row in self.system.unknowns.items() if n in names}
+        if forms:
+            modes = [mode for row in forms.values() for mode in row]
+            others = [name for name in names if name not in forms]
+            values = self.trace([*dict.fromkeys([*others, *modes])], times, index)
+            return values | of_modes(forms, values)
         p, k = self._problem, self.knots
         shown = p.compiled.layout.without_series
         followed = [name for name in names if self._rows[name] not in shown]
@@ -356,6 +363,7 @@ class Trajectory(Result):
         out = self._sample_clock(clock, index)
         rows = self._problem.compiled.layout.rows
         values = {name: out[:, row] for name, row in self._rows.items()}
+        values |= of_modes(self.system.unknowns, values)
         self._without_contact(values, index)
         for key, mode in self.modes.items():
             values[f"mode_{key}"] = mode[index]

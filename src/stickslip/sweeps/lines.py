@@ -88,7 +88,8 @@ def frequency_response(
         One other parameter and its values, as axes of maps are written: ``{"F": [0.1, 0.2]}``,
         ``{"F": "log:0.1:10:5"}``, ``["F=0.1:0.5:3"]``. By default there is one line.
     coordinate : str, optional
-        Whose response it is; by default the first inertial coordinate, or the first one.
+        Whose response it is, or of which unknown of a structure, such as ``"u[tip]"``; by default
+        the first inertial coordinate, or the first one.
     drive : str, optional
         Relative to which phases are measured: a drive of the system, or a formula of ``t``. By
         default its only drive, or the force on the coordinate.
@@ -123,9 +124,10 @@ def frequency_response(
     if not isinstance(points, int) or points < 2:
         raise DeclarationError("points", f"{points!r} is no number of points", "Give at least 2")
     inertial = system.declaration.inertial
-    coordinate = coordinate or [*inertial, *system.coordinates, *system.internal][0]
-    if coordinate not in system.coordinates:
-        known = suggestion(coordinate, system.coordinates)
+    first = [x for x in inertial if x in system.coordinates]
+    coordinate = coordinate or [*first, *system.places, *system.internal][0]
+    if coordinate not in system.places:
+        known = suggestion(coordinate, system.places)
         raise DeclarationError("coordinate", f"there is no coordinate '{coordinate}'", known)
     text, formula = read_drive(system, coordinate, drive)
     levels_given = [{level: value} for value in values] or [{}]

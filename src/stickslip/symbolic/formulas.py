@@ -44,7 +44,7 @@ _PIECE = (
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _TOKEN = re.compile(
-    r"\s+|(?P<operand>(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][+-]?\d+)?|[A-Za-z]\w*)"
+    r"\s+|(?P<operand>(?:\d[\d_]*\.?[\d_]*|\.\d[\d_]*)(?:[eE][+-]?\d+)?|[A-Za-z]\w*(?:\[\s*\w*\s*\])?)"
     r"|(?P<sign>[+-])|(?P<open>\()|(?P<close>\))|(?P<comma>,)|\*\*|[*/<>=]"
 )
 _OF_NUMPY = re.compile(r"\b(?:np|numpy)\.(?:float|int|uint)\d+\(([^()]*)\)")
@@ -105,6 +105,25 @@ class TimeFunction(ABC):
         """The first and the last time of which it does."""
 
 
+class Indexed(ABC):
+    """Numbers of which a formula names one, as in ``u[3]`` or ``u[tip]``."""
+
+    @property
+    @abstractmethod
+    def symbols(self) -> frozenset[str]:
+        """What its entries depend on."""
+
+    @abstractmethod
+    def entry(self, key: int | str) -> Expr:
+        """The entry with a number, from 0 on, or with a name.
+
+        Raises
+        ------
+        KeyError
+            If there is none; its argument is what there is.
+        """
+
+
 @dataclass(frozen=True)
 class Definition:
     """A function of the declaration: ``H_R(psi)`` (arguments) or a plain abbreviation (none).
@@ -150,6 +169,8 @@ class Scope:
         Names that exist but may not be used here, with the reason.
     rows : frozenset of str
         Rows of the table of functions that this may name, beside those that any formula may.
+    vectors : mapping of str to Indexed
+        Names that stand with an index.
     jumping : dict of Expr to str
         The guards of functions with jumps that were read so far, with the names of these.
     """
@@ -158,6 +179,7 @@ class Scope:
     definitions: Mapping[str, Definition] = field(default_factory=dict)
     forbidden: Mapping[str, str] = field(default_factory=dict)
     rows: frozenset[str] = frozenset()
+    vectors: Mapping[str, Indexed] = field(default_factory=dict[str, Indexed])
     jumping: dict[Expr, str] = field(default_factory=dict)
     _open: list[str] = field(default_factory=list)
     _known: dict[tuple, Expr] = field(default_factory=dict)
@@ -330,6 +352,8 @@ class _Reader:
             )
         if not text.strip():
             raise self.fail("the formula is empty", "Write a formula, or 0")
+        if "#" in text:  # what follows would not be read, on further lines, too
+            raise self.fail("'#' cannot stand in a formula", "Put comments outside of it")
         if len(text) > _LONGEST:
             raise self.fail(
                 f"the formula has {len(text)} characters (at most {_LONGEST})",
@@ -431,6 +455,8 @@ class _Reader:
                 return self.chain(node, depth)
             case ast.Call():
                 return self.call(node, depth)
+            case ast.Subscript(value=ast.Name(id=name), slice=index):
+                return self.entry(name, index)
             case ast.Compare():
                 raise self.fail(
                     "a comparison stands only inside piecewise(...)", "Write piecewise(x < 0, a, b)"
@@ -489,6 +515,27 @@ class _Reader:
         if name in builtins():
             raise self.fail(f"'{name}' is a function", f"Write {name}(...)")
         raise self.unknown("name", name, [*self.bound, *self.scope.names, *self.scope.definitions])
+
+    def entry(self, name: str, index: ast.expr) -> Expr:
+        """One of the numbers of a vector."""
+        if name not in self.scope.vectors:
+            if name in self.scope.forbidden:
+                raise self.fail(f"'{name}' may not stand here", self.scope.forbidden[name])
+            if name in self.bound or name in self.scope.names or name in self.scope.definitions:
+                raise self.fail(f"'{name}' is one number", f"Write {name} without brackets")
+            raise self.unknown("structure", name, self.scope.vectors)
+        match index:
+            case ast.Name(id=key) | ast.Constant(value=int(key)) if not isinstance(key, bool):
+                pass
+            case _:
+                raise self.fail(
+                    f"in the brackets of '{name}' stands neither a number nor a name",
+                    f"Write {name}[0], {name}[1], ..., or {name}[tip] if one has that name",
+                )
+        try:
+            return self.scope.vectors[name].entry(key)
+        except KeyError as error:
+            raise self.fail(f"there is no {name}[{short(str(key))}]", error.args[0]) from None
 
     def unknown(self, kind: str, name: str, known: Iterable[str]) -> DeclarationError:
         return self.fail(f"unknown {kind} '{short(name)}'", suggestion(name, sorted(known)))

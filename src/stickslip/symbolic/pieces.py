@@ -28,7 +28,7 @@ _GRID = 2.0**-50
 
 
 @dataclass(frozen=True, kw_only=True)
-class Structure:
+class Pieced:
     """One function.
 
     Attributes
@@ -149,23 +149,23 @@ def _smoothstep(x: Expr, low: Expr, high: Expr) -> Expr:
 
 _BETWEEN = "6*(x - low)*(high - x)"
 
-STRUCTURES: dict[str, Structure] = {
-    "sqrt": Structure(made=_sqrt, slopes=("1/(2*sqrt(x))",)),
-    "abs": Structure(
+STRUCTURES: dict[str, Pieced] = {
+    "sqrt": Pieced(made=_sqrt, slopes=("1/(2*sqrt(x))",)),
+    "abs": Pieced(
         made=ex.absolute,
         slopes=("sign(x)",),
         fences=("|", "|"),
         latex_fences=(r"\left|", r"\right|"),
     ),
-    "clip": Structure(
+    "clip": Pieced(
         made=ex.clip,
         arguments=("x", "low", "high"),
     ),
-    "min": Structure(made=_least, arguments=("x", "y"), several=True),
-    "max": Structure(made=_most, arguments=("x", "y"), several=True),
-    "sign": Structure(made=_sign, slopes=("0",), shown="sgn", jumps=True),
-    "heaviside": Structure(made=lambda x: _two(x, 1.0, 0.0), slopes=("0",), jumps=True),
-    "floor": Structure(
+    "min": Pieced(made=_least, arguments=("x", "y"), several=True),
+    "max": Pieced(made=_most, arguments=("x", "y"), several=True),
+    "sign": Pieced(made=_sign, slopes=("0",), shown="sgn", jumps=True),
+    "heaviside": Pieced(made=lambda x: _two(x, 1.0, 0.0), slopes=("0",), jumps=True),
+    "floor": Pieced(
         made=_floor,
         slopes=("0",),
         fences=("⌊", "⌋"),
@@ -173,11 +173,11 @@ STRUCTURES: dict[str, Structure] = {
         repeats=True,
         jumps=True,
     ),
-    "mod": Structure(made=_mod, arguments=("x", "m"), slopes=("1", "-floor(x/m)"), jumps=True),
-    "square": Structure(made=_square, slopes=("0",), repeats=True, jumps=True),
-    "triangle": Structure(made=_triangle, slopes=("2/pi*square(x + pi/2)",), repeats=True),
-    "sawtooth": Structure(made=_sawtooth, slopes=("1/pi",), jumps=True),
-    "smoothstep": Structure(
+    "mod": Pieced(made=_mod, arguments=("x", "m"), slopes=("1", "-floor(x/m)"), jumps=True),
+    "square": Pieced(made=_square, slopes=("0",), repeats=True, jumps=True),
+    "triangle": Pieced(made=_triangle, slopes=("2/pi*square(x + pi/2)",), repeats=True),
+    "sawtooth": Pieced(made=_sawtooth, slopes=("1/pi",), jumps=True),
+    "smoothstep": Pieced(
         made=_smoothstep,
         arguments=("x", "low", "high"),
         slopes=tuple(

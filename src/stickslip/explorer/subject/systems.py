@@ -116,11 +116,14 @@ def _configured(model: str, toml: str, formulas: tuple[tuple[str, float | str], 
 
 def check_no_files(toml: str) -> None:
     """Refuse a model that would read a file of this machine: it came from a page."""
-    drives = parse(toml).get("drives", {})
-    for name, drive in drives.items() if isinstance(drives, dict) else ():
-        if isinstance(drive, dict) and "file" in drive:
-            raise DeclarationError(
-                f"drives.{name}",
-                "a model from the page reads no files",
-                "Name it when you open the explorer: stickslip explore mine.toml",
-            )
+    read = {"drives": ("file",), "structures": ("mass", "stiffness", "damping")}
+    declared = parse(toml)
+    for section, keys in read.items():
+        entries = declared.get(section, {})
+        for name, entry in entries.items() if isinstance(entries, dict) else ():
+            if isinstance(entry, dict) and any(isinstance(entry.get(key), str) for key in keys):
+                raise DeclarationError(
+                    f"{section}.{name}",
+                    "a model from the page reads no files",
+                    "Name it when you open the explorer: stickslip explore mine.toml",
+                )

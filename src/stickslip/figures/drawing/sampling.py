@@ -10,6 +10,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.figures.drawing.thinning import chosen
+from stickslip.model.quantities import of_modes
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -62,6 +63,7 @@ class Sampled:
             state[[0, -1]] = trajectory._states_at(ends, np.array([self.first, last - 1]))
         self.time = time
         self.at_knots = dict(zip(trajectory.system.declaration.state, state.T, strict=True))
+        self.at_knots |= of_modes(trajectory.system.unknowns, self.at_knots)
         self.steps = len(self.time) - 1
         self._chosen = chosen(self.time, MOST_DRAWN)
         lengths = np.diff(self.time)[self._chosen]

@@ -203,7 +203,8 @@ class _Follower:
     def _values(self, cycle: Cycle) -> dict[str, float]:
         """What is known of a cycle at once."""
         values = {"period": cycle.period}
-        for name, (low, high) in cycle.extrema.items():
+        for name in cycle.state:
+            low, high = cycle.extrema[name]
             values |= {name: cycle.state[name], f"min_{name}": low, f"max_{name}": high}
         return {**values, self.parameter: cycle.parameters[self.parameter]}
 
@@ -332,7 +333,7 @@ class _Follower:
         part = cycle.parameters[self.parameter] / (self.span[1] - self.span[0])
         widths = [
             (high - low) / m
-            for (low, high), m in zip(cycle.extrema.values(), self.extent.modulus, strict=True)
+            for (low, high), m in zip(cycle.ranges, self.extent.modulus, strict=True)
         ]
         return np.array([part, np.log(cycle.period), *widths])
 
@@ -421,7 +422,7 @@ class _Follower:
         return vanishes_at(known[:2]), math.inf
 
     def _amplitude(self, cycle: Cycle) -> float:
-        ranges = np.array([high - low for low, high in cycle.extrema.values()])
+        ranges = cycle.ranges[:, 1] - cycle.ranges[:, 0]
         return float(np.max(ranges / self.extent.modulus))
 
     def _came_back(self, stations: list[_Station], before: int) -> bool:

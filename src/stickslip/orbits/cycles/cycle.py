@@ -154,16 +154,26 @@ class Cycle(Result):
 
     @cached_property
     def extrema(self) -> dict[str, tuple[float, float]]:
-        """Least and largest value of each component of the state."""
+        """Least and largest value of each component of the state, and of unknowns of structures."""
         ends = zip(map(float, self._sums.low), map(float, self._sums.high), strict=True)
-        return dict(zip(self.system.declaration.state, ends, strict=True))
+        found = dict(zip(self.system.declaration.state, ends, strict=True))
+        return found | measure.extrema_of_unknowns(self.trajectory)
+
+    @cached_property
+    def ranges(self) -> Array:
+        """Least and largest value of each component of the state, shape (n, 2)."""
+        return np.array([self.extrema[name] for name in self.system.declaration.state])
 
     @cached_property
     def harmonic(self) -> dict[str, complex]:
-        """First harmonic of each component of the state, c of Re(c exp(iωt)): with the frequency of
-        the drives, or of the cycle if there are none. A cycle of several periods of the drives has
-        slower ones, too."""
-        return dict(zip(self.system.declaration.state, self._harmonics[0].tolist(), strict=True))
+        """First harmonic of each component of the state, and of unknowns of structures, c of
+        Re(c exp(iωt)): with the frequency of the drives, or of the cycle if there are none. A cycle
+        of several periods of the drives has slower ones, too."""
+        state = self.system.declaration.state
+        found = dict(zip(state, self._harmonics[0].tolist(), strict=True))
+        for name, row in self.system.unknowns.items():
+            found[name] = sum((w * found[mode] for mode, w in row.items()), 0j)
+        return found
 
     @cached_property
     def _harmonics(self) -> tuple[Array, float]:
@@ -174,15 +184,16 @@ class Cycle(Result):
 
     @cached_property
     def relative_phase(self) -> dict[str, float]:
-        """Phase of the first harmonic of each coordinate relative to the drive, in (−3π/2, π/2],
-        negative if it lags behind: relative to the only drive of the system, or to the force on the
-        coordinate. Empty if nothing drives the system; a coordinate without a drive has none."""
+        """Phase of the first harmonic of each coordinate, or unknown of a structure, relative to
+        the drive, in (−3π/2, π/2], negative if it lags behind: relative to the only drive of the
+        system, or to the force on it. Empty if nothing drives the system; what has no drive has
+        none."""
         setting = self.closed.shooting.setting
         if not setting.symmetry.driven:
             return {}
         turn = self.period / setting.turns
         found = dict[str, float]()
-        for name in self.system.coordinates:
+        for name in self.system.places:
             with suppress(DeclarationError):
                 own = phase_of_drive(
                     self.system, read_drive(self.system, name), self.parameters, turn

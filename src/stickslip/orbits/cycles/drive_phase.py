@@ -35,6 +35,11 @@ def read_drive(system: System, coordinate: str, drive: str | None = None) -> tup
     if len(d.drives) == 1:
         (name,) = d.drives
         return name, d.drives[name]
+    if coordinate not in system.coordinates:  # an unknown of a structure
+        at = system.forces.get(coordinate, 0.0)
+        if at == 0.0 and len(system.forces) == 1:
+            (coordinate, at), *_ = system.forces.items()
+        return f"the force on {coordinate}", d.scope.parse(at, f"forces.{coordinate}")
     force = -ex.derivative(d.potential, coordinate)
     return f"the force on {coordinate}", force + d.scope.parse(
         system.coordinates[coordinate].force, f"coordinates.{coordinate}.force"

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(20)
 _PARTS = 16  # of the shortest wave that is looked for; a panel is at most one of them
 _DOUBLINGS = 6
+_SAMPLES = 16  # of a step, between which an unknown of a structure turns once at most
+_SAMPLES_OF_ALL = 1000
+_REFINED = 6  # times; a value beside an extremum is known to the square of that
 _EXACT = 1e-13  # a change by less, relative to the largest value, is rounding
 
 
@@ -204,6 +207,54 @@ def harmonics(
     return _averaged(motion, wave, order)
 
 
+def extrema_of_unknowns(motion: Trajectory) -> dict[str, tuple[float, float]]:
+    """Least and largest values of unknowns of structures over a motion: where their rates pass
+    through zero, and at knots.
+
+    Parameters
+    ----------
+    motion : Trajectory
+    """
+    found: dict[str, tuple[float, float]] = {}
+    k = motion.knots
+    steps = np.flatnonzero(np.diff(k.time) > 0.0)
+    if not motion.system.unknowns or not len(steps):
+        return found
+    lengths = np.diff(k.time)[steps]
+    counts = _SAMPLES + np.ceil(_SAMPLES_OF_ALL * lengths / np.sum(lengths)).astype(int)
+    index = np.repeat(steps, counts)
+    place = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
+    # both ends of each step
+    times = k.time[index] + place * np.repeat(lengths / (counts - 1), counts)
+    names = [name for name in motion.system.unknowns if not name.startswith("d_")]
+    rates = [f"d_{name}" for name in names]
+    seen = motion.trace([*names, *rates], times, index)
+    values = {name: [seen[name]] for name in names}
+    slopes = np.array([seen[rate] for rate in rates])
+    # every turn of each of them, between two samples of a step
+    which, at = np.nonzero((slopes[:, :-1] * slopes[:, 1:] < 0.0) & (np.diff(index) == 0))
+    low, high, f, g = times[at], times[at + 1], slopes[which, at], slopes[which, at + 1]
+    for _ in range(_REFINED if len(at) else 0):
+        middle = (low * g - high * f) / (g - f)
+        order = np.argsort(index[at], kind="stable")
+        every = motion.trace([*names, *rates], middle[order], index[at][order])
+        back = np.argsort(order)
+        for i, name in enumerate(names):
+            values[name].append(every[name][back][which == i])
+        h = np.array([every[rate][back] for rate in rates])[which, np.arange(len(at))]
+        left = h * f > 0.0  # the turn is on the other side; what stays counts half (Illinois)
+        low, f, g = (
+            np.where(left, middle, low),
+            np.where(left, h, f / 2.0),
+            np.where(left, g / 2.0, h),
+        )
+        high = np.where(left, high, middle)
+    for name in names:
+        every_value = np.concatenate(values[name])
+        found[name] = float(np.min(every_value)), float(np.max(every_value))
+    return found
+
+
 def mean(motion: Trajectory, formula: str) -> tuple[float, float]:
     """The mean of a formula over a period, (1/T) ∫ f dt, and by how much the last halving of the
     panels has changed it, relative to the largest value.
@@ -222,7 +273,8 @@ def mean(motion: Trajectory, formula: str) -> tuple[float, float]:
     """
     known = motion.system.plain.declaration.scope
     rows = {name: ex.sym(name) for name in motion._rows}
-    read = Scope({**rows, **known.names}, known.definitions).parse(formula, "formula")
+    scope = Scope({**rows, **known.names}, known.definitions, vectors=known.vectors)
+    read = scope.parse(formula, "formula")
     names = sorted(read.symbols)
     for name in names:
         if name not in {"t", *rows, *motion.parameters}:

@@ -84,7 +84,7 @@ def read_observations(trajectory: Trajectory, asked: Sequence[str]) -> tuple[Obs
     }
     refused |= {f"mode_{key}": "modes are whole numbers" for key in trajectory.modes}
     names = {**declared.names, **{name: ex.sym(name) for name in known}}
-    scope = Scope(names, declared.definitions, refused)
+    scope = Scope(names, declared.definitions, refused, vectors=declared.vectors)
     kinks = set(trajectory._problem.compiled.equations.kinks)
     found: list[Observation] = []
     for text in asked:

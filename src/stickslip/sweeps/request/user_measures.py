@@ -239,7 +239,8 @@ def _check_new_name(name: str) -> None:
 def _formula(system: System, name: str, text: str) -> FormulaMeasure:
     _check_new_name(name)
     own = {*system.parameters, *system.declaration.state}
-    scope = Scope({symbol: ex.sym(symbol) for symbol in {*own, *MEASURES}})
+    vectors = system.declaration.scope.vectors
+    scope = Scope({symbol: ex.sym(symbol) for symbol in {*own, *MEASURES}}, vectors=vectors)
     expression = scope.parse(text, f"measure.{name}")
     return FormulaMeasure(
         name,

@@ -1,0 +1,226 @@
+"""A structure in a system: its unknowns in formulas, and its modes as coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from stickslip.errors import DeclarationError, short
+from stickslip.kept import made_once
+from stickslip.structures.names import entry_of, is_entry
+from stickslip.structures.structure import Structure, UnknownKey
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.formulas import Indexed, is_finite
+
+_NOTHING = 1e-15  # of the largest entry of a row: what is rounding of a mode that is zero there
+
+
+@dataclass(frozen=True)
+class BySymbols(Indexed):
+    """The unknowns of a structure as symbols: what they are called.
+
+    Attributes
+    ----------
+    name : str
+        Of the structure, or with ``d_`` for the rates.
+    structure : Structure
+    """
+
+    name: str
+    structure: Structure | InModes
+
+    @property
+    def symbols(self) -> frozenset[str]:
+        return frozenset()
+
+    def entry(self, key: int | str) -> Expr:
+        return ex.sym(f"{self.name}[{self.structure.key(self.structure.index(key))}]")
+
+
+@dataclass(frozen=True)
+class InForms(Indexed):
+    """The unknowns of a structure, or their rates, as linear forms of the modes.
+
+    Attributes
+    ----------
+    part : InModes
+    prefix : str
+        ``"d_"`` of rates.
+    """
+
+    part: InModes
+    prefix: str = ""
+
+    @property
+    def symbols(self) -> frozenset[str]:
+        return frozenset(f"{self.prefix}{mode}" for mode in self.part.coordinates)
+
+    def entry(self, key: int | str) -> Expr:
+        index = self.part.structure.index(key)
+        modes = self.part.coordinates
+        return made_once(
+            self.part,
+            "forms",
+            lambda: ex.add(
+                *(
+                    (ex.sym(f"{self.prefix}{modes[i]}"), weight)
+                    for i, weight in self.part.weights(index).items()
+                )
+            ),
+            (self.prefix, index),
+        )
+
+
+@dataclass(frozen=True)
+class InModes:
+    """A structure in a system that is written out: coordinates are its modes of unit mass.
+
+    Attributes
+    ----------
+    name : str
+    structure : Structure
+    """
+
+    name: str
+    structure: Structure
+
+    @property
+    def coordinates(self) -> list[str]:
+        """What the modes are called."""
+        return [f"{self.name}_mode_{i}" for i in range(1, self.structure.coordinates + 1)]
+
+    @property
+    def unit(self) -> str:
+        """Of displacements."""
+        return self.structure.unit
+
+    def index(self, unknown: UnknownKey) -> int:
+        """Where an unknown stands."""
+        return self.structure.index(unknown)
+
+    def key(self, index: int) -> UnknownKey:
+        """What an unknown is called."""
+        return self.structure.key(index)
+
+    def indexed(self) -> dict[str, Indexed]:
+        """What stands in formulas with an index."""
+        return {self.name: InForms(self), f"d_{self.name}": InForms(self, "d_")}
+
+    def weights(self, index: int) -> dict[int, float]:
+        """Of the modes that move an unknown, by number, how much."""
+        row = self.structure.shape_at(index)
+        large = np.abs(row) > _NOTHING * np.max(np.abs(row), initial=0.0)
+        return {int(i): float(row[i]) for i in np.flatnonzero(large)}
+
+    def energies(self) -> tuple[str, str, str]:
+        """Kinetic and elastic energy and the viscous part of the dissipation potential."""
+        names, s = self.coordinates, self.structure
+        kinetic = _sum(f"d_{q}**2/2" for q in names)
+        elastic = _sum(
+            f"{float(a) / 2.0!r}*{q}**2" for q, a in zip(names, s.squares, strict=True) if a
+        )
+        damping = s.modal_damping
+        if damping.ndim == 1:
+            damped = _sum(
+                f"{float(c) / 2.0!r}*d_{q}**2" for q, c in zip(names, damping, strict=True) if c
+            )
+        else:
+            halved = np.triu(damping, 1) + np.diag(np.diag(damping)) / 2.0
+            damped = _sum(
+                f"{float(halved[i, j])!r}*d_{names[i]}*d_{names[j]}"
+                for i, j in np.argwhere(halved).tolist()
+            )
+        return kinetic, elastic, damped
+
+
+def start_of(
+    structures: Mapping[str, InModes], given: Mapping[str, float], section: str = "initial"
+) -> dict[str, float]:
+    """Initial values of parts of the state, where some are given of unknowns: those of which
+    nothing is said are zero, if something is of their structure.
+
+    Parameters
+    ----------
+    structures : mapping of str to InModes
+    given : mapping of str to float
+    section : str
+        Where they stand, for messages.
+
+    Raises
+    ------
+    DeclarationError
+        If an unknown does not exist, its value is no number, or it is no coordinate of a structure
+        that is reduced.
+    """
+    others: dict[str, float] = {}
+    rows: dict[tuple[str, str], dict[int, float]] = {}
+    for text, value in given.items():
+        if not is_entry(text):
+            others[text] = value
+            continue
+        where = f"{section}.'{short(text)}'"
+        try:
+            prefix, name, index = entry_of(text, structures)
+        except KeyError as error:
+            raise DeclarationError(where, "there is no such unknown", error.args[0]) from None
+        structure = structures[name].structure
+        if index not in structure.own:
+            raise DeclarationError(
+                where,
+                "it is no coordinate of a reduced structure, so that its value determines none",
+                f"Keep it, or give values of modes, like {prefix}{structures[name].coordinates[0]}",
+            )
+        if not is_finite(value):
+            raise DeclarationError(where, "its value is not a finite number", "Give a number")
+        rows.setdefault((prefix, name), {})[structure.own[index]] = float(value)
+    found: dict[str, float] = {}
+    for (prefix, name), row in rows.items():
+        place = np.zeros(structures[name].structure.coordinates)
+        place[[*row]] = [*row.values()]
+        modes = structures[name].structure.in_modes(place)
+        names = (f"{prefix}{mode}" for mode in structures[name].coordinates)
+        found |= dict(zip(names, map(float, modes), strict=True))
+    return {**found, **others}
+
+
+def _sum(terms: Iterable[str]) -> str:
+    return " + ".join(terms) or "0"
+
+
+def row_of(text: str, structures: Mapping[str, InModes]) -> dict[str, float]:
+    """What an unknown, or its rate, is of modes, or their rates.
+
+    Parameters
+    ----------
+    text : str
+        Such as ``d_u[tip]``.
+    structures : mapping of str to InModes
+
+    Raises
+    ------
+    KeyError
+        If there is no such unknown; its argument is a remedy.
+    """
+    prefix, name, index = entry_of(text, structures)
+    part = structures[name]
+    modes = part.coordinates
+    return {f"{prefix}{modes[i]}": weight for i, weight in part.weights(index).items()}
+
+
+def shown_of(structures: Mapping[str, InModes]) -> dict[str, dict[str, float]]:
+    """Unknowns that results show, and their rates, as rows of modes.
+
+    Parameters
+    ----------
+    structures : mapping of str to InModes
+    """
+    names = [
+        f"{prefix}{name}[{unknown}]"
+        for name, part in structures.items()
+        for prefix in ("", "d_")
+        for unknown in part.structure.shown
+    ]
+    return {name: row_of(name, structures) for name in names}

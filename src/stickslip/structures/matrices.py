@@ -1,0 +1,304 @@
+"""Symmetric matrices, full or sparse: checks, factors, and the lowest of their frequencies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.errors import ConvergenceError, DeclarationError
+
+Symmetric = Any
+"""A matrix: an array, or a sparse one of SciPy in compressed columns."""
+
+_ALIKE = 1e-9  # of the diagonal: by how much files with nine digits may differ from symmetric
+_SINGULAR = 1e-12  # pivots of a matrix with unit diagonal that may be rounding
+_MOST_MEMORY = 2**30  # bytes of full matrices that are made of sparse ones
+_FULL = 400  # unknowns below which full matrices are faster
+
+
+def is_sparse(matrix: Symmetric) -> bool:
+    """Whether it is one of SciPy's."""
+    return not isinstance(matrix, np.ndarray)
+
+
+def dense(matrix: Symmetric) -> Array:
+    """The matrix as an array.
+
+    Raises
+    ------
+    DeclarationError
+        If that would not fit into memory with its factors.
+    """
+    if not is_sparse(matrix):
+        return matrix
+    n = matrix.shape[0]
+    check_memory(n)
+    return matrix.toarray()
+
+
+def check_memory(n: int) -> None:
+    """Refuse to treat a large sparse structure as full."""
+    needed = 4 * 8 * n * n  # mass, stiffness, and what LAPACK works with
+    if needed > _MOST_MEMORY:
+        raise DeclarationError(
+            "structure",
+            f"all modes of {n:,} unknowns take full matrices, {_bytes(needed)} of memory",
+            "Reduce it: structure.reduced(keep=[...], modes=20)",
+        )
+
+
+def _bytes(count: float) -> str:
+    power = min(int(np.log10(count) / 3.0), 4)
+    return f"{count / 1000.0**power:.3g} {('B', 'kB', 'MB', 'GB', 'TB')[power]}"
+
+
+def checked_symmetric(given: Any, what: str, said: Callable[[int], str]) -> Symmetric:
+    """A symmetric matrix of finite numbers, that nobody can change.
+
+    Parameters
+    ----------
+    given : array or sparse array
+    what : str
+        How errors call it.
+    said : callable
+        What an unknown is called, by its index.
+
+    Raises
+    ------
+    DeclarationError
+        If it is something else.
+    """
+    if hasattr(given, "toarray") and hasattr(given, "tocoo"):
+        matrix = given.tocsc(copy=True)
+        matrix.sum_duplicates()
+        values = matrix.data
+    else:
+        try:
+            matrix = values = np.array(given)
+        except ValueError:
+            raise DeclarationError(what, "its rows differ in length", "Give a square one") from None
+    if values.dtype.kind == "c":
+        raise DeclarationError(
+            what,
+            "it is complex",
+            "Give real matrices; a loss factor is no damping of motions in time, take "
+            "ModalDamping(factor/2)",
+        )
+    if values.dtype.kind not in "fiu":
+        raise DeclarationError(what, "not all of its entries are numbers", "Give numbers")
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.shape[0]:
+        shape = " x ".join(map(str, matrix.shape)) or "a number"
+        raise DeclarationError(what, f"it is {shape}, not a square matrix", "Give n x n numbers")
+    if not np.all(np.isfinite(values)):
+        i, j = _where(matrix, lambda part: ~np.isfinite(part))
+        raise DeclarationError(
+            what, f"its entry [{i}, {j}] is {matrix[i, j]}", "Give finite numbers"
+        )
+    matrix = matrix.astype(float)
+    matrix = _symmetric(matrix, what, said)
+    for part in (
+        (matrix,)
+        if not is_sparse(matrix)
+        else (
+            matrix.data,
+            matrix.indices,
+            matrix.indptr,
+        )
+    ):
+        part.flags.writeable = False
+    return matrix
+
+
+def _where(matrix: Symmetric, chosen: Callable[[Array], Array]) -> tuple[int, int]:
+    """The first entry for which something holds."""
+    if not is_sparse(matrix):
+        return cast("tuple[int, int]", tuple(map(int, np.argwhere(chosen(matrix))[0])))
+    entries = matrix.tocoo()
+    first = int(np.flatnonzero(chosen(entries.data))[0])
+    return int(entries.row[first]), int(entries.col[first])
+
+
+def _symmetric(matrix: Symmetric, what: str, said: Callable[[int], str]) -> Symmetric:
+    """The mean of a matrix and its transpose, which differ by rounding at most."""
+    other = matrix.T.tocsc() if is_sparse(matrix) else matrix.T
+    apart = abs(matrix - other)
+    largest = apart.max() if apart.shape[0] else 0.0
+    if not largest:
+        return matrix
+    size = np.sqrt(np.abs(matrix.diagonal()))
+    scale = abs(matrix).max()
+    if is_sparse(matrix):
+        entries = apart.tocoo()
+        rows, columns, values = entries.row, entries.col, entries.data
+    else:
+        rows, columns = np.nonzero(apart)
+        values = apart[rows, columns]
+    bound = size[rows] * size[columns]
+    parts = values / np.where(bound > 0.0, bound, scale)
+    worst = int(np.argmax(parts))
+    if parts[worst] > _ALIKE:
+        i, j = sorted((int(rows[worst]), int(columns[worst])))
+        raise DeclarationError(
+            what,
+            f"it is not symmetric: [{said(i)}, {said(j)}] is {matrix[i, j]:.9g}, "
+            f"[{said(j)}, {said(i)}] is {matrix[j, i]:.9g}",
+            "Give both halves of a symmetric matrix; gyroscopic and circulatory forces are no part "
+            "of a structure",
+        )
+    return (matrix + other) / 2.0
+
+
+@dataclass(frozen=True)
+class Factored:
+    """A symmetric matrix, factored.
+
+    Attributes
+    ----------
+    solve : callable
+        From right-hand sides, shape (n,) or (n, k), to solutions.
+    negative : int
+        How many of its eigenvalues are negative (Sylvester's law of inertia).
+    least : float
+        Its smallest pivot, as a part of the diagonal.
+    """
+
+    solve: Callable[[Array], Array]
+    negative: int
+    least: float
+
+    @property
+    def singular(self) -> bool:
+        """Whether it has an eigenvalue that is zero up to rounding."""
+        return self.least < _SINGULAR
+
+
+def factored(matrix: Symmetric) -> Factored:
+    """Factored of a symmetric matrix, L D Lᵀ.
+
+    Rows and columns are scaled to a unit diagonal first, since unknowns may have any units.
+    """
+    diagonal = np.abs(matrix.diagonal())
+    scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+    if is_sparse(matrix):
+        from scipy.sparse import diags_array
+        from scipy.sparse.linalg import splu
+
+        by = diags_array(scale)
+        options = {"SymmetricMode": True}
+        try:
+            lu = splu((by @ matrix @ by).tocsc(), "MMD_AT_PLUS_A", 0.0, options=options)
+        except RuntimeError:  # a pivot is exactly zero
+            return Factored(lambda b: np.full_like(b, np.nan), 0, 0.0)
+        pivots = lu.U.diagonal()
+        # Rows leave the diagonal only where a pivot on it is zero.
+        kept = np.array_equal(lu.perm_r, lu.perm_c)
+        solve = lu.solve
+    else:
+        from scipy.linalg import ldl, solve_triangular
+
+        lower, blocks, order = ldl(matrix * scale * scale[:, None], lower=True)
+        pivots = np.linalg.eigvalsh(blocks) if np.any(np.diag(blocks, 1)) else np.diag(blocks)
+        kept = True
+
+        def solve(b: Array) -> Array:
+            below = lower[order]
+            found = solve_triangular(below, b[order], lower=True, unit_diagonal=True)
+            found = np.linalg.solve(blocks, found)
+            turned = solve_triangular(below.T, found, unit_diagonal=True)
+            back = np.empty_like(turned)
+            back[order] = turned
+            return back
+
+    def unscaled(b: Array) -> Array:
+        by = scale if b.ndim == 1 else scale[:, None]
+        return by * solve(by * b)
+
+    least = float(np.min(np.abs(pivots))) if kept else 0.0
+    return Factored(unscaled, int(np.count_nonzero(pivots < 0.0)), least)
+
+
+def lowest_modes(
+    stiffness: Symmetric, mass: Symmetric, count: int, factor: Factored | None = None
+) -> tuple[Array, Array]:
+    """The lowest modes of K x = ω² M x, of unit mass.
+
+    Parameters
+    ----------
+    stiffness, mass : matrix, shape (n, n)
+    count : int
+    factor : Factored, optional
+        Of the stiffness, if there is one already.
+
+    Returns
+    -------
+    squares : array, shape (count,)
+        ω², ascending; zero of rigid modes.
+    modes : array, shape (n, count)
+
+    Raises
+    ------
+    ConvergenceError
+        If the iteration misses a mode; counting eigenvalues by inertia shows it.
+    """
+    n = stiffness.shape[0]
+    if not is_sparse(stiffness) or n <= max(_FULL, 2 * count):
+        from scipy.linalg import eigh
+
+        chosen = None if count == n else (0, count - 1)
+        squares, modes = eigh(dense(stiffness), dense(mass), subset_by_index=chosen)
+    else:
+        squares, modes = _shifted(stiffness, mass, count, factor)
+    squares[squares <= rounding(stiffness, mass)] = 0.0
+    # Of both directions of a mode, the one in which its largest entry is positive.
+    tops = np.argmax(np.abs(modes), axis=0)
+    modes *= np.where(modes[tops, np.arange(modes.shape[1])] < 0.0, -1.0, 1.0)
+    return squares, modes
+
+
+def rounding(stiffness: Symmetric, mass: Symmetric) -> float:
+    """What ω² of a rigid mode may be, by rounding."""
+    n = stiffness.shape[0]
+    top = float(np.max(np.abs(stiffness.diagonal()) / mass.diagonal()))
+    return 8.0 * np.sqrt(n) * np.finfo(float).eps * top
+
+
+def _shifted(
+    stiffness: Symmetric, mass: Symmetric, count: int, factor: Factored | None
+) -> tuple[Array, Array]:
+    """Lanczos' iteration with (K + s M)⁻¹ M, s > 0 where there are rigid modes."""
+    from scipy.sparse.linalg import LinearOperator, eigsh
+
+    n = stiffness.shape[0]
+    shift, factor = 0.0, factor or factored(stiffness)
+    if factor.singular:
+        shift = 1e-10 * float(np.max(stiffness.diagonal() / mass.diagonal()))
+        factor = factored(stiffness + shift * mass)
+    inverse = cast("Any", LinearOperator)((n, n), matvec=factor.solve, dtype=float)
+    start = np.random.default_rng(0).standard_normal(n)  # the same modes each time
+    wanted = min(count + 2, n - 1)
+    _, modes = eigsh(stiffness, wanted, mass, sigma=-shift, OPinv=inverse, v0=start)
+    heavy = np.einsum("ij,ij->j", modes, mass @ modes)
+    squares = np.einsum("ij,ij->j", modes, stiffness @ modes) / heavy
+    order = np.argsort(squares)
+    squares, modes = squares[order], (modes / np.sqrt(heavy))[:, order]
+    # Below a value between two of them there have to be as many as were found.
+    gaps = np.diff(squares[count - 1 :])
+    last = count + int(np.argmax(gaps))
+    below = 0.5 * (squares[last - 1] + squares[last])
+    if (found := factored(stiffness - below * mass).negative) != last:
+        raise ConvergenceError(
+            "modes",
+            f"{last} were found below {np.sqrt(below):.6g}, and there are {found}",
+            "Ask for some more modes",
+        )
+    return squares[:count], modes[:, :count]
+
+
+def block_of(matrix: Symmetric, rows: Sequence[int] | Array, columns: Sequence[int] | Array) -> Any:
+    """A block of a matrix."""
+    block = matrix[rows][:, columns]
+    return block.tocsc() if is_sparse(matrix) else block

@@ -1,0 +1,623 @@
+"""A structure: its matrices, its modes, and smaller structures that stand for it."""
+
+from __future__ import annotations
+
+import hashlib
+import keyword
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any, Literal, cast
+
+import numpy as np
+
+from stickslip.arguments import validated
+from stickslip.arrays import Array
+from stickslip.errors import DeclarationError, short, suggestion
+from stickslip.kept import cached_property, kept, made_once
+from stickslip.structures import matrices
+from stickslip.structures.damping import ModalDamping, ProportionalDamping
+from stickslip.structures.matrices import Symmetric, is_sparse
+from stickslip.symbolic.formulas import NAME
+
+if TYPE_CHECKING:
+    from stickslip.results import Summary
+
+UnknownKey = int | str
+"""An unknown, by its index or its name."""
+Method = Literal["craig-bampton", "modal"]
+_ALL = 50  # unknowns that results show
+_SHOWN = 6  # frequencies in a summary
+_ROUNDED = 64.0 * np.finfo(float).eps  # of an entry, what may be rounding
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """What a reduction has left out.
+
+    Attributes
+    ----------
+    method : str
+        ``"craig-bampton"`` or ``"modal"``.
+    unknowns : int
+        How many there were.
+    frequency : float
+        The first angular frequency left out: of a mode that is fixed at the kept unknowns, or of
+        the structure; infinite if none is.
+    static_error : float
+        By how much the displacement of a kept unknown under a force on it is too small, at most, as
+        a part of it; zero where that is exact, NaN where no unknown is kept. Rigid modes are no
+        part of it.
+    """
+
+    method: str
+    unknowns: int
+    frequency: float
+    static_error: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Structure:
+    """A linear structure, M ü + C u̇ + K u = f, by its matrices.
+
+    Formulas of a system in which it is called u name single unknowns: ``u[3]``, or ``u[tip]`` if
+    that has a name, and rates ``d_u[tip]``.
+
+    Attributes
+    ----------
+    mass, stiffness : array or sparse array, shape (n, n)
+        Symmetric; the mass positive definite, the stiffness positive semidefinite: where it is
+        singular the structure has rigid modes. Symmetric up to 9 digits is symmetric.
+    damping : array or sparse array, ProportionalDamping, ModalDamping or None
+        A matrix, symmetric and positive semidefinite, or a rule; none by default.
+    names : list of str, or mapping of str to int
+        Of all unknowns, or of some, by index. Held as a mapping.
+    unit : str
+        Of displacements.
+    basis : array, shape (N, n), optional
+        What unknowns are of n coordinates, where they are not these: columns are shapes, as
+        reductions, ours and others', give them. Indices and names are those of rows, then.
+    left_out : LeftOut, optional
+        What a reduction has left out.
+
+    Raises
+    ------
+    DeclarationError
+        If a matrix is not symmetric, has no proper definiteness, or holds something else than
+        finite numbers, sizes do not fit, or a name is none, is there twice, or names nothing.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> chain = ss.Structure([[1, 0], [0, 1]], [[2, -1], [-1, 2]], names=["left", "right"])
+    >>> [round(float(omega), 12) for omega in chain.frequencies]
+    [1.0, 1.732050807569]
+    """
+
+    mass: Symmetric
+    stiffness: Symmetric
+    damping: Symmetric | ProportionalDamping | ModalDamping | None = None
+    names: Mapping[str, int] | Sequence[str] | None = None
+    unit: str = field(default="", kw_only=True)
+    basis: Array | None = field(default=None, kw_only=True)
+    left_out: LeftOut | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        if not isinstance(self.unit, str):
+            raise DeclarationError("unit", "expected a text", 'Write it in quotes, like "m"')
+        names = _indices(self.names)
+        called = {index: name for name, index in names.items()}
+
+        def said(index: int) -> str:
+            return called.get(index, str(index)) if self.basis is None else str(index)
+
+        mass = matrices.checked_symmetric(self.mass, "mass", said)
+        stiffness = matrices.checked_symmetric(self.stiffness, "stiffness", said)
+        sizes = {"mass": mass, "stiffness": stiffness}
+        damping = self.damping
+        if damping is not None and not isinstance(damping, ProportionalDamping | ModalDamping):
+            sizes["damping"] = damping = matrices.checked_symmetric(damping, "damping", said)
+        for what, matrix in sizes.items():
+            if matrix.shape != mass.shape:
+                n, m = matrix.shape[0], mass.shape[0]
+                raise DeclarationError(
+                    what, f"it is {n} x {n}, the mass {m} x {m}", "Give matrices of one size"
+                )
+        if len({is_sparse(matrix) for matrix in sizes.values()}) > 1:
+            from scipy.sparse import csc_array
+
+            sizes = {what: csc_array(matrix) for what, matrix in sizes.items()}
+        put(self, "mass", sizes["mass"])
+        put(self, "stiffness", sizes["stiffness"])
+        put(self, "damping", sizes.get("damping", damping))
+        put(self, "basis", None if self.basis is None else _basis(self.basis, mass.shape[0]))
+        _check_names(self.names, names, self.unknowns)
+        put(self, "names", names)
+        _check_positive(self.mass, said)
+        _check_not_negative(self.stiffness, self.mass, "stiffness")
+        if "damping" in sizes:
+            _check_not_negative(self.damping, self.mass, "damping")
+
+    # -- unknowns ----------------------------------------------------------------------------------
+
+    @property
+    def unknowns(self) -> int:
+        """How many unknowns formulas may name."""
+        return int((self.mass if self.basis is None else self.basis).shape[0])
+
+    @property
+    def coordinates(self) -> int:
+        """How many coordinates it moves by: as many, unless it has a basis."""
+        return int(self.mass.shape[0])
+
+    @property
+    def indices(self) -> dict[str, int]:
+        """Names with the indices of their unknowns."""
+        return cast("dict[str, int]", self.names)
+
+    @cached_property
+    def _called(self) -> dict[int, str]:
+        return {index: name for name, index in self.indices.items()}
+
+    def key(self, index: int) -> UnknownKey:
+        """What an unknown is called: by its name, if it has one."""
+        return self._called.get(index, index)
+
+    def index(self, unknown: UnknownKey) -> int:
+        """Where an unknown stands.
+
+        Raises
+        ------
+        KeyError
+            If there is none; its argument says what there is.
+        """
+        names = self.indices
+        if isinstance(unknown, str) and unknown not in names and not unknown.isdecimal():
+            raise KeyError(suggestion(unknown, names) if names else "Its unknowns have no names")
+        index = names[unknown] if isinstance(unknown, str) and unknown in names else int(unknown)
+        if not 0 <= index < self.unknowns:
+            raise KeyError(f"Its unknowns are 0 to {self.unknowns - 1}")
+        return index
+
+    @cached_property
+    def own(self) -> dict[int, int]:
+        """Of unknowns that are coordinates, by index, which of these they are."""
+        if self.basis is None:
+            return {i: i for i in range(self.coordinates)}
+        single = np.count_nonzero(self.basis, axis=1) == 1
+        rows = np.flatnonzero(single)
+        places = np.argmax(self.basis[rows] != 0.0, axis=1)
+        ones = self.basis[rows, places] == 1.0
+        return dict(zip(rows[ones].tolist(), places[ones].tolist(), strict=True))
+
+    @cached_property
+    def shown(self) -> tuple[UnknownKey, ...]:
+        """Unknowns that results show without being asked: those with names and those that were
+        kept, or all, as long as they are few."""
+        named = [*self.indices.values()] if len(self.indices) <= _ALL else []
+        own = [*self.own] if self.basis is not None and len(self.own) <= _ALL else []
+        few = range(self.unknowns if self.unknowns <= _ALL else 0)
+        return tuple(self.key(index) for index in dict.fromkeys([*named, *own]) or few)
+
+    # -- modes -------------------------------------------------------------------------------------
+
+    @property
+    def _eigen(self) -> tuple[Array, Array]:
+        """Squares of the frequencies, and modes of the coordinates."""
+
+        def solved() -> tuple[Array, Array]:
+            if is_sparse(self.mass):
+                matrices.check_memory(self.coordinates)
+            return _fixed(*matrices.lowest_modes(self.stiffness, self.mass, self.coordinates))
+
+        return made_once(self, "modes", solved)
+
+    @property
+    def known_modes(self) -> tuple[Array, Array] | None:
+        """Squares of the frequencies and modes of the coordinates, if anything has asked for them
+        yet."""
+        return kept(self, "modes").get(None)
+
+    @property
+    def squares(self) -> Array:
+        """Squares of the frequencies, shape (n,), ascending."""
+        return self._eigen[0]
+
+    @property
+    def frequencies(self) -> Array:
+        """Angular frequencies without damping, shape (n,), ascending; zero of rigid modes.
+
+        Raises
+        ------
+        DeclarationError
+            If the structure is too large for all its modes.
+        """
+        return np.sqrt(self.squares)
+
+    @property
+    def modes(self) -> Array:
+        """Shapes of the modes of unit mass, shape (unknowns, n)."""
+        shapes = self._eigen[1]
+        return shapes if self.basis is None else self.basis @ shapes
+
+    def shape_at(self, index: int) -> Array:
+        """What the modes are at one unknown, shape (n,)."""
+        shapes = self._eigen[1]
+        return shapes[index] if self.basis is None else self.basis[index] @ shapes
+
+    def in_modes(self, values: Array) -> Array:
+        """The amplitudes of the modes, shape (n,), from values of the coordinates, shape (n,)."""
+        return self._eigen[1].T @ (self.mass @ values)
+
+    @property
+    def modal_damping(self) -> Array:
+        """Damping of the modes of unit mass: shape (n,) where it does not couple them, else
+        (n, n)."""
+        squares, shapes = self._eigen
+        if self.damping is None:
+            return np.zeros(len(squares))
+        if isinstance(self.damping, ProportionalDamping | ModalDamping):
+            return self.damping.of_modes(squares)
+        rule = _proportional(self.damping, self.mass, self.stiffness)
+        if rule is not None:
+            return rule.of_modes(squares)
+        found = shapes.T @ (self.damping @ shapes)
+        size = np.abs(shapes).T @ (abs(self.damping) @ np.abs(shapes))
+        small = np.abs(found) <= 4.0 * np.finfo(float).eps * size
+        np.fill_diagonal(small, False)
+        found = np.where(small, 0.0, (found + found.T) / 2.0)
+        return found if np.any(found - np.diag(np.diag(found))) else np.diag(found).copy()
+
+    # -- smaller ones ------------------------------------------------------------------------------
+
+    @validated
+    def reduced(
+        self,
+        keep: Sequence[UnknownKey] = (),
+        modes: int = 20,
+        *,
+        method: Method = "craig-bampton",
+    ) -> Structure:
+        """A structure with fewer coordinates that moves alike below some frequency.
+
+        Parameters
+        ----------
+        keep : sequence of int or str
+            Unknowns with contacts, springs and loads.
+        modes : int
+            How many modes it has beside them.
+        method : {"craig-bampton", "modal"}
+            Craig and Bampton's has the kept unknowns as coordinates, and modes that are fixed
+            there: what is done to kept unknowns it answers with the exact static displacement. The
+            other has the lowest modes of the structure alone.
+
+        Returns
+        -------
+        Structure
+            Its unknowns have the indices and names of this one; :attr:`left_out` says what it does
+            not have.
+
+        Raises
+        ------
+        DeclarationError
+            If an unknown does not exist or is named twice, nothing is kept for Craig and Bampton's
+            method, or the kept unknowns do not hold the structure.
+
+        Notes
+        -----
+        R. R. Craig and M. C. C. Bampton, Coupling of substructures for dynamic analyses, AIAA
+        Journal 6 (1968). Sparse structures are reduced by Lanczos' iteration with a shift, and the
+        number of modes is checked by inertia.
+        """
+        from stickslip.structures.reduction import craig_bampton, modal
+
+        if modes < 0 or method not in ("craig-bampton", "modal"):
+            raise DeclarationError(
+                "modes" if modes < 0 else "method",
+                f"{modes} is negative" if modes < 0 else f"there is no '{short(method)}'",
+                "Give a whole number, like 20"
+                if modes < 0
+                else suggestion(method, ("craig-bampton", "modal"), '"'),
+            )
+        places = self._places(keep, fixed=method == "craig-bampton")
+        shapes, mass, stiffness, left_out = (
+            craig_bampton(self, places, modes)
+            if method == "craig-bampton"
+            else modal(self, places, modes)
+        )
+        damping = self.damping
+        if damping is not None and not isinstance(damping, ProportionalDamping | ModalDamping):
+            damping = shapes.T @ (damping @ shapes)
+            damping = (damping + damping.T) / 2.0
+        basis = shapes if self.basis is None else self.basis @ shapes
+        return Structure(
+            mass, stiffness, damping, self.names, unit=self.unit, basis=basis, left_out=left_out
+        )
+
+    def _places(self, keep: Sequence[UnknownKey], fixed: bool) -> list[int]:
+        """Rows of kept unknowns; for Craig and Bampton's method they are coordinates."""
+        found: list[int] = []
+        for unknown in keep:
+            where = f"keep: {short(str(unknown))}"
+            if isinstance(unknown, bool) or not isinstance(unknown, int | str | np.integer):
+                raise DeclarationError(where, "neither an index nor a name", "Give one of these")
+            try:
+                index = self.index(unknown if isinstance(unknown, str) else int(unknown))
+            except KeyError as error:
+                raise DeclarationError(where, "there is no such unknown", error.args[0]) from None
+            if index in found:
+                raise DeclarationError(where, "it is kept twice", "Name it once")
+            if fixed and index not in self.own:
+                raise DeclarationError(
+                    where,
+                    "it is no coordinate of this structure, which is reduced already",
+                    'Reduce the original, or take method="modal"',
+                )
+            found.append(index)
+        if fixed and not found:
+            raise DeclarationError(
+                "keep",
+                "nothing is kept",
+                'Name the unknowns with contacts and loads, or take method="modal"',
+            )
+        return found
+
+    def plain(self) -> dict[str, Any]:
+        """What a model file says of it: its arrays as one text."""
+        from stickslip.structures.files import packed_structure
+
+        return packed_structure(self)
+
+    # -- what it says of itself --------------------------------------------------------------------
+
+    @cached_property
+    def digest(self) -> str:
+        """Sixteen digits that differ where structures do."""
+        found = hashlib.sha256()
+        for name in ("mass", "stiffness", "damping", "basis"):
+            part = getattr(self, name)
+            if part is None or isinstance(part, ProportionalDamping | ModalDamping):
+                found.update(repr(part).encode())
+                continue
+            arrays = (part.indptr, part.indices, part.data) if is_sparse(part) else (part,)
+            for array in arrays:
+                found.update(f"{name} {array.shape} {array.dtype.kind}".encode())
+                found.update(np.ascontiguousarray(array).tobytes())
+        found.update(repr((self.indices, self.unit, self.left_out)).encode())
+        return found.hexdigest()[:16]
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Structure) and self.digest == other.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        parts = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        return _remade, (parts, self.known_modes)
+
+    def __repr__(self) -> str:
+        return f"<Structure {self.digest}: {self}>"
+
+    def __str__(self) -> str:
+        named = f", {len(self.indices)} with names" if self.indices else ""
+        by = f", {self.coordinates:,} coordinates" if self.basis is not None else ""
+        return f"{self.unknowns:,} unknowns{named}{by}"
+
+    def summary(self) -> Summary:
+        """What there is to say on a page: sizes, frequencies, damping, what was left out."""
+        from stickslip.results import Summary
+
+        rows = [("unknowns", f"{self.unknowns:,}")]
+        if self.indices:
+            rows.append(("names", _some([*self.indices])))
+        if self.basis is not None:
+            rows.append(("coordinates", f"{self.coordinates:,}"))
+        data: dict[str, Any] = {"unknowns": self.unknowns, "coordinates": self.coordinates}
+        try:
+            frequencies = self.frequencies
+        except DeclarationError as error:
+            rows.append(("frequencies", f"not computed: {error.reason}"))
+        else:
+            rigid = int(np.count_nonzero(frequencies == 0.0))
+            if rigid:
+                rows.append(("rigid modes", f"{rigid}: the stiffness is singular, it may drift"))
+            rows.append(("frequencies", _some([f"{omega:.6g}" for omega in frequencies[rigid:]])))
+            data |= {"rigid_modes": rigid, "frequencies": frequencies[rigid:].tolist()}
+        rows.append(("damping", self._damping_in_words()))
+        if (left := self.left_out) is not None:
+            rows.append(("reduced from", f"{left.unknowns:,} unknowns, {left.method}"))
+            rows.append(("first frequency left out", f"{left.frequency:.6g}"))
+            error = left.static_error
+            said = f"{100.0 * error:.2g} %" if error == error else "no unknown is kept"
+            rows.append(("static error where kept", said))
+            data |= {"left_out": {"frequency": left.frequency, "static_error": error}}
+        return Summary("Structure", tuple(rows), data, True)
+
+    def _damping_in_words(self) -> str:
+        match self.damping:
+            case None:
+                return "none"
+            case ProportionalDamping(alpha, beta):
+                return f"{alpha:.6g} of the mass, {beta:.6g} of the stiffness"
+            case ModalDamping(ratios):
+                return f"{_some([f'{ratio:.4g}' for ratio in np.atleast_1d(ratios)])} of critical"
+        return "a matrix"
+
+    def _repr_html_(self) -> str:
+        return self.summary()._repr_html_()
+
+
+def remember_modes(structure: Structure, squares: Array, modes: Array) -> None:
+    """Let a structure that has just been made have modes that are known.
+
+    Parameters
+    ----------
+    structure : Structure
+    squares : array, shape (n,)
+    modes : array, shape (n, n)
+        Of its coordinates.
+    """
+    kept(structure, "modes")[None] = _fixed(squares, modes)
+
+
+def _remade(parts: dict[str, Any], modes: tuple[Array, Array] | None) -> Structure:
+    """A structure from another process, with the same modes."""
+    made = Structure(**parts)
+    if modes is not None:
+        remember_modes(made, *modes)
+    return made
+
+
+def _fixed(*arrays: Array) -> tuple[Array, Array]:
+    for array in arrays:
+        array.flags.writeable = False
+    first, second = arrays
+    return first, second
+
+
+def _some(texts: Sequence[str]) -> str:
+    more = f", ... ({len(texts)} in all)" if len(texts) > _SHOWN else ""
+    return ", ".join(texts[:_SHOWN]) + more
+
+
+def _indices(names: Any) -> dict[str, int]:
+    """Names with their indices; what is wrong with them is said once sizes are known."""
+    if isinstance(names, Mapping):
+        return dict(names)
+    listed = list(names) if isinstance(names, Sequence) and not isinstance(names, str) else []
+    return {name: index for index, name in enumerate(listed)}
+
+
+def _check_names(given: Any, names: dict[str, int], count: int) -> None:
+    if isinstance(given, str) or not isinstance(given, Mapping | Sequence | None):
+        raise DeclarationError("names", "expected a list of names", 'Write it like ["tip"]')
+    listed = not isinstance(given, Mapping)
+    if listed and given is not None:
+        if len(given) != count:
+            raise DeclarationError(
+                "names",
+                f"there are {len(given)} for {count} unknowns",
+                'Give one for each, or some by their indices, like {"tip": 3}',
+            )
+        twice = next((name for i, name in enumerate(given) if name in given[:i]), None)
+        if twice is not None:
+            raise DeclarationError(
+                "names", f"'{short(str(twice))}' is there twice", "Give each unknown its own"
+            )
+    called: dict[int, str] = {}
+    for name, index in names.items():
+        if not isinstance(name, str) or not NAME.match(name) or keyword.iskeyword(name):
+            raise DeclarationError(
+                "names",
+                f"'{short(str(name))}' is not a name",
+                "Use letters, digits and _, starting with a letter",
+            )
+        if isinstance(index, bool) or not isinstance(index, int | np.integer):
+            raise DeclarationError(
+                f"names.{name}", "its index is no whole number", "Count unknowns from 0 on"
+            )
+        if not 0 <= index < count:
+            raise DeclarationError(
+                f"names.{name}", f"there is no unknown {index}", f"They are 0 to {count - 1}"
+            )
+        if index in called:
+            raise DeclarationError(
+                f"names.{name}", f"unknown {index} is called '{called[index]}'", "Give it one name"
+            )
+        called[int(index)] = name
+        names[name] = int(index)
+
+
+def _basis(given: Any, columns: int) -> Array:
+    if hasattr(given, "toarray"):
+        given = given.toarray()
+    basis = np.array(given)
+    if basis.dtype.kind not in "fiu" or basis.ndim != 2 or not np.all(np.isfinite(basis)):
+        raise DeclarationError("basis", "it is no real, finite matrix", "Give shapes as columns")
+    if basis.shape[1] != columns:
+        raise DeclarationError(
+            "basis",
+            f"it has {basis.shape[1]} columns, and the mass {columns}",
+            "Give a column for each coordinate, and a row for each unknown",
+        )
+    basis = basis.astype(float)
+    basis.flags.writeable = False
+    return basis
+
+
+def _check_positive(mass: Symmetric, said: Any) -> None:
+    diagonal = mass.diagonal()
+    if np.any(diagonal <= 0.0):
+        worst = int(np.argmin(diagonal))
+        raise DeclarationError(
+            "mass",
+            f"it is not positive definite: that of unknown {said(worst)} is {diagonal[worst]:g}",
+            "Remove unknowns without mass by static condensation",
+        )
+    factor = matrices.factored(mass)
+    if factor.negative or factor.singular:
+        raise DeclarationError(
+            "mass",
+            f"it is not positive definite: {_lowest_of(mass, None, factor.negative)}",
+            "Check signs, and that no unknown follows from others",
+        )
+
+
+def _check_not_negative(matrix: Symmetric, mass: Symmetric, what: str) -> None:
+    """Refuse a matrix with an eigenvalue that is negative beyond rounding."""
+    diagonal = np.abs(matrix.diagonal())
+    spread = float(np.max(diagonal, initial=0.0)) or 1.0
+    small = 1e-12 * np.where(diagonal > 0.0, diagonal, spread)
+    if is_sparse(matrix):
+        from scipy.sparse import diags_array
+
+        raised = (matrix + diags_array(small)).tocsc()
+    else:
+        raised = matrix + np.diag(small)
+    factor = matrices.factored(raised)
+    if factor.negative or factor.least == 0.0:
+        raise DeclarationError(
+            what,
+            f"it is indefinite: {_lowest_of(matrix, mass, factor.negative)}",
+            "Check signs; a stiffness that falls is a formula of the system, such as -k/2*u[3]**2"
+            if what == "stiffness"
+            else "Damping takes energy out; put what feeds it in under the forces of the system",
+        )
+
+
+def _lowest_of(matrix: Symmetric, mass: Symmetric | None, negative: int) -> str:
+    """The lowest eigenvalue, in words."""
+    n = matrix.shape[0]
+    if is_sparse(matrix) and n > 2000:
+        return f"{negative or 'some'} of its {n:,} eigenvalues are not positive"
+    from scipy.linalg import eigvalsh
+
+    by = None if mass is None else matrices.dense(mass)
+    low = eigvalsh(matrices.dense(matrix), by, subset_by_index=(0, 0))[0]
+    what = "the lowest" if mass is None else "relative to the mass the lowest"
+    return f"{what} of its {n} eigenvalues is {low:.6g}"
+
+
+def _proportional(
+    damping: Symmetric, mass: Symmetric, stiffness: Symmetric
+) -> ProportionalDamping | None:
+    """The rule by which a matrix was made, if it is C = α M + β K up to rounding."""
+
+    for parts in ([stiffness], [mass], [mass, stiffness]):
+        table = np.array([[float((a * b).sum()) for a in parts] for b in parts])
+        size = np.sqrt(np.diag(table))
+        if not np.all(size > 0.0):
+            continue
+        found = np.zeros(len(parts))
+        apart = damping
+        for _ in range(3):  # later ones for what rounding has left
+            right = np.array([float((part * apart).sum()) for part in parts])
+            found += np.linalg.lstsq(table / np.outer(size, size), right / size)[0] / size
+            apart = damping - sum(c * part for c, part in zip(found, parts, strict=True))
+        terms = sum(abs(c * part) for c, part in zip(found, parts, strict=True))
+        if np.all(found >= 0.0) and (abs(apart) - _ROUNDED * (abs(damping) + terms)).max() <= 0.0:
+            alpha = found[0] if parts[0] is mass else 0.0
+            beta = found[-1] if parts[-1] is stiffness else 0.0
+            return ProportionalDamping(float(alpha), float(beta))
+    return None
