@@ -7,9 +7,9 @@ def curling_stone(**given: float | str) -> System:
     """Curling stone that stands on a ring and turns slowly while it slides, on ice whose friction
     falls with the speed.
 
-    It goes straight: the pressure is the same all round and friction depends on the mean speed of
-    the ring, so what the front is pushed to one side, the back is pushed to the other. A real stone
-    curls, for which friction has to differ between front and back.
+    It goes straight: under a pressure that is the same all round, the side forces at its front and
+    at its back cancel. A real stone curls by a metre, since friction differs between the two; why,
+    is still debated.
 
     Parameters
     ----------
@@ -19,7 +19,7 @@ def curling_stone(**given: float | str) -> System:
     References
     ----------
     A. R. Penner, *The physics of sliding cylinders and curling rocks*, Am. J. Phys. 69 (2001)
-    332-339, on why even pressure makes no curl. The law of friction is a choice of this catalogue.
+    332-339, on what makes a stone curl. The law of friction is a choice of this catalogue.
     """
     return System(
         name="curling_stone",
@@ -29,7 +29,7 @@ def curling_stone(**given: float | str) -> System:
             "m": Parameter(19.0, "kg", "mass", "(0, inf)"),
             "a": Parameter(0.06, "m", "radius of the ring that it stands on", "(0, inf)"),
             "b": Parameter(0.145, "m", "radius of the stone", "(0, inf)"),
-            "mu": Parameter(0.025, "1", "coefficient of friction at rest", "[0, inf)"),
+            "mu": Parameter(0.03, "1", "coefficient of friction at rest", "[0, inf)"),
             "v_0": Parameter(0.3, "m/s", "speed over which it falls", "(0, inf)"),
             "g": Parameter(9.81, "m/s^2", "acceleration of gravity", "(0, inf)"),
         },
@@ -48,7 +48,7 @@ def curling_stone(**given: float | str) -> System:
                 unit="N",
             )
         },
-        initial={"d_x": 2.4, "d_phi": 1.5},
+        initial={"d_x": 2.4, "d_phi": 2.5},
         span=(0, 30),
         time_unit="s",
         conditions={"friction": Condition("mu > 0", "it never comes to rest")},
