@@ -61,6 +61,7 @@ LEAST = {
     "tutorials/machines.md": 15,
     "tutorials/impacts.md": 15,
     "tutorials/friction-in-a-plane.md": 15,
+    "tutorials/bodies-on-points-faces-and-wheels.md": 30,
     "tutorials/gaits.md": 30,
     "tutorials/record-to-map.md": 15,
 }

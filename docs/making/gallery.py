@@ -122,11 +122,12 @@ def pictures(folder: Path) -> None:
             motion = ss.simulate(system)
             motion.plot().savefig(folder / f"{name}.png", dpi=110)
         small = ss.style.new_figure(4.0, 2.6)
-        if system.planes:
-            ss.figures.path_in_plane(small.add_subplot(), motion)
-        else:
+        axes = small.add_subplot()
+        try:
+            ss.figures.path_in_plane(axes, motion)
+        except ss.DeclarationError:  # nothing in a plane, or in one that turns with a body
             first = next(iter([*system.coordinates, *system.internal]))
-            motion.plot(first, ax=small.add_subplot())
+            motion.plot(first, ax=axes)
         small.savefig(folder / f"{name}-small.png", dpi=_THUMBNAIL)
         mark.write_text(now, encoding="utf-8")
 

@@ -38,6 +38,7 @@ ENERGIES = {
     "rimless_wheel": "m^2*kg/s^2",
     "velocity_step": "1",  # it has none
 }  # no work at a contact
+TURNING = {"face 3", "ice 3", "scales 3"}  # moments of faces
 ANGLES = ("psi", "theta", "phi", "phi_M", "phi_S")
 
 
@@ -151,7 +152,8 @@ def test_everything_published_has_its_unit(name: str) -> None:
         assert units[f"normal_{contact_key(contact)}"] == "N"
         assert units[f"gap_{contact_key(contact)}"] == "m"
     for contact in (c.name for c in system.declaration.contacts if not c.opens):
-        slip, force = ("rad/s", "N*m") if system.name == "drill_string" else ("m/s", "N")
+        turns = system.name == "drill_string" or contact in TURNING
+        slip, force = ("rad/s", "N*m") if turns else ("m/s", "N")
         assert units[f"slip_speed_{contact_key(contact)}"] == ("1" if expected == "1" else slip)
         assert units[f"friction_{contact_key(contact)}"] == ("1" if expected == "1" else force)
 
