@@ -217,7 +217,7 @@ def declared(shape: Shape) -> System:
     rates = [f"d_{x}" for x in shape.names]
     names = used(shape) + (["a"] if d == 3 else [])
     ones = {"s", "sl", "vs", "d", "a", "wo", *RULES[shape.rule].numbers}
-    ones |= {f"M_{i}_{i}" for i in range(n)}
+    ones = (ones | {f"M_{i}_{i}" for i in range(n)}) - {"e12", "h"}
     along = [" + ".join(f"A_{i}_{j}*{rates[j]}" for j in range(n)) for i in range(d)]
     if shape.turned:
         angle = shape.names[-1]
