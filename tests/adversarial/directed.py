@@ -156,10 +156,7 @@ def mean_speed_of_disc(slide: float, spin: float) -> tuple[float, float, float]:
         eps = slide / spin
         m = eps * eps
         E, K = float(ellipe(m)), float(ellipk(m)) if m < 1.0 else 0.0
-        if m < _BESIDE:
-            force = _small_force(m) * eps
-        else:
-            force = ((m + 1.0) * E + (m - 1.0) * K) / eps
+        force = _small_force(m) * eps if m < _BESIDE else ((m + 1.0) * E + (m - 1.0) * K) / eps
         moment = (4.0 - 2.0 * m) * E + (m - 1.0) * K
     else:
         m = (spin / slide) ** 2
@@ -400,9 +397,7 @@ class Directed:
         G, F, om, ph = self.loads
         return G + F * np.cos(om * t + ph) - K @ q - C @ v
 
-    def accelerations(
-        self, t: float, q: Array, v: Array, force: Array, along: float
-    ) -> Array:
+    def accelerations(self, t: float, q: Array, v: Array, force: Array, along: float) -> Array:
         """q″ for forces of both contacts."""
         total = self.loaded(t, q, v) + self.directions(q).T @ force + self.line * along
         return np.linalg.solve(self.matrices[0], total)

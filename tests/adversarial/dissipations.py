@@ -76,13 +76,9 @@ def lawless(case: Rubbed, found: ss.Trajectory) -> tuple[str, float]:
         return np.asarray(sampled[name]) / unit
 
     states = np.array([got(x, case.unit(x)) for x in case.names]).T
-    second = np.array(
-        [got(f"dd_{x}", case.unit(x) / case.time**2) for x in case.shape.names]
-    ).T
+    second = np.array([got(f"dd_{x}", case.unit(x) / case.time**2) for x in case.shape.names]).T
     work = case.force * case.length
-    forces = np.array(
-        [got(f"friction_rub_{i + 1}", work / case.component(i)) for i in range(d)]
-    ).T
+    forces = np.array([got(f"friction_rub_{i + 1}", work / case.component(i)) for i in range(d)]).T
     along = got("friction_line", case.force) if case.shape.line else np.zeros(len(middles))
     fast = max(float(np.max(np.abs(states[:, n:]))), LEAST)
     full = 0.0
@@ -110,9 +106,9 @@ def lawless(case: Rubbed, found: ss.Trajectory) -> tuple[str, float]:
             rub, most = float(board.line @ v), case.numbers["sl"]
             if modes[i, 1] == 0 and (abs(rub) > NONE * fast or abs(along[i]) > most + LAWFUL):
                 return f"the line is said to stick, and does not at t = {t:.9g}", full
-            if modes[i, 1] != 0 and abs(rub) > 1e-6 * fast:
-                if abs(along[i] + most * np.sign(rub)) > LAWFUL * size:
-                    return f"the friction of the line is another one at t = {t:.9g}", full
+            off = abs(along[i] + most * np.sign(rub))
+            if modes[i, 1] != 0 and abs(rub) > 1e-6 * fast and off > LAWFUL * size:
+                return f"the friction of the line is another one at t = {t:.9g}", full
         expected = board.accelerations(t, q, v, force, along[i])
         if np.max(np.abs(expected - second[i])) > LAWFUL * max(1.0, np.max(np.abs(second[i]))):
             return f"accelerations differ at t = {t:.9g}", full

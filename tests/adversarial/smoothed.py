@@ -300,7 +300,12 @@ def rates(board: Board, law: Smooth, width: float) -> Callable[[float, Array], A
 
 
 def smoothed(
-    system: Smoothable, start: Array, times: Array, law: Smooth, width: float, precise: float = PRECISE
+    system: Smoothable,
+    start: Array,
+    times: Array,
+    law: Smooth,
+    width: float,
+    precise: float = PRECISE,
 ) -> Array:
     """States (q, q′) at sorted times by a smoothed law.
 

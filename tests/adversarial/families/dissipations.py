@@ -204,9 +204,7 @@ def _form(letter: str, names: list[str]) -> str:
     """Half a quadratic form."""
     n = len(names)
     terms = [f"{letter}_{i}_{i}/2*{names[i]}**2" for i in range(n)]
-    terms += [
-        f"{letter}_{i}_{j}*{names[i]}*{names[j]}" for i in range(n) for j in range(i + 1, n)
-    ]
+    terms += [f"{letter}_{i}_{j}*{names[i]}*{names[j]}" for i in range(n) for j in range(i + 1, n)]
     return " + ".join(terms)
 
 
