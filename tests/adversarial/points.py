@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 import stickslip as ss
 
+from .families.dissipations import Rubbed
 from .families.points import FAMILIES, Carried
 from .mechanics import Array
 from .motions import without_numbers
@@ -39,6 +40,9 @@ LAWFUL = 1e-7  # of the forces: what may be missing in the law
 RESTS = 1e-4  # rates of a smoothed motion that are creep
 PATIENCE = 30.0
 
+# What breaks the law of friction in a motion, and the largest part of a threshold that is needed.
+Law = Callable[[ss.Trajectory], tuple[str, float]]
+
 
 def cases(seed: int = 0, count: int = 100) -> Iterator[Carried]:
     """Cases of all families in turn."""
@@ -52,6 +56,11 @@ def reproduction(case: Carried) -> str:
 
 def judge(case: Carried) -> Verdict:
     """Compute a motion twice and compare."""
+    return judged(case, lambda found: lawless(case, found))
+
+
+def judged(case: Carried | Rubbed, law: Law) -> Verdict:
+    """Compute a motion twice and compare; `law` says what breaks the law of friction in one."""
     with np.errstate(all="ignore"):
         found = simulated(case)
         times = instants(case, found)
@@ -62,10 +71,10 @@ def judge(case: Carried) -> Verdict:
             return Verdict(NO_REFERENCE, without_numbers(f"{type(error).__name__}: {error}"))
         if isinstance(found, str):
             return Verdict(REFUSED, found)
-        return compare(case, found, times, reference)
+        return compare(case, found, times, reference, law)
 
 
-def simulated(case: Carried) -> ss.Trajectory | str:
+def simulated(case: Carried | Rubbed) -> ss.Trajectory | str:
     """The library's motion, or how it refused."""
     try:
         with at_most(PATIENCE):
@@ -78,12 +87,12 @@ def simulated(case: Carried) -> ss.Trajectory | str:
         return f"raises {type(error).__name__}: {without_numbers(str(error))}"
 
 
-def started(case: Carried) -> Array:
+def started(case: Carried | Rubbed) -> Array:
     """The initial state in natural units."""
     return np.array([case.start.get(name, 0.0) for name in case.names])
 
 
-def instants(case: Carried, found: ss.Trajectory | str) -> Array:
+def instants(case: Carried | Rubbed, found: ss.Trajectory | str) -> Array:
     """Where states are compared: at random, on both sides of every switch, and at the end."""
     rng = np.random.default_rng(case.seed)
     times = [*rng.uniform(0.0, case.duration, 8), case.duration]
@@ -95,14 +104,16 @@ def instants(case: Carried, found: ss.Trajectory | str) -> Array:
     return np.unique(np.clip(times, 0.0, case.duration))
 
 
-def sizes(case: Carried, states: Array) -> Array:
+def sizes(case: Carried | Rubbed, states: Array) -> Array:
     """Sizes of coordinates and of rates: what differences are relative to."""
     n = len(case.shape.names)
     largest = np.max(np.abs(np.vstack([states, started(case)])), axis=0)
     return np.maximum(np.repeat([np.max(largest[:n]), np.max(largest[n:])], n), LEAST)
 
 
-def compare(case: Carried, found: ss.Trajectory, times: Array, reference: Limit) -> Verdict:
+def compare(
+    case: Carried | Rubbed, found: ss.Trajectory, times: Array, reference: Limit, law: Law
+) -> Verdict:
     """Compare states, modes, forces, and what is said of rest."""
     certificate = found.certificate
     reached = float(found.knots.time[-1]) / case.time
@@ -127,7 +138,7 @@ def compare(case: Carried, found: ss.Trajectory, times: Array, reference: Limit)
         fault = f"states differ by {off[worst]:.1e}"
         numbers |= {"time": float(times[worst]), "allowed": float(allowed[worst])}
         numbers |= {"expected": states[worst].tolist(), "got": got[worst].tolist()}
-    broken, numbers["full"] = lawless(case, found)
+    broken, numbers["full"] = law(found)
     fault = fault or broken
     numbers |= {"fault": fault} if fault else {}
     if fault and certificate.ok:
@@ -147,13 +158,13 @@ def compare(case: Carried, found: ss.Trajectory, times: Array, reference: Limit)
     return Verdict(AGREED, "", numbers)
 
 
-def moves_later(case: Carried) -> bool:
+def moves_later(case: Carried | Rubbed) -> bool:
     """Whether it moves after the span, in three times its length."""
     times = np.linspace(1.0, 4.0, 61) * case.duration
     board = case.board()
     width = WIDTHS[0] * (FINE if board.drops else 1.0)
     states = smoothed(board, started(case), times, LAWS[0], width, 1e-9)
-    return bool(np.max(np.abs(states[:, board.size :])) > RESTS)
+    return bool(np.max(np.abs(states[:, len(case.shape.names) :])) > RESTS)
 
 
 def lawless(case: Carried, found: ss.Trajectory) -> tuple[str, float]:

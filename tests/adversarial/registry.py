@@ -22,6 +22,7 @@ SHARES = {
     "impacts": 0.25,
     "planes": 0.25,
     "points": 0.25,
+    "dissipations": 0.25,
     "accelerations": 0.5,
     "samples": 0.025,
     "cycles": 0.1,

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -92,6 +92,19 @@ LAWS = (
     Smooth(_tanh, lambda z: np.exp(-(np.minimum(z, 3.0) ** 8)), 300.0),
     Smooth(lambda r, width: 1.0 / np.sqrt(r * r + width**2), lambda z: 1.0 / (1.0 + z**8), 1000.0),
 )
+
+
+class Smoothable(Protocol):
+    """Mechanics with friction that can be smoothed."""
+
+    @property
+    def drops(self) -> bool:
+        """Whether static friction is above kinetic friction somewhere."""
+        ...
+
+    def rates(self, law: Smooth, width: float) -> Callable[[float, Array], Array]:
+        """The equations of motion of a smoothed law."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -174,6 +187,10 @@ class Board:
     def touches(self) -> Touches:
         """All contacts as arrays."""
         return Touches(self, (*self.spots, *self.lines))
+
+    def rates(self, law: Smooth, width: float) -> Callable[[float, Array], Array]:
+        """The equations of motion of a smoothed law."""
+        return rates(self, law, width)
 
 
 class Touches:
@@ -283,7 +300,12 @@ def rates(board: Board, law: Smooth, width: float) -> Callable[[float, Array], A
 
 
 def smoothed(
-    board: Board, start: Array, times: Array, law: Smooth, width: float, precise: float = PRECISE
+    system: Smoothable,
+    start: Array,
+    times: Array,
+    law: Smooth,
+    width: float,
+    precise: float = PRECISE,
 ) -> Array:
     """States (q, q′) at sorted times by a smoothed law.
 
@@ -292,7 +314,7 @@ def smoothed(
     RuntimeError
         If the integrator gives up.
     """
-    rate = rates(board, law, width)
+    rate = system.rates(law, width)
 
     def slopes(t: float, y: Array) -> Array:
         # Differences over what is small against the width; the integrator would take larger ones.
@@ -329,12 +351,12 @@ class Limit:
     doubt: Array
 
 
-def limit(board: Board, start: Array, times: Array) -> Limit:
+def limit(system: Smoothable, start: Array, times: Array) -> Limit:
     """The limit of both laws, by Richardson's extrapolation in the width."""
-    finer = FINE if board.drops else 1.0
+    finer = FINE if system.drops else 1.0
     found, steps = [], []
     for law in LAWS:
-        wide, narrow = (smoothed(board, start, times, law, finer * w) for w in WIDTHS)
+        wide, narrow = (smoothed(system, start, times, law, finer * w) for w in WIDTHS)
         found.append(2.0 * narrow - wide)
         steps.append(np.abs(narrow - wide))
     better = np.max(steps[0]) > np.max(steps[1])

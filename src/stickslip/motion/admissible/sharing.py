@@ -253,13 +253,13 @@ def held_at(flow: Flow, table: Array, c: int, k: int) -> float:
     """Order k of the force of a sticking contact, beside the middle of its set, in parts of its
     axis."""
     rows = flow.rows
-    middle = 0.0
+    force = table[rows.force[c], k] / axis_of(flow, c)
     if formula_of(rows, c) >= 0:
         radius = table[rows.planes[rows.plane[c], STATIC], k]
-        middle = radius * middle_of(flow, c)
-    elif rows.plane[c] < 0:
-        middle = 0.5 * (table[rows.minus[c], k] - table[rows.plus[c], k])
-    return float((table[rows.force[c], k] - middle) / axis_of(flow, c))
+        return float(force - radius * middle_of(flow, c))
+    if rows.plane[c] < 0:
+        return float(force - 0.5 * (table[rows.minus[c], k] - table[rows.plus[c], k]))
+    return float(force)
 
 
 @compiled(brief=True)

@@ -44,6 +44,7 @@ MOST_IMPLICIT = 500  # components of a state that implicit steps may have: their
 AUDIT_NODES = 18  # of an audit, in a piece of a step
 EPSILON = 2.220446049250313e-16
 ROUNDING = 64 * EPSILON
+PER_FACE = 24  # rows of Space.facing for each face
 # part of its size by which the guard of a switch that has just fired may be away from zero, where
 # it is by definition
 FIRED = 1e-10
@@ -655,7 +656,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         begun=z((table_rows if len(rows.planes) else 0, FEWEST_ORDERS + 1)),
         answer=z((2 * len(rows.planes), 2 * len(rows.planes))),
         aims=z((14 * len(rows.planes), N + 1)),
-        facing=z((22 * len(rows.planes), 5)),
+        facing=z((PER_FACE * len(rows.planes), 5)),
         basis=z((several, nq)),
         grip=z((mq if sharing else 0, nq)),
         turned_grip=z((mq if sharing else 0, nq)),

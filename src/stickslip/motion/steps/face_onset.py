@@ -6,9 +6,10 @@ Delassus' matrix D and the rate b without friction, both of which four probes te
 ρ n minimises (w − b)·D⁻¹(w − b)/2 + k R(w): it is found by Newton's method with R rounded off at 0,
 less and less, which has no need of D⁻¹,
 
-    w − b + k D ∇√(R(w)² + ε²) = 0,
+    w − b + k D ∇√(R(w)² + ε²) = 0,    w = b − D p,
 
-and at last in n and ρ, also where ρ = 0 since the force has just reached its set. Each further
+with steps that lower p·Dp/2 + k √(R(w)² + ε²), the same function, so that flat sets of forces do no
+harm; and at last in n and ρ, also where ρ = 0 since the force has just reached its set. Each further
 order is one linear problem for the part of nₘ across n and for one order of ρ.
 """
 
@@ -25,6 +26,8 @@ from stickslip.motion.steps.arrays import (
     FEWEST_ORDERS,
     FORMULA,
     OK,
+    PER_FACE,
+    ROUNDING,
     Flow,
     Instant,
     Machine,
@@ -41,10 +44,12 @@ _ROUNDED = 0.1  # factor by which R is rounded off less from turn to turn
 _FINEST = 1e-7  # … at last, in parts of its value without friction
 _MOST_TURNS = 40  # of Newton's method
 _SETTLED = 1e-15  # part of its terms by which it may fail at last
+_LOWERED = 1e-4  # part of the slope by which a step lowers what it minimises, but for rounding
+_MOST_CUTS = 40  # halvings of a step
 # Rows of Space.facing for each face: D, b, k with ρ, forces of probes (with room for an inverse),
-# that inverse, rates of probes, equations, and what is solved for.
+# that inverse, rates of probes, equations, what is solved for, p and its change.
 _D, _B, _K, _FORCES, _INVERSE, _RATES, _EQUATIONS, _SOLVED = 0, 3, 4, 5, 11, 14, 17, 21
-PER_FACE = 22
+_TAKEN, _CHANGE = 22, 23
 
 
 @compiled(brief=True)
@@ -203,6 +208,7 @@ def aim_face(flow: Flow, p: int) -> None:
     size = 0.0
     for i in range(3):
         w[i] = own[_B, i]
+        own[_TAKEN, i] = 0.0
         size = max(size, abs(w[i]))
     f = flow.rows.planes[p, FORMULA]
     whole = dissipation_at(flow, f, w[0], w[1], w[2]) if size > 0.0 else 0.0
@@ -241,12 +247,15 @@ def improve_rate(flow: Flow, f: int, own: Array, rounded: float) -> float:
         Of the face; its w is changed.
     rounded : float
     """
-    w, equations = own[_SOLVED], own[_EQUATIONS:]
+    w, taken, change = own[_SOLVED], own[_TAKEN], own[_CHANGE]
+    equations = own[_EQUATIONS:]
     R = dissipation_at(flow, f, w[0], w[1], w[2])
     root = math.sqrt(R * R + rounded * rounded)
+    before = made_least(own, root)
     part = own[_K, 0] * R / root
     less = own[_K, 0] * rounded * rounded / root**3
     for i in range(3):
+        change[i] = part * slope_at(flow, f, i) - taken[i]
         for j in range(3):
             equations[i, j] = 1.0 if i == j else 0.0
         equations[i, 3] = own[_B, i] - w[i]
@@ -258,17 +267,53 @@ def improve_rate(flow: Flow, f: int, own: Array, rounded: float) -> float:
                 equations[i, j] += own[_D + i, k] * second
     if not solve_equations(equations, 3):
         return 0.0
-    # where R is rounded off little, a full step may lead to the other side of 0
-    length, step = 0.0, 0.0
+    slope = 0.0
     for i in range(3):
-        length += w[i] * w[i]
-        step += equations[i, 3] ** 2
-    share = min(1.0, 0.5 * math.sqrt(length / step)) if step > 0.0 and part > 0.0 else 1.0
+        slope += change[i] * equations[i, 3]
+    for i in range(3):
+        for j in range(3):
+            second = part * bend_at(flow, f, i, j)
+            second += less * slope_at(flow, f, i) * slope_at(flow, f, j)
+            change[i] += second * equations[j, 3]
+    # where R is rounded off little, a full step may lead to the other side of 0
+    share, gone = 1.0, 0.0
+    for _ in range(_MOST_CUTS):
+        for i in range(3):
+            w[i] += (share - gone) * equations[i, 3]
+            taken[i] += (share - gone) * change[i]
+        gone = share
+        R = (
+            dissipation_at(flow, f, w[0], w[1], w[2])
+            if w[0] != 0.0 or w[1] != 0.0 or w[2] != 0.0
+            else 0.0
+        )
+        now = made_least(own, math.sqrt(R * R + rounded * rounded))
+        if now <= before + _LOWERED * share * slope + ROUNDING * before:
+            break
+        share *= 0.5
     most = 0.0
     for i in range(3):
-        w[i] += share * equations[i, 3]
-        most = max(most, abs(share * equations[i, 3]))
+        most = max(most, abs(gone * equations[i, 3]))
     return most
+
+
+@compiled(brief=True)
+def made_least(own: Array, root: float) -> float:
+    """What the rate w = b − D p minimises, p·Dp/2 + k √(R² + ε²).
+
+    Parameters
+    ----------
+    own : array
+        Of the face.
+    root : float
+        √(R(w)² + ε²).
+    """
+    taken = own[_TAKEN]
+    square = 0.0
+    for i in range(3):
+        for j in range(3):
+            square += taken[i] * own[_D + i, j] * taken[j]
+    return float(0.5 * square + own[_K, 0] * root)
 
 
 @compiled(brief=True)
