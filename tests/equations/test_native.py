@@ -369,7 +369,7 @@ def dot(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Sequence[float]],
     pairs = Scalar("dot", tuple(element("K", i) for i in range(2 * PAIRS)))
     layout = Layout([], {})
     powers = [Store("out", (0,), pairs)]
-    generated = Generated(layout, ParameterExpressions([]), [], [], [], powers, [])
+    generated = Generated(layout, ParameterExpressions([]), [], [], [], powers, [], [])
     code = compiled_by_llvm(generated, tmp_path_factory.mktemp("dot"))["powers"]
 
     def made(given: Sequence[float]) -> float:

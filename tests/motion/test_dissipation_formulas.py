@@ -39,7 +39,7 @@ def puck(contact, extra="", push=(0.7, 0.5), parameters=None):
     )
 
 
-def contact(formula, threshold=0.7, **others):
+def contact(formula, threshold: float | str = 0.7, **others):
     return ss.Contact(("d_x", "d_y"), threshold, dissipation=formula, **others)
 
 
@@ -131,7 +131,9 @@ def test_a_drag_with_a_kink_on_the_way_to_rest(seed):
     a, b, s = np.random.default_rng(seed).uniform(0.3, 1.2, 3)
     system = puck(ss.Contact(("d_x", "d_y"), s), push=(a, b))
     drag = ss.Inertial("m", force="-0.1*abs(d_x)*d_x")
-    motion = ss.simulate(replace(system, coordinates=system.coordinates | {"x": drag}), (0.0, 40.0))
+    motion = ss.simulate(
+        replace(system, coordinates={**system.coordinates, "x": drag}), (0.0, 40.0)
+    )
     assert motion.outcome.name == "FINISHED"
     assert motion.certificate
 

@@ -8,6 +8,7 @@ points, with SciPy's integrator.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,7 +28,7 @@ NAMES = ("v1", "v2", "v3")
 
 
 def coin(form="disc", inertia=0.5, potential="0", **start):
-    given = {"axes": (1, 1, "2*a/3")} if form == "ellipsoid" else {}
+    given: dict[str, Any] = {"axes": (1, 1, "2*a/3")} if form == "ellipsoid" else {}
     if form != "ellipsoid":
         given["dissipation"] = f"{form}(v1, v2, a*v3)"
     return ss.System(
@@ -190,7 +191,7 @@ def test_it_begins_to_slip_where_the_force_leaves_its_set(form):
     system = replace(coin(form), time_unit="")
     loads = {name: ss.Parameter(0.0) for name in ("p", "q", "r")}
     load = "-mu*m*g*t*(p*x + q*y + r*a*phi)"
-    system = replace(system, parameters=system.parameters | loads, potential=load)
+    system = replace(system, parameters={**system.parameters, **loads}, potential=load)
     rng = np.random.default_rng(3)
     for load in rng.normal(size=(3, 3)):
 
@@ -226,7 +227,7 @@ def test_derivatives_of_a_face_that_begins_and_stops():
     base = coin("ellipsoid")
     system = replace(
         base,
-        parameters=base.parameters | {"A": ss.Parameter(4.0)},
+        parameters={**base.parameters, "A": ss.Parameter(4.0)},
         potential=load,
         time_unit="",
     )
