@@ -151,9 +151,19 @@ def evened(formula: ConvexFormula) -> tuple[ConvexFormula, tuple[Expr, ...]]:
         return ex.add(*((ex.substitute(formula.value, w, undefined=True), 0.5) for w in ways))
 
     turning = formula.names[-1]
-    axis = width(turning) / width(formula.names[0])
+    axis = _chosen(width(turning) / width(formula.names[0]))
     value = ex.substitute(formula.value, {turning: ex.sym(turning) / axis}, undefined=True)
     return replace(formula, value=value), (ex.ONE,) * (n - 1) + (axis,)
+
+
+def _chosen(axis: Expr) -> Expr:
+    """An axis without choices: 1 where one is left that depends on parameters."""
+
+    def above(e: Expr) -> Expr | None:
+        return e.args[1] if e.op == "select" and ex.never_negative(e.args[0]) else None
+
+    found = ex.rewrite(axis, above, again=True, undefined=True)
+    return ex.ONE if any(e.op == "select" for e in ex.walk([found])) else found
 
 
 class Slope(NamedTuple):

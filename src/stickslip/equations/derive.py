@@ -488,6 +488,7 @@ def _equations_of(d: Declaration) -> MotionEquations:
     used += _formulas_of(d.jumps)
     felt = list(used)
     used += [energy, dissipation, supply, *d.mass.values(), *d.damping.values()]
+    used += [e for plane in planes for e in (plane.unit, *plane.slope)]
     used += [e for c in contacts for e in (*c.direction.values(), c.axis, c.restitution)]
     guards = dict.fromkeys(ex.listed_guard(n, held) for n in ex.walk(used) if n.op == "select")
     guards |= dict.fromkeys(jump.guard for jump in d.jumps)
@@ -658,6 +659,9 @@ def _pressed(d: Declaration, contacts: list[DryContact], planes: list[Plane]) ->
         others = [
             o for o in planes if o is not plane and home.get(o.parts[0]) == home.get(plane.parts[0])
         ]
+        if plane.parts[0] not in home:  # between motions that are given
+            found.append(plane)
+            continue
         if plane.formula is not None:
             _check_turning(d, contacts, plane, joined[home[plane.parts[0]]])
         if plane.formula is not None and others:

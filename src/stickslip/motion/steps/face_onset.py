@@ -9,8 +9,8 @@ less and less, which has no need of D⁻¹,
     w − b + k D ∇√(R(w)² + ε²) = 0,    w = b − D p,
 
 with steps that lower p·Dp/2 + k √(R(w)² + ε²), the same function, so that flat sets of forces do no
-harm; and at last in n and ρ, also where ρ = 0 since the force has just reached its set. Each further
-order is one linear problem for the part of nₘ across n and for one order of ρ.
+harm; and at last in n and ρ, also where ρ = 0 since the force has just reached its set. Each
+further order is one linear problem for the part of nₘ across n and for one order of ρ.
 """
 
 from __future__ import annotations
