@@ -47,6 +47,8 @@ from stickslip.machine_code.objects import addresses
 from stickslip.motion.engine.tables import run_setups
 from stickslip.motion.problem import pose
 from stickslip.motion.steps.arrays import (
+    AIM,
+    AIM_SPEED,
     Constants,
     Space,
     make_space,
@@ -224,8 +226,9 @@ def fill(space: Space, generated: Generated, rng: np.random.Generator) -> None:
     """Random inverses, and directions that may be given; nothing else."""
     for part in space:
         part[:] = 0
-    for _, _, first, *_ in generated.layout.planes:
-        space.W[first : first + 3] = rng.normal(size=(3, space.W.shape[1]))
+    for plane in generated.layout.planes:
+        first, count = plane[AIM], plane[AIM_SPEED] + 1 - plane[AIM]
+        space.W[first : first + count] = rng.normal(size=(count, space.W.shape[1]))
     space.W[len(generated.layout.state), 1] = UNIT
     for inverse in (space.Rq, space.Rz):
         inverse[:] = rng.normal(size=inverse.shape)
@@ -237,8 +240,8 @@ def cases(system: System, layout: Layout) -> Iterator[tuple[Array, Array, Array]
     for i in range(TRIALS):
         y = start + 0.3 * rng.normal(size=len(start))
         mode = rng.integers(-2, 3, len(layout.u))
-        for first, second, *_ in layout.planes if i % 4 == 3 else []:
-            mode[[first, second]] = DIRECTION_GIVEN
+        for plane in layout.planes if i % 4 == 3 else []:
+            mode[[part for part in plane[:3] if part >= 0]] = DIRECTION_GIVEN
         yield y, mode, rng.integers(0, 2, len(layout.kinks))
 
 

@@ -612,29 +612,32 @@ def _tangent(i: Instruction, _: Factor) -> Step:
     return step
 
 
-def _direction(i: Instruction, _: Factor) -> Step:
+def _direction(i: Instruction, factor: Factor) -> Step:
     """u/|u| and r = |u|, by r² = u·u; see :class:`stickslip.symbolic.tape.Instruction`."""
-    a, b, size = i.inputs
-    r = i.row + 2
+    *sides, size = i.inputs
+    r = i.row + len(sides)
+    rests = _part(i.parts[0], factor) if i.parts else None
 
     def step(c: Call, k: int) -> None:
         W, mode = c.W, c.mode(i.place)
         opened = [c.mode(normal) != 0 for normal in i.pressed]
         if mode == 0 or (opened and all(opened)):
             W[i.row : r + 1, k] = 0.0
+            if rests is not None and k == 0:
+                W[i.row, 0] = rests(c, 0)
             return
         if mode == DIRECTION_GIVEN:
             return
         if k == 0:
-            speed = math.hypot(W[a, 0], W[b, 0])
+            speed = math.hypot(*(W[row, 0] for row in sides))
             W[r, 0] = 0.0 if speed <= _NOTHING * W[size, 0] else speed
         first = W.item(r, 0)
         if first == 0.0:
             return
         if k:
-            squares = cauchy(W, a, a, k) + cauchy(W, b, b, k)
+            squares = sum(cauchy(W, row, row, k) for row in sides)
             W[r, k] = (squares - float(W[r, 1:k] @ W[r, 1:k][::-1])) / (2.0 * first)
-        for row, side in ((i.row, a), (i.row + 1, b)):
+        for row, side in enumerate(sides, i.row):
             W[row, k] = divided(W, W.item(side, k), r, row, k)
 
     return step
