@@ -45,7 +45,7 @@ def test_families() -> None:
 
 
 def test_a_wrong_motion_is_called_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
-    case = draw("shifted ellipses", 0)
+    case = draw("shifted ellipses", 1)
     simulated = points.simulated
     numbers = {**case.numbers, "b_0": case.numbers["b_0"] + 1e-5}
     monkeypatch.setattr(points, "simulated", lambda c: simulated(replace(c, numbers=numbers)))
