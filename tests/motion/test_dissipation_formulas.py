@@ -188,6 +188,16 @@ def test_derivatives_through_begin_and_end(formula):
             assert exact == pytest.approx(quotient, rel=2e-4, abs=2e-5)
 
 
+@pytest.mark.parametrize("c", (1.0, 2.0, 0.5))
+def test_speed_is_the_dissipation(c):
+    """(1 + c v) dv = −c dt with k = 1/(1 + R), R = c v."""
+    weak = contact(f"{c}*sqrt(v1**2 + v2**2)", 1.0, kinetic="1/(1 + speed)")
+    system = replace(puck(weak), kinetic="(d_x**2 + d_y**2)/2", potential="0", initial={})
+    motion = ss.simulate(system, (0.0, 3.0), initial={"d_x": 0.5})
+    assert motion.certificate
+    assert motion.events["time"].iloc[0] == pytest.approx(0.5 / c + 0.125, rel=1e-12)
+
+
 def test_a_cycle_and_its_multipliers():
     system = puck(contact(FORMULAS[0], 0.5), push=(0.9, 0.0))
     cycle = ss.find_cycle(system)

@@ -319,7 +319,8 @@ def any_rule(rng: Rng, **words: Any) -> Shape:
     rule = str(pick(rng, (*IN_PLANE, "disc", "ring", "ellipsoid")))
     if RULES[rule].count == 3:
         words |= {"size": 3}
-    return Shape(rule, **({"shifted": rule == "ellipse" or not rng.integers(3)} | words))
+    given: dict[str, Any] = {"shifted": rule == "ellipse" or not rng.integers(3)}
+    return Shape(rule, **(given | words))
 
 
 # -- families --------------------------------------------------------------------------------------

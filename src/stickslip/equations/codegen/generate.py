@@ -598,13 +598,12 @@ class _Generator:
         for row, i in enumerate(plane.parts, first):
             tape.name(f"n:{i}", row, stage)
         if not plane.pull:
-            for i in plane.parts:
-                tape.name(f"speed:{i}", speed, stage)
             if plane.unit is not ex.ONE:
-                # R(u) = |u| R(n)
-                mean = tape.row(ex.sym(f"speed:{plane.parts[0]}") * plane.unit)
-                for i in plane.parts:
-                    tape.name(f"speed:{i}", mean, tape.stage[mean])
+                # R(u) = |u| R(n), where |u| has a name of its own: what stands for a symbol is kept
+                tape.name(f"length:{plane.parts[0]}", speed, stage)
+                speed = tape.row(ex.sym(f"length:{plane.parts[0]}") * plane.unit)
+            for i in plane.parts:
+                tape.name(f"speed:{i}", speed, tape.stage[speed])
         self.directions[p] = first
 
     def aimed(self, parts: Sequence[list[Scaled]], kind: Kind) -> None:

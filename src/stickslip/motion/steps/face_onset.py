@@ -159,12 +159,13 @@ def probe_face(machine: Machine, flow: Flow, at: Instant, table: Array, p: int) 
     rows, aims = flow.rows, flow.space.aims
     plane = rows.planes[p]
     own = flow.space.facing[PER_FACE * p :]
-    size = math.sqrt(1.0 / 3.0)
+    n = own[_CHANGE]
+    place_corner(flow, plane[FORMULA], n)
     for probe in range(4):
-        # the corners of a tetrahedron
-        aims[AIMS * p + N_, 0] = size if probe < 2 else -size
-        aims[AIMS * p + N_ + 1, 0] = size if probe % 2 == 0 else -size
-        aims[AIMS * p + L_, 0] = size if probe == 0 or probe == 3 else -size
+        # the corners of a tetrahedron, for the forces as far as the set is wide
+        aims[AIMS * p + N_, 0] = n[0] if probe < 2 else -n[0]
+        aims[AIMS * p + N_ + 1, 0] = n[1] if probe % 2 == 0 else -n[1]
+        aims[AIMS * p + L_, 0] = n[2] if probe == 0 or probe == 3 else -n[2]
         status = put_face(machine, flow, at, table, p)
         if status != OK:
             return status
@@ -177,8 +178,8 @@ def probe_face(machine: Machine, flow: Flow, at: Instant, table: Array, p: int) 
             else:
                 own[_FORCES + probe - 1, i] = force - own[_SOLVED, i]
                 own[_RATES + probe - 1, i] = rate - own[_B, i]
-    R = dissipation_at(flow, plane[FORMULA], size, size, size)
-    own[_K, 0] = -size * (own[_SOLVED, 0] + own[_SOLVED, 1] + own[_SOLVED, 2]) / R
+    R = dissipation_at(flow, plane[FORMULA], n[0], n[1], n[2])
+    own[_K, 0] = -(n[0] * own[_SOLVED, 0] + n[1] * own[_SOLVED, 1] + n[2] * own[_SOLVED, 2]) / R
     known = invert(own[_FORCES:], 3, own[_INVERSE:])
     for i in range(3):
         for j in range(3):
@@ -189,6 +190,28 @@ def probe_face(machine: Machine, flow: Flow, at: Instant, table: Array, p: int) 
         for j in range(3):
             own[_B, i] -= own[_D + i, j] * own[_SOLVED, j]
     return OK
+
+
+@compiled(brief=True)
+def place_corner(flow: Flow, f: int, n: Array) -> None:
+    """A unit vector whose components dissipate alike, each on its own: of a flat set of forces,
+    four such vectors show all directions of it.
+
+    Parameters
+    ----------
+    flow : Flow
+    f : int
+        Number of the formula.
+    n : array
+        Receives it.
+    """
+    length = 0.0
+    for i in range(3):
+        x, y, z = 1.0 if i == 0 else 0.0, 1.0 if i == 1 else 0.0, 1.0 if i == 2 else 0.0
+        n[i] = 1.0 / (dissipation_at(flow, f, x, y, z) + dissipation_at(flow, f, -x, -y, -z))
+        length += n[i] * n[i]
+    for i in range(3):
+        n[i] /= math.sqrt(length)
 
 
 @compiled(brief=True)
