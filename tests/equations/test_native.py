@@ -228,7 +228,9 @@ def fill(space: Space, generated: Generated, rng: np.random.Generator) -> None:
         part[:] = 0
     for plane in generated.layout.planes:
         first, count = plane[AIM], plane[AIM_SPEED] + 1 - plane[AIM]
-        space.W[first : first + count] = rng.normal(size=(count, space.W.shape[1]))
+        given = rng.normal(size=(count, space.W.shape[1]))
+        given[: count - 1, 0] /= np.linalg.norm(given[: count - 1, 0])
+        space.W[first : first + count] = given
     space.W[len(generated.layout.state), 1] = UNIT
     for inverse in (space.Rq, space.Rz):
         inverse[:] = rng.normal(size=inverse.shape)
@@ -240,6 +242,9 @@ def cases(system: System, layout: Layout) -> Iterator[tuple[Array, Array, Array]
     for i in range(TRIALS):
         y = start + 0.3 * rng.normal(size=len(start))
         mode = rng.integers(-2, 3, len(layout.u))
+        for plane in layout.planes:
+            # components slip and stick together
+            mode[[part for part in plane[:3] if part >= 0]] = abs(mode[plane[0]])
         for plane in layout.planes if i % 4 == 3 else []:
             mode[[part for part in plane[:3] if part >= 0]] = DIRECTION_GIVEN
         yield y, mode, rng.integers(0, 2, len(layout.kinks))
@@ -250,7 +255,9 @@ def assert_same_series(one: Space, other: Space, layout: Layout, N: int) -> None
     # What a rate is the zero of is rounding.
     zeros = [i.inputs[0] for i in layout.instructions if i.op is Op.WITHIN]
     first, wanted = (np.delete(space.W[:, 0], zeros) for space in (one, other))
-    np.testing.assert_allclose(first, wanted, rtol=1e-13, atol=1e-14)
+    # Terms of a formula cancel where it is looked at beyond its piece, as here.
+    least = 1e-12 * np.max(np.abs(wanted), initial=1.0) if layout.formulas else 1e-14
+    np.testing.assert_allclose(first, wanted, rtol=1e-13, atol=least)
     # Entries of an inverse that would be zero are rounding errors, beside others that are not.
     least = 1e-15 * np.max(other.mag, initial=0.0) if layout.gaps else 1e-300
     np.testing.assert_allclose(one.mag, other.mag, rtol=1e-13, atol=least)
@@ -258,7 +265,7 @@ def assert_same_series(one: Space, other: Space, layout: Layout, N: int) -> None
     stiff = any(i.op is Op.IMPLICIT for i in layout.instructions)
     N, limit = (min(N, 8), 1e-11) if stiff else (N, 1e-12)
     # Every order of a direction is divided by the speed, which spreads rounding errors.
-    limit = 1e-8 if layout.planes else limit
+    limit = (1e-7 if layout.formulas else 1e-8) if layout.planes else limit
     for got, wanted in ((one.Rq, other.Rq), (one.Rz, other.Rz), (one.B, other.B)):
         size = np.max(np.abs(wanted), initial=1.0)
         np.testing.assert_allclose(got, wanted, rtol=1e-11, atol=1e-14 * size)
@@ -269,7 +276,8 @@ def assert_same_series(one: Space, other: Space, layout: Layout, N: int) -> None
         got, wanted = (np.where(np.isfinite(wanted), x, 0.0) for x in (got, wanted))
         # rounding errors of low orders reach the higher ones
         size = np.maximum.accumulate(np.max(np.abs(wanted), axis=0, initial=1e-3))
-        assert np.all(np.abs(got - wanted) <= limit * size)
+        off = float(np.max(np.abs(got - wanted) / size, initial=0.0))
+        assert off <= limit
 
 
 @pytest.mark.parametrize("looped", [False, True], ids=["written out", "looped"])

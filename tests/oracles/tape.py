@@ -666,6 +666,8 @@ def _rates(i: Instruction, factor: Factor) -> Step:
             A = np.array([entry(c) for entry in entries]).reshape(n, n)
             if i.definite and not is_definite(A[: i.definite, : i.definite]):
                 raise Undetermined(INDEFINITE)
+            if i.shared:
+                A = unshared(A)
             c.given[i.matrix][i.place : i.place + n, :n] = inverse(A)
         else:
             for line, column, row in changing:
@@ -686,6 +688,17 @@ def _first_entry(entry: Instruction, factor: Factor) -> Value:
         return by_mode(c, entry.place, stick, stiffness + plus, stiffness - minus)
 
     return value
+
+
+def unshared(A: Array) -> Array:
+    """The matrix without what says, on its diagonal, that forces may be shared: where they are
+    unique, they are what they are without."""
+    plain = A.copy()
+    own = np.diag_indices(len(A))
+    plain[own] = np.maximum(plain[own], 0.0)
+    if np.linalg.matrix_rank(plain) < len(A):
+        raise NotImplementedError("forces that are shared")
+    return plain
 
 
 def is_definite(A: Array) -> bool:

@@ -141,7 +141,7 @@ def mean_speeds() -> dict[str, Definition]:
         ("ring", (_RING, _RING_LOG), (_RING, _RING_LOG)),
     ):
         for part, (P, Q) in ((f"{name}_spins", spins), (f"{name}_slides", slides)):
-            text = f"{_nested(P)} + q**2/2*log(q**2 + {_PASSING})*{_nested(Q)}"
+            text = f"{_polynomial(P)} + q**2/2*log(q**2 + {_PASSING})*({_polynomial(Q)})"
             found[part] = Definition(name, ("q",), text)
         q = "face_side(u, v, w)"
         length = "sqrt(u**2 + v**2 + w**2)"
@@ -163,9 +163,6 @@ def norms_instead() -> dict[str, Definition]:
     }
 
 
-def _nested(coefficients: tuple[float, ...]) -> str:
-    """A polynomial in q, by Horner's rule."""
-    *others, text = map(repr, coefficients)
-    for c in reversed(others):
-        text = f"({c} + q*{text})"
-    return text
+def _polynomial(coefficients: tuple[float, ...]) -> str:
+    """A polynomial in q, by its powers: derivatives of what is nested grow with its square."""
+    return " + ".join(f"({c!r})*q**{k}" for k, c in enumerate(coefficients))

@@ -47,10 +47,16 @@ def find_support(flow: Flow, f: int, x: float, y: float, z: float) -> int:
     x, y, z : float
         The vector.
     """
-    along = flow.space.along
-    along[0], along[1], along[2] = x, y, z
-    flow.supports(along, flow.k.K, flow.space.supported)
-    return PER_FORMULA * f
+    along, out = flow.space.along, flow.space.supported
+    # At a unit vector nothing overflows.
+    length = math.sqrt(x * x + y * y + z * z)
+    along[0], along[1], along[2] = x / length, y / length, z / length
+    flow.supports(along, flow.k.K, out)
+    at = PER_FORMULA * f
+    out[at] *= length
+    for i in range(_XX, _MIDDLE):
+        out[at + i] /= length
+    return at
 
 
 @compiled(brief=True)
