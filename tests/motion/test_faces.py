@@ -196,6 +196,7 @@ def test_it_begins_to_slip_where_the_force_leaves_its_set(form):
     for load in rng.normal(size=(3, 3)):
 
         def time(w, load=load):
+            w = np.asarray(w) / np.linalg.norm(w)
             return float(R([np.array([x]) for x in w])[0][0]) / max(float(np.dot(load, w)), 1e-12)
 
         starts = rng.normal(size=(6, 3))
@@ -269,6 +270,12 @@ def test_speed_of_a_face_is_its_mean_speed():
 def test_what_is_refused(given, reason):
     face = ss.Contact(("d_x", "d_y", "d_phi"), 1.0, **given)
     with pytest.raises(DeclarationError, match=reason):
+        replace(coin("ellipsoid"), contacts={"face": face})
+
+
+def test_dependent_directions_are_refused():
+    face = ss.Contact(("d_x", "d_y", "d_x + d_y"), 1.0, axes=(1, 1, 1))
+    with pytest.raises(DeclarationError, match="combination of the others"):
         replace(coin("ellipsoid"), contacts={"face": face})
 
 

@@ -960,6 +960,12 @@ class _Reader:
                 f"its components are {first.kind} and {second.kind}",
                 "Give all coordinates of one contact the same kind",
             )
+        if len(parts) > 2 and not first.prescribed and self._are_dependent(parts):
+            raise DeclarationError(
+                f"{where}.direction",
+                "one of its components is a combination of the others",
+                "Give independent combinations of rates, like ['d_x', 'd_y', 'd_phi']",
+            )
         pairs = [(a, b) for i, a in enumerate(parts) for b in parts[i + 1 :]]
         if not first.prescribed and any(_alike(a, b) for a, b in pairs):
             raise DeclarationError(
@@ -968,6 +974,20 @@ class _Reader:
                 f"Give {_NUMBERS[len(parts)]} independent combinations of rates, like "
                 f"{['d_x', 'd_y', 'd_phi'][: len(parts)]}, or fewer",
             )
+
+    def _are_dependent(self, parts: list[DryContact]) -> bool:
+        """Whether directions depend on each other at the start."""
+        import numpy as np
+
+        names = sorted({x for part in parts for x in part.direction})
+        J = np.array(
+            [
+                [ex.evaluate(part.direction.get(x, ex.ZERO), self.start) for x in names]
+                for part in parts
+            ]
+        )
+        J = J / np.linalg.norm(J, axis=1)[:, None]
+        return bool(np.linalg.matrix_rank(J) < len(parts))
 
     def _contact(self, name: str, contact: Contact, declared: str = "") -> DryContact:
         """A contact along a line, or a component of the one that was declared."""
