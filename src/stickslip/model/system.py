@@ -7,7 +7,9 @@ A :class:`System` holds texts and numbers only. Creating one checks the whole de
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeAlias, cast
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
     from stickslip.model.declaration import Declaration
     from stickslip.structures.coordinates import InModes
     from stickslip.structures.structure import Structure
+
+_titles_only = ContextVar("_titles_only", default=False)
 
 Formula = str | float
 """A text or a number. An expression may be given, too: it is written down as a text."""
@@ -473,6 +477,17 @@ def _known(drives: Any) -> _NotGiven:
     return _NotGiven((start, stop)) if start < stop else _SPAN
 
 
+@contextmanager
+def titles_only() -> Iterator[None]:
+    """Where systems are checked on first use instead of when they are created: for a list of the
+    catalogue, which starts sooner without NumPy."""
+    token = _titles_only.set(True)
+    try:
+        yield
+    finally:
+        _titles_only.reset(token)
+
+
 @dataclass(frozen=True)
 class System:
     """A system declared by its energy and its dissipation potential.
@@ -560,6 +575,8 @@ class System:
         hold_plain(self)
         if not given:
             object.__setattr__(self, "span", _known(self.drives))
+        if _titles_only.get():
+            return
         _ = self.declaration
         for doubt in self.doubts:
             warnings.warn(f"{self.name}: {doubt}", stacklevel=3)

@@ -115,6 +115,14 @@ def compiled_values(
     return out if read(*work, mode, region, t, y, out) else None
 
 
+def pieces_of_dissipations(problem: Problem) -> list[int]:
+    """Places of the guards of pieces of dissipations among the values."""
+    equations = problem.compiled.equations
+    n = len(problem.system.declaration.state) + 4 * len(equations.contacts)
+    own = {guard for plane in equations.planes for guard, _ in plane.pieces}
+    return [n + j for j, guard in enumerate(equations.kinks) if guard in own]
+
+
 def symbolic_values(field: Field, t: float, y: NDArray, p: NDArray) -> NDArray:
     columns = [
         [getattr(c, name) for c in field.contacts] for name in ("u", "force", "plus", "minus")
@@ -147,8 +155,14 @@ def random_fields(name: str, count: int) -> list[tuple[Field, float, NDArray, ND
 def test_same_values_as_the_engine(name: str) -> None:
     cases = random_fields(name, 12)
     assert len(cases) >= 3
+    pieces = pieces_of_dissipations(pose(SYSTEMS[name]))
     for field, t, y, p, expected in cases:
         found = symbolic_values(field, t, y, p)
+        # A dissipation is 1-homogeneous, so compiled code may scale the guards of its pieces, and
+        # leaves them out of a contact that sticks.
+        signs = np.sign(expected[pieces])
+        assert np.all((signs == 0) | (signs == np.sign(found[pieces])))
+        found[pieces] = expected[pieces] = 0.0
         scale = np.maximum(
             np.abs(expected), np.max(np.abs(expected[np.abs(expected) < 1e6]), initial=1.0)
         )
