@@ -554,6 +554,7 @@ def test_pairs_may_be_lists():
         ({"direction": ["d_x", "2*d_x"]}, "direction", "along one line"),
         ({"axes": [1, 0]}, "axes", "outside the admissible range"),
         ({"axes": [1, -1.0]}, "axes", "outside the admissible range"),
+        ({"threshold": 1e300}, "threshold", "outside the admissible range"),
         ({"threshold": [1, 2]}, "threshold", "one, for all directions"),
         ({"kinetic": [0.1, 0.2]}, "kinetic", "one, for all directions"),
         ({"surface_speed": "0.1"}, "surface_speed", r"\['0.1', 0\]"),

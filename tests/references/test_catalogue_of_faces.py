@@ -21,7 +21,7 @@ def certified(name: str) -> Trajectory:
 def test_a_coin_ends_in_the_ratio_of_farkas() -> None:
     motion = certified("coin")
     assert motion.events[["from", "to"]].values.tolist() == [["slip", "stick"]]
-    seen = motion.at(float(motion.events["time"][0]) - 1e-9)
+    seen = motion.at(float(motion.events["time"].to_numpy()[0]) - 1e-9)
     ratio = seen["d_x"] / (motion.system.values["a"] * seen["d_phi"])
     assert ratio == pytest.approx(0.653, abs=1e-3)
 

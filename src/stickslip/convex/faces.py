@@ -135,17 +135,17 @@ def mean_speeds() -> dict[str, Definition]:
     from stickslip.symbolic.formulas import Definition
 
     side = "(w**2 - u**2 - v**2)/(w**2 + u**2 + v**2)"
-    found = {"face_side": Definition("disc", ("u", "v", "w"), side)}
+    found = {"_side": Definition("disc", ("u", "v", "w"), side)}
     for name, spins, slides in (
         ("disc", (_DISC_SPINS, _DISC_SPINS_LOG), (_DISC_SLIDES, _DISC_SLIDES_LOG)),
         ("ring", (_RING, _RING_LOG), (_RING, _RING_LOG)),
     ):
-        for part, (P, Q) in ((f"{name}_spins", spins), (f"{name}_slides", slides)):
+        for part, (P, Q) in ((f"_{name}_spins", spins), (f"_{name}_slides", slides)):
             text = f"{_polynomial(P)} + q**2/2*log(q**2 + {_PASSING})*({_polynomial(Q)})"
             found[part] = Definition(name, ("q",), text)
-        q = "face_side(u, v, w)"
+        q = "_side(u, v, w)"
         length = "sqrt(u**2 + v**2 + w**2)"
-        pieces = f"piecewise(u**2 + v**2 <= w**2, {name}_spins({q}), {name}_slides(-{q}))"
+        pieces = f"piecewise(u**2 + v**2 <= w**2, _{name}_spins({q}), _{name}_slides(-{q}))"
         found[name] = Definition(name, ("u", "v", "w"), f"{length}*{pieces}")
     return found
 

@@ -21,6 +21,7 @@ _ARCS = 12  # that are looked into
 _PLANES = 9  # circles beside those of pairs of axes, of three components
 _HALVINGS = 44
 _JUMP = 1e-6  # change of a gradient, in parts of its size, across what rounding leaves of an arc
+_LARGEST = 1e150
 _FLAT = 1e-9  # width of the set of forces, in parts of the largest
 
 
@@ -82,6 +83,12 @@ def _check_width(formula: ConvexFormula, others: list[float], where: str) -> Non
     for circle in _circles(formula.dimension):
         v = _along(circle, angles)
         width = formula.values([*v, *given])[0] + formula.values([*-v, *given])[0]
+        if not width.max() < _LARGEST:
+            raise DeclarationError(
+                where,
+                f"it is as large as {width.max():.2g}, and its square overflows",
+                f"Give less than {_LARGEST:g}",
+            )
         k = int(width.argmin())
         if not width[k] > _FLAT * width.max():
             raise DeclarationError(

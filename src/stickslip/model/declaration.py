@@ -939,7 +939,13 @@ class _Reader:
         return axis
 
     def _check_plane(self, where: str, parts: list[DryContact]) -> None:
-        """Refuse components that are of different kinds, or along one line."""
+        """Refuse components that are of different kinds, or along one line, and thresholds whose
+        squares overflow."""
+        for threshold in {parts[0].plus, parts[0].kinetic_plus}:
+            if threshold.symbols <= self.system.parameters.keys():
+                interval = parse_range("[-inf, 1e150]", where)
+                interval.check(ex.evaluate(threshold, self.system.values), f"{where}.threshold")
+                self.result.limits.append((f"{where}.threshold", threshold, interval))
         first, *others = parts
         second = others[-1]
         if any(first.prescribed != other.prescribed for other in others):
@@ -960,12 +966,6 @@ class _Reader:
                 f"its components are {first.kind} and {second.kind}",
                 "Give all coordinates of one contact the same kind",
             )
-        if len(parts) > 2 and not first.prescribed and self._are_dependent(parts):
-            raise DeclarationError(
-                f"{where}.direction",
-                "one of its components is a combination of the others",
-                "Give independent combinations of rates, like ['d_x', 'd_y', 'd_phi']",
-            )
         pairs = [(a, b) for i, a in enumerate(parts) for b in parts[i + 1 :]]
         if not first.prescribed and any(_alike(a, b) for a, b in pairs):
             raise DeclarationError(
@@ -973,6 +973,12 @@ class _Reader:
                 f"{'both' if len(parts) == 2 else 'two'} of its components are along one line",
                 f"Give {_NUMBERS[len(parts)]} independent combinations of rates, like "
                 f"{['d_x', 'd_y', 'd_phi'][: len(parts)]}, or fewer",
+            )
+        if len(parts) > 2 and not first.prescribed and self._are_dependent(parts):
+            raise DeclarationError(
+                f"{where}.direction",
+                "one of its components is a combination of the others",
+                "Give independent combinations of rates, like ['d_x', 'd_y', 'd_phi']",
             )
 
     def _are_dependent(self, parts: list[DryContact]) -> bool:

@@ -538,7 +538,8 @@ class _Reader:
             raise self.fail(f"there is no {name}[{short(str(key))}]", error.args[0]) from None
 
     def unknown(self, kind: str, name: str, known: Iterable[str]) -> DeclarationError:
-        return self.fail(f"unknown {kind} '{short(name)}'", suggestion(name, sorted(known)))
+        public = sorted(x for x in known if not x.startswith("_"))
+        return self.fail(f"unknown {kind} '{short(name)}'", suggestion(name, public))
 
     def call(self, node: ast.Call, depth: int) -> Expr:
         if not isinstance(node.func, ast.Name) or node.keywords:
