@@ -7,7 +7,7 @@ A :class:`System` holds texts and numbers only. Creating one checks the whole de
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, fields, replace
@@ -478,7 +478,7 @@ def _known(drives: Any) -> _NotGiven:
 
 
 @contextmanager
-def titles_only() -> Iterator[None]:
+def titles_only() -> Generator[None]:
     """Where systems are checked on first use instead of when they are created: for a list of the
     catalogue, which starts sooner without NumPy."""
     token = _titles_only.set(True)
