@@ -982,18 +982,21 @@ class _Reader:
             )
 
     def _are_dependent(self, parts: list[DryContact]) -> bool:
-        """Whether directions depend on each other at the start."""
+        """Whether directions depend on each other, whatever the parameters and the state are."""
         import numpy as np
 
         names = sorted({x for part in parts for x in part.direction})
-        J = np.array(
-            [
-                [ex.evaluate(part.direction.get(x, ex.ZERO), self.start) for x in names]
-                for part in parts
-            ]
-        )
-        J = J / np.linalg.norm(J, axis=1)[:, None]
-        return bool(np.linalg.matrix_rank(J) < len(parts))
+        entries = [[part.direction.get(x, ex.ZERO) for x in names] for part in parts]
+        symbols = sorted({x for row in entries for e in row for x in e.symbols})
+        # Parameters may be zero until a motion is asked for, so the rank is that at a place that is
+        # not special.
+        rng = np.random.default_rng(0)
+        place = dict(zip(symbols, rng.uniform(0.5, 1.5, len(symbols)), strict=True))
+        J = np.array([[ex.evaluate(e, place) for e in row] for row in entries])
+        sizes = np.linalg.norm(J, axis=1)
+        if not (np.isfinite(sizes).all() and sizes.all()):
+            return False
+        return bool(np.linalg.matrix_rank(J / sizes[:, None]) < len(parts))
 
     def _contact(self, name: str, contact: Contact, declared: str = "") -> DryContact:
         """A contact along a line, or a component of the one that was declared."""
