@@ -2,7 +2,7 @@
 
 What is measured differs from kind to kind of result, how it is judged and shown does not: a result
 is certified if its computation ended as it should, every residual is within its limit, and nothing
-was left unverified. A residual that is no number is never within.
+was left unverified. A residual that is not a number is never within.
 """
 
 from __future__ import annotations
@@ -211,6 +211,6 @@ def worst(certificates: Sequence[Certificate]) -> Certificate:
 
 
 def _strain(residual: Residual) -> float:
-    """How near a residual is to its limit; infinite for what is no number."""
+    """How near a residual is to its limit; infinite for what is not a number."""
     value = residual.limit - residual.value if residual.least else residual.value - residual.limit
     return value if value == value else float("inf")

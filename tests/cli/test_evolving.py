@@ -350,7 +350,7 @@ BAD: dict[str, tuple[str, str, list[str]]] = {
         ["initial", "outside", "initial = [1, 0]"],
     ),
     "bad parameter": ("default = 0.5", "default = -1", ["parameters.r", "(0, inf)"]),
-    "parameter is no number": (
+    "parameter is not a number": (
         "default = 0.5",
         'default = "x"',
         ["parameters.r", "expected a number"],

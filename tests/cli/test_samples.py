@@ -85,8 +85,12 @@ def test_every_command_that_sets_takes_files(folder: Path, command: str) -> None
 @pytest.mark.parametrize(
     ("heading", "rows", "said"),
     [
-        ("t,a", ["0,0", "1,nan", "12,0"], "line 3, column 'a': nan is no number. Leave the row"),
-        ("t,a", ["0,0", "1,one", "12,0"], "line 3, column 'a': 'one' is no number. Leave the row"),
+        ("t,a", ["0,0", "1,nan", "12,0"], "line 3, column 'a': nan is not a number. Leave the row"),
+        (
+            "t,a",
+            ["0,0", "1,one", "12,0"],
+            "line 3, column 'a': 'one' is not a number. Leave the row",
+        ),
         ("t,a", ["0,0", "1", "12,0"], "line 3, column 'a': there is no value. Leave the row"),
         ("t,a", ["0,0", "2,1", "1,0"], "line 4, column 't': the time 1 comes after 2. Sort"),
         ("t,a", ["0,0", "1,1", "1,0"], "line 4, column 't': the time 1 stands twice. Keep one"),
@@ -103,7 +107,9 @@ def test_what_is_wrong_is_named(folder: Path, heading: str, rows: list[str], sai
 
 def test_what_is_no_file(folder: Path) -> None:
     run = ("run", "sliding_base", "--set")
-    assert "'{file = base.csv}' is no table. Write it like" in refused(*run, "a={file = base.csv}")
+    assert "'{file = base.csv}' is not a table. Write it like" in refused(
+        *run, "a={file = base.csv}"
+    )
     assert "there is no column 'az'" in refused(*run, 'a={file = "three.csv", value = "az"}')
     assert "parameters.mu: '501 samples" in refused(*run, "mu=base.csv")
     assert "drives.a: formulas cannot contain" in refused(*run, "a=3*x.y")

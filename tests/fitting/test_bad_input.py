@@ -27,11 +27,11 @@ def test_columns() -> None:
     refused("no quantity of this motion", observe={"x": "position"})
     refused("no column is called time or t", {"clock": T, "x": X}, observe={"x": "x"})
     refused("no column is called like a quantity", {"t": T, "q": X})
-    refused("row 3, column 'x'.*'high' is no number", _table("t,x\n0,1\n1,2\n2,high\n"))
+    refused("row 3, column 'x'.*'high' is not a number", _table("t,x\n0,1\n1,2\n2,high\n"))
     refused("row 2, column 'x': it is infinite", _table("t,x\n0,1\n1,inf\n2,3\n"))
     refused("differ in length", {"t": T, "x": X[:-1]})
     refused("no such file", "nothing.csv")
-    refused("is no table", 7)
+    refused("is not a table", 7)
     refused("there is no record", [])
 
 
@@ -133,7 +133,7 @@ def test_shape_of_p() -> None:
     problem = ss.fit_problem(SYSTEM, {"t": T, "x": X}, FREE)
     with pytest.raises(ss.DeclarationError, match="Give 1 values: F_c"):
         problem.residuals([0.1, 0.2])
-    with pytest.raises(ss.DeclarationError, match="p: F_c: it is no number"):
+    with pytest.raises(ss.DeclarationError, match="p: F_c: it is not a number"):
         problem.residuals([np.nan])
 
 

@@ -130,7 +130,7 @@ WRONG = {
     "2 times and 3 values": ([0.0, 1.0], [0.0, 1.0, 2.0], "linear", False),
     "times[2]: the time 1 stands twice": ([0.0, 1.0, 1.0], [0.0, 1.0, 2.0], "linear", False),
     "times[2]: the time 0.5 comes after 1": ([0.0, 1.0, 0.5], [0.0, 1.0, 2.0], "linear", False),
-    "values[1]: nan is no number": ([0.0, 1.0], [0.0, np.nan], "linear", False),
+    "values[1]: nan is not a number": ([0.0, 1.0], [0.0, np.nan], "linear", False),
     "times: expected numbers, got [0.0": ([0.0, "x"], [0.0, 1.0], "linear", False),
     "they begin with 0 and end with 1": ([0.0, 1.0], [0.0, 1.0], "linear", True),
     "too close to be told apart": ([1e9, 1e9 + 1e-6], [0.0, 1.0], "linear", False),
@@ -147,11 +147,11 @@ def test_wrong_samples(reason: str) -> None:
 
 
 FILES = {
-    "line 3, column 'a': 'x' is no number": "t,a\n0,1\n1,x\n",
+    "line 3, column 'a': 'x' is not a number": "t,a\n0,1\n1,x\n",
     "line 3, column 'a': there is no value": "t,a\n0,1\n1\n",
     "line 4, column 't': the time 0 stands twice": "# base\nt;a\n0;1\n0;2\n",
     "line 3, column 't': the time 0 comes after 1": "t\ta\n1\t2\n0\t3",
-    "line 3, column 'a': nan is no number": "t a\n0 1\n1 nan\n",
+    "line 3, column 'a': nan is not a number": "t a\n0 1\n1 nan\n",
     "there is no column 'a'. Known here: t, acc": "t,acc\n0,1\n1,2\n",
     "the file is empty": "\n",
     "this is no text file": "\0\1\2",

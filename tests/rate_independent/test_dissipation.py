@@ -345,7 +345,7 @@ BAD: dict[str, tuple[Callable[[], object], str]] = {
     "a number": (lambda: WeightedL1(1.0), r"weights: it has the shape \(\)"),
     "nothing": (
         lambda: WeightedL1(None),
-        r"no array of numbers, no function of s and no formula",
+        r"not an array of numbers, a function of s or a formula",
     ),
     "unknown name": (lambda: WeightedL1(["1 + t"]), r"weights\[0\]: unknown name 't'"),
     "fails": (

@@ -92,7 +92,7 @@ table[2, 1] = np.nan
         ({"load": (np.array([0.0, 2.0, 1.0, 3.0]), np.zeros((4, 3)))}, ["load", "increase"]),
         ({"load": (np.array([0.0, 2.0]), np.zeros((2, 3)))}, ["span", "0 <= t <= 2"]),
         ({"load": 5.0}, ["load", "()", "(3,) is needed"]),
-        ({"load": None}, ["load", "NoneType", "no formula"]),
+        ({"load": None}, ["load", "NoneType", "a formula"]),
         ({"initial": [0.0, 0.0]}, ["initial", "(2,)", "3 rows"]),
         ({"initial": [0.0, np.nan, 0.0]}, ["initial[1]", "nan"]),
         ({"initial": [0.0, 0.0, 2.0]}, ["initial", "by 1.25", "component 2", "-2", "settled"]),

@@ -129,7 +129,7 @@ def test_however_numbers_are_kept(kept: Callable[[Array], Any]) -> None:
         (lambda: clamp([0, 0, 3], [1, 1, 2], 0.0), "at sample 2 it is 3, above the upper bound 2"),
         (lambda: clamp([0, 0], [1], 0.0), "has 1 samples, but lower has 2"),
         (lambda: clamp([[0, 0]], [1, 1], 0.0), "lower: it has 2 dimensions"),
-        (lambda: clamp(["a"], [1], 0.0), "lower: .* no array of numbers"),
+        (lambda: clamp(["a"], [1], 0.0), "lower: .* not an array of numbers"),
         (lambda: clamp([0], [1], np.nan), "initial: nan is no position"),
         (lambda: clamp([0], [1], 0.0, np.empty(2)), "out: .*shape"),
         (lambda: clamp([0], [1], 0.0, np.empty(1, np.float32)), "out: .*float32"),

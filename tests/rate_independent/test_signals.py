@@ -79,11 +79,11 @@ def undefined(t: float) -> Array:
     [
         (["t", "log(t - 1)"], r"load\[1\]: it is nan at t = 0\.5\. It must be finite"),
         (lambda t: undefined(2.0), r"load\[1\]: it is nan at t = 0\.5"),
-        (lambda t: "x", r"load: no value at t = 0\.5 \(a str is no array of numbers\)"),
+        (lambda t: "x", r"load: no value at t = 0\.5 \(a str is not an array of numbers\)"),
         (lambda t: 1 / 0, r"load: the function fails at t = 0\.5 \(ZeroDivisionError"),
         (lambda t: [1.0], r"load: it has the shape \(1,\) at t = 0\.5, but \(2,\) is needed"),
         (["t"], r"load: it has the shape \(1,\), but \(2,\) is needed"),
-        (None, r"load: a NoneType is no array of numbers, no function of t and no formula"),
+        (None, r"load: a NoneType is not an array of numbers, a function of t or a formula"),
         (["t", "u"], r"load\[1\]: unknown name 'u'\. Known here: t"),
         (["t", ex.sym("u")], r"load\[1\]: unknown name 'u'\. Known here: t"),
         (([0.0, 1.0], [[1, 2], [3, np.inf]]), r"load\[1\]: it is inf at t = 1\."),

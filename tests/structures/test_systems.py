@@ -431,7 +431,7 @@ def test_starts_at_unknowns() -> None:
     mass, stiffness = chain(3)
     reduced = ss.Structure(mass, stiffness, names={"tip": 2}).reduced(["tip"], 1)
     held = ss.System("s", structures={"u": reduced})
-    with pytest.raises(ss.DeclarationError, match="no coordinate of a reduced structure"):
+    with pytest.raises(ss.DeclarationError, match="not a coordinate of a reduced structure"):
         ss.simulate(held, (0.0, 1.0), initial={"u[0]": 1.0})
 
 

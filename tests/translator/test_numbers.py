@@ -160,7 +160,7 @@ def test_whole_numbers(made: ModuleType, table: str, k: int, text: str) -> None:
 
 @cases("order", "test", "relaxed")
 def test_comparisons(made: ModuleType, table: str, k: int, text: str) -> None:
-    """What is no number stays visible where sums may be reordered."""
+    """What is not a number stays visible where sums may be reordered."""
     numbers = WHOLES if table == "order" else REALS
     for a, b in product(numbers, numbers):
         assert getattr(made, table)(k, a, b) is bool(of_python(text, a=a, b=b)), (a, b)
@@ -186,7 +186,7 @@ def test_real_numbers(made: ModuleType, table: str, k: int, text: str) -> None:
 
 @cases("to_whole")
 def test_real_numbers_become_whole(made: ModuleType, table: str, k: int, text: str) -> None:
-    """The nearest there is; zero for what is no number."""
+    """The nearest there is; zero for what is not a number."""
     for a in [*REALS, 2.0**62, -(2.0**63), 2.0**63, 1e300, 0.999999, -1.5, 4503599627370497.5]:
         try:
             wanted = min(max(of_python(text, a=a), LEAST), MOST)

@@ -53,8 +53,8 @@ def smooth_dissipation(
     Raises
     ------
     DeclarationError
-        If it is no support function (:func:`convex_formula`), has a kink, or holds no force along
-        some direction.
+        If it is not a support function (:func:`convex_formula`), has a kink, or does not resist
+        slip along some direction.
     """
     ranges = {x: (values[x], values[x]) for x in sorted(value.symbols - {*names})}
     found = convex_formula(value, names, ranges, where, like=like)

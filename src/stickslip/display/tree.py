@@ -53,7 +53,7 @@ class OfModes(Name):
 
 @dataclass(frozen=True)
 class InWords:
-    """A function of time that is no formula, in words."""
+    """A function of time that is not a formula, in words."""
 
     words: str
 

@@ -289,7 +289,9 @@ def _noise(
         try:
             sigma = np.full(len(rows), float(given))
         except (TypeError, ValueError, OverflowError):
-            raise DeclarationError(where, f"{given!r} is no number", "Give a deviation") from None
+            raise DeclarationError(
+                where, f"{given!r} is not a number", "Give a deviation"
+            ) from None
     if not np.all(sigma > 0.0) or not np.all(np.isfinite(sigma)):
         raise DeclarationError(where, "a standard deviation is not positive", "Give one that is")
     return sigma

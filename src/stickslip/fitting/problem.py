@@ -141,7 +141,7 @@ class FitProblem:
         Raises
         ------
         DeclarationError
-            If `p` has another shape, or is no numbers.
+            If `p` has another shape, or does not hold numbers.
         """
         found = self.evaluate(p)
         if found.reason:
@@ -253,7 +253,7 @@ class FitProblem:
                 motion = m.move(parameters, free, self.rtol)
                 values = m.flat(m.of_motion(motion).values)
                 if not np.all(np.isfinite(values)):
-                    raise GivenUp("a quantity that was measured is no finite number")
+                    raise GivenUp("a quantity that was measured is not a finite number")
                 motions.append(motion)
                 parts.append(values)
         except GivenUp as reason:
@@ -291,7 +291,7 @@ class FitProblem:
         self.check_shape(values.shape)
         if np.any(np.isnan(values)):
             name = self.names[int(np.argmax(np.isnan(values)))]
-            raise DeclarationError(f"p: {name}", "it is no number", "Give one")
+            raise DeclarationError(f"p: {name}", "it is not a number", "Give one")
         return values
 
     @property

@@ -125,7 +125,7 @@ class Recording:
                 continue
             raise DeclarationError(
                 f"{self.source}, row {row + 1}, column '{short(name)}'",
-                f"'{short(str(given.iloc[row]))}' is no number",
+                f"'{short(str(given.iloc[row]))}' is not a number",
                 DECIMAL_POINTS
                 if "," in str(given.iloc[row])
                 else "Leave the cell empty, or fill it",
@@ -211,7 +211,7 @@ def table_of(data: Any) -> pandas.DataFrame:
         return data.to_dataframe().reset_index()
     raise DeclarationError(
         "data",
-        f"{type(data).__name__} is no table",
+        f"{type(data).__name__} is not a table",
         "Give a file, a DataFrame, a Dataset, or a mapping of names to arrays",
     )
 
@@ -221,7 +221,7 @@ def _numbers(name: str, given: Any) -> Array:
         return np.ravel(np.asarray(given, float))
     except (TypeError, ValueError, OverflowError):
         raise DeclarationError(
-            f"data, column '{short(name)}'", "it is no array of numbers", "Give numbers"
+            f"data, column '{short(name)}'", "it is not an array of numbers", "Give numbers"
         ) from None
 
 
@@ -247,7 +247,7 @@ def _read(path: Path) -> pandas.DataFrame:
     except (ValueError, pd.errors.ParserError, csv.Error) as error:
         raise DeclarationError(
             where,
-            f"it is no table of columns ({short(str(error))})",
+            f"it is not a table of columns ({short(str(error))})",
             "Save it as text: columns with a line of names",
         ) from None
     table.columns = [str(name).strip() for name in table.columns]

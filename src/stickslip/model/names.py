@@ -39,7 +39,7 @@ class Range:
         return above and below
 
     def check(self, value: object, where: str) -> None:
-        """Refuse what is no number, or outside."""
+        """Refuse what is not a number, or outside."""
         if not is_finite(value):
             raise DeclarationError(where, "its value is not a finite number", "Give a number")
         if value not in self:

@@ -666,7 +666,9 @@ def checked(times: Any, values: Any, where: str) -> tuple[Array, Array]:
         finite = np.isfinite(part)
         if not finite.all():
             k = int(np.argmin(finite))
-            raise _At(where, k, column, f"{part[k]} is no number", "Leave the row out, or fill it")
+            raise _At(
+                where, k, column, f"{part[k]} is not a number", "Leave the row out, or fill it"
+            )
     later = np.diff(t) > 0.0
     if not later.all():
         k = int(np.argmin(later)) + 1
@@ -745,7 +747,7 @@ def columns_of(
             except ValueError:
                 raise DeclarationError(
                     f"{where}, line {i + 1}, column '{short(wanted[column])}'",
-                    f"'{short(cell)}' is no number" if cell else "there is no value",
+                    f"'{short(cell)}' is not a number" if cell else "there is no value",
                     DECIMAL_POINTS if "," in cell else "Leave the row out, or fill it",
                 ) from None
     return columns[0], columns[1], np.array(rows) + 1, wanted

@@ -751,7 +751,7 @@ class System:
         Raises
         ------
         DeclarationError
-            If it is no formula, a name has no value, or a value has no name.
+            If it is not a formula, a name has no value, or a value has no name.
 
         Examples
         --------

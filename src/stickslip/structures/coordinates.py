@@ -152,8 +152,8 @@ def start_of(
     Raises
     ------
     DeclarationError
-        If an unknown does not exist, its value is no number, or it is no coordinate of a structure
-        that is reduced.
+        If an unknown does not exist, its value is not a number, or it is not a coordinate of a
+        structure that is reduced.
     """
     others: dict[str, float] = {}
     rows: dict[tuple[str, str], dict[int, float]] = {}
@@ -170,7 +170,7 @@ def start_of(
         if index not in structure.own:
             raise DeclarationError(
                 where,
-                "it is no coordinate of a reduced structure, so that its value determines none",
+                "it is not a coordinate of a reduced structure, so that its value determines none",
                 f"Keep it, or give values of modes, like {prefix}{structures[name].coordinates[0]}",
             )
         if not is_finite(value):

@@ -99,7 +99,9 @@ class ModalDamping:
 
 def _not_negative(value: object, where: str) -> float:
     if not is_finite(value):
-        raise DeclarationError(where, f"'{short(str(value))}' is no finite number", "Give a number")
+        raise DeclarationError(
+            where, f"'{short(str(value))}' is not a finite number", "Give a number"
+        )
     if value < 0.0:
         raise DeclarationError(where, f"{value:g} would feed energy in", "Damping is at least zero")
     return float(value)

@@ -45,7 +45,7 @@ def packed_structure(structure: Structure) -> dict[str, Any]:
     if known is not None:
         arrays["squares"], arrays["modes"] = known
     file = io.BytesIO()
-    # What is no zero hardly gets smaller, so that little time is spent on it.
+    # Data that is not zero compresses poorly, so little time is spent on it.
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as parts:
         for name, array in arrays.items():
             with parts.open(f"{name}.npy", "w", force_zip64=True) as part:

@@ -85,7 +85,7 @@ def checked_symmetric(given: Any, what: str, said: Callable[[int], str]) -> Symm
         raise DeclarationError(
             what,
             "it is complex",
-            "Give real matrices; a loss factor is no damping of motions in time, take "
+            "Give real matrices; a loss factor does not describe damping in time, take "
             "ModalDamping(factor/2)",
         )
     if values.dtype.kind not in "fiu":

@@ -350,7 +350,7 @@ class Structure:
             if fixed and index not in self.own:
                 raise DeclarationError(
                     where,
-                    "it is no coordinate of this structure, which is reduced already",
+                    "it is not a coordinate of this structure, which is reduced already",
                     'Reduce the original, or take method="modal"',
                 )
             found.append(index)
@@ -515,7 +515,7 @@ def _check_names(given: Any, names: dict[str, int], count: int) -> None:
             )
         if isinstance(index, bool) or not isinstance(index, int | np.integer):
             raise DeclarationError(
-                f"names.{name}", "its index is no whole number", "Count unknowns from 0 on"
+                f"names.{name}", "its index is not a whole number", "Count unknowns from 0 on"
             )
         if not 0 <= index < count:
             raise DeclarationError(
@@ -534,7 +534,7 @@ def _basis(given: Any, columns: int) -> Array:
         given = given.toarray()
     basis = np.array(given)
     if basis.dtype.kind not in "fiu" or basis.ndim != 2 or not np.all(np.isfinite(basis)):
-        raise DeclarationError("basis", "it is no real, finite matrix", "Give shapes as columns")
+        raise DeclarationError("basis", "it is not a real, finite matrix", "Give shapes as columns")
     if basis.shape[1] != columns:
         raise DeclarationError(
             "basis",

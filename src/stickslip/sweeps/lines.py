@@ -122,7 +122,7 @@ def frequency_response(
     low, high = checked_range(system, parameter, span)
     level, values = _levels(system, parameter, levels)
     if not isinstance(points, int) or points < 2:
-        raise DeclarationError("points", f"{points!r} is no number of points", "Give at least 2")
+        raise DeclarationError("points", f"{points!r} is not a number of points", "Give at least 2")
     inertial = system.declaration.inertial
     first = [x for x in inertial if x in system.coordinates]
     coordinate = coordinate or [*first, *system.places, *system.internal][0]

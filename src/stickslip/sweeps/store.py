@@ -243,7 +243,7 @@ def read_map(path: Path) -> xarray.Dataset:
     Raises
     ------
     StickslipError
-        If it is no map of ours, or damaged.
+        If it is not a map of ours, or damaged.
 
     Warns
     -----

@@ -81,7 +81,7 @@ def builtins() -> dict[str, int | None]:
 
 
 class TimeFunction(ABC):
-    """A function of time that is no formula: samples."""
+    """A function of time that is not a formula: samples."""
 
     @abstractmethod
     def at(self, t: Expr) -> Expr:
@@ -610,7 +610,7 @@ def _sum(terms: list[tuple[Expr, float]]) -> Expr:
 
 def _parts(text: str) -> tuple[list[tuple[str, float]], list[tuple[int, int]]]:
     """The terms of a formula with their signs, and where the insides of those outermost brackets
-    begin and end that hold one value; the text as it is if it is no formula.
+    begin and end that hold one value; the text as it is if it is not a formula.
     """
     depth = place = start = begin = 0
     ends = listed = False  # whether an operand ends here; whether there are commas in the bracket

@@ -140,7 +140,7 @@ def _samples(name: str, text: str) -> Drive:
         except DeclarationError:
             form = '{file = "base.csv", time = "t", value = "a"}'
             raise DeclarationError(
-                where, f"'{short(text)}' is no table", f"Write it like --set '{name}={form}'"
+                where, f"'{short(text)}' is not a table", f"Write it like --set '{name}={form}'"
             ) from None
     return Samples.from_plain(toml.mapping(table, where), where, name=name)
 

@@ -200,7 +200,7 @@ def _entries(table: Mapping[str, Any], name: str) -> Mapping[str, Any]:
 
 def _table(value: object, where: str) -> Mapping[str, Any]:
     if not isinstance(value, dict):
-        raise DeclarationError(where, "it is no table", "Reload the page")
+        raise DeclarationError(where, "it is not a table", "Reload the page")
     return value
 
 

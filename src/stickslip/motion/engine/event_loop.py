@@ -310,7 +310,7 @@ def give_up(
     rows = flow.rows
     if status in (NAN, INDEFINITE):
         if task.recording and lane.counters[CAUSE] < 0 and count > 1:
-            # The last step has left the domain of a formula: its end is no state of the motion.
+            # The last step has left the domain of a formula: its end is not a state of the motion.
             count -= 1
             lane.clock[NOW] = task.record.time[count - 1]
             copy(task.record.state[count - 1], lane.y)

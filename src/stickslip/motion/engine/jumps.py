@@ -60,7 +60,7 @@ def passed_jumps(rows: Rows, before: Array, after: Array) -> tuple[int, int]:
 @compiled()
 def make_jump(machine: Machine, flow: Flow, at: Instant, j: int, y: Array) -> bool:
     """Give a state the new values of a jump from an instant; False, and nothing is changed, if one
-    of them is no number.
+    of them is not a number.
 
     Parameters
     ----------

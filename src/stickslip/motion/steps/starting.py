@@ -129,7 +129,7 @@ def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: A
 
 @compiled()
 def is_prescribed(rows: Rows, c: int) -> bool:
-    """Whether a contact is one between motions that are given: it is no part of a linear
+    """Whether a contact is one between motions that are given: it is not part of a linear
     problem."""
     massless = rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]
     return bool(c < massless and rows.homes[c, SEAT] < 0)

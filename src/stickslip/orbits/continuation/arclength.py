@@ -733,7 +733,7 @@ class _Tracer:
                 raise _Found
             return found
 
-        # Where it jumps, or is no number in between, the nearest point is the answer.
+        # Where it jumps, or is not a number in between, the nearest point is the answer.
         with suppress(_Found):
             zero_between(value, 0.0, distance, *ends)
         finite = [point for point in known.values() if np.isfinite(point.tests[name])]

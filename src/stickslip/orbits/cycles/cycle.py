@@ -457,7 +457,7 @@ class Cycle(Result):
         Raises
         ------
         DeclarationError
-            If it is no formula, or undefined somewhere on the cycle.
+            If it is not a formula, or undefined somewhere on the cycle.
 
         Examples
         --------
@@ -487,12 +487,12 @@ class Cycle(Result):
         Raises
         ------
         DeclarationError
-            If it is no weight.
+            If it is not a weight.
         """
         if isinstance(weight, str):
             weight = measure.weight(self.system, weight, self.parameters)
         elif not 0.0 < weight < math.inf:
-            raise DeclarationError("weight", f"{weight} is no weight", "Give a positive number")
+            raise DeclarationError("weight", f"{weight} is not a weight", "Give a positive number")
         return self.energy_per_distance / weight
 
     def describe(self) -> str:

@@ -27,7 +27,7 @@ def read_drive(system: System, coordinate: str, drive: str | None = None) -> tup
     Raises
     ------
     DeclarationError
-        If what is asked for is no formula.
+        If what is asked for is not a formula.
     """
     d = system.declaration
     if drive is not None:

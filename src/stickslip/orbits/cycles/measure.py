@@ -148,7 +148,7 @@ def weight(system: System, text: str, values: Mapping[str, float]) -> float:
     Raises
     ------
     DeclarationError
-        If it is no formula of the parameters, no positive number, or has not the unit of a force.
+        If it is not a formula of the parameters, is not positive, or lacks the unit of a force.
     """
     where = f"weight {short(text)}"
     names = {name: ex.sym(name) for name in system.parameters}
@@ -269,7 +269,7 @@ def mean(motion: Trajectory, formula: str) -> tuple[float, float]:
     Raises
     ------
     DeclarationError
-        If it is no formula of these.
+        If it is not a formula of these.
     """
     known = motion.system.plain.declaration.scope
     rows = {name: ex.sym(name) for name in motion._rows}

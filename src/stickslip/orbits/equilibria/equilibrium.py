@@ -244,7 +244,7 @@ class Equilibria(Result):
         Raises
         ------
         DeclarationError
-            If it is no state of the system.
+            If it is not a state of the system.
 
         Examples
         --------

@@ -93,7 +93,7 @@ def is_equilibrium(found: Equilibria, point: Mapping[str, float]) -> bool:
     Raises
     ------
     DeclarationError
-        If the point is no state.
+        If the point is not a state.
     """
     looked = _Search(found.system, autonomous(found.system), found.parameters, {})
     return looked.contains(found, point)

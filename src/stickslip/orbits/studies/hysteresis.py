@@ -248,7 +248,7 @@ class HysteresisOperator:
         Raises
         ------
         DeclarationError
-            If ψ is no array of finite numbers.
+            If ψ is not an array of finite numbers.
         """
         samples = _checked(psi)
         d = np.empty(len(samples))

@@ -225,7 +225,7 @@ def _components(text: object) -> list[int]:
 def _read_parameters(given: Any) -> dict[str, Expr]:
     if not isinstance(given, Mapping):
         raise DeclarationError(
-            "parameters", f"a {type(given).__name__} is no table", "Give {name: value}"
+            "parameters", f"a {type(given).__name__} is not a table", "Give {name: value}"
         )
     for name, value in given.items():
         where = f"parameters.{name}"

@@ -34,7 +34,7 @@ class Product(Dissipation):
 
     def __post_init__(self) -> None:
         if not hasattr(self.factors, "__iter__"):
-            raise DeclarationError("factors", "it is no list", "Give a list of potentials")
+            raise DeclarationError("factors", "it is not a list", "Give a list of potentials")
         object.__setattr__(self, "factors", tuple(self.factors))
         if not self.factors:
             raise DeclarationError("factors", "there is none", "Give at least one potential")

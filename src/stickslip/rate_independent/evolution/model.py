@@ -122,7 +122,7 @@ class EvolutionModel:
                 )
         scope = self._scope(_PHASE, *variables)
         for item in fields(cls):
-            # A whole number is no formula.
+            # A whole number is not a formula.
             plain = item.metadata.get("plain") or getattr(item.type, "__name__", item.type) == "int"
             if item.name in given and not plain:
                 given[item.name] = _trees(scope, given[item.name], f"dissipation.{item.name}")

@@ -239,7 +239,9 @@ def samples(given: Any, where: str, finite: bool = False) -> Array:
         values = plain_array(given)
     except (TypeError, ValueError, OverflowError):
         raise DeclarationError(
-            where, f"a {type(given).__name__} of something is no array of numbers", "Give numbers"
+            where,
+            f"a {type(given).__name__} of something is not an array of numbers",
+            "Give numbers",
         ) from None
     if np.ndim(given) != 1:
         raise DeclarationError(

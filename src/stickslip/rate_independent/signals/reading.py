@@ -119,8 +119,8 @@ def _array(given: Any, where: str, clock: Variable, shape: tuple[int, ...] | Non
     ):
         raise DeclarationError(
             where,
-            f"a {type(given).__name__} is no array of numbers, no function of {clock.name} and no "
-            "formula",
+            f"a {type(given).__name__} is not an array of numbers, a function of {clock.name} or "
+            "a formula",
             f"Give an array, a function {clock.name} -> array, or formulas such as "
             f"'2 + cos(2*pi*{clock.name})'",
         )

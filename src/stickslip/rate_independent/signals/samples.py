@@ -321,5 +321,7 @@ def as_numbers(given: Any, where: str) -> Array:
         return np.asarray(given, dtype=float)
     except (TypeError, ValueError, OverflowError):
         raise DeclarationError(
-            where, f"a {type(given).__name__} of something is no array of numbers", "Give numbers"
+            where,
+            f"a {type(given).__name__} of something is not an array of numbers",
+            "Give numbers",
         ) from None

@@ -149,7 +149,7 @@ class Signal(ABC):
         except (TypeError, ValueError, OverflowError):
             raise DeclarationError(
                 self.where,
-                f"no value at {self.clock.place(u)} (a {type(given).__name__} is no array of "
+                f"no value at {self.clock.place(u)} (a {type(given).__name__} is not an array of "
                 "numbers)",
                 "Return an array" if self.shape else "Return a number",
             ) from None
