@@ -114,6 +114,80 @@ def declaration(item: Any) -> str:
 C = TypeVar("C", bound=Case)
 
 
+@dataclass(frozen=True)
+class Scaled:
+    """One random motion of a shape: what its families know of units, and what the library gets.
+
+    The reference runs in natural units from t = 0; the library's numbers may be scaled.
+
+    Attributes
+    ----------
+    shape
+        What the system consists of.
+    numbers : dict
+        In natural units.
+    start : dict of str to float
+        Initial state, in natural units.
+    duration : float
+    length, time, force : float
+        The library's numbers of natural units.
+    origin : float
+        The library's time at the start.
+    """
+
+    shape: Any
+    numbers: dict[str, float]
+    start: Mapping[str, float]
+    duration: float
+    length: float = 1.0
+    time: float = 1.0
+    force: float = 1.0
+    origin: float = 0.0
+    family: str = ""
+    seed: int = 0
+
+    @property
+    def system(self) -> System:
+        """What the library gets."""
+        raise NotImplementedError
+
+    def unit(self, name: str) -> float:
+        """The library's number of one natural unit, of a coordinate or a rate."""
+        raise NotImplementedError
+
+    def unit_of_number(self, name: str) -> float:
+        """The library's number of one natural unit, of a number."""
+        raise NotImplementedError
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the state."""
+        return [*self.shape.names, *(f"d_{x}" for x in self.shape.names)]
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """What the library gets."""
+        return {n: float(v) * self.unit_of_number(n) for n, v in self.numbers.items()}
+
+    @property
+    def initial(self) -> dict[str, float]:
+        """What the library gets."""
+        return {n: float(v) * self.unit(n) for n, v in self.start.items()}
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """What the library gets."""
+        return self.origin, self.origin + self.duration * self.time
+
+    def source(self) -> str:
+        """A script that repeats the library's part."""
+        return (
+            f"system = {declaration(self.system)}\n"
+            f"motion = ss.simulate(system, {self.span}, initial={self.initial}, "
+            f"parameters={self.parameters})"
+        )
+
+
 class Families(dict[str, Callable[[Rng], C]]):
     """Families by their names: functions that make a case of random numbers."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 
 from stickslip import Contact, Inertial, Parameter, System
 
-from ..case import Families, Rng, declaration, pick
+from ..case import Families, Rng, Scaled, pick
 from ..directed import RULES, Directed
 
 Numbers = dict[str, float]
@@ -65,39 +64,18 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Rubbed:
-    """One random motion. The reference runs in natural units from t = 0, in which the radius of a
-    face is 1: its last coordinate is a length there.
+class Rubbed(Scaled):
+    """One random motion of a face or a contact in a plane. In natural units the radius of a face is
+    1: its last coordinate is a length there.
 
     Attributes
     ----------
-    shape : Shape
-    numbers : dict
-        In natural units.
-    start : dict of str to float
-        Initial state, in natural units.
-    duration : float
-    length, time, force : float
-        The library's numbers of natural units.
     radius : float
         Of a face, in natural units.
     """
 
     shape: Shape
-    numbers: Numbers
-    start: Mapping[str, float]
-    duration: float
-    length: float = 1.0
-    time: float = 1.0
-    force: float = 1.0
     radius: float = 1.0
-    family: str = ""
-    seed: int = 0
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the state."""
-        return [*self.shape.names, *(f"d_{x}" for x in self.shape.names)]
 
     @property
     def system(self) -> System:
@@ -107,18 +85,8 @@ class Rubbed:
     @property
     def parameters(self) -> dict[str, float]:
         """What the library gets."""
-        found = {n: float(v) * self._unit(n) for n, v in self.numbers.items()}
-        return found | ({"a": self.radius * self.length} if self.shape.count == 3 else {})
-
-    @property
-    def initial(self) -> dict[str, float]:
-        """What the library gets."""
-        return {n: v * self.unit(n) for n, v in self.start.items()}
-
-    @property
-    def span(self) -> tuple[float, float]:
-        """What the library gets."""
-        return 0.0, self.duration * self.time
+        radius = {"a": self.radius * self.length} if self.shape.count == 3 else {}
+        return super().parameters | radius
 
     def unit(self, name: str) -> float:
         """The library's number of one natural unit, of a coordinate or a rate."""
@@ -135,7 +103,7 @@ class Rubbed:
         """Of a component of the relative velocity, times a time."""
         return 1.0 / self.radius if i == 2 else self.length
 
-    def _unit(self, name: str) -> float:
+    def unit_of_number(self, name: str) -> float:
         l, t, f = self.length, self.time, self.force  # noqa: E741
         letter, *where = name.split("_")
         i, j = (int(x) for x in (*where, "0", "0")[:2])
@@ -160,14 +128,6 @@ class Rubbed:
             "wo": 1.0 / t,
         }
         return units.get(letter, 1.0)
-
-    def source(self) -> str:
-        """A script that repeats the library's part."""
-        return (
-            f"system = {declaration(self.system)}\n"
-            f"motion = ss.simulate(system, {self.span}, initial={self.initial}, "
-            f"parameters={self.parameters})"
-        )
 
     def board(self) -> Directed:
         """The system as the reference gets it."""

@@ -3,7 +3,7 @@ them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 
 from stickslip import Contact, Inertial, Parameter, System, Unilateral
 
-from ..case import Families, Rng, declaration, log_uniform, pick
+from ..case import Families, Rng, Scaled, log_uniform, pick
 from ..mechanics import Array
 from ..sliding import Bodies, Pad
 
@@ -58,38 +58,10 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Slide:
-    """One random motion. The reference runs in natural units from t = 0.
-
-    Attributes
-    ----------
-    shape : Shape
-    numbers : dict
-        In natural units.
-    start : dict of str to float
-        Initial state, in natural units.
-    duration : float
-    length, time, force : float
-        The library's numbers of natural units.
-    origin : float
-        The library's time at the start.
-    """
+class Slide(Scaled):
+    """One random motion of contacts in planes."""
 
     shape: Shape
-    numbers: Numbers
-    start: Mapping[str, float]
-    duration: float
-    length: float = 1.0
-    time: float = 1.0
-    force: float = 1.0
-    origin: float = 0.0
-    family: str = ""
-    seed: int = 0
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the state."""
-        return [*self.shape.names, *(f"d_{x}" for x in self.shape.names)]
 
     @property
     def system(self) -> System:
@@ -99,24 +71,14 @@ class Slide:
     @property
     def parameters(self) -> dict[str, float]:
         """What the library gets."""
-        own = {n: float(self.numbers[n]) * self._unit(n) for n in self.numbers}
+        own = super().parameters
         return {n: own.get(n, self.origin) for n in self.system.parameters}
-
-    @property
-    def initial(self) -> dict[str, float]:
-        """What the library gets."""
-        return {n: v * self.unit(n) for n, v in self.start.items()}
-
-    @property
-    def span(self) -> tuple[float, float]:
-        """What the library gets."""
-        return self.origin, self.origin + self.duration * self.time
 
     def unit(self, name: str) -> float:
         """The library's number of one natural unit, of a coordinate or a rate."""
         return self.length / (self.time if name.startswith("d_") else 1.0)
 
-    def _unit(self, name: str) -> float:
+    def unit_of_number(self, name: str) -> float:
         l, t, f = self.length, self.time, self.force  # noqa: E741
         units = {
             "M": f * t**2 / l, "C": f * t / l, "K": f / l, "Q": f / l**3, "F": f, "G": f,
@@ -129,15 +91,6 @@ class Slide:
     def bodies(self, numbers: Numbers | None = None) -> Bodies:
         """What the reference gets."""
         return by_hand(self.shape, self.numbers if numbers is None else numbers)
-
-    def source(self) -> str:
-        """A script that repeats the library's part."""
-        plain = {n: float(v) for n, v in self.initial.items()}
-        return (
-            f"system = {declaration(self.system)}\n"
-            f"motion = ss.simulate(system, {self.span}, initial={plain}, "
-            f"parameters={self.parameters})"
-        )
 
 
 FAMILIES: Families[Any] = Families()

@@ -3,7 +3,7 @@ points leave rest and come to rest together."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 
 from stickslip import Contact, Inertial, Parameter, System, Unilateral
 
-from ..case import Families, Rng, declaration, pick
+from ..case import Families, Rng, Scaled, pick
 from ..smoothed import Board, Line, Spot
 
 Numbers = dict[str, float]
@@ -85,55 +85,15 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Carried:
-    """One random motion. The reference runs in natural units from t = 0.
-
-    Attributes
-    ----------
-    shape : Shape
-    numbers : dict
-        In natural units.
-    start : dict of str to float
-        Initial state, in natural units.
-    duration : float
-    length, time, force : float
-        The library's numbers of natural units.
-    """
+class Carried(Scaled):
+    """One random motion of bodies on points."""
 
     shape: Shape
-    numbers: Numbers
-    start: Mapping[str, float]
-    duration: float
-    length: float = 1.0
-    time: float = 1.0
-    force: float = 1.0
-    family: str = ""
-    seed: int = 0
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the state."""
-        return [*self.shape.names, *(f"d_{x}" for x in self.shape.names)]
 
     @property
     def system(self) -> System:
         """What the library gets."""
         return declared(self.shape)
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """What the library gets."""
-        return {n: float(v) * self._unit(n) for n, v in self.numbers.items()}
-
-    @property
-    def initial(self) -> dict[str, float]:
-        """What the library gets."""
-        return {n: v * self.unit(n) for n, v in self.start.items()}
-
-    @property
-    def span(self) -> tuple[float, float]:
-        """What the library gets."""
-        return 0.0, self.duration * self.time
 
     def unit(self, name: str) -> float:
         """The library's number of one natural unit, of a coordinate or a rate."""
@@ -141,7 +101,7 @@ class Carried:
         length = 1.0 if name.removeprefix("d_").startswith("th") else self.length
         return length / (self.time if rate else 1.0)
 
-    def _unit(self, name: str) -> float:
+    def unit_of_number(self, name: str) -> float:
         l, t, f = self.length, self.time, self.force  # noqa: E741
         plain = name.rstrip("0123456789")
         if plain in ("F", "G", "K", "C"):
@@ -160,15 +120,6 @@ class Carried:
     def board(self) -> Board:
         """What the reference gets."""
         return by_hand(self.shape, self.numbers)
-
-    def source(self) -> str:
-        """A script that repeats the library's part."""
-        plain = {n: float(v) for n, v in self.initial.items()}
-        return (
-            f"system = {declaration(self.system)}\n"
-            f"motion = ss.simulate(system, {self.span}, initial={plain}, "
-            f"parameters={self.parameters})"
-        )
 
 
 FAMILIES: Families[Any] = Families()
