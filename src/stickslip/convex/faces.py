@@ -2,20 +2,21 @@
 
 A face of radius 1 that slides with (u, v) and spins with w dissipates its friction times the mean
 of |(u, v) + w e_z × r| over its points. With complete elliptic integrals of parameter m, the square
-of the ratio of |(u, v)| and |w| or its inverse,
+of the ratio of |(u, v)| and |w| or its inverse, whichever is at most 1,
 
     ring   (2/π) (2 E − (1 − m) K) max(|(u, v)|, |w|)
     disc   |w| (4 (4 − 2m) E + 4 (m − 1) K + 12 m (E + K − D))/(9π),   |(u, v)| ≤ |w|
            |(u, v)| (4 (4 E − 5 K + 3m K + 2 D) + 12 (E + K − D))/(9π),   else
 
 where D = (K − E)/m (Z. Farkas, G. Bartels, T. Unger & D. E. Wolf, Phys. Rev. Lett. 90, 248302,
-2003, in other words). They are functions of q = (w² − u² − v²)/(w² + u² + v²) and of the length of
-(u, v, w) alone, with a logarithm where some point of the rim is at rest, q = 0:
+2003, in other words). They have a logarithm where some point of the rim is at rest, x = 1 − m = 0:
 
-    P(|q|) + q² log|q| Q(|q|)
+    P(x) + xᵖ log x Q(x),   p = 2 (ring), 3 (disc)
 
-with polynomials, for each sign of q; they were fitted at 84 Chebyshev points with 60 digits, and
-are exact to 1e-16, their first derivatives to 4e-16.
+with polynomials, as K and E have in the tables of W. J. Cody (Math. Comp. 19, 105, 1965). They were
+fitted with 60 digits to values and slopes at 25 Chebyshev points, and are exact to 1e-16, their
+first derivatives to 4e-16. In the variable x their coefficients are small, which keeps enclosures
+narrow.
 """
 
 from __future__ import annotations
@@ -26,105 +27,98 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from stickslip.symbolic.formulas import Definition
 
-# Beside q² in the logarithm: so a motion passes through q = 0 in steps. It changes the mean speed
-# by less than 5e-19; and its derivatives by 1e-9, but only while |q| is about 1e-9.
-_PASSING = 1e-18
-# Coefficients of P and Q, for q > 0 (it spins faster than it slides) and q < 0.
+# Beside x in the logarithm, so that a motion passes through x = 0 in steps. What this changes is
+# subtracted to first order in it: the rest is below 1e-16, except in the derivatives of a ring,
+# which change by 4e-10 while x is about 1e-8.
+_PASSING = 1e-8
+# Coefficients of P and Q: of a disc that spins faster than it slides, of one that slides faster,
+# and of a ring.
 _DISC_SPINS = (
-    0.8002811699174276,
-    -0.20007029247935487,
-    0.05001757318037292,
-    -0.006544125902172194,
-    0.011136620019618166,
-    -0.0009184945611533082,
-    0.03426443999633527,
-    0.39454844882494144,
-    2.3702349250852377,
-    5.718824625635913,
-    2.665279809790514,
-    -5.967095761843658,
-    -4.434932799745507,
-    -0.7445190327390342,
-    -0.023840438512814536,
+    1.1317684842090334,
+    -0.4244131815783876,
+    -0.0530516476972876,
+    -0.0008056503751249655,
+    0.001524278099921106,
+    0.0014899577114719528,
+    0.0012466098777401224,
+    0.0011860672683881974,
+    0.0017095403825211973,
+    0.0025886664499812887,
+    0.0023275228861032,
+    0.0009506645953859946,
+    0.0001406837128440029,
+    4.6711240762397185e-06,
 )
 _DISC_SPINS_LOG = (
-    7.400400261124447e-12,
-    -0.07502635047351766,
-    0.046894014082460696,
-    -0.08182313475153687,
-    0.07062621842051797,
-    0.07416027468808911,
-    1.4049519337878011,
-    5.3911756483105515,
-    10.634312799729168,
-    8.537270843668605,
-    2.561446405157638,
-    0.24610291516718663,
-    0.004524246375026567,
+    -0.013262911916631738,
+    -0.01243397745366871,
+    -0.01087952665537274,
+    -0.009513389812526394,
+    -0.008327703357452724,
+    -0.006941374541226224,
+    -0.004767490681835661,
+    -0.0021660119739726597,
+    -0.0005114670272767552,
+    -4.6638955840144566e-05,
+    -9.003154591584591e-07,
 )
 _DISC_SLIDES = (
-    0.8002811699174276,
-    0.2000702924793567,
-    0.050017573113652805,
-    0.006544177903089432,
-    0.01112262378719224,
-    0.0017951186007159265,
-    0.0022989978182201415,
-    -0.031243606557567593,
-    -0.17736959160965282,
-    -0.40000743289307855,
-    -0.14694243119885347,
-    0.39723413801671165,
-    0.24941729014114863,
-    0.03581684299173923,
-    0.0009648374898980547,
+    1.1317684842090334,
+    -0.14147106052612915,
+    0.01768388256570622,
+    0.00964759142338943,
+    0.005748808252243312,
+    0.0037739851897084548,
+    0.0025564594865356673,
+    0.0008671340150980438,
+    -0.003715949488230743,
+    -0.010406384569966015,
+    -0.010967044429792216,
+    -0.004741526522114855,
+    -0.0007201290618569203,
+    -2.4250543624724395e-05,
 )
 _DISC_SLIDES_LOG = (
-    -7.589740119379791e-13,
-    0.07502635876554316,
-    0.04689123206622484,
-    0.08203838253648216,
-    0.06075180876740513,
-    0.07144680471487289,
-    -0.03621354325835202,
-    -0.32024382359024745,
-    -0.6673374675915152,
-    -0.5004617013340191,
-    -0.13447920798403543,
-    -0.011296059471586661,
-    -0.00017732791997051125,
+    0.01326291188172715,
+    0.020723286134250236,
+    0.025384894769324623,
+    0.028523532007897826,
+    0.030361509027054333,
+    0.02926800603908898,
+    0.02209770779327527,
+    0.01060623803732234,
+    0.0025831540805167207,
+    0.00023984411069588702,
+    4.6821471093090765e-06,
 )
 _RING = (
-    0.9003163161571061,
-    -3.2192092404768445e-16,
-    0.06521008426986198,
-    -8.592706029861199e-09,
-    0.013860312473535856,
-    -0.00013137089872480216,
-    0.0021342776048598865,
-    -0.04808046659469699,
-    -0.26454309933902354,
-    -0.5853554964839679,
-    -0.17794697097802417,
-    0.6442333836863123,
-    0.3928133769663751,
-    0.055985296198149404,
-    0.0015043655309430967,
+    1.2732395447351628,
+    -0.3183098861837903,
+    0.010845960648210059,
+    0.008134472384532958,
+    0.005189573042145811,
+    0.0035202399498490133,
+    0.0026329249232755823,
+    0.0026711031928678694,
+    0.003916255991754768,
+    0.004613562916287747,
+    0.0028038969610210494,
+    0.0006928034323223486,
+    4.9333593004226924e-05,
+    2.144133561694917e-07,
 )
 _RING_LOG = (
-    -0.1125395395207837,
-    -1.3789756186229993e-09,
-    -0.052753274993033256,
-    -3.266640510432744e-05,
-    -0.035811333685758846,
-    -0.019754445229509983,
-    -0.18245514692910114,
-    -0.6011138138893237,
-    -1.0941133836217034,
-    -0.7941396889318313,
-    -0.21100029776877996,
-    -0.017640627396249983,
-    -0.0002764571851917147,
+    -0.039788735772389325,
+    -0.029841551486825563,
+    -0.023313665533738797,
+    -0.0190373076074237,
+    -0.016020244099671278,
+    -0.013468938798373567,
+    -0.010247284583588446,
+    -0.005806394927460523,
+    -0.0019256485772120547,
+    -0.00028511316326677974,
+    -1.2043559900684977e-05,
 )
 
 
@@ -134,19 +128,26 @@ def mean_speeds() -> dict[str, Definition]:
     are made of."""
     from stickslip.symbolic.formulas import Definition
 
-    side = "(w**2 - u**2 - v**2)/(w**2 + u**2 + v**2)"
-    found = {"_side": Definition("disc", ("u", "v", "w"), side)}
-    for name, spins, slides in (
-        ("disc", (_DISC_SPINS, _DISC_SPINS_LOG), (_DISC_SLIDES, _DISC_SLIDES_LOG)),
-        ("ring", (_RING, _RING_LOG), (_RING, _RING_LOG)),
+    def either(above: str, below: str) -> str:
+        return f"piecewise(u**2 + v**2 <= w**2, {above}, {below})"
+
+    # As 1 − m, x has a narrow enclosure where m is small.
+    lesser, larger = either("u**2 + v**2", "w**2"), either("w**2", "u**2 + v**2")
+    found = {"_rim": Definition("disc", ("u", "v", "w"), f"1 - {lesser}/{larger}")}
+    for part, P, Q, p in (
+        ("_disc_spins", _DISC_SPINS, _DISC_SPINS_LOG, 3),
+        ("_disc_slides", _DISC_SLIDES, _DISC_SLIDES_LOG, 3),
+        ("_ring", _RING, _RING_LOG, 2),
     ):
-        for part, (P, Q) in ((f"_{name}_spins", spins), (f"_{name}_slides", slides)):
-            text = f"{_polynomial(P)} + q**2/2*log(q**2 + {_PASSING})*({_polynomial(Q)})"
-            found[part] = Definition(name, ("q",), text)
-        q = "_side(u, v, w)"
-        length = "sqrt(u**2 + v**2 + w**2)"
-        pieces = f"piecewise(u**2 + v**2 <= w**2, _{name}_spins({q}), _{name}_slides(-{q}))"
-        found[name] = Definition(name, ("u", "v", "w"), f"{length}*{pieces}")
+        logarithm = f"(x**{p}*log(x + {_PASSING}) - {_PASSING}*x**{p - 1})"
+        text = f"({_polynomial(P)} + {logarithm}*({_polynomial(Q)}))/sqrt(2 - x)"
+        found[part] = Definition(part[1:5], ("x",), text)
+    x = "_rim(u, v, w)"
+    # the larger of |(u, v)| and |w| is the length of (u, v, w) over √(2 − x)
+    length = "sqrt(u**2 + v**2 + w**2)"
+    disc = f"{length}*{either(f'_disc_spins({x})', f'_disc_slides({x})')}"
+    found["disc"] = Definition("disc", ("u", "v", "w"), disc)
+    found["ring"] = Definition("ring", ("u", "v", "w"), f"{length}*_ring({x})")
     return found
 
 
@@ -164,5 +165,5 @@ def norms_instead() -> dict[str, Definition]:
 
 
 def _polynomial(coefficients: tuple[float, ...]) -> str:
-    """A polynomial in q, by its powers: derivatives of what is nested grow with its square."""
-    return " + ".join(f"({c!r})*q**{k}" for k, c in enumerate(coefficients))
+    """A polynomial in x, by its powers: derivatives of what is nested grow with its square."""
+    return " + ".join(f"({c!r})*x**{k}" for k, c in enumerate(coefficients))

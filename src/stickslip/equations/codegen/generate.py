@@ -598,9 +598,9 @@ class _Generator:
         for row, i in enumerate(plane.parts, first):
             tape.name(f"n:{i}", row, stage)
         if not plane.pull:
+            tape.name(f"length:{plane.parts[0]}", speed, stage)
             if plane.unit is not ex.ONE:
-                # R(u) = |u| R(n), where |u| has a name of its own: what stands for a symbol is kept
-                tape.name(f"length:{plane.parts[0]}", speed, stage)
+                # R(u) = |u| R(n)
                 speed = tape.row(ex.sym(f"length:{plane.parts[0]}") * plane.unit)
             for i in plane.parts:
                 tape.name(f"speed:{i}", speed, tape.stage[speed])
@@ -868,9 +868,10 @@ class _Generator:
         turning = {guard: (plane, same) for plane in self.eq.planes for guard, same in plane.pieces}
         for j, guard in enumerate(self.eq.kinks):
             if guard in turning:
-                # Of any degree in u, it vanishes as u does where a slip ends.
+                # Of any degree in u, it vanishes as u does where a slip ends. It is known on both
+                # sides, which R need not be.
                 plane, same = turning[guard]
-                layout.kinks.append(tape.row(ex.sym(f"speed:{plane.parts[0]}") * same))
+                layout.kinks.append(tape.row(ex.sym(f"length:{plane.parts[0]}") * same))
                 self.note(3 * self.nc + j, added(element("mag", i) for i in plane.parts))
                 continue
             if self.constants.is_constant(guard):  # of which only the sign matters, however large

@@ -63,6 +63,9 @@ _DENSE = 6  # lowest order of a last term that tells how fast the terms of a row
 # where one goes for which that is too long
 _BEYOND, _WELL_BEFORE = 2.0**-10, 0.75
 _MOST_TURNS = 20  # of Newton's method
+# radii of the discs that are looked at, in steps: what grows is bounded better by a wide one, what
+# has a singularity near by a narrow one
+_WIDE, _NARROW = 2.0, 1.4
 _LOOSE = 1e-3  # part of its size that may be hidden in a row
 
 
@@ -421,6 +424,27 @@ def unseen(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -> float:
     seen : array
         Largest modulus so far of each row that bounds the steps.
     """
+    excess = unseen_within(flow, mode, reg, h, seen, _WIDE)
+    return excess if excess <= 1.0 else min(excess, unseen_within(flow, mode, reg, h, seen, _NARROW))
+
+
+@compiled()
+def unseen_within(
+    flow: Flow, mode: Array, reg: Array, h: float, seen: Array, around: float
+) -> float:
+    """The same, by Cauchy's estimate on a disc of some radius.
+
+    Parameters
+    ----------
+    flow : Flow
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+    h : float
+        Length of the step.
+    seen : array
+        Largest modulus so far of each row that bounds the steps.
+    around : float
+        The radius, in steps.
+    """
     p = flow.rows.program
     W = flow.space.W
     discs = flow.space.discs
@@ -428,12 +452,12 @@ def unseen(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -> float:
     tape = tape_of(flow)
     N = flow.order
     n = flow.rows.sizes[DIMENSION]
-    fill_powers(powers, 2.0 * h / W[n, 1])
-    discs[n, BALL] = 2.0 * h
+    fill_powers(powers, around * h / W[n, 1])
+    discs[n, BALL] = around * h
     discs[n, OFF] = 0.0
     spread_state(W, N, powers, p.seen, discs)
     spread_given(flow, mode, N)
-    part = math.ldexp(1.0, -N)  # of the radius of a disc that is left over
+    part = around ** float(-N)  # of the radius of a disc that is left over
     first = 0
     last = p.leading[0]
     while True:
