@@ -616,15 +616,16 @@ def _direction(i: Instruction, factor: Factor) -> Step:
     """u/|u| and r = |u|, by r² = u·u; see :class:`stickslip.symbolic.tape.Instruction`."""
     *sides, size = i.inputs
     r = i.row + len(sides)
-    rests = _part(i.parts[0], factor) if i.parts else None
+    rests = [_part(part, factor) for part in i.parts]
 
     def step(c: Call, k: int) -> None:
         W, mode = c.W, c.mode(i.place)
         opened = [c.mode(normal) != 0 for normal in i.pressed]
         if mode == 0 or (opened and all(opened)):
             W[i.row : r + 1, k] = 0.0
-            if rests is not None and k == 0:
-                W[i.row, 0] = rests(c, 0)
+            if k == 0:
+                for row, rest in enumerate(rests, i.row):
+                    W[row, 0] = rest(c, 0)
             return
         if mode == DIRECTION_GIVEN:
             return

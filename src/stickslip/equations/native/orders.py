@@ -415,8 +415,8 @@ def _speed(s: Series, i: Instruction, k: Order) -> None:
 
 
 def _direction(s: Series, i: Instruction, k: Order) -> None:
-    """u/|u| and |u| in slip, unless they are given; zero where there is no friction, but for the
-    first component if there is a part, which it is then."""
+    """u/|u| and |u| in slip, unless they are given; where there is no friction the parts,
+    or zero."""
     *sides, size = i.inputs
     n, r = i.row, i.row + len(sides)
     is_given = s.is_mode(i.place, "eq", DIRECTION_GIVEN)
@@ -429,7 +429,7 @@ def _direction(s: Series, i: Instruction, k: Order) -> None:
         s.put(r, 0, s.select(free, 0.0, own))
     first = s.get(r, 0)
 
-    rests = s.factor(i.parts[0]) if i.parts and k == 0 else 0.0
+    rests = [s.factor(part) for part in i.parts] if k == 0 else []
 
     def put(row: int, made: Operand) -> None:
         kept = s.once(
@@ -437,7 +437,7 @@ def _direction(s: Series, i: Instruction, k: Order) -> None:
             lambda: s.either(is_given, s.test("oeq", first, 0.0)),
         )
         slips = s.select(kept, s.stored(row, k), made)
-        s.put(row, k, s.select(free, rests if row == n else 0.0, slips))
+        s.put(row, k, s.select(free, rests[row - n] if rests and row < r else 0.0, slips))
 
     if k != 0:
         squares = s.square(sides[0], k)

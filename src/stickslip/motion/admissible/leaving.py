@@ -47,6 +47,7 @@ from stickslip.translator import compiled
 
 _PROVED = 1e-11  # part of the thresholds that a rest may lack between control points
 _MOST_PIECES, _SHORTEST = 200, 1e-5
+_JUST_BEFORE = 1e-9  # part of a time by which an earlier one is asked
 _MOST_CUTS = 40  # mechanisms that are tried until it is known which one begins
 
 
@@ -96,7 +97,8 @@ def find_leaving(flow: Flow, mode: Array, first: int, lack: float) -> tuple[bool
                     aside[LEAVES, 1] = -1.0 / powers[1]
                     leaves = True
                 break
-            end = place
+            # Where a mechanism just begins, rounding errors decide whether all can be held.
+            end = place if place < end else (1.0 - _JUST_BEFORE) * end
             continue
         size, fastest = place_guard(flow, mode, group, rank)
         mark_leaving(flow, mode, group, rank, fastest)

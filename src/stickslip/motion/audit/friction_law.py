@@ -212,7 +212,8 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
         between = strays(discs[rows.kinks[j]], factor) if factor < np.inf else 0.0
         negligible = 1e-2 * NEGLIGIBLE_PART * tally.kinks[j, REACHED]
         low = least_on_nodes(samples[n + 3 * nc + j], space.bernstein, negligible)
-        tally.kinks[j, BEYOND] = most(tally.kinks[j, BEYOND], between - low)
+        unsure = piece.rounding * mag[3 * nc + j]
+        tally.kinks[j, BEYOND] = most(tally.kinks[j, BEYOND], between - low - unsure)
 
 
 @compiled()

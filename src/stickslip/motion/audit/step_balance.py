@@ -79,6 +79,7 @@ from stickslip.motion.steps.arrays import (
     DISSIPATED,
     EPSILON,
     INERTIAL,
+    INSTANT,
     MATRIX,
     MEMBERS,
     ROUNDING,
@@ -221,6 +222,8 @@ def audit_step(
         whole = whole - h
         last = h
         pieces = pieces + 1
+        if left <= INSTANT * abs(base):
+            break  # Nobody can tell its time from that of the end.
     if check:
         final = Instant(ends.time[i], ends.state[i], mode, reg)
         jump_or_collide(machine, flow, final, h, ends, i, accounts)
@@ -429,6 +432,11 @@ def judge(
         )
         violation = most(violation, relative(max(law[c, CREEP], law[c, BACKWARDS]), speed))
         violation = most(violation, relative(law[c, OVERLAP], law[c, OPENING]))
+    for i in range(len(rows.pieces)):
+        # Between pieces of a dissipation, a direction is that of a velocity.
+        j, first = rows.pieces[i, 0], rows.planes[rows.pieces[i, 1], COMPONENT]
+        speed = max(law[first, LARGEST_SPEED], REST_PART * law[first, SPEED_HELD])
+        tally.kinks[j, REACHED] = most(tally.kinks[j, REACHED], speed)
     for j in range(len(tally.kinks)):
         violation = most(violation, relative(tally.kinks[j, BEYOND], tally.kinks[j, REACHED]))
     share_sizes(rows, state)

@@ -17,7 +17,6 @@ from stickslip.equations.codegen.series import INDEFINITE
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.affine.forms import ClosedForms, Flight, slots_of
 from stickslip.motion.engine.events import (
-    CLOSEST,
     count_step,
     fire,
     has_gaps,
@@ -34,6 +33,7 @@ from stickslip.motion.steps.arrays import (
     AIM_SPEED,
     ASTRAY,
     CAUSE,
+    CLOSEST,
     COMPONENT,
     DIMENSION,
     FINISHED,
@@ -84,7 +84,7 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.discs import give_direction, take_direction
 from stickslip.motion.steps.roots import value_and_slope
 from stickslip.motion.steps.starting import coefficients
-from stickslip.motion.steps.step_size import fill_powers
+from stickslip.motion.steps.step_size import fill_powers, slip_end
 from stickslip.motion.steps.vectors import copy
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled, row_of
@@ -214,9 +214,12 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
             return give_up(machine, flow, status, lane, task, count)
         if t >= end:
             return FINISHED, count
-        if h <= max(CLOSEST * abs(t), _NO_TIME * clock[SPAN]) and h < end - t:
+        over, ends = ending(flow, lane)
+        if h <= max(CLOSEST * abs(t), _NO_TIME * clock[SPAN]) and h < end - t and over < 0:
             return (NO_RATE if runs_away(rows.sizes, lane.mode) else TINY), count
         x, which = first_event(space, may_fire, flow.order)
+        if which < 0 and over >= 0:
+            x, which = min(1.0, ends / h), over
         doubt = doubt_of(which, len(rows.kinks), len(rows.u))
         if doubt >= 0 and x == 0.0:
             return inadmissible(rows.doubtful, doubt), count
@@ -425,6 +428,35 @@ def ends_slip(flow: Flow, mode: Array, which: int, p: int, t: float, h: float) -
     speed, change = value_and_slope(row, flow.order - 1, flow.space.powers)
     late = INSTANT * abs(t) / h
     return bool(abs(speed) <= ROUNDING * whole_size(rows, mag, p, 0) + late * abs(change))
+
+
+@compiled()
+def ending(flow: Flow, lane: Lane) -> tuple[int, float]:
+    """The guard of a slip in a plane that ends so soon that the time cannot be told from now, and
+    how soon; −1 if there is none. Its direction may turn ever faster until then, in steps that
+    would never come to an end.
+
+    Parameters
+    ----------
+    flow : Flow
+        With the series of the next step.
+    lane : Lane
+    """
+    rows = flow.rows
+    unit = flow.space.W[rows.sizes[DIMENSION], 1]
+    soon = INSTANT * abs(lane.clock[NOW]) / unit
+    for p in range(len(rows.planes)):
+        first = rows.planes[p, COMPONENT]
+        speed = flow.space.W[rows.planes[p, AIM_SPEED]]
+        slips = rows.planes[p, MASSIVE] == 1 and (lane.mode[first] == 1 or lane.mode[first] == 2)
+        if not slips or not speed[0] > 0.0 or is_loose(rows, lane.mode, first):
+            continue
+        # Mostly, it takes longer at the rate of now.
+        if speed[0] + 2.0 * soon * speed[1] < 0.0:
+            end, _ = slip_end(speed, flow.order, soon)
+            if end < np.inf:
+                return int(len(rows.kinks) + 2 * first), end * unit
+    return NOWHERE, 0.0
 
 
 @compiled()

@@ -13,6 +13,7 @@ from stickslip.motion.modes.guards import germ, guard_of, resting, spell
 from stickslip.motion.modes.pivots import flip, set_regions
 from stickslip.motion.steps.arrays import (
     CAUSE,
+    CLOSEST,
     CREATES_ENERGY,
     CROSSED,
     DIMENSION,
@@ -52,7 +53,6 @@ from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.vectors import copy
 from stickslip.translator import compiled
 
-CLOSEST = 1e-15  # relative difference of times that can be told apart
 _ZENO_EVENTS = 200
 _TOGETHER = 1e-12  # of the time that a motion may last: events that coincide
 _MEETING = 1e-12  # of its terms, and of what it does in a step: a guard that is zero with another

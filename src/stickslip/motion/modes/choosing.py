@@ -24,6 +24,8 @@ from stickslip.motion.modes.surfaces import begin_at_rest
 from stickslip.motion.steps.arrays import (
     ASTRAY,
     CAUSE,
+    CLOSEST,
+    COMPONENT,
     IMPLICIT,
     KINKS,
     LAST,
@@ -55,6 +57,7 @@ _SLACKEST = 1e6  # rounding errors that count as zero where less lets no mode go
 _NO_GUARD = -1
 _OTHER_FORCES = -2
 _AGAIN = -3
+_OVER = 16.0  # steps that the time just tells apart, in one that leads over a singularity
 _TOGETHER = 16  # times that the switches of different components are flipped together
 
 
@@ -176,7 +179,7 @@ def try_mode(
         which has to be a series. Then the number of guards that may fire, or are violated; the
         step, and that of the series.
     """
-    space = flow.space
+    rows, space = flow.rows, flow.space
     clock = lane.clock
     mode = lane.mode
     n = len(lane.y)
@@ -190,6 +193,12 @@ def try_mode(
     if hold_or_slide(flow, mode, last, fired, slack):
         return _OTHER_FORCES, count, h, h
     series = shortened_step(flow, mode, lane.reg, h, lane.seen)
+    brief = CLOSEST * abs(clock[NOW])
+    # Not twice: an edge is behind it, or it is none.
+    once = fired >= 0 or last < 0.5 * _OVER * brief
+    if series <= brief and once and crosses(rows, mode):
+        series = _OVER * brief
+        keep_rates(flow)
     step = series
     length = h
     # Where a slip in a plane is slow, discs cut what is stiff as well.
@@ -213,6 +222,26 @@ def try_mode(
     for i in range(len(flow.rows.watched)):
         lane.seen[i] = max(lane.seen[i], abs(space.W[flow.rows.watched[i], 0]))
     return _NO_GUARD, count, length, series
+
+
+@compiled()
+def crosses(rows: Rows, mode: Array) -> bool:
+    """Whether a contact slips whose dissipation has pieces. An edge between them may be a
+    singularity that a motion passes in no time, such as that of a face with a point at rest."""
+    for i in range(len(rows.pieces)):
+        if mode[rows.planes[rows.pieces[i, 1], COMPONENT]] != 0:
+            return True
+    return False
+
+
+@compiled()
+def keep_rates(flow: Flow) -> None:
+    """Leave nothing but values and rates in the table of coefficients: in a step that is shorter
+    than what tells times apart, all else is lost in rounding."""
+    W = flow.space.W
+    for r in range(len(W)):
+        for k in range(2, flow.order + 1):
+            W[r, k] = 0.0
 
 
 # -- every state of the switches concerned ---------------------------------------------------------

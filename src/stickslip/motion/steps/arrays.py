@@ -48,6 +48,7 @@ PER_FACE = 24  # rows of Space.facing for each face
 # part of its size by which the guard of a switch that has just fired may be away from zero, where
 # it is by definition
 FIRED = 1e-10
+CLOSEST = 1e-15  # relative difference of times that can be told apart
 INSTANT = 32 * EPSILON  # part of a time by which times are too close to be told apart
 DOUBTFUL = 1e-12  # a threshold this close to zero may have become negative
 NOWHERE = -1  # no row

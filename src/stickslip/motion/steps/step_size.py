@@ -64,7 +64,7 @@ _DENSE = 6  # lowest order of a last term that tells how fast the terms of a row
 _BEYOND, _WELL_BEFORE = 2.0**-10, 0.75
 _MOST_TURNS = 20  # of Newton's method
 # radii of the discs that are looked at, in steps: what grows is bounded better by a wide one, what
-# has a singularity near by a narrow one
+# has a singularity near by, as a slip in a plane that is braked has, by a narrow one
 _WIDE, _NARROW = 2.0, 1.4
 _LOOSE = 1e-3  # part of its size that may be hidden in a row
 
@@ -425,7 +425,9 @@ def unseen(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -> float:
         Largest modulus so far of each row that bounds the steps.
     """
     excess = unseen_within(flow, mode, reg, h, seen, _WIDE)
-    return excess if excess <= 1.0 else min(excess, unseen_within(flow, mode, reg, h, seen, _NARROW))
+    return (
+        excess if excess <= 1.0 else min(excess, unseen_within(flow, mode, reg, h, seen, _NARROW))
+    )
 
 
 @compiled()
@@ -521,10 +523,15 @@ def hidden(flow: Flow, mode: Array, h: float, part: float, seen: Array) -> float
     atol = flow.atol
     worst = 0.0
     for r in range(n):
-        size = LEAST_SIZE + abs(W[r, 0]) + reach(W[r], N, powers) + atol * seen[r]
+        own = LEAST_SIZE + abs(W[r, 0]) + reach(W[r], N, powers)
+        size = own + atol * seen[r]
         if rows.noise[r] >= 0:
             size += EPSILON / tol * mag[rows.noise[r]] * h
         worst = share(worst, discs[p.rates[r]], h, part, tol, size)
+        if discs[p.rates[r], OFF] > 0.0 and abs(W[r, 0]) < atol * seen[r]:
+            # A motion does not pass where its own rate has no derivative, such as √x at 0, however
+            # little is left of it.
+            worst = share(worst, discs[p.rates[r]], h, part, tol, own)
     for i in range(n, len(rows.watched)):
         r = rows.watched[i]
         if 0 <= rows.noise[i] < len(mode) and mode[rows.noise[i]] == 0:

@@ -1,0 +1,55 @@
+"""When a motion is to end decides nothing about what comes before: steps, and what is asked of a
+whole step, may differ, but not the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from adversarial import dissipations, planes, points
+from adversarial.registry import in_turn
+
+KINDS = {"planes": planes, "points": points, "dissipations": dissipations}
+PART = 0.3
+CLOSE = 1e-8
+NOTHING = 1e-6  # natural units
+# With a longer step, a line and a formula that leave together at the start rested for 0.44.
+FOUND = [("dissipations", "beside a line", 600023)]
+
+
+def drawn(count: int = 1) -> Iterator[tuple[str, str, int]]:
+    yield from FOUND
+    for kind, module in KINDS.items():
+        names = list(module.FAMILIES)
+        for case in in_turn(names, module.draw, 0, count * len(names)):
+            yield kind, case.family, case.seed
+
+
+def followed(case: dissipations.Rubbed, until: float) -> ss.Trajectory:
+    begin, _ = case.span
+    return ss.simulate(
+        case.system, (begin, until), initial=case.initial, parameters=case.parameters
+    )
+
+
+@pytest.mark.parametrize(("kind", "family", "seed"), [*drawn()])
+def test_motion_does_not_depend_on_its_end(kind: str, family: str, seed: int) -> None:
+    case = KINDS[kind].draw(family, seed)
+    begin, end = case.span
+    until = begin + PART * (end - begin)
+    motions = followed(case, end), followed(case, until)
+    if not all(motion.outcome.ok for motion in motions):
+        pytest.skip(f"not finished: {[motion.message for motion in motions]}")
+    names = list(case.system.declaration.state)
+    size = [
+        max(np.abs(motions[0].dataset[name].values).max(), NOTHING * case.unit(name))
+        for name in names
+    ]
+    here, there = (
+        np.array([float(at[name]) for name in names])
+        for at in (motion.at(until, side="left") for motion in motions)
+    )
+    assert np.max(np.abs(here - there) / size) <= CLOSE, case.source()
