@@ -82,6 +82,7 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.evolution.evolve import evolve
     from stickslip.rate_independent.evolution.history import History
     from stickslip.rate_independent.evolution.model import EvolutionModel
+    from stickslip.rate_independent.of_contacts import dissipation_of
     from stickslip.rate_independent.play.clamp import prandtl_ishlinskii
     from stickslip.rate_independent.play.operator import Play, play
     from stickslip.structures.damping import ModalDamping, ProportionalDamping
@@ -159,6 +160,7 @@ __all__ = [
     "compare",
     "continue_cycle",
     "continue_equilibrium",
+    "dissipation_of",
     "equilibria",
     "evolve",
     "explore",
@@ -250,6 +252,7 @@ _HOMES = {
     **dict.fromkeys(
         ["AveragingStudy", "averaging_study"], "rate_independent.evolution.averaging_study"
     ),
+    "dissipation_of": "rate_independent.of_contacts",
     **dict.fromkeys(
         [
             "Dissipation",

@@ -155,6 +155,17 @@ class Plane(NamedTuple):
     pieces: tuple[tuple[Expr, Expr], ...] = ()
     unit: Expr = ex.ONE
 
+    @property
+    def idle(self) -> tuple[Expr, ...]:
+        """What stands for the direction where nothing slips: zero; of a formula, which has no
+        gradient at 0, a direction in which all its pieces have one, as those of a disc have where
+        its rim is at rest."""
+        if self.formula is None:
+            return (ex.ZERO,) * len(self.parts)
+        if len(self.parts) == 2:
+            return (ex.ONE, ex.ZERO)
+        return (ex.num(0.5**0.5), ex.ZERO, ex.num(0.5**0.5))
+
     def bounds(self, i: int) -> tuple[Expr, Expr]:
         """The largest force of a component against a slip forward, and back."""
         if self.formula is None:

@@ -342,10 +342,8 @@ class _Solver:
         slips = self.mode[plane.parts[0]] != 0 and not self.is_loose(plane.parts[0])
         vector = [self.fix(e) for e in plane.pull] or self.ahead(plane)
         size = ex.power(ex.add(*((e**2, 1.0) for e in vector)), ex.num(0.5))
-        # A gradient has no value at 0, which is asked for in no mode.
-        rests = ex.ZERO if plane.formula is None else ex.ONE
-        for k, (i, e) in enumerate(zip(plane.parts, vector, strict=True)):
-            self.known[f"n:{i}"] = e / size if slips else rests if k == 0 else ex.ZERO
+        for i, e, idle in zip(plane.parts, vector, plane.idle, strict=True):
+            self.known[f"n:{i}"] = e / size if slips else idle
         speed = size * self.fix(plane.unit) if slips else ex.ZERO
         for i in plane.parts if not plane.pull else ():
             self.known[f"speed:{i}"] = speed

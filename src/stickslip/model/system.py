@@ -193,8 +193,9 @@ class Contact:
     axes : pair of str or float, or three
         Half axes of the set of forces, in parts of the threshold: for a contact in a plane, or a
         face, such as ``(1, 1, "2*a/3")`` for a disc of radius a.
-    dissipation : str, optional
-        R, of a contact in a plane or a face: a formula in ``v1``, ``v2`` (``v3``) and parameters,
+    dissipation : str or Dissipation, optional
+        R, of a contact in a plane or a face: an :class:`Ellipsoid` or a :class:`SupportFormula`,
+        which is kept as its formula, or a formula in ``v1``, ``v2`` (``v3``) and parameters,
         convex, positive and homogeneous of degree 1, such as ``"sqrt(v1**2 + 4*v2**2) + 0.2*v1"``,
         with a gradient wherever v is not 0. It need not be even. ``"disc(v1, v2, a*v3)"`` and
         ``"ring(v1, v2, a*v3)"`` are the mean speed of a disc and of a ring of radius a. Its
@@ -210,6 +211,8 @@ class Contact:
     dissipation: str | None = None
 
     def __post_init__(self) -> None:
+        if hasattr(self.dissipation, "as_formula"):
+            object.__setattr__(self, "dissipation", cast("Any", self.dissipation).as_formula())
         hold_plain(self)
         if self.threshold == "" and self.dissipation is not None:
             object.__setattr__(self, "threshold", 1.0)

@@ -100,8 +100,8 @@ class Instruction:
         inputs, makes no series, but says how far the rate strays. DIRECTION makes of a vector, its
         inputs but the last, the direction in slip and, as last row, the modulus; in stick, and
         where a contact that presses it is open, the direction is that of its parts, zero if there
-        are none, and the modulus zero. Where the modulus is zero up to rounding (the last input is the
-        size of its terms), and where the mode of contact `place` is `DIRECTION_GIVEN`, its rows
+        are none, and the modulus zero. Where the modulus is zero up to rounding (the last input is
+        the size of its terms), and where the mode of contact `place` is `DIRECTION_GIVEN`, its rows
         stay what they are, but that the modulus is 0 in the first case.
     row : int
         Where the result goes (the first row of several).

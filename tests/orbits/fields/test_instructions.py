@@ -120,6 +120,9 @@ def test_fields_of_the_catalogue(name: str) -> None:
     y = np.random.default_rng(1).uniform(0.1, 0.9, (len(field.state), 11))
     p = np.array(list(system.values.values()))
     expected = function(field, expressions)(0.3, y, p)
-    assert PointFunction(field, expressions)(0.3, y, p) == pytest.approx(expected, rel=1e-13)
+    # In another region, a formula may have no value.
+    assert np.isfinite(expected).any(axis=0).all()
+    found = PointFunction(field, expressions)(0.3, y, p)
+    assert found == pytest.approx(expected, rel=1e-13, nan_ok=True)
     one = PointFunction(field, expressions)(0.3, y[:, 4], p)
-    assert one == pytest.approx(expected[:, 4], rel=1e-13)
+    assert one == pytest.approx(expected[:, 4], rel=1e-13, nan_ok=True)

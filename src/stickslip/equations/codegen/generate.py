@@ -55,11 +55,6 @@ ORDERS = (8, 12, 16, 20, 24)  # that a Taylor series may have
 INVERSES = ("Rq", "Rz")  # of the linear problems of inertial and of viscous coordinates
 MATRICES = (*INVERSES, "B")  # and of rate-independent ones
 
-_NO_DIRECTION = {
-    2: (Scaled(ex.ONE), Scaled(ex.ZERO)),
-    3: (Scaled(ex.num(0.5**0.5)), Scaled(ex.ZERO), Scaled(ex.num(0.5**0.5))),
-}
-
 
 @dataclass
 class Layout:
@@ -594,9 +589,7 @@ class _Generator:
         count = len(plane.parts)
         first, *_, speed = (tape.new_row(stage) for _ in range(count + 1))
         pressing = self.eq.pressing(plane.parts[0])
-        # A gradient has no value at 0: where nothing slips, it is that of a direction in which all
-        # pieces have one, as those of a disc where its rim is at rest.
-        rests = () if plane.formula is None else _NO_DIRECTION[count]
+        rests = () if plane.formula is None else tuple(Scaled(e) for e in plane.idle)
         made = Instruction(
             Op.DIRECTION, first, inputs, rests, plane.parts[0], count + 1, pressed=(*pressing,)
         )

@@ -82,6 +82,11 @@ class Ellipsoid(Dissipation, kind="ellipsoid"):
         kept = squares > floor
         return axes[:, kept] * np.sqrt(squares[kept])
 
+    def _formula(self) -> str:
+        S = self.matrix.value(0.0)
+        terms = (f"({x!r})*v{i + 1}*v{j + 1}" for (i, j), x in np.ndenumerate(S) if x != 0.0)
+        return f"sqrt({' + '.join(terms) or '0'})"
+
     def _axes(self, S: Array, phases: Array) -> tuple[Array, Array, Array]:
         """Eigenvectors (m, n, n) and eigenvalues (m, n) of S at several phases, and what is
         rounding of them (m,)."""

@@ -23,7 +23,7 @@ from stickslip.rate_independent.sets.stretches import AtPhases, Near, Stretches
 from stickslip.rate_independent.signals.signal import OF_PHASE, Signal
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.formulas import Scope, check_name, is_finite
+from stickslip.symbolic.formulas import Scope, check_name, formula_text, is_finite
 
 _COMPONENT = re.compile(r"\bv([1-9]\d{0,3})\b")
 _PHASE = OF_PHASE.name
@@ -135,6 +135,11 @@ class SupportFormula(Dissipation, kind="formula"):
         largest = max(_components(given.get("formula", "")), default=0)
         count = max(count if isinstance(count, int) else 0, largest)
         return tuple(f"v{i + 1}" for i in range(min(count, _MOST_COMPONENTS)))
+
+    def _formula(self) -> str:
+        if isinstance(self.formula, str) and not self.parameters:
+            return self.formula
+        return formula_text(self.convex.value, "dissipation")
 
     @property
     def depends_on_phase(self) -> bool:

@@ -79,6 +79,29 @@ class Dissipation(ABC):
     def depends_on_phase(self) -> bool:
         """Whether Ψ(s, ·) is not the same for all s."""
 
+    def as_formula(self) -> str:
+        """Ψ as a formula in ``v1``, ..., ``vn``, which a contact takes as its dissipation.
+
+        Raises
+        ------
+        DeclarationError
+            If it depends on the phase, or this potential says none.
+        """
+        if self.depends_on_phase:
+            raise DeclarationError(
+                "dissipation",
+                "it depends on a phase, which a contact does not have",
+                "Give a threshold that depends on time beside it",
+            )
+        return self._formula()
+
+    def _formula(self) -> str:
+        raise DeclarationError(
+            "dissipation",
+            f"{type(self).__name__} has no formula",
+            "Give an Ellipsoid, a SupportFormula, or a formula as text",
+        )
+
     @abstractmethod
     def support(self, v: ArrayLike, s: float = 0.0) -> float:
         """Support function of K(s) at v, shape (n,): the number Ψ(s, v)."""
