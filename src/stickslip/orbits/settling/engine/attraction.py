@@ -58,6 +58,13 @@ from stickslip.orbits.fields.engine.variations import (
     put_product,
     vary,
 )
+from stickslip.orbits.settling.engine.lanes import (
+    RECORDED,
+    UNRECORDED,
+    copy_lane,
+    follow_lane,
+    own_flow,
+)
 from stickslip.orbits.settling.engine.measuring import knots_of
 from stickslip.orbits.settling.engine.returns import (
     bring_home,
@@ -65,13 +72,6 @@ from stickslip.orbits.settling.engine.returns import (
     norm,
     remove_part,
     remove_shift,
-)
-from stickslip.orbits.settling.engine.settling import (
-    RECORDED,
-    UNRECORDED,
-    copy_lane,
-    follow_lane,
-    own_flow,
 )
 from stickslip.orbits.settling.engine.tables import (
     DURATION,
