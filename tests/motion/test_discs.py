@@ -12,10 +12,11 @@ from scipy import special
 
 from flows import taylor_series
 from stickslip import System, Viscous
+from stickslip.motion.discs.spreading import spread, spread_state
+from stickslip.motion.discs.tables import BALL, OFF, DiscTape
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.steps.arrays import Instant
-from stickslip.motion.steps.discs import BALL, OFF, DiscTape, spread, spread_state
 from stickslip.motion.steps.step_size import fill_powers
 
 # Forces as formulas, and as functions of complex time t and position x.

@@ -25,7 +25,7 @@ import numpy as np
 
 from oracles.fields import function
 from stickslip.arrays import Array
-from stickslip.orbits.fields.engine.variations import Leave
+from stickslip.orbits.fields.engine.tables import Leave
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.variational import Variation
 from stickslip.symbolic import expressions as ex

@@ -24,10 +24,11 @@ import stickslip as ss
 from flows import taylor_series
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.motion.discs.spreading import spread, spread_state
+from stickslip.motion.discs.tables import DiscTape
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.problem import pose
 from stickslip.motion.steps.arrays import Instant
-from stickslip.motion.steps.discs import DiscTape, spread, spread_state
 from stickslip.motion.steps.step_size import fill_powers
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import enclosures, slopes

@@ -18,8 +18,8 @@ from stickslip.equations.codegen.program import (
     SIZE,
     THIRD,
 )
-from stickslip.motion.steps.arrays import DIMENSION, Flow
-from stickslip.motion.steps.discs import (
+from stickslip.motion.discs.spreading import side_operand
+from stickslip.motion.discs.tables import (
     DIRECTION_ROW,
     ENTRY,
     HYPERBOLIC,
@@ -39,8 +39,8 @@ from stickslip.motion.steps.discs import (
     TANH,
     WITHIN,
     factor,
-    side_operand,
 )
+from stickslip.motion.steps.arrays import DIMENSION, Flow
 from stickslip.translator import compiled
 
 # Bits, but for the first.

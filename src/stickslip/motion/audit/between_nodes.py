@@ -1,7 +1,7 @@
 """What the residual and the guards may do between the nodes of a piece.
 
 On a disc around the beginning of a piece [0, h] the residual r = p′ − f(p) and every guard differ
-from their first values by at most B (:mod:`stickslip.motion.steps.discs`). A function that is
+from their first values by at most B (:mod:`stickslip.motion.discs`). A function that is
 analytic and bounded by B inside the ellipse with foci 0 and h and sum of half axes ρh/2 differs
 from its interpolant at n nodes by at most
 
@@ -30,6 +30,8 @@ from stickslip.motion.audit.accounts import (
     Tally,
 )
 from stickslip.motion.audit.nodes import LEBESGUE, NARROW, WIDE
+from stickslip.motion.discs.spreading import spread, spread_state
+from stickslip.motion.discs.tables import BALL, OFF, SLOPE
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     AIM,
@@ -43,16 +45,9 @@ from stickslip.motion.steps.arrays import (
     opens,
     own_inverse,
     parts_of,
-)
-from stickslip.motion.steps.discs import (
-    BALL,
-    OFF,
-    SLOPE,
-    spread,
-    spread_given,
-    spread_state,
     tape_of,
 )
+from stickslip.motion.steps.directions import spread_given
 from stickslip.motion.steps.step_size import LEAST_SIZE, fill_powers, impulse
 from stickslip.translator import RELAXED, compiled
 

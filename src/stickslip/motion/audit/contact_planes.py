@@ -28,6 +28,7 @@ from stickslip.motion.audit.accounts import (
 )
 from stickslip.motion.audit.between_nodes import strays
 from stickslip.motion.audit.nodes import COUNT, LEBESGUE, largest_of, least_on_nodes, most
+from stickslip.motion.discs.tables import BALL, OFF
 from stickslip.motion.modes.guards import resting
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
@@ -54,7 +55,6 @@ from stickslip.motion.steps.arrays import (
     is_loose,
     whole_size,
 )
-from stickslip.motion.steps.discs import BALL, OFF
 from stickslip.translator import compiled
 
 

@@ -93,7 +93,7 @@ from stickslip.motion.steps.arrays import (
     direction_entry,
     is_stopped,
 )
-from stickslip.motion.steps.discs import give_directions, take_directions
+from stickslip.motion.steps.directions import give_directions, take_directions
 from stickslip.motion.steps.roots import horner, rate_on
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import impulse

@@ -28,7 +28,7 @@ from stickslip.motion.steps.arrays import (
     Rows,
     is_stopped,
 )
-from stickslip.motion.steps.discs import give_direction
+from stickslip.motion.steps.directions import give_direction
 from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.stiff import ends_there, follow_mode

@@ -81,7 +81,7 @@ from stickslip.motion.steps.arrays import (
     set_mode,
     whole_size,
 )
-from stickslip.motion.steps.discs import give_direction, take_direction
+from stickslip.motion.steps.directions import give_direction, take_direction
 from stickslip.motion.steps.roots import value_and_slope
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import fill_powers, slip_end

@@ -10,6 +10,7 @@ import numpy as np
 from stickslip.arrays import Array, ByteMatrix, IntMatrix, IntVector, Matrix, Vector
 from stickslip.equations.codegen.program import Program
 from stickslip.machine_code.interface import Jets, Landings, Powers, Residuals, Supports
+from stickslip.motion.discs.tables import DiscTape
 from stickslip.translator import compiled, row_of
 
 # Codes of motion.outcome.Outcome, and one that asks to be called again with a new record.
@@ -234,7 +235,7 @@ class Space(NamedTuple):
         where theirs changes on the way.
     discs : array, shape (rows, 4)
         How far each row strays from its value at the beginning of a step, and how near it comes to
-        zero, see :mod:`stickslip.motion.steps.discs`; last, how far the derivative of a part of the
+        zero, see :mod:`stickslip.motion.discs`; last, how far the derivative of a part of the
         state strays.
     kinds : array of int
         What each row depends on; see :mod:`stickslip.motion.affine.structure`.
@@ -511,6 +512,13 @@ def is_component(rows: Rows, c: int) -> bool:
     """Whether a contact is a component of one in a plane, or a face, but the first: what is said of
     that is said of the first."""
     return bool(rows.plane[c] >= 0 and rows.planes[rows.plane[c], COMPONENT] != c)
+
+
+@compiled()
+def tape_of(flow: Flow) -> DiscTape:
+    """The tape of a system, at the instant of which the series are in the work space."""
+    s = flow.space
+    return DiscTape(flow.rows.program, flow.k.K, s.W, s.discs, s.Rq, s.Rz, s.B, s.balls)
 
 
 @compiled()

@@ -2,7 +2,7 @@
 
 Two conditions: the last terms of the series are small, and nothing is hidden in the terms that were
 left out. The first sees what the series shows; the second bounds what it cannot show
-(:mod:`stickslip.motion.steps.discs`), loosely: a pulse that underflows where the step begins has a
+(:mod:`stickslip.motion.discs`), loosely: a pulse that underflows where the step begins has a
 bound that is larger by hundreds of orders of magnitude.
 """
 
@@ -14,6 +14,17 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.program import OPERATION, RESULT
+from stickslip.motion.discs.spreading import reach, spread, spread_state
+from stickslip.motion.discs.tables import (
+    BALL,
+    CHAIN,
+    DIRECTION_ROW,
+    LOG,
+    OFF,
+    ROTATION,
+    TANH,
+    DiscTape,
+)
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     AIM_SPEED,
@@ -30,24 +41,13 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     parts_of,
+    tape_of,
     whole_size,
 )
-from stickslip.motion.steps.discs import (
-    BALL,
-    CHAIN,
-    DIRECTION_ROW,
-    LOG,
-    OFF,
-    ROTATION,
-    TANH,
-    DiscTape,
+from stickslip.motion.steps.directions import (
     follow_directions,
     forget_directions,
-    reach,
-    spread,
     spread_given,
-    spread_state,
-    tape_of,
 )
 from stickslip.motion.steps.starting import coefficients
 from stickslip.translator import compiled

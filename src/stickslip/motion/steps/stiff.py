@@ -12,7 +12,7 @@ A polynomial is taken only if
 * the last two terms of the state and of all guards, by Legendre polynomials, are as small as those
   of a series are to be, or lost in rounding;
 * nothing is hidden between the nodes: all rows are bounded on the disc of twice the step
-  (:mod:`stickslip.motion.steps.discs`) by some B, so that they differ from their interpolants by at
+  (:mod:`stickslip.motion.discs`) by some B, so that they differ from their interpolants by at
   most
 
       2 (1 + Λₛ) B ρ^(1 − s)/(ρ − 1),  ρ = 3 + √8,
@@ -27,6 +27,8 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.motion.discs.spreading import spread, spread_state
+from stickslip.motion.discs.tables import BALL, OFF
 from stickslip.motion.steps.arrays import (
     AIM_SPEED,
     CAUSE,
@@ -40,15 +42,9 @@ from stickslip.motion.steps.arrays import (
     Instant,
     Lane,
     Machine,
-)
-from stickslip.motion.steps.discs import (
-    BALL,
-    OFF,
-    spread,
-    spread_given,
-    spread_state,
     tape_of,
 )
+from stickslip.motion.steps.directions import spread_given
 from stickslip.motion.steps.radau import (
     HIDDEN_PARTS,
     TERMS,

@@ -17,7 +17,7 @@ from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual
 from stickslip.errors import StickslipError
 from stickslip.orbits.cycles.period import same, shorter
-from stickslip.orbits.fields.engine.variations import TOGETHER
+from stickslip.orbits.fields.engine.tables import TOGETHER
 from stickslip.orbits.return_map.damped_newton import CLOSED, Closed, largest_growth
 from stickslip.orbits.return_map.mode_sequence import sequence
 from stickslip.orbits.return_map.shooting import arrivals, follow_state, parameter_values

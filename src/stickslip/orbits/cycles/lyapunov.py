@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.orbits.fields.engine.variations import TOGETHER
+from stickslip.orbits.fields.engine.tables import TOGETHER
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.return_map.recurrence import stretch

@@ -15,7 +15,7 @@ from stickslip.kept import cached_property
 from stickslip.model.system import Kind
 from stickslip.motion.between.dense import make_scratch
 from stickslip.motion.steps.arrays import Rows
-from stickslip.orbits.fields.engine.variations import Leave, Listed, PassSpace, room_for_pass
+from stickslip.orbits.fields.engine.tables import Leave, Listed, PassSpace, room_for_pass
 from stickslip.orbits.fields.instructions import Listing, PointFunction, packed
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr

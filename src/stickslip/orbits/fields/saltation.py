@@ -31,7 +31,7 @@ from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Mode, impact_map, in_region
 from stickslip.kept import kept
-from stickslip.orbits.fields.engine.variations import Leave
+from stickslip.orbits.fields.engine.tables import Leave
 from stickslip.orbits.fields.instructions import PointFunction
 from stickslip.orbits.fields.mode_field import Piece, Pieces, mass_at
 from stickslip.symbolic import expressions as ex

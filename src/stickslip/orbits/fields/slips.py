@@ -26,7 +26,7 @@ from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations, Plane
 from stickslip.model.system import Kind
 from stickslip.motion.record.knots import Knots
-from stickslip.orbits.fields.engine.variations import Leave
+from stickslip.orbits.fields.engine.tables import Leave
 from stickslip.orbits.fields.mode_field import Piece, mass_at
 from stickslip.orbits.fields.saltation import Saltation
 from stickslip.symbolic import expressions as ex

@@ -26,7 +26,9 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.kept import cached_property
 from stickslip.orbits.fields import slips
-from stickslip.orbits.fields.engine.variations import (
+from stickslip.orbits.fields.engine.events import jump
+from stickslip.orbits.fields.engine.resolution import resolve_steps
+from stickslip.orbits.fields.engine.tables import (
     ALIKE,
     BEGINS,
     CORNER,
@@ -43,10 +45,8 @@ from stickslip.orbits.fields.engine.variations import (
     Leave,
     Pass,
     PassSpace,
-    jump,
-    resolve_steps,
-    vary,
 )
+from stickslip.orbits.fields.engine.variations import vary
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.saltation import Strike, saltation, strikes_of
 from stickslip.stopping.scopes import heed

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.orbits.fields.engine.variations import NODES
+from stickslip.orbits.fields.engine.collocation import NODES
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.variational import Variation, variation
 from stickslip.symbolic import expressions as ex

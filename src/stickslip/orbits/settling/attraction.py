@@ -9,7 +9,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.motion.between.dense import make_scratch
-from stickslip.orbits.fields.engine.variations import MET, STAGES, room_for_pass
+from stickslip.orbits.fields.engine.tables import MET, STAGES, room_for_pass
 from stickslip.orbits.fields.mode_field import Pieces, places_of
 from stickslip.orbits.settling.engine.attraction import (
     OPEN_CLAIM,

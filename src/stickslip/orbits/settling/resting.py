@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import AnyArray, Array
-from stickslip.orbits.fields.engine.variations import Leave
+from stickslip.orbits.fields.engine.tables import Leave
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.symbolic import expressions as ex
 

@@ -41,7 +41,9 @@ from stickslip.motion.steps.arrays import (
     is_stopped,
 )
 from stickslip.motion.steps.vectors import copy
-from stickslip.orbits.fields.engine.variations import (
+from stickslip.orbits.fields.engine.collocation import put_matrix, put_product
+from stickslip.orbits.fields.engine.events import fired, guards_at, jump
+from stickslip.orbits.fields.engine.tables import (
     ALIKE,
     BEGINS,
     CORNER,
@@ -51,12 +53,14 @@ from stickslip.orbits.fields.engine.variations import (
     Listed,
     Pass,
     PassSpace,
-    fired,
-    guards_at,
-    jump,
-    put_matrix,
-    put_product,
-    vary,
+)
+from stickslip.orbits.fields.engine.variations import vary
+from stickslip.orbits.settling.engine.lanes import (
+    RECORDED,
+    UNRECORDED,
+    copy_lane,
+    follow_lane,
+    own_flow,
 )
 from stickslip.orbits.settling.engine.measuring import knots_of
 from stickslip.orbits.settling.engine.returns import (
@@ -65,13 +69,6 @@ from stickslip.orbits.settling.engine.returns import (
     norm,
     remove_part,
     remove_shift,
-)
-from stickslip.orbits.settling.engine.settling import (
-    RECORDED,
-    UNRECORDED,
-    copy_lane,
-    follow_lane,
-    own_flow,
 )
 from stickslip.orbits.settling.engine.tables import (
     DURATION,
@@ -117,7 +114,7 @@ class Claims(NamedTuple):
     modes, regions : arrays of int, shapes (pieces, contacts) and (pieces, kinks)
         Of the fields that are listed.
     piece, parts, outcome, event, after, late : arrays
-        See :class:`stickslip.orbits.fields.engine.variations.Pass`.
+        See :class:`stickslip.orbits.fields.engine.tables.Pass`.
     work : PassSpace
     squares : array, shape (2, n, n)
     deviation : array, shape (5, n)

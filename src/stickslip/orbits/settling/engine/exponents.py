@@ -17,7 +17,7 @@ from stickslip.motion.steps.arrays import (
     Lane,
     is_stopped,
 )
-from stickslip.orbits.settling.engine.settling import UNRECORDED, copy_lane, follow_lane
+from stickslip.orbits.settling.engine.lanes import UNRECORDED, copy_lane, follow_lane
 from stickslip.orbits.settling.engine.tables import (
     DONE,
     DURATION,

@@ -36,6 +36,14 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.vectors import copy
+from stickslip.orbits.settling.engine.lanes import (
+    RECORDED,
+    UNRECORDED,
+    copy_lane,
+    follow_lane,
+    own_flow,
+)
+from stickslip.orbits.settling.engine.marks import elapsed
 from stickslip.orbits.settling.engine.returns import (
     begin_again,
     bring_home,
@@ -44,22 +52,11 @@ from stickslip.orbits.settling.engine.returns import (
     miss,
     told_apart,
 )
-from stickslip.orbits.settling.engine.settling import (
-    AT_REST,
-    NOT_SETTLED,
-    PERIODIC,
-    RECORDED,
-    STEADY,
-    UNRECORDED,
-    copy_lane,
-    elapsed,
-    follow_lane,
-    own_flow,
-    settle_lane,
-)
+from stickslip.orbits.settling.engine.settling import settle_lane
 from stickslip.orbits.settling.engine.tables import (
     ASK,
     AT_FIRST,
+    AT_REST,
     CLOSURE,
     COUNT,
     DONE,
@@ -75,13 +72,16 @@ from stickslip.orbits.settling.engine.tables import (
     LOWEST,
     MEASURING,
     MOTION,
+    NOT_SETTLED,
     OPEN,
     PATIENT,
     PERIOD,
+    PERIODIC,
     PHASE,
     SETTLING,
     SIZED,
     START,
+    STEADY,
     STRIDE,
     TRUE,
     Bench,

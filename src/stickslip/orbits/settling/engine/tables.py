@@ -11,6 +11,7 @@ from stickslip.arrays import Array, Array3, Array4, IntMatrix, IntVector, Many, 
 from stickslip.motion.affine.forms import ClosedForms, Flight
 from stickslip.motion.audit.accounts import Steps, Tally, make_steps, make_tally
 from stickslip.motion.audit.observers import Sums, make_sums
+from stickslip.motion.outcome import Outcome
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     POWERS_MADE,
@@ -59,6 +60,12 @@ ENERGY, LAW, MOTION, CLOSURE, PERIOD = range(5)
 
 AT_FIRST, LOST, GAINED, LOWEST, HIGHEST, IMBALANCE = range(6)
 """Slots of :attr:`Bench.balance`."""
+
+AT_REST = int(Outcome.AT_REST.code)
+PERIODIC = int(Outcome.PERIODIC.code)
+STEADY = int(Outcome.STEADY.code)
+NOT_SETTLED = int(Outcome.NOT_SETTLED.code)
+"""What a motion settles on."""
 
 DEVICE_LANES = 16_384
 """Motions that are worked on together on a GPU, which is filled by many."""

@@ -1,0 +1,135 @@
+"""How finely the steps of a motion are divided for its first variation, and where the nodes of
+these parts are, in compiled loops."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from stickslip.machine_code.functions import entry_point
+from stickslip.motion.steps.arrays import Rows
+from stickslip.orbits.fields.engine.collocation import NODES, put_product
+from stickslip.orbits.fields.engine.events import slides, turns_about
+from stickslip.orbits.fields.engine.interpreter import perform
+from stickslip.orbits.fields.engine.tables import (
+    STAGES,
+    Listed,
+    Pass,
+    PassSpace,
+    put_point,
+    time_of,
+)
+from stickslip.translator import compiled
+
+# largest |eigenvalue| × step of a collocation step: its Padé approximant of exp is exact to
+# rounding there
+_REACH = 1.5
+_HALVES = 25  # of the time that is left in which a slip in a plane comes to rest
+_DOUBLINGS = 6  # ‖J⁶⁴‖ to the power 1/64 is the largest |eigenvalue| up to a few parts in a hundred
+
+
+@compiled()
+def fastest(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> float:
+    """Largest modulus of an eigenvalue of the Jacobian at a knot, from high powers of it.
+
+    Parameters
+    ----------
+    listed : Listed
+    run : Pass
+    work : PassSpace
+    w : int
+        The piece.
+    knot : int
+    """
+    J, scaled = work.squares[0], work.squares[1]
+    n = len(J)
+    columns = run.after.shape[1]
+    put_point(work.values, 0, time_of(run, knot), run.knots.state[knot])
+    perform(listed.made, listed.slopes[w, 0], listed.slopes[w, 2], work.values, 1)
+    for r in range(n):
+        for c in range(n):
+            J[r, c] = work.values[listed.jacobian[w, r * columns + c], 0]
+            if J[r, c] != J[r, c]:
+                return 0.0  # where a slip in a plane begins with the motion
+    scale = 0.0  # log of what has been divided out, per factor
+    power = 1.0
+    for _ in range(_DOUBLINGS + 1):
+        largest = 0.0
+        for r in range(n):
+            for c in range(n):
+                largest = max(largest, abs(J[r, c]))
+        if not 0.0 < largest < np.inf:
+            return 0.0
+        scale += math.log(largest) / power
+        power *= 2.0
+        for r in range(n):
+            for c in range(n):
+                scaled[r, c] = J[r, c] / largest
+        put_product(scaled, scaled, J)
+    return math.exp(scale)
+
+
+@compiled()
+def share_of_step(run: Pass, i: int, part: int) -> tuple[float, float]:
+    """Where a part of a step begins, and how long it is, as parts of the step: all are equal, but
+    where a slip in a plane ends each half of what is left has the same number of them, since the
+    Jacobian is singular there, as 1/abs(u)."""
+    if run.parts[i] > 0:
+        return part / run.parts[i], 1.0 / run.parts[i]
+    share = -run.parts[i] // _HALVES
+    half = part // share
+    left = math.ldexp(1.0, -half)
+    length = (left if half == _HALVES - 1 else 0.5 * left) / share
+    return 1.0 - left + (part % share) * length, length
+
+
+@entry_point()
+def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int:
+    """In how many parts each step has to be taken for linear motions to be resolved; returns the
+    number of nodes at which states are wanted.
+
+    Where a slip in a plane begins or ends there is no Jacobian; what it would be is a quotient of
+    rounding errors.
+    """
+    nodes = 0
+    for i in range(len(run.piece) - 1):
+        h = time_of(run, i + 1) - time_of(run, i)
+        run.parts[i] = 1
+        if h > 0.0:
+            w = run.piece[i]
+            rate = run.drives
+            if i == 0 or not turns_about(rows, listed, run, work, i):
+                rate = max(rate, fastest(listed, run, work, w, i))
+            if listed.steady[w] == 1:
+                run.parts[i] = max(1, math.ceil(h * rate / _REACH))
+            elif slides(rows, run, i) and turns_about(rows, listed, run, work, i + 1):
+                run.parts[i] = -_HALVES * max(1, math.ceil(0.5 * h * rate / _REACH))
+            else:
+                if not turns_about(rows, listed, run, work, i + 1):
+                    rate = max(rate, fastest(listed, run, work, w, i + 1))
+                run.parts[i] = max(1, math.ceil(h * rate / _REACH))
+        nodes += nodes_of(listed, run, i)
+    return nodes
+
+
+@compiled()
+def nodes_of(listed: Listed, run: Pass, i: int) -> int:
+    """At how many nodes of a step states are wanted: at none where the Jacobian is the same at
+    all."""
+    even = listed.steady[run.piece[i]] == 1 and run.after.shape[1] == run.knots.state.shape[1]
+    return 0 if even or not time_of(run, i + 1) > time_of(run, i) else STAGES * abs(run.parts[i])
+
+
+@compiled()
+def place_nodes(listed: Listed, run: Pass, work: PassSpace) -> None:
+    """The step that each of the nodes belongs to, and its time."""
+    place = 0
+    for i in range(len(run.piece) - 1):
+        begin = time_of(run, i)
+        h = time_of(run, i + 1) - begin
+        for j in range(nodes_of(listed, run, i)):
+            first, length = share_of_step(run, i, j // STAGES)
+            work.step[place] = i
+            work.clock[place] = begin + (first + NODES[j % STAGES] * length) * h - run.origin
+            place += 1

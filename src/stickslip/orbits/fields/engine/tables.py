@@ -1,0 +1,211 @@
+"""What the compiled functions of first variations pass to each other: named tuples of arrays, and
+what they say of an event."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from stickslip.arrays import Array, Array3, IntArray3, IntMatrix, IntVector, Matrix, Vector
+from stickslip.motion.between.dense import Scratch
+from stickslip.motion.steps.arrays import Record
+from stickslip.orbits.fields.engine.interpreter import LANES, Instructions
+from stickslip.translator import compiled
+
+STAGES = LANES  # Gauss nodes of a step: order 16
+TOGETHER = 1e-9  # events closer than this part of the motion are simultaneous
+ALIKE = 1e-8  # derivatives that differ by less, relative to the largest, are the same
+# What becomes of an event, or of the pass: it may need more room for its nodes, or stand at a knot
+# at which the state jumps.
+PASSED, GRAZED, CORNER, UNEXPLAINED, CROWDED, STRUCK, HALTED = range(7)
+# Entries of Pass.event.
+BEGINS, ENDS, MEETING, MET = range(4)
+
+
+class Listed(NamedTuple):
+    """The pieces of a system as instructions. A column is a component of the state or, behind
+    these, a free parameter.
+
+    Attributes
+    ----------
+    made : Instructions
+    slopes, guards : arrays of int, shape (pieces, 3)
+        Which of them give the Jacobian, and rates and guards with their slopes: the first that is
+        the same for all points, the first that is not, and the end.
+    jacobian : array of int, shape (pieces, states × columns)
+        Places of the Jacobian in the table of values.
+    rates : array of int, shape (pieces, states)
+        Places of the rates.
+    falls : array of int, shape (pieces, guards, 2 + columns)
+        Places of the guards, of their derivatives by time, and by the columns.
+    switches : array of int, shape (pieces, guards)
+        The switch that each belongs to; −1 where there is none.
+    settings : array of int, shape (pieces, switches)
+    steady : array of int, shape (pieces,)
+        1 where the Jacobian is the same at all states.
+    """
+
+    made: Instructions
+    slopes: IntMatrix
+    guards: IntMatrix
+    jacobian: IntMatrix
+    rates: IntMatrix
+    falls: IntArray3
+    switches: IntMatrix
+    settings: IntMatrix
+    steady: IntVector
+
+
+class Pass(NamedTuple):
+    """A motion on the way of being differentiated.
+
+    Attributes
+    ----------
+    knots : Record
+        The motion.
+    seen : array
+        Sizes of the rows that bound its steps; see :class:`stickslip.motion.steps.arrays.Lane`.
+    origin : float
+        The time at which its clock is 0.
+    drives : float
+        Largest frequency of the loads.
+    piece : array of int, shape (knots,)
+        Piece of the step that begins at each.
+    parts : array of int, shape (knots,)
+        In which each step is resolved; negative where these become shorter towards its end.
+    after : array, shape (knots, columns, directions)
+        Change of (state, p) right after each knot.
+    late : array, shape (knots, directions)
+        How the time of the event there changes; not a number where there is none. Of no direction,
+        if it has no columns.
+    outcome : array of int, shape (knots,)
+        What became of the event there: `PASSED` or `GRAZED`.
+    event : array of int
+        The event at which the pass has stopped: the knots at which it begins and ends, the number
+        of switches that are meeting there, and these, the one that fired first.
+    """
+
+    knots: Record
+    seen: Vector
+    origin: float
+    drives: float
+    piece: IntVector
+    parts: IntVector
+    after: Array3
+    late: Matrix
+    outcome: IntVector
+    event: IntVector
+
+
+class Leave(NamedTuple):
+    """The guards of a piece at a point where the motion may leave it.
+
+    Attributes
+    ----------
+    rates : array, shape (states,)
+        The field f.
+    value : array, shape (guards,)
+    slopes : array, shape (guards, columns)
+        Derivatives with respect to the state and the free parameters.
+    fall : array, shape (guards,)
+        Rates g_t + ∇g·f along the motion.
+    terms : array, shape (guards,)
+        Sum of the moduli of the terms of the rates.
+    """
+
+    rates: Vector
+    value: Vector
+    slopes: Matrix
+    fall: Vector
+    terms: Vector
+
+
+class PassSpace(NamedTuple):
+    """Work space of a pass.
+
+    Attributes
+    ----------
+    values : array, shape (places, LANES)
+        Of the instructions.
+    step, clock, states : arrays, shapes (room,), (room,) and (room, states)
+        The nodes of all steps: the knot before each, when it is, and the state there.
+    squares : array, shape (5, states, states)
+    moved : array, shape (states, directions)
+    system : array, shape (STAGES × states, STAGES × states + the larger of states and directions)
+    here, around : Leave
+    usual : array, shape (guards,)
+    others : array of int, shape (guards,)
+    between : Scratch
+    """
+
+    values: Matrix
+    step: IntVector
+    clock: Vector
+    states: Matrix
+    squares: Array3
+    moved: Matrix
+    system: Matrix
+    here: Leave
+    around: Leave
+    usual: Vector
+    others: IntVector
+    between: Scratch
+
+
+def room_for_pass(
+    listed: Listed, places: int, nodes: int, shape: tuple[int, int], between: Scratch
+) -> PassSpace:
+    """New work space.
+
+    Parameters
+    ----------
+    listed : Listed
+    places : int
+        In the table of values.
+    nodes : int
+    shape : (int, int)
+        Columns and directions.
+    between : Scratch
+    """
+    columns, directions = shape
+    guards = listed.switches.shape[1]
+    n = listed.rates.shape[1]
+
+    def leave() -> Leave:
+        return Leave(
+            np.zeros(n),
+            np.zeros(guards),
+            np.zeros((guards, columns)),
+            np.zeros(guards),
+            np.zeros(guards),
+        )
+
+    return PassSpace(
+        np.zeros((places, LANES)),
+        np.zeros(nodes, np.int64),
+        np.zeros(nodes),
+        np.zeros((nodes, n)),
+        np.zeros((5, n, n)),
+        np.zeros((n, directions)),
+        np.zeros((STAGES * n, STAGES * n + max(n, directions))),
+        leave(),
+        leave(),
+        np.zeros(guards),
+        np.zeros(guards, np.int64),
+        between,
+    )
+
+
+@compiled()
+def time_of(run: Pass, knot: int) -> float:
+    """When a knot is."""
+    return run.knots.time[knot] + run.origin
+
+
+@compiled()
+def put_point(values: Array, k: int, t: float, y: Array) -> None:
+    """Enter a point into the table of values."""
+    values[0, k] = t
+    for r in range(len(y)):
+        values[1 + r, k] = y[r]
