@@ -7,7 +7,7 @@ from typing import Any
 
 from making import docstrings, markdown
 from stickslip.model import schema, system
-from stickslip.model.samples import Samples
+from stickslip.model.entries.samples import Samples
 from stickslip.rate_independent.evolution.model import EvolutionModel
 from stickslip.structures.structure import Structure
 

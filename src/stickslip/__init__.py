@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from stickslip.fitting.problem import FitProblem, fit_problem
     from stickslip.fitting.recording import Recording
     from stickslip.model import laws
-    from stickslip.model.samples import Samples
+    from stickslip.model.entries.samples import Samples
     from stickslip.model.system import (
         Bilateral,
         Condition,
@@ -239,7 +239,7 @@ _HOMES = {
     "Play": "rate_independent.play.operator",
     "play": "rate_independent.play.operator",
     "prandtl_ishlinskii": "rate_independent.play.clamp",
-    "Samples": "model.samples",
+    "Samples": "model.entries.samples",
     **dict.fromkeys(["ModalDamping", "ProportionalDamping"], "structures.damping"),
     "Structure": "structures.structure",
     "Band": "fitting.band",

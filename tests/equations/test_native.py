@@ -30,7 +30,8 @@ from stickslip import (
     simulate,
 )
 from stickslip.arrays import Array, IntVector, Matrix, Vector
-from stickslip.equations.codegen.generate import Generated, Layout, generate
+from stickslip.equations.codegen.generate import generate
+from stickslip.equations.codegen.layout import Generated, Layout
 from stickslip.equations.derive import derive
 from stickslip.equations.native import orders
 from stickslip.equations.native.systems import assembly_of, compile_system

@@ -10,7 +10,14 @@ import pytest
 
 import stickslip as ss
 from stickslip.errors import DeclarationError
-from stickslip.model.units import UNIT_NAMES, agree, check_unit, factors, in_si, lowest_terms
+from stickslip.model.entries.units import (
+    UNIT_NAMES,
+    agree,
+    check_unit,
+    factors,
+    in_si,
+    lowest_terms,
+)
 
 PARAMETERS = {
     "m": ("kg", 2.0),

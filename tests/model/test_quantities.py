@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.model.entries.units import UNIT_NAMES, agree, factors, in_si, lowest_terms, unit_text
 from stickslip.model.quantities import (
     contact_key,
     energy_unit,
@@ -18,7 +19,6 @@ from stickslip.model.quantities import (
     quantity,
     slip_unit,
 )
-from stickslip.model.units import UNIT_NAMES, agree, factors, in_si, lowest_terms, unit_text
 
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("*.toml"))
 PUBLISHED = [*ss.catalogue.names(), *(path.name for path in EXAMPLES)]

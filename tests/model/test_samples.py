@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 import stickslip as ss
 from stickslip.errors import DeclarationError
 from stickslip.machine_code.objects import address_of
-from stickslip.model.samples import SAMPLE_KINDS, SampleKind
+from stickslip.model.entries.samples import SAMPLE_KINDS, SampleKind
 from stickslip.model.system_file import loads
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds

@@ -1,6 +1,6 @@
 """The functions of a system, interpreted in plain Python: the oracle of their machine code.
 
-What they compute is data (:class:`stickslip.equations.codegen.generate.Generated`), and its meaning
+What they compute is data (:class:`stickslip.equations.codegen.layout.Generated`), and its meaning
 is documented at :class:`stickslip.symbolic.tape.Instruction` and
 :class:`stickslip.symbolic.scalars.Scalar`. It is written here a second time, from these words. Of
 the package, only the values of elementary functions at a number run here.
@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.equations.codegen.generate import Generated
+from stickslip.equations.codegen.layout import Generated
 from stickslip.equations.codegen.series import INDEFINITE, SINGULAR
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS

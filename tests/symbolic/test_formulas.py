@@ -15,7 +15,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from stickslip.errors import DeclarationError
-from stickslip.model.units import check_unit, unit_label
+from stickslip.model.entries.units import check_unit, unit_label
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic import formulas
 from stickslip.symbolic.expressions import Expr

@@ -11,7 +11,7 @@ from stickslip.display.equations import Equations
 from stickslip.display.mathml import MathmlWriter, math
 from stickslip.display.symbols import is_word, symbol_parts, unicode_symbol, unicode_unit
 from stickslip.display.tree import NOUGHT, Name
-from stickslip.model.samples import Samples
+from stickslip.model.entries.samples import Samples
 from stickslip.page import Html
 
 if TYPE_CHECKING:

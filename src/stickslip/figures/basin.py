@@ -21,7 +21,7 @@ from stickslip.figures.drawing.style import (
     paper_style,
     root_of,
 )
-from stickslip.model.units import with_unit
+from stickslip.model.entries.units import with_unit
 
 if TYPE_CHECKING:
     import xarray

@@ -18,7 +18,7 @@ from stickslip.figures.drawing.style import (
     paper_style,
     root_of,
 )
-from stickslip.model.units import unit_label
+from stickslip.model.entries.units import unit_label
 
 if TYPE_CHECKING:
     from stickslip.motion.event_catalogue import EventCatalogue

@@ -16,7 +16,7 @@ from stickslip.figures.drawing.style import (
     new_figure,
     paper_style,
 )
-from stickslip.model.units import unit_label
+from stickslip.model.entries.units import unit_label
 
 if TYPE_CHECKING:
     from stickslip.fitting.comparing import Comparison

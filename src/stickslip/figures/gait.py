@@ -23,8 +23,8 @@ from stickslip.figures.drawing.style import (
     new_figure,
     paper_style,
 )
+from stickslip.model.entries.units import unit_label
 from stickslip.model.quantities import contact_key, quantity
-from stickslip.model.units import unit_label
 from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN
 
 if TYPE_CHECKING:

@@ -39,9 +39,9 @@ from stickslip.figures.drawing.style import (
     symbol,
 )
 from stickslip.figures.drawing.thinning import COLUMNS, FEW, Columns, Curve, strip
+from stickslip.model.entries.units import unit_label
 from stickslip.model.names import normal_force
 from stickslip.model.quantities import FORCES, contact_key, quantity
-from stickslip.model.units import unit_label
 from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN
 
 if TYPE_CHECKING:

@@ -27,8 +27,8 @@ from stickslip.figures.drawing.style import (
     paper_style,
     root_of,
 )
+from stickslip.model.entries.units import unit_label
 from stickslip.model.quantities import drift_units
-from stickslip.model.units import unit_label
 
 if TYPE_CHECKING:
     from stickslip.orbits.continuation.branch import Branch, SpecialPoint

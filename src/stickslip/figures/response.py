@@ -28,7 +28,7 @@ from stickslip.figures.drawing.style import (
     root_of,
     symbol,
 )
-from stickslip.model.units import unit_label, with_unit
+from stickslip.model.entries.units import unit_label, with_unit
 
 if TYPE_CHECKING:
     import xarray

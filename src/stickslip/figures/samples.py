@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from stickslip.figures.drawing.style import BLUE, VERMILION, new_figure, paper_style, root_of
 
 if TYPE_CHECKING:
-    from stickslip.model.samples import Samples
+    from stickslip.model.entries.samples import Samples
 
 _DOTTED = 200  # samples that are shown as dots, too
 _FINE = 4000  # places between samples at which a curve is drawn

@@ -31,7 +31,7 @@ from stickslip.figures.drawing.style import (
     paper_style,
     root_of,
 )
-from stickslip.model.units import unit_label, with_unit
+from stickslip.model.entries.units import unit_label, with_unit
 from stickslip.motion.outcome import Outcome
 from stickslip.sweeps.request.axes import SAMPLES
 from stickslip.sweeps.request.carry import DIRECTION

@@ -16,8 +16,8 @@ from stickslip.errors import DeclarationError
 from stickslip.fitting.problem import FitProblem, arguments_of, problem_again
 from stickslip.fitting.statistics import Statistics
 from stickslip.kept import cached_property
+from stickslip.model.entries.units import with_unit
 from stickslip.model.system import System
-from stickslip.model.units import with_unit
 from stickslip.motion.simulate import check_positive
 from stickslip.results import Completion, Result, restored_certificate
 

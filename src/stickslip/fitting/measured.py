@@ -13,7 +13,7 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.fitting.recording import Recording
 from stickslip.model.declaration import check_initial
-from stickslip.model.samples import Samples
+from stickslip.model.entries.samples import Samples
 from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.simulate import check_span, simulate

@@ -12,9 +12,9 @@ from fractions import Fraction
 from functools import cache
 from math import pi
 
+from stickslip.model.entries.units import agree, factors, lowest_terms, unit_product, unit_text
 from stickslip.model.schema import entry_key
 from stickslip.model.system import System
-from stickslip.model.units import agree, factors, lowest_terms, unit_product, unit_text
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.functions import FUNCTIONS

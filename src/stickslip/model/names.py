@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
 from stickslip.errors import DeclarationError, short, suggestion
+from stickslip.model.entries.units import check_unit
 from stickslip.model.schema import entry_key
 from stickslip.model.system import Drive, Parameter
-from stickslip.model.units import check_unit
 from stickslip.symbolic.formulas import (
     Definition,
     TimeFunction,

@@ -13,9 +13,16 @@ from itertools import pairwise
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.model.entries.units import (
+    UnitPowers,
+    agree,
+    factors,
+    lowest_terms,
+    unit_product,
+    unit_text,
+)
 from stickslip.model.names import normal_force
 from stickslip.model.system import System
-from stickslip.model.units import UnitPowers, agree, factors, lowest_terms, unit_product, unit_text
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 

@@ -1,7 +1,7 @@
 """What a system with dry friction is: its energy and its dissipation potential, as plain data.
 
 A :class:`System` holds texts and numbers only. Creating one checks the whole declaration
-(:mod:`stickslip.model.declaration`), so a System that exists is a System that makes sense.
+(:mod:`stickslip.model.reading`), so a System that exists is a System that makes sense.
 """
 
 from __future__ import annotations
@@ -587,7 +587,7 @@ class System:
     @cached_property
     def declaration(self) -> Declaration:
         """The declaration read and checked: every formula as an expression."""
-        from stickslip.model.declaration import declare
+        from stickslip.model.reading import declare
 
         return declare(self) if self.plain is self else self.plain.declaration
 

@@ -61,7 +61,7 @@ def drive_entry(value: Any, where: str, folder: Path) -> Any:
     """A formula as it stands; samples from their table."""
     if not isinstance(value, dict):
         return value
-    from stickslip.model.samples import Samples
+    from stickslip.model.entries.samples import Samples
 
     return Samples.from_plain(
         toml.mapping(value, where), where, folder, name=where.rpartition(".")[2].strip("'")

@@ -20,9 +20,9 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, worst
 from stickslip.errors import DeclarationError
+from stickslip.model.entries.units import factors, unit_product, unit_text, with_unit
 from stickslip.model.quantities import described_as, energy_unit, quantity, slip_unit
 from stickslip.model.system import System
-from stickslip.model.units import factors, unit_product, unit_text, with_unit
 from stickslip.results import Completion, Result, restored_certificate
 from stickslip.symbolic import expressions as ex
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.equations.codegen.generate import INVERSES, Layout
+from stickslip.equations.codegen.layout import INVERSES, Layout
 from stickslip.equations.codegen.program import pack
 from stickslip.equations.coupling import somewhere
 from stickslip.kept import made_once

@@ -15,8 +15,8 @@ from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual
 from stickslip.kept import cached_property
+from stickslip.model.entries.units import with_unit
 from stickslip.model.system import System
-from stickslip.model.units import with_unit
 from stickslip.motion.outcome import Outcome
 from stickslip.results import Completion, Result, shortened
 from stickslip.storage import PREFIX

@@ -130,7 +130,7 @@ def _is_file(text: str) -> bool:
 
 def _samples(name: str, text: str) -> Drive:
     """Samples of a drive, with the names of the columns or without."""
-    from stickslip.model.samples import Samples
+    from stickslip.model.entries.samples import Samples
 
     where = f"--set {name}"
     table: object = {"file": text}

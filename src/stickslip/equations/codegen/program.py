@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import IntMatrix, IntVector, Vector
-from stickslip.equations.codegen.generate import MATRICES, Layout
+from stickslip.equations.codegen.layout import MATRICES, Layout
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.tape import Instruction, Op, Scaled, rows_made, rows_read

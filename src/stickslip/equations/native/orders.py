@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from stickslip.equations.codegen.generate import ORDERS, Generated
+from stickslip.equations.codegen.layout import ORDERS, Generated
 from stickslip.equations.codegen.series import INDEFINITE, SINGULAR
 from stickslip.equations.native.arithmetic import Count, Operand, Pair
 from stickslip.equations.native.kernels import (

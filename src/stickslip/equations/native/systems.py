@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from stickslip.equations.codegen.generate import Generated, Layout, generate
+from stickslip.equations.codegen.generate import generate
+from stickslip.equations.codegen.layout import Generated, Layout
 from stickslip.equations.derive import MotionEquations, derive
 from stickslip.equations.native import kernels
 from stickslip.equations.native.orders import is_long, series_of

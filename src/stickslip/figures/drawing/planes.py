@@ -26,8 +26,8 @@ from stickslip.figures.drawing.style import (
 )
 from stickslip.figures.drawing.thinning import Curve
 from stickslip.kept import cached_property
+from stickslip.model.entries.units import unit_label
 from stickslip.model.quantities import contact_key, quantity
-from stickslip.model.units import unit_label
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:

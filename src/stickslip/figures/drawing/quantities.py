@@ -24,7 +24,7 @@ from stickslip.figures.drawing.style import (
     symbol,
 )
 from stickslip.figures.drawing.thinning import thin
-from stickslip.model.units import unit_label
+from stickslip.model.entries.units import unit_label
 
 if TYPE_CHECKING:
     import xarray

@@ -30,7 +30,7 @@ from matplotlib.legend import Legend
 from matplotlib.ticker import ScalarFormatter
 
 from stickslip.display.symbols import latex_name
-from stickslip.model.units import unit_label
+from stickslip.model.entries.units import unit_label
 from stickslip.palette import (
     BAND,
     BLUE,

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.equations.codegen.generate import ORDERS
+from stickslip.equations.codegen.layout import ORDERS
 from stickslip.equations.codegen.series import invert
 from stickslip.motion.steps.arrays import DIMENSION, EPSILON, OK, ROUNDING, Flow, Instant, Machine
 from stickslip.motion.steps.starting import coefficients

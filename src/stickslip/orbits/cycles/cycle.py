@@ -24,9 +24,9 @@ from stickslip.certificates import Certificate
 from stickslip.equations.field import MODE_NAMES, mode_name
 from stickslip.errors import DeclarationError, short
 from stickslip.kept import cached_property
+from stickslip.model.entries.units import with_unit
 from stickslip.model.quantities import described, drift_units, per_distance_unit
 from stickslip.model.system import System
-from stickslip.model.units import with_unit
 from stickslip.motion.audit.observers import Sums
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose

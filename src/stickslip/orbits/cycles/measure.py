@@ -11,10 +11,10 @@ import numpy as np
 
 from stickslip.arrays import AnyArray, Array
 from stickslip.errors import DeclarationError, short
+from stickslip.model.entries.units import agree, factors
 from stickslip.model.names import normal_force
 from stickslip.model.quantities import contact_key, described, formula_unit
 from stickslip.model.system import System
-from stickslip.model.units import agree, factors
 from stickslip.motion.audit.observers import LASTED, Sums
 from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN
 from stickslip.orbits.return_map.recurrence import segments

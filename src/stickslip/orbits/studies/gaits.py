@@ -14,9 +14,9 @@ from stickslip.arguments import validated
 from stickslip.certificates import NOTHING, Certificate, worst
 from stickslip.equations.derive import derive
 from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.model.entries.units import with_unit
 from stickslip.model.quantities import quantity
 from stickslip.model.system import System
-from stickslip.model.units import with_unit
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import pose
 from stickslip.orbits.branches.equilibrium_branch import checked_range

@@ -22,7 +22,7 @@ from stickslip.certificates import Certificate, Residual, within
 from stickslip.equations.field import MODE_NAMES
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
-from stickslip.model.samples import Samples
+from stickslip.model.entries.samples import Samples
 from stickslip.motion.simulate import check_span
 from stickslip.motion.trajectory import GRID
 from stickslip.rate_independent.play.nodes import Nodes, PlayBounds, Sample, panel_edges, play_nodes

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from stickslip.errors import DeclarationError
-from stickslip.model.samples import Samples
+from stickslip.model.entries.samples import Samples
 from stickslip.rate_independent.signals.formulas import Constant, Formulas
 from stickslip.rate_independent.signals.function import CallableSignal
 from stickslip.rate_independent.signals.samples import (

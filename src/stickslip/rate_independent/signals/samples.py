@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
-from stickslip.model.samples import Samples
+from stickslip.model.entries.samples import Samples
 from stickslip.rate_independent.signals import chebyshev as ch
 from stickslip.rate_independent.signals.panels import Panels
 from stickslip.rate_independent.signals.signal import Signal, Variable, finite, fitting

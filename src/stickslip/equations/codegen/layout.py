@@ -1,0 +1,175 @@
+"""What the functions of a system compute, as data: where the engine finds things in their arrays
+(:class:`Layout`), and their statements (:class:`Generated`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from stickslip.equations.coupling import Component
+from stickslip.kept import cached_property
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.scalars import Store
+from stickslip.symbolic.tape import Instruction, ParameterExpressions, rows_made
+
+ORDERS = (8, 12, 16, 20, 24)  # that a Taylor series may have
+INVERSES = ("Rq", "Rz")  # of the linear problems of inertial and of viscous coordinates
+MATRICES = (*INVERSES, "B")  # and of rate-independent ones
+
+
+@dataclass
+class Layout:
+    """Where the engine finds things.
+
+    Attributes
+    ----------
+    state : list of str
+        Names of the state vector y.
+    sizes : dict
+        n, nq, nz, nr, na, contacts by kind (mq, mz, mr), kinks.
+    u, force, plus, minus, kinks : list of int
+        Rows of uᵢ, λᵢ, sᵢ⁺, sᵢ⁻ by contact, and of the guards.
+    rate_sizes : array of int
+        Place of the size of the terms of each state's rate in ``mag``; −1: nothing cancels in it.
+    named : dict of str to int
+        Rows of the rates ``d_x`` and of the internal rates.
+    kinetic : list of (int, int, int, int)
+        Contact, direction of slip, row of the sliding force k, and row of s − k at speed 0; where k
+        is declared.
+    rates : list of int
+        Rows of the rates of the state.
+    rows : int
+        Number of rows of W.
+    kept : list of int
+        Rows that are read beyond order 0.
+    instructions : list of Instruction
+        The tape, in the order of its computation.
+    shown : list of Instruction
+        What follows at order 0: rows that results show, and nothing else depends on.
+    constants : dict of Expr to int
+        What stands in K, and where.
+    coupled : dict of str to list of Component
+        For each inverse matrix what its rows stand for, component by component.
+    together : dict of int to int
+        Of inertial contacts whose directions may depend on each other, with friction in a plane:
+        which such group each belongs to.
+    turning : dict of (int, int) to int
+        Rows of the coefficients of directions that change on the way, by contact and by the place
+        of the coordinate in its component.
+    gaps, restitution : dict of int to int
+        Rows of the gaps of contacts that can open, and of the restitution of these and of their
+        friction.
+    planes : list of tuple of int
+        Of each contact in a plane, or face, its components (−1: no third one), the rows of its
+        direction (the first), of |Au|, of Au, and of s² − |A⁻¹λ|², the place of the size of that,
+        the rows of s and of what is not negative in slip, 1 if it has mass, 1 if the response is
+        not linear in the direction, the number of its formula, −1: none, and 1 if Au is a linear
+        combination of rates with constant coefficients.
+    formulas : int
+        Number of dissipations that are formulas.
+    pieces : list of (int, int, int)
+        Kinks between pieces of these, the number of the plane, and the row of the same function of
+        the direction.
+    carrying : dict of str to int
+        Rows of the force of constraints, the sum of those of their sides, and of the normal forces
+        of contacts that adhere.
+    parts : dict of str to (int, int, int, int)
+        Of contacts that are one with others, the rows of force, thresholds and relative velocity.
+    links : list of (int, int, tuple of int)
+        What rubs under a normal force, the contact that has it, and the rows of the coefficients:
+        kinetic against slip forward and back, static likewise; contact by contact.
+    pressed : int
+        The most normal forces in the friction of a contact, at least 1.
+    prescribed : bool
+        Whether there is friction between motions that are given.
+    jumps : list of (int, int, list of int)
+        Of each jump the number of its kink, its direction, and which parts of the state have new
+        values.
+    """
+
+    state: list[str]
+    sizes: dict[str, int]
+    u: list[int] = field(default_factory=list)
+    force: list[int] = field(default_factory=list)
+    plus: list[int] = field(default_factory=list)
+    minus: list[int] = field(default_factory=list)
+    kinks: list[int] = field(default_factory=list)
+    named: dict[str, int] = field(default_factory=dict)
+    kinetic: list[tuple[int, int, int, int]] = field(default_factory=list)
+    rates: list[int] = field(default_factory=list)
+    rows: int = 0
+    kept: list[int] = field(default_factory=list)
+    instructions: list[Instruction] = field(default_factory=list)
+    shown: list[Instruction] = field(default_factory=list)
+    constants: dict[Expr, int] = field(default_factory=dict)
+    magnitudes: int = 0
+    frequencies: int = 0
+    timed: bool = False
+    rate_sizes: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
+    coupled: dict[str, list[Component]] = field(default_factory=dict)
+    together: dict[int, int] = field(default_factory=dict)
+    turning: dict[tuple[int, int], int] = field(default_factory=dict)
+    gaps: dict[int, int] = field(default_factory=dict)
+    restitution: dict[int, int] = field(default_factory=dict)
+    planes: list[tuple[int, ...]] = field(default_factory=list)
+    formulas: int = 0
+    pieces: list[tuple[int, int, int]] = field(default_factory=list)
+    pressed: int = 1
+    prescribed: bool = False
+    carrying: dict[str, int] = field(default_factory=dict)
+    parts: dict[str, tuple[int, int, int, int]] = field(default_factory=dict)
+    links: list[tuple[int, int, tuple[int, ...]]] = field(default_factory=list)
+    jumps: list[tuple[int, int, list[int]]] = field(default_factory=list)
+
+    @cached_property
+    def without_series(self) -> frozenset[int]:
+        """Rows that are known at single times only."""
+        return frozenset(row for i in self.shown for row in rows_made(i))
+
+    @property
+    def columns_behind(self) -> int:
+        """Columns of J behind those of the coordinates: axis and strength of contacts that share
+        forces, and coefficients of friction under normal forces."""
+        return self.pressed + 2 if self.together or self.pressed > 1 else 1
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        """Shape of an array that ``setup`` fills; a row of M, C and J has the coordinates of one
+        component. Behind these, J has for contacts that may depend on each other the axis of what
+        is in a plane, and the square of a size of the force; last, coefficients of friction."""
+        s = self.sizes
+        widest = {
+            matrix: max((len(part.coordinates) for part in self.coupled[matrix]), default=0)
+            for matrix in INVERSES
+        }
+        shapes = {
+            "K": (max(len(self.constants), 1),),
+            "M": (s["nq"], widest["Rq"]),
+            "C": (s["nz"], widest["Rz"]),
+            "J": (s["mq"] + s["mz"], max(widest.values()) + self.columns_behind),
+            "omega": (self.frequencies,),
+        }
+        return shapes[name]
+
+
+@dataclass
+class Generated:
+    """What a system's functions compute.
+
+    Attributes
+    ----------
+    layout : Layout
+        With the tape, of which ``jets`` makes series.
+    constants : ParameterExpressions
+    setup, sizes, residual, powers, landings, supports : list of Store
+        Statements of the functions; `sizes`, of ``jets``, fill ``mag`` from order 0.
+    """
+
+    layout: Layout
+    constants: ParameterExpressions
+    setup: list[Store]
+    sizes: list[Store]
+    residual: list[Store]
+    powers: list[Store]
+    landings: list[Store]
+    supports: list[Store]

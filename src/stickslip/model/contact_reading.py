@@ -1,0 +1,619 @@
+"""Reading the contacts of a declaration: directions, thresholds and sliding forces, along a line,
+in a plane, of faces, and of what can open."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, cast
+
+from stickslip.errors import DeclarationError, short
+from stickslip.model.declaration import DryContact
+from stickslip.model.entries.checks import check_slopes, size_of_terms
+from stickslip.model.entries.units import check_unit
+from stickslip.model.names import JOINED, normal_force, parse_range
+from stickslip.model.schema import PLANAR, entry_key
+from stickslip.model.system import Contact, Kind, Side, Unilateral
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.formulas import Scope
+
+if TYPE_CHECKING:
+    from stickslip.convex.formula import ConvexFormula
+    from stickslip.model.reading import DeclarationReader
+
+_REMEDY = "A threshold is never negative; write max(..., 0) where it may vanish"
+_VELOCITIES = ("v1", "v2", "v3")  # as a dissipation names them
+_NUMBERS = {2: "two", 3: "three"}
+
+
+def read_contacts(reader: DeclarationReader) -> list[DryContact]:
+    """Read and check the contacts of a declaration."""
+    return _Contacts(reader).read()
+
+
+class _Contacts:
+    """Reads the contacts of one declaration."""
+
+    def __init__(self, reader: DeclarationReader) -> None:
+        self.reader = reader
+        self.system, self.result = reader.system, reader.result
+        self.directions = reader.scope(
+            reader.inertia,
+            reader.rates,
+            why="A direction is a linear combination of rates, with coefficients of t, inertial "
+            "coordinates and parameters",
+        )
+        self.normals = {
+            normal_force(name): ex.sym(normal_force(name)) for name in self.system.with_gaps
+        }
+        for name, sides in self.system.constraints.items():
+            own = [(self.normals[normal_force(side)], 1.0) for side in sides]
+            self.normals[normal_force(name)] = ex.add(*own)
+        self.pressed = reader.scope(
+            reader.state,
+            reader.velocities,
+            self.normals,
+            why="Only rates of inertial coordinates may stand here",
+        )
+        self.sliding = reader.scope(
+            reader.state,
+            reader.velocities,
+            self.normals,
+            {"speed": ex.sym("speed")},
+            why="Use 'speed' for |u|",
+        )
+        self.surface = reader.scope(
+            reader.inertia, why="A surface moves with t, inertial coordinates and parameters"
+        )
+        self.order = {f"d_{x}": i for i, x in enumerate(self.result.coordinates)}
+
+    def read(self) -> list[DryContact]:
+        """All of them, by their declaration."""
+        found = list[DryContact]()
+        for name, contact in self.system.plain.contacts.items():
+            if JOINED in name:
+                raise DeclarationError(
+                    entry_key("contacts", name),
+                    f"'{JOINED}' joins the names of contacts that rub along one direction",
+                    "Give it another name",
+                )
+            if isinstance(contact, Unilateral):
+                found += self._unilateral(name, contact)
+            else:
+                found += self._dry(name, cast("Contact", contact))
+        self._check_moved(found)
+        return found
+
+    def _check_moved(self, contacts: list[DryContact]) -> None:
+        """Refuse rate-independent coordinates that no contact moves, or several."""
+        moving = {r: list[str]() for r in self.result.rate_independent}
+        for c in contacts:
+            for x in c.direction.keys() & moving.keys():
+                moving[x].append(c.name)
+        for r, acting in moving.items():
+            if not acting:
+                raise DeclarationError(
+                    f"coordinates.{r}",
+                    "a rate-independent coordinate without dry friction",
+                    f"Add a contact with direction 'd_{r}'",
+                )
+            if len(acting) > 1:
+                raise DeclarationError(
+                    entry_key("contacts", acting[1]),
+                    f"'{r}' already has the contact '{short(acting[0])}'",
+                    "Add their thresholds in one contact",
+                )
+
+    def _unilateral(self, name: str, contact: Unilateral) -> list[DryContact]:
+        """The normal direction of a contact that can open, and its friction."""
+        where = entry_key("contacts", name)
+        gaps = self.reader.scope(
+            self.reader.inertia, why="A gap uses t, inertial coordinates and parameters"
+        )
+        gap = gaps.parse(contact.gap, f"{where}.gap")
+        check_slopes(gap, self.reader.inertia, f"{where}.gap", 3)
+        self.reader.check_steps(f"{where}.gap", gap)
+        slopes = {q: ex.derivative(gap, q) for q in self.result.inertial}
+        direction = {q: slope for q, slope in slopes.items() if slope is not ex.ZERO}
+        if not direction:
+            raise DeclarationError(
+                f"{where}.gap",
+                "it depends on no inertial coordinate",
+                "Write the distance, such as 'y' or 'y - l*sin(phi)'",
+            )
+        parts = [
+            self.reader.static.parse(given, f"{where}.{key}")
+            for key, given in (
+                ("restitution", contact.restitution),
+                ("tangential_restitution", contact.tangential_restitution),
+            )
+        ]
+        for key, part in zip(("restitution", "tangential_restitution"), parts, strict=True):
+            interval = parse_range("[0, 1]", where)
+            interval.check(ex.evaluate(part, self.system.values), f"{where}.{key}")
+            self.result.limits.append((f"{where}.{key}", part, interval))
+        check_unit(contact.unit, f"{where}.unit")
+        here = ex.evaluate(gap, self.reader.start)
+        # Where nothing else says how large it is, rounding errors of the state are no overlap. How
+        # far a constraint holds is seen where a motion starts.
+        most = max(abs(self.reader.start[q]) for q in self.result.inertial)
+        others = [c.gap for c in self.system.plain.contacts.values() if isinstance(c, Unilateral)]
+        held = any(f"-{contact.gap}" == g or contact.gap == f"-{g}" for g in others)
+        if not held and here < -1e-12 * max(
+            size_of_terms(gap, self.reader.start), 1e-3 * most, 1e-300
+        ):
+            raise DeclarationError(
+                f"{where}.gap",
+                f"it is {here:g} at the initial state: the bodies overlap",
+                "Start where it is positive, or zero for contact",
+            )
+        adhesion = self.reader.motion.parse(contact.adhesion, f"{where}.adhesion")
+        remedy = "It is the largest pull; write max(..., 0) where it may vanish"
+        self._check_threshold(adhesion, f"{where}.adhesion", remedy)
+        normal = DryContact(
+            normal_force(name),
+            Kind.INERTIAL,
+            direction,
+            adhesion,
+            ex.ZERO,
+            ex.ZERO,
+            ex.ZERO,
+            -ex.derivative(gap, "t"),
+            contact.unit,
+            gap=gap,
+            restitution=parts[0],
+            side_of=contact.of if isinstance(contact, Side) else "",
+        )
+        mu = self.reader.motion.parse(contact.mu, f"{where}.mu")
+        at_start = ex.evaluate(mu, self.reader.start)
+        if not at_start >= 0.0:
+            raise DeclarationError(
+                f"{where}.mu",
+                f"the coefficient of friction is {at_start:g} at the start",
+                "It is never negative",
+            )
+        if not contact.direction:
+            if mu is not ex.ZERO:
+                raise DeclarationError(
+                    f"{where}.direction",
+                    "friction has no direction",
+                    "Give the relative velocity, like direction = 'd_x'",
+                )
+            return [normal]
+        coefficients = replace(
+            contact.friction(name), threshold=contact.mu, kinetic=contact.kinetic
+        )
+        rubs = self._dry(name, coefficients)
+        if rubs[0].direction and rubs[0].kind != Kind.INERTIAL:
+            raise DeclarationError(
+                f"{where}.direction",
+                f"its coordinates are {rubs[0].kind}",
+                "A contact that can open moves inertial coordinates",
+            )
+        normal_here = ex.sym(normal_force(name))
+        friction = [
+            replace(
+                part,
+                plus=part.plus * normal_here,
+                minus=part.minus * normal_here,
+                kinetic_plus=part.kinetic_plus * normal_here,
+                kinetic_minus=part.kinetic_minus * normal_here,
+                on=normal_force(name),
+                restitution=parts[1],
+            )
+            for part in rubs
+        ]
+        return [normal, *friction]
+
+    def _dry(self, name: str, contact: Contact) -> list[DryContact]:
+        """A contact along a line, or the two components of one in a plane."""
+        where = entry_key("contacts", name)
+        if contact.threshold == "":
+            raise DeclarationError(
+                f"{where}.threshold",
+                "this key is missing",
+                'Add the largest force that it holds, like threshold = "mu*m*g"',
+            )
+        if isinstance(contact.direction, str):
+            if contact.dissipation is not None:
+                raise DeclarationError(
+                    f"{where}.dissipation",
+                    "a contact along a line has none",
+                    "Give a pair of thresholds, or two directions, like direction = ['d_x', 'd_y']",
+                )
+            if isinstance(contact.surface_speed, tuple):
+                raise DeclarationError(
+                    f"{where}.surface_speed",
+                    "two components, and a contact along a line has one",
+                    "Give one formula, or two directions, like direction = ['d_x', 'd_y']",
+                )
+            if contact.axes != (1.0, 1.0):
+                raise DeclarationError(
+                    f"{where}.axes",
+                    "a contact along a line has none",
+                    "Give two directions, like direction = ['d_x', 'd_y'], or leave the axes out",
+                )
+            return [self._contact(name, contact)]
+        for key, given in (("threshold", contact.threshold), ("kinetic", contact.kinetic)):
+            if isinstance(given, tuple):
+                raise DeclarationError(
+                    f"{where}.{key}",
+                    "a contact in a plane has one, for all directions",
+                    "Give one formula, and its axes where friction is not the same in both "
+                    "directions",
+                )
+        given = contact.surface_speed
+        count = len(contact.direction)
+        if (given != 0.0) if not isinstance(given, tuple) else (len(given) != count):
+            raise DeclarationError(
+                f"{where}.surface_speed",
+                f"a surface below it has a velocity of {_NUMBERS[count]} components",
+                f"Write it like ['{given if isinstance(given, str | float | int) else 'V'}'"
+                f"{', 0' * (count - 1)}]",
+            )
+        lengths = contact.axes
+        if contact.dissipation is None and len(lengths) != count:
+            raise DeclarationError(
+                f"{where}.axes",
+                f"there are {len(lengths)} for {count} directions",
+                "Give the half axes of the ellipsoid of forces and moments, like [1, 1, '2*a/3'] "
+                "for a disc of radius a, or a dissipation, like 'disc(v1, v2, a*v3)'"
+                if count == 3
+                else "Give one for each direction, like [1.0, 0.6]",
+            )
+        lengths = lengths if len(lengths) == count else (1.0,) * count
+        axes = [self._axis(axis, f"{where}.axes") for axis in lengths]
+        formula = None
+        if contact.dissipation is not None or count == 3:
+            formula = self._dissipation(where, contact, axes)
+            axes = [ex.ONE] * count
+        parts = contact.components(name)
+        for label in parts:
+            if label in self.system.contacts:
+                raise DeclarationError(
+                    where,
+                    f"its components need the name '{label}', which is taken",
+                    "Rename one of the two",
+                )
+        found = [
+            replace(self._contact(label, part, name), plane=i, axis=axis, dissipation=formula)
+            for i, ((label, part), axis) in enumerate(zip(parts.items(), axes, strict=True), 1)
+        ]
+        self._check_plane(where, found)
+        if formula is not None:
+            self._check_formula(where, found[0])
+        return found
+
+    def _dissipation(self, where: str, contact: Contact, axes: list[Expr]) -> ConvexFormula:
+        """The dissipation of a contact in a plane, or of a face, that has a formula, or axes."""
+        from stickslip.convex.faces import mean_speeds, norms_instead
+        from stickslip.convex.smooth import smooth_dissipation
+
+        key = f"{where}.dissipation"
+        names = _VELOCITIES[: len(axes)]
+        velocities = {x: ex.sym(x) for x in names}
+        if contact.dissipation is None:
+            parts = zip(axes, velocities.values(), strict=True)
+            squares = ((a * a * v * v, 1.0) for a, v in parts)
+            value = ex.power(ex.add(*squares), ex.num(0.5))
+            found = smooth_dissipation(value, names, self.system.values, f"{where}.axes")
+            self.result.dissipations.append((f"{where}.axes", found, None))
+            return found
+        if contact.axes != (1.0, 1.0):
+            raise DeclarationError(
+                f"{where}.axes",
+                "it has a dissipation, which says how friction depends on the direction",
+                "Leave one of the two out",
+            )
+        taken = [x for x in names if x in self.reader.constants]
+        if taken:
+            raise DeclarationError(
+                key,
+                f"'{taken[0]}' is a component of the relative velocity there, and a parameter",
+                "Rename the parameter",
+            )
+        why = f"A dissipation uses {', '.join(names)} and parameters"
+        scope = self.reader.scope(velocities, why=why)
+        value, like = (
+            replace(scope, definitions={**own, **scope.definitions}).parse(contact.dissipation, key)
+            for own in (mean_speeds(), norms_instead())
+        )
+        alike = None if like is value else like
+        found = smooth_dissipation(value, names, self.system.values, key, alike)
+        self.result.dissipations.append((key, found, alike))
+        return found
+
+    def _check_formula(self, where: str, part: DryContact) -> None:
+        """Refuse a dissipation where no motion knows it."""
+        if part.kind != Kind.INERTIAL and not part.prescribed:
+            raise DeclarationError(
+                f"{where}.dissipation",
+                f"its coordinates are {part.kind}",
+                "Declare them inertial; evolutions without mass take a SupportFormula",
+            )
+        pressed = (part.plus.symbols | part.kinetic_plus.symbols) & self.normals.keys()
+        if pressed:
+            raise DeclarationError(
+                f"{where}.threshold",
+                f"it depends on {min(pressed)}, and the contact has a dissipation of its own",
+                "Give the normal force as a formula of time and state, or leave the dissipation "
+                "out",
+            )
+
+    def _axis(self, given: object, where: str) -> Expr:
+        """A half axis, which is positive."""
+        axis = self.reader.static.parse(given, where)
+        interval = parse_range("(0, inf)", where)
+        interval.check(ex.evaluate(axis, self.system.values), where)
+        self.result.limits.append((where, axis, interval))
+        return axis
+
+    def _check_plane(self, where: str, parts: list[DryContact]) -> None:
+        """Refuse components that are of different kinds, or along one line, and thresholds whose
+        squares overflow."""
+        for threshold in dict.fromkeys((parts[0].plus, parts[0].kinetic_plus)):
+            if threshold.symbols <= self.system.parameters.keys():
+                interval = parse_range("[-inf, 1e150]", where)
+                interval.check(ex.evaluate(threshold, self.system.values), f"{where}.threshold")
+                self.result.limits.append((f"{where}.threshold", threshold, interval))
+        first, *others = parts
+        second = others[-1]
+        if any(first.prescribed != other.prescribed for other in others):
+            raise DeclarationError(
+                f"{where}.direction",
+                "one of its components has no rate",
+                "Give two independent combinations of rates, like ['d_x', 'd_y'], or none at all "
+                "where both surfaces move as given",
+            )
+        if first.prescribed and all(part.speed is ex.ZERO for part in parts):
+            raise DeclarationError(
+                f"{where}.direction", "neither side moves", "Write it like ['d_x', 'd_y']"
+            )
+        second = next((other for other in others if other.kind != first.kind), second)
+        if first.kind != second.kind:
+            raise DeclarationError(
+                f"{where}.direction",
+                f"its components are {first.kind} and {second.kind}",
+                "Give all coordinates of one contact the same kind",
+            )
+        pairs = [(a, b) for i, a in enumerate(parts) for b in parts[i + 1 :]]
+        if not first.prescribed and any(_alike(a, b) for a, b in pairs):
+            raise DeclarationError(
+                f"{where}.direction",
+                f"{'both' if len(parts) == 2 else 'two'} of its components are along one line",
+                f"Give {_NUMBERS[len(parts)]} independent combinations of rates, like "
+                f"{['d_x', 'd_y', 'd_phi'][: len(parts)]}, or fewer",
+            )
+        if len(parts) > 2 and not first.prescribed and self._are_dependent(parts):
+            raise DeclarationError(
+                f"{where}.direction",
+                "one of its components is a combination of the others",
+                "Give independent combinations of rates, like ['d_x', 'd_y', 'd_phi']",
+            )
+
+    def _are_dependent(self, parts: list[DryContact]) -> bool:
+        """Whether directions depend on each other, whatever the parameters and the state are."""
+        import numpy as np
+
+        names = sorted({x for part in parts for x in part.direction})
+        entries = [[part.direction.get(x, ex.ZERO) for x in names] for part in parts]
+        symbols = sorted({x for row in entries for e in row for x in e.symbols})
+        # Parameters may be zero until a motion is asked for, so the rank is that at a place that is
+        # not special.
+        rng = np.random.default_rng(0)
+        place = dict(zip(symbols, rng.uniform(0.5, 1.5, len(symbols)), strict=True))
+        J = np.array([[ex.evaluate(e, place) for e in row] for row in entries])
+        sizes = np.linalg.norm(J, axis=1)
+        if not (np.isfinite(sizes).all() and sizes.all()):
+            return False
+        return bool(np.linalg.matrix_rank(J / sizes[:, None]) < len(parts))
+
+    def _contact(self, name: str, contact: Contact, declared: str = "") -> DryContact:
+        """A contact along a line, or a component of the one that was declared."""
+        where = entry_key("contacts", declared or name)
+        text = self.directions.parse(contact.direction, f"{where}.direction")
+        rates = sorted(text.symbols & self.order.keys(), key=self.order.__getitem__)
+        slopes = {rate[2:]: ex.derivative(text, rate) for rate in rates}
+        direction = {x: c for x, c in slopes.items() if c is not ex.ZERO}
+        if not rates and text.symbols <= {"t", *self.reader.constants}:
+            return self._prescribed(name, contact, text, declared)
+        linear = ex.add(*((c * self.reader.rates[f"d_{x}"], 1.0) for x, c in direction.items()))
+        curved = any(c.symbols & self.reader.rates.keys() for c in direction.values())
+        if not direction or curved or ex.bends(text, self.reader.rates):
+            raise DeclarationError(
+                f"{where}.direction",
+                "not a linear combination of rates",
+                PLANAR if len(direction) > 1 else "Write it like 'd_x' or 'd_x2 - d_x1'",
+            )
+        rest = ex.substitute(text, {f"d_{x}": ex.ZERO for x in direction})
+        if rest is not ex.ZERO and ex.add((text, 1.0), (linear, -1.0)) is not ex.ZERO:
+            raise DeclarationError(
+                f"{where}.direction",
+                f"it contains the constant {short(repr(rest))}",
+                "Put it under surface_speed",
+            )
+        kinds = {self.system.coordinates[x].kind for x in direction}
+        if len(kinds) > 1:
+            raise DeclarationError(
+                f"{where}.direction",
+                f"it joins {' and '.join(sorted(kinds))} coordinates",
+                "Give all coordinates of one contact the same kind",
+            )
+        kind = kinds.pop()
+        turning = sorted(
+            {name for c in direction.values() for name in c.symbols & self.reader.inertia.keys()}
+        )
+        if turning and kind != Kind.INERTIAL:
+            raise DeclarationError(
+                f"{where}.direction",
+                f"it depends on {turning[0]}, and its coordinates are {kind}",
+                "Let it have constant coefficients, or declare the coordinates inertial",
+            )
+        if turning:
+            check_slopes(text, [*self.reader.inertia, *self.reader.rates], f"{where}.direction", 2)
+            self.reader.check_steps(f"{where}.direction", text)
+        resisted = direction.keys() & set(self.result.resisted)
+        if resisted:
+            raise DeclarationError(
+                f"{where}.direction",
+                f"'{min(resisted)}' has a drag, whose rate no contact may hold",
+                "Put the friction into the drag, join another coordinate by a spring, or declare "
+                "the coordinate inertial",
+            )
+        if kind == Kind.RATE_INDEPENDENT and len(direction) > 1:
+            raise DeclarationError(
+                f"{where}.direction",
+                "a contact of rate-independent coordinates moves one of them",
+                "Use one contact per coordinate, or give them viscosity",
+            )
+        inertial = kind == Kind.INERTIAL
+        places = self.surface if declared and inertial else self.reader.clock
+        speed = places.parse(contact.surface_speed, f"{where}.surface_speed")
+        forces = self._forces(where, contact, kind, in_plane=bool(declared))
+        return DryContact(name, kind, direction, *forces, speed, contact.unit)
+
+    def _prescribed(self, name: str, contact: Contact, moves: Expr, declared: str) -> DryContact:
+        """Friction between motions that are given.
+
+        Parameters
+        ----------
+        name, contact, declared
+            As of :meth:`_contact`.
+        moves : Expr
+            The velocity that its direction stands for.
+        """
+        where = entry_key("contacts", declared or name)
+        places = self.surface if declared else self.reader.clock
+        speed = places.parse(contact.surface_speed, f"{where}.surface_speed") - moves
+        if "t" not in moves.symbols and moves is not ex.ZERO:
+            raise DeclarationError(
+                f"{where}.direction",
+                "not a linear combination of rates",
+                "Write it like 'd_x', or 'd_xi' with a drive xi; '0' for a surface_speed alone",
+            )
+        if speed is ex.ZERO and not declared:
+            raise DeclarationError(
+                f"{where}.direction",
+                "neither side moves",
+                "Write it like 'd_x' or 'd_x2 - d_x1', or give a surface_speed",
+            )
+        forces = self._forces(where, contact, None, in_plane=bool(declared))
+        return DryContact(name, Kind.VISCOUS, {}, *forces, speed, contact.unit)
+
+    def _forces(
+        self, where: str, contact: Contact, kind: Kind | None, in_plane: bool
+    ) -> tuple[Expr, Expr, Expr, Expr]:
+        """Thresholds and sliding forces of a contact of coordinates of a kind, or of none."""
+        pressed = self.pressed if kind in (Kind.INERTIAL, None) else self.reader.motion
+        plus, minus = self._pair(contact.threshold, f"{where}.threshold", pressed)
+        for e in (plus, minus):
+            self._check_proportional(f"{where}.threshold", e)
+        kinetic = (plus, minus)
+        if contact.kinetic is not None:
+            kinetic = self._pair(contact.kinetic, f"{where}.kinetic", self.sliding)
+            for e in kinetic:
+                self._check_proportional(f"{where}.kinetic", e)
+            if kind == Kind.RATE_INDEPENDENT:
+                raise DeclarationError(
+                    f"{where}.kinetic",
+                    "without inertia or viscosity the drop to the kinetic force is a jump",
+                    "Declare the coordinate viscous or inertial",
+                )
+            if kind == Kind.VISCOUS and any("speed" in k.symbols for k in kinetic):
+                raise DeclarationError(
+                    f"{where}.kinetic",
+                    "for viscous coordinates it may not depend on the speed",
+                    "Declare the coordinate inertial, or put the slope into 'viscous'",
+                )
+        self._check_pressed(where, (plus, minus, *kinetic), in_plane)
+        check_unit(contact.unit, f"{where}.unit")
+        values = self.reader.start
+        for static, sliding_force in zip((plus, minus), kinetic, strict=True):
+            self._check_threshold(static, f"{where}.threshold", _REMEDY)
+            at_rest = ex.evaluate(sliding_force, values)
+            if not 0.0 <= at_rest <= ex.evaluate(static, values) * (1 + 1e-12):
+                raise DeclarationError(
+                    f"{where}.kinetic",
+                    f"the kinetic force {at_rest:g} is not between 0 and the threshold",
+                    "Sliding friction is at most the threshold",
+                )
+        return plus, minus, *kinetic
+
+    def _check_pressed(self, where: str, forces: tuple[Expr, ...], in_plane: bool) -> None:
+        """Refuse coefficients of friction that are negative, or larger in sliding than at rest;
+        and in a plane a part without a normal force, or several coefficients."""
+        own = set().union(*(force.symbols & self.normals.keys() for force in forces))
+        for name in sorted(own):
+            slopes = [
+                ex.evaluate(ex.derivative(force, name), self.reader.start) for force in forces
+            ]
+            plus, minus, *sliding = slopes
+            if not all(
+                0.0 <= slope <= static * (1 + 1e-12)
+                for slope, static in zip(sliding, (plus, minus), strict=True)
+            ):
+                raise DeclarationError(
+                    where,
+                    f"its coefficients under {name} are {plus:g} at rest and {sliding[0]:g} in "
+                    "sliding at the start",
+                    "They are not negative, and sliding friction is at most the threshold",
+                )
+        nothing = dict.fromkeys(own, ex.ZERO)
+        rest = [ex.substitute(force, nothing) for force in forces]
+        uneven = any(len({ex.derivative(force, name) for name in own}) > 1 for force in forces)
+        if in_plane and own and (uneven or any(e is not ex.ZERO for e in rest)):
+            raise DeclarationError(
+                f"{where}.threshold",
+                f"in a plane it is not proportional to {min(own)} alone",
+                f"Write it like 'mu*{min(own)}', and give other friction a contact of its own",
+            )
+
+    def _check_proportional(self, where: str, force: Expr) -> None:
+        """Refuse a friction force that is not linear in normal forces."""
+        own = force.symbols & self.normals.keys()
+        slopes = [ex.derivative(force, name) for name in own]
+        if any(slope.symbols & own for slope in slopes) or ex.bends(force, own):
+            raise DeclarationError(
+                where,
+                f"it is not linear in {min(own)}",
+                f"Write it like '0.5 + mu*{min(own)}', with a coefficient without normal forces",
+            )
+
+    def _pair(self, given: object, where: str, scope: Scope) -> tuple[Expr, Expr]:
+        if isinstance(given, tuple):
+            return scope.parse(given[0], where), scope.parse(given[1], where)
+        both = scope.parse(given, where)
+        return both, both
+
+    def _check_threshold(self, threshold: Expr, where: str, remedy: str) -> None:
+        values = self.reader.start
+        from stickslip.symbolic.enclosures import bounds
+
+        given = self.system.values
+        boxes = {n: (given[n], given[n]) for n in threshold.symbols & given.keys()}
+        low, high = bounds(threshold, boxes) if threshold.symbols else (ex.number(threshold),) * 2
+        here = ex.evaluate(threshold, values)
+        if not 0.0 <= here < math.inf:
+            raise DeclarationError(where, f"it is {here:g} at the initial state", remedy)
+        if low < -1e-12 * abs(high):
+            if not threshold.symbols & (self.reader.state.keys() - {"t"}):
+                low = self._lowest_in_time(threshold, boxes)
+            if -math.inf < low < 0.0:
+                raise DeclarationError(
+                    where, f"it can become negative (as low as {low:.4g})", remedy
+                )
+
+    def _lowest_in_time(self, threshold: Expr, boxes: dict[str, tuple[float, float]]) -> float:
+        from stickslip.symbolic.extrema import least
+
+        return least(threshold, "t", *self.system.span, others=boxes, below=0.0).value
+
+
+def _alike(a: DryContact, b: DryContact) -> bool:
+    """Whether two contacts are along one line."""
+    return a.direction.keys() == b.direction.keys() and all(
+        a.direction[x] * b.direction[y] is b.direction[x] * a.direction[y]
+        for x in a.direction
+        for y in a.direction
+    )

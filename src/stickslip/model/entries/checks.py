@@ -1,0 +1,183 @@
+"""What formulas of a declaration have to be: quadratic forms, entries of definite matrices,
+differentiable; and by how much they jump."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable, Mapping
+
+from stickslip.errors import DeclarationError
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+
+_QUADRATIC = "Write a pure quadratic form, like m/2*d_x**2"
+
+
+def quadratic_form(
+    form: Expr, names: Iterable[str], where: str, pure: bool = True
+) -> dict[tuple[str, str], Expr]:
+    """Matrix of a form of degree two in the rates of the named coordinates; a pure one has no terms
+    of lower degree."""
+    order = {f"d_{x}": (i, x) for i, x in enumerate(names)}
+    at_rest = dict.fromkeys(order, ex.ZERO)
+    if ex.bends(form, order):
+        raise DeclarationError(
+            where, "not quadratic: it has kinks or jumps in the rates", _QUADRATIC
+        )
+    check_slopes(form, order, where, 2)
+    matrix = {}
+    for rate, (i, x) in order.items():
+        slope = ex.derivative(form, rate)
+        for j, y in sorted(order[other] for other in slope.symbols & order.keys()):
+            if j > i:
+                break
+            entry = ex.derivative(slope, f"d_{y}")
+            if entry.symbols & order.keys():
+                raise DeclarationError(where, f"not quadratic in d_{x}", "Write it like m/2*d_x**2")
+            if entry is not ex.ZERO:
+                matrix[x, y] = matrix[y, x] = entry
+        rest = ex.substitute(slope, at_rest)
+        if pure and rest is not ex.ZERO:
+            raise DeclarationError(where, f"it has a part linear in d_{x}", _QUADRATIC)
+    if pure and ex.substitute(form, at_rest) is not ex.ZERO:
+        raise DeclarationError(where, "it has a part without rates", _QUADRATIC)
+    return matrix
+
+
+def check_definite(
+    matrix: Mapping[tuple[str, str], Expr],
+    names: list[str],
+    values: Mapping[str, float],
+    where: str,
+    what: str,
+    semi: bool = False,
+) -> None:
+    """Refuse a matrix that is not symmetric positive (semi-)definite, by Cholesky factorisation of
+    the entries that there are.
+
+    Its diagonal is scaled to 1 before pivots are judged: coordinates may have any units.
+
+    Parameters
+    ----------
+    matrix : mapping of (str, str) to Expr
+    names : list of str
+        Coordinates whose rows and columns count.
+    values : mapping of str to float
+        At which it is looked at.
+    where, what : str
+        Key and name of the matrix in the error.
+    semi : bool
+        Whether it may be semidefinite.
+    """
+    place = {x: i for i, x in enumerate(names)}
+    # right of the diagonal and on it
+    rows = [dict[int, float]() for _ in names]
+    largest = [0.0] * len(names)
+    for (x, y), entry in matrix.items():
+        if x in place and y in place:
+            i, j = place[x], place[y]
+            value = ex.evaluate(entry, values)
+            largest[i] = max(largest[i], abs(value))
+            if i <= j:
+                rows[i][j] = value
+    own = [abs(row.get(i, 0.0)) for i, row in enumerate(rows)]
+    scale = [math.sqrt(a or b or 1.0) for a, b in zip(own, largest, strict=True)]
+    rows = [{j: a / scale[i] / scale[j] for j, a in row.items()} for i, row in enumerate(rows)]
+    small = 1e-13
+    for k, row in enumerate(rows):
+        pivot = row.pop(k, 0.0)
+        if not (pivot >= -small if semi else pivot > small):
+            kind = "positive semidefinite" if semi else "positive definite"
+            raise DeclarationError(
+                where,
+                f"the {what} is not {kind} (at '{names[k]}')",
+                "Check signs and missing terms",
+            )
+        if pivot <= small:
+            if any(abs(a) > small for a in row.values()):
+                raise DeclarationError(
+                    where,
+                    f"the {what} is not positive semidefinite (at '{names[k]}')",
+                    "Check signs and missing terms",
+                )
+            continue
+        for i, a in row.items():
+            for j, b in row.items():
+                if j >= i:
+                    rows[i][j] = rows[i].get(j, 0.0) - a / pivot * b
+
+
+def check_slopes(formula: Expr, names: Iterable[str], where: str, order: int = 1) -> None:
+    """Refuse a formula whose derivatives cannot be formed."""
+    names = frozenset(names)
+    try:
+        slopes = [formula]
+        for _ in range(order):
+            slopes = [ex.derivative(e, name) for e in slopes for name in e.symbols & names]
+    except ArithmeticError:
+        raise DeclarationError(
+            where,
+            "its derivatives contain numbers that are too large or undefined",
+            "Check exponents and large numbers",
+        ) from None
+
+
+def jumps_through(
+    formula: Expr, guard: Expr, name: str, start: Mapping[str, float], held: Collection[str]
+) -> list[float]:
+    """By how much a formula jumps where a name rises through a guard, at some places; 0 where it is
+    not seen to.
+
+    Parameters
+    ----------
+    formula, guard : Expr
+    name : str
+    start : mapping of str to float
+        Values beside which these places are.
+    held : collection of str
+        Names that have these values everywhere: parameters.
+    """
+    above, below = (_beside(formula, guard, k) for k in (1, 2))
+    slope = ex.derivative(guard, name)
+    here = {x: start[x] for x in sorted(formula.symbols | guard.symbols)}
+    found = []
+    for k in (0, 1, -1):  # beside the start, where there may happen to be no jump
+        moving = enumerate(sorted(here.keys() - held))
+        at = {**here, **{x: here[x] + 0.1 * k * (i + 3) for i, x in moving}, name: 0.0}
+        steep = ex.evaluate(slope, at)
+        place = -ex.evaluate(guard, at) / steep if steep else math.nan
+        near = 0.1 * (1.0 + abs(place))
+        (off, one, other), *around = (
+            [ex.evaluate(e, {**at, name: place + shift}) for e in (guard, above, below)]
+            for shift in (0.0, near, -near)
+        )
+        scale = max(abs(value) for side in around for value in side[1:])
+        jumps = abs(off) <= 1e-9 * abs(steep) * near and abs(one - other) > 1e-9 * scale
+        found.append(math.copysign(one - other, (one - other) * steep) if jumps else 0.0)
+    return found
+
+
+def _beside(formula: Expr, guard: Expr, branch: int) -> Expr:
+    """A formula on one side of a guard: with the first or second branch of each of its selects."""
+
+    def change(e: Expr) -> Expr | None:
+        return e.args[branch] if e.op == "select" and e.args[0] is guard else None
+
+    return ex.rewrite(formula, change, again=True, undefined=True)
+
+
+def terms_by_guard(formula: Expr) -> dict[Expr, Expr]:
+    """For each guard of a kink, the terms of a formula in which it stands."""
+    found: dict[Expr, dict[Expr, float]] = {}
+    for term, c in formula.terms if formula.op == "sum" else ((formula, 1.0),):
+        for e in ex.walk([term]):
+            if e.op == "select":
+                found.setdefault(e.args[0], {})[term] = c
+    return {guard: ex.add(*terms.items()) for guard, terms in found.items()}
+
+
+def size_of_terms(e: Expr, values: Mapping[str, float]) -> float:
+    """Sum of the moduli of the terms of an expression."""
+    terms = e.terms if e.op == "sum" else [(e, 1.0)]
+    constant = abs(float(e.value)) if e.op == "sum" else 0.0
+    return constant + sum(abs(c * ex.evaluate(term, values)) for term, c in terms)

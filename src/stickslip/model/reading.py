@@ -1,0 +1,469 @@
+"""Reading a declaration: every formula becomes an expression, and everything wrong is found here;
+of contacts, in :mod:`stickslip.model.contact_reading`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, cast
+
+from stickslip.errors import DeclarationError, short, suggestion
+from stickslip.kept import cached_property
+from stickslip.model.contact_reading import read_contacts
+from stickslip.model.declaration import Declaration, ReadCondition, StateJump, check_initial
+from stickslip.model.entries.checks import (
+    check_definite,
+    check_slopes,
+    jumps_through,
+    quadratic_form,
+    size_of_terms,
+    terms_by_guard,
+)
+from stickslip.model.entries.units import check_unit
+from stickslip.model.names import DeclaredNames, measured_drives, normal_force
+from stickslip.model.schema import check_shape, entry_key
+from stickslip.model.system import CROSSINGS, Kind
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.formulas import Indexed, Scope, compared, is_finite
+from stickslip.symbolic.pieces import unwrapped
+
+if TYPE_CHECKING:
+    from stickslip.model.system import System
+    from stickslip.structures.coordinates import InModes
+
+
+def declare(system: System) -> Declaration:
+    """Read and check a declaration.
+
+    Raises
+    ------
+    DeclarationError
+        Naming the key, the reason and the remedy of the first thing wrong.
+    """
+    check_shape(system)
+    reader = DeclarationReader(system)
+    try:
+        reader.names()
+        reader.energy()
+        reader.dissipation()
+        reader.contacts()
+        reader.laws()
+        reader.jumps()
+        reader.known_facts()
+        reader.defaults()
+    except ArithmeticError:
+        # Single formulas are checked one by one; this is for two that are too large only together.
+        raise DeclarationError(
+            system.name, "its numbers are too large", "Check large numbers and exponents"
+        ) from None
+    return reader.result
+
+
+class DeclarationReader:
+    """Reads one declaration, in the order of its keys.
+
+    Attributes
+    ----------
+    system : System
+    result : Declaration
+        What has been read so far.
+    constants, state, velocities, rates, inertia : dict of str to Expr
+        What names mean: parameters; t, coordinates and internal variables; rates of inertial
+        coordinates; all rates; t and inertial coordinates.
+    static, clock, place, motion, anywhere : Scope
+        Formulas of parameters; of t besides; of the state without rates; with the rates of inertial
+        coordinates; of everything.
+    """
+
+    def __init__(self, system: System) -> None:
+        self.system = system
+        self.result = Declaration(list(system.parameters), {})
+
+    def names(self) -> None:
+        system, result = self.system, self.result
+        if not system.name.strip():
+            raise DeclarationError("name", "the system has no name", "Give it a short name")
+        names = DeclaredNames(ranges=result.ranges)
+        names.parameters(system.parameters)
+        kinds = dict(
+            zip(Kind, (result.inertial, result.viscous, result.rate_independent), strict=True)
+        )
+        for name, coordinate in system.coordinates.items():
+            where = entry_key("coordinates", name)
+            names.claim(name, where, rate=True)
+            check_unit(coordinate.unit, f"{where}.unit")
+            kinds[coordinate.kind].append(name)
+        self.indexed: dict[str, Indexed] = {}
+        for name, part in system.structures.items():
+            names.claim(name, entry_key("structures", name), rate=True)
+            self.indexed |= cast("InModes", part).indexed()
+        for name, internal in system.internal.items():
+            where = entry_key("internal", name)
+            names.claim(name, where, rate=f"d_{name}" not in system.internal)
+            check_unit(internal.unit, f"{where}.unit")
+            result.internal.append(name)
+        if not result.state:
+            raise DeclarationError(
+                "coordinates",
+                "the system has no coordinates and no internal variables",
+                "Declare at least one, where all moves as given an internal variable with law 1",
+            )
+        check_unit(system.time_unit, "time_unit")
+        start, stop = system.span
+        if not (is_finite(start) and is_finite(stop) and start < stop):
+            raise DeclarationError("span", "not a time span", "Write [start, end] with start < end")
+        names.functions("functions", system.functions)
+        names.functions("drives", system.drives, clock="t")
+        result.given = measured_drives(system.drives)
+        result.check_span(start, stop)
+        self.declared = list(names.definitions)
+        self.definitions = names.with_derivatives()
+        self.constants = {name: ex.sym(name) for name in system.parameters}
+        self.state = {
+            "t": ex.sym("t"),
+            **{n: ex.sym(n) for n in (*result.coordinates, *result.internal)},
+        }
+        self.velocities = {f"d_{q}": ex.sym(f"d_{q}") for q in result.inertial}
+        self.rates = {f"d_{x}": ex.sym(f"d_{x}") for x in result.coordinates}
+
+    def scope(self, *groups: Mapping[str, Expr], why: str) -> Scope:
+        """Formulas of parameters and of some groups of names; `why` not of others."""
+        names = {name: e for group in (self.constants, *groups) for name, e in group.items()}
+        everything = [*self.state, *self.rates, "speed"]
+        vectors = {name: v for name, v in self.indexed.items() if v.symbols <= names.keys()}
+        forbidden = {n: why for n in (*everything, *self.indexed) if n not in names}
+        whole = {n: f"Name one of its unknowns, like {n}[0]" for n in vectors}
+        return Scope(names, self.definitions, forbidden | whole, vectors=vectors)
+
+    def energy(self) -> None:
+        system, result = self.system, self.result
+        self.static = self.scope(why="Only parameters may stand here")
+        self.clock = self.scope({"t": self.state["t"]}, why="Only t and parameters may stand here")
+        self.place = self.scope(
+            self.state, why="Only t, coordinates, internal variables and parameters may stand here"
+        )
+        self.motion = self.scope(
+            self.state, self.velocities, why="Only rates of inertial coordinates may stand here"
+        )
+        self.anywhere = self.scope(
+            self.state, self.rates, {"speed": ex.sym("speed")}, why="Use t, coordinates and rates"
+        )
+        for name in self.declared:
+            self.anywhere.check(name)
+        for name in system.drives:
+            result.drives[name] = self.clock.parse(name, f"drives.{name}")
+        result.potential = self.place.parse(system.potential, "potential")
+        check_slopes(result.potential, result.coordinates, "potential", 2)
+        self._check_energy()
+        self.inertia = {name: self.state[name] for name in ("t", *result.inertial)}
+        speeds = self.scope(
+            self.inertia,
+            self.velocities,
+            why="The kinetic energy uses t, inertial coordinates, their rates and parameters",
+        )
+        result.kinetic = speeds.parse(system.kinetic, "kinetic")
+        check_slopes(result.kinetic, [*self.inertia, *self.velocities], "kinetic", 2)
+        self.check_steps("kinetic", result.kinetic)
+        result.mass = quadratic_form(result.kinetic, result.inertial, "kinetic", pure=False)
+        heavy = {q for pair in result.mass for q in pair}
+        for q in result.inertial:
+            if q not in heavy:
+                raise DeclarationError(
+                    f"coordinates.{q}",
+                    "an inertial coordinate without mass",
+                    f"Add m/2*d_{q}**2 to 'kinetic', or declare it viscous or rate-independent",
+                )
+        result.start = self.start
+        result.check_mass(self.start)
+
+    def dissipation(self) -> None:
+        system, result = self.system, self.result
+        smooth = {k: v for k, v in self.rates.items() if k[2:] not in result.rate_independent}
+        scope = self.scope(
+            smooth,
+            why="The viscous part uses rates of inertial and viscous coordinates and parameters",
+        )
+        result.dissipation = scope.parse(system.viscous, "viscous")
+        result.damping = quadratic_form(
+            result.dissipation, [*result.inertial, *result.viscous], "viscous"
+        )
+        self._resistances()
+        for z in result.damped:
+            if (z, z) not in result.damping:
+                raise DeclarationError(
+                    f"coordinates.{z}",
+                    "a viscous coordinate without viscous friction",
+                    f"Add nu/2*d_{z}**2 to 'viscous', give it a drag, or declare it "
+                    "rate-independent",
+                )
+        result.check_damping(system.values)
+        both = [*result.inertial, *result.viscous]
+        check_definite(result.damping, both, system.values, "viscous", "viscous matrix", semi=True)
+        state = frozenset(result.state)
+        for name, coordinate in system.coordinates.items():
+            where = f"coordinates.{name}"
+            result.forces[name] = self.motion.parse(coordinate.force, f"{where}.force")
+            check_slopes(result.forces[name], state, f"{where}.force")
+            self._check_jumps(f"{where}.force", result.forces[name], -1.0)
+            if coordinate.kind == Kind.INERTIAL:
+                result.drags[name] = self.motion.parse(coordinate.drag, f"{where}.drag")  # type: ignore[union-attr]
+                self._check_jumps(f"{where}.drag", result.drags[name], 1.0)
+                self._check_drag(name, result.drags[name])
+
+    def _resistances(self) -> None:
+        """Drags of viscous coordinates, and what these may not have beside them."""
+        system, result = self.system, self.result
+        for z in result.viscous:
+            where = f"coordinates.{z}.drag"
+            rate = f"d_{z}"
+            scope = self.scope(
+                self.state,
+                self.velocities,
+                {rate: ex.sym(rate)},
+                why=f"A drag uses {rate} and rates of inertial coordinates",
+            )
+            drag = scope.parse(system.coordinates[z].drag, where)  # type: ignore[union-attr]
+            if drag is ex.ZERO:
+                continue
+            result.drags[z] = drag
+            check_slopes(drag, [rate, *result.state], where)
+            if ex.bends(drag, {rate}):
+                raise DeclarationError(
+                    where,
+                    f"it has kinks or jumps in {rate}",
+                    "Write it with smooth functions, such as asinh, or declare dry friction as a "
+                    "contact of a coordinate without a drag",
+                )
+            others = [y for x, y in result.damping if x == z != y and y in result.viscous]
+            if others:
+                raise DeclarationError(
+                    where,
+                    f"'viscous' joins d_{z} to d_{others[0]}",
+                    "Couple a coordinate with a drag to other viscous ones by springs, or give it "
+                    "mass",
+                )
+        result.viscous.sort(key=lambda z: z in result.drags)
+        for z in result.resisted:
+            self._check_drag(z, result.drags[z])
+            result.check_increasing(z, system.values)
+
+    def _check_jumps(self, where: str, formula: Expr, resists: float) -> None:
+        """Refuse a function whose jump resists a rate: where the rate stays on the jump, the force
+        is any between."""
+        for guard, part in terms_by_guard(formula).items():
+            for rate in sorted(guard.symbols & self.velocities.keys()):
+                jumps = [
+                    resists * jump
+                    for jump in jumps_through(part, guard, rate, self.start, self.constants)
+                    if jump
+                ]
+                if guard in self.motion.jumping and jumps and min(jumps) > 0.0:
+                    raise DeclarationError(
+                        where,
+                        f"'{self.motion.jumping[guard]}' makes a force that jumps against {rate}: "
+                        "that is dry friction, which may be anything between while nothing slides",
+                        f"Declare a contact with a direction like '{rate}' and a threshold",
+                    )
+
+    def _check_energy(self) -> None:
+        """Refuse an energy that jumps on the way of a coordinate: no force is finite there."""
+        for guard, part in terms_by_guard(self.result.potential).items():
+            for x in sorted(guard.symbols & set(self.result.coordinates)):
+                if any(jumps_through(part, guard, x, self.start, self.constants)):
+                    raise DeclarationError(
+                        "potential",
+                        f"the energy jumps with {x} where {ex.to_text(unwrapped(guard))} = 0, so "
+                        "that the force would be infinite",
+                        "Make it continuous, or write the force that jumps under 'force'",
+                    )
+
+    def check_steps(self, where: str, formula: Expr) -> None:
+        """Refuse an inertia or a direction that jumps with a coordinate or in time: momentum would
+        have to, too."""
+        for guard, part in terms_by_guard(formula).items():
+            for x in sorted(guard.symbols & self.inertia.keys()):
+                if any(jumps_through(part, guard, x, self.start, self.constants)):
+                    raise DeclarationError(
+                        where,
+                        f"it jumps with {x} where {ex.to_text(unwrapped(guard))} = 0, so that "
+                        "velocities would have to jump",
+                        "Make it continuous",
+                    )
+
+    def _check_drag(self, name: str, drag: Expr) -> None:
+        from stickslip.symbolic.enclosures import bounds
+
+        values = {symbol: self.start[symbol] for symbol in drag.symbols}
+        for v in (-10.0, -1.0, -0.1, -1e-3, 1e-3, 0.1, 1.0, 10.0):
+            at = {**values, f"d_{name}": v}
+            if not math.isfinite(ex.evaluate(drag, at)):
+                others = ", ".join(f"{n} = {at[n]:g}" for n in sorted(at.keys() & self.state))
+                raise DeclarationError(
+                    f"coordinates.{name}.drag",
+                    f"the resistance is undefined at the start, at d_{name} = {v:g}"
+                    + (f", {others}" if others else ""),
+                    "Declare initial values at which it is a number",
+                )
+            low, high = bounds(drag, {n: (a, a) for n, a in at.items()})
+            # Refused is what feeds energy in for sure, not for rounding.
+            if high < 0.0 if v > 0.0 else low > 0.0:
+                raise DeclarationError(
+                    f"coordinates.{name}.drag",
+                    f"the resistance feeds energy in at d_{name} = {v:g}",
+                    "A drag has v*f(v) >= 0; put other forces under 'force'",
+                )
+
+    def contacts(self) -> None:
+        self.result.contacts = read_contacts(self)
+
+    def laws(self) -> None:
+        scope = self.scope(
+            self.state, self.rates, why="The speed of a contact is known to its kinetic law only"
+        )
+        state = frozenset(self.result.state)
+        for name, internal in self.system.internal.items():
+            self.result.laws[name] = scope.parse(internal.law, f"internal.{name}.law")
+            check_slopes(self.result.laws[name], state, f"internal.{name}.law")
+
+    def jumps(self) -> None:
+        """Guards and new values; each guard fires one jump."""
+        result = self.result
+        felt = frozenset([*result.state, "t"])
+        taken: dict[tuple[Expr, int], str] = {}
+        for name, jump in self.system.jumps.items():
+            where = entry_key("jumps", name)
+            guard = self.motion.parse(jump.when, f"{where}.when")
+            check_slopes(guard, felt, f"{where}.when")
+            if not guard.symbols & felt:
+                raise DeclarationError(
+                    f"{where}.when",
+                    "it depends neither on the state nor on time, so that it never passes through "
+                    "zero",
+                    "Write what vanishes where the state jumps, such as 'x - 1'",
+                )
+            if not jump.to:
+                raise DeclarationError(
+                    f"{where}.to", "nothing jumps", 'Give new values, like {d_x = "-d_x"}'
+                )
+            direction = CROSSINGS[jump.direction]
+            for way in (-1, 1) if direction == 0 else (direction,):
+                if (guard, way) in taken:
+                    raise DeclarationError(
+                        f"{where}.when",
+                        f"'{short(taken[guard, way])}' jumps there, too",
+                        "Give all new values in one jump, or one of them another direction",
+                    )
+                taken[guard, way] = name
+            values = {x: self._landing(f"{where}.to", x, value) for x, value in jump.to.items()}
+            result.jumps.append(StateJump(name, guard, direction, values))
+
+    def _landing(self, where: str, name: str, value: object) -> Expr:
+        """The new value of a part of the state."""
+        result = self.result
+        if name not in result.places:
+            massless = name[2:] in (*result.viscous, *result.rate_independent)
+            if name.startswith("d_") and massless:
+                raise DeclarationError(
+                    entry_key(where, name),
+                    f"the rate of '{name[2:]}', which has no inertia, follows from the forces",
+                    f"Let '{name[2:]}' jump, or declare it inertial",
+                )
+            raise DeclarationError(
+                entry_key(where, name),
+                "not a part of the state",
+                suggestion(name, result.state),
+            )
+        return self.motion.parse(value, entry_key(where, name))
+
+    def known_facts(self) -> None:
+        for name, condition in self.system.conditions.items():
+            where = entry_key("conditions", name)
+            first, sign, second = compared(condition.formula, where)
+            left, right = (self.static.parse(side, where) for side in (first, second))
+            margin = left - right if sign.startswith(">") else right - left
+            otherwise = condition.otherwise or condition.formula
+            self.result.conditions[name] = ReadCondition(margin, "=" not in sign, otherwise)
+        for name, text in self.system.facts.items():
+            self.result.facts[name] = self.static.parse(text, entry_key("facts", name))
+        names = {**self.result.facts, **self.anywhere.names}
+        forbidden, vectors = self.anywhere.forbidden, self.anywhere.vectors
+        self.result.scope = Scope(names, self.definitions, forbidden, vectors=vectors)
+
+    def defaults(self) -> None:
+        system, result = self.system, self.result
+        for name, value in system.initial.items():
+            check_initial(result, name, value)
+        for name, weight in system.translation.items():
+            if name not in result.coordinates or not is_finite(weight):
+                raise DeclarationError(
+                    entry_key("translation", name),
+                    "not a coordinate with a number",
+                    "Name coordinates, like x = 1",
+                )
+        self._check_translation()
+
+    def _check_translation(self) -> None:
+        system, result = self.system, self.result
+        if not system.translation:
+            return
+        shift = {x: ex.num(float(w)) for x, w in system.translation.items()}
+        formulas = [
+            ("potential", result.potential),
+            ("kinetic", result.kinetic),
+            *((f"internal.{n}.law", law) for n, law in result.laws.items()),
+        ]
+        for c in result.contacts:
+            where = entry_key("contacts", c.name)
+            formulas += [(f"{where}.direction", weight) for weight in c.direction.values()]
+            formulas += [(f"{where}.threshold", c.plus), (f"{where}.threshold", c.minus)]
+            formulas.append((f"{where}.surface_speed", c.speed))
+            formulas += [
+                (f"{where}.kinetic", c.kinetic_plus),
+                (f"{where}.kinetic", c.kinetic_minus),
+            ]
+        for x in result.coordinates:
+            formulas += [(f"coordinates.{x}.force", result.forces[x])]
+        for jump in result.jumps:
+            where = entry_key("jumps", jump.name)
+            formulas.append((f"{where}.when", jump.guard))
+            formulas += [(f"{where}.to.{x}", e - ex.sym(x)) for x, e in jump.values.items()]
+        values = {
+            **self.start,
+            **{f"d_{x}": 0.3 for x in result.coordinates},
+            "speed": 0.3,
+        }
+        states = [
+            {
+                k: v + offset * (1 + 0.1 * i) if k in self.state else v
+                for i, (k, v) in enumerate(values.items())
+            }
+            for offset in (0.0, 0.37, -1.3)
+        ]
+        for where, formula in formulas:
+            change = ex.along(formula, shift)
+            # A potential may tilt (a constant pull); its slope must not change under the shift.
+            tested = (
+                [ex.derivative(change, x) for x in result.coordinates]
+                if where == "potential"
+                else [change]
+            )
+            tested += [ex.along(guard, shift) for guard in terms_by_guard(formula)]
+            for moved in states:
+                if any(
+                    abs(ex.evaluate(probe, moved)) > 1e-9 * size_of_terms(probe, moved)
+                    for probe in tested
+                ):
+                    raise DeclarationError(
+                        "translation",
+                        f"the shift changes {where}",
+                        "Remove it, or correct the direction",
+                    )
+
+    @cached_property
+    def start(self) -> dict[str, float]:
+        """Values at the start, at rest where none is declared."""
+        state = dict.fromkeys([*self.state, *self.rates, "speed"], 0.0)
+        given = {k: float(v) for k, v in self.system.initial.items() if is_finite(v)}
+        pressed = {normal_force(name): 0.0 for name in self.system.with_gaps}
+        return {**state, **given, **self.system.values, **pressed, "t": float(self.system.span[0])}
