@@ -94,6 +94,7 @@ ENGINE = Library(
             "equations.native.kernels",
             "motion.affine.flights",
             "motion.audit.step_balance",
+            "motion.audit.work",
             "motion.between.dense",
             "motion.between.trace",
             "motion.engine.event_loop",

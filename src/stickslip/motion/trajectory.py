@@ -19,7 +19,7 @@ from stickslip.model.system import System
 from stickslip.motion.certify import certify_trajectory
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
-from stickslip.motion.record.audited import Audit, audited, follow_again
+from stickslip.motion.record.audited import Audit, audited, work_in_steps
 from stickslip.motion.record.knots import IS_OPEN, Knots
 from stickslip.motion.record.switches import SLIP_WORD, Switches
 from stickslip.results import Result, listed
@@ -368,7 +368,7 @@ class Trajectory(Result):
         for key, mode in self.modes.items():
             values[f"mode_{key}"] = mode[index]
         values["energy"] = out[:, rows]
-        work = self._work(clock, index, out[:, : self.knots.state.shape[1]])
+        work = self._work(clock, index)
         values["dissipated_energy"] = self.audit.dissipated[index] + work[:, 0]
         values["supplied_energy"] = self.audit.supplied[index] + work[:, 1]
         return values
@@ -382,24 +382,12 @@ class Trajectory(Result):
                 if name in values:
                     values[name] = np.where(is_open, 0.0, values[name])
 
-    def _work(self, clock: Array, index: Array, states: Array) -> Array:
-        """Dissipated and supplied energy from the knots `index` to times since the origin, where it
-        is at `states`.
-
-        Integrated from one time to the next, so that many times in a long flight cost no more than
-        the flight.
-        """
-        k = self.knots
-        work = np.empty((len(clock), 2))
+    def _work(self, clock: Array, index: Array) -> Array:
+        """Dissipated and supplied energy from the knots `index` to times since the origin."""
         order = np.lexsort((clock, index))
-        ends, knot = clock[order], index[order]
-        first = np.diff(knot, prepend=-1) != 0
-        starts = np.where(first, k.clock[knot], np.roll(ends, 1))
-        origins = np.where(first[:, None], k.state[knot], np.roll(states[order], 1, axis=0))
-        given = starts, np.ascontiguousarray(origins), knot, ends
-        pieces = follow_again(self._problem, k, self._seen, *given).steps.work
-        sums = np.cumsum(pieces, axis=0)
-        work[order] = sums - (sums - pieces)[first][np.cumsum(first) - 1]
+        work = np.empty((len(clock), 2))
+        given = index[order], clock[order]
+        work[order] = work_in_steps(self._problem, self.knots, self._seen, *given)
         return work
 
     @cached_property

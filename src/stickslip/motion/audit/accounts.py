@@ -113,21 +113,6 @@ def make_steps(count: int, n: int) -> Steps:
     return Steps(np.zeros((count, 2)), np.zeros((count, n)), np.zeros((count, n)), np.zeros(count))
 
 
-class Wanted(NamedTuple):
-    """What an audit is asked for beside the work.
-
-    Attributes
-    ----------
-    law : bool
-        Whether the law is obeyed.
-    extremes : bool
-        What :class:`stickslip.motion.audit.observers.Sums` say beyond times and switches.
-    """
-
-    law: bool
-    extremes: bool
-
-
 class Accounts(NamedTuple):
     """What an audit receives: zeros for each step, and what it adds to."""
 

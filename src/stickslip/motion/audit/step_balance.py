@@ -47,7 +47,6 @@ from stickslip.motion.audit.accounts import (
     Accounts,
     Steps,
     Tally,
-    Wanted,
     count_gaps,
 )
 from stickslip.motion.audit.beginnings import judge_beginning
@@ -70,32 +69,24 @@ from stickslip.motion.audit.step_ends import (
     jump_or_collide,
     may_collide,
 )
+from stickslip.motion.audit.work import powers_at
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     COMPONENT,
-    CONTACTS,
-    COORDINATES,
     DIMENSION,
-    DISSIPATED,
     EPSILON,
-    INERTIAL,
     INSTANT,
-    MATRIX,
-    MEMBERS,
     ROUNDING,
-    SUPPLIED,
     Flow,
     Instant,
     Machine,
     Record,
     Rows,
     Space,
-    direction_entry,
     is_stopped,
 )
-from stickslip.motion.steps.directions import give_directions, take_directions
+from stickslip.motion.steps.directions import give_directions
 from stickslip.motion.steps.roots import horner, rate_on
-from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import impulse
 from stickslip.motion.steps.stiff import ends_there, follow_mode
 from stickslip.motion.steps.vectors import copy
@@ -114,7 +105,7 @@ def audit_steps(
     seen: Vector,
     starts: Record,
     ends: Record,
-    wanted: Wanted,
+    extremes: bool,
     accounts: Accounts,
 ) -> None:
     """Follow steps again, and measure them.
@@ -125,7 +116,9 @@ def audit_steps(
         Sizes of the rows that bound the steps; see :class:`stickslip.motion.steps.arrays.Lane`.
     starts, ends : Record
         Where each step begins and ends, with the modes and regions that begin there.
-    wanted : Wanted
+    extremes : bool
+        Whether what :class:`stickslip.motion.audit.observers.Sums` say beyond times and switches is
+        asked for, too.
     accounts : Accounts
     """
     for i in range(len(ends.time)):
@@ -134,8 +127,8 @@ def audit_steps(
         length = ends.time[i] - starts.time[i]
         count_times(flow.rows, starts.mode[i], ends.mode[i], length, accounts.sums)
         if length > 0.0:
-            audit_step(machine, flow, seen, starts, ends, wanted, i, accounts)
-        elif wanted.law and (
+            audit_step(machine, flow, seen, starts, ends, extremes, i, accounts)
+        elif (
             may_collide(flow.rows, ends.cause[i])
             or jump_after(flow.rows, ends.cause[i], starts.region[i]) >= 0
         ):
@@ -149,7 +142,7 @@ def audit_step(
     seen: Array,
     starts: Record,
     ends: Record,
-    wanted: Wanted,
+    extremes: bool,
     i: int,
     accounts: Accounts,
 ) -> None:
@@ -159,13 +152,12 @@ def audit_step(
     ----------
     machine : Machine
     flow : Flow
-    seen, starts, ends, wanted, accounts
+    seen, starts, ends, extremes, accounts
         As of :func:`audit_steps`.
     i : int
         The step.
     """
     steps, tally, sums = accounts.steps, accounts.tally, accounts.sums
-    check = wanted.law
     nc = len(flow.rows.u)
     W = flow.space.W
     y = flow.space.trial
@@ -191,29 +183,27 @@ def audit_step(
         h = min(left, max(h, 1e-12 * left))
         if ends_there(h, left, base):
             h = left
-        factor = 0.0
         if not h > 0.0:
             h = left  # nothing here is a number, which the nodes will show
-        if check:
-            # a closed form may last for many Taylor steps, each of which counts by itself
-            if not whole > 0.0:
-                whole = h
-                count_gaps(i, steps, tally)
-            longest = h
-            give_directions(flow.rows, mode, True)
+        # a closed form may last for many Taylor steps, each of which counts by itself
+        if not whole > 0.0:
+            whole = h
+            count_gaps(i, steps, tally)
+        longest = h
+        give_directions(flow.rows, mode, True)
+        factor = enclose(flow, mode, reg, order, h, min(h, series), tally)
+        while not factor < np.inf and pieces < _MOST_PIECES:
+            h = 0.5 * h
+            pieces = pieces + 1
             factor = enclose(flow, mode, reg, order, h, min(h, series), tally)
-            while not factor < np.inf and pieces < _MOST_PIECES:
-                h = 0.5 * h
-                pieces = pieces + 1
-                factor = enclose(flow, mode, reg, order, h, min(h, series), tally)
-            give_directions(flow.rows, mode, False)
-            if not factor < np.inf:
-                h, steps.open[i] = longest, left  # no more is tried in this step
+        give_directions(flow.rows, mode, False)
+        if not factor < np.inf:
+            h, steps.open[i] = longest, left  # no more is tried in this step
         acting = min(h, series) if series > 0.0 else h
         rounding = ROUNDING * max(1.0, math.sqrt(pieces) / _WALK)
         piece = StepPiece(order, base, h, acting, factor, rounding)
-        measure_piece(machine, flow, piece, mode, reg, check, i, steps, tally)
-        if wanted.extremes:
+        measure_piece(machine, flow, piece, mode, reg, i, steps, tally)
+        if extremes:
             add_step(flow.rows, W, order, h, W[n, 1], flow.space.stack, sums)
         for r in range(n):
             y[r] = horner(W[r], order, h / W[n, 1])
@@ -224,12 +214,11 @@ def audit_step(
         pieces = pieces + 1
         if left <= INSTANT * abs(base):
             break  # Nobody can tell its time from that of the end.
-    if check:
-        final = Instant(ends.time[i], ends.state[i], mode, reg)
-        jump_or_collide(machine, flow, final, h, ends, i, accounts)
-        close_step(flow, final, order, h, starts.state[i], i, steps, tally)
-        count_jumps(machine, flow, final, ends.region[i], i, steps, tally)
-        judge_beginning(machine, flow, starts, ends, i, tally)
+    final = Instant(ends.time[i], ends.state[i], mode, reg)
+    jump_or_collide(machine, flow, final, h, ends, i, accounts)
+    close_step(flow, final, order, h, starts.state[i], i, steps, tally)
+    count_jumps(machine, flow, final, ends.region[i], i, steps, tally)
+    judge_beginning(machine, flow, starts, ends, i, tally)
 
 
 @compiled()
@@ -239,7 +228,6 @@ def measure_piece(
     piece: StepPiece,
     mode: Array,
     reg: Array,
-    check: bool,
     i: int,
     steps: Steps,
     tally: Tally,
@@ -253,8 +241,6 @@ def measure_piece(
     flow : Flow
     piece : StepPiece
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
-    check : bool
-        Whether more than the work is wanted.
     i : int
         The step.
     steps : Steps
@@ -265,34 +251,22 @@ def measure_piece(
     space = flow.space
     n = rows.sizes[DIMENSION]
     W = space.W
-    V = space.V
     y = space.y0
-    power = space.powers
-    unit = W[n, 1]
     give_directions(rows, mode, True)
-    sharing = check and any_share(rows)
+    sharing = any_share(rows)
     if sharing:
         find_shared(flow, mode, W, True)
     for g in range(COUNT):
-        tau, weight = piece.h * GAUSS_NODES[g], piece.h * GAUSS_WEIGHTS[g]
-        for r in range(n):
-            y[r] = horner(W[r], piece.order, tau / unit)
-        take_directions(rows, W, piece.order, tau / unit, V)
-        coefficients(machine, flow, Instant(piece.t + tau, y, mode, reg), 1, V)
-        machine.powers(V, reg, flow.k.K, power)
-        steps.work[i, SPENT] += weight * power[DISSIPATED]
-        if piece.acting < piece.h:
-            steps.work[i, SPENT] -= weight * power_of_residuals(flow, piece, tau)
-        steps.work[i, FED] += weight * power[SUPPLIED]
-        tally.total[FED_IN_ALL] += weight * abs(power[SUPPLIED])
-        if check:
-            sample_residuals(rows, space, piece, y, g, i, steps, tally)
-            sample_law(rows, space, mode, reg, piece.acting, g, tally)
-            if sharing:
-                sample_together(flow, mode, g)
+        weight = piece.h * GAUSS_WEIGHTS[g]
+        lost, given = powers_at(machine, flow, piece, mode, reg, piece.h * GAUSS_NODES[g])
+        steps.work[i, SPENT] += weight * lost
+        steps.work[i, FED] += weight * given
+        tally.total[FED_IN_ALL] += weight * abs(given)
+        sample_residuals(rows, space, piece, y, g, i, steps, tally)
+        sample_law(rows, space, mode, reg, piece.acting, g, tally)
+        if sharing:
+            sample_together(flow, mode, g)
     give_directions(rows, mode, False)
-    if not check:
-        return
     for r in range(n):
         largest = 0.0
         for g in range(COUNT):
@@ -307,48 +281,6 @@ def measure_piece(
     judge_law(rows, space, mode, piece, tally)
     if sharing:
         judge_together(flow, mode, piece, tally)
-
-
-@compiled()
-def power_of_residuals(flow: Flow, piece: StepPiece, tau: float) -> float:
-    """What forces without mass do at a node by the difference between the rates that the law gives
-    there and those of the polynomials.
-
-    The way is that of the polynomials. Where they last longer than series, because something
-    decays, the rates of the law have errors that are forgotten at once; their power would be
-    counted all the time.
-
-    Parameters
-    ----------
-    flow : Flow
-        Its work space has the polynomials, and the values of the rows at the node.
-    piece : StepPiece
-    tau : float
-        The node.
-    """
-    rows = flow.rows
-    W = flow.space.W
-    V = flow.space.V
-    unit = W[rows.sizes[DIMENSION], 1]
-    first = 2 * rows.sizes[INERTIAL]
-    rates = rows.program.rates
-    power = 0.0
-    for part in rows.parts:
-        if part[MATRIX] == 0:
-            continue
-        n = part[COORDINATES]
-        members = rows.members[part[MEMBERS] :]
-        for i in range(n):
-            z = members[i]
-            force = 0.0
-            for j in range(n):
-                force += flow.k.C[z, j] * V[rates[first + members[j]], 0]
-            for j in range(part[CONTACTS]):
-                c = members[n + j]
-                force -= direction_entry(rows, flow.k.J, V, c, i) * V[rows.force[c], 0]
-            way = rate_on(W[first + z], piece.order, tau / unit) / unit
-            power += force * (V[rates[first + z], 0] - way)
-    return power
 
 
 @compiled()

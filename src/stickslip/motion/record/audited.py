@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from stickslip.motion.problem import Problem
 
 
+_BEFORE, _AFTER = slice(None, -1), slice(1, None)
+
+
 @dataclass(frozen=True)
 class Audit:
     """A motion measured again from its knots.
@@ -58,9 +61,7 @@ def audited(problem: Problem, knots: Knots, seen: Array, energy: Array) -> Audit
     from stickslip.motion.audit.accounts import FED_IN_ALL, LARGEST
     from stickslip.motion.audit.step_balance import judge
 
-    index = np.arange(len(knots.clock) - 1)
-    given = knots.clock[:-1], knots.state[:-1], index, knots.clock[1:]
-    steps, tally, sums = follow_again(problem, knots, seen, *given, checked=True)
+    steps, tally, sums = follow_again(problem, knots, seen)
     work = np.vstack([np.zeros((1, 2)), np.cumsum(steps.work, axis=0)])
     balance = energy - energy[0] + work[:, 0] - work[:, 1]
     flow = max(
@@ -83,17 +84,8 @@ def audited(problem: Problem, knots: Knots, seen: Array, energy: Array) -> Audit
     )
 
 
-def follow_again(
-    problem: Problem,
-    knots: Knots,
-    seen: Array,
-    times: Array,
-    states: Array,
-    index: Array,
-    ends: Array,
-    checked: bool = False,
-) -> Accounts:
-    """Follow a motion from given times and states, inside the steps of some knots, for its work.
+def follow_again(problem: Problem, knots: Knots, seen: Array) -> Accounts:
+    """Follow a motion again from knot to knot, and check it.
 
     Parameters
     ----------
@@ -101,35 +93,44 @@ def follow_again(
     knots : Knots
     seen : array
         As of :func:`audited`.
-    times, states : arrays, shapes (pieces,), (pieces, n)
-        Where pieces of the motion begin.
-    index : array of int, shape (pieces,)
-        Knots in whose steps they are.
-    ends : array, shape (pieces,)
-        Times at which they end.
-    checked : bool
-        Whether these are whole steps, from knots to the next ones, which are to be checked, too.
     """
-    from stickslip.motion.audit.accounts import Wanted, make_accounts
+    from stickslip.motion.audit.accounts import make_accounts
     from stickslip.motion.audit.step_balance import audit_steps
     from stickslip.motion.steps.arrays import Record
 
-    record = knots.record
-    starts = Record(times, states, knots.mode[index], knots.region[index], knots.cause[index])
-    after = Record(*(part[1:] for part in record)) if checked else starts
+    starts, ends = (Record(*(part[own] for part in knots.record)) for own in (_BEFORE, _AFTER))
 
     def measured() -> Accounts:
-        accounts = make_accounts(len(ends), problem.rows)
-        audit_steps(
-            problem.machine,
-            problem.flow(retracing=True),
-            seen,
-            starts,
-            after._replace(time=ends),
-            Wanted(checked, checked),
-            accounts,
-        )
+        accounts = make_accounts(len(ends.time), problem.rows)
+        flow = problem.flow(retracing=True)
+        audit_steps(problem.machine, flow, seen, starts, ends, True, accounts)
         return accounts
+
+    return unbroken(measured)
+
+
+def work_in_steps(problem: Problem, knots: Knots, seen: Array, step: Array, times: Array) -> Array:
+    """Work, dissipated and supplied, from the beginning of steps until times in them, shape
+    (times, 2).
+
+    Parameters
+    ----------
+    problem : Problem
+    knots : Knots
+    seen : array
+        As of :func:`audited`.
+    step : array of int, shape (times,)
+        The knots in whose steps they are, in their order.
+    times : array
+        In their order within a step.
+    """
+    from stickslip.motion.audit.work import work_until
+
+    def measured() -> Array:
+        work = np.zeros((len(times), 2))
+        flow = problem.flow(retracing=True)
+        work_until(problem.machine, flow, seen, knots.record, step, times, work)
+        return work
 
     return unbroken(measured)
 

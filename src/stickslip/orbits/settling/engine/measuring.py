@@ -18,7 +18,6 @@ from stickslip.motion.audit.accounts import (
     UNVERIFIED,
     Accounts,
     Tally,
-    Wanted,
 )
 from stickslip.motion.audit.observers import Sums, reset
 from stickslip.motion.audit.step_balance import audit_steps, judge
@@ -409,9 +408,8 @@ def add_steps(
         bench.steps.open[j] = 0.0
     starts = knots_of(record, 0, steps)
     ends = knots_of(record, 1, count)
-    wanted = Wanted(True, rules.closely)
     accounts = Accounts(bench.steps, bench.tally, sums)
-    audit_steps(e.machine, fine, seen, starts, ends, wanted, accounts)
+    audit_steps(e.machine, fine, seen, starts, ends, rules.closely, accounts)
     for j in range(carried, count):
         energy = energy_at(e, flow, bench, j)
         if j == 0:
