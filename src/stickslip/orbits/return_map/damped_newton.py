@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 _MOST_STEPS = 25
 _HALVINGS = 6
+_ROUNDED = 1e-14  # part of its size up to which that is for Newton's method to improve
 CLOSED = 1e-9  # a cycle closes up to this part of its size
 NEARLY_SINGULAR = 1e-11  # a singular value below this part of the largest is zero
 _STATIONS = (1, 4, 16)  # tried one after the other
@@ -98,10 +99,12 @@ def close(shooting: Shooting, x: Array, across: Array | None = None) -> Orbit:
             matrix = np.vstack([matrix, across])
             right = np.append(right, 0.0)
         step = np.linalg.lstsq(matrix, right, rcond=NEARLY_SINGULAR)[0]
-        better = _shortened(shooting, orbit, units, step)
-        if better is None:
+        # What is left is rounding: one whole step more is all that is worth it.
+        last = bool(np.linalg.norm(orbit.F) <= _ROUNDED)
+        better = _shortened(shooting, orbit, units, step, 1 if last else _HALVINGS)
+        orbit = better or orbit
+        if last or better is None:
             break
-        orbit = better
     miss = max(float(np.linalg.norm(orbit.F)), shooting.miss(orbit))
     if not miss <= CLOSED:
         raise NotClosed(shooting, orbit, miss)
@@ -123,13 +126,15 @@ def flattest(shooting: Shooting, orbit: Orbit) -> tuple[float, Array]:
     return float(s[-1] / s[0]), v[-1]
 
 
-def _shortened(shooting: Shooting, orbit: Orbit, units: Array, step: Array) -> Orbit | None:
+def _shortened(
+    shooting: Shooting, orbit: Orbit, units: Array, step: Array, tries: int
+) -> Orbit | None:
     """The first of the shortened steps that closes better; None if there is none."""
     miss = np.linalg.norm(orbit.F)
     part = min(
         1.0, 1.0 / (np.max(np.abs(step)) + 1e-300), 0.3 / (abs(step[shooting.time]) + 1e-300)
     )
-    for _ in range(_HALVINGS):
+    for _ in range(tries):
         try:
             trial = shooting.orbit(orbit.x - part * units * step)
         except StickslipError:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 SHORTEST = 1e-9  # a stretch that is shorter than this part of the motion takes no time
 _POINTS = 16  # looked at in every step, at least
+_MOST_PARTS = 1000  # times as many in a step; where a slip ends, linear motions decay at once
 _MOST_STEPS = 4000  # looked at
 _LEAST = 1e-3  # … of what the other components could do to one is its least size
 _CLOSER = 1e3  # … but not before one that misses by so much less
@@ -128,7 +129,7 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
     p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
     every = [pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
     # A flight in closed form may be one step and hold many oscillations.
-    points = _POINTS * (1 + resolution(trajectory, pieces)[steps] // 4)
+    points = _POINTS * (1 + np.minimum(resolution(trajectory, pieces)[steps] // 4, _MOST_PARTS))
     times = np.concatenate(
         [np.linspace(k.time[i], k.time[i + 1], c) for i, c in zip(steps, points, strict=True)]
     )
