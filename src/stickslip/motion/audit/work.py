@@ -83,7 +83,19 @@ def work_in_step(
     first: int,
     last: int,
 ) -> None:
-    """The same for the times from one to another, in the i-th step."""
+    """The same for some of the times, which are in one step.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    seen, starts, times, work
+        As of :func:`work_until`.
+    i : int
+        The step.
+    first, last : int
+        Of the times.
+    """
     W = flow.space.W
     y = flow.space.trial
     n = len(y)

@@ -157,7 +157,9 @@ class Surroundings:
         matrix = np.concatenate(
             [(table / np.where(size > 0.0, size, 1.0)).reshape(-1, 1 + n), *map(_unit, others)]
         )
-        _, s, v = np.linalg.svd(np.vstack([matrix, np.zeros((1 + n, 1 + n))]), full_matrices=False)
+        # The triangle has the same singular values and directions as the many rows.
+        triangle = np.linalg.qr(np.vstack([matrix, np.zeros((1 + n, 1 + n))]), mode="r")
+        _, s, v = np.linalg.svd(triangle)
         rank = int(np.sum(s > _RANK * max(s[0], 1e-300)))
         return v[rank:].T * np.append(1.0, self.sizes)[:, None]
 
