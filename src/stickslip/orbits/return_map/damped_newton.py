@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 _MOST_STEPS = 25
 _HALVINGS = 6
-_ROUNDED = 1e-14  # part of its size up to which that is for Newton's method to improve
+_ROUNDED = 1e-12  # part of its size from which Newton's method needs one step more
 CLOSED = 1e-9  # a cycle closes up to this part of its size
 NEARLY_SINGULAR = 1e-11  # a singular value below this part of the largest is zero
 _STATIONS = (1, 4, 16)  # tried one after the other
@@ -99,7 +99,7 @@ def close(shooting: Shooting, x: Array, across: Array | None = None) -> Orbit:
             matrix = np.vstack([matrix, across])
             right = np.append(right, 0.0)
         step = np.linalg.lstsq(matrix, right, rcond=NEARLY_SINGULAR)[0]
-        # What is left is rounding: one whole step more is all that is worth it.
+        # A whole step more leaves rounding, which nothing can improve.
         last = bool(np.linalg.norm(orbit.F) <= _ROUNDED)
         better = _shortened(shooting, orbit, units, step, 1 if last else _HALVINGS)
         orbit = better or orbit

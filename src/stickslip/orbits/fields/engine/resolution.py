@@ -93,13 +93,19 @@ def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int
     rounding errors.
     """
     nodes = 0
+    before, known = -1, 0.0
     for i in range(len(run.piece) - 1):
         h = time_of(run, i + 1) - time_of(run, i)
         run.parts[i] = 1
         if h > 0.0:
             w = run.piece[i]
             rate = run.drives
-            if i == 0 or not turns_about(rows, listed, run, work, i):
+            if listed.steady[w] == 1:
+                # the same at all places
+                if w != before:
+                    before, known = w, fastest(listed, run, work, w, i)
+                rate = max(rate, known)
+            elif i == 0 or not turns_about(rows, listed, run, work, i):
                 rate = max(rate, fastest(listed, run, work, w, i))
             if listed.steady[w] == 1:
                 run.parts[i] = max(1, math.ceil(h * rate / _REACH))
