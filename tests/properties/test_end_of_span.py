@@ -16,16 +16,20 @@ KINDS = {"planes": planes, "points": points, "dissipations": dissipations}
 PART = 0.3
 CLOSE = 1e-8
 NOTHING = 1e-6  # natural units
-# With a longer step, a line and a formula that leave together at the start rested for 0.44.
-FOUND = [("dissipations", "beside a line", 600023)]
+# In longer steps, a line and a formula that leave together at the start rested for 0.44, and a
+# block beside whose set the load swings rested for good.
+FOUND = [
+    ("dissipations", "beside a line", 600023, 0.2),
+    ("dissipations", "sums of norms", 700029, 0.87),
+]
 
 
-def drawn(count: int = 1) -> Iterator[tuple[str, str, int]]:
+def drawn(count: int = 1) -> Iterator[tuple[str, str, int, float]]:
     yield from FOUND
     for kind, module in KINDS.items():
         names = list(module.FAMILIES)
         for case in in_turn(names, module.draw, 0, count * len(names)):
-            yield kind, case.family, case.seed
+            yield kind, case.family, case.seed, PART
 
 
 def followed(case: dissipations.Rubbed, until: float) -> ss.Trajectory:
@@ -35,11 +39,11 @@ def followed(case: dissipations.Rubbed, until: float) -> ss.Trajectory:
     )
 
 
-@pytest.mark.parametrize(("kind", "family", "seed"), [*drawn()])
-def test_motion_does_not_depend_on_its_end(kind: str, family: str, seed: int) -> None:
+@pytest.mark.parametrize(("kind", "family", "seed", "part"), [*drawn()])
+def test_motion_does_not_depend_on_its_end(kind: str, family: str, seed: int, part: float) -> None:
     case = KINDS[kind].draw(family, seed)
     begin, end = case.span
-    until = begin + PART * (end - begin)
+    until = begin + part * (end - begin)
     motions = followed(case, end), followed(case, until)
     if not all(motion.outcome.ok for motion in motions):
         pytest.skip(f"not finished: {[motion.message for motion in motions]}")

@@ -48,8 +48,10 @@ _LONGEST = 4.0  # of its steps, in parts of what is reached
 _CRUDE = 1e-4  # of what is too much, to which the mechanism is known that begins
 _SETTLED = 1e-15  # part of its terms by which forces may fail to have the sum that is asked for
 # Rows of Space.aside: what the body might do (w), q, F′, a Newton step, F′ where it leads, forces
-# and radii, work space, the guard of the mechanism that begins, and that mechanism.
+# and radii, work space, the guard of the mechanism that begins, that mechanism, and the one against
+# which friction was weakest so far.
 _WAY, _PULL, _SLOPE, STEP, _AHEAD, GIVEN_FORCES, RADIUS, SCRATCH, LEAVES, MECHANISM = range(10)
+_WEAKEST = 10
 
 
 @compiled(brief=True)
@@ -122,9 +124,14 @@ def overload(
     size = pull(flow, mode, group, rank)
     for r in range(rank):
         way[r] = 0.0
-    found = 0.0
+    found, load = 0.0, 0.0
+    weakest = aside[_WEAKEST]
     for _ in range(_MOST_TURNS):
-        found = max(found, load_of(flow, mode, group, rank))
+        load = load_of(flow, mode, group, rank)
+        if load > found:
+            found = load
+            for r in range(rank):
+                weakest[r] = aside[MECHANISM, r]
         bend_of(flow, mode, group, rank)
         if (found > 1.0 + lack and not full) or not found < math.inf:
             return found, False
@@ -164,6 +171,10 @@ def overload(
             way[r] = after
         if not moved:
             break
+    if found > 1.0 + lack and load < 1.0 + 0.5 * (found - 1.0):
+        # Newton's method has lost its way: what has been seen is a proof nevertheless.
+        for r in range(rank):
+            aside[MECHANISM, r] = weakest[r]
     part = (1.0 - lack) / max(found, 1.0)
     slope_of(flow, mode, group, rank, way, part, slope)
     off = 0.0

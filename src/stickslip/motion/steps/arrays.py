@@ -671,7 +671,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         turned_grip=z((mq if sharing else 0, nq)),
         bend=z((several, nq)),
         unbent=z((several, nq)),
-        aside=z((10 if sharing else 0, max(nq, mq, most_points))),
+        aside=z((11 if sharing else 0, max(nq, mq, most_points))),
         points=z((2 * mq if sharing else 0, most_points)),
         piece=z((2 * mq if sharing else 0, most_points)),
         leaving=np.full(nc, 2, np.int64),

@@ -24,6 +24,7 @@ from stickslip.motion.steps.arrays import (
     AIM,
     COMPONENT,
     FEWEST_ORDERS,
+    FIRED,
     FORMULA,
     OK,
     PER_FACE,
@@ -46,8 +47,10 @@ _MOST_TURNS = 40  # of Newton's method
 _SETTLED = 1e-15  # part of its terms by which it may fail at last
 _LOWERED = 1e-4  # part of the slope by which a step lowers what it minimises, but for rounding
 _MOST_CUTS = 40  # halvings of a step
+_DEPENDENT = 1e-9  # part of D below which a direction is one in which the face is held
 # Rows of Space.facing for each face: D, b, k with ρ, forces of probes (with room for an inverse),
-# that inverse, rates of probes, equations, what is solved for, p and its change.
+# that inverse, rates of probes (then what holds directions), equations, what is solved for, p and
+# its change.
 _D, _B, _K, _FORCES, _INVERSE, _RATES, _EQUATIONS, _SOLVED = 0, 3, 4, 5, 11, 14, 17, 21
 _TAKEN, _CHANGE = 22, 23
 
@@ -189,7 +192,52 @@ def probe_face(machine: Machine, flow: Flow, at: Instant, table: Array, p: int) 
     for i in range(3):
         for j in range(3):
             own[_B, i] -= own[_D + i, j] * own[_SOLVED, j]
+    place_held(own)
     return OK
+
+
+@compiled(brief=True)
+def place_held(own: Array) -> None:
+    """What keeps a direction among those in which the face can move, where something beside it
+    sticks: the projection onto what D does not reach, times its size.
+
+    Parameters
+    ----------
+    own : array
+        Of the face; receives that matrix.
+    """
+    basis, held = own[_EQUATIONS:], own[_RATES:]
+    size = 0.0
+    for i in range(3):
+        for j in range(3):
+            size = max(size, abs(own[_D + i, j]))
+            held[i, j] = 1.0 if i == j else 0.0
+    rank = 0
+    for _ in range(3):
+        # the column that is longest beside those before
+        longest, most = 0, 0.0
+        for c in range(3):
+            square = 0.0
+            for i in range(3):
+                beside = 0.0
+                for k in range(3):
+                    beside += held[i, k] * own[_D + k, c]
+                square += beside * beside
+            if square > most:
+                longest, most = c, square
+        if not most > (_DEPENDENT * size) ** 2:
+            break
+        for i in range(3):
+            basis[rank, i] = 0.0
+            for k in range(3):
+                basis[rank, i] += held[i, k] * own[_D + k, longest] / math.sqrt(most)
+        for i in range(3):
+            for k in range(3):
+                held[i, k] -= basis[rank, i] * basis[rank, k]
+        rank += 1
+    for i in range(3):
+        for j in range(3):
+            held[i, j] = size * held[i, j] if rank < 3 else 0.0
 
 
 @compiled(brief=True)
@@ -252,7 +300,8 @@ def aim_face(flow: Flow, p: int) -> None:
             break
     for i in range(3):
         aims[AIMS * p + aim_row(i), 0] = w[i]
-    first = abs(own[_K, 1]) > NEGLIGIBLE * size
+    # Where a threshold is just reached, the force beyond it is zero by definition.
+    first = abs(own[_K, 1]) > FIRED * size
     aims[AIMS * p + RHO, 0] = own[_K, 1] if first else 0.0
     aims[AIMS * p + LEADING, 0] = 1.0 if first else 0.0
 
@@ -359,6 +408,7 @@ def improve_direction(flow: Flow, f: int, own: Array, size: float) -> float:
         equations[i, 4] = -own[_B, i] + own[_K, 1] * n[i]
         for k in range(3):
             equations[i, 4] += own[_D + i, k] * own[_K, 0] * slope_at(flow, f, k)
+            equations[i, 4] += own[_RATES + i, k] * n[k]
     equations[3, 4] = 0.0
     if not solve_equations(equations, 4):
         return 0.0
@@ -393,7 +443,7 @@ def place_tangent(flow: Flow, f: int, own: Array, x: float, y: float, z: float, 
     dissipation_at(flow, f, x, y, z)
     for i in range(3):
         for j in range(3):
-            equations[i, j] = -rho if i == j else 0.0
+            equations[i, j] = (-rho if i == j else 0.0) - own[_RATES + i, j]
             for k in range(3):
                 equations[i, j] -= own[_D + i, k] * own[_K, 0] * bend_at(flow, f, k, j)
     for i in range(3):

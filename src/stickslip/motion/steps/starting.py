@@ -32,6 +32,7 @@ from stickslip.motion.steps.arrays import (
     DIMENSION,
     EPSILON,
     FEWEST_ORDERS,
+    FIRED,
     FORMULA,
     INSTANT,
     MASSIVE,
@@ -112,7 +113,11 @@ def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: A
         if plane[THIRD_PART] >= 0:
             nowhere = nowhere and table[aim + 2, 0] == 0.0
         if plane[FORMULA] >= 0 and nowhere:
-            table[aim, 0] = 1.0  # until it is known: a gradient has no value at 0
+            # Until it is known: a gradient has no value at 0. Both pieces of a disc have one where
+            # its rim is at rest.
+            table[aim, 0] = 1.0
+            if plane[THIRD_PART] >= 0:
+                table[aim, 0] = table[aim + 2, 0] = math.sqrt(0.5)
     status = plain_coefficients(machine, flow, at, order, table)
     if status != OK or len(flow.rows.planes) == 0:
         return status
@@ -355,7 +360,8 @@ def aim_first(flow: Flow) -> None:
             change = max(change, abs(n - aims[base + N_, 0]) + abs(m - aims[base + M_, 0]))
             aims[base + N_, 0], aims[base + M_, 0] = n, m
             size = math.hypot(x, y)
-            first = abs(rho) > NEGLIGIBLE * size
+            # Where a threshold is just reached, the force beyond it is zero by definition.
+            first = abs(rho) > FIRED * size
             aims[base + RHO, 0] = rho if first else 0.0
             aims[base + LEADING, 0] = 1.0 if first else 0.0
         if change <= 2.0 * EPSILON:
@@ -408,7 +414,7 @@ def aim_where_it_bends(machine: Machine, flow: Flow, at: Instant, table: Array) 
         if status != OK:
             return status
         size = math.hypot(aims[base + BX, 0], aims[base + BY, 0])
-        first = abs(along) > NEGLIGIBLE * size
+        first = abs(along) > FIRED * size
         aims[base + RHO, 0] = along if first else 0.0
         aims[base + LEADING, 0] = 1.0 if first else 0.0
     return respond_at(machine, flow, at, table, True)
@@ -434,6 +440,9 @@ def rate_towards(
     """
     aims = flow.space.aims
     n, m = math.cos(angle), math.sin(angle)
+    # Exactly along an axis, where a dissipation may be flat: no angle is π.
+    n = n if abs(n) > 2.0 * EPSILON else 0.0
+    m = m if abs(m) > 2.0 * EPSILON else 0.0
     aims[AIMS * p + N_, 0], aims[AIMS * p + M_, 0] = n, m
     place_aims(flow, table, FEWEST_ORDERS)
     status = plain_coefficients(machine, flow, at, FEWEST_ORDERS, table)
