@@ -49,6 +49,10 @@ _EXPECTED = {
         "Write it like 'd_x' or 'd_x2 - d_x1'; friction in a plane has two components, "
         "like ['d_x', 'd_y'], a face that turns three, like ['d_x', 'd_y', 'd_phi']",
     ),
+    "Dissipating": (
+        "a formula of the velocity",
+        "Write it like 'sqrt(v1**2 + 4*v2**2)', or give an Ellipsoid or a SupportFormula",
+    ),
     "Passing": ("how a guard passes through zero", 'Write "falling", "rising" or "both"'),
     "ImpactLaw": ("a law of impacts", 'Write "together" or "in turn"'),
     "Direction": ("one linear combination of rates", PLANAR),
@@ -139,7 +143,7 @@ def _check_kind(value: Any, kind: str, where: str) -> None:
 
 def _has_kind(value: Any, kind: str) -> bool:
     match kind:
-        case "str" | "Direction":
+        case "str" | "Direction" | "Dissipating":
             return isinstance(value, str)
         case "Direction | tuple[Direction, Direction]":
             return isinstance(value, str) or _is_pair(value, "str")

@@ -21,6 +21,7 @@ from stickslip.symbolic.formulas import TimeFunction, formula_text
 
 if TYPE_CHECKING:
     from stickslip.model.declaration import Declaration
+    from stickslip.rate_independent.sets.potential import Dissipation
     from stickslip.structures.coordinates import InModes
     from stickslip.structures.structure import Structure
 
@@ -36,6 +37,8 @@ Axes = tuple[Formula, ...]
 """Half axes of an ellipse, or of an ellipsoid."""
 Drive = Formula | TimeFunction
 """A function of time: a formula, or samples."""
+Dissipating: TypeAlias = "str | Dissipation"
+"""A formula of a dissipation. A potential may be given, too: its formula is kept."""
 Passing = str
 """How a guard passes through zero: a key of :data:`CROSSINGS`."""
 CROSSINGS = {"falling": -1, "both": 0, "rising": 1}
@@ -208,11 +211,12 @@ class Contact:
     kinetic: Formula | tuple[Formula, Formula] | None = None
     unit: str = ""
     axes: Axes = (1.0, 1.0)
-    dissipation: str | None = None
+    dissipation: Dissipating | None = None
 
     def __post_init__(self) -> None:
         if hasattr(self.dissipation, "as_formula"):
-            object.__setattr__(self, "dissipation", cast("Any", self.dissipation).as_formula())
+            formula = cast("Dissipation", self.dissipation).as_formula()
+            object.__setattr__(self, "dissipation", formula)
         hold_plain(self)
         if self.threshold == "" and self.dissipation is not None:
             object.__setattr__(self, "threshold", 1.0)

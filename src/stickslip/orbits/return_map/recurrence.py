@@ -130,10 +130,10 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
     every = [pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
     # A flight in closed form may be one step and hold many oscillations.
     points = _POINTS * (1 + np.minimum(resolution(trajectory, pieces)[steps] // 4, _MOST_PARTS))
-    times = np.concatenate(
-        [np.linspace(k.time[i], k.time[i + 1], c) for i, c in zip(steps, points, strict=True)]
-    )
     index = np.repeat(steps, points)
+    before = np.repeat(np.cumsum(points) - points, points)
+    share = (np.arange(len(index)) - before) / (np.repeat(points, points) - 1)
+    times = (1.0 - share) * k.time[index] + share * k.time[index + 1]
     states = trajectory._states_at(times, index)
     made = [every[i] for i in index]
     felt = _felt(trajectory, every, steps, p)
