@@ -192,12 +192,12 @@ def probe_face(machine: Machine, flow: Flow, at: Instant, table: Array, p: int) 
     for i in range(3):
         for j in range(3):
             own[_B, i] -= own[_D + i, j] * own[_SOLVED, j]
-    place_held(own)
+    keep_within(own)
     return OK
 
 
 @compiled(brief=True)
-def place_held(own: Array) -> None:
+def keep_within(own: Array) -> None:
     """What keeps a direction among those in which the face can move, where something beside it
     sticks: the projection onto what D does not reach, times its size.
 
