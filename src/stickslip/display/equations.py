@@ -158,7 +158,7 @@ class Equations:
         read = self._reader.read
         if contact.dissipation is not None:
             u = {f"v{i}": e for i, e in enumerate(self._velocities(contact), 1)}
-            return inserted(read(contact.dissipation), u)
+            return inserted(read(str(contact.dissipation)), u)
         scaled = [
             times(read(axis), u)
             for axis, u in zip(contact.axes, self._velocities(contact), strict=True)
@@ -272,7 +272,7 @@ class Equations:
         u = self._velocities(contact)
         found = PlaneFriction(name, index, u, threshold, sliding, matrix, axes)
         if contact.dissipation is not None:
-            R = self._reader.read(contact.dissipation)
+            R = self._reader.read(str(contact.dissipation))
             found = replace(found, dissipation=R, called=f"{self._free_letter('RPS')}{index}")
         self.frictions.append(found)
         return found
