@@ -425,9 +425,10 @@ def unseen(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -> float:
         Largest modulus so far of each row that bounds the steps.
     """
     excess = unseen_within(flow, mode, reg, h, seen, _WIDE)
-    return (
-        excess if excess <= 1.0 else min(excess, unseen_within(flow, mode, reg, h, seen, _NARROW))
-    )
+    if excess <= 1.0 or len(flow.rows.pieces) == 0:
+        return excess
+    # the R of a face has a singularity at the end of each of its pieces
+    return min(excess, unseen_within(flow, mode, reg, h, seen, _NARROW))
 
 
 @compiled()
