@@ -15,7 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.equations.derive import MotionEquations, Plane
+from stickslip.equations.derive import MotionEquations
+from stickslip.equations.planes import Plane
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property, made_once
 from stickslip.model.declaration import DryContact

@@ -6,7 +6,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from stickslip.equations.codegen.layout import Layout
-from stickslip.equations.derive import MotionEquations, Plane
+from stickslip.equations.derive import MotionEquations
+from stickslip.equations.planes import Plane
 from stickslip.kept import cached_property
 from stickslip.model.system import Kind
 from stickslip.symbolic.expressions import Expr

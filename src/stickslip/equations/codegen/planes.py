@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from stickslip.equations.codegen.draft import Draft, order_0, product_of_sizes
-from stickslip.equations.derive import Plane
+from stickslip.equations.planes import Plane
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.scalars import Scalar, Store, added, element

@@ -4,7 +4,7 @@ is put back where sliding contacts have left λ + σ s = 0."""
 from __future__ import annotations
 
 from stickslip.equations.codegen.draft import Draft, order_0, product_of_sizes
-from stickslip.equations.derive import Plane
+from stickslip.equations.planes import Plane
 from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr

@@ -23,7 +23,8 @@ import numpy as np
 import scipy.linalg
 
 from stickslip.arrays import Array
-from stickslip.equations.derive import MotionEquations, Plane
+from stickslip.equations.derive import MotionEquations
+from stickslip.equations.planes import Plane
 from stickslip.model.system import Kind
 from stickslip.motion.record.knots import Knots
 from stickslip.orbits.fields.engine.tables import Leave

@@ -8,7 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.equations.derive import MotionEquations, Plane
+from stickslip.equations.derive import MotionEquations
+from stickslip.equations.planes import Plane
 from stickslip.model.system import Kind
 from stickslip.orbits.fields.regions import values_at
 from stickslip.symbolic import expressions as ex
