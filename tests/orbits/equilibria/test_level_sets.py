@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import stickslip as ss
-from stickslip.orbits.equilibria.level_sets import LevelSet, extents
+from stickslip.orbits.equilibria.level_extents import extents
+from stickslip.orbits.equilibria.level_sets import LevelSet
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.orbits.equilibria.level_sets import Components, LevelSet, centres, extents, period
+from stickslip.orbits.equilibria.level_extents import extents
+from stickslip.orbits.equilibria.level_sets import Components, LevelSet, centres, period
 from stickslip.orbits.equilibria.reduction import Irreducible, Reduced
 from stickslip.orbits.equilibria.stick_sets import Conditions
 from stickslip.symbolic import expressions as ex

@@ -8,9 +8,6 @@ box, and if the boxes on that side are inside, or belong to a component already,
 that component. Boxes are divided until each belongs to one, so that components are neither joined
 nor missed; what is left at the limit of boxes is undecided and is said to be so.
 
-Least and largest values over a component are found among its boxes in the same way, each shrunk to
-where the mean value theorem leaves room for the set.
-
 Source: R. B. Kearfott, *Rigorous Global Search: Continuous Problems*, Kluwer (1996).
 """
 
@@ -36,14 +33,11 @@ _MOST = 20_000  # boxes in all
 _FEW = 64  # as long as no more are divided they are divided into four, else into two
 _FINEST = 1e-22  # least width of a box at 0, in units of the range looked at
 _OUTER = 6  # how often boxes outside the range are divided
-_FURTHEST = 1e9  # boxes without end begin nearer than this, in the same units
-_CORNERS = 3  # unknowns up to which all corners of boxes count as directions
-_EXACT = 1e-12  # gap of an extent that will do, relative to its size
-_ROUNDS = 120  # divisions in the search for extents
+FURTHEST = 1e9  # boxes without end begin nearer than this, in the same units
+MOST_CORNERED = 3  # unknowns up to which all corners of boxes count as directions
 _LEAST = 5e-324  # a negative number that is not known better
 _MOST_ROWS = 60  # sums of conditions that are tried far out
 _TURNS = 12  # multiples of the longest period that are tried for a common one
-_MOST_EXTENT = 40_000  # boxes in which extents are looked for
 
 
 class Enclosures(NamedTuple):
@@ -291,8 +285,8 @@ def enclosed(
     )  # (k, m, 2, N)
     slope_low, slope_high = slope[:, :, 0].swapaxes(0, 1), slope[:, :, 1].swapaxes(0, 1)
     before, behind = low - middle, high - middle
-    up = np.maximum(_times(slope_high, behind), _times(slope_low, before))
-    down = np.minimum(_times(slope_low, behind), _times(slope_high, before))
+    up = np.maximum(times_way(slope_high, behind), times_way(slope_low, before))
+    down = np.minimum(times_way(slope_low, behind), times_way(slope_high, before))
     up, down = np.maximum(up, 0.0).sum(axis=1), np.minimum(down, 0.0).sum(axis=1)
     slack = LOOSE * (2 + len(of.names)) * (np.abs(at).max(axis=1) + np.maximum(up, -down))
     fine = np.all(value[:needed, 0] >= 0.0, axis=0)
@@ -316,7 +310,7 @@ def enclosed(
     )
 
 
-def _times(slope: Array, way: Array) -> Array:
+def times_way(slope: Array, way: Array) -> Array:
     """Slopes times ways, where nothing times infinity is nothing."""
     return np.where((slope == 0.0) | (way == 0.0), 0.0, slope * way)
 
@@ -387,7 +381,7 @@ class _Covering:
 
     def __post_init__(self) -> None:
         k = len(self.of.names)
-        some = product((0, 1, -1), repeat=k) if k <= _CORNERS else ()
+        some = product((0, 1, -1), repeat=k) if k <= MOST_CORNERED else ()
         axes = [*np.eye(k), *-np.eye(k)]
         more = [d for d in some if np.count_nonzero(d) > 1]
         self.directions = np.array([*axes, *more], dtype=float)
@@ -434,12 +428,12 @@ class _Covering:
         self.own[:, new] = own = self._uphill(found, unsure, width)
         for j, d in enumerate([*self.directions[:, :, None], own]):
             ways = d * np.where(d == 0.0, 0.0, width)
-            rates = np.minimum(_times(found.slope_low, ways), _times(found.slope_high, ways))
+            rates = np.minimum(times_way(found.slope_low, ways), times_way(found.slope_high, ways))
             least = rates.sum(axis=1) - 4.0 * LOOSE * np.abs(rates).sum(axis=1)
             risen = np.all(~unsure | (least >= 0.0), axis=0) & np.any(ways != 0.0, axis=0)
             self.rising[j, new] = risen & np.all(np.isfinite(ways), axis=0)
         steep = np.maximum(np.abs(found.slope_low), np.abs(found.slope_high))
-        change = np.where(unsure[:, None], _times(steep, width), 0.0)
+        change = np.where(unsure[:, None], times_way(steep, width), 0.0)
         change = np.where(np.isfinite(change), change, 0.0)
         most = np.max(change, axis=1, keepdims=True)  # each condition counts by itself
         part = np.max(change / np.where(most > 0.0, most, 1.0), axis=0)
@@ -481,7 +475,7 @@ class _Covering:
         """By unknown, whether boxes are not divided any more."""
         unit = self.of.unit[:, None]
         least = np.maximum(_FINEST * unit, 8.0 * np.spacing(np.maximum(abs(low), abs(high))))
-        far = np.where(np.isinf(high), low, -high) > _FURTHEST * unit
+        far = np.where(np.isinf(high), low, -high) > FURTHEST * unit
         with np.errstate(invalid="ignore"):
             return np.where(np.isinf(high - low), far, high - low <= least)
 
@@ -690,214 +684,3 @@ class _Covering:
 
 
 # -- extents ---------------------------------------------------------------------------------------
-
-
-@np.errstate(all="ignore")
-def extents(cover: Components, expressions: Sequence[Expr]) -> tuple[Array, Array]:
-    """Least and largest values of expressions over each component.
-
-    Returns
-    -------
-    array, shape (components, expressions, 2)
-    array of the same shape
-        How far they may be off.
-    """
-    return _Extents(cover, list(expressions)).run()
-
-
-class _Extents:
-    """A task is a component, an expression and a sign: how large can the sign times the expression
-    be?"""
-
-    def __init__(self, cover: Components, expressions: list[Expr]) -> None:
-        self.of = cover.of
-        self.cover = cover
-        self.expressions = expressions
-        tasks = list(product(range(cover.count), range(len(expressions)), (-1.0, 1.0)))
-        self.which = np.array([e for _, e, _ in tasks], dtype=int)
-        self.sign = np.array([s for _, _, s in tasks])
-        self.best = np.full(len(tasks), -math.inf)
-        self.most = np.full(len(tasks), -math.inf)
-        boxes = [np.flatnonzero(cover.component == c) for c in range(cover.count)]
-        chosen = np.concatenate([np.empty(0, int), *(boxes[c] for c, _, _ in tasks)])
-        self.task = np.repeat(np.arange(len(tasks)), [len(boxes[c]) for c, _, _ in tasks])
-        self.low, self.high = cover.low[:, chosen], cover.high[:, chosen]
-        self.inside = cover.inside[chosen]
-        hull = np.array(
-            [[cover.low[:, b].min(axis=1), cover.high[:, b].max(axis=1)] for b in boxes]
-        )
-        width = (hull[:, 1] - hull[:, 0]).T if len(boxes) else np.empty((len(self.of.names), 0))
-        width = np.where(np.isfinite(width) & (width > 0.0), width, self.of.unit[:, None])
-        self.unit = width[:, [c for c, _, _ in tasks]]
-        known = {ex.sym(x): i for i, x in enumerate(self.of.names)}
-        own = [known.get(expressions[e]) for e in self.which]
-        self.width = np.array(
-            [max(self.unit[:, j]) if i is None else self.unit[i, j] for j, i in enumerate(own)]
-        )
-
-    def run(self) -> tuple[Array, Array]:
-        looked = 0
-        for _ in range(_ROUNDS):
-            looked += len(self.task)
-            self._shrink()
-            if not len(self.task) or looked > _MOST_EXTENT:
-                break
-            self._divide()
-        np.maximum.at(self.most, self.task, self._upper())
-        most = np.maximum(self.most, self.best)
-        middle = np.where(self.best == most, most, 0.5 * self.best + 0.5 * most)
-        gap = np.where(self.best == most, 0.0, most - self.best)
-        shape = (self.cover.count, len(self.expressions), 2)
-        return (self.sign * middle).reshape(shape) + 0.0, gap.reshape(shape)
-
-    def _goal(self) -> Enclosures:
-        """On each box, the expression of its task, with the sign: the row that is asked for."""
-        found = enclosed(self.expressions, self.of, self.low, self.high)
-        which, every = self.which[self.task], np.arange(len(self.task))
-        up = self.sign[self.task] > 0.0
-        low, high = found.low[which, every], found.high[which, every]
-        down, rise = (s[which, :, every].T for s in (found.slope_low, found.slope_high))
-        lower, upper = found.at_centre[which, every], found.at_centre_low[which, every]
-        return Enclosures(
-            np.where(up, low, -high)[None],
-            np.where(up, high, -low)[None],
-            np.where(up, down, -rise)[None],
-            np.where(up, rise, -down)[None],
-            np.where(up, lower, -upper)[None],
-            np.where(up, upper, -lower)[None],
-        )
-
-    def _upper(self) -> Array:
-        """The most that each box allows."""
-        return self._goal().high[0] if len(self.task) else np.empty(0)
-
-    def _shrink(self) -> None:
-        """Shrink boxes, note the values at points of the set in them, and drop those that cannot
-        hold more."""
-        before = self.high - self.low
-        edge = np.flatnonzero(~self.inside)
-        self._look_higher()
-        empty = np.any(self.low > self.high, axis=0)
-        edge = edge[~empty[edge]]
-        if len(edge):
-            low, high = self.low[:, edge], self.high[:, edge]
-            found = self.of.bounds(low, high)
-            low, high = contracted(found, low, high)
-            gone = np.any(found.high < 0.0, axis=0) | np.any(low > high, axis=0)
-            self.low[:, edge] = np.where(gone, self.low[:, edge], low)
-            self.high[:, edge] = np.where(gone, self.high[:, edge], high)
-            self.inside[edge] = ~gone & np.all(found.low >= 0.0, axis=0)
-            empty[edge] = gone
-        self.shrunk = np.any(self.high - self.low < 0.5 * before, axis=0)
-        self._only(~empty)
-        if not len(self.task):
-            return
-        self._note_points()
-        upper = self._upper()
-        size = np.where(np.isfinite(self.best), np.abs(self.best), 0.0) + self.width
-        enough = (self.best + _EXACT * size)[self.task]
-        fine = np.all(self._fine(), axis=0)
-        np.maximum.at(self.most, self.task[fine], upper[fine])
-        near = (upper > self.best[self.task]) & ~(upper > enough)
-        np.maximum.at(self.most, self.task[near], upper[near])
-        self._only((upper > enough) & ~fine)
-
-    def _fine(self) -> Array:
-        unit = self.unit[:, self.task]
-        ends = np.maximum(np.abs(self.low), np.abs(self.high))
-        least = np.maximum(1e-15 * unit, 2.0 * np.spacing(ends))
-        far = np.where(np.isinf(self.high), self.low, -self.high)
-        far = far > _FURTHEST * self.of.unit[:, None]
-        return np.where(np.isinf(ends), far, self.high - self.low <= least)
-
-    def _look_higher(self) -> None:
-        """Shrink boxes to where more can be than was met."""
-        goal = self._goal()
-        best = self.best[self.task]
-        told = np.where(np.isfinite(best), goal.at_centre - best, math.inf)
-        self.low, self.high = contracted(goal._replace(at_centre=told), self.low, self.high)
-
-    def _only(self, kept: Array) -> None:
-        self.task, self.inside = self.task[kept], self.inside[kept]
-        self.low, self.high = self.low[:, kept], self.high[:, kept]
-        self.shrunk = self.shrunk[kept]
-
-    def _note_points(self) -> None:
-        """Values at corners, at middles of sides, and at centres that are in the set."""
-        middle = centres(self.low, self.high)
-        k = len(middle)
-        # The ends of a box that was shrunk are a rounding outside.
-        step = np.where(self.inside, 0.0, 0.2 * _EXACT * self.unit[:, self.task])
-        low, high = np.minimum(self.low + step, middle), np.maximum(self.high - step, middle)
-        stops = [low, middle, high] if k <= _CORNERS else [middle]
-        choices = list(product(range(len(stops)), repeat=k)) if k <= _CORNERS else [(0,) * k]
-        points = np.array(
-            [np.concatenate([stops[choice[i]][i] for choice in choices]) for i in range(k)]
-        )
-        task = np.tile(self.task, len(choices))
-        there = np.tile(self.inside, len(choices))
-        # Points without end count for what is inside alone.
-        finite = np.all(np.isfinite(points), axis=0) & ~there
-        there[finite] = self.of.holds(points[:, finite])
-        task = task[there]
-        if not len(task):
-            return
-        values = enclosures(self.expressions, self.of.ranges(points[:, there], points[:, there]))
-        value = np.array([np.broadcast_to(v, (2, len(task))) for v in values])
-        which, every = self.which[task], np.arange(len(task))
-        up = self.sign[task] > 0.0
-        least = np.where(up, value[which, 0, every], -value[which, 1, every])
-        np.maximum.at(self.best, task, np.where(np.isnan(least), -math.inf, least))
-
-    def _divide(self) -> None:
-        width = np.where(self._fine(), -1.0, (self.high - self.low) / self.unit[:, self.task])
-        i = np.argmax(width, axis=0)
-        cut = np.flatnonzero(~self.shrunk)
-        middle = centres(self.low, self.high)
-        step = np.maximum(self.of.unit[:, None], 3.0 * np.abs(middle))
-        middle = np.where(np.isinf(self.high), self.low + step, middle)
-        middle = np.where(np.isinf(self.low), self.high - step, middle)
-        place = middle[i[cut], cut]
-        low, high = self.low[:, cut].copy(), self.high[:, cut].copy()
-        low[i[cut], np.arange(len(cut))] = place
-        self.high[i[cut], cut] = place
-        self.low = np.concatenate([self.low, low], axis=1)
-        self.high = np.concatenate([self.high, high], axis=1)
-        self.inside = np.append(self.inside, self.inside[cut])
-        self.task = np.append(self.task, self.task[cut])
-
-
-@np.errstate(all="ignore")
-def contracted(found: Enclosures, low: Array, high: Array) -> tuple[Array, Array]:
-    """Boxes shrunk to where conditions can be nonnegative, by the mean value theorem: low above
-    high where there is no such place."""
-    middle = centres(low, high)
-    before, behind = low - middle, high - middle
-    gains = np.maximum(_times(found.slope_high, behind), _times(found.slope_low, before))
-    gains = np.maximum(gains, 0.0)  # (m, k, N): what each unknown can add
-    total = gains.sum(axis=1)
-    for i in range(len(low)):
-        others = np.where(np.isfinite(total), total, math.inf)[:, None] - gains[:, i : i + 1]
-        room = found.at_centre + others[:, 0]
-        slack = 4.0 * LOOSE * (np.abs(found.at_centre) + total)
-        room = np.where(np.isfinite(room) & np.isfinite(slack), room + slack, math.inf)
-        a, b = found.slope_low[:, i], found.slope_high[:, i]
-        wide = 1.0 + 4.0 * LOOSE
-        # To the right of the middle b t + room ≥ 0 must hold, to the left a t + room ≥ 0.
-        right = np.where((room >= 0.0) & (b < 0.0), room / -b * wide, math.inf)
-        left = np.where((room >= 0.0) & (a > 0.0), -room / a * wide, -math.inf)
-        away = np.where(room < 0.0, -room / wide, 0.0)
-        from_right = np.where(away > 0.0, np.where(b > 0.0, away / b, math.inf), 0.0)
-        from_left = np.where(away > 0.0, np.where(a < 0.0, away / a, -math.inf), 0.0)
-        # `away` from the middle: one side may be left, or both, then with all between them.
-        no_left = from_left < before[i]
-        no_right = from_right > behind[i]
-        least = np.where(away > 0.0, np.where(no_left, from_right, -math.inf), left)
-        most = np.where(away > 0.0, np.where(no_right, from_left, math.inf), right)
-        new_low = np.max(least, axis=0) + middle[i]
-        new_high = np.min(most, axis=0) + middle[i]
-        low = low.copy()
-        high = high.copy()
-        low[i] = np.maximum(low[i], np.nextafter(new_low, -math.inf))
-        high[i] = np.minimum(high[i], np.nextafter(new_high, math.inf))
-    return low, high
