@@ -24,10 +24,12 @@ SOURCE = Path(stickslip.__file__).parent
 ISSUED = [
     "belt_block",
     "belt_stribeck",
+    "bladed_disk",
     "block_chain",
     "bouncing_ball",
     "bowed_string",
     "brake_mode_coupling",
+    "cantilever",
     "cart_pendulum",
     "coin",
     "conveyor",

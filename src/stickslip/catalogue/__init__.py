@@ -2,7 +2,7 @@
 
 >>> import stickslip as ss
 >>> ss.catalogue.names()[:3]
-['belt_block', 'block_chain', 'forced_oscillator']
+['belt_block', 'bladed_disk', 'block_chain']
 >>> ss.catalogue.spring_slider(mu="2/sqrt(alpha)", nu=0.05, V=0.1).name
 'spring_slider'
 

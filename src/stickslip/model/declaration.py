@@ -173,6 +173,8 @@ class Declaration:
     dissipations : list of (str, ConvexFormula, Expr or None)
         Of contacts that have a formula, with their places, and norms in place of mean speeds;
         checked for the declared parameters.
+    bodies : list of tuple of str
+        The modes of each structure, which are inertial coordinates.
     start : dict of str to float
         Values of the state at the start.
     """
@@ -200,6 +202,7 @@ class Declaration:
     limits: list[tuple[str, Expr, Range]] = field(default_factory=list)
     dissipations: list[tuple[str, ConvexFormula, Expr | None]] = field(default_factory=list)
     scope: Scope = field(default_factory=lambda: Scope({}))
+    bodies: list[tuple[str, ...]] = field(default_factory=list)
     start: dict[str, float] = field(default_factory=dict)
 
     @property

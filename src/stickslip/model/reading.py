@@ -98,6 +98,7 @@ class DeclarationReader:
         for name, part in system.structures.items():
             names.claim(name, entry_key("structures", name), rate=True)
             self.indexed |= cast("InModes", part).indexed()
+            result.bodies.append(tuple(part.coordinates))
         for name, internal in system.internal.items():
             where = entry_key("internal", name)
             names.claim(name, where, rate=f"d_{name}" not in system.internal)

@@ -8,7 +8,8 @@ All numbers are computed from the stored knots alone, by a method that did not p
 * *friction law*, (S) in the form of forces: |λ| ≤ s always, λ = −σk and σu ≥ 0 in slip, u = 0 in
   stick, and every region on its side of its kink, each relative to the largest force and relative
   velocity of its contact;
-* *equations of motion*: by how much they fail over a step, relative to the size of each component;
+* *equations of motion*: by how much they fail over a step, relative to the size of each component,
+  of a mode of a structure to the largest of its modes;
   where motion is stiff, in the time that a Taylor step would take.
 
 These two are bounds for all times, not for those that were looked at: what could not be enclosed is

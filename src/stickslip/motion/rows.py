@@ -69,6 +69,7 @@ def _rows(equations: MotionEquations, layout: Layout) -> Rows:
         np.array(layout.pieces, dtype=np.int64).reshape(-1, 3),
         0,
         _together(layout),
+        _bodies(equations),
     )
 
 
@@ -112,6 +113,13 @@ def _together(layout: Layout) -> Array:
     for c, number in layout.together.items():
         found[c] = number
     return found
+
+
+def _bodies(equations: MotionEquations) -> Array:
+    """Where the modes of each structure begin, and how many there are."""
+    d = equations.declaration
+    table = [(d.inertial.index(modes[0]), len(modes)) for modes in d.bodies]
+    return np.array(table, dtype=np.int64).reshape(-1, 2)
 
 
 def _planes(layout: Layout) -> tuple[Array, Array]:

@@ -253,14 +253,23 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
 
 @compiled()
 def share_sizes(rows: Rows, state: Array) -> None:
-    """Give the coordinates that a contact in a plane moves, and their velocities, one size: they
-    are components of vectors, and a turn of the plane is no matter.
+    """Give the coordinates that a contact in a plane moves, and their velocities, one size, and so
+    the modes of a structure: they are components of vectors, and a turn of the axes does not
+    matter.
 
     Parameters
     ----------
     state : array, shape (4, n)
         As of :class:`Tally`; what forces make is as large as the largest then.
     """
+    for b in range(len(rows.bodies)):
+        for first in (0, rows.sizes[INERTIAL]):
+            begin = first + rows.bodies[b, 0]
+            largest = 0.0
+            for r in range(begin, begin + rows.bodies[b, 1]):
+                largest = max(largest, state[LARGEST, r], REST_PART * state[SWAY, r])
+            for r in range(begin, begin + rows.bodies[b, 1]):
+                state[SWAY, r] = max(state[SWAY, r], largest / REST_PART)
     for p in range(len(rows.planes)):
         if rows.planes[p, MASSIVE] == 0:
             continue

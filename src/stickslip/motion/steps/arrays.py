@@ -167,6 +167,8 @@ class Rows(NamedTuple):
     group : array of int, shape (contacts,)
         For contacts whose directions may depend on each other, friction in a plane among them:
         which of such groups each belongs to; −1: of none.
+    bodies : array of int, shape (structures, 2)
+        First coordinate and number of coordinates of each structure.
     """
 
     sizes: IntVector
@@ -199,6 +201,7 @@ class Rows(NamedTuple):
     pieces: IntMatrix
     in_turn: int
     group: IntVector
+    bodies: IntMatrix
 
 
 class Constants(NamedTuple):

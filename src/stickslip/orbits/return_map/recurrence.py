@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.motion.steps.arrays import INERTIAL
 from stickslip.orbits.fields.clock import Clock, cells_of, clock
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.symmetry import Surroundings, Symmetry
@@ -24,6 +26,7 @@ _POINTS = 16  # looked at in every step, at least
 _MOST_PARTS = 1000  # times as many in a step; where a slip ends, linear motions decay at once
 _MOST_STEPS = 4000  # looked at
 _LEAST = 1e-3  # … of what the other components could do to one is its least size
+_MODE = 1e-3  # of the largest mode of a structure: the least size of another
 _CLOSER = 1e3  # … but not before one that misses by so much less
 _EXACT = 1e-9  # … or closes
 _BETTER = 0.5  # a later return is worth a look if it misses by at most this part of all before
@@ -137,7 +140,7 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
     states = trajectory._states_at(times, index)
     made = [every[i] for i in index]
     felt = _felt(trajectory, every, steps, p)
-    around = Surroundings(made, times, states, _sizes(states, states, felt))
+    around = Surroundings(made, times, states, _sizes(trajectory, states, states, felt))
     equations = trajectory._problem.compiled.equations
     ticking = None
     cells = cells_of(equations, trajectory.parameters)
@@ -147,7 +150,7 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
         found = around.symmetry(p, ticking.drives(trajectory.parameters), cells)
     rough = Window(trajectory, times, states, index, found, ticking, around.sizes, around)
     moving = rough.apart(rough.carried(states - states[0], times - times[0]), times - times[0])
-    sizes = _sizes(moving * around.sizes, states, felt)
+    sizes = _sizes(trajectory, moving * around.sizes, states, felt)
     around = Surroundings(made, times, states, sizes)
     return Window(trajectory, times, states, index, found, ticking, sizes, around)
 
@@ -167,7 +170,8 @@ def sizes_of(motion: Trajectory, shift: Array, pieces: Pieces) -> Array:
     p = np.array([motion.parameters[name] for name in motion.system.parameters])
     made = [pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
     felt = _felt(motion, made, steps, p)
-    sizes = _sizes(states - np.outer((times - k.time[0]) / period, shift), states, felt)
+    moving = states - np.outer((times - k.time[0]) / period, shift)
+    sizes = _sizes(motion, moving, states, felt)
     J = np.max([part[:n] for part in felt], axis=0)
     return np.maximum(sizes, _LEAST * (J @ sizes) / np.maximum(np.diag(J), 1.0 / period))
 
@@ -184,7 +188,7 @@ def _felt(motion: Trajectory, made: list[Piece], steps: Array, p: Array) -> list
     return found
 
 
-def _sizes(moving: Array, states: Array, felt: list[Array]) -> Array:
+def _sizes(motion: Trajectory, moving: Array, states: Array, felt: list[Array]) -> Array:
     """Half the range of each component; of one that does not move, what is felt as much as the
     motion of the others."""
     spread = 0.5 * np.ptp(moving, axis=0)
@@ -192,18 +196,47 @@ def _sizes(moving: Array, states: Array, felt: list[Array]) -> Array:
     still = 1e-9 * np.where(modulus > 0.0, modulus, 1.0)
     sizes = np.where(spread > still, spread, 0.5 * np.ptp(states, axis=0))
     sizes = np.where(sizes > still, sizes, 0.0)
-    like = as_felt(sizes, felt)
+    modes = _modes(motion)
+    for own in modes:
+        # A mode that symmetry keeps at rest moves by the rounding errors of the others.
+        sizes[own] = np.maximum(sizes[own], _MODE * np.max(sizes[own]))
+    like = as_felt(sizes, felt, modes)
     otherwise = np.where(modulus > 0.0, 1e-3 * modulus, 1e-3)
     return np.where(sizes > 0.0, sizes, np.where(np.isfinite(like), like, otherwise))
 
 
-def as_felt(sizes: Array, felt: list[Array]) -> Array:
+def _modes(motion: Trajectory) -> list[slice]:
+    """Where the modes of each structure, and their rates, are in the state."""
+    rows = motion._problem.rows
+    firsts = (0, int(rows.sizes[INERTIAL]))
+    return [
+        slice(first + begin, first + begin + count)
+        for begin, count in rows.bodies.tolist()
+        for first in firsts
+    ]
+
+
+def as_felt(sizes: Array, felt: list[Array], modes: Sequence[slice] = ()) -> Array:
     """Change of each component that some rate or guard feels as much as it feels the others;
-    infinite if none does."""
-    slopes = np.concatenate(felt)
-    terms = slopes * sizes
-    with np.errstate(divide="ignore", invalid="ignore"):
-        like = (np.sum(terms, axis=1, keepdims=True) - terms) / slopes
+    infinite if none does.
+
+    Parameters
+    ----------
+    sizes : array, shape (n,)
+    felt : list of array, shapes (functions, n)
+        Slopes of the rates, and of others.
+    modes : sequence of slice
+        Rates that are components of one vector: of these the largest counts.
+    """
+    every = []
+    for slopes in felt:
+        terms = slopes * sizes
+        others = np.sum(terms, axis=1, keepdims=True) - terms
+        for own in modes:
+            others[own] = np.max(others[own], axis=0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            every.append(others / slopes)
+    like = np.concatenate(every)
     return np.min(np.where((like > 0.0) & np.isfinite(like), like, np.inf), axis=0, initial=np.inf)
 
 
