@@ -73,6 +73,12 @@ def test_internal_variables_alone() -> None:
     assert legend(panels[-1]) == ["start"]
 
 
+def test_long_names_that_begin_alike_share_a_label() -> None:
+    _, _, panels = overview(ss.catalogue.bladed_disk(), 0.02)
+    assert labels(panels)[0].startswith("$u$ ")
+    assert labels(panels)[1].startswith(r"$r_{\mathrm{damper}}$ ")
+
+
 def test_a_long_chain_becomes_maps() -> None:
     trajectory, figure, panels = overview(ss.catalogue.block_chain(N=8), 20.0)
     assert len(panels) == 3

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
 
 # lines in one panel, or contacts with a panel of their own, above which a map is drawn instead
 _MANY = 4
+_ROOM = 16  # letters of the names that a panel has room for beside its axis
 _SWINGS = 0.2  # part of its range that a quantity takes within a column, of which a line is a block
 _INSIDE = 0.3  # opacity of what is between an envelope
 _MARKED = 200  # impacts of a contact
@@ -314,9 +316,7 @@ class _Overview:
                     axes,
                     [Line2D([], [], color=colour, label=symbol(name)) for name, colour in shown],
                 )
-            short = names if len(names) <= _MANY else [names[0], names[-1]]
-            label = axis_label(short, self.unit(names[0]))
-            axes.set_ylabel(label if short is names else label.replace(", ", r" $\ldots$ ", 1))
+            axes.set_ylabel(_axis_of(names, self.unit(names[0])))
 
         return panel
 
@@ -584,6 +584,19 @@ class _Overview:
 def _difference(values: Mapping[str, Array], names: list[str]) -> Array:
     """A quantity, or how much it exceeds a second one."""
     return values[names[0]] - values[names[1]] if len(names) == 2 else values[names[0]]
+
+
+def _axis_of(names: Sequence[str], unit: str) -> str:
+    """The label of an axis for several variables: all of them, or the first and the last, or what
+    their names begin with, as there is room. The legend names each."""
+    if len(names) <= _MANY and sum(map(len, names)) <= _ROOM:
+        return axis_label(names, unit)
+    alike = takewhile(lambda letters: len({*letters}) == 1, zip(*names, strict=False))
+    stem = "".join(letters[0] for letters in alike).partition("[")[0].rstrip("0123456789_")
+    whole = stem not in ("", "d") and all(name[len(stem)] in "[_0123456789" for name in names)
+    if whole and len(names[0]) + len(names[-1]) > _ROOM:
+        return axis_label([stem], unit)
+    return axis_label([names[0], names[-1]], unit).replace(", ", r" $\ldots$ ", 1)
 
 
 def _roomy(axes: Axes, values: Array) -> None:
