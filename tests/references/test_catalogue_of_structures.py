@@ -20,6 +20,7 @@ def test_a_cantilever_has_the_frequencies_of_nlvib() -> None:
 def test_a_cantilever_whose_damper_sticks_answers_as_a_linear_beam() -> None:
     system = ss.catalogue.cantilever(F=20.0)
     body = system.structures["u"]
+    assert isinstance(body, ss.Structure)
     (rub, tip), shapes = body.indices.values(), body.modes
     omega, k_d = system.values["omega"], system.values["k_d"]
     stiff = np.diag(body.squares - omega**2 + 1j * omega * body.modal_damping)
