@@ -97,8 +97,9 @@ class DeclarationReader:
         self.indexed: dict[str, Indexed] = {}
         for name, part in system.structures.items():
             names.claim(name, entry_key("structures", name), rate=True)
-            self.indexed |= cast("InModes", part).indexed()
-            result.bodies.append(tuple(part.coordinates))
+            modes = cast("InModes", part)
+            self.indexed |= modes.indexed()
+            result.bodies.append(tuple(modes.coordinates))
         for name, internal in system.internal.items():
             where = entry_key("internal", name)
             names.claim(name, where, rate=f"d_{name}" not in system.internal)
