@@ -350,3 +350,24 @@ def test_a_plate_rests_on_the_feet_that_rub_most(part: float) -> None:
     assert motion.outcome.ok and motion.certificate.ok, motion.certificate
     speed = max(abs(motion.final[name]) for name in ("d_x", "d_y", "d_w"))
     assert speed > 1e-3 if part > 1.0 else speed < 1e-12
+
+
+@pytest.mark.parametrize("start", [-2.187, -1.3, 0.8, 2.6])
+def test_friction_of_nothing_beside_a_stop_that_holds(start: float) -> None:
+    """Its force is rounding of that of the stop, and nothing to measure an error against."""
+    cart = ss.System(
+        "cart between stops",
+        coordinates={"x": ss.Inertial(), "phi": ss.Inertial()},
+        kinetic="0.4*d_x**2 + 0.42*(d_x**2 + 1.8*d_x*d_phi*cos(phi) + 0.81*d_phi**2)",
+        potential="-7.4*cos(phi)",
+        contacts={
+            "track": ss.Contact("d_x", 0.0),
+            "left": ss.Unilateral("x + 0.04"),
+            "right": ss.Unilateral("0.04 - x"),
+        },
+        initial={"phi": start, "d_phi": -0.63},
+        span=(0.0, 2.5),
+    )
+    motion = ss.simulate(cart)
+    assert motion.outcome.ok and motion.certificate.ok, motion.certificate
+    assert {"left", "right"} <= set(motion.events["contact"])

@@ -22,6 +22,7 @@ from stickslip.motion.admissible.sharing import any_share, find_shared
 from stickslip.motion.audit.accounts import (
     BACKWARDS,
     BEYOND,
+    CANCELLED_PART,
     CREEP,
     DEFECT,
     ENERGY_BALANCE,
@@ -76,6 +77,7 @@ from stickslip.motion.steps.arrays import (
     DIMENSION,
     EPSILON,
     INSTANT,
+    PART,
     ROUNDING,
     Flow,
     Instant,
@@ -359,9 +361,8 @@ def judge(
         first = rows.planes[rows.plane[c], COMPONENT] if rows.plane[c] >= 0 else c
         speed = max(law[c, LARGEST_SPEED], law[first, LARGEST_SPEED])
         speed = max(speed, REST_PART * max(law[c, SPEED_HELD], law[first, SPEED_HELD]))
-        violation = most(
-            violation, relative(max(law[c, EXCESS], law[c, OFF_THRESHOLD]), law[c, LARGEST_FORCE])
-        )
+        size = force_size(rows, law, c)
+        violation = most(violation, relative(max(law[c, EXCESS], law[c, OFF_THRESHOLD]), size))
         violation = most(violation, relative(max(law[c, CREEP], law[c, BACKWARDS]), speed))
         violation = most(violation, relative(law[c, OVERLAP], law[c, OPENING]))
     for i in range(len(rows.pieces)):
@@ -385,6 +386,18 @@ def judge(
     residuals[FRICTION_LAW] = violation
     residuals[EQUATIONS] = defect
     residuals[OWN_ROUNDING] = own
+
+
+@compiled()
+def force_size(rows: Rows, law: Array, c: int) -> float:
+    """What errors of a contact's force are relative to. The forces on a body solve one linear
+    problem, so that one whose threshold vanishes is known up to the rounding of the others."""
+    size = law[c, LARGEST_FORCE]
+    part = rows.homes[c, PART]
+    for other in range(len(law)):
+        if part >= 0 and rows.homes[other, PART] == part:
+            size = most(size, CANCELLED_PART * law[other, LARGEST_FORCE])
+    return size
 
 
 @compiled()
