@@ -36,7 +36,7 @@ _DECADES = 10.0  # a range of positive values that wide has a logarithmic axis
 
 def plot_ring_down(ring_down: RingDown, *, ax: Axes | None = None) -> Figure:
     """The motion of the coordinate with its envelope; below, frequency and damping ratio of each
-    half-cycle over the amplitude.
+    half-cycle over the amplitude, if there are any.
 
     Parameters
     ----------
@@ -50,6 +50,9 @@ def plot_ring_down(ring_down: RingDown, *, ax: Axes | None = None) -> Figure:
     with paper_style():
         figure = new_figure(7.2, 5.8)
         figure.suptitle(ring_down.title, x=0.01, ha="left", fontsize=13)
+        if not len(ring_down):
+            _motion(figure.add_subplot(), ring_down)
+            return figure
         grid = figure.add_gridspec(2, 2, height_ratios=(1.15, 1.0))
         _motion(figure.add_subplot(grid[0, :]), ring_down)
         _over_amplitude(figure.add_subplot(grid[1, 0]), ring_down, "amplitude", "frequency")
@@ -108,8 +111,5 @@ def _wide(values: Array) -> bool:
 
 
 def _label(ring_down: RingDown, name: str, text: str) -> str:
-    unit = unit_label(str(ring_down[name].attrs.get("units", "1")).removeprefix("1"))
-    if name == "frequency":  # whose unit begins with a number
-        unit = unit_label(str(ring_down[name].attrs.get("units", "1")))
-        unit = "" if unit == "1" else unit
-    return f"{text}  [{unit}]" if unit else text
+    unit = str(ring_down[name].attrs.get("units", "1"))
+    return text if unit == "1" else f"{text}  [{unit_label(unit)}]"

@@ -63,10 +63,10 @@ class RingDown(Result):
         Over ``half_cycle``: ``time`` of its middle, ``amplitude`` (half the way between its turning
         points), ``centre`` (their middle), ``frequency`` (in cycles), ``dissipated`` (energy), and
         from it to the next one ``decrement`` and ``damping``, which belong to the geometric mean
-        ``damping_amplitude`` of both amplitudes; these three are not numbers in the last half-cycle,
-        which has no next one. Over ``turn``: ``turn_time``, ``turn_position``, ``turn_rest`` (how
-        long the coordinate rests there), ``turn_energy``. Over ``sample``: ``sample_time`` and
-        ``sample_position``, the motion for pictures.
+        ``damping_amplitude`` of both amplitudes; these three are not numbers in the last
+        half-cycle, which has no next one. Over ``turn``: ``turn_time``, ``turn_position``,
+        ``turn_rest`` (how long the coordinate rests there), ``turn_energy``. Over ``sample``:
+        ``sample_time`` and ``sample_position``, the motion for pictures.
     stops : bool
         Whether the coordinate comes to rest within the span, at the last turning point.
     notes : list of str
@@ -335,7 +335,8 @@ def _coordinate(system: System, name: str | None) -> str:
         return known[0]
     if name in inertial or (name[:2] != "d_" and system.unknown(name)):
         return name
-    if name in system.places or name in system.declaration.state:
+    others = {*system.places, *system.declaration.state} - {f"d_{x}" for x in inertial}
+    if name in others:
         raise DeclarationError(
             "coordinate",
             f"'{short(name)}' has no mass: it does not swing by itself",
@@ -403,8 +404,8 @@ def _kept(turns: TurningPoints, name: str, motion: Trajectory) -> tuple[TurningP
     grows = int(np.count_nonzero(np.diff(amplitude) > 10.0 * motion.rtol * amplitude[:-1]))
     if grows:
         notes.append(
-            f"{name} grows in {grows} of {len(amplitude)} half-cycles: more than one mode moves it, "
-            "or it is fed"
+            f"the amplitude of {name} grows in {grows} of {len(amplitude)} half-cycles: more than "
+            "one mode moves it, or it is fed"
         )
     return turns, notes
 
