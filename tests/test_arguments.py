@@ -280,7 +280,6 @@ def calls() -> Iterator[tuple[str, Call]]:
                 "atol": 1e-12,
                 "max_events": 1000,
                 "time_limit": None,
-                "progress": None,
             },
         ),
     )

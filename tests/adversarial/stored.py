@@ -82,7 +82,7 @@ MAKERS: dict[str, Callable[[], Any]] = {
         ss.catalogue.forced_oscillator(F_c=0.3), "omega", (1.2, 1.3), points=2
     ),
     "ring-down": lambda: ss.ring_down(
-        ss.catalogue.jenkins_oscillator(force="0"), {"x": 3.0, "r_damper": 2.5}
+        ss.catalogue.jenkins_oscillator(force="0"), initial={"x": 3.0, "r_damper": 2.5}
     ),
     "file of a map": _sweep,
     "fit": _fit,

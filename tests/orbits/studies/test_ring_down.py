@@ -32,7 +32,7 @@ RUBBING = spring_and_mass(contacts={"floor": ss.Contact("d_x", "F")})
 
 def test_coulomb_friction_as_in_sdnd100() -> None:
     """m = 1 kg, k = 1e4 N/m, μN = 1 N, from 0.85 mm: the amplitudes fall by 0.1 mm."""
-    decay = ss.ring_down(RUBBING, {"x": 0.85e-3}, parameters={"k": 1e4}, span=(0.0, 0.2))
+    decay = ss.ring_down(RUBBING, initial={"x": 0.85e-3}, parameters={"k": 1e4}, span=(0.0, 0.2))
     assert decay.certificate.ok and decay.stops and decay.outcome.ok
     turns = decay["turn_position"].values
     np.testing.assert_allclose(turns, [0.85e-3, -0.65e-3, 0.45e-3, -0.25e-3, 0.05e-3], atol=1e-17)
@@ -48,7 +48,7 @@ def test_coulomb_friction_as_in_sdnd100() -> None:
 
 @pytest.mark.parametrize("start", [30.3, 200.7])
 def test_coulomb_friction_over_many_half_cycles(start: float) -> None:
-    decay = ss.ring_down(RUBBING, {"x": start}, span=(0.0, 400.0))
+    decay = ss.ring_down(RUBBING, initial={"x": start}, span=(0.0, 400.0))
     amplitudes = start - 1.0 - 2.0 * np.arange(len(decay))
     assert len(decay) == np.ceil((start - 1.0) / 2.0)
     np.testing.assert_allclose(decay["amplitude"].values, amplitudes, rtol=1e-11)
@@ -58,7 +58,9 @@ def test_coulomb_friction_over_many_half_cycles(start: float) -> None:
 def test_viscous_damping(ratio: float) -> None:
     """Two knots are all that such a motion has; hundreds of swings lie between them."""
     values = {"m": 2.0, "k": 8.0, "c": 8.0 * ratio}
-    decay = ss.ring_down(RUBBING, {"x": 1.0}, parameters={**values, "F": 0.0}, span=(0, 1000))
+    decay = ss.ring_down(
+        RUBBING, initial={"x": 1.0}, parameters={**values, "F": 0.0}, span=(0, 1000)
+    )
     assert decay.certificate.ok and not decay.stops
     assert len(decay) >= (2 if ratio > 0.5 else 7)
     np.testing.assert_allclose(decay["damping"].values[:-1], ratio, atol=1e-11)
@@ -71,7 +73,7 @@ def test_viscous_damping(ratio: float) -> None:
 def test_no_swing_is_stepped_over(waves: float) -> None:
     """Whole numbers of waves between the first samples show nothing of them."""
     decay = ss.ring_down(
-        RUBBING, {"x": 1.0}, parameters={"F": 0.0}, span=(0.0, 2.0 * np.pi * waves)
+        RUBBING, initial={"x": 1.0}, parameters={"F": 0.0}, span=(0.0, 2.0 * np.pi * waves)
     )
     assert len(decay) in (int(2 * waves), int(2 * waves) - 1)
     np.testing.assert_allclose(decay["amplitude"].values, 1.0, rtol=1e-9)
@@ -83,7 +85,7 @@ def test_a_pendulum_is_slower_at_large_amplitudes() -> None:
 
     swing = spring_and_mass(potential="-cos(x)")
     for start in (0.5, 2.5):
-        decay = ss.ring_down(swing, {"x": start}, span=(0.0, 60.0))
+        decay = ss.ring_down(swing, initial={"x": start}, span=(0.0, 60.0))
         exact = 1.0 / (4.0 * ellipk(np.sin(start / 2.0) ** 2))
         np.testing.assert_allclose(decay["frequency"].values, exact, rtol=1e-9)
 
@@ -91,7 +93,7 @@ def test_a_pendulum_is_slower_at_large_amplitudes() -> None:
 def test_a_dry_damper_behind_a_spring() -> None:
     """While it slides, a half-cycle dissipates F_c(2A − 2F_c/k_d); later none."""
     oscillator = ss.catalogue.jenkins_oscillator(force="0", c=0.0)
-    decay = ss.ring_down(oscillator, {"x": 30.0, "r_damper": 29.5}, span=(0.0, 200.0))
+    decay = ss.ring_down(oscillator, initial={"x": 30.0, "r_damper": 29.5}, span=(0.0, 200.0))
     assert decay.certificate.ok and not decay.stops
     amplitude, lost = decay["amplitude"].values, decay["dissipated"].values
     np.testing.assert_allclose(lost, np.maximum(0.5 * (2.0 * amplitude - 1.0), 0.0), atol=1e-9)
@@ -106,7 +108,9 @@ def test_a_dry_damper_behind_a_spring() -> None:
 
 def test_impacts_turn() -> None:
     """A ball turns where it hits the floor, and at the heights between, which fall by e²."""
-    ball = ss.ring_down(ss.catalogue.bouncing_ball(e=0.8), {"y": 1.0, "d_y": 0.0}, span=(0.0, 2.0))
+    ball = ss.ring_down(
+        ss.catalogue.bouncing_ball(e=0.8), initial={"y": 1.0, "d_y": 0.0}, span=(0.0, 2.0)
+    )
     turns = ball["turn_position"].values
     np.testing.assert_allclose(turns[1::2], 0.0, atol=1e-12)
     np.testing.assert_allclose(turns[2::2] / turns[:-1:2][: len(turns[2::2])], 0.64, rtol=1e-9)
@@ -121,7 +125,7 @@ def test_rest_between_half_cycles_is_counted() -> None:
         potential="x**2/2 + (x - y)**2/20 + y**2/2",
         contacts={"floor": ss.Contact("d_x", 0.2)},
     )
-    decay = ss.ring_down(system, {"x": 1.0, "y": 6.0}, span=(0.0, 60.0))
+    decay = ss.ring_down(system, initial={"x": 1.0, "y": 6.0}, span=(0.0, 60.0))
     assert decay.certificate.ok
     rest = decay["turn_rest"].values
     assert np.count_nonzero(rest[:-1] > 0.1) > 0
@@ -139,7 +143,7 @@ def test_a_structure_in_its_first_mode() -> None:
     omega = float(body.frequencies[0])
     for name in ("u[tip]", "u_mode_1", None):
         span = (0.0, 40.0 / omega)
-        decay = ss.ring_down(system, {"u_mode_1": 1.0}, coordinate=name, span=span)
+        decay = ss.ring_down(system, initial={"u_mode_1": 1.0}, coordinate=name, span=span)
         assert decay.coordinate == (name or "u[tip]")
         np.testing.assert_allclose(decay["damping"].values[:-1], 0.02, rtol=1e-9)
         damped = omega * np.sqrt(1.0 - 0.02**2) / (2.0 * np.pi)
@@ -152,23 +156,23 @@ def test_a_structure_that_rubs() -> None:
     system = ss.System(
         "body", structures={"u": body}, contacts={"rub": ss.Contact("d_u[tip]", 0.5)}
     )
-    decay = ss.ring_down(system, {"u[tip]": 0.1}, span=(0.0, 10.0))
+    decay = ss.ring_down(system, initial={"u[tip]": 0.1}, span=(0.0, 10.0))
     np.testing.assert_allclose(decay["amplitude"].values, [0.09, 0.07, 0.05, 0.03, 0.01])
     np.testing.assert_allclose(decay["frequency"].values, 5.0 / (2.0 * np.pi))
     assert decay.stops and decay["turn_position"].values[-1] == pytest.approx(0.0, abs=1e-15)
 
 
 def test_what_does_not_swing() -> None:
-    creeping = ss.ring_down(RUBBING, {"x": 1.0}, parameters={"F": 0.0, "c": 3.0})
+    creeping = ss.ring_down(RUBBING, initial={"x": 1.0}, parameters={"F": 0.0, "c": 3.0})
     assert not creeping.stops and "does not swing" in creeping.message
-    held = ss.ring_down(RUBBING, {"x": 0.5})
+    held = ss.ring_down(RUBBING, initial={"x": 0.5})
     for decay in (creeping, held):
         assert len(decay) == 0 and not decay.outcome.ok and not decay.summary().good
         assert decay.plot() is not None and len(decay.table) == 0
 
 
 def test_a_ring_down_is_read_back(tmp_path: Path) -> None:
-    decay = ss.ring_down(RUBBING, {"x": 7.3})
+    decay = ss.ring_down(RUBBING, initial={"x": 7.3})
     decay.save(tmp_path / "ring-down.nc")
     again = ss.open(tmp_path / "ring-down.nc")
     assert isinstance(again, ss.RingDown) and again.stops
@@ -207,5 +211,5 @@ def test_a_ring_down_that_makes_no_sense_is_refused(given: dict[str, Any], messa
 
 
 def test_a_drive_that_is_zero_does_not_act() -> None:
-    still = ss.ring_down(SHAKEN, {"x": 1.0}, parameters={"F": 0.0}, span=(0.0, 20.0))
+    still = ss.ring_down(SHAKEN, initial={"x": 1.0}, parameters={"F": 0.0}, span=(0.0, 20.0))
     np.testing.assert_allclose(still["amplitude"].values, 1.0, rtol=1e-9)

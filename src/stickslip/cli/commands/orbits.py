@@ -303,8 +303,8 @@ def ring_down_command(
 
     def work(progress: ShowProgress) -> RingDown:
         limits: dict[str, Any] = {"rtol": rtol, "time_limit": time_limit}
-        options: dict[str, Any] = {"coordinate": coordinate, "span": span, **limits}
-        return ring_down(system, start, progress=progress, **options)
+        options: dict[str, Any] = {"initial": start, "coordinate": coordinate, **limits}
+        return ring_down(system, span, progress=progress, **options)
 
     folder = out or folder_of(system.name, "ring-down")
     present(f"ring-down of {system.name}", folder, RING_DOWN, work, json_)

@@ -33,7 +33,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.simulate import simulate
 from stickslip.motion.trajectory import Trajectory
 from stickslip.orbits.equilibria.finding import checked_values
-from stickslip.orbits.studies.turning_points import Followed, TurningPoints, turning_points
+from stickslip.orbits.studies.turning_points import CoordinateTrace, TurningPoints, turning_points
 from stickslip.results import Completion, Result, restored_certificate, shortened
 from stickslip.symbolic import expressions as ex
 
@@ -213,10 +213,10 @@ class RingDown(Result):
 @validated
 def ring_down(
     system: System,
-    initial: Mapping[str, float] | None = None,
-    *,
-    coordinate: str | None = None,
     span: tuple[float, float] | None = None,
+    *,
+    initial: Mapping[str, float] | None = None,
+    coordinate: str | None = None,
     parameters: Mapping[str, float] | None = None,
     rtol: float = 1e-10,
     atol: float = 1e-12,
@@ -230,13 +230,13 @@ def ring_down(
     ----------
     system : System
         Nothing in it depends on time.
+    span : (float, float), optional
+        Start and end of the motion; by default the system's own span.
     initial : mapping of str to float, optional
         State from which it is let go; by default the declared one.
     coordinate : str, optional
         Whose vibration it is: an inertial coordinate, or an unknown of a structure, such as
         ``"u[tip]"``; by default the first inertial coordinate, or the first unknown with a name.
-    span : (float, float), optional
-        Start and end of the motion; by default the system's own span.
     parameters : mapping of str to float, optional
         Values that replace the defaults.
     rtol, atol : float
@@ -269,7 +269,7 @@ def ring_down(
     ...     potential="x**2/2",
     ...     contacts={"floor": ss.Contact("d_x", 0.1)},
     ... )
-    >>> decay = ss.ring_down(block, {"x": 0.85}, span=(0, 20))
+    >>> decay = ss.ring_down(block, (0, 20), initial={"x": 0.85})
     >>> decay["amplitude"].values.round(12).tolist()
     [0.75, 0.55, 0.35, 0.15]
     >>> decay.stops
@@ -294,7 +294,7 @@ def ring_down(
         time_limit=time_limit,
         progress=progress,
     )
-    followed = Followed(
+    followed = CoordinateTrace(
         motion, *(_weights(motion, system, prefix + named) for prefix in ("", "d_"))
     )
     turns, notes = _kept(turning_points(followed), named, motion)
@@ -342,7 +342,7 @@ def _coordinate(system: System, name: str | None) -> str:
             f"'{short(name)}' has no mass: it does not swing by itself",
             suggestion("", [*declared, *shown] or inertial),
         )
-    known = suggestion(name, [*declared, *shown] or inertial)
+    known = suggestion(name.removeprefix("d_"), [*declared, *shown] or inertial)
     raise DeclarationError("coordinate", f"there is no coordinate '{short(name)}'", known)
 
 
@@ -398,9 +398,12 @@ def _kept(turns: TurningPoints, name: str, motion: Trajectory) -> tuple[TurningP
         count = int(small[0]) + 1
         at = turns.clock[count - 1] + motion.knots.origin
         notes.append(f"from t = {at:.6g} on the amplitude is below {least:.3g}: not followed")
-        parts = (turns.clock, turns.position, turns.rest)
-        turns = TurningPoints(*(part[:count] for part in parts), turns.fault, False)
+        clock, position, rest = (part[:count] for part in (turns.clock, turns.position, turns.rest))
+        turns = TurningPoints(clock, position, rest, turns.fault, False, False)
         amplitude = amplitude[: count - 1]
+    elif turns.fades and len(amplitude):
+        at = turns.clock[-1] + motion.knots.origin
+        notes.append(f"from t = {at:.6g} on it fades away: not followed")
     grows = int(np.count_nonzero(np.diff(amplitude) > 10.0 * motion.rtol * amplitude[:-1]))
     if grows:
         notes.append(

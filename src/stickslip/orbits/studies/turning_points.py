@@ -9,6 +9,7 @@ zero for a while, as in stick, the knot is the turning point.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -22,10 +23,11 @@ _MISSES = 0.02  # a cubic that misses by less, relative to the velocity, is foll
 _NEAR = 0.1  # a velocity that comes this near to zero, relative to its size, is looked at
 _ZERO = 1e-11  # velocities below this part of the largest one are zero
 _ROUNDING = 1e-13
+_ROOT: Any = 4.0 * np.finfo(float).eps
 
 
 @dataclass(frozen=True)
-class Followed:
+class CoordinateTrace:
     """A coordinate and its rate along a motion, each a sum of components of the state.
 
     Attributes
@@ -53,7 +55,8 @@ class Followed:
         def rate(clock: float) -> float:
             return float(self(np.array([clock]), index)[1][0])
 
-        return float(brentq(rate, low, high, xtol=1e-300, rtol=4.0 * np.finfo(float).eps))
+        found: Any = brentq(rate, low, high, xtol=1e-300, rtol=_ROOT)
+        return float(found)
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,8 @@ class TurningPoints:
         Largest velocity at the roots, relative to the largest one of the motion.
     stops : bool
         Whether it rests at the last one, until the end.
+    fades : bool
+        Whether its velocity becomes too small to be told from zero, without a rest.
     """
 
     clock: Array
@@ -79,14 +84,15 @@ class TurningPoints:
     rest: Array
     fault: float
     stops: bool
+    fades: bool
 
 
-def turning_points(followed: Followed) -> TurningPoints:
+def turning_points(followed: CoordinateTrace) -> TurningPoints:
     """All turning points of a coordinate, in their order.
 
     Parameters
     ----------
-    followed : Followed
+    followed : CoordinateTrace
     """
     k = followed.motion.knots
     step, clock, x, v = _samples(followed)
@@ -97,10 +103,10 @@ def turning_points(followed: Followed) -> TurningPoints:
     fault = 0.0
     if not len(moving):
         none = np.zeros(0)
-        return TurningPoints(none, none, none, 0.0, False)
+        return TurningPoints(none, none, none, 0.0, False, False)
     first = int(moving[0])
     if first > 0:
-        found.append((clock[first - 1], x[first - 1], 0.0))
+        found.append((float(clock[first - 1]), float(x[first - 1]), 0.0))
     changes = np.flatnonzero(sign[moving[1:]] != sign[moving[:-1]])
     for i, j in zip(moving[changes], moving[changes + 1], strict=True):
         if step[i] == step[j] and clock[i] < clock[j]:
@@ -109,26 +115,27 @@ def turning_points(followed: Followed) -> TurningPoints:
             fault = max(fault, abs(float(rate[0])) / largest)
             found.append((root, float(where[0]), 0.0))
         elif j == i + 1:  # the velocity jumps
-            found.append((clock[i], x[i], 0.0))
+            found.append((float(clock[i]), float(x[i]), 0.0))
         else:
-            found.append((clock[i + 1], x[i + 1], clock[j - 1] - clock[i + 1]))
+            found.append((float(clock[i + 1]), float(x[i + 1]), float(clock[j - 1] - clock[i + 1])))
     last = int(moving[-1])
-    stops = last + 1 < len(v) and _switched(followed, step[last + 1], clock[last + 1])
-    rests = k.clock[-1] - clock[last + 1] if stops else 0.0
+    stops = last + 1 < len(v) and _switched(followed, int(step[last + 1]), float(clock[last + 1]))
+    rests = float(k.clock[-1] - clock[last + 1]) if stops else 0.0
     if stops:
-        found.append((clock[last + 1], x[last + 1], rests))
+        found.append((float(clock[last + 1]), float(x[last + 1]), rests))
+    fades = not stops and last + 2 < len(v)  # the last sample alone is zero where the span ends so
     table = np.array(found, dtype=float).reshape(-1, 3)
-    return TurningPoints(table[:, 0], table[:, 1], table[:, 2], fault, bool(stops and rests > 0.0))
+    return TurningPoints(table[:, 0], table[:, 1], table[:, 2], fault, stops and rests > 0.0, fades)
 
 
-def _switched(followed: Followed, step: int, clock: float) -> bool:
+def _switched(followed: CoordinateTrace, step: int, clock: float) -> bool:
     """Whether a time is that of a switch: what fades away never comes to rest."""
     k = followed.motion.knots
     knot = step + 1 if clock == k.clock[step + 1] else step
     return bool(clock == k.clock[knot] and k.cause[knot] >= 0)
 
 
-def _samples(followed: Followed) -> tuple[AnyArray, Array, Array, Array]:
+def _samples(followed: CoordinateTrace) -> tuple[AnyArray, Array, Array, Array]:
     """Step, time, position and velocity at times between which the motion is a cubic, nearly.
 
     Both limits at every knot are among them.
@@ -144,10 +151,10 @@ def _samples(followed: Followed) -> tuple[AnyArray, Array, Array, Array]:
     ends = parts == 1.0
     clock[ends] = k.clock[step[ends] + 1]
     x, v = followed(clock, step)
-    kept = [(step, clock, x, v)]
+    kept: list[tuple[AnyArray, Array, Array, Array]] = [(step, clock, x, v)]
     inner = np.flatnonzero(step[1:] == step[:-1])
-    low = step[inner], clock[inner], x[inner], v[inner]
-    high = step[inner], clock[inner + 1], x[inner + 1], v[inner + 1]
+    low: Any = step[inner], clock[inner], x[inner], v[inner]
+    high: Any = step[inner], clock[inner + 1], x[inner + 1], v[inner + 1]
     while len(low[0]):
         at = low[1] + _BETWEEN * (high[1] - low[1])
         middle = low[0], at, *followed(at, low[0])
