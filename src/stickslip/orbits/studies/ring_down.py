@@ -127,8 +127,9 @@ class RingDown(Result):
         """How many half-cycles there are, and how it ends."""
         last = self.dataset["turn_time"].values
         rest = f"; at rest from t = {last[-1]:.9g} on" if self.stops else ""
-        count = f"{self.coordinate} swings through {len(self)} half-cycles{rest}"
-        none = f"{self.coordinate} does not swing: it has {len(last)} turning points"
+        count = f"{self.coordinate} swings through {_counted(len(self), 'half-cycle')}{rest}"
+        turns = _counted(len(last), "turning point")
+        none = f"{self.coordinate} does not swing: it has {turns}"
         ended = [f"the motion ends early: {self.ended}"] if self.ended else []
         return "\n".join([count if len(self) else none, *ended, *self.notes])
 
@@ -158,7 +159,7 @@ class RingDown(Result):
     def rows(self) -> list[tuple[str, str]]:
         """What fits on a page, in words."""
         data = self.dataset
-        rows = [("ring-down", f"of {self.coordinate}, {len(self)} half-cycles")]
+        rows = [("ring-down", f"of {self.coordinate}, {_counted(len(self), 'half-cycle')}")]
         for name, label in (("amplitude", "amplitude"), ("frequency", "frequency")):
             rows += _from_to(label, data[name].values, str(data[name].attrs.get("units", "1")))
         rows += _from_to("damping ratio", _finite(data["damping"].values), "1")
@@ -419,7 +420,12 @@ def _dataset(motion: Trajectory, name: str, turns: TurningPoints) -> xarray.Data
 
     system, k = motion.system, motion.knots
     time = turns.clock + k.origin
-    there = motion.at(np.clip(time, k.time[0], k.time[-1]))
+
+    def steps(clock: Array) -> Array:
+        index = np.searchsorted(k.clock, clock, side="right") - 1
+        return np.clip(index, 0, len(k.clock) - 1)
+
+    there = motion._values(turns.clock, steps(turns.clock))
     duration = np.diff(turns.clock)
     amplitude = 0.5 * np.abs(np.diff(turns.position))
     decrement = np.full(len(amplitude), np.nan)
@@ -427,8 +433,8 @@ def _dataset(motion: Trajectory, name: str, turns: TurningPoints) -> xarray.Data
     between = np.full(len(amplitude), np.nan)
     between[:-1] = np.sqrt(amplitude[:-1] * amplitude[1:])
     shown = np.union1d(np.linspace(k.clock[0], k.clock[-1], _SAMPLES + 1), turns.clock)
-    index = np.clip(np.searchsorted(k.clock, shown, side="right") - 1, 0, len(k.clock) - 1)
-    position = motion._states_at(shown + k.origin, index) @ _weights(motion, system, name)
+    states = motion._states_on_clock(shown, steps(shown))
+    position = states @ _weights(motion, system, name)
     x = quantity(system, name)
     energy = energy_unit(system)
     meaning = x["long_name"]
@@ -475,6 +481,10 @@ def _dataset(motion: Trajectory, name: str, turns: TurningPoints) -> xarray.Data
         },
         attrs={"title": system.title or system.name, "coordinate": name},
     )
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def _finite(values: Array) -> Array:

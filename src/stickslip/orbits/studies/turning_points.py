@@ -23,7 +23,7 @@ _MISSES = 0.02  # a cubic that misses by less, relative to the velocity, is foll
 _NEAR = 0.1  # a velocity that comes this near to zero, relative to its size, is looked at
 _ZERO = 1e-11  # velocities below this part of the largest one are zero
 _ROUNDING = 1e-13
-_ROOT: Any = 4.0 * np.finfo(float).eps
+_ROOT = 4.0 * np.finfo(float).eps  # relative
 
 
 @dataclass(frozen=True)
@@ -43,20 +43,22 @@ class CoordinateTrace:
 
     def __call__(self, clock: Array, step: AnyArray) -> tuple[Array, Array]:
         """Positions and velocities at times since the origin, within the steps of knots."""
-        states = self.motion._states_at(clock + self.motion.knots.origin, step)
+        states = self.motion._states_on_clock(clock, step)
         return states @ self.position, states @ self.velocity
 
-    def root(self, step: int, low: float, high: float) -> float:
-        """Where the velocity is zero between two times of a step at which its signs differ."""
-        from scipy.optimize import brentq
+    def roots(self, step: AnyArray, low: Array, high: Array) -> Array:
+        """Where the velocity is zero between two times of each of some steps at which its signs
+        differ."""
+        from scipy.optimize.elementwise import find_root
 
-        index = np.array([step])
+        def rate(clock: Array, of: Array) -> Array:
+            return self(np.ascontiguousarray(clock), of.astype(np.int64))[1]
 
-        def rate(clock: float) -> float:
-            return float(self(np.array([clock]), index)[1][0])
-
-        found: Any = brentq(rate, low, high, xtol=1e-300, rtol=_ROOT)
-        return float(found)
+        if not len(step):
+            return np.zeros(0)
+        given: Any = {"xatol": 0.0, "xrtol": _ROOT, "fatol": 0.0, "frtol": 0.0}
+        found: Any = find_root(rate, (low, high), args=(step.astype(float),), tolerances=given)
+        return np.asarray(found.x)
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,6 @@ def turning_points(followed: CoordinateTrace) -> TurningPoints:
     sign = np.where(np.abs(v) > _ZERO * largest, np.sign(v), 0.0)
     moving = np.flatnonzero(sign)
     found: list[tuple[float, float, float]] = []  # time, position, rest
-    fault = 0.0
     if not len(moving):
         none = np.zeros(0)
         return TurningPoints(none, none, none, 0.0, False, False)
@@ -108,24 +109,27 @@ def turning_points(followed: CoordinateTrace) -> TurningPoints:
     if first > 0:
         found.append((float(clock[first - 1]), float(x[first - 1]), 0.0))
     changes = np.flatnonzero(sign[moving[1:]] != sign[moving[:-1]])
-    for i, j in zip(moving[changes], moving[changes + 1], strict=True):
-        if step[i] == step[j] and clock[i] < clock[j]:
-            root = followed.root(int(step[i]), float(clock[i]), float(clock[j]))
-            where, rate = followed(np.array([root]), step[i : i + 1])
-            fault = max(fault, abs(float(rate[0])) / largest)
-            found.append((root, float(where[0]), 0.0))
-        elif j == i + 1:  # the velocity jumps
+    before, after = moving[changes], moving[changes + 1]
+    smooth = (step[before] == step[after]) & (clock[before] < clock[after])
+    i, j = before[smooth], after[smooth]
+    roots = followed.roots(step[i], clock[i], clock[j])
+    places, rates = followed(roots, step[i])
+    fault = float(np.max(np.abs(rates), initial=0.0)) / largest
+    found += [(float(t), float(at), 0.0) for t, at in zip(roots, places, strict=True)]
+    for i, j in zip(before[~smooth], after[~smooth], strict=True):
+        if j == i + 1:  # the velocity jumps
             found.append((float(clock[i]), float(x[i]), 0.0))
         else:
             found.append((float(clock[i + 1]), float(x[i + 1]), float(clock[j - 1] - clock[i + 1])))
+    found.sort()
     last = int(moving[-1])
     stops = last + 1 < len(v) and _switched(followed, int(step[last + 1]), float(clock[last + 1]))
     rests = float(k.clock[-1] - clock[last + 1]) if stops else 0.0
     if stops:
         found.append((float(clock[last + 1]), float(x[last + 1]), rests))
     fades = not stops and last + 2 < len(v)  # the last sample alone is zero where the span ends so
-    table = np.array(found, dtype=float).reshape(-1, 3)
-    return TurningPoints(table[:, 0], table[:, 1], table[:, 2], fault, stops and rests > 0.0, fades)
+    clocks, places, rested = np.ascontiguousarray(np.reshape(found, (-1, 3)).T, dtype=float)
+    return TurningPoints(clocks, places, rested, fault, stops and rests > 0.0, fades)
 
 
 def _switched(followed: CoordinateTrace, step: int, clock: float) -> bool:
