@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
@@ -95,14 +96,25 @@ def _over_amplitude(axes: Axes, ring_down: RingDown, over: str, name: str) -> No
     axes.plot(amplitude, value, "-o", color=BLUE, lw=0.9, ms=4 if len(value) <= _MANY else 2.5)
     if _wide(amplitude):
         axes.set_xscale("log")
+        _powers(axes.xaxis, amplitude)
     if name == "damping" and np.all(value > 0.0) and _wide(value):
         axes.set_yscale("log")
-        axes.yaxis.set_minor_formatter(NullFormatter())
+        _powers(axes.yaxis, value)
     elif np.ptp(value) <= _EVEN * np.max(np.abs(value)):  # rounding errors are no curve
         middle = float(np.mean(value))
         axes.set_ylim(*sorted((0.9 * middle, 1.1 * middle)) if middle else (-1.0, 1.0))
     elif name == "damping" and np.all(value >= 0.0):
         axes.set_ylim(0.0, (1.0 + _PAD) * float(np.max(value)))
+
+
+def _powers(axis: Axis, values: Array) -> None:
+    """Two powers of ten at least on a logarithmic axis, and no other numbers."""
+    axis.set_minor_formatter(NullFormatter())
+    low, high = np.log10(np.min(values)) - _PAD, np.log10(np.max(values)) + _PAD
+    if np.floor(high) - np.ceil(low) < 1.0:
+        below, above = np.floor(low), np.ceil(high)
+        low, high = (below, high) if low - below < above - high else (low, above)
+    axis.set_view_interval(10.0 ** (low - 1e-3), 10.0 ** (high + 1e-3), ignore=True)
 
 
 def _wide(values: Array) -> bool:

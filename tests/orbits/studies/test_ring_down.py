@@ -171,6 +171,20 @@ def test_what_does_not_swing() -> None:
         assert decay.plot() is not None and len(decay.table) == 0
 
 
+def test_late_times_are_as_exact_as_early_ones() -> None:
+    early = ss.ring_down(RUBBING, (0.0, 30.0), initial={"x": 7.3})
+    late = ss.ring_down(RUBBING, (1e9, 1e9 + 30.0), initial={"x": 7.3})
+    assert late.certificate.ok and late.stops
+    for name in ("amplitude", "frequency", "damping", "dissipated"):
+        np.testing.assert_allclose(late[name].values, early[name].values, rtol=1e-14)
+
+
+def test_what_ends_early_is_kept() -> None:
+    short = ss.ring_down(RUBBING, initial={"x": 7.3}, max_events=2)
+    assert len(short) == 2 and not short.stops and not short.summary().good
+    assert short.outcome.label == "stopped early" and "limit on events" in short.message
+
+
 def test_a_ring_down_is_read_back(tmp_path: Path) -> None:
     decay = ss.ring_down(RUBBING, initial={"x": 7.3})
     decay.save(tmp_path / "ring-down.nc")
