@@ -267,6 +267,23 @@ def calls() -> Iterator[tuple[str, Call]]:
         ),
     )
     yield (
+        "ring_down",
+        (
+            ss.ring_down,
+            {
+                "system": ss.catalogue.jenkins_oscillator(force="0"),
+                "initial": {"d_x": 3.0},
+                "coordinate": "x",
+                "span": (0.0, 20.0),
+                "parameters": {"c": 0.0},
+                "rtol": 1e-10,
+                "atol": 1e-12,
+                "max_events": 1000,
+                "time_limit": None,
+            },
+        ),
+    )
+    yield (
         "gait_study",
         (
             ss.gait_study,

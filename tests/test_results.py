@@ -62,6 +62,9 @@ MAKERS: dict[str, Callable[[], Result]] = {
     "frequency response": lambda: ss.frequency_response(
         ss.catalogue.forced_oscillator(F_c=0.3), "omega", (1.2, 1.3), points=2
     ),
+    "ring-down": lambda: ss.ring_down(
+        ss.catalogue.jenkins_oscillator(force="0"), initial={"x": 3.0, "r_damper": 2.5}
+    ),
     "map": lambda: ss.sweep(TOY, {"P": [1.1, 1.2], "delta": [0.05, 0.1]}, ["speed", "period"]),
     "line": lambda: ss.sweep(TOY, {"P": [1.1, 1.2]}, ["speed"], initial={"psi": 0.8}),
     "fit": lambda: fitted(0.3),
@@ -85,6 +88,7 @@ QUANTITY = {
     "branch": "U",
     "gait study": "speed",
     "frequency response": "amplitude",
+    "ring-down": "frequency",
     "map": "speed",
     "line": "speed",
     "fit": "estimate",

@@ -65,6 +65,7 @@ if TYPE_CHECKING:
         walking_threshold,
     )
     from stickslip.orbits.studies.hysteresis import HysteresisOperator
+    from stickslip.orbits.studies.ring_down import RingDown, ring_down
     from stickslip.rate_independent.averaging.semi_infinite import Intersection
     from stickslip.rate_independent.dissipation import (
         Dissipation,
@@ -139,6 +140,7 @@ __all__ = [
     "ProportionalDamping",
     "RateIndependent",
     "Recording",
+    "RingDown",
     "Samples",
     "Settings",
     "SpecialPoint",
@@ -178,6 +180,7 @@ __all__ = [
     "open",
     "play",
     "prandtl_ishlinskii",
+    "ring_down",
     "simulate",
     "simulate_many",
     "sliding_threshold",
@@ -223,6 +226,7 @@ _HOMES = {
     "continue_cycle": "orbits.branches.cycle_branch",
     "stick_onset_curve": "orbits.branches.onset_curve",
     "HysteresisOperator": "orbits.studies.hysteresis",
+    **dict.fromkeys(["RingDown", "ring_down"], "orbits.studies.ring_down"),
     **dict.fromkeys(
         ["GaitStudy", "gait_study", "sliding_threshold", "walking_threshold"],
         "orbits.studies.gaits",
@@ -301,6 +305,7 @@ _KINDS = {
     "frequency response": "FrequencyResponse",
     "gait study": "GaitStudy",
     "play": "Play",
+    "ring-down": "RingDown",
     "sweep": "Map",
     "trajectory": "Trajectory",
 }
@@ -316,7 +321,7 @@ def open(path: str | Path) -> Any:
     Returns
     -------
     Trajectory, EventCatalogue, Ensemble, History, Play, AveragingStudy, Equilibria, Cycle, Branch,
-    GaitStudy, FrequencyResponse, Fit, Comparison, Band, Map or Basin
+    GaitStudy, FrequencyResponse, RingDown, Fit, Comparison, Band, Map or Basin
         As it was stored; nothing is computed again until it is asked for.
 
     Raises

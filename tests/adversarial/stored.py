@@ -81,6 +81,9 @@ MAKERS: dict[str, Callable[[], Any]] = {
     "frequency response": lambda: ss.frequency_response(
         ss.catalogue.forced_oscillator(F_c=0.3), "omega", (1.2, 1.3), points=2
     ),
+    "ring-down": lambda: ss.ring_down(
+        ss.catalogue.jenkins_oscillator(force="0"), initial={"x": 3.0, "r_damper": 2.5}
+    ),
     "file of a map": _sweep,
     "fit": _fit,
     "basin": lambda: ss.basin(ss.catalogue.rocking_toy(P=1.2), {"psi": "0:1:2", "d_psi": "0:1:2"}),

@@ -12,7 +12,7 @@ from typer.testing import CliRunner, Result
 
 import stickslip as ss
 from stickslip.cli.app import app
-from stickslip.cli.commands.orbits import BASIN, BRANCH, CYCLE, EQUILIBRIA, RESPONSE
+from stickslip.cli.commands.orbits import BASIN, BRANCH, CYCLE, EQUILIBRIA, RESPONSE, RING_DOWN
 from stickslip.cli.common.present import Files
 
 SLIDER = ("--set", "mu=2/sqrt(alpha)", "--set", "nu=1/20")
@@ -257,6 +257,33 @@ def test_response(tmp_path: Path) -> None:
 )
 def test_a_response_that_makes_no_sense_is_refused(given: tuple[str, ...], message: str) -> None:
     result = stickslip("response", "forced_oscillator", *given)
+    assert result.exit_code == 2
+    assert message in result.stderr and "Traceback" not in result.stderr
+
+
+def test_ring_down(tmp_path: Path) -> None:
+    start = ("--initial", "x=5", "--initial", "r_damper=4.5")
+    model = ("jenkins_oscillator", "--set", "force=0", "--set", "c=0")
+    result = stickslip("ring-down", *model, *start, "--until", "40")
+    assert result.exit_code == 0, result.stderr
+    folder = tmp_path / "out" / "jenkins_oscillator-ring-down"
+    found = summary(folder, RING_DOWN)
+    assert found["coordinate"] == "x" and found["half cycles"] > 10
+    assert found["last frequency"] == pytest.approx(2**0.5 / (2 * math.pi))
+    assert (folder / "ring-down.csv").read_text(encoding="utf-8").startswith("time,amplitude,")
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ((), "drive 'force'"),
+        (("--set", "force=0", "--coordinate", "y"), "no coordinate 'y'"),
+        (("--set", "force=0", "--initial", "z=1"), "initial.z"),
+        (("--set", "force=0", "--until", "-1"), "span"),
+    ],
+)
+def test_a_command_for_no_ring_down_is_refused(given: tuple[str, ...], message: str) -> None:
+    result = stickslip("ring-down", "jenkins_oscillator", *given)
     assert result.exit_code == 2
     assert message in result.stderr and "Traceback" not in result.stderr
 

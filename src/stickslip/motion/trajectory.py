@@ -248,12 +248,16 @@ class Trajectory(Result):
 
     def _states_at(self, times: Array, index: Array) -> Array:
         """States at times within the steps of the knots `index`, shape (times, states)."""
+        return self._states_on_clock(times - self.knots.origin, index)
+
+    def _states_on_clock(self, clock: Array, index: Array) -> Array:
+        """The same at times since the origin."""
         from stickslip.motion.between import dense
 
         p, k = self._problem, self.knots
-        out = np.empty((len(times), k.state.shape[1]))
+        out = np.empty((len(clock), k.state.shape[1]))
         work = dense.make_scratch(p.rows, (0, 2))
-        given = self._seen, k.record, index, times - k.origin, work, out
+        given = self._seen, k.record, index, clock, work, out
         unbroken(lambda: dense.states_at(p.machine, p.flow(retracing=True), *given))
         return out
 

@@ -1,5 +1,5 @@
-"""The commands ``run``, ``events``, ``equilibria``, ``cycle``, ``branch``, ``response`` and
-``basin``: a motion of a system, and where it ends up in the long run."""
+"""The commands ``run``, ``events``, ``equilibria``, ``cycle``, ``branch``, ``response``,
+``ring-down`` and ``basin``: a motion of a system, and where it ends up in the long run."""
 
 from __future__ import annotations
 
@@ -32,6 +32,7 @@ EQUILIBRIA = Files("equilibria.nc", {"equilibria.csv": lambda found: found.table
 CYCLE = Files("cycle.nc")
 BRANCH = Files("branch.nc", {"branch.csv": lambda found: found.table})
 RESPONSE = Files("response.nc", {"response.csv": lambda found: found.table})
+RING_DOWN = Files("ring-down.nc", {"ring-down.csv": lambda found: found.table})
 BASIN = Files("basin.nc")
 
 
@@ -267,6 +268,46 @@ def response_command(
 
     folder = out or folder_of(system.name, "response")
     present(f"response of {system.name}", folder, RESPONSE, work, json_)
+
+
+def ring_down_command(
+    model: Model,
+    coordinate: Annotated[
+        str | None,
+        typer.Option("--coordinate", metavar="NAME", help="Whose vibration it is."),
+    ] = None,
+    settings: ParameterOptions = None,
+    initial: Initial = None,
+    until: Annotated[
+        float | None, typer.Option("--until", metavar="T", help="End of the time span.")
+    ] = None,
+    rtol: Annotated[float, typer.Option("--rtol", help="Accuracy of the whole motion.")] = 1e-10,
+    time_limit: TimeLimit = None,
+    out: Out = None,
+    json_: Json = False,
+) -> None:
+    """Let a vibration decay: amplitude, frequency and damping of every half-cycle.
+
+    Nothing may drive the model: --set force=0 lets a drive of that name rest.
+
+    Writes ring-down.nc, ring-down.csv, summary.json and overview.png into the folder DIR.
+
+    Exit code: 0 certified, 1 not, or nothing swings, 2 wrong input, 130 interrupted (what was
+    computed is kept).
+    """
+    from stickslip import RingDown, ring_down
+
+    system = load_model(model, settings or [], until)
+    start = given(initial)
+    span = (system.span[0], system.span[1] if until is None else until)
+
+    def work(progress: ShowProgress) -> RingDown:
+        limits: dict[str, Any] = {"rtol": rtol, "time_limit": time_limit}
+        options: dict[str, Any] = {"initial": start, "coordinate": coordinate, **limits}
+        return ring_down(system, span, progress=progress, **options)
+
+    folder = out or folder_of(system.name, "ring-down")
+    present(f"ring-down of {system.name}", folder, RING_DOWN, work, json_)
 
 
 def basin_command(

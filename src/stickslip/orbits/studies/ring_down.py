@@ -1,0 +1,499 @@
+"""Ring-downs: how a free vibration decays, half-cycle by half-cycle.
+
+A half-cycle is the motion from one turning point of a coordinate to the next. With its positions
+x₀, x₁, ... and times t₀, t₁, ... there, half-cycle k has the amplitude A_k = |x_{k+1} − x_k|/2 and
+the frequency 1/(2(t_{k+1} − t_k)). From δ = ln(A_k/A_{k+1}) follows the damping ratio
+ζ = δ/√(π² + δ²), exactly for viscous damping.
+
+References
+----------
+L. Meirovitch, *Fundamentals of Vibrations*, McGraw-Hill 2001, sections 2.4 and 2.6: logarithmic
+decrement, and Coulomb damping, under which amplitudes fall by 2μN/k in each half-cycle. Code_Aster,
+test SDND100: the same with numbers.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+
+from stickslip.arguments import validated
+from stickslip.arrays import Array
+from stickslip.certificates import Certificate, Residual
+from stickslip.equations.derive import derive
+from stickslip.errors import DeclarationError, short, suggestion
+from stickslip.model.entries.units import with_unit
+from stickslip.model.quantities import described_as, energy_unit, per_time, quantity
+from stickslip.model.system import System
+from stickslip.motion.outcome import Outcome
+from stickslip.motion.simulate import simulate
+from stickslip.motion.trajectory import Trajectory
+from stickslip.orbits.equilibria.finding import checked_values
+from stickslip.orbits.studies.turning_points import CoordinateTrace, TurningPoints, turning_points
+from stickslip.results import Completion, Result, restored_certificate, shortened
+from stickslip.symbolic import expressions as ex
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_LEAST = 1e4  # times rtol, relative to the largest amplitude: smaller ones say nothing of damping
+_TURNS = 1e-9  # velocities at turning points, relative to the largest one
+_SAMPLES = 4000  # of the motion, for pictures
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RingDown(Result):
+    """The decay of a free vibration, half-cycle by half-cycle.
+
+    ``ring_down.table`` is a pandas.DataFrame, one row a half-cycle.
+
+    Attributes
+    ----------
+    system : System
+    parameters : dict of str to float
+    coordinate : str
+        Whose vibration it is.
+    dataset : xarray.Dataset
+        Over ``half_cycle``: ``time`` of its middle, ``amplitude`` (half the way between its turning
+        points), ``centre`` (their middle), ``frequency`` (in cycles), ``dissipated`` (energy), and
+        from it to the next one ``decrement`` and ``damping``, which belong to the geometric mean
+        ``damping_amplitude`` of both amplitudes; these three are not numbers in the last
+        half-cycle, which has no next one. Over ``turn``: ``turn_time``, ``turn_position``,
+        ``turn_rest`` (how long the coordinate rests there), ``turn_energy``. Over ``sample``:
+        ``sample_time`` and ``sample_position``, the motion for pictures.
+    stops : bool
+        Whether the coordinate comes to rest within the span, at the last turning point.
+    notes : list of str
+        What else there is to know: where the decay is no longer followed, or amplitudes grow.
+    ended : str
+        How the motion ended, if not as it should.
+    interrupted, time_up : bool
+        Whether the user, or the time limit, ended the motion.
+    certificate : Certificate
+        That of the motion, with the velocities at the turning points.
+    """
+
+    KIND: ClassVar[str] = "ring-down"
+
+    system: System
+    parameters: dict[str, float]
+    coordinate: str
+    dataset: xarray.Dataset
+    stops: bool
+    notes: list[str]
+    certificate: Certificate
+    ended: str = ""
+    interrupted: bool = False
+    time_up: bool = False
+
+    def __repr__(self) -> str:
+        return (
+            f"<RingDown of {self.system.name}: {self.coordinate}, {len(self)} half-cycles"
+            f"{', then rest' if self.stops else ''}>"
+        )
+
+    def __len__(self) -> int:
+        return self.dataset.sizes["half_cycle"]
+
+    @property
+    def along(self) -> str:
+        """Dimension of the half-cycles."""
+        return "half_cycle"
+
+    @property
+    def title(self) -> str:
+        """Of what it is the decay."""
+        return self.system.title or self.system.name
+
+    @property
+    def outcome(self) -> Completion:
+        """Whether there is any half-cycle, and the motion came to its end."""
+        if self.interrupted:
+            return Completion.INTERRUPTED
+        if self.time_up:
+            return Completion.TIME_UP
+        if self.ended:
+            return Completion.STOPPED_EARLY
+        return Completion.FINISHED if len(self) else Completion.NOTHING_FOUND
+
+    @property
+    def message(self) -> str:
+        """How many half-cycles there are, and how it ends."""
+        last = self.dataset["turn_time"].values
+        rest = f"; at rest from t = {last[-1]:.9g} on" if self.stops else ""
+        count = f"{self.coordinate} swings through {_counted(len(self), 'half-cycle')}{rest}"
+        turns = _counted(len(last), "turning point")
+        none = f"{self.coordinate} does not swing: it has {turns}"
+        ended = [f"the motion ends early: {self.ended}"] if self.ended else []
+        return "\n".join([count if len(self) else none, *ended, *self.notes])
+
+    def facts(self) -> dict[str, Any]:
+        """What fits on a page, as plain data."""
+        data = self.dataset
+        about: dict[str, Any] = {
+            **self.system.heading(),
+            "coordinate": self.coordinate,
+            "half cycles": len(self),
+            "stops": self.stops,
+            "turning points": [
+                {"time": float(t), self.coordinate: float(x)}
+                for t, x in zip(data["turn_time"], data["turn_position"], strict=True)
+            ],
+            "notes": self.notes,
+        }
+        if self.stops:
+            about["rest from"] = float(data["turn_time"][-1])
+        for name in ("amplitude", "frequency", "damping"):
+            values = _finite(data[name].values)
+            if len(values):
+                about[f"first {name}"] = float(values[0])
+                about[f"last {name}"] = float(values[-1])
+        return about
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What fits on a page, in words."""
+        data = self.dataset
+        rows = [("ring-down", f"of {self.coordinate}, {_counted(len(self), 'half-cycle')}")]
+        for name, label in (("amplitude", "amplitude"), ("frequency", "frequency")):
+            rows += _from_to(label, data[name].values, str(data[name].attrs.get("units", "1")))
+        rows += _from_to("damping ratio", _finite(data["damping"].values), "1")
+        if self.stops:
+            unit = str(data["turn_time"].attrs.get("units", "1"))
+            at = with_unit(float(data["turn_time"][-1]), unit, 6)
+            unit = str(data["turn_position"].attrs.get("units", "1"))
+            where = with_unit(float(data["turn_position"][-1]), unit, 6)
+            rows.append(("at rest", f"from t = {at} on, at {self.coordinate} = {where}"))
+        return [*rows, *shortened([("note", note) for note in self.notes])]
+
+    def overview(self, ax: Axes | None = None) -> Figure:
+        """The motion between its amplitudes, and frequency and damping over the amplitude; in given
+        axes the motion."""
+        from stickslip.figures.ring_down import plot_ring_down
+
+        return plot_ring_down(self, ax=ax)
+
+    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+        """The numbers, and everything else as data."""
+        return self.dataset, {
+            "system": self.system.to_toml(),
+            "parameters": self.parameters,
+            "coordinate": self.coordinate,
+            "stops": self.stops,
+            "notes": self.notes,
+            "certificate": asdict(self.certificate),
+            "ended": self.ended,
+            "broken": [self.interrupted, self.time_up],
+        }
+
+    @classmethod
+    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
+        """A ring-down as it was."""
+        from stickslip.model.system_file import loads
+
+        interrupted, time_up = json.loads(parts["broken"])
+        return cls(
+            loads(parts["system"], f"{where}: system"),
+            json.loads(parts["parameters"]),
+            parts["coordinate"],
+            data,
+            json.loads(parts["stops"]),
+            json.loads(parts["notes"]),
+            restored_certificate(json.loads(parts["certificate"])),
+            parts["ended"],
+            interrupted,
+            time_up,
+        )
+
+
+@validated
+def ring_down(
+    system: System,
+    span: tuple[float, float] | None = None,
+    *,
+    initial: Mapping[str, float] | None = None,
+    coordinate: str | None = None,
+    parameters: Mapping[str, float] | None = None,
+    rtol: float = 1e-10,
+    atol: float = 1e-12,
+    max_events: int = 1_000_000,
+    time_limit: float | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> RingDown:
+    """How a free vibration decays: amplitude, frequency and damping of every half-cycle.
+
+    Parameters
+    ----------
+    system : System
+        Nothing in it depends on time.
+    span : (float, float), optional
+        Start and end of the motion; by default the system's own span.
+    initial : mapping of str to float, optional
+        State from which it is let go; by default the declared one.
+    coordinate : str, optional
+        Whose vibration it is: an inertial coordinate, or an unknown of a structure, such as
+        ``"u[tip]"``; by default the first inertial coordinate, or the first unknown with a name.
+    parameters : mapping of str to float, optional
+        Values that replace the defaults.
+    rtol, atol : float
+        Quality of the motion, as of :func:`stickslip.simulate`. Half-cycles below 10⁴ rtol of the
+        largest amplitude are left out.
+    max_events : int
+        Limit on the number of events.
+    time_limit : float, optional
+        Seconds of wall-clock time after which the motion ends as it is.
+    progress : callable, optional
+        Called now and then with the fraction done.
+
+    Returns
+    -------
+    RingDown
+        Without half-cycles if the coordinate does not swing.
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is wrong, a drive acts, or the coordinate has no mass.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> block = ss.System(
+    ...     "block",
+    ...     coordinates={"x": ss.Inertial()},
+    ...     kinetic="d_x**2/2",
+    ...     potential="x**2/2",
+    ...     contacts={"floor": ss.Contact("d_x", 0.1)},
+    ... )
+    >>> decay = ss.ring_down(block, (0, 20), initial={"x": 0.85})
+    >>> decay["amplitude"].values.round(12).tolist()
+    [0.75, 0.55, 0.35, 0.15]
+    >>> decay.stops
+    True
+    """
+    values = checked_values(system, parameters)
+    named = _coordinate(system, coordinate)
+    _check_free(system, values)
+    start, end = system.span if span is None else span
+    if not (np.isfinite(start) and np.isfinite(end) and start < end):
+        raise DeclarationError(
+            "span", f"({start:g}, {end:g}) is not a time span", "Give start < end, both finite"
+        )
+    motion = simulate(
+        system,
+        (start, end),
+        initial=initial,
+        parameters=parameters,
+        rtol=rtol,
+        atol=atol,
+        max_events=max_events,
+        time_limit=time_limit,
+        progress=progress,
+    )
+    followed = CoordinateTrace(
+        motion, *(_weights(motion, system, prefix + named) for prefix in ("", "d_"))
+    )
+    turns, notes = _kept(turning_points(followed), named, motion)
+    fault = Residual(
+        "turning points", turns.fault, _TURNS, note="velocity there, relative to the largest one"
+    )
+    own = motion.certificate
+    return RingDown(
+        system,
+        motion.parameters,
+        named,
+        _dataset(motion, named, turns),
+        turns.stops,
+        notes,
+        replace(own, residuals=(*own.residuals, fault)),
+        "" if _arrived(motion.outcome) else motion.message,
+        motion.outcome.interrupted,
+        motion.outcome is Outcome.TIME_UP,
+    )
+
+
+def _arrived(outcome: Outcome) -> bool:
+    """Whether a motion came to its end, or to rest for good."""
+    return outcome.ok or outcome is Outcome.AT_REST
+
+
+def _coordinate(system: System, name: str | None) -> str:
+    """The coordinate that is followed, which has a mass."""
+    inertial = list(system.declaration.inertial)
+    declared = [x for x in inertial if x in system.coordinates]
+    shown = [x for x in system.places if x not in system.coordinates]
+    if name is None:
+        known = [*declared, *shown, *inertial]
+        if not known:
+            raise DeclarationError(
+                system.name, "no coordinate has a mass", "A ring-down needs an inertial coordinate"
+            )
+        return known[0]
+    if name in inertial or (name[:2] != "d_" and system.unknown(name)):
+        return name
+    others = {*system.places, *system.declaration.state} - {f"d_{x}" for x in inertial}
+    if name in others:
+        raise DeclarationError(
+            "coordinate",
+            f"'{short(name)}' has no mass: it does not swing by itself",
+            suggestion("", [*declared, *shown] or inertial),
+        )
+    known = suggestion(name.removeprefix("d_"), [*declared, *shown] or inertial)
+    raise DeclarationError("coordinate", f"there is no coordinate '{short(name)}'", known)
+
+
+def _check_free(system: System, values: Mapping[str, float]) -> None:
+    """See that nothing depends on time.
+
+    Raises
+    ------
+    DeclarationError
+        If something does, with what it is.
+    """
+    equations = derive(system.declaration)
+    if not equations.timed:
+        return
+    zeros = {name: ex.ZERO for name, value in values.items() if value == 0.0}
+
+    def acts(formula: ex.Expr) -> bool:
+        try:
+            return "t" in ex.substitute(formula, zeros).symbols
+        except (ZeroDivisionError, OverflowError):
+            return "t" in formula.symbols
+
+    formulas = [*equations.formulas, *equations.kinks]
+    acting = [formula for formula in formulas if acts(formula)]
+    if not acting:
+        return
+    drives = [name for name, e in system.declaration.drives.items() if acts(e)]
+    what = f"drive '{drives[0]}'" if drives else short(ex.to_text(acting[0]))
+    remedy = f'Let it rest, as by {drives[0]}="0"' if drives else "Let what is driven rest"
+    raise DeclarationError(
+        system.name, f"it depends on time ({what})", f"{remedy}: a ring-down is free"
+    )
+
+
+def _weights(motion: Trajectory, system: System, name: str) -> Array:
+    """What a coordinate, or its rate, is of the components of the state."""
+    state = list(motion._problem.compiled.layout.state)
+    row = {name: 1.0} if name in state else system.unknown(name)
+    weights = np.zeros(len(state))
+    for part, weight in row.items():
+        weights[state.index(part)] = weight
+    return weights
+
+
+def _kept(turns: TurningPoints, name: str, motion: Trajectory) -> tuple[TurningPoints, list[str]]:
+    """The turning points between which amplitudes are well above the accuracy, and what is to be
+    said of them."""
+    notes = list[str]()
+    amplitude = 0.5 * np.abs(np.diff(turns.position))
+    least = _LEAST * motion.rtol * float(np.max(amplitude, initial=0.0))
+    small = np.flatnonzero(amplitude <= least)
+    if len(small):
+        count = int(small[0]) + 1
+        at = turns.clock[count - 1] + motion.knots.origin
+        notes.append(f"from t = {at:.6g} on the amplitude is below {least:.3g}: not followed")
+        clock, position, rest = (part[:count] for part in (turns.clock, turns.position, turns.rest))
+        turns = TurningPoints(clock, position, rest, turns.fault, False, False)
+        amplitude = amplitude[: count - 1]
+    elif turns.fades and len(amplitude):
+        at = turns.clock[-1] + motion.knots.origin
+        notes.append(f"from t = {at:.6g} on it fades away: not followed")
+    grows = int(np.count_nonzero(np.diff(amplitude) > 10.0 * motion.rtol * amplitude[:-1]))
+    if grows:
+        notes.append(
+            f"the amplitude of {name} grows in {grows} of {len(amplitude)} half-cycles: more than "
+            "one mode moves it, or it is fed"
+        )
+    return turns, notes
+
+
+def _dataset(motion: Trajectory, name: str, turns: TurningPoints) -> xarray.Dataset:
+    """Half-cycles, turning points, and the motion."""
+    import xarray as xr
+
+    system, k = motion.system, motion.knots
+    time = turns.clock + k.origin
+
+    def steps(clock: Array) -> Array:
+        index = np.searchsorted(k.clock, clock, side="right") - 1
+        return np.clip(index, 0, len(k.clock) - 1)
+
+    there = motion._values(turns.clock, steps(turns.clock))
+    duration = np.diff(turns.clock)
+    amplitude = 0.5 * np.abs(np.diff(turns.position))
+    decrement = np.full(len(amplitude), np.nan)
+    decrement[:-1] = np.log(amplitude[:-1] / amplitude[1:])
+    between = np.full(len(amplitude), np.nan)
+    between[:-1] = np.sqrt(amplitude[:-1] * amplitude[1:])
+    shown = np.union1d(np.linspace(k.clock[0], k.clock[-1], _SAMPLES + 1), turns.clock)
+    states = motion._states_on_clock(shown, steps(shown))
+    position = states @ _weights(motion, system, name)
+    x = quantity(system, name)
+    energy = energy_unit(system)
+    meaning = x["long_name"]
+    when = system.time_unit or "1"
+    of_length = {key: text for key, text in x.items() if key == "units"}
+    columns: dict[str, tuple[Array, dict[str, str]]] = {
+        "time": (turns.clock[:-1] + 0.5 * duration + k.origin, described_as("time", when)),
+        "amplitude": (amplitude, of_length | {"long_name": f"amplitude of {meaning}"}),
+        "centre": (
+            0.5 * (turns.position[1:] + turns.position[:-1]),
+            of_length | {"long_name": f"middle of {meaning}"},
+        ),
+        "frequency": (0.5 / duration, described_as("frequency", per_time(system, "1"))),
+        "decrement": (decrement, described_as("logarithmic decrement of a half-cycle", "1")),
+        "damping": (
+            decrement / np.sqrt(np.pi**2 + decrement**2),
+            described_as("damping ratio", "1"),
+        ),
+        "damping_amplitude": (
+            between,
+            of_length | {"long_name": f"amplitude of {meaning}, between two half-cycles"},
+        ),
+        "dissipated": (
+            np.diff(there["dissipated_energy"]),
+            described_as("energy dissipated in a half-cycle", energy),
+        ),
+    }
+    at_turns: dict[str, tuple[Array, dict[str, str]]] = {
+        "turn_time": (time, described_as("time", when)),
+        "turn_position": (turns.position, x),
+        "turn_rest": (turns.rest, described_as("time at rest", when)),
+        "turn_energy": (there["energy"], described_as("energy", energy)),
+    }
+    drawn: dict[str, tuple[Array, dict[str, str]]] = {
+        "sample_time": (shown + k.origin, described_as("time", when)),
+        "sample_position": (position, x),
+    }
+    groups = (("half_cycle", columns), ("turn", at_turns), ("sample", drawn))
+    return xr.Dataset(
+        {
+            key: (along, values, about)
+            for along, group in groups
+            for key, (values, about) in group.items()
+        },
+        attrs={"title": system.title or system.name, "coordinate": name},
+    )
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def _finite(values: Array) -> Array:
+    return values[np.isfinite(values)]
+
+
+def _from_to(label: str, values: Array, unit: str) -> list[tuple[str, str]]:
+    """The first and the last of some values."""
+    if not len(values):
+        return []
+    first, last = (with_unit(float(v), unit if unit != "1" else "", 6) for v in values[[0, -1]])
+    return [(label, f"{first} at first, {last} at last" if len(values) > 1 else first)]
