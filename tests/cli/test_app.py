@@ -95,6 +95,17 @@ def test_show_latex_and_toml(tmp_path: Path) -> None:
     assert stickslip("show", str(file)).stdout == str(ss.catalogue.rocking_toy(P=1.2).equations())
 
 
+def test_a_structure_starts_at_unknowns() -> None:
+    given = ["--initial", "u[tip]=0.001", "--initial", "d_u[rub]=0.01", "--set", "F=10"]
+    result = stickslip("run", "cantilever", "--until", "0.02", *given)
+    assert result.exit_code == 0, result.stderr
+    assert "certified" in result.stdout
+    wrong = stickslip("run", "cantilever", "--initial", "u[top]=0.001")
+    assert wrong.exit_code == 2
+    assert "u[top]" in wrong.stderr
+    assert "Traceback" not in wrong.stderr
+
+
 def test_run_writes_a_certified_result(tmp_path: Path) -> None:
     result = stickslip(
         "run", "spring_slider", "--until", "20", "--set", "V=9/50", "--initial", "U=0.4"

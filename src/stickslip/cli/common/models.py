@@ -14,6 +14,7 @@ from stickslip.errors import DeclarationError, short
 from stickslip.model import toml
 from stickslip.model.names import measured_drives
 from stickslip.model.system import Drive, Formula, System
+from stickslip.structures.names import is_entry
 from stickslip.symbolic.expressions import is_number, number
 from stickslip.symbolic.formulas import Scope
 
@@ -80,7 +81,7 @@ def assignments(texts: Iterable[str], option: str) -> dict[str, Formula]:
     found: dict[str, Formula] = {}
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
-        if not (name.isidentifier() and equals and value):
+        if not ((name.isidentifier() or is_entry(name)) and equals and value):
             raise DeclarationError(
                 f"{option} {text}", "not of the form NAME=VALUE", f"Write it like {option} P=1.2"
             )
