@@ -103,6 +103,7 @@ def test_entry(name):
     assert system.name == name == function.__name__
     assert 10 < len(system.title) < 60
     assert system.source
+    assert catalogue.about(name) == (system.title, system.source)
     assert all(p.meaning for p in system.parameters.values())
     assert all(c.meaning for c in (*system.coordinates.values(), *system.internal.values()))
     document = inspect.getdoc(function)

@@ -364,6 +364,8 @@ def test_what_is_shown_is_what_is_computed(system: ss.System, seed: int) -> None
     values |= {name: rng.uniform(0.0, 1.0) for name in declared.internal}
     values |= {f"d_{x}": rng.uniform(-1.0, 1.0) for x in declared.coordinates}
     accelerations = {q: rng.uniform(-1.0, 1.0) for q in declared.inertial}
+    for name, row in system.unknowns.items():
+        values[name] = sum(weight * values[mode] for mode, weight in row.items())
     values |= system.values
     normals = [c for c in declared.contacts if c.opens]
     values |= {c.name: rng.uniform(0.0, 1.0) for c in normals}

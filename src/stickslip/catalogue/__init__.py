@@ -12,8 +12,10 @@ keep up.
 
 from __future__ import annotations
 
+import ast
 import sys
 from importlib import import_module
+from pathlib import Path
 from pkgutil import iter_modules
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -58,6 +60,21 @@ def get(name: str, **given: Any) -> System:
             suggestion(name.replace("-", "_"), known),
         )
     return __getattr__(name)(**given)
+
+
+def about(name: str) -> tuple[str, str]:
+    """Title and source of a system. They are read off its file, so that a list of all systems
+    declares none; a structure would be assembled."""
+    text = Path(__path__[0], f"{name}.py").read_text(encoding="utf-8")
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            given = {k.arg: k.value for k in node.keywords}
+            told = [given.get(key) for key in ("title", "source")]
+            texts = [part.value for part in told if isinstance(part, ast.Constant)]
+            if node.func.id == "System" and len(texts) == 2:
+                return str(texts[0]), str(texts[1])
+    system = get(name)  # its title is a formula
+    return system.title, system.source
 
 
 def __getattr__(name: str) -> Callable[..., System]:

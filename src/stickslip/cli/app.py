@@ -55,13 +55,11 @@ def _options(
 def list_() -> None:
     """List the systems of the catalogue."""
     from stickslip import catalogue
-    from stickslip.model.system import titles_only
 
-    with titles_only():
-        systems = [catalogue.get(name) for name in catalogue.names()]
-    names, titles = (max(len(getattr(s, key)) for s in systems) for key in ("name", "title"))
-    for s in systems:
-        typer.echo(f"{s.name:<{names}}   {s.title:<{titles}}   {s.source}".rstrip())
+    systems = {name: catalogue.about(name) for name in catalogue.names()}
+    names, titles = max(map(len, systems)), max(len(title) for title, _ in systems.values())
+    for name, (title, source) in systems.items():
+        typer.echo(f"{name:<{names}}   {title:<{titles}}   {source}".rstrip())
 
 
 @app.command()

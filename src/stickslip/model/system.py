@@ -7,9 +7,7 @@ A :class:`System` holds texts and numbers only. Creating one checks the whole de
 from __future__ import annotations
 
 import warnings
-from collections.abc import Generator, Mapping, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeAlias, cast
@@ -24,8 +22,6 @@ if TYPE_CHECKING:
     from stickslip.rate_independent.sets.potential import Dissipation
     from stickslip.structures.coordinates import InModes
     from stickslip.structures.structure import Structure
-
-_titles_only = ContextVar("_titles_only", default=False)
 
 Formula = str | float
 """A text or a number. An expression may be given, too: it is written down as a text."""
@@ -484,17 +480,6 @@ def _known(drives: Any) -> _NotGiven:
     return _NotGiven((start, stop)) if start < stop else _SPAN
 
 
-@contextmanager
-def titles_only() -> Generator[None]:
-    """Where systems are checked on first use instead of when they are created: for a list of the
-    catalogue, which starts sooner without NumPy."""
-    token = _titles_only.set(True)
-    try:
-        yield
-    finally:
-        _titles_only.reset(token)
-
-
 @dataclass(frozen=True)
 class System:
     """A system declared by its energy and its dissipation potential.
@@ -582,8 +567,6 @@ class System:
         hold_plain(self)
         if not given:
             object.__setattr__(self, "span", _known(self.drives))
-        if _titles_only.get():
-            return
         _ = self.declaration
         for doubt in self.doubts:
             warnings.warn(f"{self.name}: {doubt}", stacklevel=3)
