@@ -124,6 +124,8 @@ def test_every_system_of_the_catalogue(name: str) -> None:
     """The compiled pass and that with NumPy: all columns, with a parameter and without."""
     system = catalogue.get(name)
     begin, end = system.span
+    if system.structures:  # their fast modes are resolved
+        end = begin + 0.06 * (end - begin)
     motion = simulate(system, (begin, min(end, begin + 12.0)))
     if len(motion.knots.time) > _ENOUGH:
         motion = simulate(system, (begin, float(motion.knots.time[_ENOUGH])))
