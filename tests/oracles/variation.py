@@ -22,6 +22,7 @@ from itertools import permutations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.linalg import expm, matrix_balance
 
 from oracles.fields import function
 from stickslip.arrays import Array
@@ -147,21 +148,27 @@ def transitions(trajectory: Trajectory, made: list[Piece], p: Array) -> Array:
         -1, _STAGES, n
     )
     for piece, steps in groups:
+        slopes = _jacobian(piece, k.time[steps], k.state[steps].T, p)
+        scale = _balance(slopes[:, :, :n])
         if piece in even:
-            J = np.repeat(
-                _jacobian(piece, k.time[steps], k.state[steps].T, p)[:, None], _STAGES, axis=1
-            )
-            each = zip(
-                collocation(J, np.diff(k.time)[steps] / parts[steps]), parts[steps], strict=True
-            )
-            flows[steps] = [np.linalg.matrix_power(flow, int(power)) for flow, power in each]
+            balanced = slopes / scale[:, None] * scale
+            each = expm(balanced * np.diff(k.time)[steps, None, None])
+            flows[steps] = each * scale[:, None] / scale
             continue
         own = np.isin(owner, steps)
-        pieces = _collocate(piece, times[own], states[own], h[own], p)
+        pieces = _collocate(piece, times[own], states[own], h[own], p, scale)
         last = np.cumsum(parts[steps])
         for step, a, b in zip(steps, last - parts[steps], last, strict=True):
-            flows[step, :n] = _product(pieces[a:b])
+            flow = _product(pieces[a:b]) * scale[:, None]
+            flow[:, :n] /= scale
+            flows[step, :n] = flow
     return flows
+
+
+def _balance(slopes: Array) -> Array:
+    """Powers of two in units of which all components are alike: rates of fast modes are large."""
+    _, (scale, _) = matrix_balance(np.max(np.abs(slopes), axis=0), permute=False, separate=True)
+    return scale
 
 
 def _steps_by_piece(k: Knots, made: list[Piece]) -> list[tuple[Piece, Array]]:
@@ -201,13 +208,17 @@ def gauss_points(k: Knots, index: Array, parts: Array) -> tuple[Array, Array, Ar
     return k.time[owner][:, None] + (within[:, None] + c) * h[:, None], owner, h
 
 
-def _collocate(piece: Piece, times: Array, states: Array, h: Array, p: Array) -> Array:
+def _collocate(
+    piece: Piece, times: Array, states: Array, h: Array, p: Array, scale: Array
+) -> Array:
     """Upper rows of the transition matrices over collocation steps of one piece, from the states at
-    their nodes."""
+    their nodes, in units of some scales."""
     flows = np.empty((len(h), states.shape[2], len(piece.columns)))
     for s in range(0, len(h), _BATCH):
         part = slice(s, s + _BATCH)
         J = _jacobian(piece, times[part].ravel(), states[part].reshape(-1, states.shape[2]).T, p)
+        J = J / scale[:, None]
+        J[:, :, : len(scale)] *= scale
         flows[part] = collocation(J.reshape(-1, _STAGES, *J.shape[1:]), h[part])
     return flows
 
