@@ -24,7 +24,7 @@ from stickslip.explorer.drawings.parts import (
     rod,
     spring,
 )
-from stickslip.model.quantities import contact_key
+from stickslip.model.quantities import contact_key, quantity
 from stickslip.model.system import System
 from stickslip.symbolic import expressions as ex
 
@@ -40,12 +40,9 @@ _TALL = 0.9
 def generic_scene(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> Scene:
     """A picture that every system has."""
     system = motion.system
-    names = [x for x in system.coordinates if x in values] or [
-        x for x in system.internal if x in values
-    ]
+    names = [x for x in system.places if x in values] or [x for x in system.internal if x in values]
     names = names[:_MOST]
-    declared = {**system.coordinates, **system.internal}
-    turning = [x for x in names if declared[x].unit == "rad"]
+    turning = [x for x in names if quantity(system, x).get("units") == "rad"]
     blocks = [x for x in names if x not in turning]
     soles = soles_of(system)
     scene = Scene(

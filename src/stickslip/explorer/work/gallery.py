@@ -36,7 +36,7 @@ def draw_gallery(request: Request, patience: Patience) -> Iterator[Answer]:
         knots = motion.knots.time
         at = np.linspace(knots[0], knots[-1], 64)
         index = np.clip(np.searchsorted(knots, at, side="right") - 1, 0, len(knots) - 1)
-        values = motion.trace(list(motion.final), at, index)
+        values = motion.trace([*motion.final, *system.unknowns], at, index)
         scene, arrays = scene_of(motion, at, values).packed()
         here = int(_PLACE * len(at))
         small = {key: values[here : here + 1] for key, values in arrays.items()}

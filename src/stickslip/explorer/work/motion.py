@@ -112,9 +112,10 @@ def _groups(
 ) -> list[dict[str, Any]]:
     """Which lines belong together: quantities of a kind and a unit, and each friction force with
     its thresholds."""
-    coordinates = list(system.coordinates)
-    rates = [f"d_{x}" for x in coordinates if f"d_{x}" in known]
-    others = [name for name in known if name not in coordinates and name not in rates]
+    coordinates = system.places
+    rates = [r for r in (f"d_{x}" for x in coordinates) if r in known or r in system.unknowns]
+    modes = {x for own in system.declaration.bodies for q in own for x in (q, f"d_{q}")}
+    others = [name for name in known if name not in {*coordinates, *rates, *modes}]
     groups: list[dict[str, Any]] = []
     for kind, names in (("coordinate", coordinates), ("rate", rates), ("internal", others)):
         by_unit: dict[str, list[str]] = {}
