@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -87,3 +88,16 @@ def test_mistuned_blades_have_a_certified_cycle() -> None:
 def test_wrong_sizes_are_refused(name: str, given: dict[str, float]) -> None:
     with pytest.raises(ss.DeclarationError, match="Give "):
         ss.catalogue.get(name, **given)
+
+
+@pytest.mark.parametrize("mode", [1, 4, 10, 16])
+def test_a_mode_that_is_off_by_little_is_seen(mode: int) -> None:
+    """By 10⁻⁸ of the largest one, at one knot: all modes are measured by the largest."""
+    motion = ss.simulate(ss.catalogue.cantilever(), (0.0, 0.05))
+    assert motion.certificate.ok
+    states = motion.knots.state.copy()
+    place = mode - 1
+    states[len(states) // 2, place] += 1e-8 * np.max(np.abs(states[:, :16]))
+    off = replace(motion.knots, state=states)
+    tampered = ss.Trajectory(motion._problem, motion.t_span, off, motion.outcome)
+    assert not tampered.certificate.ok

@@ -42,7 +42,7 @@ def bladed_disk(
     ----------
     J. H. Griffin, A. Sinha, *The interaction between mistuning and friction in the forced response
     of bladed disk assemblies*, J. Eng. Gas Turbines Power 107 (1985) 205-211, for the model; the
-    numbers are of our own.
+    numbers are ours.
     """
     whole = [is_finite(x) and float(x).is_integer() for x in (n, order)]
     if not (whole[0] and 3 <= n <= _MOST):

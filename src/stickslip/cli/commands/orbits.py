@@ -302,9 +302,15 @@ def ring_down_command(
     span = (system.span[0], system.span[1] if until is None else until)
 
     def work(progress: ShowProgress) -> RingDown:
-        limits: dict[str, Any] = {"rtol": rtol, "time_limit": time_limit}
-        options: dict[str, Any] = {"initial": start, "coordinate": coordinate, **limits}
-        return ring_down(system, span, progress=progress, **options)
+        return ring_down(
+            system,
+            span,
+            initial=start,
+            coordinate=coordinate,
+            rtol=rtol,
+            time_limit=time_limit,
+            progress=progress,
+        )
 
     folder = out or folder_of(system.name, "ring-down")
     present(f"ring-down of {system.name}", folder, RING_DOWN, work, json_)

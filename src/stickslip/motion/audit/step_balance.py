@@ -394,8 +394,10 @@ def force_size(rows: Rows, law: Array, c: int) -> float:
     problem, so that one whose threshold vanishes is known up to the rounding of the others."""
     size = law[c, LARGEST_FORCE]
     part = rows.homes[c, PART]
+    if part < 0:
+        return size
     for other in range(len(law)):
-        if part >= 0 and rows.homes[other, PART] == part:
+        if rows.homes[other, PART] == part:
             size = most(size, CANCELLED_PART * law[other, LARGEST_FORCE])
     return size
 

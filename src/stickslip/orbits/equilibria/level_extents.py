@@ -209,8 +209,8 @@ class _Extents:
 
 @np.errstate(all="ignore")
 def contracted(found: Enclosures, low: Array, high: Array) -> tuple[Array, Array]:
-    """Boxes shrunk to where conditions can be nonnegative, by the mean value theorem: low above
-    high where there is no such place."""
+    """Boxes shrunk to where conditions can be nonnegative, by the mean value theorem. A box
+    that holds no such point comes back with low above high."""
     middle = centres(low, high)
     before, behind = low - middle, high - middle
     gains = np.maximum(times_way(found.slope_high, behind), times_way(found.slope_low, before))

@@ -216,7 +216,7 @@ def _modes(motion: Trajectory) -> list[slice]:
     ]
 
 
-def as_felt(sizes: Array, felt: list[Array], modes: Sequence[slice] = ()) -> Array:
+def as_felt(sizes: Array, felt: list[Array], modes: Sequence[slice]) -> Array:
     """Change of each component that some rate or guard feels as much as it feels the others;
     infinite if none does.
 

@@ -70,7 +70,7 @@ class RingDown(Result):
     stops : bool
         Whether the coordinate comes to rest within the span, at the last turning point.
     notes : list of str
-        What else there is to know: where the decay is no longer followed, or amplitudes grow.
+        Remarks: from where on the decay is not followed, or that amplitudes grow.
     ended : str
         How the motion ended, if not as it should.
     interrupted, time_up : bool

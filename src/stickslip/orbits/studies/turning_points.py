@@ -179,7 +179,8 @@ def _samples(followed: CoordinateTrace) -> tuple[AnyArray, Array, Array, Array]:
 def _size(samples: tuple[AnyArray, Array, Array, Array]) -> tuple[float, float, float]:
     """Largest time, position and velocity."""
     _, clock, x, v = samples
-    return tuple(float(np.max(np.abs(part), initial=0.0)) for part in (clock, x, v))  # type: ignore[return-value]
+    time, place, rate = (float(np.max(np.abs(part), initial=0.0)) for part in (clock, x, v))
+    return time, place, rate
 
 
 def _judged(
