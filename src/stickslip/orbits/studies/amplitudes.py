@@ -44,6 +44,7 @@ _HALVINGS = 5  # of one of them
 _BALANCES = 3  # rounds in which the excitation is guessed
 _SAMPLED = 64  # of the period in which that is done
 _STRONGEST = 20.0  # growth rate of the guess, in a period
+_OTHER = 0.4  # logarithm of a ratio of periods between neighbours
 _SHRINK = 0.5  # part of a step of the amplitude that is tried next
 _LEAST = 1e-3  # … but none shorter than this part of the amplitude
 _SAMPLES, _REFINED = 16, 6  # of a step, between which the coordinate turns once at most
@@ -51,16 +52,18 @@ _SAMPLES, _REFINED = 16, 6  # of a step, between which the coordinate turns once
 
 @dataclass(frozen=True)
 class AtAmplitude:
-    """A cycle of a wanted amplitude, and how it goes on.
+    """A cycle of a wanted amplitude.
 
     Attributes
     ----------
     cycle : Cycle
-    amplitude : float
+    amplitude, measured : float
+        What was wanted, and what it has.
     """
 
     cycle: Cycle
     amplitude: float
+    measured: float
 
 
 class Amplitudes:
@@ -99,6 +102,16 @@ class Amplitudes:
         return 0.5 * (high - low)
 
     # -- the first one -----------------------------------------------------------------------------
+
+    def first(self, amplitude: float) -> tuple[Shooting, Orbit]:
+        """A cycle from which to go on.
+
+        Raises
+        ------
+        ConvergenceError
+            If none is found.
+        """
+        return self._certified(*self.renewed(*self.solve(*self.begun(amplitude), amplitude)))
 
     def begun(self, amplitude: float) -> tuple[Shooting, Array]:
         """The equations near the motion from the rest, pushed along the mode: there no slider is
@@ -305,16 +318,35 @@ class Amplitudes:
                 if aim == wanted:
                     break
                 aim = wanted
-            found(AtAmplitude(self.cycle(shooting, orbit), wanted))
+            found(AtAmplitude(self.cycle(shooting, orbit), wanted, now))
         return ""
 
     def _next(self, shooting: Shooting, orbit: Orbit, aim: float) -> tuple[Shooting, Orbit]:
         """The cycle of another amplitude: along the curve, or near the motion that is larger."""
         try:
             x = self.predicted(shooting, orbit, aim)
-            return self.renewed(*self.solve(shooting, x, aim))
+            new = self.renewed(*self.solve(shooting, x, aim))
         except (StickslipError, ArithmeticError, np.linalg.LinAlgError):
-            return self.renewed(*self.solve(*self.scaled(orbit, aim), aim))
+            new = self.renewed(*self.solve(*self.scaled(orbit, aim), aim))
+        change = abs(np.log(new[1].period / orbit.period))
+        if change > _OTHER:
+            raise ConvergenceError(
+                f"a backbone of {self.system.name}",
+                f"at the amplitude {aim:.6g} only a cycle of period {new[1].period:.6g} was found",
+                "Give more points",
+            )
+        return self._certified(*new)
+
+    def _certified(self, shooting: Shooting, orbit: Orbit) -> tuple[Shooting, Orbit]:
+        """A cycle, if it is one."""
+        certificate = self.cycle(shooting, orbit).certificate
+        if not certificate.ok:
+            raise ConvergenceError(
+                f"a backbone of {self.system.name}",
+                f"the cycle that was found is {certificate.verdict}",
+                "Give more points, or other amplitudes",
+            )
+        return shooting, orbit
 
     def cycle(self, shooting: Shooting, orbit: Orbit) -> Cycle:
         """What was found as a cycle, of equations whose parameters are given."""

@@ -132,8 +132,6 @@ def _undriven(system: System, values: Mapping[str, float]) -> System:
     """The system without time where parameters that are zero switch it off."""
     d = system.declaration
     zero = {name: ex.ZERO for name, value in values.items() if value == 0.0}
-    for name in zero:
-        system.declaration.check_range(name, 0.0)
 
     def without(formula: Any, where: str) -> Any:
         if isinstance(formula, TimeFunction) or not isinstance(formula, str):
