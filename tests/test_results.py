@@ -34,6 +34,7 @@ def study() -> ss.AveragingStudy:
 
 
 OSCILLATOR = ss.catalogue.forced_oscillator()
+UNDRIVEN = ss.catalogue.jenkins_oscillator(force=0)
 
 
 def record(friction: float) -> dict[str, np.ndarray]:
@@ -62,6 +63,7 @@ MAKERS: dict[str, Callable[[], Result]] = {
     "frequency response": lambda: ss.frequency_response(
         ss.catalogue.forced_oscillator(F_c=0.3), "omega", (1.2, 1.3), points=2
     ),
+    "backbone": lambda: ss.backbone(UNDRIVEN, (0.4, 0.8), points=2),
     "map": lambda: ss.sweep(TOY, {"P": [1.1, 1.2], "delta": [0.05, 0.1]}, ["speed", "period"]),
     "line": lambda: ss.sweep(TOY, {"P": [1.1, 1.2]}, ["speed"], initial={"psi": 0.8}),
     "fit": lambda: fitted(0.3),
@@ -85,6 +87,7 @@ QUANTITY = {
     "branch": "U",
     "gait study": "speed",
     "frequency response": "amplitude",
+    "backbone": "damping",
     "map": "speed",
     "line": "speed",
     "fit": "estimate",

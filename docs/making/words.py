@@ -34,6 +34,7 @@ WORDS: Mapping[str, str] = {
     "time series, csv input, base excitation",
     "how-to/mechanisms": "double pendulum, pendulum, multibody, constraint, chain of blocks",
     "how-to/frequency-response": "frequency response, harmonic force, resonance, forced response",
+    "how-to/backbone": "backbone, nonlinear mode, modal damping, damping ratio",
     "how-to/branches": "periodic orbit, periodic motion, limit cycle, bifurcation diagram, "
     "continuation, bifurcation, Hopf",
     "how-to/maps": "parameter map, two parameters, parameter study, parameter sweep, "

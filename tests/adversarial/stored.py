@@ -81,6 +81,7 @@ MAKERS: dict[str, Callable[[], Any]] = {
     "frequency response": lambda: ss.frequency_response(
         ss.catalogue.forced_oscillator(F_c=0.3), "omega", (1.2, 1.3), points=2
     ),
+    "backbone": lambda: ss.backbone(ss.catalogue.jenkins_oscillator(force=0), (0.4, 0.8), points=2),
     "file of a map": _sweep,
     "fit": _fit,
     "basin": lambda: ss.basin(ss.catalogue.rocking_toy(P=1.2), {"psi": "0:1:2", "d_psi": "0:1:2"}),

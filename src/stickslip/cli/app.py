@@ -188,6 +188,7 @@ for _name, _command in {
     "cycle": orbits.cycle_command,
     "branch": orbits.branch_command,
     "response": orbits.response_command,
+    "backbone": orbits.backbone_command,
     "basin": orbits.basin_command,
     "fit": fitting.fit_command,
     "sweep": sweeping.sweep_command,

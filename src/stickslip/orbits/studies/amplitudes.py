@@ -31,7 +31,13 @@ from stickslip.orbits.return_map.recurrence import (
     station_time,
     window,
 )
-from stickslip.orbits.return_map.shooting import Orbit, Shooting, follow_freely, follow_state, parameter_values
+from stickslip.orbits.return_map.shooting import (
+    Orbit,
+    Shooting,
+    follow_freely,
+    follow_state,
+    parameter_values,
+)
 from stickslip.orbits.studies.self_excitation import EXCITATION, LinearMode
 from stickslip.stopping.scopes import heed
 
@@ -371,9 +377,7 @@ def _check(shooting: Shooting, orbit: Orbit) -> None:
         raise ConvergenceError("a backbone", "the cycle ends in another mode", "Step less")
 
 
-def _ends(
-    motion: Trajectory, row: Array, rates: Array
-) -> tuple[float, float, tuple[float, float]]:
+def _ends(motion: Trajectory, row: Array, rates: Array) -> tuple[float, float, tuple[float, float]]:
     """Least and largest value of a linear form of the state, whose rate is another one, and when
     they are reached."""
     k = motion.knots

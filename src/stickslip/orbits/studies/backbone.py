@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_SAMPLES, _CLOSER = 64, 2  # of a period, and how often it is looked closer
 _AGREES = 1e-8  # to which the amplitude is that which is wanted
 
 
@@ -278,7 +279,7 @@ def backbone(
     >>> oscillator = ss.catalogue.jenkins_oscillator(c=0.0, force=0)
     >>> found = ss.backbone(oscillator, (0.1, 10.0), points=5)
     >>> found.frequency.round(3).tolist()
-    [1.414, 1.414, 1.227, 1.033, 1.009]
+    [1.414, 1.414, 1.226, 1.049, 1.009]
     """
     values = checked_values(system, parameters)
     low, high = amplitudes
@@ -318,12 +319,13 @@ def _checked_coordinate(system: System, coordinate: str | None) -> str:
     """An inertial coordinate, or an unknown of a structure."""
     inertial = system.declaration.inertial
     own = [x for x in system.coordinates if x in inertial]
+    unknowns = [x for x in system.places if system.unknown(x)]
     if coordinate is None:
-        return [*own, *(x for x in system.places if system.unknown(x)), *inertial][0]
+        return [*own, *unknowns, *inertial][0]
     if coordinate not in inertial and not (
         coordinate[:2] != "d_" and system.unknown(coordinate).keys() & set(inertial)
     ):
-        known = suggestion(coordinate, [*own, *system.places])
+        known = suggestion(coordinate, [*own, *unknowns])
         raise DeclarationError("coordinate", f"no '{coordinate}' has a mass", known)
     return coordinate
 
@@ -471,12 +473,19 @@ def _harmonic(cycle: Cycle, coordinate: str) -> complex:
 
 
 def _kinetic_energy(cycle: Cycle, mass: Array) -> float:
-    """The largest in a period: at samples, and by the parabola through the highest of them."""
+    """The largest in a period: at samples, at closer ones around the highest of them, and by the
+    parabola through the highest of these."""
     n = len(mass)
-    rates = cycle.closed.samples(64)[:, n : 2 * n]
-    energy = 0.5 * np.einsum("ti,ij,tj->t", rates, mass, rates)
-    i = int(np.argmax(energy))
-    a, b, c = energy[i - 1], energy[i], energy[(i + 1) % len(energy)]
+    part = np.arange(_SAMPLES) / _SAMPLES
+    for _ in range(_CLOSER):
+        rates = cycle.closed.states_at(part % 1.0)[:, n : 2 * n]
+        energy = 0.5 * np.einsum("ti,ij,tj->t", rates, mass, rates)
+        i = int(np.argmax(energy))
+        width = part[1] - part[0]
+        part = part[i] + width * np.linspace(-1.0, 1.0, _SAMPLES + 1)
+    if not 0 < i < len(energy) - 1:
+        return float(energy[i])
+    a, b, c = energy[i - 1 : i + 2]
     bend = a - 2.0 * b + c
     return float(b - (c - a) ** 2 / (8.0 * bend)) if bend < 0.0 else float(b)
 
@@ -497,7 +506,7 @@ def _attributes(system: System, coordinate: str) -> dict[str, dict[str, Any]]:
         "energy": described_as("largest kinetic energy", unit),
         "dissipated": energy,
         **{
-            f"dissipated_{contact_key(c)}": described_as(f"energy dissipated per cycle in {c}", unit)
+            f"dissipated_{contact_key(c)}": described_as(f"energy per cycle in {c}", unit)
             for c in system.contacts
         },
         "stick": described_as("share of the time in stick", "1"),
