@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_SAMPLES, _CLOSER = 64, 2  # of a period, and how often it is looked closer
+_SAMPLES = 64  # of a period, and around the highest of them
 _AGREES = 1e-8  # to which the amplitude is that which is wanted
 
 
@@ -412,6 +412,7 @@ def _result(
         name: ("point", np.array([row[name] for row in table]), attributes.get(name, {}))
         for name in table[0]
     }
+    data["slips"] = ("point", data["slips"][1].astype(np.int8), data["slips"][2])
     about = {"title": system.title or system.name, "coordinate": coordinate, "mode": mode}
     certificate = worst([one.cycle.certificate for one in found])
     missed = max(
@@ -461,7 +462,7 @@ def _measured(
         "dissipated": cycle.dissipated,
         **of_contacts,
         "stick": cycle.stick_time / cycle.period,
-        "slips": np.int8(slips),
+        "slips": float(slips),
         "harmonic": abs(_harmonic(cycle, coordinate)),
     }
 
@@ -476,13 +477,15 @@ def _kinetic_energy(cycle: Cycle, mass: Array) -> float:
     """The largest in a period: at samples, at closer ones around the highest of them, and by the
     parabola through the highest of these."""
     n = len(mass)
-    part = np.arange(_SAMPLES) / _SAMPLES
-    for _ in range(_CLOSER):
+
+    def energies(part: Array) -> Array:
         rates = cycle.closed.states_at(part % 1.0)[:, n : 2 * n]
-        energy = 0.5 * np.einsum("ti,ij,tj->t", rates, mass, rates)
-        i = int(np.argmax(energy))
-        width = part[1] - part[0]
-        part = part[i] + width * np.linspace(-1.0, 1.0, _SAMPLES + 1)
+        return 0.5 * np.einsum("ti,ij,tj->t", rates, mass, rates)
+
+    part = np.arange(_SAMPLES) / _SAMPLES
+    highest = part[int(np.argmax(energies(part)))]
+    energy = energies(highest + np.linspace(-1.0, 1.0, _SAMPLES + 1) / _SAMPLES)
+    i = int(np.argmax(energy))
     if not 0 < i < len(energy) - 1:
         return float(energy[i])
     a, b, c = energy[i - 1 : i + 2]
