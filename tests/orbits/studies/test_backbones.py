@@ -172,6 +172,14 @@ def test_a_backbone_that_makes_no_sense_is_refused(given: dict[str, Any], messag
         ss.backbone(**{**usual, **given})
 
 
+def test_a_time_limit_keeps_what_was_found() -> None:
+    body = chain_of_three()[0]
+    ss.backbone(body, (0.2, 0.3), coordinate="u[tip]", points=2)
+    found = ss.backbone(body, (0.2, 4.0), coordinate="u[tip]", points=2000, time_limit=0.7)
+    assert 0 < len(found.amplitude) < 2000
+    assert found.outcome.name == "TIME_UP" and found.certificate.ok and not found.notes
+
+
 def test_where_there_is_no_cycle_it_says_so() -> None:
     # Below F/k the spring cannot move the mass.
     with pytest.raises(ss.ConvergenceError, match="backbone"):

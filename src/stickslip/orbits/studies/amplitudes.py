@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 _SOLVED = 1e-11  # of the amplitude, and of the size of the cycle
+_KNOWN = 3e-3  # of the amplitude: a miss at which its derivative is not made anew
 _MOST_STEPS = 20
 _HALVINGS = 5  # of one of them
 _BALANCES = 3  # rounds in which the excitation is guessed
@@ -100,6 +101,8 @@ class Amplitudes:
         # A closed form is made for one set of parameters; here every motion has its own.
         self.problem: Problem = pose(system, {**values, EXCITATION: 0.0}, exact=False)
         self.pieces = Pieces(self.problem.compiled.equations, EXCITATION)
+        self._given = Pieces(self.pieces.equations)
+        self._latest: tuple[Orbit, Cycle] | None = None
         self.share = float(self.row[: len(mode.shape)] @ mode.shape)
 
     def amplitude(self, orbit: Orbit) -> float:
@@ -178,14 +181,20 @@ class Amplitudes:
         """
         orbit = shooting.orbit(x)
         miss = self._miss(orbit, amplitude)
+        gradient: Array | None = None
         for _ in range(_MOST_STEPS):
             heed()
             if miss <= _SOLVED:
                 break
             units = _units(shooting, orbit)
-            now, gradient = self.slopes(shooting, orbit)
+            # Near the cycle the last derivative of the amplitude is good enough.
+            if gradient is None or miss > _KNOWN:
+                gradient = self.slopes(shooting, orbit)
+            now = self.amplitude(orbit)
             matrix = np.vstack([orbit.J * units, gradient * units / amplitude])
             right = np.append(-orbit.F, 1.0 - now / amplitude)
+            if not np.all(np.isfinite(matrix)):
+                break
             step = np.linalg.lstsq(matrix, right, rcond=1e-13)[0]
             better = self._shortened(shooting, orbit, units * step, amplitude, miss)
             if better is None:
@@ -233,9 +242,8 @@ class Amplitudes:
         self, shooting: Shooting, orbit: Orbit, step: Array, amplitude: float, miss: float
     ) -> tuple[Orbit, float] | None:
         """The first of the shortened steps that misses less; None if there is none."""
-        units = _units(shooting, orbit)
-        sizes = np.abs(step / units)
-        part = min(1.0, 1.0 / (np.max(sizes) + 1e-300), 0.3 / (sizes[shooting.time] + 1e-300))
+        # What moves little may be far off in units of its size; the period may not.
+        part = min(1.0, 0.3 * orbit.period / (abs(float(step[shooting.time])) + 1e-300))
         for _ in range(_HALVINGS):
             with suppress(StickslipError):
                 trial = shooting.orbit(orbit.x + part * step)
@@ -245,10 +253,10 @@ class Amplitudes:
             part *= 0.5
         return None
 
-    def slopes(self, shooting: Shooting, orbit: Orbit) -> tuple[float, Array]:
-        """The amplitude and its derivative by the unknowns: where the coordinate turns, a later
-        time changes nothing."""
-        low, high, at = _ends(orbit.motion, self.row, self.rates)
+    def slopes(self, shooting: Shooting, orbit: Orbit) -> Array:
+        """Derivative of the amplitude by the unknowns: where the coordinate turns, a later time
+        changes nothing."""
+        _, _, at = _ends(orbit.motion, self.row, self.rates)
         gradient = np.zeros(len(orbit.x))
         n = len(self.row)
         p = parameter_values(orbit.problem)
@@ -271,13 +279,19 @@ class Amplitudes:
             gradient[own] += change[:-2]
             gradient[shooting.time] += leg.begin * change[-2]
             gradient[-1] += change[-1]
-        return 0.5 * (high - low), gradient
+        return gradient
 
     def _along(self, shooting: Shooting, orbit: Orbit) -> tuple[Array, float]:
         """The direction of the curve in units, and how the amplitude grows along it."""
         units = _units(shooting, orbit)
+        if not np.all(np.isfinite(orbit.J)):
+            raise ConvergenceError(
+                f"a backbone of {self.system.name}",
+                "the cycle has no derivative",
+                "Give more points, or other amplitudes",
+            )
         tangent = np.linalg.svd(orbit.J * units)[2][-1]
-        slope = float((self.slopes(shooting, orbit)[1] * units) @ tangent)
+        slope = float((self.slopes(shooting, orbit) * units) @ tangent)
         if slope == 0.0:
             raise ConvergenceError(
                 f"a backbone of {self.system.name}",
@@ -356,9 +370,11 @@ class Amplitudes:
 
     def cycle(self, shooting: Shooting, orbit: Orbit) -> Cycle:
         """What was found as a cycle, of equations whose parameters are given."""
-        fixed = shooting.with_pieces(Pieces(self.pieces.equations), orbit.problem)
-        fixed.fixed = shooting.fixed
-        return make_cycle(Closed(fixed, fixed.orbit(orbit.x[:-1])))
+        if self._latest is None or self._latest[0] is not orbit:
+            fixed = shooting.with_pieces(self._given, orbit.problem)
+            fixed.fixed = shooting.fixed
+            self._latest = orbit, make_cycle(Closed(fixed, fixed.orbit(orbit.x[:-1])))
+        return self._latest[1]
 
 
 def _units(shooting: Shooting, orbit: Orbit) -> Array:

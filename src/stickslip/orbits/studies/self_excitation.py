@@ -26,6 +26,7 @@ from stickslip.symbolic.formulas import TimeFunction, formula_text
 EXCITATION = "self_excitation"
 """Name of the parameter ξ that the excited system has more."""
 _STEPS = 50  # of Newton's method to the rest
+_RIGID = 1e-12  # a square of a frequency below this part of the largest is 0
 _AT_REST = 1e-12  # a step of this part of the state is none
 
 
@@ -170,7 +171,7 @@ def linear_modes(system: System, values: Mapping[str, float]) -> list[LinearMode
     Raises
     ------
     ConvergenceError
-        If there is no rest near the initial positions of what is not inertial.
+        If there is no rest near 0 nor near the initial positions.
     DeclarationError
         If no mode is stable.
     """
@@ -185,41 +186,46 @@ def linear_modes(system: System, values: Mapping[str, float]) -> list[LinearMode
         for j, q in enumerate(names)
         if q in f.symbols and (slope := ex.derivative(f, q)) is not ex.ZERO
     }
-    rest = np.zeros(n)
-    stiffness = np.zeros((n, n))
-    for _ in range(_STEPS):
-        at = {**still, **dict(zip(names, map(float, rest), strict=True))}
-        force = np.array([ex.evaluate(f, at) for f in push])
-        for (i, j), slope in slopes.items():
-            stiffness[i, j] = ex.evaluate(slope, at)
-        if not (np.all(np.isfinite(force)) and np.all(np.isfinite(stiffness))):
-            break
-        step = np.linalg.lstsq(stiffness, force, rcond=None)[0]
-        rest = rest - step
-        if np.linalg.norm(step) <= _AT_REST * np.linalg.norm(rest):
-            break
-    else:
-        force = np.full(n, np.nan)
-    if not np.all(np.isfinite(force)):
-        raise ConvergenceError(
-            f"a backbone of {system.name}",
-            "no rest was found from which it swings",
-            "Give initial positions of what has no mass near a rest",
-        )
+    begin = np.array([d.start[q] for q in names])
+
+    def rests(rest: Array) -> tuple[Array, Array] | None:
+        """Newton's method to a rest and the stiffness there; None if it finds none."""
+        stiffness = np.zeros((n, n))
+        for _ in range(_STEPS):
+            at = {**still, **dict(zip(names, map(float, rest), strict=True))}
+            force = np.array([ex.evaluate(f, at) for f in push])
+            for (i, j), slope in slopes.items():
+                stiffness[i, j] = ex.evaluate(slope, at)
+            if not (np.all(np.isfinite(force)) and np.all(np.isfinite(stiffness))):
+                return None
+            step = np.linalg.lstsq(stiffness, force, rcond=None)[0]
+            rest = rest - step
+            if np.linalg.norm(step) <= _AT_REST * np.linalg.norm(rest):
+                return rest, stiffness
+        return None
+
     mass = np.zeros((n, n))
     for (a, b), entry in d.mass.items():
         i, j = names.index(a), names.index(b)
         mass[i, j] = mass[j, i] = ex.evaluate(entry, values)
     from scipy.linalg import eigh
 
-    squares, shapes = eigh(0.5 * (stiffness + stiffness.T), mass)
-    found = [
-        LinearMode(float(np.sqrt(w)), shape, rest, mass)
-        for w, shape in zip(squares, shapes.T, strict=True)
-        if w > 1e-12 * abs(squares).max()
-    ]
-    if not found:
+    known = [found for at in (np.zeros(n), begin) if (found := rests(at)) is not None]
+    for rest, stiffness in known:
+        squares, shapes = eigh(0.5 * (stiffness + stiffness.T), mass)
+        modes = [
+            LinearMode(float(np.sqrt(w)), shape, rest, mass)
+            for w, shape in zip(squares, shapes.T, strict=True)
+            if w > _RIGID * np.max(np.abs(squares))
+        ]
+        if modes:
+            return modes
+    if known:
         raise DeclarationError(
             system.name, "nothing brings it back: it has no mode", "A backbone needs a stiffness"
         )
-    return found
+    raise ConvergenceError(
+        f"a backbone of {system.name}",
+        "no rest was found from which it swings",
+        "Give initial positions near a rest",
+    )
