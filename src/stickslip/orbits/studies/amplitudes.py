@@ -179,7 +179,7 @@ class Amplitudes:
         ConvergenceError
             If it does not converge.
         """
-        orbit = shooting.orbit(x)
+        orbit = self._tried(shooting, x)
         miss = self._miss(orbit, amplitude)
         gradient: Array | None = None
         for _ in range(_MOST_STEPS):
@@ -234,6 +234,16 @@ class Amplitudes:
         settle_friction(self.pieces.equations, orbit.problem.parameters, y[None], 0.0)
         return self._near(orbit.problem.parameters[EXCITATION], y, orbit.period)
 
+    def _tried(self, shooting: Shooting, x: Array) -> Orbit:
+        """The motion of some unknowns, unless it would grow beyond all bounds."""
+        if not abs(x[-1]) * x[shooting.time] <= _STRONGEST:
+            raise ConvergenceError(
+                f"a backbone of {self.system.name}",
+                f"no cycle was found: the excitation became {x[-1]:.4g}",
+                "Give other amplitudes",
+            )
+        return shooting.orbit(x)
+
     def _miss(self, orbit: Orbit, amplitude: float) -> float:
         lacking = 1.0 - self.amplitude(orbit) / amplitude
         return float(np.hypot(np.linalg.norm(orbit.F), lacking))
@@ -242,11 +252,12 @@ class Amplitudes:
         self, shooting: Shooting, orbit: Orbit, step: Array, amplitude: float, miss: float
     ) -> tuple[Orbit, float] | None:
         """The first of the shortened steps that misses less; None if there is none."""
-        # What moves little may be far off in units of its size; the period may not.
-        part = min(1.0, 0.3 * orbit.period / (abs(float(step[shooting.time])) + 1e-300))
+        # What moves little may be far off in units of its size; period and excitation may not.
+        sizes = np.abs(step / _units(shooting, orbit))[[shooting.time, -1]]
+        part = min(1.0, 0.3 / (sizes[0] + 1e-300), 1.0 / (sizes[1] + 1e-300))
         for _ in range(_HALVINGS):
             with suppress(StickslipError):
-                trial = shooting.orbit(orbit.x + part * step)
+                trial = self._tried(shooting, orbit.x + part * step)
                 new = self._miss(trial, amplitude)
                 if new <= (1.0 - 0.25 * part) * miss:
                     return trial, new
@@ -403,7 +414,7 @@ def _ends(motion: Trajectory, row: Array, rates: Array) -> tuple[float, float, t
     times = (k.time[steps, None] + np.diff(k.time)[steps, None] * share).ravel()
     states = motion._states_at(times, index)
     values, slopes = states @ row, states @ rates
-    (at,) = np.nonzero((slopes[:-1] * slopes[1:] < 0.0) & (np.diff(index) == 0))
+    (at,) = np.nonzero((np.sign(slopes[:-1]) * np.sign(slopes[1:]) < 0.0) & (np.diff(index) == 0))
     a, b, f, g = times[at], times[at + 1], slopes[at], slopes[at + 1]
     seen = [(times, values)]
     for _ in range(_REFINED if len(at) else 0):
@@ -411,7 +422,9 @@ def _ends(motion: Trajectory, row: Array, rates: Array) -> tuple[float, float, t
         states = motion._states_at(middle, index[at])
         h = states @ rates
         seen.append((middle, states @ row))
-        left = h * f > 0.0  # the turn is on the other side; what stays counts half (Illinois)
+        left = np.sign(h) == np.sign(
+            f
+        )  # the turn is on the other side; what stays counts half (Illinois)
         a, f, g = np.where(left, middle, a), np.where(left, h, f / 2.0), np.where(left, g / 2.0, h)
         b = np.where(left, b, middle)
     times, values = (np.concatenate(part) for part in zip(*seen, strict=True))
