@@ -284,6 +284,20 @@ def calls() -> Iterator[tuple[str, Call]]:
         ),
     )
     yield (
+        "backbone",
+        (
+            ss.backbone,
+            {
+                "system": ss.catalogue.jenkins_oscillator(force=0),
+                "amplitudes": (0.4, 0.8),
+                "coordinate": None,
+                "mode": 1,
+                "parameters": {"F_c": 0.3},
+                "points": 2,
+            },
+        ),
+    )
+    yield (
         "gait_study",
         (
             ss.gait_study,

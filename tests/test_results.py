@@ -34,6 +34,7 @@ def study() -> ss.AveragingStudy:
 
 
 OSCILLATOR = ss.catalogue.forced_oscillator()
+UNDRIVEN = ss.catalogue.jenkins_oscillator(force=0)
 
 
 def record(friction: float) -> dict[str, np.ndarray]:
@@ -65,6 +66,7 @@ MAKERS: dict[str, Callable[[], Result]] = {
     "ring-down": lambda: ss.ring_down(
         ss.catalogue.jenkins_oscillator(force="0"), initial={"x": 3.0, "r_damper": 2.5}
     ),
+    "backbone": lambda: ss.backbone(UNDRIVEN, (0.4, 0.8), points=2),
     "map": lambda: ss.sweep(TOY, {"P": [1.1, 1.2], "delta": [0.05, 0.1]}, ["speed", "period"]),
     "line": lambda: ss.sweep(TOY, {"P": [1.1, 1.2]}, ["speed"], initial={"psi": 0.8}),
     "fit": lambda: fitted(0.3),
@@ -89,6 +91,7 @@ QUANTITY = {
     "gait study": "speed",
     "frequency response": "amplitude",
     "ring-down": "frequency",
+    "backbone": "damping",
     "map": "speed",
     "line": "speed",
     "fit": "estimate",

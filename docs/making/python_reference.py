@@ -21,7 +21,8 @@ GROUPS: Mapping[str, str] = {
     "VectorField",
     "Rest, cycles, branches": "equilibria Equilibria Equilibrium EquilibriumSet find_cycle Cycle "
     "continue_equilibrium continue_cycle Branch SpecialPoint StepControl hopf_curve fold_curve "
-    "stick_onset_curve frequency_response FrequencyResponse ring_down RingDown",
+    "stick_onset_curve frequency_response FrequencyResponse "
+    "ring_down RingDown backbone Backbone",
     "Gaits": "gait_study GaitStudy walking_threshold sliding_threshold HysteresisOperator",
     "Maps": "sweep Map basin Basin Settings Adaptive",
     "Data": "fit Fit fit_problem FitProblem Recording compare Comparison Band",

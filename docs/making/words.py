@@ -36,6 +36,7 @@ WORDS: Mapping[str, str] = {
     "how-to/frequency-response": "frequency response, harmonic force, resonance, forced response",
     "how-to/ring-down": "ring-down, free decay, free vibration, logarithmic decrement, "
     "damping ratio, amplitude-dependent damping",
+    "how-to/backbone": "backbone, nonlinear mode, modal damping, frequency over amplitude",
     "how-to/branches": "periodic orbit, periodic motion, limit cycle, bifurcation diagram, "
     "continuation, bifurcation, Hopf",
     "how-to/maps": "parameter map, two parameters, parameter study, parameter sweep, "

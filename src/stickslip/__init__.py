@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from stickslip.orbits.equilibria.equilibrium import Equilibria, Equilibrium, EquilibriumSet
     from stickslip.orbits.equilibria.finding import equilibria
     from stickslip.orbits.settling.motions import Settings
+    from stickslip.orbits.studies.backbone import Backbone, backbone
     from stickslip.orbits.studies.gaits import (
         GaitStudy,
         gait_study,
@@ -100,6 +101,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Adaptive",
     "AveragingStudy",
+    "Backbone",
     "Band",
     "Basin",
     "Bilateral",
@@ -157,6 +159,7 @@ __all__ = [
     "WeightedL1",
     "__version__",
     "averaging_study",
+    "backbone",
     "basin",
     "catalogue",
     "compare",
@@ -225,6 +228,7 @@ _HOMES = {
     **dict.fromkeys(["Cycle", "find_cycle"], "orbits.cycles.cycle"),
     "continue_cycle": "orbits.branches.cycle_branch",
     "stick_onset_curve": "orbits.branches.onset_curve",
+    **dict.fromkeys(["Backbone", "backbone"], "orbits.studies.backbone"),
     "HysteresisOperator": "orbits.studies.hysteresis",
     **dict.fromkeys(["RingDown", "ring_down"], "orbits.studies.ring_down"),
     **dict.fromkeys(
@@ -292,6 +296,7 @@ _HOMES = {
 # The class of each kind of stored result.
 _KINDS = {
     "averaging study": "AveragingStudy",
+    "backbone": "Backbone",
     "band": "Band",
     "basin": "Basin",
     "branch": "Branch",
@@ -321,7 +326,7 @@ def open(path: str | Path) -> Any:
     Returns
     -------
     Trajectory, EventCatalogue, Ensemble, History, Play, AveragingStudy, Equilibria, Cycle, Branch,
-    GaitStudy, FrequencyResponse, RingDown, Fit, Comparison, Band, Map or Basin
+    GaitStudy, FrequencyResponse, RingDown, Backbone, Fit, Comparison, Band, Map or Basin
         As it was stored; nothing is computed again until it is asked for.
 
     Raises

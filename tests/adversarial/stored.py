@@ -84,6 +84,7 @@ MAKERS: dict[str, Callable[[], Any]] = {
     "ring-down": lambda: ss.ring_down(
         ss.catalogue.jenkins_oscillator(force="0"), initial={"x": 3.0, "r_damper": 2.5}
     ),
+    "backbone": lambda: ss.backbone(ss.catalogue.jenkins_oscillator(force=0), (0.4, 0.8), points=2),
     "file of a map": _sweep,
     "fit": _fit,
     "basin": lambda: ss.basin(ss.catalogue.rocking_toy(P=1.2), {"psi": "0:1:2", "d_psi": "0:1:2"}),

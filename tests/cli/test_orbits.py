@@ -12,7 +12,15 @@ from typer.testing import CliRunner, Result
 
 import stickslip as ss
 from stickslip.cli.app import app
-from stickslip.cli.commands.orbits import BASIN, BRANCH, CYCLE, EQUILIBRIA, RESPONSE, RING_DOWN
+from stickslip.cli.commands.orbits import (
+    BACKBONE,
+    BASIN,
+    BRANCH,
+    CYCLE,
+    EQUILIBRIA,
+    RESPONSE,
+    RING_DOWN,
+)
 from stickslip.cli.common.present import Files
 
 SLIDER = ("--set", "mu=2/sqrt(alpha)", "--set", "nu=1/20")
@@ -273,6 +281,16 @@ def test_ring_down(tmp_path: Path) -> None:
     assert (folder / "ring-down.csv").read_text(encoding="utf-8").startswith("time,amplitude,")
 
 
+def test_backbone(tmp_path: Path) -> None:
+    out = tmp_path / "backbone"
+    given = ("jenkins_oscillator", "--set", "force=0", "--set", "c=0", "--amplitudes", "0.1:10")
+    result = stickslip("backbone", *given, "--points", "3", "--out", str(out))
+    assert result.exit_code == 0, result.stderr
+    found = summary(out, BACKBONE)
+    assert found["points"] == 3 and found["coordinate"] == "x"
+    assert found["frequencies"][0] == pytest.approx(2.0**0.5, abs=1e-9)
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [
@@ -284,6 +302,22 @@ def test_ring_down(tmp_path: Path) -> None:
 )
 def test_a_command_for_no_ring_down_is_refused(given: tuple[str, ...], message: str) -> None:
     result = stickslip("ring-down", "jenkins_oscillator", *given)
+    assert result.exit_code == 2
+    assert message in result.stderr and "Traceback" not in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (("--amplitudes", "0.1"), "LOW:HIGH"),
+        (("--amplitudes", "1:0.1", "--set", "force=0"), "amplitudes"),
+        (("--amplitudes", "0.1:1"), "'force' drives it"),
+        (("--amplitudes", "0.1:1", "--set", "force=0", "--mode", "3"), "no mode 3"),
+        (("--amplitudes", "0.1:1", "--set", "force=0", "--coordinate", "y"), "coordinate"),
+    ],
+)
+def test_a_backbone_of_nothing_is_refused(given: tuple[str, ...], message: str) -> None:
+    result = stickslip("backbone", "jenkins_oscillator", *given)
     assert result.exit_code == 2
     assert message in result.stderr and "Traceback" not in result.stderr
 

@@ -187,6 +187,7 @@ for _name, _command in {
     "branch": orbits.branch_command,
     "response": orbits.response_command,
     "ring-down": orbits.ring_down_command,
+    "backbone": orbits.backbone_command,
     "basin": orbits.basin_command,
     "fit": fitting.fit_command,
     "sweep": sweeping.sweep_command,

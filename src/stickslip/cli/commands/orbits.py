@@ -1,5 +1,5 @@
 """The commands ``run``, ``events``, ``equilibria``, ``cycle``, ``branch``, ``response``,
-``ring-down`` and ``basin``: a motion of a system, and where it ends up in the long run."""
+``ring-down``, ``backbone`` and ``basin``: a motion of a system, and where it ends up."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from stickslip.cli.common.present import (
     folder_of,
     present,
 )
-from stickslip.errors import DeclarationError
+from stickslip.errors import DeclarationError, short
 from stickslip.storage import named
 
 MOTION_FILES = Files("trajectory.nc", {"events.csv": lambda found: found.events})
@@ -33,6 +33,7 @@ CYCLE = Files("cycle.nc")
 BRANCH = Files("branch.nc", {"branch.csv": lambda found: found.table})
 RESPONSE = Files("response.nc", {"response.csv": lambda found: found.table})
 RING_DOWN = Files("ring-down.nc", {"ring-down.csv": lambda found: found.table})
+BACKBONE = Files("backbone.nc", {"backbone.csv": lambda found: found.table})
 BASIN = Files("basin.nc")
 
 
@@ -314,6 +315,57 @@ def ring_down_command(
 
     folder = out or folder_of(system.name, "ring-down")
     present(f"ring-down of {system.name}", folder, RING_DOWN, work, json_)
+
+
+def backbone_command(
+    model: Model,
+    amplitudes: Annotated[
+        str, typer.Option("--amplitudes", metavar="LOW:HIGH", help="Their range, such as 0.1:10.")
+    ],
+    coordinate: Annotated[
+        str | None,
+        typer.Option("--coordinate", metavar="NAME", help="Whose amplitude, such as 'u[tip]'."),
+    ] = None,
+    mode: Annotated[
+        int, typer.Option("--mode", metavar="N", help="The linear mode to begin with, from 1.")
+    ] = 1,
+    points: Annotated[
+        int, typer.Option("--points", metavar="N", help="Amplitudes, in equal ratios.")
+    ] = 30,
+    settings: ParameterOptions = None,
+    time_limit: TimeLimit = None,
+    out: Out = None,
+    json_: Json = False,
+) -> None:
+    """Find the frequency and the damping of a mode over its amplitude, without a drive.
+
+    Writes backbone.nc, backbone.csv, summary.json and overview.png into the folder DIR.
+
+    Exit code: 0 certified at all amplitudes, 1 not, or no cycle, 2 wrong input, 130 interrupted
+    (what was computed is kept).
+    """
+    from stickslip import Backbone, backbone
+
+    try:
+        low, high = map(float, amplitudes.split(":"))
+    except ValueError:
+        raise DeclarationError(
+            "--amplitudes", f"'{short(amplitudes)}' is not a range", "Write it as LOW:HIGH"
+        ) from None
+    system = load_model(model, settings or [])
+
+    def work(progress: ShowProgress) -> Backbone:
+        return backbone(
+            system,
+            (low, high),
+            coordinate=coordinate,
+            mode=mode,
+            points=points,
+            time_limit=time_limit,
+        )
+
+    folder = out or folder_of(system.name, "backbone")
+    present(f"backbone of {system.name}", folder, BACKBONE, work, json_)
 
 
 def basin_command(

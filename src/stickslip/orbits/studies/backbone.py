@@ -1,0 +1,517 @@
+"""Backbones: frequency and damping of a mode over its amplitude, with dry friction as it is.
+
+A motion that dies out has no period. The extended periodic motion concept looks at the system that
+is excited by itself in proportion to its mass, M q'' + ∂R/∂q' + ∂Φ/∂q = ξ M q', and asks for the ξ
+with which it has a cycle of a given amplitude. The frequency of the cycle is that of the mode, and
+D = ξ/(2ω) its damping ratio: of linear systems with modal damping both are exact, and where several
+modes do not mix, a response at resonance has nearly the same.
+
+References
+----------
+M. Krack, Nonlinear modal analysis of nonconservative systems: extension of the periodic motion
+concept, Computers & Structures 154 (2015) 59-71.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+
+from stickslip.arguments import validated
+from stickslip.arrays import Array
+from stickslip.certificates import Certificate, Residual, worst
+from stickslip.errors import ConvergenceError, DeclarationError, StickslipError, suggestion
+from stickslip.model.entries.units import with_unit
+from stickslip.model.quantities import contact_key, described, described_as, per_time, quantity
+from stickslip.model.system import System
+from stickslip.orbits.cycles.cycle import Cycle
+from stickslip.orbits.equilibria.finding import checked_values
+from stickslip.orbits.return_map.recurrence import SHORTEST
+from stickslip.orbits.studies.amplitudes import Amplitudes, AtAmplitude
+from stickslip.orbits.studies.self_excitation import (
+    EXCITATION,
+    LinearMode,
+    linear_modes,
+    self_excited,
+)
+from stickslip.progress import watched
+from stickslip.results import Completion, Result, restored_certificate, shortened
+from stickslip.stopping.scopes import TimeUp, limited
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_SAMPLES = 64  # of a period, and around the highest of them
+_AGREES = 1e-8  # to which the amplitude is that which is wanted
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Backbone(Result):
+    """Frequency and damping of a mode over its amplitude.
+
+    Attributes
+    ----------
+    system : System
+    parameters : dict of str to float
+    coordinate : str
+        Whose amplitude it is.
+    mode : int
+        Number of the linear mode that it begins with, the lowest being 1.
+    linear_frequency : float
+        Angular frequency of that mode, whose sliders stick.
+    dataset : xarray.Dataset
+        Over ``point``, by rising ``amplitude`` (half the range of the coordinate): ``frequency`` ω,
+        ``damping`` D = ξ/(2ω), ``excitation`` ξ, ``period``, ``energy`` (the largest kinetic
+        energy), ``dissipated`` in a period, ``dissipated_…`` in each contact, ``stick`` (share of
+        the period in which all contacts stick), ``slips`` (0 where no contact slips), ``harmonic``
+        (of the coordinate, its modulus).
+    notes : list of str
+        Amplitudes at which no cycle was found, and why.
+    complete, time_up : bool
+        Whether all was followed; if not, whether the time limit ended it, or the user.
+    """
+
+    KIND: ClassVar[str] = "backbone"
+
+    system: System
+    parameters: dict[str, float]
+    coordinate: str
+    mode: int
+    linear_frequency: float
+    dataset: xarray.Dataset
+    notes: list[str]
+    certificate: Certificate
+    complete: bool = True
+    time_up: bool = False
+
+    def __repr__(self) -> str:
+        return (
+            f"<Backbone of {self.system.name}: mode {self.mode}, {self.coordinate}, "
+            f"{self.dataset.sizes['point']} amplitudes>"
+        )
+
+    @property
+    def along(self) -> str:
+        """Dimension of the points."""
+        return "point"
+
+    @property
+    def amplitude(self) -> Array:
+        """Amplitudes, in rising order, shape (points,)."""
+        return self.dataset["amplitude"].values
+
+    @property
+    def frequency(self) -> Array:
+        """Angular frequencies, shape (points,)."""
+        return self.dataset["frequency"].values
+
+    @property
+    def damping(self) -> Array:
+        """Damping ratios, shape (points,)."""
+        return self.dataset["damping"].values
+
+    @property
+    def title(self) -> str:
+        """Of what it is the backbone."""
+        return self.system.title or self.system.name
+
+    @property
+    def outcome(self) -> Completion:
+        """Whether there is a cycle for every amplitude."""
+        if not self.complete:
+            return Completion.TIME_UP if self.time_up else Completion.INTERRUPTED
+        return Completion.STOPPED_EARLY if self.notes else Completion.FINISHED
+
+    @property
+    def message(self) -> str:
+        """How many amplitudes there are, and where there is none."""
+        return "\n".join([f"amplitudes: {self.dataset.sizes['point']}", *self.notes])
+
+    def facts(self) -> dict[str, Any]:
+        """What fits on a page, as plain data."""
+        data = self.dataset
+        top = int(np.argmax(self.damping))
+        return {
+            **self.system.heading(),
+            "coordinate": self.coordinate,
+            "mode": self.mode,
+            "linear frequency": self.linear_frequency,
+            "points": data.sizes["point"],
+            "amplitudes": [float(self.amplitude[0]), float(self.amplitude[-1])],
+            "frequencies": [float(self.frequency[0]), float(self.frequency[-1])],
+            "largest damping": {
+                "amplitude": float(self.amplitude[top]),
+                "frequency": float(self.frequency[top]),
+                "damping": float(self.damping[top]),
+            },
+            "notes": self.notes,
+        }
+
+    def rows(self) -> list[tuple[str, str]]:
+        """What fits on a page, in words."""
+        data = self.dataset
+        units = {name: str(data[name].attrs.get("units", "1")) for name in data.data_vars}
+        top = int(np.argmax(self.damping))
+
+        def said(name: str, i: int) -> str:
+            return with_unit(float(data[name][i]), units.get(name, "1"), 6)
+
+        ends = [f"{said('frequency', i)} at {said('amplitude', i)}" for i in (0, -1)]
+        return [
+            ("backbone", f"of mode {self.mode} over the amplitude of {self.coordinate}"),
+            ("linear frequency", with_unit(self.linear_frequency, units["frequency"], 9)),
+            ("frequency", ", ".join(ends)),
+            ("largest damping", f"{float(self.damping[top]):.6g} at {said('amplitude', top)}"),
+            *shortened([("note", note) for note in self.notes]),
+        ]
+
+    def plot(self, *quantities: str, ax: Axes | None = None) -> Figure:
+        """Frequency over the amplitude with the damping below, or other quantities.
+
+        Parameters
+        ----------
+        *quantities : str
+            Of the points: ``frequency``, ``damping``, ``energy``, ``dissipated``, ``stick``, ...
+        ax : matplotlib.axes.Axes, optional
+            Draw the first of them into these axes.
+
+        Raises
+        ------
+        DeclarationError
+            If there is no such quantity.
+        """
+        from stickslip.figures.backbone import plot_backbone
+
+        return plot_backbone(self, list(quantities) or None, ax=ax)
+
+    def overview(self, ax: Axes | None = None) -> Figure:
+        """Frequency over the amplitude with the damping below."""
+        return self.plot(ax=ax)
+
+    def stored(self) -> tuple[xarray.Dataset, dict[str, Any]]:
+        """The numbers, and everything else as data."""
+        return self.dataset, {
+            "system": self.system.to_toml(),
+            "parameters": self.parameters,
+            "mode": [self.coordinate, self.mode, self.linear_frequency],
+            "notes": self.notes,
+            "certificate": asdict(self.certificate),
+            "complete": self.complete,
+            "time_up": self.time_up,
+        }
+
+    @classmethod
+    def restored(cls, data: xarray.Dataset, parts: Mapping[str, str], where: str) -> Self:
+        """A backbone as it was."""
+        from stickslip.model.system_file import loads
+
+        coordinate, mode, frequency = json.loads(parts["mode"])
+        return cls(
+            loads(parts["system"], f"{where}: system"),
+            json.loads(parts["parameters"]),
+            coordinate,
+            mode,
+            frequency,
+            data,
+            json.loads(parts["notes"]),
+            restored_certificate(json.loads(parts["certificate"])),
+            json.loads(parts["complete"]),
+            json.loads(parts["time_up"]),
+        )
+
+
+@validated
+def backbone(
+    system: System,
+    amplitudes: tuple[float, float],
+    *,
+    coordinate: str | None = None,
+    mode: int = 1,
+    parameters: Mapping[str, float] | None = None,
+    points: int = 30,
+    time_limit: float | None = None,
+) -> Backbone:
+    """Frequency and damping of a mode over its amplitude, by the extended periodic motion concept.
+
+    Parameters
+    ----------
+    system : System
+        With a constant mass matrix and without a drive: where time acts, the parameter that is its
+        amplitude is zero, or the drive is configured as 0.
+    amplitudes : (float, float)
+        The smallest and the largest, positive; half the range of the coordinate.
+    coordinate : str, optional
+        An inertial coordinate, or an unknown of a structure, such as ``"u[tip]"``; by default the
+        first inertial coordinate.
+    mode : int
+        Number of the linear mode to begin with, the lowest being 1. Where the mode is taken,
+        sliders behind springs stick, and contacts of coordinates with mass are left out.
+    parameters : mapping of str to float, optional
+        Values that replace the defaults.
+    points : int
+        Amplitudes, from the smallest to the largest in equal ratios.
+    time_limit : float, optional
+        Seconds of wall-clock time after which the backbone is what was found.
+
+    Returns
+    -------
+    Backbone
+        Every point of it is a certified cycle of the system with the additional force ξ M q', and
+        has ω = 2π/T and D = ξ/(2ω).
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is wrong, time drives the system, the state jumps, or the mass matrix is not
+        constant.
+    ConvergenceError
+        If there is no cycle at any of the amplitudes.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> oscillator = ss.catalogue.jenkins_oscillator(c=0.0, force=0)
+    >>> found = ss.backbone(oscillator, (0.1, 10.0), points=5)
+    >>> found.frequency.round(3).tolist()
+    [1.414, 1.414, 1.226, 1.049, 1.009]
+    """
+    values = checked_values(system, parameters)
+    low, high = amplitudes
+    if not 0.0 < low < high < np.inf:
+        raise DeclarationError(
+            "amplitudes", f"({low:g}, {high:g}) is no range of amplitudes", "Give 0 < low < high"
+        )
+    if isinstance(points, bool) or points < 2:
+        raise DeclarationError("points", f"{points!r} is not a number of points", "Give at least 2")
+    excited = self_excited(system, values)
+    coordinate = _checked_coordinate(system, coordinate)
+    modes = linear_modes(excited, {**excited.values, **values})
+    if not 1 <= mode <= len(modes):
+        raise DeclarationError(
+            "mode", f"there is no mode {mode}", f"It has {len(modes)}; 1 is the lowest"
+        )
+    chosen = modes[mode - 1]
+    seeker = Amplitudes(excited, values, chosen, coordinate)
+    wanted = np.geomspace(low, high, points)
+    work = _Work(seeker, wanted)
+    ended: BaseException | None = None
+    with limited(time_limit, f"a backbone of {system.name}") as scope, watched("backbone") as show:
+        try:
+            work.run(show)
+        except (KeyboardInterrupt, TimeUp) as why:
+            if not work.found or not scope.ends(why):
+                raise
+            ended = why
+    if not work.found:
+        raise work.failure or ConvergenceError(
+            f"a backbone of {system.name}", "no cycle was found", "Give other amplitudes"
+        )
+    return _result(system, values, coordinate, mode, chosen, work, ended)
+
+
+def _checked_coordinate(system: System, coordinate: str | None) -> str:
+    """An inertial coordinate, or an unknown of a structure."""
+    inertial = system.declaration.inertial
+    own = [x for x in system.coordinates if x in inertial]
+    unknowns = [x for x in system.places if system.unknown(x)]
+    if coordinate is None:
+        return [*own, *unknowns, *inertial][0]
+    if coordinate not in inertial and not (
+        coordinate[:2] != "d_" and system.unknown(coordinate).keys() & set(inertial)
+    ):
+        known = suggestion(coordinate, [*own, *unknowns])
+        raise DeclarationError("coordinate", f"no '{coordinate}' has a mass", known)
+    return coordinate
+
+
+class _Work:
+    """Looks for a cycle of every amplitude, from the ends and from between."""
+
+    def __init__(self, seeker: Amplitudes, wanted: Array) -> None:
+        self.seeker = seeker
+        self.wanted = wanted
+        self.found: dict[int, AtAmplitude] = {}
+        self.reasons: dict[int, str] = {}
+        self.failure: ConvergenceError | None = None
+
+    def run(self, show: Callable[[float, str], None]) -> None:
+        """Begin somewhere and follow both ways, until there is nowhere left to begin."""
+        count = len(self.wanted)
+        for i in _order(count):
+            if i in self.found:
+                continue
+            try:
+                first = self.seeker.first(float(self.wanted[i]))
+            except (StickslipError, ArithmeticError, np.linalg.LinAlgError) as failure:
+                self.reasons[i] = str(failure)
+                if isinstance(failure, ConvergenceError):
+                    self.failure = self.failure or failure
+                continue
+            for way in (range(i, count), range(i - 1, -1, -1)):
+                free = list[int]()
+                for k in way:
+                    if k in self.found:
+                        break
+                    free.append(k)
+                left = iter(free)
+
+                def take(one: AtAmplitude, left: Any = left) -> None:
+                    self.found[next(left)] = one
+                    text = f"amplitude {one.amplitude:.6g}"
+                    show(len(self.found) / count, text)
+
+                why = self.seeker.follow(first, self.wanted[free], take)
+                self.reasons |= dict.fromkeys(list(left)[:1], why)
+
+    def notes(self) -> list[str]:
+        """Amplitudes without a cycle, in words."""
+        return [
+            f"no cycle at the amplitude {a:.6g}"
+            + (f": {self.reasons[i]}" if i in self.reasons else "")
+            for i, a in enumerate(self.wanted.tolist())
+            if i not in self.found
+        ]
+
+
+def _order(count: int) -> list[int]:
+    """Where to begin: the first, the last, the one between, and so on."""
+    order = [0, count - 1]
+    step = count - 1
+    while step > 1:
+        half = (step + 1) // 2
+        order += [i for i in range(half, count, half) if i not in order]
+        step = half
+    return order
+
+
+# -- results ---------------------------------------------------------------------------------------
+
+
+def _result(
+    system: System,
+    values: dict[str, float],
+    coordinate: str,
+    mode: int,
+    linear: LinearMode,
+    work: _Work,
+    ended: BaseException | None,
+) -> Backbone:
+    """Everything that was found, as one result."""
+    import xarray as xr
+
+    found = [work.found[i] for i in sorted(work.found)]
+    table = [_measured(system, coordinate, linear, one) for one in found]
+    attributes = _attributes(system, coordinate)
+    data = {
+        name: ("point", np.array([row[name] for row in table]), attributes.get(name, {}))
+        for name in table[0]
+    }
+    data["slips"] = ("point", data["slips"][1].astype(np.int8), data["slips"][2])
+    about = {"title": system.title or system.name, "coordinate": coordinate, "mode": mode}
+    certificate = worst([one.cycle.certificate for one in found])
+    missed = max(
+        abs(row["amplitude"] / one.amplitude - 1.0) for row, one in zip(table, found, strict=True)
+    )
+    own = Residual("amplitudes", missed, _AGREES, note="relative to those that were wanted")
+    certificate = Certificate(
+        (*certificate.residuals, own),
+        certificate.outcome,
+        certificate.unverified,
+        certificate.notes,
+    )
+    return Backbone(
+        system,
+        values,
+        coordinate,
+        mode,
+        linear.frequency,
+        xr.Dataset(data, attrs=about),
+        work.notes() if ended is None else [],
+        certificate,
+        ended is None,
+        isinstance(ended, TimeUp),
+    )
+
+
+def _measured(
+    system: System, coordinate: str, linear: LinearMode, one: AtAmplitude
+) -> dict[str, float]:
+    """What is said of a cycle."""
+    cycle = one.cycle
+    frequency = 2.0 * np.pi / cycle.period
+    excitation = cycle.parameters[EXCITATION]
+    shares = cycle.contacts
+    of_contacts = dict[str, float]()
+    for name in system.contacts:
+        own = [share for c, share in shares.items() if c == name or c.startswith(f"{name} ")]
+        of_contacts[f"dissipated_{contact_key(name)}"] = sum(share.dissipated for share in own)
+    slips = any(share.slip_time > SHORTEST * cycle.period for share in shares.values())
+    return {
+        "amplitude": one.measured,
+        "frequency": frequency,
+        "damping": excitation / (2.0 * frequency),
+        "excitation": excitation,
+        "period": cycle.period,
+        "energy": _kinetic_energy(cycle, linear.mass),
+        "dissipated": cycle.dissipated,
+        **of_contacts,
+        "stick": cycle.stick_time / cycle.period,
+        "slips": float(slips),
+        "harmonic": abs(_harmonic(cycle, coordinate)),
+    }
+
+
+def _harmonic(cycle: Cycle, coordinate: str) -> complex:
+    """The first harmonic of a coordinate, or of an unknown of a structure."""
+    row = cycle.system.unknown(coordinate) or {coordinate: 1.0}
+    return sum((w * cycle.harmonic[x] for x, w in row.items()), 0j)
+
+
+def _kinetic_energy(cycle: Cycle, mass: Array) -> float:
+    """The largest in a period: at samples, at closer ones around the highest of them, and by the
+    parabola through the highest of these."""
+    n = len(mass)
+
+    def energies(part: Array) -> Array:
+        rates = cycle.closed.states_at(part % 1.0)[:, n : 2 * n]
+        return 0.5 * np.einsum("ti,ij,tj->t", rates, mass, rates)
+
+    part = np.arange(_SAMPLES) / _SAMPLES
+    highest = part[int(np.argmax(energies(part)))]
+    energy = energies(highest + np.linspace(-1.0, 1.0, _SAMPLES + 1) / _SAMPLES)
+    i = int(np.argmax(energy))
+    if not 0 < i < len(energy) - 1:
+        return float(energy[i])
+    a, b, c = energy[i - 1 : i + 2]
+    bend = a - 2.0 * b + c
+    return float(b - (c - a) ** 2 / (8.0 * bend)) if bend < 0.0 else float(b)
+
+
+def _attributes(system: System, coordinate: str) -> dict[str, dict[str, Any]]:
+    """Units and meanings."""
+    x = quantity(system, coordinate)
+    time = system.time_unit or "1"
+    energy = described(system, "energy_per_cycle")
+    unit = energy.get("units")
+    return {
+        "amplitude": {**x, "long_name": f"amplitude of {x['long_name']}"},
+        "harmonic": {**x, "long_name": f"first harmonic of {x['long_name']}"},
+        "frequency": described_as("angular frequency", per_time(system, "rad")),
+        "damping": described_as("damping ratio", "1"),
+        "excitation": described_as("self-excitation by mass", per_time(system, "1")),
+        "period": described_as("period", time),
+        "energy": described_as("largest kinetic energy", unit),
+        "dissipated": energy,
+        **{
+            f"dissipated_{contact_key(c)}": described_as(f"energy per cycle in {c}", unit)
+            for c in system.contacts
+        },
+        "stick": described_as("share of the time in stick", "1"),
+        "slips": described_as("whether a contact slips", "1"),
+    }

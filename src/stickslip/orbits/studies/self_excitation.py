@@ -1,0 +1,231 @@
+"""A system without its drives, excited by itself in proportion to its mass, and its linear modes.
+
+References
+----------
+M. Krack, Nonlinear modal analysis of nonconservative systems: extension of the periodic motion
+concept, Computers & Structures 154 (2015) 59-71.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.equations.derive import derive
+from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.model.system import Inertial, Parameter, System
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.formulas import TimeFunction, formula_text
+
+EXCITATION = "self_excitation"
+"""Name of the parameter ξ that the excited system has more."""
+_STEPS = 50  # of Newton's method to the rest
+_RIGID = 1e-12  # a square of a frequency below this part of the largest is 0
+_AT_REST = 1e-12  # a step of this part of the state is none
+
+
+@dataclass(frozen=True)
+class LinearMode:
+    """A mode of small oscillations around a rest.
+
+    Attributes
+    ----------
+    frequency : float
+        Angular.
+    shape : array, shape (inertial coordinates,)
+        Of unit modal mass.
+    rest : array, shape (inertial coordinates,)
+    mass : array, shape (inertial coordinates, inertial coordinates)
+    """
+
+    frequency: float
+    shape: Array
+    rest: Array
+    mass: Array
+
+
+def self_excited(system: System, values: Mapping[str, float]) -> System:
+    """The system with the additional force ξ·(momentum) on every inertial coordinate.
+
+    Parameters
+    ----------
+    system : System
+    values : mapping of str to float
+        Of all parameters. Where one that is zero switches a drive off, it is left out.
+
+    Returns
+    -------
+    System
+        Written out, with one more parameter, ξ, that is zero by default.
+
+    Raises
+    ------
+    DeclarationError
+        If time acts on it, it has no mass, its mass depends on the state, or states jump.
+    """
+    d = system.declaration
+    if not d.inertial:
+        raise DeclarationError(
+            system.name, "no coordinate has a mass", "A backbone is that of an oscillator"
+        )
+    if d.jumps:
+        raise DeclarationError(
+            f"jumps.{d.jumps[0].name}", "a state that jumps has no backbone", "Leave the jump out"
+        )
+    if EXCITATION in system.parameters:
+        raise DeclarationError(
+            f"parameters.{EXCITATION}", "a backbone needs this name", "Call it differently"
+        )
+    known = set(d.parameters)
+    for pair, entry in d.mass.items():
+        moving = sorted(entry.symbols - known)
+        if moving:
+            raise DeclarationError(
+                "kinetic",
+                f"the mass of {', '.join(dict.fromkeys(pair))} depends on {', '.join(moving)}",
+                "A backbone needs a constant mass matrix",
+            )
+    quiet = _undriven(system.plain, values)
+    coordinates = dict(quiet.coordinates)
+    for q in d.inertial:
+        terms = [
+            f"({formula_text(entry, q)})*d_{pair[1] if pair[0] == q else pair[0]}"
+            for pair, entry in d.mass.items()
+            if q in pair and (pair[0] == q or (pair[1], pair[0]) not in d.mass)
+        ]
+        own = coordinates[q]
+        if isinstance(own, Inertial):
+            force = f"{own.force} + {EXCITATION}*({' + '.join(terms)})"
+            coordinates[q] = replace(own, force=force)
+    unit = f"1/{system.time_unit}" if system.time_unit else ""
+    parameters = {
+        **quiet.parameters,
+        EXCITATION: Parameter(0.0, unit, "self-excitation by mass"),
+    }
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # doubts were told when the system was declared
+        found = replace(quiet, coordinates=coordinates, parameters=parameters, conditions={})
+    if derive(found.declaration).timed:
+        what = _driving(found) or "time"
+        raise DeclarationError(
+            system.name,
+            f"{what} drives it, and a backbone has no drive",
+            "Set the amplitude of the drive to 0 in 'parameters', or configure the drive as 0",
+        )
+    return found
+
+
+def _driving(system: System) -> str:
+    """Drives that act, in words."""
+    drives = system.declaration.drives
+    acting = [name for name, e in drives.items() if "t" in e.symbols]
+    acting += list(system.declaration.given)
+    return ", ".join(f"'{name}'" for name in dict.fromkeys(acting))
+
+
+def _undriven(system: System, values: Mapping[str, float]) -> System:
+    """The system without time where parameters that are zero switch it off."""
+    d = system.declaration
+    zero = {name: ex.ZERO for name, value in values.items() if value == 0.0}
+
+    def without(formula: Any, where: str) -> Any:
+        if isinstance(formula, TimeFunction) or not isinstance(formula, str):
+            return formula
+        read: Expr = d.scope.parse(formula, where)
+        if "t" not in read.symbols:
+            return formula
+        left = ex.substitute(read, zero)
+        return formula if "t" in left.symbols else formula_text(left, where)
+
+    changed: dict[str, Any] = {
+        "drives": {x: without(f, f"drives.{x}") for x, f in system.drives.items()},
+        "potential": without(system.potential, "potential"),
+        "coordinates": {
+            x: replace(c, force=without(c.force, f"coordinates.{x}.force"))
+            for x, c in system.coordinates.items()
+        },
+    }
+    if all(getattr(system, key) == value for key, value in changed.items()):
+        return system
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return replace(system, conditions={}, **changed)
+
+
+def linear_modes(system: System, values: Mapping[str, float]) -> list[LinearMode]:
+    """Modes of small oscillations while sliders behind springs stick and nothing rubs, the lowest
+    first.
+
+    Parameters
+    ----------
+    system : System
+        A self-excited one.
+    values : mapping of str to float
+
+    Raises
+    ------
+    ConvergenceError
+        If there is no rest near 0 nor near the initial positions.
+    DeclarationError
+        If no mode is stable.
+    """
+    d = system.declaration
+    names = d.inertial
+    n = len(names)
+    still = {**d.start, **values, "t": 0.0, **{f"d_{x}": 0.0 for x in d.coordinates}}
+    push = [ex.derivative(d.potential, q) - d.forces.get(q, ex.ZERO) for q in names]
+    slopes = {
+        (i, j): slope
+        for i, f in enumerate(push)
+        for j, q in enumerate(names)
+        if q in f.symbols and (slope := ex.derivative(f, q)) is not ex.ZERO
+    }
+    begin = np.array([d.start[q] for q in names])
+
+    def rests(rest: Array) -> tuple[Array, Array] | None:
+        """Newton's method to a rest and the stiffness there; None if it finds none."""
+        stiffness = np.zeros((n, n))
+        for _ in range(_STEPS):
+            at = {**still, **dict(zip(names, map(float, rest), strict=True))}
+            force = np.array([ex.evaluate(f, at) for f in push])
+            for (i, j), slope in slopes.items():
+                stiffness[i, j] = ex.evaluate(slope, at)
+            if not (np.all(np.isfinite(force)) and np.all(np.isfinite(stiffness))):
+                return None
+            step = np.linalg.lstsq(stiffness, force, rcond=None)[0]
+            rest = rest - step
+            if np.linalg.norm(step) <= _AT_REST * np.linalg.norm(rest):
+                return rest, stiffness
+        return None
+
+    mass = np.zeros((n, n))
+    for (a, b), entry in d.mass.items():
+        i, j = names.index(a), names.index(b)
+        mass[i, j] = mass[j, i] = ex.evaluate(entry, values)
+    from scipy.linalg import eigh
+
+    known = [found for at in (np.zeros(n), begin) if (found := rests(at)) is not None]
+    for rest, stiffness in known:
+        squares, shapes = eigh(0.5 * (stiffness + stiffness.T), mass)
+        modes = [
+            LinearMode(float(np.sqrt(w)), shape, rest, mass)
+            for w, shape in zip(squares, shapes.T, strict=True)
+            if w > _RIGID * np.max(np.abs(squares))
+        ]
+        if modes:
+            return modes
+    if known:
+        raise DeclarationError(
+            system.name, "nothing brings it back: it has no mode", "A backbone needs a stiffness"
+        )
+    raise ConvergenceError(
+        f"a backbone of {system.name}",
+        "no rest was found from which it swings",
+        "Give initial positions near a rest",
+    )

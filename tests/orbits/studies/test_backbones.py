@@ -1,0 +1,189 @@
+"""Backbones against closed forms, and against the same system declared otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+
+import stickslip as ss
+
+
+def rubbing_mass() -> ss.System:
+    return ss.System(
+        "rubbing_mass",
+        parameters={
+            "m": ss.Parameter(2.0, "kg"),
+            "k": ss.Parameter(5.0, "N/m"),
+            "F": ss.Parameter(0.3, "N"),
+        },
+        coordinates={"x": ss.Inertial("m")},
+        kinetic="m*d_x**2/2",
+        potential="k*x**2/2",
+        contacts={"floor": ss.Contact("d_x", "F", unit="N")},
+        span=(0, 10),
+        time_unit="s",
+    )
+
+
+def test_coulomb_friction_in_closed_form() -> None:
+    # While x' < 0 the motion turns around a = F/k and grows by exp(ξT/4) in half a period:
+    # (A - a) exp(ξT/4) = A + a. With T = 2π/ω and D = ξ/(2ω) this is πD = ln((A + a)/(A - a)).
+    found = ss.backbone(rubbing_mass(), (0.07, 6.0), points=8)
+    assert found.certificate.ok and found.outcome.ok
+    a, amplitude = 0.3 / 5.0, found.amplitude
+    damping = np.log((amplitude + a) / (amplitude - a)) / np.pi
+    np.testing.assert_allclose(found.damping, damping, rtol=1e-9)
+    np.testing.assert_allclose(found.frequency, np.sqrt(2.5 / (1.0 + damping**2)), rtol=1e-9)
+    np.testing.assert_allclose(found["dissipated_floor"], 4 * 0.3 * amplitude, rtol=1e-9)
+    assert found.damping[-1] == pytest.approx(2.0 * a / (np.pi * amplitude[-1]), rel=1e-3)
+    np.testing.assert_allclose(amplitude, np.geomspace(0.07, 6.0, 8), rtol=1e-9)
+
+
+def test_a_slider_behind_a_spring() -> None:
+    system = ss.catalogue.jenkins_oscillator(c=0.0, force=0)
+    found = ss.backbone(system, (0.1, 10.0), points=9)
+    amplitude, holds = found.amplitude, found.amplitude < 0.5
+    assert not np.any(found["slips"].values[holds]) and np.all(found["slips"].values[~holds])
+    np.testing.assert_allclose(found.frequency[holds], np.sqrt(2.0), rtol=1e-9)
+    np.testing.assert_allclose(found.damping[holds], 0.0, atol=1e-9)
+    assert np.all((found.frequency[~holds] > 1.0) & (found.frequency[~holds] < np.sqrt(2.0)))
+    # The area of the hysteresis loop.
+    lost = 4.0 * 0.5 * (amplitude - 0.5)[~holds]
+    np.testing.assert_allclose(found["dissipated_damper"][~holds], lost, rtol=1e-9)
+    weak = found.damping[-1]
+    about = lost[-1] / (2.0 * np.pi * found.frequency[-1] ** 2 * amplitude[-1] ** 2)
+    assert weak == pytest.approx(about, rel=1e-2)
+    energy = 0.5 * (found.frequency[-1] * amplitude[-1]) ** 2
+    assert found["energy"].values[-1] == pytest.approx(energy, rel=0.05)
+
+
+@pytest.mark.parametrize("drag", [0.0, 0.02])
+def test_a_hardening_spring_by_elliptic_integrals(drag: float) -> None:
+    # Damping in proportion to the mass is what the excitation cancels: ξ = 2ζ exactly.
+    system = ss.System(
+        "hardening",
+        coordinates={"x": ss.Inertial()},
+        kinetic="d_x**2/2",
+        potential="x**2/2 + x**4/4",
+        viscous=f"{drag}*d_x**2",
+        span=(0, 10),
+    )
+    found = ss.backbone(system, (0.05, 5.0), points=7)
+    A = found.amplitude
+    frequency = np.pi * np.sqrt(1.0 + A**2) / (2.0 * ellipk(A**2 / (2.0 * (1.0 + A**2))))
+    assert found.certificate.ok and len(A) == 7
+    np.testing.assert_allclose(found.frequency, frequency, rtol=1e-9)
+    np.testing.assert_allclose(found.damping, drag / found.frequency, atol=1e-9)
+
+
+def chain_of_three() -> tuple[ss.System, ss.System]:
+    """Three masses with a slider at the last one, by matrices and by coordinates."""
+    mass, stiffness = np.diag([1.0, 2.0, 1.5]), np.array([[3, -1, 0], [-1, 2, -1], [0, -1, 2.0]])
+    law = {"F_c": 0.4, "k": 0.7}
+    body = ss.System(
+        "body",
+        structures={"u": ss.Structure(mass, stiffness, 0.01 * stiffness, {"tip": 2})},
+        contacts={"joint": ss.laws.jenkins("d_u[tip]", **law)},
+        span=(0, 20),
+    )
+    other = ss.System(
+        "other",
+        coordinates={x: ss.Inertial() for x in ("a", "b", "c")},
+        kinetic="(d_a**2 + 2*d_b**2 + 1.5*d_c**2)/2",
+        potential="(3*a**2 + 2*b**2 + 2*c**2)/2 - a*b - b*c",
+        viscous="0.01*((3*d_a**2 + 2*d_b**2 + 2*d_c**2)/2 - d_a*d_b - d_b*d_c)",
+        contacts={"joint": ss.laws.jenkins("d_c", **law)},
+        span=(0, 20),
+    )
+    return body, other
+
+
+@pytest.mark.parametrize("mode", [1, 2])
+def test_a_structure_as_the_same_chain(mode: int) -> None:
+    body, other = chain_of_three()
+    one = ss.backbone(body, (0.2, 4.0), coordinate="u[tip]", mode=mode, points=5)
+    two = ss.backbone(other, (0.2, 4.0), coordinate="c", mode=mode, points=5)
+    assert one.certificate.ok and two.certificate.ok
+    for name in ("frequency", "damping", "dissipated", "dissipated_joint", "energy"):
+        np.testing.assert_allclose(one[name], two[name], rtol=1e-8, atol=1e-12)
+    assert one.linear_frequency == pytest.approx(two.linear_frequency, rel=1e-12)
+
+
+def test_a_linear_mode_with_its_damping() -> None:
+    ratios = ss.ModalDamping((0.01, 0.02, 0.03))
+    mass, stiffness = np.diag([1.0, 2.0, 1.5]), np.array([[3, -1, 0], [-1, 2, -1], [0, -1, 2.0]])
+    structure = ss.Structure(mass, stiffness, ratios, {"tip": 2})
+    system = ss.System("free", structures={"u": structure}, span=(0, 20))
+    for mode, ratio in zip((1, 2, 3), (0.01, 0.02, 0.03), strict=True):
+        found = ss.backbone(system, (0.1, 1.0), coordinate="u[tip]", mode=mode, points=2)
+        np.testing.assert_allclose(found.frequency, structure.frequencies[mode - 1], rtol=1e-9)
+        np.testing.assert_allclose(found.damping, ratio, rtol=1e-8)
+
+
+def test_a_joint_of_many_sliders() -> None:
+    found = ss.backbone(ss.catalogue.iwan_oscillator(force=0, c=0.0), (0.1, 3.0), points=4)
+    np.testing.assert_allclose(found["dissipated_joint"], found["dissipated"], rtol=1e-9)
+
+
+def test_an_offset_does_not_matter() -> None:
+    still = rubbing_mass()
+    moved = replace(still, potential="k*x**2/2 - 4*F*x")
+    one, two = (ss.backbone(s, (0.2, 2.0), points=3) for s in (still, moved))
+    np.testing.assert_allclose(one.damping, two.damping, rtol=1e-9)
+
+
+def test_a_drive_that_is_switched_off() -> None:
+    system = ss.System(
+        "switched",
+        parameters={"P": ss.Parameter(0.2), "F": ss.Parameter(0.1)},
+        coordinates={"x": ss.Inertial(force="P*sin(2*t)")},
+        kinetic="d_x**2/2",
+        potential="x**2/2 - P*cos(t)*x",
+        contacts={"floor": ss.Contact("d_x", "F")},
+    )
+    with pytest.raises(ss.DeclarationError, match=r"time drives it.*Set the amplitude"):
+        ss.backbone(system, (0.2, 1.0))
+    found = ss.backbone(system, (0.2, 1.0), parameters={"P": 0.0}, points=2)
+    np.testing.assert_allclose(found.damping[-1], np.log(1.1 / 0.9) / np.pi, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"amplitudes": (1.0, 0.1)}, "amplitudes"),
+        ({"amplitudes": (0.0, 1.0)}, "amplitudes"),
+        ({"mode": 2}, "no mode 2"),
+        ({"mode": 0}, "no mode 0"),
+        ({"points": 1}, "points"),
+        ({"coordinate": "y"}, "coordinate"),
+        ({"parameters": {"F": "x"}}, "F"),
+        ({"system": ss.catalogue.jenkins_oscillator()}, "'force' drives it"),
+        ({"system": ss.catalogue.cart_pendulum()}, "mass"),
+        ({"system": ss.catalogue.spring_slider()}, "backbone|mass|drives"),
+    ],
+)
+def test_a_backbone_that_makes_no_sense_is_refused(given: dict[str, Any], message: str) -> None:
+    usual: dict[str, Any] = {"system": rubbing_mass(), "amplitudes": (0.1, 1.0)}
+    with pytest.raises(ss.DeclarationError, match=message):
+        ss.backbone(**{**usual, **given})
+
+
+def test_a_time_limit_keeps_what_was_found() -> None:
+    body = chain_of_three()[0]
+    ss.backbone(body, (0.2, 0.3), coordinate="u[tip]", points=2)
+    found = ss.backbone(body, (0.2, 4.0), coordinate="u[tip]", points=2000, time_limit=0.7)
+    assert 0 < len(found.amplitude) < 2000
+    assert found.outcome.name == "TIME_UP" and found.certificate.ok and not found.notes
+
+
+def test_where_there_is_no_cycle_it_says_so() -> None:
+    # Below F/k the spring cannot move the mass.
+    with pytest.raises(ss.ConvergenceError, match="backbone"):
+        ss.backbone(rubbing_mass(), (0.01, 0.05), points=3)
+    found = ss.backbone(rubbing_mass(), (0.05, 1.0), points=3)
+    assert not found.outcome.ok and "no cycle at the amplitude 0.05" in found.message
+    assert len(found.amplitude) == 2
