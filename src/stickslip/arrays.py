@@ -24,6 +24,7 @@ Int32Vector = Annotated[np.ndarray, "i4:1"]
 ComplexVector = Annotated[np.ndarray, "c16:1"]
 ComplexMatrix = Annotated[np.ndarray, "c16:2"]
 ComplexArray3 = Annotated[np.ndarray, "c16:3"]
+ComplexArray4 = Annotated[np.ndarray, "c16:4"]
 BoolVector = Annotated[np.ndarray, "b1:1"]
 ByteMatrix = Annotated[np.ndarray, "i1:2"]
 

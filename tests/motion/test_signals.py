@@ -51,7 +51,7 @@ def test_what_has_decayed_does_not_shorten_the_search(
     b = 0.3 * rng.normal(size=len(omega)) + 0j
     c = np.array([0.0, rng.normal() / limit, 0.0])
     c[0] = rng.uniform(0.1, 1.0) - np.sum(a.real) - np.sum(b.real)
-    s = SignalSum(c, a, lam, b, omega)
+    s = SignalSum(c, a, np.zeros_like(a), lam, b, omega)
     floor = 1e-14 * (abs(c[0]) + float(np.sum(np.abs(a))))
     left = iter(range(20 + 20 * count))
     expand = signals.expand_signal
@@ -68,3 +68,38 @@ def test_what_has_decayed_does_not_shorten_the_search(
         assert found == pytest.approx(expected, rel=1e-12 + 10.0 * floor / slope)
     else:
         assert found > limit
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_what_is_fast_and_small_is_bounded(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Waves of a structure: the faster, the smaller. The first fall is right, and the search takes
+    far fewer windows than the fastest wave has periods."""
+    rng = np.random.default_rng(seed)
+    count = 12
+    w = np.geomspace(1.0, 2e3, count) * rng.uniform(0.8, 1.2, count)
+    lam = -0.01 * w + 1j * w
+    a = rng.normal(size=count) * w**-1.5 * np.exp(2j * np.pi * rng.uniform(size=count))
+    omega = rng.uniform(0.5, 1.5, int(rng.integers(0, 2)))
+    b = 0.3 * rng.normal(size=len(omega)) + 0j
+    c = np.array([0.0, -0.05, 0.0])
+    limit = 20.0
+    c[0] = rng.uniform(0.1, 1.0) - np.sum(a.real) - np.sum(b.real)
+    s = SignalSum(c, a, np.zeros_like(a), lam, b, omega)
+    floor = 1e-14 * (abs(c[0]) + float(np.sum(np.abs(a))))
+    windows = []
+    expand = signals.expand_signal
+
+    def counted(s: SignalSum, start: float, h: float, work: Array) -> None:
+        windows.append(h)
+        expand(s, start, h, work)
+
+    monkeypatch.setattr(signals, "expand_signal", counted)
+    found, _ = first_of_many(s, limit, floor, 0, np.zeros(33), np.zeros((64, 36)))
+    points = np.linspace(0.0, min(found, limit), 400_001)[:-1]
+    values = c[0] + c[1] * points + np.real(np.exp(1j * np.outer(points, omega)) @ b)
+    for k in range(count):
+        values += np.real(a[k] * np.exp(lam[k] * points))
+    assert np.all(values > -1e-9)  # none was missed
+    if found <= limit:
+        assert abs(value(s, found)) < 1e-12 and value(s, found + 1e-9) < 0.0
+    assert len(windows) < 0.2 * 2e3 * min(found, limit) / 1.5 + 40

@@ -181,7 +181,7 @@ class Problem:
         n = layout.sizes["n"]
         contacts = len(layout.u)
         kinks = len(layout.kinks)
-        small = contacts + kinks <= MOST_SWITCHES and n <= 24 and layout.frequencies <= 6
+        small = contacts + kinks <= MOST_SWITCHES and n <= 100 and layout.frequencies <= 6
         # closed forms know none of these
         alone = not (layout.gaps or layout.planes or layout.prescribed)
         slots = slots if small and self.exact and alone else 0

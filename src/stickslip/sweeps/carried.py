@@ -9,14 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
+from stickslip.arrays import Array
 from stickslip.equations.derive import derive
 from stickslip.errors import ConvergenceError
 from stickslip.model.system import System
+from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import pose
 from stickslip.orbits.cycles.cycle import Cycle, find_cycle
+from stickslip.orbits.cycles.finding import repels
 from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.return_map.shooting import follow_freely
 from stickslip.sweeps.work.handed import Handed, handed_on, period_of_drives, taken_up
+
+_NEARER = 0.2  # part of its first distance from a cycle that a motion comes to if it settles there
+_THERE = 1e-9  # in units of the cycle: no distance
+_LOOKS = 7  # at 1, 2, 4, … periods more
 
 
 def carried(
@@ -30,7 +37,9 @@ def carried(
 ) -> Iterator[Cycle | str]:
     """The cycles that a motion settles on while a parameter takes one value after the other.
 
-    Each motion goes on from the state of the last one, at the same phase of the drives.
+    Each motion starts from the state of the last one, at the same phase of the drives. Where the
+    last cycle can be followed to the new value, it is enough that the motion has come to a fifth of
+    its first distance from it; elsewhere it is followed until it has settled.
 
     Parameters
     ----------
@@ -51,6 +60,7 @@ def carried(
         Where there is no cycle, why; the next motion goes on from where that one came to.
     """
     handed: Handed | None = None
+    cycle: Cycle | None = None
     for i, value in enumerate(values):
         if progress is not None:
             progress(i)
@@ -61,17 +71,62 @@ def carried(
             settle_friction(derive(system.declaration), own, state[None], start)
         else:
             start, state = taken_up(system, handed, own)
-        # A motion, and not its start: what is near the start may be a cycle that repels.
-        length = period_of_drives(system, own) or 0.05 * (system.span[1] - system.span[0])
-        motion = follow_freely(problem, start, start + length, state)
-        try:
-            cycle = find_cycle(system, motion)
-        except ConvergenceError as failure:
-            last = motion.knots
-            handed = handed_on(system, own, float(last.time[-1]), last.state[-1])
-            yield str(failure)
-        else:
-            place = cycle.closed.orbit.legs[0].place.state
-            rate = cycle.closed.orbit.shift / cycle.period
-            handed = handed_on(system, own, cycle.time, place, rate)
-            yield cycle
+        cycle = None if cycle is None else _followed(cycle, parameter, float(value), start, state)
+        if cycle is None:
+            # A motion, and not its start: what is near the start may be a cycle that repels.
+            length = period_of_drives(system, own) or 0.05 * (system.span[1] - system.span[0])
+            motion = follow_freely(problem, start, start + length, state)
+            try:
+                cycle = find_cycle(system, motion)
+            except ConvergenceError as failure:
+                last = motion.knots
+                handed = handed_on(system, own, float(last.time[-1]), last.state[-1])
+                yield str(failure)
+                continue
+        place = cycle.closed.orbit.legs[0].place.state
+        rate = cycle.closed.orbit.shift / cycle.period
+        handed = handed_on(system, own, cycle.time, place, rate)
+        yield cycle
+
+
+def moved(cycle: Cycle, parameters: Mapping[str, float], halvings: int = 5) -> Cycle:
+    """What a cycle becomes at other parameters, by way of others between if need be.
+
+    Raises
+    ------
+    ConvergenceError
+        If steps of a 2⁻ʰ-th part are still too long.
+    """
+    try:
+        return find_cycle(cycle.system, cycle, parameters=parameters)
+    except ConvergenceError:
+        if halvings == 0:
+            raise
+    middle = {name: 0.5 * (cycle.parameters[name] + value) for name, value in parameters.items()}
+    return moved(moved(cycle, middle, halvings - 1), parameters, halvings - 1)
+
+
+def _followed(
+    cycle: Cycle, parameter: str, value: float, time: float, state: Array
+) -> Cycle | None:
+    """The cycle that another one becomes at the next value of a parameter, if the motion from a
+    state is seen to approach it; None if not, or if it repels."""
+    try:
+        found = moved(cycle, {parameter: value}, halvings=2)
+    except ConvergenceError:
+        return None
+    closed = found.closed
+    if repels(closed):
+        return None
+    first = closed.distance(state, time)
+    periods = 1.0
+    for _ in range(_LOOKS):
+        motion = follow_freely(closed.orbit.problem, time, time + periods * found.period, state)
+        if motion.outcome is not Outcome.FINISHED:
+            return None
+        time, state = float(motion.knots.time[-1]), motion.knots.state[-1]
+        now = closed.distance(state, time)
+        if now <= max(_NEARER * first, _THERE):
+            return found
+        periods *= 2.0
+    return None

@@ -42,7 +42,7 @@ from stickslip.orbits.fields.clock import Clock, clock
 from stickslip.orbits.return_map.recurrence import SHORTEST
 from stickslip.progress import Show, watched
 from stickslip.stopping.scopes import TimeUp, heed, limited
-from stickslip.sweeps.carried import carried
+from stickslip.sweeps.carried import carried, moved
 from stickslip.sweeps.request.axes import read_axes
 from stickslip.sweeps.response import FrequencyResponse
 from stickslip.symbolic.expressions import Expr
@@ -465,7 +465,7 @@ def _climb(wanted: _Level, cycle: Cycle, low: float, high: float) -> Cycle:
             raise ConvergenceError("the largest response", f"it is beyond {x} = {value:g}")
         if value not in seen:
             near = min(seen, key=lambda v: abs(v - value))
-            seen[value] = _moved(seen[near], {x: value})
+            seen[value] = moved(seen[near], {x: value})
         return -_numbers(seen[value], wanted.coordinate)[0]
 
     while not lowered(middle) <= min(lowered(low), lowered(high)):
@@ -476,23 +476,6 @@ def _climb(wanted: _Level, cycle: Cycle, low: float, high: float) -> Cycle:
     if lowered(middle) < min(lowered(low), lowered(high)):
         minimize_scalar(lowered, (low, middle, high), method="brent", options={"xtol": _PEAK})
     return max(seen.values(), key=lambda c: _numbers(c, wanted.coordinate)[0])
-
-
-def _moved(cycle: Cycle, parameters: Mapping[str, float], halvings: int = 5) -> Cycle:
-    """What a cycle becomes at other parameters, by way of others between if need be.
-
-    Raises
-    ------
-    ConvergenceError
-        If steps of a 2⁻ʰ-th part are still too long.
-    """
-    try:
-        return find_cycle(cycle.system, cycle, parameters=parameters)
-    except ConvergenceError:
-        if halvings == 0:
-            raise
-    middle = {name: 0.5 * (cycle.parameters[name] + value) for name, value in parameters.items()}
-    return _moved(_moved(cycle, middle, halvings - 1), parameters, halvings - 1)
 
 
 def _backbone(level: str, found: list[_Lines]) -> list[Cycle]:
@@ -511,8 +494,8 @@ def _backbone(level: str, found: list[_Lines]) -> list[Cycle]:
                 # Most of the way it goes straight to the next peak.
                 guess = last.parameters[x]
                 guess += (after.parameters[x] - guess) / (_BETWEEN + 1 - i)
-                moved = _moved(last, {level: value, x: guess})
-                last = _climb(wanted, moved, guess - step, guess + step)
+                there = moved(last, {level: value, x: guess})
+                last = _climb(wanted, there, guess - step, guess + step)
                 cycles.append(last)
         cycles.append(after)
     return cycles

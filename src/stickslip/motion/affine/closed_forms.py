@@ -2,12 +2,15 @@
 
 Matrices of a mode (:mod:`.matrices`) become the table that :mod:`.flights` follow. A mode whose
 eigenvectors are nearly dependent, whose eigenvalues are not known well enough, or that is near
-resonance, is left to the Taylor steps, which need no such structure.
+resonance, is left to the Taylor steps, which need no such structure; one that they follow faster is
+proved to be affine, and left to them, too.
 """
 
 from __future__ import annotations
 
 import math
+
+import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
@@ -15,6 +18,7 @@ from stickslip.motion.affine.eigenvalues import decompose, modulus
 from stickslip.motion.affine.forms import (
     AFFINE,
     EXPONENTS,
+    FEW_COMPONENTS,
     GERM_ORDERS,
     GUARDS,
     SLIDES,
@@ -43,11 +47,14 @@ _FOLLOWS = -1
 _LEADS = -2
 
 _CONDITION = 1e4
+_GONE = 1e-9  # part of the largest eigenvalue that may be left out of the matrix
+_FASTEST = 1e9  # eigenvalue; what is faster has an extreme unit of time
 _KNOWN = 1e-11  # part of an eigenvalue that rounding errors of the matrix may change
 _SLOW = 1e-6  # smallest eigenvalue, relative to the largest, that may be divided by
 # imaginary and real parts of eigenvalues, relative to the largest, that are rounding
 _REAL = 1e-12
 _STILL = 1e-13
+_STIFF = 40.0  # ratio of rates from which on flights pay whatever the guards are
 _RESONANCE = 1e-3  # distance of an eigenvalue from a frequency, relative to it
 # Rounding where a zero belongs would make every signal look as if it had all parts.
 _ABSENT = 4e-15  # of the largest component of an eigenvector
@@ -82,9 +89,12 @@ def make_form(
     """
     own = flow_of(flow, g)
     T.status[slot] = SMOOTH
+    T.flown[slot] = 0
     if not linearise(machine, own, mode, reg, w.probes):
         return
     blocks = find_blocks(T, w, slot, own.k.omega)
+    if blocks < 0 and damp_held(w, own.rows, mode):
+        blocks = find_blocks(T, w, slot, own.k.omega)
     if blocks < 0:
         return
     fill_dynamics(T, w, slot, own.k.omega)
@@ -94,6 +104,68 @@ def make_form(
     fill_signals(T, w, slot, blocks)
     T.counts[slot, EXPONENTS] = blocks
     T.status[slot] = AFFINE
+    T.flown[slot] = 1 if pays(T, slot, own.k.omega, blocks) else 0
+
+
+@compiled()
+def damp_held(w: Making, rows: Rows, mode: Array) -> bool:
+    """Let the relative velocities of sticking contacts with mass decay; returns whether there are
+    any.
+
+    They are zero, so that this changes no motion. But where a direction of several coordinates is
+    held, its place and its velocity have no two eigenvectors: one is the derivative of the other,
+    and both are constant.
+    """
+    F = w.probes.F
+    n, nq = len(w.moving), rows.sizes[INERTIAL]
+    stiffness = 0.0
+    for i in range(nq, 2 * nq):
+        for j in range(nq):
+            stiffness = max(stiffness, abs(F[i, j]))
+    rate = math.sqrt(stiffness)
+    found = False
+    for c in range(rows.sizes[ON_INERTIAL]):
+        if mode[c] != 0:
+            continue
+        found = True
+        for i in range(nq):
+            strength = rate * w.probes.hold[c, i]
+            if strength != 0.0:
+                for j in range(F.shape[1]):
+                    F[nq + i, j] -= strength * F[n + c, j]
+    return found
+
+
+@compiled()
+def pays(T: ClosedForms, slot: int, omega: Array, blocks: int) -> bool:
+    """Whether flights are much faster than Taylor steps, or not much slower: where there are few
+    components, roots of guards are nearly known, or steps would be short beside the motion, since
+    some of it is much faster than the rest."""
+    slowest = np.inf
+    fastest = 0.0
+    for b in range(blocks):
+        size = modulus(T.exponent[slot, b])
+        if size > 0.0:
+            slowest = min(slowest, size)
+            fastest = max(fastest, size)
+    for frequency in omega:
+        slowest = min(slowest, frequency)
+        fastest = max(fastest, frequency)
+    if fastest > _STIFF * slowest:
+        return True
+    n = T.exponent.shape[1]
+    if n <= FEW_COMPONENTS:
+        return True
+    for g in range(T.counts[slot, GUARDS]):
+        parts = 0
+        for b in range(blocks):
+            if T.exponent[slot, b] != 0.0j and T.swing[slot, g, b] > 0.0:
+                parts += 1
+        for m in range(len(omega)):
+            parts += 1 if T.swing[slot, g, n + m] > 0.0 else 0
+        if parts > 1:
+            return False
+    return True
 
 
 @compiled()
@@ -191,7 +263,10 @@ def add_part(T: ClosedForms, w: Making, slot: int, count: int, blocks: int) -> i
     L = w.L
     largest = 0.0
     for j in range(count):
+        p.x[j] = p.values[j]
         largest = max(largest, modulus(p.values[j]))
+    # A rate is as many times larger than its place as its mode is fast.
+    scale = min(max(largest, 1.0), _FASTEST)
     for j in range(count):
         value = settled(p.values[j], largest)
         if value != 0.0j and modulus(value) < _SLOW * largest:
@@ -224,7 +299,7 @@ def add_part(T: ClosedForms, w: Making, slot: int, count: int, blocks: int) -> i
             length += z.real * z.real + z.imag * z.imag
             left = max(left, modulus(z))
             right = max(right, modulus(p.vectors[i, j]))
-        if not math.sqrt(length) < _CONDITION:
+        if not math.sqrt(length) < _CONDITION * scale:
             return -1
         for i in range(count):
             if modulus(p.vectors[i, j]) > _ABSENT * right:
@@ -233,9 +308,47 @@ def add_part(T: ClosedForms, w: Making, slot: int, count: int, blocks: int) -> i
                 L[blocks, w.members[i]] = complex(0.0, 0.0)
         if not is_known(w, count, blocks, value):
             return -1
+        if value == 0.0j and leaves_out(w, count, blocks, modulus(p.x[j]), largest, scale):
+            return -1
         T.exponent[slot, blocks] = value
         blocks += 1
     return blocks
+
+
+@compiled()
+def leaves_out(
+    w: Making, count: int, block: int, size: float, largest: float, scale: float
+) -> bool:
+    """Whether more than rounding is left out of the matrix with an eigenvalue that is taken for 0.
+
+    Where eigenvectors are missing (a place and its velocity, both constant), those of two
+    eigenvalues near 0 are large, and have opposite parts of the matrix.
+
+    Parameters
+    ----------
+    w : Making
+        With the eigenvectors, and the members of the part.
+    count : int
+        How many members there are.
+    block : int
+        Where the eigenvectors stand.
+    size, largest : float
+        Modulus of the eigenvalue, and of the largest one.
+    scale : float
+        Unit of rates beside their places.
+    """
+    nq = w.probes.hold.shape[1] - 1
+    for i in range(count):
+        for j in range(count):
+            a, b = w.members[i], w.members[j]
+            gone = size * modulus(w.V[a, block]) * modulus(w.L[block, b])
+            if nq <= a < 2 * nq:
+                gone /= scale
+            if nq <= b < 2 * nq:
+                gone *= scale
+            if gone > _GONE * largest:
+                return True
+    return False
 
 
 @compiled()

@@ -44,7 +44,6 @@ from stickslip.translator import compiled
 # rounding errors by which the guard of a switch that has just fired may be away from zero, where it
 # is by definition
 _FIRED_ROUNDINGS = 1e5
-FEW_COMPONENTS = 4  # of a state: none is moved at so high an order that it is lost
 _LOST = 1e-4  # of what it is made of: a smaller component has lost too many digits
 UNKNOWN = -2  # what may be said instead of a guard
 # Kinds of signals
@@ -458,7 +457,7 @@ def fly(form: ClosedForms, f: Flight, room: float, omega: Array) -> tuple[float,
                 a[i] = form.a[g, i] * r[i]
             for m in range(len(omega)):
                 b[m] = form.b[g, m] * f.spin[m]
-            parts = SignalSum(f.c[g], a[:nb], lam[:nb], b, omega)
+            parts = SignalSum(f.c[g], a[:nb], f.z[:nb], lam[:nb], b, omega)
             found, looked = first_of_many(parts, limit, floor, rising, f.taylor, f.stack)
             # A search does not last for ever: a wish to end has to be heard.
             if looked < limit:

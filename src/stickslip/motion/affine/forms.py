@@ -28,6 +28,8 @@ SMOOTH = 2
 SLIDES = 1
 STICKS = 2
 GERM_ORDERS = 6
+FEW_COMPONENTS = 4
+"""Components of a state of which none is moved at so high an order that it is lost."""
 # contacts and kinks of a system with closed forms: the number of a mode fits into 64 bits up to 39
 MOST_SWITCHES = 30
 # Columns of ClosedForms.counts.
@@ -86,6 +88,8 @@ class ClosedForms(NamedTuple):
         Slots in use, by group.
     shortest : array
         Shortest time scale, 1/max |λ|.
+    flown : array of int
+        1 where flights are faster than Taylor steps.
     """
 
     status: IntVector
@@ -116,6 +120,7 @@ class ClosedForms(NamedTuple):
     brake: Array3
     used: IntVector
     shortest: Vector
+    flown: IntVector
 
 
 def make_closed_forms(
@@ -170,6 +175,7 @@ def make_closed_forms(
         brake=z((m, contacts, ns)),
         used=z(groups, i),
         shortest=z(m),
+        flown=z(m, i),
     )
 
 
@@ -211,6 +217,7 @@ def form_of(T: ClosedForms, slot: int) -> ClosedForms:
         T.brake[slot],
         T.used,
         T.shortest[slot],
+        T.flown[slot],
     )
 
 
@@ -289,8 +296,8 @@ class Flight(NamedTuple):
         |r|, arg r, and the sizes of the terms of r.
     spin : array of complex
         exp(iωₘt) at the beginning of the flight.
-    a, b : arrays of complex
-        Amplitudes of one signal.
+    a, b, z : arrays of complex
+        Amplitudes of one signal, and its exponentials where it is searched.
     kind, lead, c, floor, guess : arrays
         Of each guard: what kind of signal it is, its only exponential, its powers of τ, the
         rounding error of its values, and about when it falls.
@@ -311,6 +318,7 @@ class Flight(NamedTuple):
     spin: ComplexVector
     a: ComplexVector
     b: ComplexVector
+    z: ComplexVector
     kind: IntVector
     lead: IntVector
     c: Matrix
@@ -347,6 +355,7 @@ def make_flight(rows: Rows, waves: int, timed: bool) -> Flight:
         spin=z(waves, c),
         a=z(n, c),
         b=z(waves, c),
+        z=z(n, c),
         kind=z(guards, np.int64),
         lead=z(guards, np.int64),
         c=z((guards, 3)),

@@ -22,6 +22,7 @@ from stickslip.translator import compiled
 _MOST_WINDOWS = 100_000  # of a signal that are searched at once: a tenth of a second
 _WINDOW_ORDER = 22
 _WINDOW = 1.5  # in which its polynomial is exact, in parts of the time in which a term changes
+_LONGER = 4.0  # a window in which one exponential more may be replaced by its bound
 _LONGEST = 700.0  # what the exponential function can take
 _EXACT = 1e-16  # relative error of a root that no further step can lessen
 
@@ -49,10 +50,12 @@ class Wave(NamedTuple):
 
 
 class SignalSum(NamedTuple):
-    """The signal c₀ + c₁τ + c₂τ² + Re Σⱼ aⱼ exp(λⱼτ) + Re Σₘ bₘ exp(iωₘτ)."""
+    """The signal c₀ + c₁τ + c₂τ² + Re Σⱼ aⱼ exp(λⱼτ) + Re Σₘ bₘ exp(iωₘτ); z receives the
+    exponentials where it is searched."""
 
     c: Array
     a: Array
+    z: Array
     lam: Array
     b: Array
     omega: Array
@@ -278,8 +281,81 @@ def _halley(
 
 
 @compiled()
+def advance(s: SignalSum, start: float) -> float:
+    """Put the exponentials at a time into z; returns the value of the signal there."""
+    c = s.c
+    value = c[0] + start * (c[1] + start * c[2])
+    for j in range(len(s.lam)):
+        s.z[j] = s.a[j] * cmath.exp(s.lam[j] * start)
+        value += s.z[j].real
+    for m in range(len(s.omega)):
+        value += (s.b[m] * cmath.exp(1j * s.omega[m] * start)).real
+    return float(value)
+
+
+@compiled()
+def window_of(s: SignalSum, j: int, start: float) -> float:
+    """How long the Taylor polynomial of an exponential at a time is good."""
+    size = abs(s.lam[j])
+    if size == 0.0 or s.a[j] == 0.0j:
+        return np.inf
+    spent = max(-s.lam[j].real * start, 0.0) / (_WINDOW_ORDER + 1)
+    return _WINDOW / size * math.exp(min(spent, _LONGEST))
+
+
+@compiled()
+def left_out(s: SignalSum, start: float, h: float) -> float:
+    """Bound of the exponentials whose polynomials are not good for a window."""
+    total = 0.0
+    for j in range(len(s.lam)):
+        if window_of(s, j, start) < h:
+            total += abs(s.z[j]) * math.exp(min(max(s.lam[j].real, 0.0) * h, _LONGEST))
+    return total
+
+
+@compiled()
+def window_from(s: SignalSum, start: float, limit: float, value: float) -> tuple[float, float]:
+    """Length of the next window: that of the fastest exponential, or a longer one where all that is
+    too fast for it stays far below the value of the signal; and a bound of what is too fast.
+
+    The fast modes of a structure are small, and decay soon; they need not be followed.
+
+    Parameters
+    ----------
+    start, limit : float
+        Of the window, and of the search.
+    value : float
+        Of the signal at the start; 0 if every exponential counts.
+    """
+    most = limit - start
+    for m in range(len(s.omega)):
+        if s.omega[m] > 0.0 and s.b[m] != 0.0j:
+            most = min(most, _WINDOW / s.omega[m])
+    h = most
+    for j in range(len(s.lam)):
+        h = min(h, window_of(s, j, start))
+    bound = 0.0
+    while h < most:
+        longer = min(_LONGER * h, most)
+        more = left_out(s, start, longer)
+        if more > 0.5 * value:
+            break
+        h, bound = longer, more
+    return h, bound
+
+
+@compiled()
 def expand_signal(s: SignalSum, start: float, h: float, work: Array) -> None:
-    """Taylor polynomial of a signal at a time, in powers of a window."""
+    """Taylor polynomial of a signal at a time, in powers of a window, without what is left out.
+
+    Parameters
+    ----------
+    s : SignalSum
+        Advanced to the time.
+    start, h : float
+    work : array, shape (WINDOW_ORDER + 1,)
+        Receives it.
+    """
     N = _WINDOW_ORDER
     c = s.c
     for k in range(N + 1):
@@ -288,7 +364,9 @@ def expand_signal(s: SignalSum, start: float, h: float, work: Array) -> None:
     work[1] = (c[1] + 2.0 * c[2] * start) * h
     work[2] = c[2] * h * h
     for j in range(len(s.lam)):
-        z = s.a[j] * cmath.exp(s.lam[j] * start)
+        if window_of(s, j, start) < h:
+            continue
+        z = s.z[j]
         for k in range(N + 1):
             work[k] += z.real
             z = z * s.lam[j] * h / (k + 1)
@@ -300,21 +378,6 @@ def expand_signal(s: SignalSum, start: float, h: float, work: Array) -> None:
 
 
 @compiled()
-def window_from(s: SignalSum, start: float) -> float:
-    """How long the Taylor polynomial of a signal at a time is good."""
-    h = np.inf
-    for j in range(len(s.lam)):
-        size = abs(s.lam[j])
-        if size > 0.0 and s.a[j] != 0.0j:
-            spent = max(-s.lam[j].real * start, 0.0) / (_WINDOW_ORDER + 1)
-            h = min(h, _WINDOW / size * math.exp(min(spent, _LONGEST)))
-    for m in range(len(s.omega)):
-        if s.omega[m] > 0.0 and s.b[m] != 0.0j:
-            h = min(h, _WINDOW / s.omega[m])
-    return h
-
-
-@compiled()
 def first_of_many(
     s: SignalSum, limit: float, floor: float, rising: int, work: Array, stack: Array
 ) -> tuple[float, float]:
@@ -322,7 +385,8 @@ def first_of_many(
     and the roots of that.
 
     What decays leaves room for longer windows, in which it is known as exactly as at the beginning,
-    in parts of what it was there: it takes some sixteen until nothing is left of it.
+    in parts of what it was there: it takes some sixteen until nothing is left of it. What is fast
+    and small is replaced by its bound, as long as this leaves no doubt.
 
     Parameters
     ----------
@@ -333,12 +397,27 @@ def first_of_many(
     """
     start = 0.0
     order = rising
+    longest = np.inf
     N = _WINDOW_ORDER
     for _ in range(_MOST_WINDOWS):
         if not start < limit:
             break
-        h = min(window_from(s, start), limit - start)
+        value = advance(s, start)
+        h, bound = window_from(s, start, limit, value if order == 0 else 0.0)
+        if h > longest:
+            h, bound = longest, left_out(s, start, longest)
+        longest = np.inf
         expand_signal(s, start, h, work)
+        if bound > 0.0:
+            work[0] -= bound
+            x = first_crossing(work, N, 1.0, floor, stack) if work[0] > floor else 0.0
+            if x < NONE:
+                # No fall before x; from there on more has to be followed.
+                start += x * h
+                longest = h / _LONGER
+            else:
+                start += h
+            continue
         if order > 0:
             divide_out(work, order, N + 1)
         elif work[0] <= floor:

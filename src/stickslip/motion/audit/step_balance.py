@@ -70,7 +70,7 @@ from stickslip.motion.audit.step_ends import (
     jump_or_collide,
     may_collide,
 )
-from stickslip.motion.audit.work import powers_at
+from stickslip.motion.audit.work import place_nodes, powers_at
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     COMPONENT,
@@ -88,7 +88,7 @@ from stickslip.motion.steps.arrays import (
     is_stopped,
 )
 from stickslip.motion.steps.directions import give_directions
-from stickslip.motion.steps.roots import horner, rate_on
+from stickslip.motion.steps.roots import horner, rates_at
 from stickslip.motion.steps.step_size import impulse
 from stickslip.motion.steps.stiff import ends_there, follow_mode
 from stickslip.motion.steps.vectors import copy
@@ -258,9 +258,11 @@ def measure_piece(
     sharing = any_share(rows)
     if sharing:
         find_shared(flow, mode, W, True)
+    place_nodes(flow, piece, 0.0, piece.h)
+    rates_at(W, piece.order, space.nodes[n], space.samples[:n])
     for g in range(COUNT):
         weight = piece.h * GAUSS_WEIGHTS[g]
-        lost, given = powers_at(machine, flow, piece, mode, reg, piece.h * GAUSS_NODES[g])
+        lost, given = powers_at(machine, flow, piece, mode, reg, piece.h * GAUSS_NODES[g], g)
         steps.work[i, SPENT] += weight * lost
         steps.work[i, FED] += weight * given
         tally.total[FED_IN_ALL] += weight * abs(given)
@@ -296,7 +298,8 @@ def sample_residuals(
     steps: Steps,
     tally: Tally,
 ) -> None:
-    """Keep the residuals p′ − f(p) at a node, and count the rounding errors of the rates.
+    """Keep the residuals p′ − f(p) at a node, in place of p′, and count the rounding errors of the
+    rates.
 
     Parameters
     ----------
@@ -317,10 +320,10 @@ def sample_residuals(
     sizes = rows.program.rate_sizes
     n = len(y)
     unit = W[n, 1]
-    tau, weight = piece.h * GAUSS_NODES[g], piece.h * GAUSS_WEIGHTS[g]
+    weight = piece.h * GAUSS_WEIGHTS[g]
     for r in range(n):
         rate = space.V[rows.program.rates[r], 0]
-        space.samples[r, g] = rate - rate_on(W[r], piece.order, tau / unit) / unit
+        space.samples[r, g] = rate - space.samples[r, g] / unit
         tally.state[LARGEST, r] = most(tally.state[LARGEST, r], abs(y[r]))
         if sizes[r] >= 0:
             size = tally.state[LARGEST, r]

@@ -26,7 +26,7 @@ from stickslip.motion.steps.arrays import (
     is_stopped,
 )
 from stickslip.motion.steps.directions import give_directions, take_directions
-from stickslip.motion.steps.roots import horner, rate_on
+from stickslip.motion.steps.roots import horner, rate_on, values_at
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.stiff import ends_there, follow_mode
 from stickslip.motion.steps.vectors import copy
@@ -158,9 +158,12 @@ def work_between(
     spent, fed = 0.0, 0.0
     if b > a:
         give_directions(flow.rows, mode, True)
+        place_nodes(flow, piece, a, b)
         for g in range(COUNT):
-            tau, weight = a + (b - a) * GAUSS_NODES[g], (b - a) * GAUSS_WEIGHTS[g]
-            lost, given = powers_at(machine, flow, piece, mode, reg, tau)
+            weight = (b - a) * GAUSS_WEIGHTS[g]
+            lost, given = powers_at(
+                machine, flow, piece, mode, reg, a + (b - a) * GAUSS_NODES[g], g
+            )
             spent += weight * lost
             fed += weight * given
         give_directions(flow.rows, mode, False)
@@ -168,28 +171,56 @@ def work_between(
 
 
 @compiled()
+def place_nodes(flow: Flow, piece: StepPiece, a: float, b: float) -> None:
+    """Put the states at the nodes of a part of a piece into the work space.
+
+    Parameters
+    ----------
+    flow : Flow
+        Its work space has the polynomials of the piece.
+    piece : StepPiece
+    a, b : float
+        The part, from the beginning of the piece.
+    """
+    nodes, W = flow.space.nodes, flow.space.W
+    n = flow.rows.sizes[DIMENSION]
+    unit = W[n, 1]
+    for g in range(COUNT):
+        nodes[n, g] = (a + (b - a) * GAUSS_NODES[g]) / unit
+    values_at(W, piece.order, nodes[n], nodes[:n])
+
+
+@compiled()
 def powers_at(
-    machine: Machine, flow: Flow, piece: StepPiece, mode: Array, reg: Array, tau: float
+    machine: Machine,
+    flow: Flow,
+    piece: StepPiece,
+    mode: Array,
+    reg: Array,
+    tau: float,
+    node: int,
 ) -> tuple[float, float]:
-    """Power that is dissipated, and supplied, at a time of a piece, with directions given. The
+    """Power that is dissipated, and supplied, at a node of a piece, with directions given. The
     values of the rows are left in the work space, and the state.
 
     Parameters
     ----------
     machine : Machine
     flow : Flow
-        Its work space has the polynomials of the piece.
+        Its work space has the polynomials of the piece, and the states at the nodes.
     piece : StepPiece
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
     tau : float
         The time, from the beginning of the piece.
+    node : int
+        The number of the node.
     """
     rows, space = flow.rows, flow.space
     n = rows.sizes[DIMENSION]
     W, V, y = space.W, space.V, space.y0
     unit = W[n, 1]
     for r in range(n):
-        y[r] = horner(W[r], piece.order, tau / unit)
+        y[r] = space.nodes[r, node]
     take_directions(rows, W, piece.order, tau / unit, V)
     coefficients(machine, flow, Instant(piece.t + tau, y, mode, reg), 1, V)
     machine.powers(V, reg, flow.k.K, space.powers)

@@ -12,6 +12,7 @@ from stickslip.motion.affine import flights
 from stickslip.motion.affine.closed_forms import make_form
 from stickslip.motion.affine.forms import (
     AFFINE,
+    FEW_COMPONENTS,
     GERM_ORDERS,
     GUARDS,
     ClosedForms,
@@ -107,7 +108,7 @@ def fly_on(
         if slot >= 0 and t < end:
             tau, guard = flights.fly(form, flight, end - t, omega)
             if guard == flights.UNKNOWN or (
-                len(y) > flights.FEW_COMPONENTS
+                len(y) > FEW_COMPONENTS
                 and flights.is_drowned(form, flight, y, lane.seen, tau, omega)
             ):
                 slot = _UNDECIDED
@@ -171,7 +172,11 @@ def decide(
             T.used[g] += 1
             make_form(machine, flow, g, T, flight.making, slot, mode, reg)
         form = form_of(T, slot)
-        if form.status != AFFINE or not flights.admissible(form, flight, lane.y, clock[RECENT]):
+        if (
+            form.status != AFFINE
+            or form.flown == 0
+            or not flights.admissible(form, flight, lane.y, clock[RECENT])
+        ):
             return _UNDECIDED
         fired = lane.counters[CAUSE]
         guard = flights.germs(form, flight, omega, fired, nk, clock[LAST], lane.settled)

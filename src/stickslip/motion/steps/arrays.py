@@ -242,6 +242,8 @@ class Space(NamedTuple):
         state strays.
     kinds : array of int
         What each row depends on; see :mod:`stickslip.motion.affine.structure`.
+    nodes : array, shape (n + 1, nodes)
+        Of an audit: states at the nodes of a piece, and these in the unit of its polynomials.
     samples, bernstein : arrays, shapes (rows, nodes) and (halvings, nodes)
         Of an audit: residuals and guards at the nodes of a piece, and polynomials in Bernstein's
         form.
@@ -290,6 +292,7 @@ class Space(NamedTuple):
     balls: Matrix
     reaches: Vector
     kinds: IntVector
+    nodes: Matrix
     samples: Matrix
     bernstein: Matrix
     scratch: Matrix
@@ -641,6 +644,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         balls=z((2, max(most, 1))),
         reaches=z(N + 1),
         kinds=z(table_rows, np.int64),
+        nodes=z((n + 1, AUDIT_NODES)),
         samples=z((n + 3 * nc + nk, AUDIT_NODES)),
         bernstein=z((24, AUDIT_NODES)),
         scratch=z((big + 3, big)),

@@ -44,6 +44,42 @@ def horner(c: Array, d: int, x: float) -> float:
     return s
 
 
+@compiled(relaxed=CONTRACTED)
+def values_at(C: Array, d: int, x: Array, values: Array) -> None:
+    """Values of many polynomials Σ C[r, k] xᵏ, k ≤ d, at many places, each as :func:`horner` has
+    it: side by side, so that none waits for another.
+
+    Parameters
+    ----------
+    C : array, shape (at least rows, more than d)
+    d : int
+    x : array, shape (places,)
+    values : array, shape (rows, places)
+        Receives them.
+    """
+    for r in range(len(values)):
+        for g in range(len(x)):
+            values[r, g] = C[r, d]
+    for k in range(d - 1, -1, -1):
+        for r in range(len(values)):
+            term = C[r, k]
+            for g in range(len(x)):
+                values[r, g] = values[r, g] * x[g] + term
+
+
+@compiled()
+def rates_at(C: Array, d: int, x: Array, values: Array) -> None:
+    """Their derivatives in the same way, each as :func:`rate_on` has it."""
+    for r in range(len(values)):
+        for g in range(len(x)):
+            values[r, g] = 0.0
+    for k in range(d, 0, -1):
+        for r in range(len(values)):
+            term = k * C[r, k]
+            for g in range(len(x)):
+                values[r, g] = values[r, g] * x[g] + term
+
+
 @compiled()
 def rate_on(c: Array, d: int, x: float) -> float:
     """Derivative of Σ c[k] xᵏ, k ≤ d."""

@@ -21,7 +21,13 @@ from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.return_map.damped_newton import Closed, best_start, restarted, stations_for
 from stickslip.orbits.return_map.held import Held, held_positions, same_held
 from stickslip.orbits.return_map.recurrence import segments, sizes_of
-from stickslip.orbits.return_map.shooting import Orbit, Shooting, follow_state, parameter_values
+from stickslip.orbits.return_map.shooting import (
+    Orbit,
+    Shooting,
+    flies,
+    follow_state,
+    parameter_values,
+)
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -256,10 +262,11 @@ def first_chart(closed: Closed, pieces: Pieces, extent: Extent) -> tuple[Chart, 
     """A chart around a cycle, with the free parameter of the pieces, and its unknowns."""
     problem = closed.orbit.problem
     # A closed form is made for one set of parameters; here every motion has its own.
+    exact = flies(closed.orbit.motion)
     boxes = {name: (value, value) for name, value in problem.parameters.items()}
     (free,) = pieces.free
     boxes[free] = (extent.low, extent.high)
-    general = replace(problem, exact=False, boxes=boxes)
+    general = replace(problem, exact=exact, boxes=boxes)
     shooting = closed.shooting.with_pieces(pieces, general)
     orbit = shooting.orbit(np.append(closed.orbit.x, problem.parameters[free]))
     new, x = restarted(shooting, orbit, len(shooting.stations), chart_sizes(closed, extent))

@@ -3,6 +3,7 @@ contact, harmonics, means."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -17,7 +18,8 @@ from stickslip.model.quantities import contact_key, described, formula_unit
 from stickslip.model.system import System
 from stickslip.motion.audit.observers import LASTED, Sums
 from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN
-from stickslip.orbits.return_map.recurrence import segments
+from stickslip.orbits.fields.mode_field import Pieces
+from stickslip.orbits.return_map.recurrence import modes_of_structures, segments
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
 from stickslip.symbolic.formulas import Scope
@@ -204,7 +206,56 @@ def harmonics(
         home = states - np.outer((times - start) / period, shift)
         return home, 2.0 * np.exp(-2j * np.pi * order * times / period)
 
+    if names is None and len(motion._problem.rows.bodies):
+        found = _of_linear_pieces(motion, shift, order)
+        if found is not None:
+            return found
     return _averaged(motion, wave, order)
+
+
+def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Array, float] | None:
+    """The same of a motion whose pieces are linear, y' = A y + g(t), however fast its modes are;
+    None if one is not.
+
+    By parts, (iΩ − A) ∫ y exp(−iΩt) dt = ∫ g exp(−iΩt) dt − [y exp(−iΩt)] in each step, where g is
+    as smooth as the loads are.
+    """
+    k, problem = motion.knots, motion._problem
+    pieces = Pieces(problem.compiled.equations)
+    p = np.array([motion.parameters[name] for name in motion.system.parameters])
+    start, n = float(k.time[0]), k.state.shape[1]
+    period = float(k.time[-1]) - start
+    wave = 2.0 * np.pi * order / period
+    fastest = max(wave, float(np.max(np.abs(problem.constants.omega), initial=0.0)))
+    every = np.zeros((2, n), complex)  # with panels, and with half as long ones
+    known = dict[int, Array]()
+    for i in np.flatnonzero(np.diff(k.time) > 0.0):
+        number = pieces.number(k.mode[i], k.region[i])
+        piece = pieces.made[number]
+        if not piece.constant:
+            return None
+        if number not in known:
+            y = np.zeros(n)
+            (J,) = piece.jacobian(k.time[i : i + 1], y[:, None], p)
+            known[number] = np.linalg.inv(1j * wave * np.eye(n) - J[:, :n])
+        a, b = float(k.time[i]), float(k.time[i + 1])
+        ends = np.exp(-1j * wave * np.array([a, b]))
+        jump = k.state[i + 1] * ends[1] - k.state[i] * ends[0]
+        for m in range(2):
+            count = (m + 1) * math.ceil(_PARTS * fastest * (b - a) / (2.0 * np.pi))
+            width = (b - a) / count
+            middle = a + (np.arange(count) + 0.5) * width
+            times = (middle[:, None] + 0.5 * width * _NODES).ravel()
+            weights = np.tile(0.5 * width * _WEIGHTS, count) * np.exp(-1j * wave * times)
+            loads = piece.rates(times, np.zeros((n, len(times))), p)
+            every[m] += known[number] @ (loads @ weights - jump)
+    drift = shift / period * 1j * period / wave * np.exp(-1j * wave * start)
+    found = 2.0 / period * (every - drift)
+    size = np.max(np.abs(k.state), axis=0)
+    for own in modes_of_structures(motion):
+        size[own] = np.max(size[own])
+    change = np.max(np.abs(found[1] - found[0]) / np.maximum(size, 1e-300))
+    return found[1], float(change)
 
 
 def extrema_of_unknowns(motion: Trajectory) -> dict[str, tuple[float, float]]:
@@ -215,44 +266,42 @@ def extrema_of_unknowns(motion: Trajectory) -> dict[str, tuple[float, float]]:
     ----------
     motion : Trajectory
     """
-    found: dict[str, tuple[float, float]] = {}
     k = motion.knots
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
     if not motion.system.unknowns or not len(steps):
-        return found
+        return {}
     lengths = np.diff(k.time)[steps]
     counts = _SAMPLES + np.ceil(_SAMPLES_OF_ALL * lengths / np.sum(lengths)).astype(int)
     index = np.repeat(steps, counts)
     place = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
     # both ends of each step
     times = k.time[index] + place * np.repeat(lengths / (counts - 1), counts)
-    names = [name for name in motion.system.unknowns if not name.startswith("d_")]
-    rates = [f"d_{name}" for name in names]
-    seen = motion.trace([*names, *rates], times, index)
-    values = {name: [seen[name]] for name in names}
-    slopes = np.array([seen[rate] for rate in rates])
+    unknowns = motion.system.unknowns
+    names = [name for name in unknowns if not name.startswith("d_")]
+    component = {x: i for i, x in enumerate(motion.system.declaration.state)}
+    rows = np.zeros((len(component), 2, len(names)))  # of the unknowns, and of their rates
+    for i, name in enumerate(names):
+        for k, of in enumerate((name, f"d_{name}")):
+            for x, w in unknowns[of].items():
+                rows[component[x], k, i] = w
+    states = motion._states_at(times, index)
+    seen, slopes = states @ rows[:, 0], states @ rows[:, 1]
+    low, high = np.min(seen, axis=0), np.max(seen, axis=0)
     # every turn of each of them, between two samples of a step
-    which, at = np.nonzero((slopes[:, :-1] * slopes[:, 1:] < 0.0) & (np.diff(index) == 0))
-    low, high, f, g = times[at], times[at + 1], slopes[which, at], slopes[which, at + 1]
+    same = (np.diff(index) == 0)[:, None]
+    at, which = np.nonzero((slopes[:-1] * slopes[1:] < 0.0) & same)
+    a, b, f, g = times[at], times[at + 1], slopes[at, which], slopes[at + 1, which]
     for _ in range(_REFINED if len(at) else 0):
-        middle = (low * g - high * f) / (g - f)
-        order = np.argsort(index[at], kind="stable")
-        every = motion.trace([*names, *rates], middle[order], index[at][order])
-        back = np.argsort(order)
-        for i, name in enumerate(names):
-            values[name].append(every[name][back][which == i])
-        h = np.array([every[rate][back] for rate in rates])[which, np.arange(len(at))]
+        middle = (a * g - b * f) / (g - f)
+        states = motion._states_at(middle, index[at])
+        value, h = np.einsum("tx,xkt->kt", states, rows[:, :, which])
+        np.minimum.at(low, which, value)
+        np.maximum.at(high, which, value)
         left = h * f > 0.0  # the turn is on the other side; what stays counts half (Illinois)
-        low, f, g = (
-            np.where(left, middle, low),
-            np.where(left, h, f / 2.0),
-            np.where(left, g / 2.0, h),
-        )
-        high = np.where(left, high, middle)
-    for name in names:
-        every_value = np.concatenate(values[name])
-        found[name] = float(np.min(every_value)), float(np.max(every_value))
-    return found
+        a, f, g = np.where(left, middle, a), np.where(left, h, f / 2.0), np.where(left, g / 2.0, h)
+        b = np.where(left, b, middle)
+    ends = zip(map(float, low), map(float, high), strict=True)
+    return dict(zip(names, ends, strict=True))
 
 
 def mean(motion: Trajectory, formula: str) -> tuple[float, float]:

@@ -11,15 +11,22 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Field, in_region, mode_field, switched
-from stickslip.kept import cached_property
+from stickslip.kept import cached_property, made_once
 from stickslip.model.system import Kind
 from stickslip.motion.between.dense import make_scratch
 from stickslip.motion.steps.arrays import Rows
-from stickslip.orbits.fields.engine.tables import Leave, Listed, PassSpace, room_for_pass
+from stickslip.orbits.fields.engine.tables import (
+    Leave,
+    Listed,
+    PassSpace,
+    make_spectra,
+    room_for_pass,
+)
 from stickslip.orbits.fields.instructions import Listing, PointFunction, packed
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
+_MOST_PIECES = 256  # of a system that are remembered
 _DEPENDENT = 1e-9  # part of its size by which a gradient may miss the span of others
 
 
@@ -52,6 +59,9 @@ class Piece:
         moving = {"t", *field.state}
         self.constant: bool = not any(
             e.symbols & moving for row in rows for e in row[: len(field.state)]
+        )
+        self.timely: bool = not any(
+            e.symbols & set(field.state) for row in rows for e in row[len(field.state) :]
         )
         self.slopes: PointFunction = PointFunction(field, [e for row in rows for e in row])
         self._speeds: dict[int, PointFunction] = {}
@@ -227,9 +237,14 @@ class Pieces:
         """Its number among those that were asked for."""
         key = mode.tobytes() + region.tobytes()
         if key not in self._numbers:
-            field = mode_field(self.equations, tuple(map(int, mode)), tuple(map(int, region)))
+
+            def make() -> Piece:
+                modes, regions = tuple(map(int, mode)), tuple(map(int, region))
+                return Piece(mode_field(self.equations, modes, regions), self.free)
+
+            piece = made_once(self.equations, "piece", make, (key, self.free), _MOST_PIECES)
             self._numbers[key] = len(self.made)
-            self.made.append(Piece(field, self.free))
+            self.made.append(piece)
         return self._numbers[key]
 
     def numbers(self, modes: Array, regions: Array) -> Array:
@@ -298,6 +313,8 @@ def listed_pieces(pieces: list[Piece]) -> Listed:
         switches,
         np.array([[*piece.field.region, *piece.field.mode] for piece in pieces], np.int64),
         np.array([piece.constant for piece in pieces], np.int64),
+        np.array([piece.timely for piece in pieces], np.int64),
+        make_spectra(len(pieces), n, len(pieces[0].columns) - n),
     )
 
 

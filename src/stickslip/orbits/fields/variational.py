@@ -25,6 +25,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.kept import cached_property
+from stickslip.motion.steps.arrays import INERTIAL
 from stickslip.orbits.fields import slips
 from stickslip.orbits.fields.engine.events import jump
 from stickslip.orbits.fields.engine.resolution import resolve_steps
@@ -42,6 +43,7 @@ from stickslip.orbits.fields.engine.tables import (
     STAGES,
     STRUCK,
     TOGETHER,
+    WANTED,
     Leave,
     Pass,
     PassSpace,
@@ -49,10 +51,14 @@ from stickslip.orbits.fields.engine.tables import (
 from stickslip.orbits.fields.engine.variations import vary
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.saltation import Strike, saltation, strikes_of
+from stickslip.orbits.fields.spectra import decompose
 from stickslip.stopping.scopes import heed
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
+
+
+_ROUNDED = 1e-12  # part of its terms that is nothing in a linear form
 
 
 @dataclass(frozen=True)
@@ -117,7 +123,7 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
     -------
     Variation
     """
-    run = _prepared(trajectory, pieces, directions)
+    run = _prepared(trajectory, pieces, directions, modal=True)
     listed = pieces.listed
     problem = trajectory._problem
     work = _work(trajectory, pieces, run, 2 * STAGES * len(run.piece))
@@ -130,6 +136,12 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
             break
         if code == HALTED:
             heed()
+        elif code == WANTED:
+            w = int(run.event[BEGINS])
+            nq = int(problem.rows.sizes[INERTIAL])
+            place = np.arange(run.knots.state.shape[1])
+            rates = (place >= nq) & (place < 2 * nq)
+            decompose(listed.spectra, w, rates, _held(trajectory, pieces.made[w], run, w))
         elif code == CROWDED:
             work = _work(trajectory, pieces, run, int(run.event[BEGINS]))
         elif code == STRUCK:
@@ -144,6 +156,19 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
     )
 
 
+def _held(trajectory: Trajectory, piece: Piece, run: Pass, w: int) -> Array:
+    """Linear forms of the state that a piece keeps at zero, whatever the free parameters are."""
+    i = int(np.flatnonzero(run.piece == w)[0])
+    p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
+    t, y = float(run.knots.time[i]) + run.origin, run.knots.state[i]
+    bounds = piece.bounds(t, y, p)
+    n = len(y)
+    rows = bounds.slopes[:, :n]
+    loads = np.abs(bounds.value - rows @ y) > _ROUNDED * (np.abs(rows) @ np.abs(y))
+    moved = np.any(bounds.slopes[:, n:] != 0.0, axis=1) | (bounds.time != 0.0)
+    return rows[~(moved | loads)]
+
+
 def resolution(trajectory: Trajectory, pieces: Pieces) -> Array:
     """Number of parts of each step in which linear motions are resolved by a Gauss rule."""
     run = _prepared(trajectory, pieces, None)
@@ -152,7 +177,9 @@ def resolution(trajectory: Trajectory, pieces: Pieces) -> Array:
     return np.abs(run.parts[:-1])
 
 
-def _prepared(trajectory: Trajectory, pieces: Pieces, directions: Array | None) -> Pass:
+def _prepared(
+    trajectory: Trajectory, pieces: Pieces, directions: Array | None, modal: bool = False
+) -> Pass:
     """The motion as the compiled pass takes it, with the changes of its first state."""
     k = trajectory.knots
     number = pieces.numbers(k.mode, k.region)
@@ -165,6 +192,7 @@ def _prepared(trajectory: Trajectory, pieces: Pieces, directions: Array | None) 
         trajectory._seen,
         float(k.origin),
         float(np.max(np.abs(trajectory._problem.constants.omega), initial=0.0)),
+        int(modal),
         number,
         np.ones(len(number), np.int64),
         after,

@@ -25,6 +25,7 @@ SHORTEST = 1e-9  # a stretch that is shorter than this part of the motion takes 
 _POINTS = 16  # looked at in every step, at least
 _MOST_PARTS = 1000  # times as many in a step; where a slip ends, linear motions decay at once
 _MOST_STEPS = 4000  # looked at
+_MOST_NUMBERS = 200_000  # of states that are looked at, where parts of a step make them many
 _LEAST = 1e-3  # … of what the other components could do to one is its least size
 _MODE = 1e-3  # of the largest mode of a structure: the least size of another
 _CLOSER = 1e3  # … but not before one that misses by so much less
@@ -132,7 +133,9 @@ def window(trajectory: Trajectory, pieces: Pieces, first: int = 0) -> Window:
     p = np.array([trajectory.parameters[name] for name in trajectory.system.parameters])
     every = [pieces(m, r) for m, r in zip(k.mode, k.region, strict=True)]
     # A flight in closed form may be one step and hold many oscillations.
-    points = _POINTS * (1 + np.minimum(resolution(trajectory, pieces)[steps] // 4, _MOST_PARTS))
+    parts = np.minimum(resolution(trajectory, pieces)[steps] // 4, _MOST_PARTS)
+    fewer = _MOST_NUMBERS / (_POINTS * k.state.shape[1] * (np.sum(parts) + 1))
+    points = _POINTS * (1 + (parts * min(fewer, 1.0)).astype(np.int64))
     index = np.repeat(steps, points)
     before = np.repeat(np.cumsum(points) - points, points)
     share = (np.arange(len(index)) - before) / (np.repeat(points, points) - 1)
@@ -196,7 +199,7 @@ def _sizes(motion: Trajectory, moving: Array, states: Array, felt: list[Array]) 
     still = 1e-9 * np.where(modulus > 0.0, modulus, 1.0)
     sizes = np.where(spread > still, spread, 0.5 * np.ptp(states, axis=0))
     sizes = np.where(sizes > still, sizes, 0.0)
-    modes = _modes(motion)
+    modes = modes_of_structures(motion)
     for own in modes:
         # A mode that symmetry keeps at rest moves by the rounding errors of the others.
         sizes[own] = np.maximum(sizes[own], _MODE * np.max(sizes[own]))
@@ -205,7 +208,7 @@ def _sizes(motion: Trajectory, moving: Array, states: Array, felt: list[Array]) 
     return np.where(sizes > 0.0, sizes, np.where(np.isfinite(like), like, otherwise))
 
 
-def _modes(motion: Trajectory) -> list[slice]:
+def modes_of_structures(motion: Trajectory) -> list[slice]:
     """Where the modes of each structure, and their rates, are in the state."""
     rows = motion._problem.rows
     firsts = (0, int(rows.sizes[INERTIAL]))

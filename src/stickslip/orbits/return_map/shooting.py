@@ -41,6 +41,7 @@ if TYPE_CHECKING:
 MOST_EVENTS = 100_000  # of one period
 _PLACED = 1e-14  # a correction this small, in units of the cycle, changes no derivative
 _MOST_PLACINGS = 3
+_FLIGHT = 60.0  # shortest times in a flight from which on it is worth a closed form for one motion
 
 
 class NoReturn(ConvergenceError):
@@ -70,6 +71,18 @@ def follow_freely(problem: Problem, start: float, end: float, y: Array) -> Traje
     if ended is not None:
         raise ended
     return Trajectory(problem, (start, end), knots, Outcome.from_code(code))
+
+
+def flies(motion: Trajectory) -> bool:
+    """Whether closed forms pay even where every motion has its own parameters, and makes its own:
+    where flights are very long beside what is fast in them."""
+    forms = motion._problem.closed_forms
+    shortest = forms.shortest[forms.flown == 1]
+    k = motion.knots
+    if not np.any(shortest > 0.0) or len(k.time) < 2:
+        return False
+    steps = float(k.time[-1] - k.time[0]) / float(np.min(shortest[shortest > 0.0]))
+    return steps > _FLIGHT * (len(k.time) - 1)
 
 
 def arrivals(problem: Problem, start: float, end: float, states: Array) -> list[Array | None]:

@@ -25,6 +25,7 @@ from stickslip.orbits.cycles.finding import from_cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.return_map.damped_newton import Closed
+from stickslip.orbits.return_map.shooting import flies
 from stickslip.orbits.sensitivities.motion import with_knots
 
 if TYPE_CHECKING:
@@ -142,7 +143,8 @@ def _moved(closed: Closed, name: str, multipliers: bool) -> Moved:
     """The change of a cycle with one parameter."""
     problem = closed.orbit.problem
     pieces = Pieces(problem.compiled.equations, name)
-    shooting = closed.shooting.with_pieces(pieces, replace(problem, exact=False))
+    exact = flies(closed.orbit.motion)
+    shooting = closed.shooting.with_pieces(pieces, replace(problem, exact=exact))
     x = np.append(closed.orbit.x, problem.parameters[name])
     orbit = shooting.orbit(x)
     change = np.append(np.linalg.lstsq(orbit.J[:, :-1], -orbit.J[:, -1], rcond=None)[0], 1.0)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +34,7 @@ from stickslip.orbits.return_map.recurrence import (
 from stickslip.orbits.return_map.shooting import (
     Orbit,
     Shooting,
+    flies,
     follow_freely,
     follow_state,
     parameter_values,
@@ -98,8 +99,7 @@ class Amplitudes:
         self.rates: Array = np.zeros(len(places))
         for x, w in weights.items():
             self.row[places[x]] = self.rates[places[f"d_{x}"]] = w
-        # A closed form is made for one set of parameters; here every motion has its own.
-        self.problem: Problem = pose(system, {**values, EXCITATION: 0.0}, exact=False)
+        self.problem: Problem = pose(system, {**values, EXCITATION: 0.0})
         self.pieces = Pieces(self.problem.compiled.equations, EXCITATION)
         self._given = Pieces(self.pieces.equations)
         self._latest: tuple[Orbit, Cycle] | None = None
@@ -142,6 +142,9 @@ class Amplitudes:
         for _ in range(_BALANCES):
             problem = self.problem.at(EXCITATION, excitation)
             motion = follow_freely(problem, 0.0, 1.5 * period, y)
+            if self.problem.exact and not flies(motion):
+                # A closed form is made for one set of parameters; here every motion has its own.
+                self.problem = replace(self.problem, exact=False)
             times = period * (0.5 + np.arange(_SAMPLED + 1) / _SAMPLED)
             steps = np.searchsorted(motion.knots.time, times, side="right") - 1
             states = motion._states_at(times, np.clip(steps, 0, len(motion.knots.time) - 2))

@@ -12,8 +12,13 @@ from stickslip.motion.steps.arrays import Rows
 from stickslip.orbits.fields.engine.collocation import NODES, put_product
 from stickslip.orbits.fields.engine.events import slides, turns_about
 from stickslip.orbits.fields.engine.interpreter import perform
+from stickslip.orbits.fields.engine.modal import REACH, by_eigenvalues, is_long
 from stickslip.orbits.fields.engine.tables import (
+    BEGINS,
+    BOUNDED,
     STAGES,
+    UNKNOWN,
+    USELESS,
     Listed,
     Pass,
     PassSpace,
@@ -22,9 +27,6 @@ from stickslip.orbits.fields.engine.tables import (
 )
 from stickslip.translator import compiled
 
-# largest |eigenvalue| × step of a collocation step: its Padé approximant of exp is exact to
-# rounding there
-_REACH = 1.5
 _HALVES = 25  # of the time that is left in which a slip in a plane comes to rest
 _DOUBLINGS = 6  # ‖J⁶⁴‖ to the power 1/64 is the largest |eigenvalue| up to a few parts in a hundred
 
@@ -71,6 +73,40 @@ def fastest(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> fl
 
 
 @compiled()
+def remember_rate(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> None:
+    """Find the largest modulus of an eigenvalue of a steady piece, unless its Jacobian is the one
+    it was.
+
+    Parameters
+    ----------
+    listed : Listed
+        Receives it.
+    run : Pass
+    work : PassSpace
+    w : int
+        The piece.
+    knot : int
+        Where it begins.
+    """
+    s = listed.spectra
+    matrix = s.matrix[w]
+    n = len(matrix)
+    columns = run.after.shape[1]
+    put_point(work.values, 0, time_of(run, knot), run.knots.state[knot])
+    perform(listed.made, listed.slopes[w, 0], listed.slopes[w, 2], work.values, 1)
+    same = s.state[w] != UNKNOWN
+    for r in range(n):
+        for c in range(n):
+            value = work.values[listed.jacobian[w, r * columns + c], 0]
+            same = same and matrix[r, c] == value
+            matrix[r, c] = value
+    if same:
+        return
+    s.rate[w] = fastest(listed, run, work, w, knot)
+    s.state[w] = BOUNDED if s.rate[w] > 0.0 else USELESS
+
+
+@compiled()
 def share_of_step(run: Pass, i: int, part: int) -> tuple[float, float]:
     """Where a part of a step begins, and how long it is, as parts of the step: all are equal, but
     where a slip in a plane ends each half of what is left has the same number of them, since the
@@ -87,13 +123,14 @@ def share_of_step(run: Pass, i: int, part: int) -> tuple[float, float]:
 @entry_point()
 def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int:
     """In how many parts each step has to be taken for linear motions to be resolved; returns the
-    number of nodes at which states are wanted.
+    number of nodes at which states are wanted, or −1 where the eigenvalues of a piece are, whose
+    number is then the event.
 
     Where a slip in a plane begins or ends there is no Jacobian; what it would be is a quotient of
     rounding errors.
     """
     nodes = 0
-    before, known = -1, 0.0
+    before = -1
     for i in range(len(run.piece) - 1):
         h = time_of(run, i + 1) - time_of(run, i)
         run.parts[i] = 1
@@ -103,18 +140,26 @@ def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int
             if listed.steady[w] == 1:
                 # the same at all places
                 if w != before:
-                    before, known = w, fastest(listed, run, work, w, i)
-                rate = max(rate, known)
+                    before = w
+                    remember_rate(listed, run, work, w, i)
+                rate = max(rate, listed.spectra.rate[w])
             elif i == 0 or not turns_about(rows, listed, run, work, i):
                 rate = max(rate, fastest(listed, run, work, w, i))
             if listed.steady[w] == 1:
-                run.parts[i] = max(1, math.ceil(h * rate / _REACH))
+                run.parts[i] = max(1, math.ceil(h * rate / REACH))
+                if (
+                    run.modal == 1
+                    and listed.spectra.state[w] == BOUNDED
+                    and is_long(listed, run, w, h)
+                ):
+                    run.event[BEGINS] = w
+                    return -1
             elif slides(rows, run, i) and turns_about(rows, listed, run, work, i + 1):
-                run.parts[i] = -_HALVES * max(1, math.ceil(0.5 * h * rate / _REACH))
+                run.parts[i] = -_HALVES * max(1, math.ceil(0.5 * h * rate / REACH))
             else:
                 if not turns_about(rows, listed, run, work, i + 1):
                     rate = max(rate, fastest(listed, run, work, w, i + 1))
-                run.parts[i] = max(1, math.ceil(h * rate / _REACH))
+                run.parts[i] = max(1, math.ceil(h * rate / REACH))
         nodes += nodes_of(listed, run, i)
     return nodes
 
@@ -122,9 +167,11 @@ def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int
 @compiled()
 def nodes_of(listed: Listed, run: Pass, i: int) -> int:
     """At how many nodes of a step states are wanted: at none where the Jacobian is the same at
-    all."""
+    all and no parameter is asked for, or where eigenvalues take the step."""
     even = listed.steady[run.piece[i]] == 1 and run.after.shape[1] == run.knots.state.shape[1]
-    return 0 if even or not time_of(run, i + 1) > time_of(run, i) else STAGES * abs(run.parts[i])
+    if even or not time_of(run, i + 1) > time_of(run, i) or by_eigenvalues(listed, run, i):
+        return 0
+    return STAGES * abs(run.parts[i])
 
 
 @compiled()

@@ -7,7 +7,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from stickslip.arrays import Array, Array3, IntArray3, IntMatrix, IntVector, Matrix, Vector
+from stickslip.arrays import (
+    Array,
+    Array3,
+    Array4,
+    ComplexArray3,
+    ComplexArray4,
+    ComplexMatrix,
+    ComplexVector,
+    IntArray3,
+    IntMatrix,
+    IntVector,
+    Matrix,
+    Vector,
+)
 from stickslip.motion.between.dense import Scratch
 from stickslip.motion.steps.arrays import Record
 from stickslip.orbits.fields.engine.interpreter import LANES, Instructions
@@ -17,10 +30,66 @@ STAGES = LANES  # Gauss nodes of a step: order 16
 TOGETHER = 1e-9  # events closer than this part of the motion are simultaneous
 ALIKE = 1e-8  # derivatives that differ by less, relative to the largest, are the same
 # What becomes of an event, or of the pass: it may need more room for its nodes, or stand at a knot
-# at which the state jumps.
-PASSED, GRAZED, CORNER, UNEXPLAINED, CROWDED, STRUCK, HALTED = range(7)
+# at which the state jumps, or the eigenvalues of a piece may be wanted.
+# What is known of the eigenvalues of a Jacobian: nothing yet, the largest, all, or that they are of
+# no use.
+PASSED, GRAZED, CORNER, UNEXPLAINED, CROWDED, STRUCK, HALTED, WANTED = range(8)
+UNKNOWN, BOUNDED, KNOWN, USELESS = range(4)
 # Entries of Pass.event.
 BEGINS, ENDS, MEETING, MET = range(4)
+
+
+class Spectra(NamedTuple):
+    """Jacobians of pieces, where they are the same at all states, by their eigenvalues.
+
+    Attributes
+    ----------
+    state : array of int, shape (pieces,)
+        `UNKNOWN`, `BOUNDED`, `KNOWN` or `USELESS`.
+    rate : array, shape (pieces,)
+        Largest modulus of an eigenvalue, about.
+    matrix : array, shape (pieces, states, states)
+        The Jacobians.
+    count : array of int, shape (pieces,)
+        Eigenvalues without the conjugates.
+    exponent : array of complex, shape (pieces, states)
+    right, left : arrays, shape (pieces, 2, states, states)
+        Real and imaginary parts of the eigenvectors V in columns, of a conjugate pair twice the one
+        that is kept, and of L = V⁻¹ in rows.
+    slope : array, shape (pieces, parameters, states, states)
+        The derivatives A_p of the Jacobian by the free parameters.
+    sloped : array of int, shape (pieces, parameters)
+        1 where `coupled` belongs to them.
+    coupled : array of complex, shape (pieces, 2 × parameters, states, states)
+        L A_p V, of the real and of the imaginary part of V.
+    """
+
+    state: IntVector
+    rate: Vector
+    matrix: Array3
+    count: IntVector
+    exponent: ComplexMatrix
+    right: Array4
+    left: Array4
+    slope: Array4
+    sloped: IntMatrix
+    coupled: ComplexArray4
+
+
+def make_spectra(pieces: int, n: int, free: int) -> Spectra:
+    """Room for the eigenvalues of some pieces with n states and some free parameters."""
+    return Spectra(
+        np.zeros(pieces, np.int64),
+        np.zeros(pieces),
+        np.zeros((pieces, n, n)),
+        np.zeros(pieces, np.int64),
+        np.zeros((pieces, n), np.complex128),
+        np.zeros((pieces, 2, n, n)),
+        np.zeros((pieces, 2, n, n)),
+        np.zeros((pieces, free, n, n)),
+        np.zeros((pieces, free), np.int64),
+        np.zeros((pieces, 2 * free, n, n), np.complex128),
+    )
 
 
 class Listed(NamedTuple):
@@ -44,6 +113,9 @@ class Listed(NamedTuple):
     settings : array of int, shape (pieces, switches)
     steady : array of int, shape (pieces,)
         1 where the Jacobian is the same at all states.
+    timely : array of int, shape (pieces,)
+        1 where derivatives of the rates by the free parameters depend on time alone.
+    spectra : Spectra
     """
 
     made: Instructions
@@ -55,6 +127,8 @@ class Listed(NamedTuple):
     switches: IntMatrix
     settings: IntMatrix
     steady: IntVector
+    timely: IntVector
+    spectra: Spectra
 
 
 class Pass(NamedTuple):
@@ -70,6 +144,8 @@ class Pass(NamedTuple):
         The time at which its clock is 0.
     drives : float
         Largest frequency of the loads.
+    modal : int
+        1 if steps may be taken by eigenvalues.
     piece : array of int, shape (knots,)
         Piece of the step that begins at each.
     parts : array of int, shape (knots,)
@@ -90,6 +166,7 @@ class Pass(NamedTuple):
     seen: Vector
     origin: float
     drives: float
+    modal: int
     piece: IntVector
     parts: IntVector
     after: Array3
@@ -132,6 +209,16 @@ class PassSpace(NamedTuple):
         The nodes of all steps: the knot before each, when it is, and the state there.
     squares : array, shape (5, states, states)
     moved : array, shape (states, directions)
+    modal : array, shape (2, states, directions)
+        Real and imaginary parts of a change in eigenvectors; this and what follows is of steps by
+        eigenvalues.
+    moments, later : arrays of complex, shape (STAGES, states)
+    driven : array of complex, shape (parameters, states)
+    legendre : array of complex, shape (STAGES + 1,)
+    grown : array of complex, shape (states,)
+    loaded, held : arrays of complex, shape (2, states, states)
+    load : array, shape (2, STAGES)
+    places : array of int, shape (states,)
     system : array, shape (STAGES × states, STAGES × states + the larger of states and directions)
     here, around : Leave
     usual : array, shape (guards,)
@@ -145,6 +232,16 @@ class PassSpace(NamedTuple):
     states: Matrix
     squares: Array3
     moved: Matrix
+    modal: Array3
+    moments: ComplexMatrix
+    later: ComplexMatrix
+    driven: ComplexMatrix
+    legendre: ComplexVector
+    grown: ComplexVector
+    loaded: ComplexArray3
+    held: ComplexArray3
+    load: Matrix
+    places: IntVector
     system: Matrix
     here: Leave
     around: Leave
@@ -188,6 +285,16 @@ def room_for_pass(
         np.zeros((nodes, n)),
         np.zeros((5, n, n)),
         np.zeros((n, directions)),
+        np.zeros((2, n, directions)),
+        np.zeros((STAGES, n), complex),
+        np.zeros((STAGES, n), complex),
+        np.zeros((columns - n, n), complex),
+        np.zeros(STAGES + 1, complex),
+        np.zeros(n, complex),
+        np.zeros((2, n, n), complex),
+        np.zeros((2, n, n), complex),
+        np.zeros((2, STAGES)),
+        np.zeros(n, np.int64),
         np.zeros((STAGES * n, STAGES * n + max(n, directions))),
         leave(),
         leave(),

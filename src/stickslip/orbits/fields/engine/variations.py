@@ -14,6 +14,7 @@ from stickslip.orbits.fields.engine.collocation import (
 )
 from stickslip.orbits.fields.engine.events import pass_event, strikes
 from stickslip.orbits.fields.engine.interpreter import perform
+from stickslip.orbits.fields.engine.modal import by_eigenvalues, modal_step
 from stickslip.orbits.fields.engine.resolution import (
     nodes_of,
     place_nodes,
@@ -31,6 +32,7 @@ from stickslip.orbits.fields.engine.tables import (
     STRUCK,
     TOGETHER,
     UNEXPLAINED,
+    WANTED,
     Listed,
     Pass,
     PassSpace,
@@ -59,6 +61,9 @@ def flow_through(listed: Listed, run: Pass, work: PassSpace, i: int, node: int) 
     if not length > 0.0:
         return
     w = run.piece[i]
+    if by_eigenvalues(listed, run, i):
+        modal_step(listed, run, work, i, change)
+        return
     first, moving, last = listed.slopes[w, 0], listed.slopes[w, 1], listed.slopes[w, 2]
     parts = abs(run.parts[i])
     h = length / parts
@@ -106,10 +111,13 @@ def vary(
         `PASSED`; or `CORNER` where guards meet that do not meet for neighbours, `STRUCK` where the
         state jumps (of both the caller has to say what comes after it, and to go on from there),
         `UNEXPLAINED` where no guard has fired, `CROWDED` with the number of nodes for which there
-        has to be room as the event, or `HALTED` if there is a wish to stop.
+        has to be room as the event, `WANTED` with the piece whose eigenvalues are, or `HALTED` if
+        there is a wish to stop.
     """
     if start == 0:
         nodes = resolve_steps(flow.rows, listed, run, work)
+        if nodes < 0:
+            return WANTED
         if nodes > len(work.step):
             run.event[BEGINS] = nodes
             return CROWDED

@@ -334,6 +334,7 @@ def differentiate(
         e.lanes.seen[i],
         c.origin,
         c.drives[i],
+        0,
         c.piece[:count],
         c.parts[:count],
         c.after[:count],

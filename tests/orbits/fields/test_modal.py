@@ -1,0 +1,153 @@
+"""First variations by eigenvalues: what steps as short as the fastest mode give, at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+import stickslip as ss
+from stickslip.arrays import Array
+from stickslip.motion.problem import pose
+from stickslip.motion.trajectory import Trajectory
+from stickslip.orbits.fields import variational
+from stickslip.orbits.fields.engine.collocation import NODES
+from stickslip.orbits.fields.engine.modal import put_moments
+from stickslip.orbits.fields.engine.tables import KNOWN, STAGES, USELESS, make_spectra
+from stickslip.orbits.fields.mode_field import Pieces
+from stickslip.orbits.fields.spectra import decompose
+from stickslip.orbits.fields.variational import variation
+from stickslip.orbits.return_map.shooting import follow_state
+
+
+class Space:
+    """What of the work space the moments need."""
+
+    moments = np.zeros((STAGES, 1), complex)
+    later = np.zeros((STAGES, 1), complex)
+    legendre = np.zeros(STAGES + 1, complex)
+
+
+@pytest.mark.parametrize("z", [0.0, -1e-3, 3j, -4 + 7j, -11.9, 13j, -5 + 12j, -40.0, 200j, 3.0])
+def test_moments(z: complex) -> None:
+    """∫₀¹ exp(z(1 − x)) ℓ(x) dx and ∫₀¹ (1 − x) exp(z(1 − x)) ℓ(x) dx by adaptive quadrature."""
+    space: Any = Space()
+    put_moments(complex(z), space, 0)
+
+    def lagrange(g: int, x: float) -> float:
+        others = np.delete(NODES, g)
+        return float(np.prod((x - others) / (NODES[g] - others)))
+
+    def integral(f: Callable[[float], complex]) -> complex:
+        real = quad(lambda x: complex(f(x)).real, 0.0, 1.0, limit=400, epsabs=1e-13)[0]
+        imag = quad(lambda x: complex(f(x)).imag, 0.0, 1.0, limit=400, epsabs=1e-13)[0]
+        return complex(real, imag)
+
+    for g in (0, 3, STAGES - 1):
+        plain = integral(lambda x, g=g: np.exp(z * (1.0 - x)) * lagrange(g, x))
+        late = integral(lambda x, g=g: (1.0 - x) * np.exp(z * (1.0 - x)) * lagrange(g, x))
+        assert abs(space.moments[g, 0] - plain) < 2e-12
+        assert abs(space.later[g, 0] - late) < 2e-12
+
+
+def stiff(contact: str) -> ss.System:
+    """The cantilever, whose fastest mode has a thousand times the frequency of its lowest, with its
+    damper or with a contact at the same place."""
+    beam = ss.catalogue.cantilever(omega=105.0)
+    if contact == "damper":
+        return beam
+    rubs = {"rub": ss.Contact("d_u[rub]", "F_c")}
+    kept = {name: p for name, p in beam.parameters.items() if name != "k_d"}
+    return replace(beam, contacts=rubs, parameters=kept, facts={})
+
+
+@cache
+def followed(contact: str) -> Trajectory:
+    """Three periods, from a state in which the contact slips."""
+    problem = pose(stiff(contact), {})
+    period = 2.0 * math.pi / 105.0
+    before = follow_state(problem, 0.0, 2 * period, problem.initial_state({}))
+    k = before.knots
+    i = int(np.flatnonzero((k.mode[:-1, 0] != 0) & (np.diff(k.time) > 0.0))[-1])
+    begin = 0.5 * float(k.time[i] + k.time[i + 1])
+    (state,) = before._states_at(np.array([begin]), np.array([i]))
+    return follow_state(problem, begin, begin + 3 * period, state)
+
+
+def by_parts(motion: Trajectory, pieces: Pieces, monkeypatch: pytest.MonkeyPatch) -> Array:
+    """The same variation in steps as short as the fastest mode asks for."""
+    prepared = variational._prepared
+    with monkeypatch.context() as patch:
+        patch.setattr(
+            variational, "_prepared", lambda *given, modal=False: prepared(*given, modal=False)
+        )
+        return variation(motion, pieces).matrix
+
+
+@pytest.mark.parametrize(
+    ("contact", "free"),
+    [
+        ("damper", ()),
+        ("damper", ("omega", "F")),
+        ("damper", ("k_d",)),
+        ("damper", ("k_d", "F_c")),
+        ("rub", ("omega",)),
+        ("rub", ("F_c",)),
+    ],
+)
+def test_steps_by_eigenvalues(
+    contact: str, free: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    motion = followed(contact)
+    assert len(motion.knots.time) < 200  # of steps there would be thousands
+    pieces = Pieces(motion._problem.compiled.equations, *free)
+    found = variation(motion, pieces).matrix
+    assert set(pieces.listed.spectra.state.tolist()) == {KNOWN}
+    expected = by_parts(motion, pieces, monkeypatch)
+    n = motion.knots.state.shape[1]
+    size = np.max(np.abs(expected[:n]), axis=0)
+    size[:n] = np.maximum(size[:n], 1.0)  # as large as it was in the beginning
+    worst = np.max(np.abs(found - expected)[:n] / size)
+    assert worst <= 1e-9
+
+
+def floating(k: float) -> ss.System:
+    """Two masses with a stiff spring between them that nothing holds: a place and its velocity have
+    one eigenvector. One of them rubs lightly."""
+    return ss.System(
+        "floating",
+        parameters={"F": ss.Parameter(1.0), "k": ss.Parameter(k)},
+        coordinates={"x": ss.Inertial(), "y": ss.Inertial(force="F*cos(t)")},
+        kinetic="d_x**2/2 + d_y**2/2",
+        potential="k/2*(x - y)**2",
+        contacts={"rub": ss.Contact("d_x", 1e-3)},
+    )
+
+
+@pytest.mark.parametrize("k", [1e4, 1e8, 1e10])
+def test_eigenvectors_that_are_missing(k: float) -> None:
+    problem = pose(floating(k), {})
+    start = problem.initial_state({"d_x": 0.3, "d_y": 0.3})
+    motion = follow_state(problem, 0.0, 0.5, start)
+    centre = 0.5 * (motion.knots.state[-1, 0] + motion.knots.state[-1, 1])
+    fallen = 0.5 * (1.0 - math.cos(0.5)) - 0.25 * 1e-3 * 0.25
+    assert centre == pytest.approx(0.3 * 0.5 + fallen, rel=1e-10)
+    found = variation(motion, Pieces(problem.compiled.equations, "F")).matrix
+    # Both places move on with the velocity of the centre.
+    assert found[:2, 2:4].sum(axis=1) == pytest.approx(0.5, abs=1e-6)
+    spectra = make_spectra(1, 4, 0)
+    spectra.matrix[0, :2, 2:] = np.eye(2)
+    spectra.matrix[0, 2:, :2] = k * np.array([[-1.0, 1.0], [1.0, -1.0]])
+    decompose(spectra, 0, np.array([False, False, True, True]), np.zeros((0, 4)))
+    assert spectra.state[0] == USELESS
+    # A force that holds the centre makes up for it: its velocity is zero all the time.
+    spectra.rate[0] = math.sqrt(2.0 * k)
+    spectra.matrix[0, 2:, :2] = k * np.array([[-1.0, 1.0], [1.0, -1.0]])
+    decompose(spectra, 0, np.array([False, False, True, True]), np.array([[0.0, 0.0, 1.0, 1.0]]))
+    assert spectra.state[0] == KNOWN
