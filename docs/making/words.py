@@ -23,6 +23,8 @@ WORDS: Mapping[str, str] = {
     "tutorials/machines": "brake squeal, squeal, drill string, violin, damper, joint, hunting",
     "tutorials/friction-in-a-plane": "friction in a plane, planar friction, two directions, "
     "2-D friction, puck, turntable, moving surface, along and across, anisotropic friction",
+    "tutorials/finite-elements-to-response": "friction damper, "
+    "underplatform damper, blade, turbine",
     "tutorials/bodies-on-points-faces-and-wheels": "rigid body, coin, curling, disc, skate, wheel, "
     "snake, rod on two points, plate, three legs, spin, ellipsoid, limit surface",
     "tutorials/impacts": "impact, bouncing, lift off, restitution, collision with a stop, Zeno",

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from stickslip.errors import DeclarationError, short
 from stickslip.figures.drawing.style import (
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 _WIDTH = 6.4  # inches
 _HEIGHT = 2.7  # of a panel
 _EXTRA = 0.7
+_WIDE = 30.0  # ratio of damping ratios from which on their axis is logarithmic
+_DECADES = 2.5  # of amplitudes, up to which numbers between powers of ten are labelled
 _NOTHING = 1e-9  # of the largest damping, or 1: what is rounding of none
 _SYMBOLS = {"frequency": "$\\omega$", "damping": "$D$"}
 
@@ -38,8 +41,8 @@ def plot_backbone(
 ) -> Figure:
     """Quantities of a backbone over the amplitude, whose axis has powers of ten.
 
-    The damping has powers of ten, too; where there is none it is not drawn. The line is thin where
-    no contact slips.
+    So has the damping if it spans more than a decade and a half. The line is thin where no contact
+    slips.
 
     Parameters
     ----------
@@ -85,9 +88,9 @@ def _draw(axes: Axes, found: Backbone, name: str) -> None:
     slips = data["slips"].values != 0
     colour = line_colours(1)[0]
     if name == "damping":
-        some = y > _NOTHING * max(1.0, float(np.max(np.abs(y))))
-        y = np.where(some, y, np.nan)
-        if np.any(some):
+        axes.axhline(0.0, color=STICK_LINE, lw=0.5)
+        some = np.abs(y) > _NOTHING * max(1.0, float(np.max(np.abs(y))))
+        if np.all(some) and np.all(y > 0.0) and np.max(y) > _WIDE * np.min(y):
             axes.set_yscale("log")
     elif name == "frequency":
         axes.axhline(found.linear_frequency, color=STICK_LINE, lw=0.8, ls=(0, (1, 2)))
@@ -106,6 +109,10 @@ def _label_amplitude(axes: Axes, found: Backbone) -> None:
     unit = unit_label(str(found.dataset["amplitude"].attrs.get("units", "")).removeprefix("1"))
     said = f"amplitude of {symbol(found.coordinate)}"
     axes.set_xscale("log")
+    if found.amplitude[-1] < 10.0**_DECADES * found.amplitude[0]:
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_xlabel(f"{said}  [{unit}]" if unit else said)
     if len(found.amplitude) > 1:
         axes.set_xlim(float(found.amplitude[0]), float(found.amplitude[-1]))
@@ -116,6 +123,7 @@ def _handles(found: Backbone, names: Sequence[str]) -> list[Line2D]:
     slips = found.dataset["slips"].values != 0
     lines = [
         ("frequency" in names, f"linear mode {found.mode}", STICK_LINE, (0, (1, 2)), 0.8),
+        (bool(np.any(slips) and np.any(~slips)), "a contact slips", None, "-", 1.6),
         (bool(np.any(~slips) and found.system.contacts), "no contact slips", None, "-", 0.9),
     ]
     return [

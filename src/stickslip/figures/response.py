@@ -159,7 +159,7 @@ def _name_lines(axes: Axes, response: FrequencyResponse, name: str, colours: Seq
     for level, (x, y), colour in zip(response.levels, peaks, colours, strict=True):
         if not np.isfinite(y):
             continue
-        text = f"{symbol(response.level)} = {with_unit(float(level), unit, 3)}"
+        text = f"{symbol(response.level)} = {with_unit(float(level), unit, 4)}"
         style = {"ha": "center", "va": "center", "color": colour, "fontsize": 9.5}
         label = axes.annotate(
             text, (float(x), float(y)), (0, 0), textcoords="offset points", **style

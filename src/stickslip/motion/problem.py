@@ -51,6 +51,10 @@ class _Bench(threading.local):
         return _Bench, ()
 
 
+_MOST_STATES = 400  # of a motion in closed form; it costs their third power for each mode
+_MOST_STATES_OF_MANY = 24  # where many motions have closed forms of their own
+
+
 @dataclass(frozen=True)
 class Problem:
     """A system with numbers: everything the compiled loop takes.
@@ -181,7 +185,9 @@ class Problem:
         n = layout.sizes["n"]
         contacts = len(layout.u)
         kinks = len(layout.kinks)
-        small = contacts + kinks <= MOST_SWITCHES and n <= 100 and layout.frequencies <= 6
+        # Modes of large structures are far apart, and need it; but not in all lanes of a map.
+        most = _MOST_STATES if groups == 1 else _MOST_STATES_OF_MANY
+        small = contacts + kinks <= MOST_SWITCHES and n <= most and layout.frequencies <= 6
         # closed forms know none of these
         alone = not (layout.gaps or layout.planes or layout.prescribed)
         slots = slots if small and self.exact and alone else 0

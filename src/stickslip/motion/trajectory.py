@@ -242,9 +242,10 @@ class Trajectory(Result):
         p, k = self._problem, self.knots
         out = np.empty((len(clock), p.compiled.layout.rows + 3))
         work = dense.make_scratch(p.rows, (p.compiled.layout.rows, 2))
-        given = self._seen, k.record, index, clock, work, out
+        order = _in_order(clock, index)
+        given = self._seen, k.record, index[order], clock[order], work, out
         unbroken(lambda: dense.sample(p.machine, p.flow(retracing=True), *given))
-        return out
+        return _as_asked(out, order)
 
     def _states_at(self, times: Array, index: Array) -> Array:
         """States at times within the steps of the knots `index`, shape (times, states)."""
@@ -252,14 +253,29 @@ class Trajectory(Result):
 
     def _states_on_clock(self, clock: Array, index: Array) -> Array:
         """The same at times since the origin."""
+        from stickslip.motion.affine.between import states_in_flights
+
+        p, k = self._problem, self.knots
+        out = np.empty((len(clock), k.state.shape[1]))
+        done = states_in_flights(p, k, index, clock, out)
+        if np.any(done):
+            left = ~done
+            if np.any(left):
+                out[left] = self._states_by_steps(clock[left], index[left])
+            return out
+        return self._states_by_steps(clock, index)
+
+    def _states_by_steps(self, clock: Array, index: Array) -> Array:
+        """The same, by the series that the motion was computed by."""
         from stickslip.motion.between import dense
 
         p, k = self._problem, self.knots
         out = np.empty((len(clock), k.state.shape[1]))
         work = dense.make_scratch(p.rows, (0, 2))
-        given = self._seen, k.record, index, clock, work, out
+        order = _in_order(clock, index)
+        given = self._seen, k.record, index[order], clock[order], work, out
         unbroken(lambda: dense.states_at(p.machine, p.flow(retracing=True), *given))
-        return out
+        return _as_asked(out, order)
 
     @cached_property
     def _seen(self) -> Array:
@@ -687,3 +703,19 @@ class Trajectory(Result):
         trajectory = cls(problem, tuple(settings["t_span"]), knots, outcome, settings["rtol"])
         trajectory.wall_time = settings["wall_time"]
         return trajectory
+
+
+def _in_order(clock: Array, index: Array) -> Array | slice:
+    """Order of times in their steps: each step is followed once, however many times are asked for
+    and in whatever order."""
+    later = (index[1:] > index[:-1]) | ((index[1:] == index[:-1]) & (clock[1:] >= clock[:-1]))
+    return slice(None) if np.all(later) else np.lexsort((clock, index))
+
+
+def _as_asked(rows: Array, order: Array | slice) -> Array:
+    """Rows that were made in an order, in the one that was asked for."""
+    if isinstance(order, slice):
+        return rows
+    found = np.empty_like(rows)
+    found[order] = rows
+    return found

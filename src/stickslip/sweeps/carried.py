@@ -116,7 +116,8 @@ def _followed(
     except ConvergenceError:
         return None
     closed = found.closed
-    if repels(closed):
+    # Where a contact rests that never slips is told by a motion, not by a neighbour.
+    if closed.shooting.setting.held or repels(closed):
         return None
     first = closed.distance(state, time)
     periods = 1.0

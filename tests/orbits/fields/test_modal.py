@@ -108,7 +108,7 @@ def test_steps_by_eigenvalues(
     assert len(motion.knots.time) < 200  # of steps there would be thousands
     pieces = Pieces(motion._problem.compiled.equations, *free)
     found = variation(motion, pieces).matrix
-    assert set(pieces.listed.spectra.state.tolist()) == {KNOWN}
+    assert KNOWN in pieces.listed.spectra.state and USELESS not in pieces.listed.spectra.state
     expected = by_parts(motion, pieces, monkeypatch)
     n = motion.knots.state.shape[1]
     size = np.max(np.abs(expected[:n]), axis=0)

@@ -70,6 +70,7 @@ _AT_THE_END = 1e-3  # of a step in which a slip ends: how close to its end that 
 _COARSER = 1e3  # of tolerances with which a motion is followed again: those that found it
 # tolerances that the terms of a third of the order may have where a step is bounded by what decays
 _CALM = 1e5
+_TURNS = 30.0  # radians of an oscillation that no polynomial of a step can follow
 WATCHED = 32  # such steps in succession, before a polynomial is tried
 RESTING = 2048  # and after one has not been worth its cost
 _MOST_TRIES = 12  # lengths of a polynomial
@@ -108,6 +109,26 @@ def calm(W: Array, n: int, N: int, h: float, tol: float, atol: float, seen: Arra
         if not (abs(W[r, m]) * power <= size and abs(W[r, m + 1]) * power * x <= size):
             return False
     return True
+
+
+@compiled()
+def swings(W: Array, n: int, h: float, step: float, tol: float, atol: float, seen: Array) -> bool:
+    """Whether a calm motion turns too often in a step for one polynomial: its terms are those
+    of an oscillation, x‴ = −ω²x′, with a large ω times the step.
+
+    Parameters
+    ----------
+    W, n, h, tol, atol, seen
+        As of :func:`calm`.
+    step : float
+    """
+    x = h / W[n, 1]
+    for r in range(n):
+        slope, bend = abs(W[r, 1]) * x, abs(W[r, 3]) * x * x * x
+        known = _CALM * tol * (abs(W[r, 0]) + slope + atol * seen[r])
+        if bend > known and 6.0 * bend * step * step > _TURNS * _TURNS * slope * h * h:
+            return True
+    return False
 
 
 @compiled()
@@ -178,6 +199,7 @@ def follow_mode(
             and n <= MOST_IMPLICIT
             and 0.0 < least < room
             and calm(flow.space.W, n, N, h, flow.tol, flow.atol, seen)
+            and not swings(flow.space.W, n, h, least, flow.tol, flow.atol, seen)
         ):
             return order, h, h
         first = room if last == 0.0 else min(room, max(2.0 * last, 4.0 * least))

@@ -1,0 +1,77 @@
+"""States within long flights, by their closed forms: no step is taken to get there."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.motion.affine.flights import mode_key
+from stickslip.motion.affine.forms import EXPONENTS
+
+if TYPE_CHECKING:
+    from stickslip.motion.problem import Problem
+    from stickslip.motion.record.knots import Knots
+
+_LONG = 100.0  # shortest times in a flight that is worth it
+
+
+def states_in_flights(
+    problem: Problem, knots: Knots, index: Array, clock: Array, out: Array
+) -> Array:
+    """Put the states at some times into an array, as far as the times are in long flights.
+
+    Parameters
+    ----------
+    problem : Problem
+    knots : Knots
+    index : array of int, shape (times,)
+        The knots in whose steps the times are.
+    clock : array, shape (times,)
+        Times since the origin.
+    out : array, shape (times, n)
+        Receives the states.
+
+    Returns
+    -------
+    array of bool, shape (times,)
+        Where there is one.
+    """
+    done = np.zeros(len(clock), bool)
+    T = problem.closed_forms
+    used = int(T.used[0]) if len(T.status) else 0
+    if not np.any(T.flown[:used]):
+        return done
+    slots = {int(key): slot for slot, key in enumerate(T.key[:used]) if T.flown[slot]}
+    omega = problem.constants.omega
+    n = out.shape[1]
+    for i in np.unique(index):
+        if i + 1 >= len(knots.clock) or np.any(np.abs(knots.mode[i]) > 1):
+            continue
+        slot = slots.get(mode_key(knots.mode[i].astype(np.int64), knots.region[i].astype(np.int64)))
+        length = knots.clock[i + 1] - knots.clock[i]
+        if slot is None or not length > _LONG * T.shortest[slot]:
+            continue
+        own = index == i
+        begin = float(knots.clock[i]) + problem.origin
+        tau = clock[own] - knots.clock[i]
+        waves = np.exp(1j * omega * begin)
+        s = np.concatenate(
+            [knots.state[i], [1.0, begin], np.column_stack([waves.real, waves.imag]).ravel()]
+        )
+        count = int(T.counts[slot, EXPONENTS])
+        signals = slice(T.c2.shape[1] - n, None)
+        turned = np.expm1(np.multiply.outer(tau, T.exponent[slot, :count]))
+        turned *= T.R[slot, :count] @ s
+        swung = np.expm1(1j * np.multiply.outer(tau, omega)) * waves
+        drift = T.c1[slot, signals] @ s
+        out[own] = (
+            knots.state[i]
+            + np.multiply.outer(tau, drift)
+            + np.multiply.outer(tau * tau, T.c2[slot, signals])
+            + (turned @ T.a[slot, signals, :count].T).real
+            + (swung @ T.b[slot, signals].T).real
+        )
+        done |= own
+    return done
