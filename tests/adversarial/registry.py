@@ -34,6 +34,7 @@ SHARES = {
     "equilibrium_branches": 0.025,
     "formulas": 0.25,
     "stored": 0.1,
+    "structures": 0.05,
 }
 
 

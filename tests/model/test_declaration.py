@@ -537,6 +537,18 @@ def test_parameters_are_checked_again():
         d.check_parameters(system().values | {"nu": 0.0})
 
 
+def test_damping_may_be_singular():
+    """Two dashpots on three coordinates, of which two move almost alike: pivots are rounding."""
+    parts = {
+        "coordinates": {x: Inertial() for x in "abc"},
+        "kinetic": "d_a**2/2 + d_b**2/2 + d_c**2/2",
+    }
+    damping = "(d_a + d_b)**2/2 + (1e-7*d_b + d_c)**2/2"
+    assert System(name="dashpots", viscous=damping, **parts).declaration
+    with pytest.raises(DeclarationError, match="viscous matrix is not positive semidefinite"):
+        System(name="dashpots", viscous=f"{damping} - 1e-6*d_a*d_c", **parts)
+
+
 def test_pairs_may_be_lists():
     same = system(contacts={"play": Contact("d_z", threshold=["s_0", "2*s_0"])}, span=[0, 10])  # type: ignore[arg-type]
     assert same == system()

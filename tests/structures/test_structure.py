@@ -201,6 +201,26 @@ def test_whatever_is_proportional_is_seen_and_nothing_else(seed: int) -> None:
         assert structure(mass, stiffness, damping).modal_damping.ndim == 2
 
 
+@pytest.mark.parametrize("n", [3, 12])
+@pytest.mark.parametrize("parts", [1, 20])
+def test_damping_between_parts_that_nothing_holds(n: int, parts: int) -> None:
+    """Rigid modes have none, nor have modes that no dashpot feels: rounding does not make it
+    negative."""
+    for seed in range(15):
+        rng = np.random.default_rng(seed)
+        stiffness, damping = np.zeros((2, n, n))
+        for i in range(n - 1):
+            way = np.eye(n)[i] - np.eye(n)[i + 1]
+            stiffness += rng.uniform(0.5, 5.0) * np.outer(way, way)
+            damping += (i < parts) * rng.uniform(0.1, 0.3) * np.outer(way, way)
+        body = structure(np.diag(rng.uniform(0.5, 2.0, n)), stiffness, damping)
+        np.testing.assert_allclose(
+            body.modal_damping, body.modes.T @ damping @ body.modes, atol=1e-14
+        )
+        assert np.all(body.modal_damping[0] == 0.0)
+        assert ss.System("free", structures={"u": body}).declaration
+
+
 @pytest.mark.parametrize("sparse", [False, True])
 def test_reductions_of_a_beam_against_all_of_it(sparse: bool) -> None:
     mass, stiffness = clamped(250)  # sparse ones are iterated from 400 unknowns on

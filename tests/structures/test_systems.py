@@ -314,6 +314,33 @@ def test_a_free_beam_drifts() -> None:
     assert ones @ mass @ last / total == pytest.approx(100.0 * 0.1**2 / 2.0 / total, rel=1e-9)
 
 
+@pytest.mark.parametrize("n", [4, 5, 6, 9])
+def test_two_bodies_in_one_structure(n: int) -> None:
+    """One is driven, the other touched: rounding of the modes, which may belong to both, neither
+    shortens the steps nor keeps a motion from being certified."""
+    stiffness = np.zeros((n, n))
+    for i in range(n - 2):
+        way = np.eye(n)[i] - np.eye(n)[i + 2]
+        stiffness += (1.0 + 0.3 * i) * np.outer(way, way)
+    body = ss.Structure(np.diag(1.0 + 0.37 * np.arange(n)), stiffness)
+    system = ss.System(
+        "apart",
+        structures={"u": body},
+        forces={"u[1]": "cos(2.3*t + 0.3)"},
+        contacts={"rub": ss.Contact("d_u[0]", 0.12)},
+    )
+    motion = ss.simulate(system, (0.0, 10.0))
+    assert motion.certificate.ok
+    assert len(motion.knots.time) < 40
+    assert abs(float(motion["u[0]"][-1])) < 1e-13
+    moved = [i for i in range(1, n, 2)]
+    mass = body.mass[moved, moved]
+    middle = mass @ [float(motion[f"u[{i}]"][-1]) for i in moved]
+    w, phase = 2.3, 0.3
+    free = (np.cos(phase) - np.cos(10.0 * w + phase)) / w**2 - np.sin(phase) / w * 10.0
+    assert middle == pytest.approx(free, rel=1e-10)
+
+
 def test_two_structures_and_a_coordinate() -> None:
     """Joined by springs and contacts; the same as one chain of all three."""
     mass, stiffness = chain(3)

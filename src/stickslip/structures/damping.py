@@ -11,6 +11,8 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short
 from stickslip.symbolic.formulas import is_finite
 
+_ROUNDED = 4.0 * np.finfo(float).eps  # of a sum of magnitudes, what may be rounding
+
 
 @dataclass(frozen=True)
 class ProportionalDamping:
@@ -95,6 +97,38 @@ class ModalDamping:
     def plain(self) -> dict[str, object]:
         """What a model file says of it."""
         return {"ratios": self.ratios}
+
+
+def damping_of_shapes(damping: Array, shapes: Array) -> Array:
+    """What a positive semidefinite matrix is for shapes: shape (m,) where it does not couple them,
+    else (m, m).
+
+    It is made as a product W Wᵀ of a root, so that it is positive semidefinite up to rounding of
+    its own entries, even where rigid modes or few dashpots leave hardly anything of a row.
+
+    Parameters
+    ----------
+    damping : array, shape (n, n)
+    shapes : array, shape (n, m)
+    """
+    scale = np.sqrt(np.abs(np.diag(damping)))  # unknowns may have any units
+    scale[scale == 0.0] = 1.0
+    parts, ways = np.linalg.eigh(damping / np.outer(scale, scale))
+    some = parts > _ROUNDED * len(parts) * np.max(np.abs(parts), initial=0.0)
+    root = scale[:, None] * ways[:, some] * np.sqrt(parts[some])
+    rows = shapes.T @ root
+    terms = np.abs(shapes).T @ np.abs(root)
+    noise = _ROUNDED * len(shapes) * np.linalg.norm(terms, axis=1)
+    rows[np.linalg.norm(rows, axis=1) <= noise] = 0.0  # rigid modes
+    found = rows @ rows.T
+    own = np.sqrt(np.diag(found))
+    size = np.abs(shapes).T @ (np.abs(damping) @ np.abs(shapes))
+    apart = found - np.diag(np.diag(found))
+    if np.all(np.abs(apart) <= _ROUNDED * size):
+        return np.diag(found).copy()
+    small = np.abs(apart) <= _ROUNDED * np.outer(own, own)
+    np.fill_diagonal(small, False)
+    return np.where(small, 0.0, found)
 
 
 def _not_negative(value: object, where: str) -> float:

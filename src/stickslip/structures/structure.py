@@ -15,7 +15,7 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.kept import cached_property, kept, made_once
 from stickslip.structures import matrices
-from stickslip.structures.damping import ModalDamping, ProportionalDamping
+from stickslip.structures.damping import ModalDamping, ProportionalDamping, damping_of_shapes
 from stickslip.structures.matrices import Symmetric, is_sparse
 from stickslip.symbolic.formulas import NAME
 
@@ -261,12 +261,7 @@ class Structure:
         rule = _proportional(self.damping, self.mass, self.stiffness)
         if rule is not None:
             return rule.of_modes(squares)
-        found = shapes.T @ (self.damping @ shapes)
-        size = np.abs(shapes).T @ (abs(self.damping) @ np.abs(shapes))
-        small = np.abs(found) <= 4.0 * np.finfo(float).eps * size
-        np.fill_diagonal(small, False)
-        found = np.where(small, 0.0, (found + found.T) / 2.0)
-        return found if np.any(found - np.diag(np.diag(found))) else np.diag(found).copy()
+        return damping_of_shapes(matrices.dense(self.damping), shapes)
 
     # -- smaller ones ------------------------------------------------------------------------------
 

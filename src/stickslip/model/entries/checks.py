@@ -4,13 +4,16 @@ differentiable; and by how much they jump."""
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
+
+import numpy as np
 
 from stickslip.errors import DeclarationError
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
 _QUADRATIC = "Write a pure quadratic form, like m/2*d_x**2"
+_MOST_FULL = 2000  # coordinates up to which eigenvalues of a full matrix are asked for
 
 
 def quadratic_form(
@@ -84,9 +87,12 @@ def check_definite(
     scale = [math.sqrt(a or b or 1.0) for a, b in zip(own, largest, strict=True)]
     rows = [{j: a / scale[i] / scale[j] for j, a in row.items()} for i, row in enumerate(rows)]
     small = 1e-13
+    whole = [dict(row) for row in rows] if semi else []
     for k, row in enumerate(rows):
         pivot = row.pop(k, 0.0)
         if not (pivot >= -small if semi else pivot > small):
+            if semi and _lowest(whole) >= -small:  # pivots of singular matrices may be rounding
+                return
             kind = "positive semidefinite" if semi else "positive definite"
             raise DeclarationError(
                 where,
@@ -95,6 +101,8 @@ def check_definite(
             )
         if pivot <= small:
             if any(abs(a) > small for a in row.values()):
+                if semi and _lowest(whole) >= -small:
+                    return
                 raise DeclarationError(
                     where,
                     f"the {what} is not positive semidefinite (at '{names[k]}')",
@@ -105,6 +113,18 @@ def check_definite(
             for j, b in row.items():
                 if j >= i:
                     rows[i][j] = rows[i].get(j, 0.0) - a / pivot * b
+
+
+def _lowest(rows: Sequence[Mapping[int, float]]) -> float:
+    """The lowest eigenvalue of a symmetric matrix of which the upper half is given, unless that is
+    too large."""
+    if len(rows) > _MOST_FULL:
+        return -math.inf
+    matrix = np.zeros((len(rows), len(rows)))
+    for i, row in enumerate(rows):
+        for j, entry in row.items():
+            matrix[i, j] = matrix[j, i] = entry
+    return float(np.linalg.eigvalsh(matrix)[0])
 
 
 def check_slopes(formula: Expr, names: Iterable[str], where: str, order: int = 1) -> None:

@@ -14,7 +14,7 @@ from stickslip.arrays import Array
 from stickslip.motion.admissible.cones import FORCE_SIZE, RESTS
 from stickslip.motion.admissible.leaving import spare_part
 from stickslip.motion.admissible.sharing import ON_ITS_OWN, any_share, find_shared, press_themselves
-from stickslip.motion.audit.accounts import EXCESS, LARGEST_FORCE, Tally
+from stickslip.motion.audit.accounts import EXCESS, LARGEST_FORCE, LARGEST_SPEED, Tally
 from stickslip.motion.audit.forces import widest_room
 from stickslip.motion.audit.nodes import most
 from stickslip.motion.audit.step_ends import jump_after
@@ -85,7 +85,7 @@ def judge_beginning(
     copy(slips, mode)
     copy(starts.region[i], reg)
     at = Instant(starts.time[i], starts.state[i], mode, reg)
-    if hold_beginnings(machine, flow, at, starts, ends, i):
+    if hold_beginnings(machine, flow, at, starts, ends, i, tally):
         c, room = least_room(flow, at, slips, tally)
         if c < 0 and room == 0.0:
             c, room = shared_room(machine, flow, at, slips, tally)
@@ -115,7 +115,7 @@ def adheres(rows: Rows, c: int) -> bool:
 
 @compiled()
 def hold_beginnings(
-    machine: Machine, flow: Flow, at: Instant, starts: Record, ends: Record, i: int
+    machine: Machine, flow: Flow, at: Instant, starts: Record, ends: Record, i: int, tally: Tally
 ) -> bool:
     """Let what begins to slip with a step stick, or rest as it has rested before; whether anything
     does for which that is a question. Its forces are left in the work space.
@@ -126,7 +126,7 @@ def hold_beginnings(
     flow : Flow
     at : Instant
         The beginning; its mode is changed.
-    starts, ends, i
+    starts, ends, i, tally
         As of :func:`judge_beginning`.
     """
     rows = flow.rows
@@ -153,7 +153,7 @@ def hold_beginnings(
         before = starts.mode[i - 1, c] if i > 0 else 0
         if c < rows.sizes[ON_INERTIAL]:
             # What keeps its threshold, and its side, may be carried by others and never slip.
-            begins = is_still(rows, space, c)
+            begins = is_still(rows, space, c, tally.law[c, LARGEST_SPEED])
             begins = begins and (may_stick_again(rows, c) or before != slips[c])
         else:
             # A jump may tear away what has no mass.
@@ -173,7 +173,7 @@ def hold_beginnings(
 def closed_at_rest(rows: Rows, space: Space, c: int) -> bool:
     """Whether a contact that can open has neither a gap nor a velocity, up to rounding."""
     apart = abs(space.W[rows.gaps[c], 0]) > ROUNDING * gap_size(rows, space, c)
-    return is_still(rows, space, c) and not apart
+    return is_still(rows, space, c, 0.0) and not apart
 
 
 @compiled()
@@ -208,16 +208,18 @@ def release_what_stays(
     for c in range(len(mode)):
         held = space.labels[c, 0]
         begins = held != slips[c] and not is_component(flow.rows, c)
-        if begins and not is_still(flow.rows, space, c):
+        if begins and not is_still(flow.rows, space, c, 0.0):
             set_mode(flow.rows, mode, c, held)
             left = True
     return left
 
 
 @compiled()
-def is_still(rows: Rows, space: Space, c: int) -> bool:
-    """Whether the relative velocity of a contact vanishes, up to rounding."""
-    still = abs(space.W[rows.u[c], 0]) <= ROUNDING * space.mag[c]
+def is_still(rows: Rows, space: Space, c: int, largest: float) -> bool:
+    """Whether the relative velocity of a contact vanishes, up to rounding. On a line that may be of
+    the largest velocity before: what slowed down has the rounding errors of what it was."""
+    size = space.mag[c] if rows.plane[c] >= 0 else max(space.mag[c], largest)
+    still = abs(space.W[rows.u[c], 0]) <= ROUNDING * size
     for i in range(parts_of(rows, rows.plane[c]) if rows.plane[c] >= 0 else 0):
         other = rows.planes[rows.plane[c], COMPONENT + i]
         still = still and abs(space.W[rows.u[other], 0]) <= ROUNDING * space.mag[other]

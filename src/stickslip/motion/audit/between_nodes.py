@@ -37,6 +37,7 @@ from stickslip.motion.steps.arrays import (
     AIM,
     COMPONENT,
     DIMENSION,
+    INERTIAL,
     ON_INERTIAL,
     Flow,
     Rows,
@@ -152,6 +153,37 @@ def extent(c: Array, N: int, powers: Array) -> float:
 
 
 @compiled()
+def extent_of_body(
+    rows: Rows, W: Array, N: int, powers: Array, tally: Tally, r: int
+) -> tuple[float, int]:
+    """The largest size of the modes of a structure, or of their rates, if they begin with this row
+    of the state; and where they end. Otherwise 0, and the next row.
+
+    Parameters
+    ----------
+    rows : Rows
+    W : array
+        Polynomials of the rows.
+    N : int
+        Order of these.
+    powers : array
+        Of the length of the piece.
+    tally : Tally
+        Sizes so far.
+    r : int
+        The row.
+    """
+    for b in range(len(rows.bodies)):
+        begin = rows.bodies[b, 0]
+        if r == begin or r == rows.sizes[INERTIAL] + begin:
+            largest = 0.0
+            for i in range(r, r + rows.bodies[b, 1]):
+                largest = max(max(largest, extent(W[i], N, powers)), tally.state[LARGEST, i])
+            return largest, r + rows.bodies[b, 1]
+    return 0.0, r + 1
+
+
+@compiled()
 def counts_for(rows: Rows, mag: Array, r: int, size: float, h: float, acting: float) -> float:
     """For how long an error of a rate counts in a piece of length h.
 
@@ -211,8 +243,11 @@ def encloses(
     discs = space.discs
     W = space.W
     powers = space.powers
+    shared, until = 0.0, 0
     for r in range(n):
-        size = max(extent(W[r], N, powers), tally.state[LARGEST, r])
+        if r >= until:
+            shared, until = extent_of_body(rows, W, N, powers, tally, r)
+        size = max(max(extent(W[r], N, powers), tally.state[LARGEST, r]), shared)
         time = counts_for(rows, mag, r, size, h, acting)
         size += REST_PART * impulse(rows, mag, r, acting)
         if not time * residual_strays(rows, discs, r, factor) <= NEGLIGIBLE_PART * size:

@@ -292,7 +292,7 @@ def unit_for(status: int, h: float, room: float, unit: float) -> tuple[bool, flo
 @compiled()
 def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
     """Whether rates, times the length of the step that ends here, are those that the step's series
-    promises.
+    promises. Modes of a structure are components of one vector, and have one size.
 
     Parameters
     ----------
@@ -305,8 +305,12 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
     tol = _LOOSER * flow.tol
     late = INSTANT * abs(table[len(y), 0]) / h  # the end is a rounded time
     vague = vagueness(flow, table, y, h)
+    shared, until = 0.0, 0
     for i in range(len(y)):
-        size = LEAST_SIZE + abs(y[i]) + abs(promise[i]) + flow.atol * seen[i]
+        if i >= until:
+            shared, until = size_of_body(rows, y, promise, i)
+        own = max(abs(y[i]) + abs(promise[i]), shared)
+        size = LEAST_SIZE + own + flow.atol * seen[i]
         rounding = (ROUNDING + vague) * mag[rows.noise[i]] * h if rows.noise[i] >= 0 else 0.0
         rounding += late * abs(promise[i])
         rate = rows.program.rates[i]
@@ -316,6 +320,29 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
         if abs(table[rate, 0] * h - promise[i]) > tol * size + rounding:
             return False
     return True
+
+
+@compiled()
+def size_of_body(rows: Rows, y: Array, promise: Array, i: int) -> tuple[float, int]:
+    """The largest value of the modes of a structure, or of their rates, if they begin with this row
+    of the state; and where they end. Otherwise 0, and the next row.
+
+    Parameters
+    ----------
+    rows : Rows
+    y, promise : arrays
+        Values, and by how much they change.
+    i : int
+        The row.
+    """
+    for b in range(len(rows.bodies)):
+        begin = rows.bodies[b, 0]
+        if i == begin or i == rows.sizes[INERTIAL] + begin:
+            largest = 0.0
+            for r in range(i, i + rows.bodies[b, 1]):
+                largest = max(largest, abs(y[r]) + abs(promise[r]))
+            return largest, i + rows.bodies[b, 1]
+    return 0.0, i + 1
 
 
 @compiled()
