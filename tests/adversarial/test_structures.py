@@ -20,7 +20,7 @@ CHOSEN = {
     "let go": (0, 1),
     "full damping": (0, 1),
     "overdamped structure": (0, 1),
-    "stiff structure": (1, 6),
+    "stiff structure": (1, 6, 1015),
     "rigid modes": (0, 5, 31),
     "many contacts": (0, 1),
     "large structure": (0, 1),
