@@ -58,7 +58,7 @@ _AROUND = (1e-9, -1e-9, 1e-8, -1e-8, 1e-7, -1e-7)
 _FURTHER = 100.0  # how much further beyond a corner one looks whether a contact slips both ways
 # how far beyond a corner the other side is looked for …
 _AHEAD = (1e-11, 3e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
-_BACK = (1e-11, 2e-11, 4e-11, 8e-11)  # from a corner, where what is there hardly closes
+_BEFORE = (1e-11, 2e-11, 4e-11, 8e-11)  # from a corner, where what is there hardly closes
 _HARDLY = 0.1  # part of what a cycle may miss by
 _THERE = 1e-6  # … how far its derivatives are asked …
 _ONWARD = (1e-7, 1e-6, 1e-5)  # … and cycles are looked for, …
@@ -244,7 +244,7 @@ def _closing(ray: _Ray, cycle: Cycle) -> tuple[float, Cycle]:
     chart = ray[0]
     best = chart.shooting.miss(cycle.closed.orbit)
     back = 0.0
-    for length in _BACK if best > _HARDLY * CLOSED else ():
+    for length in _BEFORE if best > _HARDLY * CLOSED else ():
         with suppress(*_FAILURES):
             x = _along(ray, -length)
             missed = chart.shooting.miss(chart.orbit(x))
