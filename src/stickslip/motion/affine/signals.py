@@ -335,7 +335,7 @@ def window_from(s: SignalSum, start: float, limit: float, value: float) -> tuple
     for j in range(len(s.lam)):
         h = min(h, window_of(s, j, start))
     bound = 0.0
-    while h < most:
+    while h < most and len(s.lam) > 1:
         longer = min(_LONGER * h, most)
         more = left_out(s, start, longer)
         if more > 0.5 * value:

@@ -26,7 +26,6 @@ from stickslip.orbits.continuation.arclength import NOT_DEFINED, Lost, Point, co
 from stickslip.orbits.continuation.bracket import zero_between
 from stickslip.orbits.continuation.branch import SOLVED_TO
 from stickslip.orbits.cycles.cycle import Cycle
-from stickslip.orbits.return_map.damped_newton import CLOSED
 from stickslip.orbits.return_map.held import HELD
 from stickslip.orbits.return_map.mode_sequence import (
     Sequence,
@@ -58,8 +57,6 @@ _AROUND = (1e-9, -1e-9, 1e-8, -1e-8, 1e-7, -1e-7)
 _FURTHER = 100.0  # how much further beyond a corner one looks whether a contact slips both ways
 # how far beyond a corner the other side is looked for …
 _AHEAD = (1e-11, 3e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
-_BEFORE = (1e-11, 2e-11, 4e-11, 8e-11)  # from a corner, where what is there hardly closes
-_HARDLY = 0.1  # part of what a cycle may miss by
 _THERE = 1e-6  # … how far its derivatives are asked …
 _ONWARD = (1e-7, 1e-6, 1e-5)  # … and cycles are looked for, …
 _NEARER = (3e-8, 1e-8)  # … nearer if the branch bends too much on the way
@@ -187,14 +184,8 @@ def corner_after(chart: Chart, point: Point, reach: float, turn: float) -> Corne
         else:
             onward = None  # sides that do not meet are two branches
     ahead = 0.0 if onward is None else _unit(onward.chart, onward.x, onward.towards)[-1]
-    cycle = cycle or chart.cycle(x)
-    if onward is None and kind != "stick onset":
-        # Where nothing goes on, the motion may miss itself at the very end; a little before it does
-        # not, and that is as near.
-        back, cycle = _closing(rays[0], cycle)
-        if back > 0.0:
-            residuals = measured_change(there, y, kind, min(distance, left) + back)
     what = Happening(kind, note, residuals)
+    cycle = cycle or chart.cycle(x)
     return Corner(cycle, beside, what, turning(tangent[-1], ahead), onward)
 
 
@@ -236,23 +227,6 @@ def _to_the_meeting(ray: _Ray, onward: BeyondCorner) -> float:
     ahead = _unit(onward.chart, onward.x, onward.towards)
     lines = np.column_stack([towards, -ahead])
     return float(np.linalg.lstsq(lines, (onward.x - y) / units, rcond=None)[0][0])
-
-
-def _closing(ray: _Ray, cycle: Cycle) -> tuple[float, Cycle]:
-    """How far back along a ray a cycle closes that does not at its start, and that cycle; the one
-    at the start if none does."""
-    chart = ray[0]
-    best = chart.shooting.miss(cycle.closed.orbit)
-    back = 0.0
-    for length in _BEFORE if best > _HARDLY * CLOSED else ():
-        with suppress(*_FAILURES):
-            x = _along(ray, -length)
-            missed = chart.shooting.miss(chart.orbit(x))
-            if missed < best:
-                back, cycle, best = length, chart.cycle(x), missed
-        if best <= _HARDLY * CLOSED:
-            break
-    return back, cycle
 
 
 def _moved(rays: tuple[_Ray, _Ray], length: float) -> tuple[Array, Array]:

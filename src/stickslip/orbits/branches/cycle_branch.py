@@ -12,7 +12,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,7 +19,7 @@ import numpy as np
 from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Residual, within
-from stickslip.errors import ConvergenceError, DeclarationError
+from stickslip.errors import DeclarationError
 from stickslip.orbits.branches.chart import KNOWN_TO, Chart, extent_of, first_chart, renewed
 from stickslip.orbits.branches.corner import BeyondCorner, Corner, corner_after
 from stickslip.orbits.branches.equilibrium_branch import checked_range
@@ -61,12 +60,12 @@ from stickslip.orbits.continuation.driver import (
     step_after,
     told_of_points,
 )
-from stickslip.orbits.cycles.cycle import Cycle, make_cycle
+from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.cycles.finding import from_cycle
 from stickslip.orbits.cycles.hopf_switching import shrinks_to
 from stickslip.orbits.cycles.period import part_of
 from stickslip.orbits.fields.mode_field import Pieces
-from stickslip.orbits.return_map.damped_newton import CLOSED, Closed, close
+from stickslip.orbits.return_map.damped_newton import CLOSED, Closed
 from stickslip.orbits.return_map.mode_sequence import LOSS
 from stickslip.stopping.scopes import limited
 
@@ -483,8 +482,8 @@ class _Follower:
         return stations
 
     def _special(self, event: _Event, index: int) -> SpecialPoint:
-        cycle = _closer(event.cycle)
-        state = cycle.state
+        cycle = event.cycle
+        state = event.cycle.state
         field = cycle.closed.shooting.stations[0].piece.field
         if event.centre is not None:
             state = dict(zip(state, map(float, event.centre), strict=True))
@@ -497,17 +496,3 @@ class _Follower:
             missed = cycle.closed.shooting.miss(cycle.closed.orbit)
             own += (Residual("closure", missed, CLOSED, note="of the size of the cycle"),)
         return SpecialPoint(what.kind, self.parameter, event.value, *numbers, what.note, own)
-
-
-def _closer(cycle: Cycle) -> Cycle:
-    """The same cycle, closed once more where it misses by more than a part of what is allowed: near
-    the end of a branch derivatives are large."""
-    closed = cycle.closed
-    missed = closed.shooting.miss(closed.orbit)
-    if missed <= 0.1 * CLOSED:
-        return cycle
-    with suppress(ConvergenceError):
-        orbit = close(closed.shooting, closed.orbit.x)
-        if closed.shooting.miss(orbit) < missed:
-            return make_cycle(Closed(closed.shooting, orbit))
-    return cycle
