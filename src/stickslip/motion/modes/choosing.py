@@ -25,10 +25,10 @@ from stickslip.motion.steps.arrays import (
     ASTRAY,
     CAUSE,
     CLOSEST,
-    COMPONENT,
     IMPLICIT,
     KINKS,
     LAST,
+    LEAD,
     NAN,
     NOW,
     OK,
@@ -42,10 +42,9 @@ from stickslip.motion.steps.arrays import (
     Lane,
     Machine,
     Rows,
-    is_component,
-    opens,
     set_mode,
 )
+from stickslip.motion.steps.sets import states_of
 from stickslip.motion.steps.step_size import MOST_UNITS, fill_powers, shortened_step
 from stickslip.motion.steps.stiff import RESTING, collocate, lingers
 from stickslip.motion.steps.vectors import clear, copy
@@ -228,10 +227,10 @@ def try_mode(
 def crosses(rows: Rows, mode: Array) -> bool:
     """Whether a contact slips whose dissipation has pieces. An edge between them may be a
     singularity that a motion passes in no time, such as that of a face with a point at rest."""
-    for i in range(len(rows.pieces)):
-        if mode[rows.planes[rows.pieces[i, 1], COMPONENT]] != 0:
-            return True
-    return False
+    found = False
+    for piece in rows.pieces:
+        found = found or mode[rows.planes[piece[1], LEAD]] != 0
+    return found
 
 
 @compiled()
@@ -322,14 +321,6 @@ def candidates(rows: Rows, touched: Array, nk: int) -> int:
 
 
 @compiled()
-def states_of(rows: Rows, c: int) -> int:
-    """Number of states of a contact: in a plane, and of what can open, a slip has no sign."""
-    if is_component(rows, c):
-        return 1
-    return 2 if rows.plane[c] >= 0 or opens(rows, c) else 3
-
-
-@compiled()
 def choose(rows: Rows, candidate: int, touched: Array, mode: Array, reg: Array) -> None:
     """Put the switches concerned into the states that a number stands for; what does not stick is
     at its threshold, or open.
@@ -350,8 +341,9 @@ def choose(rows: Rows, candidate: int, touched: Array, mode: Array, reg: Array) 
             if i < nk:
                 reg[i] = candidate % 2
                 candidate //= 2
-            elif not is_component(rows, i - nk):
-                states = states_of(rows, i - nk)
+                continue
+            states = states_of(rows, i - nk)
+            if states > 1:
                 state = candidate % states - 1
                 candidate //= states
                 state = abs(state) if states == 2 else state

@@ -24,7 +24,7 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
-from stickslip.motion.steps.arrays import COMPONENT, EPSILON, FORMULA, OK, Flow, Instant, Machine
+from stickslip.motion.steps.arrays import EPSILON, FORMULA, LEAD, OK, Flow, Instant, Machine
 from stickslip.motion.steps.response import (
     AIMS,
     BX,
@@ -94,7 +94,7 @@ def begin_together(flow: Flow) -> bool:
     bends = any_bends(flow)
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
-            own = rows.group[rows.planes[p, COMPONENT]]
+            own = rows.group[rows.planes[p, LEAD]]
             if rows.planes[p, FORMULA] >= 0:
                 return False
             if not bends and (own < 0 or (count > 0 and own != group)):

@@ -18,12 +18,13 @@ from stickslip.motion.steps.arrays import (
     BENDS,
     FEWEST_ORDERS,
     FORMULA,
+    LEAD,
     OK,
-    THIRD_PART,
     Flow,
     Instant,
     Machine,
     Rows,
+    directions_of,
     plain_coefficients,
 )
 from stickslip.translator import compiled
@@ -38,8 +39,14 @@ N_, M_, RHO, BX, BY, X, Y, LEADING, SPARE, OX, OY, L_, BZ = range(13)
 
 @compiled(brief=True)
 def is_face(rows: Rows, p: int) -> bool:
-    """Whether a contact in a plane is a face."""
-    return bool(rows.planes[p, THIRD_PART] >= 0)
+    """Whether a contact in a plane is a face, which has three directions."""
+    return width_of(rows, p) > 2
+
+
+@compiled(brief=True)
+def width_of(rows: Rows, p: int) -> int:
+    """The number of directions of a contact in a plane."""
+    return len(directions_of(rows, rows.planes[p, LEAD]))
 
 
 @compiled(brief=True)
@@ -48,20 +55,42 @@ def begins_in(flow: Flow, p: int) -> bool:
     return bool(flow.space.aims[AIMS * p + LEADING, 0] >= 0.0)
 
 
+@compiled(brief=True)
+def begins_flat(flow: Flow, p: int) -> bool:
+    """Whether one of them has two directions, so that an angle tells its slip."""
+    return begins_in(flow, p) and not is_face(flow.rows, p)
+
+
+@compiled(brief=True)
+def begins_as_face(flow: Flow, p: int) -> bool:
+    """Whether one of them has three."""
+    return begins_in(flow, p) and is_face(flow.rows, p)
+
+
+@compiled(brief=True)
+def aim_row(i: int) -> int:
+    """The row of Space.aims of a component of the direction."""
+    return N_ + i if i < 2 else L_
+
+
+@compiled(brief=True)
+def rate_row(i: int) -> int:
+    """The row of Space.aims of a component of what the lower orders make of the rate."""
+    return BX + i if i < 2 else BZ
+
+
 @compiled()
 def place_aims(flow: Flow, table: Array, order: int) -> None:
     """Put what is known of directions and speeds into a table."""
     rows = flow.rows
     aims = flow.space.aims
     for p in range(len(rows.planes)):
-        if aims[AIMS * p + LEADING, 0] < 0.0:
+        if not begins_in(flow, p):
             continue
-        first = rows.planes[p, AIM]
-        for k in range(table.shape[1]):
-            table[first, k] = aims[AIMS * p + N_, k] if k < aims.shape[1] else 0.0
-            table[first + 1, k] = aims[AIMS * p + M_, k] if k < aims.shape[1] else 0.0
-            if is_face(rows, p):
-                table[first + 2, k] = aims[AIMS * p + L_, k] if k < aims.shape[1] else 0.0
+        for i in range(width_of(rows, p)):
+            to, row = table[rows.planes[p, AIM] + i], aims[AIMS * p + aim_row(i)]
+            for k in range(table.shape[1]):
+                to[k] = row[k] if k < aims.shape[1] else 0.0
     place_speeds(flow, table, order)
 
 
@@ -104,9 +133,7 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
         if r % AIMS == N_ and rows.planes[r // AIMS, FORMULA] >= 0:
             aims[r, 0] = 1.0  # a gradient has no value at 0
     for probe in range(-1, 2 * planes):
-        if probe >= 0 and aims[AIMS * (probe // 2) + LEADING, 0] < 0.0:
-            continue
-        if probe >= 0 and is_face(rows, probe // 2):
+        if probe >= 0 and not begins_flat(flow, probe // 2):
             continue
         bent = probe >= 0 and rows.planes[probe // 2, FORMULA] >= 0
         if probe >= 0:
@@ -132,8 +159,7 @@ def any_bends(flow: Flow) -> bool:
     """Whether a slip begins that changes the normal force which presses it."""
     found = False
     for p in range(len(flow.rows.planes)):
-        bends = flow.rows.planes[p, BENDS] == 1 and not is_face(flow.rows, p)
-        found = found or (begins_in(flow, p) and bends)
+        found = found or (begins_flat(flow, p) and flow.rows.planes[p, BENDS] == 1)
     return found
 
 
@@ -157,7 +183,7 @@ def respond_at(machine: Machine, flow: Flow, at: Instant, table: Array, slopes: 
     planes = len(rows.planes)
     for probe in range(-1, 2 * planes if slopes else 0):
         row = AIMS * (probe // 2) + N_ + probe % 2
-        if probe >= 0 and (not begins_in(flow, probe // 2) or is_face(rows, probe // 2)):
+        if probe >= 0 and not begins_flat(flow, probe // 2):
             continue
         if probe >= 0:
             aims[row, 1] = 1.0
@@ -176,7 +202,7 @@ def respond_at(machine: Machine, flow: Flow, at: Instant, table: Array, slopes: 
                 answer[i, probe] = 2.0 * table[ahead, 2] - aims[base, 1]
     for i in range(2 * planes):
         for j in range(2 * planes):
-            if begins_in(flow, j // 2) and not is_face(rows, j // 2):
+            if begins_flat(flow, j // 2):
                 base = AIMS * (i // 2) + BX + i % 2
                 aims[base, 0] -= answer[i, j] * aims[AIMS * (j // 2) + N_ + j % 2, 0]
     return OK
