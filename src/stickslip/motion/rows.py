@@ -125,9 +125,10 @@ def _bodies(equations: MotionEquations) -> Array:
 
 def _contacts(
     equations: MotionEquations, layout: Layout
-) -> tuple[Array, int, Array, Array, Array, Array]:
+) -> tuple[Array, int, Array, Array, Array, Array, Array]:
     """Contacts by their first directions, how many have mass, the first direction of the contact of
-    each direction, all directions of each contact and where these begin, and what opens."""
+    each direction, all directions of each contact and where these begin, what opens, and the number
+    of states."""
     blocks = equations.directions
     lead = np.zeros(len(layout.u), np.int64)
     for c, parts in blocks.items():
@@ -139,7 +140,15 @@ def _contacts(
         np.array([d for parts in blocks.values() for d in parts], dtype=np.int64),
         np.cumsum([0, *(len(blocks.get(c, ())) for c in range(len(lead)))], dtype=np.int64),
         np.array(sorted(layout.gaps), dtype=np.int64),
+        np.array(
+            [_states(blocks.get(c, ()), c in layout.gaps) for c in range(len(lead))], np.int64
+        ),
     )
+
+
+def _states(parts: tuple[int, ...], opens: bool) -> int:
+    """Number of states of a contact with some directions; a slip has a sign along a line only."""
+    return (2 if opens or len(parts) > 1 else 3) if parts else 1
 
 
 def _planes(equations: MotionEquations, layout: Layout) -> tuple[Array, Array]:

@@ -54,7 +54,7 @@ from stickslip.motion.steps.arrays import (
     opens,
     set_mode,
 )
-from stickslip.motion.steps.sets import second_of, states_of
+from stickslip.motion.steps.sets import second_of
 from stickslip.motion.steps.starting import secular_root
 from stickslip.motion.steps.vectors import solve_equations
 from stickslip.translator import compiled
@@ -123,11 +123,15 @@ def put_friction(rows: Rows, space: Space) -> None:
     """Coefficients of friction in an impact, of slip and where it holds."""
     work = space.impact
     for c in inertial_contacts(rows):
+        if rows.first_link[c + 1] == rows.first_link[c]:
+            continue
         block = directions_of(rows, c)
-        forward, back = False, False
+        forward = False
+        back = False
         for i in block:
             slow = _SLOW * space.mag[i]
-            forward, back = forward or work[BEFORE, i] > slow, back or work[BEFORE, i] < -slow
+            forward = forward or work[BEFORE, i] > slow
+            back = back or work[BEFORE, i] < -slow
         alone = len(block) == 1
         if not alone:
             # In a plane a slip has no sense, and nothing is turned back.
@@ -434,7 +438,7 @@ def modes_of(rows: Rows, tried: Array) -> int:
     total = 1
     for c in range(rows.sizes[ON_INERTIAL]):
         if total <= MOST_MODES and takes_part(rows, tried, c):
-            total *= states_of(rows, c)
+            total *= rows.states[c]
     return total
 
 
@@ -445,7 +449,7 @@ def choose_impulse_mode(number: int, rows: Rows, tried: Array, mode: Array) -> N
         mode[c] = 1
     for c in inertial_contacts(rows):
         if takes_part(rows, tried, c):
-            states = states_of(rows, c)
+            states = int(rows.states[c])
             set_mode(rows, mode, c, number % states - states // 3)
             number //= states
     loosen_friction(rows, mode)

@@ -136,7 +136,8 @@ def place_guard(flow: Flow, mode: Array, group: int, rank: int) -> tuple[float, 
     for c in inertial_contacts(rows):
         if not sticks_in(rows, mode, c, group):
             continue
-        block, w = directions_of(rows, c), space.along[MOVED]
+        block = directions_of(rows, c)
+        w = space.along[MOVED]
         speed_of(flow, c, rank, space.aside[MECHANISM])
         for i in range(3):
             w[i] /= fastest

@@ -237,8 +237,10 @@ def relax_in_plane(rows: Rows, space: Space, mode: Array, c: int) -> None:
 @compiled()
 def half_axes(rows: Rows, space: Space, c: int) -> tuple[float, float]:
     """Half axes of the ellipse of impulses of a contact in a plane, by its first direction."""
-    work, row = space.impact, limit_of(space.tried, c, True)
-    f, g = friction_of(rows, work, row, c), friction_of(rows, work, row, second_of(rows, c))
+    work = space.impact
+    row = limit_of(space.tried, c, True)
+    f = friction_of(rows, work, row, c)
+    g = friction_of(rows, work, row, second_of(rows, c))
     return max(f, 0.0), max(g, 0.0)
 
 

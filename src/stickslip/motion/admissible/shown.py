@@ -79,7 +79,8 @@ def part_of_the_way(flow: Flow, mode: Array, group: int, rank: int) -> float:
             continue
         a, b = given_force(flow, c, aside[GIVEN_FORCES])
         force = inner_forces(flow, c, rank)
-        x, y = force[0] - a, force[1] - b
+        x = force[0] - a
+        y = force[1] - b
         if formula_of(rows, c) >= 0:
             part = max(part, part_to_set(flow, c, a, b, x, y))
             continue

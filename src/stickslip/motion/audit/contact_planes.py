@@ -103,7 +103,8 @@ def sample_plane(
             samples[samples_of(rows, block[i]) + 1, g] = V[plane[AHEAD + i], 0]
             law[c, SPEED_HELD] = most(law[c, SPEED_HELD], free_speed(rows, space, block[i], h))
         return
-    along, square = 0.0, 0.0
+    along = 0.0
+    square = 0.0
     for j in range(len(block)):
         along += V[aim + j, 0] * V[plane[AHEAD + j], 0]
         square += V[aim + j, 0] * V[aim + j, 0]
@@ -213,7 +214,9 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
             creep = largest_of(samples[samples_of(rows, block[i]) + 1]) + moves - rounding
             law[c, CREEP] = most(law[c, CREEP], creep)
         return
-    along, across, unit = 0.0, 0.0, 0.0
+    along = 0.0
+    across = 0.0
+    unit = 0.0
     for j in range(len(block) if known else 0):
         along += product_strays(W, discs, aim + j, plane[AHEAD + j], factor)
         unit += product_strays(W, discs, aim + j, aim + j, factor)

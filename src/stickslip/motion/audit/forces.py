@@ -89,7 +89,6 @@ from stickslip.motion.steps.sets import (
     radius_at,
     radius_row,
     rate_terms,
-    states_of,
 )
 from stickslip.motion.steps.starting import coefficients
 from stickslip.translator import compiled
@@ -387,7 +386,7 @@ def is_admissible(rows: Rows, space: Space, mode: Array) -> bool:
         little = _SAME * space.cones[FORCE_SIZE, c]
         # Of what others hold at its threshold, they stand one row further.
         first = row + 1 if abs(mode[c]) == 1 else row
-        for guard in range(first, first + states_of(rows, c) - 1):
+        for guard in range(first, first + rows.states[c] - 1):
             if least_on_nodes(space.samples[guard], space.bernstein, 1e-2 * little) < -little:
                 return False
     return True

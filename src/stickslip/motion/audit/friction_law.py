@@ -104,7 +104,8 @@ def sample_law(
             CANCELLED_PART * force_terms(rows, mag, c),
         )
         law[c, LARGEST_SPEED] = most(most(law[c, LARGEST_SPEED], abs(u)), CANCELLED_PART * mag[c])
-        row, made = samples_of(rows, c), rate_terms(rows, mag, c) * h
+        row = samples_of(rows, c)
+        made = rate_terms(rows, mag, c) * h
         if opens(rows, c):
             gap = V[rows.gaps[c], 0]
             # What is closed has no size but that of what forces would do to it.

@@ -47,7 +47,7 @@ from stickslip.motion.steps.arrays import (
     Task,
     opens,
 )
-from stickslip.motion.steps.sets import remember_gaps
+from stickslip.motion.steps.sets import kink_terms, remember_gaps
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.vectors import copy
 from stickslip.translator import compiled
@@ -219,7 +219,7 @@ def meets_another(machine: Machine, flow: Flow, here: Instant, due: int, last: f
                 continue
             row = rows.kinks[kink]
             rate = W[row, 1] / W[rows.sizes[DIMENSION], 1]
-            size = flow.space.mag[3 * len(rows.u) + kink] + last * abs(rate)
+            size = kink_terms(rows, flow.space.mag, kink) + last * abs(rate)
             passes = fires(rows, j, 1 - here.reg[kink]) and (
                 not known or (rate if here.reg[kink] == 0 else -rate) > 0.0
             )

@@ -44,7 +44,6 @@ from stickslip.motion.steps.arrays import (
     Rows,
     set_mode,
 )
-from stickslip.motion.steps.sets import states_of
 from stickslip.motion.steps.step_size import MOST_UNITS, fill_powers, shortened_step
 from stickslip.motion.steps.stiff import RESTING, collocate, lingers
 from stickslip.motion.steps.vectors import clear, copy
@@ -316,7 +315,7 @@ def candidates(rows: Rows, touched: Array, nk: int) -> int:
     total = 1
     for i in range(len(touched)):
         if touched[i] == 1 and total <= _MOST_CANDIDATES:
-            total *= 2 if i < nk else states_of(rows, i - nk)
+            total *= 2 if i < nk else rows.states[i - nk]
     return total
 
 
@@ -342,7 +341,7 @@ def choose(rows: Rows, candidate: int, touched: Array, mode: Array, reg: Array) 
                 reg[i] = candidate % 2
                 candidate //= 2
                 continue
-            states = states_of(rows, i - nk)
+            states = rows.states[i - nk]
             if states > 1:
                 state = candidate % states - 1
                 candidate //= states

@@ -38,7 +38,6 @@ from stickslip.motion.steps.sets import (
     kink_terms,
     plane_of,
     rate_terms,
-    states_of,
     whole_rate,
     whole_speed,
 )
@@ -292,17 +291,9 @@ def is_asked(rows: Rows, mode: Array, nk: int, g: int) -> bool:
         c = rows.doubtful[d, SLIPPING]
         return c < 0 or mode[c] * rows.doubtful[d, TOWARDS] > 0
     c = contact_of(g, nk)
-    return guards_of(rows, mode, c) > (1 if is_second(g, nk) else 0)
-
-
-@compiled()
-def guards_of(rows: Rows, mode: Array, c: int) -> int:
-    """How many guards a contact has in a mode, by its first direction: two where a slip from rest
-    may have either sign, none if nothing presses it; a direction alone has none."""
-    states = states_of(rows, c)
-    if states == 1 or is_loose(rows, mode, c):
-        return 0
-    return 2 if states == 3 and mode[c] == 0 else 1
+    if is_second(g, nk):
+        return bool(rows.states[c] == 3 and mode[c] == 0)
+    return bool(rows.states[c] > 1 and not is_loose(rows, mode, c))
 
 
 @compiled()
@@ -459,7 +450,7 @@ def has_stopped(rows: Rows, settled: Array, fired: int) -> int:
         The switch that has just fired, or −1.
     """
     c = fired - len(rows.kinks)
-    if c < 0 or c >= rows.sizes[ON_INERTIAL] or states_of(rows, c) < 3:
+    if c < 0 or c >= rows.sizes[ON_INERTIAL] or rows.states[c] < 3:
         return NOWHERE
     return c if abs(settled[c]) == 1 else NOWHERE
 

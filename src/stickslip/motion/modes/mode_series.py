@@ -204,7 +204,9 @@ def rest_with_others(machine: Machine, flow: Flow, at: Instant) -> bool:
         if not known and coefficients(machine, flow, at, 1, flow.space.W) != OK:
             return False
         known = True
-        speed, size, rate = 0.0, whole_speed(rows, mag, c), whole_rate(rows, mag, c)
+        size = whole_speed(rows, mag, c)
+        rate = whole_rate(rows, mag, c)
+        speed = 0.0
         for i in directions_of(rows, c):
             speed += abs(flow.space.W[rows.u[i], 0])
         if speed <= ROUNDING * size + INSTANT * abs(at.t) * rate:

@@ -162,7 +162,8 @@ def stop(flow: Flow, table: Array, y: Array, mode: Array, c: int) -> None:
         if len(rows.planes) > 0:
             # What is left of rounding errors, in any direction, is nothing. The others may move
             # coordinates of another part only.
-            size, left = 0.0, 0.0
+            size = 0.0
+            left = 0.0
             for d in block:
                 left += abs(table[rows.u[d], 0])
                 if rows.homes[d, PART] == part:

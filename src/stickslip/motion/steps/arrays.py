@@ -180,6 +180,9 @@ class Rows(NamedTuple):
         The directions of each contact, and where they begin by its first one; others have none.
     openings : array of int
         Contacts that can open.
+    states : array of int, shape (directions,)
+        Number of states of each contact, by its first direction: in a plane, and of what can open,
+        a slip has no sign. Other directions have one.
     """
 
     sizes: IntVector
@@ -219,6 +222,7 @@ class Rows(NamedTuple):
     directions: IntVector
     first_direction: IntVector
     openings: IntVector
+    states: IntVector
 
 
 class Constants(NamedTuple):
@@ -579,7 +583,7 @@ def presses(rows: Rows, n: int, c: int) -> bool:
     return False
 
 
-@compiled()
+@compiled(brief=True)
 def set_mode(rows: Rows, mode: Array, c: int, value: int) -> None:
     """Give a contact a mode, which all its directions have; where they are several, a slip has no
     sign."""

@@ -29,7 +29,7 @@ from stickslip.motion.steps.arrays import (
     set_mode,
 )
 from stickslip.motion.steps.roots import horner
-from stickslip.motion.steps.sets import axis_of
+from stickslip.motion.steps.sets import axis_of, width_of
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled
 
@@ -121,7 +121,7 @@ def follow_directions(
     for p in range(len(rows.planes)):
         plane = rows.planes[p]
         aim = plane[AIM]
-        parts = len(directions_of(rows, plane[LEAD]))
+        parts = width_of(rows, p)
         speed = W[plane[AIM_SPEED], 0]
         across, longer = 0.0, 0.0
         power = x**N
@@ -195,7 +195,7 @@ def spread_straight(flow: Flow, p: int, N: int) -> None:
     along, across = 0.0, 0.0
     for k in range(1, N + 1):
         inwards, square = 0.0, 0.0
-        for i in range(len(block)):
+        for i in range(width_of(rows, p)):
             c = block[i]
             part = rows.parts[rows.homes[c, PART]]
             axis = axis_of(flow, c)

@@ -5,7 +5,7 @@ directions make of the rate of Au is found by probes, series with directions tha
 b + Â n where friction does not change the normal forces that press it. Otherwise it is a function
 f(n) of all directions, and b + Â n its tangent at some n, with Â = f′ and b = f(n) − Â n. Order 1
 of n = n₀ + t e shows f′ exactly. All higher orders are linear, with f′ at the directions of the
-beginning.
+beginning. What directions can make is what the body can do: an orthonormal basis Z of it.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from stickslip.motion.steps.arrays import (
     BENDS,
     FEWEST_ORDERS,
     FORMULA,
-    LEAD,
     OK,
     Flow,
     Instant,
     Machine,
     Rows,
-    directions_of,
     plain_coefficients,
 )
+from stickslip.motion.steps.sets import width_of
+from stickslip.motion.steps.vectors import is_new
 from stickslip.translator import compiled
 
 # Rows of Space.aims for each plane: the direction (two rows), ρ, the right-hand side (two rows),
@@ -35,18 +35,14 @@ from stickslip.translator import compiled
 # of a face (:mod:`stickslip.motion.steps.face_onset`).
 AIMS = 14
 N_, M_, RHO, BX, BY, X, Y, LEADING, SPARE, OX, OY, L_, BZ = range(13)
+_NEW = 1e-20  # square of the part of a velocity that is none of the others
+_ANSWERED = 1e-10  # part of the largest answer that is more than rounding errors
 
 
 @compiled(brief=True)
 def is_face(rows: Rows, p: int) -> bool:
     """Whether a contact in a plane is a face, which has three directions."""
     return width_of(rows, p) > 2
-
-
-@compiled(brief=True)
-def width_of(rows: Rows, p: int) -> int:
-    """The number of directions of a contact in a plane."""
-    return len(directions_of(rows, rows.planes[p, LEAD]))
 
 
 @compiled(brief=True)
@@ -88,7 +84,8 @@ def place_aims(flow: Flow, table: Array, order: int) -> None:
         if not begins_in(flow, p):
             continue
         for i in range(width_of(rows, p)):
-            to, row = table[rows.planes[p, AIM] + i], aims[AIMS * p + aim_row(i)]
+            to = table[rows.planes[p, AIM] + i]
+            row = aims[AIMS * p + aim_row(i)]
             for k in range(table.shape[1]):
                 to[k] = row[k] if k < aims.shape[1] else 0.0
     place_speeds(flow, table, order)
@@ -206,3 +203,86 @@ def respond_at(machine: Machine, flow: Flow, at: Instant, table: Array, slopes: 
                 base = AIMS * (i // 2) + BX + i % 2
                 aims[base, 0] -= answer[i, j] * aims[AIMS * (j // 2) + N_ + j % 2, 0]
     return OK
+
+
+@compiled(brief=True)
+def span_rates(flow: Flow) -> int:
+    """An orthonormal basis of the velocities that a body can have, from what directions make of
+    them, as rows; returns how many there are."""
+    rows = flow.rows
+    answer, span = flow.space.answer, flow.space.span
+    n = 2 * len(rows.planes)
+    largest = 0.0
+    for j in range(n):
+        for i in range(n if begins_in(flow, j // 2) else 0):
+            largest = max(largest, abs(answer[i, j]))
+    rank = 0
+    for j in range(n):
+        if not begins_in(flow, j // 2):
+            continue
+        size = 0.0
+        for i in range(n):
+            span[rank, i] = answer[i, j] if begins_in(flow, i // 2) else 0.0
+            size = max(size, abs(span[rank, i]))
+        # What the body cannot do is answered by rounding errors.
+        if size > _ANSWERED * largest and is_new(n, span, rank, _NEW):
+            rank += 1
+    return rank
+
+
+@compiled(brief=True)
+def speed_along(flow: Flow, rank: int, way: Array, i: int) -> float:
+    """Component i of Z V."""
+    found = 0.0
+    for r in range(rank):
+        found += flow.space.span[r, i] * way[r]
+    return found
+
+
+@compiled(brief=True)
+def part_in_span(flow: Flow, rank: int, row: int, m: int, out: Array) -> None:
+    """Zᵀ of order m of a pair of rows of the directions, of all slips that begin.
+
+    Parameters
+    ----------
+    flow : Flow
+    rank : int
+        Number of vectors of Z.
+    row, m : int
+        The first row, and the order.
+    out : array
+        Receives the result.
+    """
+    aims = flow.space.aims
+    for r in range(rank):
+        out[r] = 0.0
+        for i in range(2 * len(flow.rows.planes)):
+            if begins_in(flow, i // 2):
+                out[r] += flow.space.span[r, i] * aims[AIMS * (i // 2) + row + i % 2, m]
+
+
+@compiled(brief=True)
+def answer_to(flow: Flow, rank: int, row: int, m: int, factor: float, out: Array) -> None:
+    """Add a multiple of ZᵀÂ of order m of a pair of rows of the directions.
+
+    Parameters
+    ----------
+    flow : Flow
+    rank : int
+        Number of vectors of Z.
+    row, m : int
+        The first row, and the order.
+    factor : float
+    out : array
+        Is added to.
+    """
+    aims, answer, span = flow.space.aims, flow.space.answer, flow.space.span
+    n = 2 * len(flow.rows.planes)
+    for j in range(n):
+        if not begins_in(flow, j // 2):
+            continue
+        x = factor * aims[AIMS * (j // 2) + row + j % 2, m]
+        for i in range(n if x != 0.0 else 0):
+            if begins_in(flow, i // 2):
+                for r in range(rank):
+                    out[r] += span[r, i] * answer[i, j] * x

@@ -2,8 +2,8 @@
 
 A contact is a block of directions: one along a line, two in a plane, three of a face. It is named
 by the first of them, and what is asked of a contact is asked of that; `Rows.contacts` lists these,
-:func:`.directions_of` has all directions of one. What differs from kind to kind is asked here: how
-many states there are, what may slip with a direction of its own, which rows have the radius.
+:func:`.directions_of` has all directions of one. What differs from kind to kind is asked here:
+what slips along a direction of its own, which rows have the radius, where the middle is.
 
 A contact holds the forces m + s K: m is a middle of the set, s its radius, and K an interval, a
 disc, or what a formula R makes of the forces −∂R(0), of which a function of the system tells the
@@ -32,7 +32,6 @@ from stickslip.motion.steps.arrays import (
     block_of,
     directions_of,
     is_loose,
-    opens,
 )
 from stickslip.motion.steps.vectors import direction_and_turn
 from stickslip.translator import compiled
@@ -54,7 +53,7 @@ def plane_of(rows: Rows, c: int) -> Array:
     return rows.planes[rows.plane[c]]
 
 
-@compiled()
+@compiled(brief=True)
 def slips_with_mass(rows: Rows, mode: Array, p: int) -> bool:
     """Whether a contact in a plane slips, moves masses and is pressed: then its friction has the
     direction of its velocity."""
@@ -64,19 +63,16 @@ def slips_with_mass(rows: Rows, mode: Array, p: int) -> bool:
 
 
 @compiled()
-def second_of(rows: Rows, c: int) -> int:
-    """The second direction of a contact in a plane, by its first one."""
-    return int(rows.directions[rows.first_direction[c] + 1])
+def width_of(rows: Rows, p: int) -> int:
+    """The number of directions of a contact in a plane: one of two numbers, so that loops over them
+    can be unrolled."""
+    return 2 if len(directions_of(rows, rows.planes[p, LEAD])) == 2 else 3
 
 
 @compiled()
-def states_of(rows: Rows, c: int) -> int:
-    """Number of states of a contact, by its first direction: in a plane, and of what can open, a
-    slip has no sign. A direction alone has one."""
-    width = len(directions_of(rows, c))
-    if width == 0:
-        return 1
-    return 2 if width > 1 or opens(rows, c) else 3
+def second_of(rows: Rows, c: int) -> int:
+    """The second direction of a contact in a plane, by its first one."""
+    return int(rows.directions[rows.first_direction[c] + 1])
 
 
 @compiled()
@@ -109,7 +105,7 @@ def gap_terms(rows: Rows, mag: Array, c: int) -> float:
     return float(mag[3 * len(rows.u) + len(rows.kinks) + c])
 
 
-@compiled()
+@compiled(brief=True)
 def whole_speed(rows: Rows, mag: Array, c: int) -> float:
     """The sum of the sizes of the relative velocities in all directions of a contact."""
     size = 0.0
@@ -118,7 +114,7 @@ def whole_speed(rows: Rows, mag: Array, c: int) -> float:
     return float(size)
 
 
-@compiled()
+@compiled(brief=True)
 def whole_rate(rows: Rows, mag: Array, c: int) -> float:
     """The same of their rates."""
     size = 0.0
@@ -134,7 +130,7 @@ def gap_size(rows: Rows, space: Space, c: int) -> float:
     return max(gap_terms(rows, space.mag, c), float(space.impact[WIDEST, c]))
 
 
-@compiled()
+@compiled(brief=True)
 def remember_gaps(rows: Rows, space: Space, seen: Array) -> None:
     """Keep how wide the gaps of a motion have been, from the sizes of the rows that bound its
     steps."""
@@ -158,8 +154,8 @@ def axis_of(flow: Flow, c: int) -> float:
 
 @compiled(brief=True)
 def radius_row(rows: Rows, c: int) -> int:
-    """The row of the radius of the set of forces of a contact; on a line, of the threshold against
-    slip forward, which is one of two."""
+    """The row of the radius of the set of forces of a contact; on a line, where slip forward and
+    back have thresholds of their own, that of the first."""
     return int(plane_of(rows, c)[STATIC] if rows.plane[c] >= 0 else rows.plus[c])
 
 
@@ -193,7 +189,8 @@ def find_support(flow: Flow, f: int, x: float, y: float, z: float) -> int:
     x, y, z : float
         The vector.
     """
-    along, out = flow.space.along[_UNIT], flow.space.supported
+    along = flow.space.along[_UNIT]
+    out = flow.space.supported
     # At a unit vector nothing overflows.
     length = math.sqrt(x * x + y * y + z * z)
     along[0], along[1], along[2] = x / length, y / length, z / length
@@ -283,7 +280,8 @@ def inner_force(flow: Flow, c: int, radius: float, w: Array) -> Array:
     w : array, shape (3,)
         Where the gradient is wanted.
     """
-    force, out = flow.space.along[_INNER], flow.space.supported
+    force = flow.space.along[_INNER]
+    out = flow.space.supported
     f = formula_of(flow.rows, c)
     rests = w[0] == 0.0 and w[1] == 0.0 and w[2] == 0.0
     if f < 0:

@@ -73,9 +73,8 @@ from stickslip.motion.steps.response import (
     rate_row,
     respond,
     respond_at,
-    width_of,
 )
-from stickslip.motion.steps.sets import is_rate_independent, slips_with_mass, whole_speed
+from stickslip.motion.steps.sets import is_rate_independent, slips_with_mass, whole_speed, width_of
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled
 
@@ -105,17 +104,8 @@ def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: A
         OK, or SINGULAR or INDEFINITE, what keeps the equations from being solved.
     """
     for plane in flow.rows.planes:
-        aim = plane[AIM]
-        width = len(directions_of(flow.rows, plane[LEAD]))
-        nowhere = plane[FORMULA] >= 0
-        for i in range(width):
-            nowhere = nowhere and table[aim + i, 0] == 0.0
-        if nowhere:
-            # Until it is known: a gradient has no value at 0. Both pieces of a disc have one where
-            # its rim is at rest.
-            table[aim, 0] = 1.0
-            if width > 2:
-                table[aim, 0] = table[aim + 2, 0] = math.sqrt(0.5)
+        if plane[FORMULA] >= 0:
+            place_anywhere(flow.rows, plane, table)
     status = plain_coefficients(machine, flow, at, order, table)
     if status != OK or len(flow.rows.planes) == 0:
         return status
@@ -128,6 +118,20 @@ def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: A
         if aimed and at.mode[plane[LEAD]] == DIRECTION_GIVEN:
             set_mode(flow.rows, at.mode, plane[LEAD], 1)
     return status
+
+
+@compiled(inline=True)
+def place_anywhere(rows: Rows, plane: Array, table: Array) -> None:
+    """Put some direction of a contact that has a formula, until it is known: a gradient has no
+    value at 0. Both pieces of a disc have one where its rim is at rest."""
+    aim = plane[AIM]
+    width = len(directions_of(rows, plane[LEAD]))
+    for i in range(width):
+        if table[aim + i, 0] != 0.0:
+            return
+    table[aim, 0] = 1.0
+    if width > 2:
+        table[aim, 0] = table[aim + 2, 0] = math.sqrt(0.5)
 
 
 @compiled()

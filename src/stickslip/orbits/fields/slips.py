@@ -154,7 +154,8 @@ def _events(
     stopped: list[int] = []
     begun: list[int] = []
     for c, own in equations.directions.items():
-        m, n = left.field.mode[c], right.field.mode[c]
+        m = left.field.mode[c]
+        n = right.field.mode[c]
         plane = equations.contacts[c].plane
         if not (plane or c in equations.sharing):
             continue
