@@ -240,14 +240,13 @@ def fill(space: Space, generated: Generated, rng: np.random.Generator) -> None:
 def cases(system: System, layout: Layout) -> Iterator[tuple[Array, Array, Array]]:
     rng = np.random.default_rng(3)
     start = np.array([float(system.initial.get(name, 0.0)) for name in layout.state])
+    planes = [[*plane.parts] for plane in derive(system.declaration).planes]
     for i in range(TRIALS):
         y = start + 0.3 * rng.normal(size=len(start))
         mode = rng.integers(-2, 3, len(layout.u))
-        for plane in layout.planes:
+        for plane in planes:
             # components slip and stick together
-            mode[[part for part in plane[:3] if part >= 0]] = abs(mode[plane[0]])
-        for plane in layout.planes if i % 4 == 3 else []:
-            mode[[part for part in plane[:3] if part >= 0]] = DIRECTION_GIVEN
+            mode[plane] = DIRECTION_GIVEN if i % 4 == 3 else abs(mode[plane[0]])
         yield y, mode, rng.integers(0, 2, len(layout.kinks))
 
 

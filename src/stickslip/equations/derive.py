@@ -232,6 +232,14 @@ class MotionEquations:
         return bool(pressing) and opened and not self.rubs_alone(i)
 
     @cached_property
+    def directions(self) -> dict[int, tuple[int, ...]]:
+        """All directions of each contact, by its first one: one along a line, two in a plane, three
+        of a face."""
+        planes = {plane.parts[0]: plane.parts for plane in self.planes}
+        others = {part for parts in planes.values() for part in parts[1:]}
+        return {c: planes.get(c, (c,)) for c in range(len(self.contacts)) if c not in others}
+
+    @cached_property
     def sharing(self) -> dict[int, int]:
         """Of contacts with mass that may hold the same coordinates, with friction in a plane, which
         such group each belongs to: their directions may depend on each other. What has a formula

@@ -15,7 +15,7 @@ from stickslip.kept import made_once
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     ADMISSIBLE_SIZE,
-    COMPONENT,
+    LEAD,
     PART,
     RUBBING,
     SLIPS,
@@ -65,11 +65,12 @@ def _rows(equations: MotionEquations, layout: Layout) -> Rows:
         *_openings(layout),
         *_links(equations, layout),
         *_jumps(layout),
-        *_planes(layout),
+        *_planes(equations, layout),
         np.array(layout.pieces, dtype=np.int64).reshape(-1, 3),
         0,
         _together(layout),
         _bodies(equations),
+        *_contacts(equations, layout),
     )
 
 
@@ -122,12 +123,40 @@ def _bodies(equations: MotionEquations) -> Array:
     return np.array(table, dtype=np.int64).reshape(-1, 2)
 
 
-def _planes(layout: Layout) -> tuple[Array, Array]:
+def _contacts(
+    equations: MotionEquations, layout: Layout
+) -> tuple[Array, int, Array, Array, Array, Array, Array]:
+    """Contacts by their first directions, how many have mass, the first direction of the contact of
+    each direction, all directions of each contact and where these begin, what opens, and the number
+    of states."""
+    blocks = equations.directions
+    lead = np.zeros(len(layout.u), np.int64)
+    for c, parts in blocks.items():
+        lead[[*parts]] = c
+    return (
+        np.array([*blocks], dtype=np.int64),
+        sum(c < layout.sizes["mq"] for c in blocks),
+        lead,
+        np.array([d for parts in blocks.values() for d in parts], dtype=np.int64),
+        np.cumsum([0, *(len(blocks.get(c, ())) for c in range(len(lead)))], dtype=np.int64),
+        np.array(sorted(layout.gaps), dtype=np.int64),
+        np.array(
+            [_states(blocks.get(c, ()), c in layout.gaps) for c in range(len(lead))], np.int64
+        ),
+    )
+
+
+def _states(parts: tuple[int, ...], opens: bool) -> int:
+    """Number of states of a contact with some directions; a slip has a sign along a line only."""
+    return (2 if opens or len(parts) > 1 else 3) if parts else 1
+
+
+def _planes(equations: MotionEquations, layout: Layout) -> tuple[Array, Array]:
     """Contacts in a plane, and the one that each contact is a component of."""
-    table = np.array(layout.planes, dtype=np.int64).reshape(-1, 16)
+    table = np.array(layout.planes, dtype=np.int64).reshape(-1, 14)
     plane = np.full(len(layout.u), -1, np.int64)
-    for p, parts in enumerate(layout.planes):
-        plane[[part for part in parts[:3] if part >= 0]] = p
+    for p, (first, *_) in enumerate(layout.planes):
+        plane[[*equations.directions[first]]] = p
     return table, plane
 
 
@@ -196,7 +225,7 @@ def _places_of_sizes(layout: Layout) -> dict[int, int]:
     others |= {row: 3 * contacts + j for j, row in enumerate(layout.kinks[:kinks])}
     others |= {row: 3 * contacts + kinks + c for c, row in layout.gaps.items()}
     for plane in layout.planes:
-        others |= {plane[SLIPS]: plane[COMPONENT], plane[ADMISSIBLE]: plane[ADMISSIBLE_SIZE]}
+        others |= {plane[SLIPS]: plane[LEAD], plane[ADMISSIBLE]: plane[ADMISSIBLE_SIZE]}
     return noise | {row: others[row] for row in sorted(others) if row >= n}
 
 

@@ -61,8 +61,8 @@ class Layout:
         Rows of the gaps of contacts that can open, and of the restitution of these and of their
         friction.
     planes : list of tuple of int
-        Of each contact in a plane, or face, its components (−1: no third one), the rows of its
-        direction (the first), of |Au|, of Au, and of s² − |A⁻¹λ|², the place of the size of that,
+        Of each contact in a plane, or face, its first direction, the rows of the direction of its
+        slip (the first), of |Au|, of Au, and of s² − |A⁻¹λ|², the place of the size of that,
         the rows of s and of what is not negative in slip, 1 if it has mass, 1 if the response is
         not linear in the direction, the number of its formula, −1: none, and 1 if Au is a linear
         combination of rates with constant coefficients.

@@ -115,7 +115,7 @@ def plane_rows(draft: Draft) -> None:
         straight = massive and even and all(e.symbols <= held for e in fixed)
         static = tape.row(plane.static)
         ends = (static, slips, int(massive), int(plane.bends), number, int(straight))
-        where = (*plane.parts, *third, first, first + count, *sides, *third, row, place)
+        where = (plane.parts[0], first, first + count, *sides, *third, row, place)
         layout.planes.append((*where, *ends))
         layout.pieces += [
             (draft.eq.kinks.index(guard), p, tape.row(same)) for guard, same in plane.pieces

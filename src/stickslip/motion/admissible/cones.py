@@ -17,13 +17,12 @@ import math
 from stickslip.motion.steps.arrays import (
     EPSILON,
     ON_INERTIAL,
-    OTHER,
     PART,
     PRESSING,
     RUBBING,
     Rows,
     Space,
-    is_component,
+    directions_of,
 )
 from stickslip.motion.steps.vectors import solve_equations
 from stickslip.translator import compiled
@@ -127,12 +126,13 @@ def put_ray(rows: Rows, space: Space, own: int, number: int) -> None:
         return
     for link in range(len(rows.links)):
         c = rows.links[link, RUBBING]
-        if rows.links[link, PRESSING] != own or is_component(rows, c):
+        block = directions_of(rows, c)
+        if rows.links[link, PRESSING] != own or len(block) == 0:
             continue
-        if rows.plane[c] < 0:
+        if len(block) == 1:
             ray[c] = cones[MOST_SHARE if cones[LEFT, c] > 0.0 else LEAST_SHARE, link]
             continue
-        o = rows.planes[rows.plane[c], OTHER]
+        o = block[1]
         second = link_beside(rows, link, o)
         f, g = cones[MOST_SHARE, link], cones[MOST_SHARE, second]
         if cones[LEAST_SHARE, link] == f and cones[LEAST_SHARE, second] == g:
@@ -146,7 +146,7 @@ def put_ray(rows: Rows, space: Space, own: int, number: int) -> None:
 
 @compiled()
 def link_beside(rows: Rows, link: int, o: int) -> int:
-    """The link of the other component of a contact in a plane under the same normal force."""
+    """The link of the other direction of a contact in a plane under the same normal force."""
     return int(link - rows.first_link[rows.links[link, RUBBING]] + rows.first_link[o])
 
 

@@ -30,7 +30,6 @@ import math
 from stickslip.arrays import Array
 from stickslip.motion.steps.arrays import (
     BACK,
-    COMPONENT,
     CONTACTS,
     COORDINATES,
     EPSILON,
@@ -39,9 +38,9 @@ from stickslip.motion.steps.arrays import (
     HOLDS_BACK,
     HOLDS_FORWARD,
     INERTIAL,
+    LEAD,
     MEMBERS,
     ON_INERTIAL,
-    OTHER,
     PART,
     PRESSING,
     RUBBING,
@@ -49,11 +48,13 @@ from stickslip.motion.steps.arrays import (
     Rows,
     Space,
     direction_entry,
-    is_component,
+    directions_of,
+    inertial_contacts,
     loosen_friction,
     opens,
     set_mode,
 )
+from stickslip.motion.steps.sets import second_of
 from stickslip.motion.steps.starting import secular_root
 from stickslip.motion.steps.vectors import solve_equations
 from stickslip.translator import compiled
@@ -84,8 +85,7 @@ def is_pressed(rows: Rows, tried: Array, c: int) -> bool:
 @compiled()
 def takes_part(rows: Rows, tried: Array, c: int) -> bool:
     """Whether a contact may have an impulse: it is near, or the friction of one that is."""
-    near = opens(rows, c) and tried[NEAR, c] == 1
-    return bool(near or is_pressed(rows, tried, c))
+    return bool(tried[NEAR, c] == 1 or is_pressed(rows, tried, c))
 
 
 @compiled()
@@ -102,8 +102,13 @@ def friction_of(rows: Rows, work: Array, sense: int, c: int) -> float:
 def restitution_of(rows: Rows, space: Space, c: int) -> float:
     """Restitution of a contact in the impact at hand. What recedes before it has none: γ⁺ ≥ −e γ⁻
     would let it come back."""
-    recedes = opens(rows, c) and space.impact[BEFORE, c] > 0.0
-    return 0.0 if recedes else given_restitution(rows, space, c)
+    return 0.0 if recedes(rows, space, c) else given_restitution(rows, space, c)
+
+
+@compiled()
+def recedes(rows: Rows, space: Space, c: int) -> bool:
+    """Whether a gap grows before an impact."""
+    return bool(opens(rows, c) and space.impact[BEFORE, c] > 0.0)
 
 
 @compiled()
@@ -117,21 +122,24 @@ def given_restitution(rows: Rows, space: Space, c: int) -> float:
 def put_friction(rows: Rows, space: Space) -> None:
     """Coefficients of friction in an impact, of slip and where it holds."""
     work = space.impact
-    for c in range(rows.sizes[ON_INERTIAL]):
+    for c in inertial_contacts(rows):
         if rows.first_link[c + 1] == rows.first_link[c]:
             continue
-        slow = _SLOW * space.mag[c]
-        forward, back = work[BEFORE, c] > slow, work[BEFORE, c] < -slow
-        if rows.plane[c] >= 0:
-            plane = rows.planes[rows.plane[c]]
-            for i in (plane[COMPONENT], plane[OTHER]):
-                forward = forward or abs(work[BEFORE, i]) > _SLOW * space.mag[i]
-            back = forward
+        block = directions_of(rows, c)
+        forward = False
+        back = False
+        for i in block:
+            slow = _SLOW * space.mag[i]
+            forward = forward or work[BEFORE, i] > slow
+            back = back or work[BEFORE, i] < -slow
+        alone = len(block) == 1
+        if not alone:
+            # In a plane a slip has no sense, and nothing is turned back.
+            forward = back = forward or back
         for side in range(2):
             slid, turned = (forward, back) if side == 0 else (back, forward)
-            # in a plane nothing is turned back
-            returns = turned and rows.plane[c] < 0
-            for link in range(rows.first_link[c], rows.first_link[c + 1]):
+            returns = turned and alone
+            for link in range(rows.first_link[c], rows.first_link[block[len(block) - 1] + 1]):
                 kinetic = space.V[rows.friction[link, side], 0]
                 static = space.V[rows.friction[link, 2 + side], 0]
                 work[FORWARD + side, link] = static if returns else kinetic
@@ -229,14 +237,38 @@ def aim_impulses(rows: Rows, space: Space, mode: Array) -> None:
     work = space.impact
     for c in range(rows.sizes[ON_INERTIAL]):
         work[SENSE, c] = mode[c]
-    for p in range(len(rows.planes)):
-        c, o = rows.planes[p, COMPONENT], rows.planes[p, OTHER]
+    for plane in rows.planes:
+        c = plane[LEAD]
         if slides_along(rows, space.tried, mode, c):
-            x = work[FORWARD, rows.first_link[c]] * work[BEFORE, c]
-            y = work[FORWARD, rows.first_link[o]] * work[BEFORE, o]
-            size = math.hypot(x, y)
-            work[SENSE, c] = x / size if size > 0.0 else 1.0
-            work[SENSE, o] = y / size if size > 0.0 else 0.0
+            f, g = axes_in(rows, work, FORWARD, c)
+            point_along(rows, work, c, f * work[BEFORE, c], g * work[BEFORE, second_of(rows, c)])
+
+
+@compiled()
+def axes_in(rows: Rows, work: Array, row: int, c: int) -> tuple[float, float]:
+    """Half axes of the ellipse of impulses of a contact in a plane, in parts of the normal impulse,
+    with the coefficients in a row of the work space."""
+    o = second_of(rows, c)
+    return float(work[row, rows.first_link[c]]), float(work[row, rows.first_link[o]])
+
+
+@compiled()
+def point_along(rows: Rows, work: Array, c: int, x: float, y: float) -> None:
+    """Let a contact in a plane slip along a vector, or along its first direction if that vanishes.
+
+    Parameters
+    ----------
+    rows : Rows
+    work : array
+        As of :class:`stickslip.motion.steps.arrays.Space`.
+    c : int
+        The contact, by its first direction.
+    x, y : float
+        The vector.
+    """
+    size = math.hypot(x, y)
+    work[SENSE, c] = x / size if size > 0.0 else 1.0
+    work[SENSE, second_of(rows, c)] = y / size if size > 0.0 else 0.0
 
 
 @compiled()
@@ -245,11 +277,12 @@ def turn_impulses(rows: Rows, space: Space, mode: Array) -> bool:
     work = space.impact
     G = space.delassus
     change = 0.0
-    for p in range(len(rows.planes)):
-        c, o = rows.planes[p, COMPONENT], rows.planes[p, OTHER]
+    for plane in rows.planes:
+        c = plane[LEAD]
         if not slides_along(rows, space.tried, mode, c):
             continue
-        f, g = work[FORWARD, rows.first_link[c]], work[FORWARD, rows.first_link[o]]
+        o = second_of(rows, c)
+        f, g = axes_in(rows, work, FORWARD, c)
         if not friction_of(rows, work, FORWARD, c) > 0.0:
             continue
         # All that press a contact in a plane do it with one coefficient.
@@ -373,9 +406,9 @@ def set_in_motion(rows: Rows, space: Space, mode: Array) -> int:
     own."""
     work = space.impact
     found = 0
-    for c in range(rows.sizes[ON_INERTIAL]):
+    for c in inertial_contacts(rows):
         side = 0 if mode[c] > 0 else 1
-        if slides_along(rows, space.tried, mode, c) and not is_component(rows, c):
+        if slides_along(rows, space.tried, mode, c):
             drops = False
             for link in range(rows.first_link[c], rows.first_link[c + 1]):
                 drops = drops or work[FORWARD + side, link] < work[HOLDS_FORWARD + side, link]
@@ -404,11 +437,8 @@ def modes_of(rows: Rows, tried: Array) -> int:
     slips."""
     total = 1
     for c in range(rows.sizes[ON_INERTIAL]):
-        if total <= MOST_MODES:
-            if opens(rows, c) and tried[NEAR, c] == 1:
-                total *= 2
-            elif takes_part(rows, tried, c) and not is_component(rows, c):
-                total *= 3 if rows.plane[c] < 0 else 2
+        if total <= MOST_MODES and takes_part(rows, tried, c):
+            total *= rows.states[c]
     return total
 
 
@@ -417,15 +447,11 @@ def choose_impulse_mode(number: int, rows: Rows, tried: Array, mode: Array) -> N
     """Put the contacts into the mode that a number stands for; whatever takes no part slips."""
     for c in range(rows.sizes[ON_INERTIAL]):
         mode[c] = 1
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if not takes_part(rows, tried, c) or is_component(rows, c):
-            continue
-        if opens(rows, c) or rows.plane[c] >= 0:
-            set_mode(rows, mode, c, number % 2)
-            number //= 2
-        else:
-            mode[c] = number % 3 - 1
-            number //= 3
+    for c in inertial_contacts(rows):
+        if takes_part(rows, tried, c):
+            states = int(rows.states[c])
+            set_mode(rows, mode, c, number % states - states // 3)
+            number //= states
     loosen_friction(rows, mode)
 
 
@@ -453,21 +479,20 @@ def judge_impulses(rows: Rows, work: Array, tried: Array, mode: Array) -> tuple[
     strong = 1e-10 * largest
     fast = 1e-10 * fastest
     right = True
-    for c in range(rows.sizes[ON_INERTIAL]):
+    for c in inertial_contacts(rows):
         moved = moved_on(work, c)
-        if opens(rows, c) and tried[NEAR, c] == 1:
+        if tried[NEAR, c] == 1:
             right = right and (work[IMPULSE, c] >= -strong if mode[c] == 0 else moved >= -fast)
-        elif is_pressed(rows, tried, c):
-            if is_free(rows, tried, mode, c) or is_component(rows, c):
-                continue
-            if rows.plane[c] >= 0:
-                right = right and obeys_in_plane(rows, work, mode, c, strong, fast)
-            elif mode[c] == 0:
-                least = -friction_of(rows, work, HOLDS_FORWARD, c)
-                most = friction_of(rows, work, HOLDS_BACK, c)
-                right = right and least - strong <= work[IMPULSE, c] <= most + strong
-            else:
-                right = right and mode[c] * moved >= -fast
+        elif not is_pressed(rows, tried, c) or is_free(rows, tried, mode, c):
+            continue
+        elif len(directions_of(rows, c)) > 1:
+            right = right and obeys_in_plane(rows, work, mode, c, strong, fast)
+        elif mode[c] == 0:
+            least = -friction_of(rows, work, HOLDS_FORWARD, c)
+            most = friction_of(rows, work, HOLDS_BACK, c)
+            right = right and least - strong <= work[IMPULSE, c] <= most + strong
+        else:
+            right = right and mode[c] * moved >= -fast
     return gained, size, right
 
 
@@ -484,15 +509,13 @@ def obeys_in_plane(
         As of :class:`stickslip.motion.steps.arrays.Space`.
     mode : array of int
     c : int
-        Its first component.
+        The contact, by its first direction.
     strong, fast : float
         Impulses and velocities that are zero.
     """
-    o = rows.planes[rows.plane[c], OTHER]
-    one, two = rows.first_link[c], rows.first_link[o]
-    f, g = work[FORWARD, one], work[FORWARD, two]
+    o = second_of(rows, c)
+    f, g = axes_in(rows, work, HOLDS_FORWARD if mode[c] == 0 else FORWARD, c)
     if mode[c] == 0:
-        f, g = work[HOLDS_FORWARD, one], work[HOLDS_FORWARD, two]
         x, y = work[IMPULSE, c], work[IMPULSE, o]
         if not f > 0.0:
             return bool(math.hypot(x, y) <= strong)
@@ -520,8 +543,8 @@ def guess_mode(rows: Rows, tried: Array, work: Array, mode: Array) -> None:
     rest."""
     # Rounding errors are those of the jump, not of how fast a contact slides on meanwhile.
     largest = largest_jump(rows, work)
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if opens(rows, c) and tried[NEAR, c] == 1:
+    for c in rows.openings:
+        if tried[NEAR, c] == 1:
             after = work[AFTER, c]
             if tried[CHOSEN, c] == 0:
                 after = -work[RESTITUTION, c] * work[BEFORE, c]

@@ -27,22 +27,22 @@ from stickslip.motion.admissible.overload import (
 )
 from stickslip.motion.admissible.sharing import (
     STAYS,
+    given_force,
     grip,
     held_at,
-    length_of,
-    partner,
-    radius_at,
     speed_of,
     sticks_in,
-    third_of,
 )
-from stickslip.motion.steps.arrays import (
-    ON_INERTIAL,
-    Flow,
-    is_component,
-)
+from stickslip.motion.steps.arrays import ON_INERTIAL, Flow, directions_of, inertial_contacts
 from stickslip.motion.steps.roots import first_crossing, lowest
-from stickslip.motion.steps.sets import force_outside, formula_of, support_at
+from stickslip.motion.steps.sets import (
+    MOVED,
+    force_outside,
+    force_terms,
+    formula_of,
+    radius_at,
+    support_at,
+)
 from stickslip.translator import compiled
 
 _PROVED = 1e-11  # part of the thresholds that a rest may lack between control points
@@ -133,25 +133,22 @@ def place_guard(flow: Flow, mode: Array, group: int, rank: int) -> tuple[float, 
     size = 0.0
     for k in range(flow.order):
         guard[k] = 0.0
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if not sticks_in(rows, mode, c, group) or is_component(rows, c):
+    for c in inertial_contacts(rows):
+        if not sticks_in(rows, mode, c, group):
             continue
-        other, third = partner(rows, c), third_of(rows, c)
-        x, y, z = speed_of(flow, c, rank, space.aside[MECHANISM])
-        x, y, z = x / fastest, y / fastest, z / fastest
-        speed = support_at(flow, c, x, y, z)
+        block = directions_of(rows, c)
+        w = space.along[MOVED]
+        speed_of(flow, c, rank, space.aside[MECHANISM])
+        for i in range(3):
+            w[i] /= fastest
+        speed = support_at(flow, c, w)
         for k in range(flow.order):
-            guard[k] += speed * radius_at(rows, W, c, k) - x * held_at(flow, W, c, k)
-            if other >= 0:
-                guard[k] -= y * held_at(flow, W, other, k)
-            if third >= 0:
-                guard[k] -= z * held_at(flow, W, third, k)
+            guard[k] += speed * radius_at(rows, W, c, k) - w[0] * held_at(flow, W, c, k)
+            for i in range(1, len(block)):
+                guard[k] -= w[i] * held_at(flow, W, block[i], k)
         size += speed * abs(radius_at(rows, W, c, 0))
-        size += abs(x) * space.mag[2 * len(rows.u) + c]
-        if other >= 0:
-            size += abs(y) * space.mag[2 * len(rows.u) + other]
-        if third >= 0:
-            size += abs(z) * space.mag[2 * len(rows.u) + third]
+        for i in range(len(block)):
+            size += abs(w[i]) * force_terms(rows, space.mag, block[i])
     return size, fastest
 
 
@@ -169,19 +166,15 @@ def mark_leaving(flow: Flow, mode: Array, group: int, rank: int, fastest: float)
         The speed of the contact that it moves most.
     """
     rows = flow.rows
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if sticks_in(rows, mode, c, group) and not is_component(rows, c):
-            x, y, z = speed_of(flow, c, rank, flow.space.aside[MECHANISM])
-            other, third = partner(rows, c), third_of(rows, c)
+    for c in inertial_contacts(rows):
+        if sticks_in(rows, mode, c, group):
+            block = directions_of(rows, c)
             moves = 0
-            if length_of(x, y, z) > MOVES * fastest:
-                # Forces along w are those against a slip along −w.
-                moves = 1 if other >= 0 or x < 0.0 else -1
-            flow.space.leaving[c] = moves
-            if other >= 0:
-                flow.space.leaving[other] = moves
-            if third >= 0:
-                flow.space.leaving[third] = moves
+            if speed_of(flow, c, rank, flow.space.aside[MECHANISM]) > MOVES * fastest:
+                # Forces along w are those against a slip along −w, which has a sign on a line only.
+                moves = 1 if len(block) > 1 or flow.space.along[MOVED, 0] < 0.0 else -1
+            for i in block:
+                flow.space.leaving[i] = moves
 
 
 @compiled(brief=True)
@@ -253,26 +246,21 @@ def place_polynomials(flow: Flow, mode: Array, group: int) -> bool:
     nc = rows.sizes[ON_INERTIAL]
     N = flow.order
     inside = True
-    for c in range(nc):
+    for c in inertial_contacts(rows):
         if not sticks_in(rows, mode, c, group):
             continue
-        for k in range(N):
-            aside[SCRATCH, k] = held_at(flow, space.W, c, k) * powers[k]
-        lowest(aside[SCRATCH], N - 1, points[c], aside[STEP])
-        aside[GIVEN_FORCES, c] = 0.0
-        for i in range(N):
-            aside[GIVEN_FORCES, c] = max(aside[GIVEN_FORCES, c], abs(points[c, i]))
-        if is_component(rows, c):
-            continue
+        for i in directions_of(rows, c):
+            for k in range(N):
+                aside[SCRATCH, k] = held_at(flow, space.W, i, k) * powers[k]
+            lowest(aside[SCRATCH], N - 1, points[i], aside[STEP])
+            aside[GIVEN_FORCES, i] = 0.0
+            for k in range(N):
+                aside[GIVEN_FORCES, i] = max(aside[GIVEN_FORCES, i], abs(points[i, k]))
         for k in range(N):
             aside[SCRATCH, k] = radius_at(rows, space.W, c, k) * powers[k]
         aside[RADIUS, c] = lowest(aside[SCRATCH], N - 1, points[nc + c], aside[STEP])
-    for c in range(nc):
-        if sticks_in(rows, mode, c, group) and not is_component(rows, c):
-            other = partner(rows, c)
-            a = aside[GIVEN_FORCES, c]
-            b = aside[GIVEN_FORCES, other] if other >= 0 else 0.0
-            inside = inside and holds_all(flow, c, a, b)
+        a, b = given_force(flow, c, aside[GIVEN_FORCES])
+        inside = inside and holds_all(flow, c, a, b)
     return inside
 
 
@@ -284,9 +272,9 @@ def holds_all(flow: Flow, c: int, a: float, b: float) -> bool:
     ----------
     flow : Flow
     c : int
-        The contact, by its first component.
+        The contact, by its first direction.
     a, b : float
-        The sizes of both components.
+        The sizes in both directions.
     """
     radius = flow.space.aside[RADIUS, c]
     if formula_of(flow.rows, c) < 0:
@@ -313,11 +301,11 @@ def place_piece(flow: Flow, mode: Array, group: int, d: int, a: float, b: float)
     rows = flow.rows
     points, piece = flow.space.points, flow.space.piece
     nc = rows.sizes[ON_INERTIAL]
-    for c in range(nc):
+    for c in inertial_contacts(rows):
         if sticks_in(rows, mode, c, group):
-            cut_out(points, piece, c, d, a, b)
-            if not is_component(rows, c):
-                cut_out(points, piece, nc + c, d, a, b)
+            for i in directions_of(rows, c):
+                cut_out(points, piece, i, d, a, b)
+            cut_out(points, piece, nc + c, d, a, b)
 
 
 @compiled(brief=True)

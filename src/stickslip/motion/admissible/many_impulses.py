@@ -27,12 +27,14 @@ from stickslip.motion.admissible.impacts_law import (
     AFTER,
     BEFORE,
     IMPULSE,
+    axes_in,
     friction_of,
     is_free,
     is_held,
     is_pressed,
     judge_impulses,
     moved_on,
+    point_along,
     put_velocities,
     residual_of,
     slides_along,
@@ -44,17 +46,19 @@ from stickslip.motion.steps.arrays import (
     HOLDS_BACK,
     HOLDS_FORWARD,
     ON_INERTIAL,
-    OTHER,
     PART,
     PRESSING,
     RUBBING,
     SENSE,
     Rows,
     Space,
-    is_component,
+    block_of,
+    directions_of,
+    inertial_contacts,
     opens,
     set_mode,
 )
+from stickslip.motion.steps.sets import second_of
 from stickslip.motion.steps.starting import secular_root
 from stickslip.motion.steps.vectors import solve_equations
 from stickslip.translator import compiled
@@ -151,13 +155,19 @@ def is_relaxed(rows: Rows, space: Space, mode: Array) -> bool:
     for c in range(rows.sizes[ON_INERTIAL]):
         largest = max(largest, abs(work[IMPULSE, c]))
         if slides_along(rows, space.tried, mode, c):
-            if rows.plane[c] < 0:
-                work[SENSE, c] = mode[c]
+            note_sense(rows, space, mode, c)
             row = limit_of(space.tried, c, mode[c] > 0)
             allowed = friction_of(rows, work, row, c)
             off = max(off, abs(work[IMPULSE, c] + work[SENSE, c] * allowed))
     _, _, right = judge_impulses(rows, work, space.tried, mode)
     return right and off <= _WRONG * largest and residual_of(rows, space, mode) <= _WRONG
+
+
+@compiled()
+def note_sense(rows: Rows, space: Space, mode: Array, c: int) -> None:
+    """The sense of a slip along a line is its mode; in a plane it is a direction, which stays."""
+    if len(block_of(rows, c)) == 1:
+        space.impact[SENSE, c] = mode[c]
 
 
 @compiled()
@@ -176,11 +186,11 @@ def relax_contacts(rows: Rows, space: Space, mode: Array) -> None:
     """Let each contact obey its law beside the others as they are, one after the other; and note
     its mode."""
     work = space.impact
-    for c in range(rows.sizes[ON_INERTIAL]):
+    for c in inertial_contacts(rows):
         own = space.delassus[c, c]
-        if not takes_part(rows, space.tried, c) or is_component(rows, c) or not own > 0.0:
+        if not takes_part(rows, space.tried, c) or not own > 0.0:
             continue
-        if rows.plane[c] >= 0:
+        if len(directions_of(rows, c)) > 1:
             relax_in_plane(rows, space, mode, c)
             continue
         free = work[IMPULSE, c] - moved_on(work, c) / own
@@ -196,10 +206,10 @@ def relax_contacts(rows: Rows, space: Space, mode: Array) -> None:
 
 @compiled()
 def relax_in_plane(rows: Rows, space: Space, mode: Array, c: int) -> None:
-    """The same for a contact in a plane, by its first component."""
+    """The same for a contact in a plane, by its first direction."""
     work = space.impact
     G = space.delassus
-    o = rows.planes[rows.plane[c], OTHER]
+    o = second_of(rows, c)
     f, g = half_axes(rows, space, c)
     slips = 1
     x = y = 0.0
@@ -226,29 +236,23 @@ def relax_in_plane(rows: Rows, space: Space, mode: Array, c: int) -> None:
 
 @compiled()
 def half_axes(rows: Rows, space: Space, c: int) -> tuple[float, float]:
-    """Half axes of the ellipse of impulses of a contact in a plane, by its first component."""
+    """Half axes of the ellipse of impulses of a contact in a plane, by its first direction."""
+    work = space.impact
     row = limit_of(space.tried, c, True)
-    o = rows.planes[rows.plane[c], OTHER]
-    return (
-        max(friction_of(rows, space.impact, row, c), 0.0),
-        max(friction_of(rows, space.impact, row, o), 0.0),
-    )
+    f = friction_of(rows, work, row, c)
+    g = friction_of(rows, work, row, second_of(rows, c))
+    return max(f, 0.0), max(g, 0.0)
 
 
 @compiled()
 def axes_of(rows: Rows, space: Space, c: int) -> tuple[float, float]:
     """Its half axes in parts of the normal impulse."""
-    row = limit_of(space.tried, c, True)
-    o = rows.planes[rows.plane[c], OTHER]
-    return (
-        float(space.impact[row, rows.first_link[c]]),
-        float(space.impact[row, rows.first_link[o]]),
-    )
+    return axes_in(rows, space.impact, limit_of(space.tried, c, True), c)
 
 
 @compiled()
 def pressed_by(rows: Rows, space: Space, c: int) -> float:
-    """The normal impulse under which a contact in a plane rubs, by its first component; all that
+    """The normal impulse under which a contact in a plane rubs, by its first direction; all that
     press it do it with one coefficient."""
     row = limit_of(space.tried, c, True)
     f = space.impact[row, rows.first_link[c]]
@@ -264,15 +268,12 @@ def aim(rows: Rows, space: Space, c: int, x: float, y: float) -> None:
     rows : Rows
     space : Space
     c : int
-        Its first component.
+        The contact, by its first direction.
     x, y : float
         The velocity.
     """
-    o = rows.planes[rows.plane[c], OTHER]
     f, g = axes_of(rows, space, c)
-    size = math.hypot(f * x, g * y)
-    space.impact[SENSE, c] = f * x / size if size > 0.0 else 1.0
-    space.impact[SENSE, o] = g * y / size if size > 0.0 else 0.0
+    point_along(rows, space.impact, c, f * x, g * y)
 
 
 @compiled()
@@ -281,8 +282,7 @@ def pivot(rows: Rows, space: Space, mode: Array) -> bool:
     obey the law."""
     mq = rows.sizes[ON_INERTIAL]
     for c in range(mq):
-        if not opens(rows, c) and rows.plane[c] < 0:
-            space.impact[SENSE, c] = mode[c]
+        note_sense(rows, space, mode, c)
     fewest = mq + 1
     patience = _PATIENCE
     for _ in range(4 * mq + 20):
@@ -325,7 +325,7 @@ def is_right(rows: Rows, space: Space, mode: Array) -> bool:
 def is_unknown(rows: Rows, tried: Array, mode: Array, c: int) -> bool:
     """Whether a contact has an unknown of its own: its impulse, or the turn of a slip in a
     plane."""
-    turns = slides_along(rows, tried, mode, c) and rows.plane[c] >= 0 and not is_component(rows, c)
+    turns = len(directions_of(rows, c)) > 1 and slides_along(rows, tried, mode, c)
     return bool(turns or is_held(rows, tried, mode, c))
 
 
@@ -371,7 +371,7 @@ def solve_mode(rows: Rows, space: Space, mode: Array, afresh: bool) -> float:
         moved = moved_on(work, c)
         if mode[c] != 0:
             # what is left across a slip in a plane
-            o = rows.planes[rows.plane[c], OTHER]
+            o = second_of(rows, c)
             f, g = axes_of(rows, space, c)
             moved = g * work[SENSE, c] * moved_on(work, o) - f * work[SENSE, o] * moved
         system[row, size] = -moved
@@ -383,12 +383,11 @@ def solve_mode(rows: Rows, space: Space, mode: Array, afresh: bool) -> float:
             put_turn(rows, space, mode, c)
             continue
         add_response(rows, space, mode, c, 1.0, column)
-        if opens(rows, c):
-            for link in range(len(rows.links)):
-                b = rows.links[link, RUBBING]
-                if rows.links[link, PRESSING] == c and slides_along(rows, tried, mode, b):
-                    weight = -work[SENSE, b] * work[limit_of(tried, b, mode[b] > 0), link]
-                    add_response(rows, space, mode, b, weight, column)
+        for link in range(len(rows.links)):
+            b = rows.links[link, RUBBING]
+            if rows.links[link, PRESSING] == c and slides_along(rows, tried, mode, b):
+                weight = -work[SENSE, b] * work[limit_of(tried, b, mode[b] > 0), link]
+                add_response(rows, space, mode, b, weight, column)
         system[column, column] += _YIELDS * space.delassus[c, c]
     if not solve_equations(system, size):
         return np.inf
@@ -420,7 +419,7 @@ def add_response(rows: Rows, space: Space, mode: Array, b: int, weight: float, c
             if rows.homes[c, PART] == rows.homes[b, PART]:
                 space.impulses[row, column] += weight * G[c, b]
         else:
-            o = rows.planes[rows.plane[c], OTHER]
+            o = second_of(rows, c)
             f, g = axes_of(rows, space, c)
             if rows.homes[c, PART] == rows.homes[b, PART]:
                 space.impulses[row, column] -= weight * f * work[SENSE, o] * G[c, b]
@@ -440,10 +439,10 @@ def put_turn(rows: Rows, space: Space, mode: Array, c: int) -> None:
         Its equations receive it.
     mode : array of int
     c : int
-        The first component.
+        The contact, by its first direction.
     """
     work = space.impact
-    o = rows.planes[rows.plane[c], OTHER]
+    o = second_of(rows, c)
     f, g = axes_of(rows, space, c)
     column = space.tried[_PLACE, c]
     add_response(rows, space, mode, c, f * work[SENSE, o], column)
@@ -453,9 +452,9 @@ def put_turn(rows: Rows, space: Space, mode: Array, c: int) -> None:
 
 @compiled()
 def resistance_to_turning(rows: Rows, space: Space, c: int) -> float:
-    """ρ/Λ_N of a slip in a plane, by its first component; what is hardly pressed does not turn."""
+    """ρ/Λ_N of a slip in a plane, by its first direction; what is hardly pressed does not turn."""
     work = space.impact
-    o = rows.planes[rows.plane[c], OTHER]
+    o = second_of(rows, c)
     f, g = axes_of(rows, space, c)
     ahead = work[SENSE, c] * f * moved_on(work, c) + work[SENSE, o] * g * moved_on(work, o)
     pressed = pressed_by(rows, space, c)
@@ -476,14 +475,14 @@ def take_solution(rows: Rows, space: Space, mode: Array, size: int) -> float:
         place = tried[_PLACE, c]
         if place >= 0 and mode[c] == 0:
             work[IMPULSE, c] += space.impulses[place, size]
-    for c in range(mq):
-        if not slides_along(rows, tried, mode, c) or is_component(rows, c):
+    for c in inertial_contacts(rows):
+        if not slides_along(rows, tried, mode, c):
             continue
-        if rows.plane[c] < 0:
+        if len(directions_of(rows, c)) == 1:
             allowed = friction_of(rows, work, limit_of(tried, c, mode[c] > 0), c)
             work[IMPULSE, c] = -work[SENSE, c] * allowed
             continue
-        o = rows.planes[rows.plane[c], OTHER]
+        o = second_of(rows, c)
         pressed = pressed_by(rows, space, c)
         if pressed > 0.0:
             turn = space.impulses[tried[_PLACE, c], size] / pressed
@@ -510,16 +509,15 @@ def change_modes(rows: Rows, space: Space, mode: Array, together: bool) -> int:
         strong = max(strong, _WRONG * abs(work[IMPULSE, c]))
         fast = max(fast, _WRONG * abs(work[BEFORE, c]), _WRONG * abs(work[AFTER, c]))
     wrong = 0
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if not takes_part(rows, space.tried, c) or is_component(rows, c):
+    for c in inertial_contacts(rows):
+        if not takes_part(rows, space.tried, c):
             continue
         better = right_mode(rows, space, mode, c, strong, fast)
         if better != mode[c]:
             wrong += 1
             if together or wrong == 1:
                 set_mode(rows, mode, c, better)
-                if not opens(rows, c) and rows.plane[c] < 0:
-                    work[SENSE, c] = better
+                note_sense(rows, space, mode, c)
     return wrong
 
 
@@ -545,7 +543,7 @@ def right_mode(rows: Rows, space: Space, mode: Array, c: int, strong: float, fas
         else:
             found = 0 if moved < -fast else 1
     elif is_pressed(rows, space.tried, c) and not is_free(rows, space.tried, mode, c):
-        if rows.plane[c] >= 0:
+        if len(directions_of(rows, c)) > 1:
             found = right_mode_in_plane(rows, space, mode, c, strong, fast)
         elif mode[c] == 0:
             least = -friction_of(rows, work, limit_of(space.tried, c, True), c)
@@ -572,12 +570,12 @@ def right_mode_in_plane(
         Its direction becomes that of its impulse where it begins to slip.
     mode : array of int
     c : int
-        Its first component.
+        The contact, by its first direction.
     strong, fast : float
         Impulses and velocities that are zero.
     """
     work = space.impact
-    o = rows.planes[rows.plane[c], OTHER]
+    o = second_of(rows, c)
     f, g = axes_of(rows, space, c)
     larger = max(f, g)
     if mode[c] == 0:

@@ -21,22 +21,16 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
-from stickslip.motion.admissible.sharing import (
-    held_at,
-    length_of,
-    partner,
+from stickslip.motion.admissible.sharing import given_force, held_at, speed_of, sticks_in
+from stickslip.motion.steps.arrays import ON_INERTIAL, Flow, directions_of, inertial_contacts
+from stickslip.motion.steps.sets import (
+    MOVED,
+    force_outside,
+    inner_bend,
+    inner_force,
     radius_at,
-    speed_of,
-    sticks_in,
-    third_of,
+    support_at,
 )
-from stickslip.motion.steps.arrays import (
-    COMPONENT,
-    ON_INERTIAL,
-    Flow,
-    is_component,
-)
-from stickslip.motion.steps.sets import force_outside, inner_bend, inner_force, support_at
 from stickslip.motion.steps.vectors import is_new
 from stickslip.translator import compiled
 
@@ -88,11 +82,9 @@ def fits(flow: Flow, mode: Array, group: int, lack: float) -> bool:
     """Whether forces in the work space are in their sets themselves, but for a part of these."""
     rows = flow.rows
     aside = flow.space.aside
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if sticks_in(rows, mode, c, group) and not is_component(rows, c):
-            other = partner(rows, c)
-            a = aside[GIVEN_FORCES, c]
-            b = aside[GIVEN_FORCES, other] if other >= 0 else 0.0
+    for c in inertial_contacts(rows):
+        if sticks_in(rows, mode, c, group):
+            a, b = given_force(flow, c, aside[GIVEN_FORCES])
             # of faces it is asked in the other way
             if not force_outside(flow, c, (1.0 + lack) * aside[RADIUS, c], a, b) <= 0.0:
                 return False
@@ -192,12 +184,13 @@ def pull(flow: Flow, mode: Array, group: int, rank: int) -> float:
     size = 0.0
     for r in range(rank):
         space.aside[_PULL, r] = 0.0
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if sticks_in(rows, mode, c, group):
-            size += abs(space.aside[GIVEN_FORCES, c])
-            size += 0.0 if is_component(rows, c) else space.aside[RADIUS, c]
-            for r in range(rank):
-                space.aside[_PULL, r] += space.grip[c, r] * space.aside[GIVEN_FORCES, c]
+    for c in inertial_contacts(rows):
+        for i in directions_of(rows, c):
+            if sticks_in(rows, mode, c, group):
+                size += abs(space.aside[GIVEN_FORCES, i])
+                size += space.aside[RADIUS, c] if i == c else 0.0
+                for r in range(rank):
+                    space.aside[_PULL, r] += space.grip[i, r] * space.aside[GIVEN_FORCES, i]
     return size
 
 
@@ -223,26 +216,22 @@ def slope_of(
     space = flow.space
     for r in range(rank):
         slope[r] = -part * space.aside[_PULL, r]
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if not sticks_in(rows, mode, c, group) or is_component(rows, c):
-            continue
-        other, third = partner(rows, c), third_of(rows, c)
-        x, y, z = speed_of(flow, c, rank, w)
-        f, g, e = inner_force(flow, c, space.aside[RADIUS, c], x, y, z)
-        for r in range(rank):
-            slope[r] += f * space.grip[c, r]
-            if other >= 0:
-                slope[r] += g * space.grip[other, r]
-            if third >= 0:
-                slope[r] += e * space.grip[third, r]
+    for c in inertial_contacts(rows):
+        if sticks_in(rows, mode, c, group):
+            block = directions_of(rows, c)
+            speed_of(flow, c, rank, w)
+            force = inner_force(flow, c, space.aside[RADIUS, c], space.along[MOVED])
+            for r in range(rank):
+                for i in range(len(block)):
+                    slope[r] += force[i] * space.grip[block[i], r]
 
 
 @compiled(brief=True)
-def inner_forces(flow: Flow, c: int, rank: int) -> tuple[float, float, float]:
-    """The force f of a contact inside its set at the place that is reached, by its first
-    component."""
-    x, y, z = speed_of(flow, c, rank, flow.space.aside[_WAY])
-    return inner_force(flow, c, flow.space.aside[RADIUS, c], x, y, z)
+def inner_forces(flow: Flow, c: int, rank: int) -> Array:
+    """The force f of a contact inside its set at the place that is reached, by its first direction;
+    it is in the work space."""
+    speed_of(flow, c, rank, flow.space.aside[_WAY])
+    return inner_force(flow, c, flow.space.aside[RADIUS, c], flow.space.along[MOVED])
 
 
 @compiled(brief=True)
@@ -267,24 +256,31 @@ def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> None:
     for i in range(rank):
         for j in range(rank):
             bend[i, j] = 0.0
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if not sticks_in(rows, mode, c, group) or is_component(rows, c):
+    for c in inertial_contacts(rows):
+        if not sticks_in(rows, mode, c, group):
             continue
-        other, third = partner(rows, c), third_of(rows, c)
-        x, y, z = speed_of(flow, c, rank, space.aside[_WAY])
-        xx, yy, xy, xz, yz, zz, size = inner_bend(flow, c, x, y, z)
+        block = directions_of(rows, c)
+        speed_of(flow, c, rank, space.aside[_WAY])
+        xx, yy, xy, xz, yz, zz, size = inner_bend(flow, c, space.along[MOVED])
         along = space.aside[RADIUS, c] / size
         for i in range(rank):
-            a = grips[c, i]
-            b = grips[other, i] if other >= 0 else 0.0
+            a, b, g = parts_at(block, grips, i)
             for j in range(rank):
-                d = grips[c, j]
-                e = grips[other, j] if other >= 0 else 0.0
+                d, e, h = parts_at(block, grips, j)
                 bend[i, j] += along * (xx * a * d + xy * (a * e + b * d) + yy * b * e)
-                if third >= 0:
-                    g, h = grips[third, i], grips[third, j]
+                if len(block) > 2:
                     mixed = xz * (a * h + g * d) + yz * (b * h + g * e)
                     bend[i, j] += along * (mixed + zz * g * h)
+
+
+@compiled(brief=True)
+def parts_at(block: Array, table: Array, column: int) -> tuple[float, float, float]:
+    """What a column of a table has for the directions of a contact; 0 for those that it does not
+    have."""
+    x = float(table[block[0], column])
+    y = float(table[block[1], column]) if len(block) > 1 else 0.0
+    z = float(table[block[2], column]) if len(block) > 2 else 0.0
+    return x, y, z
 
 
 @compiled(brief=True)
@@ -336,9 +332,7 @@ def load_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
     for c in range(rows.sizes[ON_INERTIAL] if fastest > _FAR else 0):
         if not sticks_in(rows, mode, c, group):
             continue
-        first = rows.planes[rows.plane[c], COMPONENT] if rows.plane[c] >= 0 else c
-        x, y, z = speed_of(flow, first, rank, aside[_WAY])
-        if length_of(x, y, z) > MOVES * fastest or held == rank:
+        if speed_of(flow, rows.lead[c], rank, aside[_WAY]) > MOVES * fastest or held == rank:
             continue
         for r in range(rank):
             basis[held, r] = space.grip[c, r]
@@ -357,10 +351,10 @@ def load_of(flow: Flow, mode: Array, group: int, rank: int) -> float:
     work, lost = 0.0, 0.0
     for r in range(rank):
         work += aside[_PULL, r] * best[r]
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if sticks_in(rows, mode, c, group) and not is_component(rows, c):
-            x, y, z = speed_of(flow, c, rank, best)
-            lost += aside[RADIUS, c] * support_at(flow, c, x, y, z)
+    for c in inertial_contacts(rows):
+        if sticks_in(rows, mode, c, group):
+            speed_of(flow, c, rank, best)
+            lost += aside[RADIUS, c] * support_at(flow, c, space.along[MOVED])
     # F″ is smallest along the mechanism, and largest where contacts stay behind.
     for r in range(rank):
         basis[held, r] = best[r]
@@ -391,8 +385,7 @@ def fastest_of(flow: Flow, mode: Array, group: int, rank: int, w: Array) -> floa
     """
     rows = flow.rows
     found = 0.0
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if sticks_in(rows, mode, c, group) and not is_component(rows, c):
-            x, y, z = speed_of(flow, c, rank, w)
-            found = max(found, length_of(x, y, z))
+    for c in inertial_contacts(rows):
+        if sticks_in(rows, mode, c, group):
+            found = max(found, speed_of(flow, c, rank, w))
     return found

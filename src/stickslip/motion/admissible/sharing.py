@@ -14,20 +14,16 @@ from stickslip.motion.steps.arrays import (
     COORDINATES,
     INERTIAL,
     MEMBERS,
-    NOWHERE,
     ON_INERTIAL,
-    OTHER,
     PART,
     PRESSING,
     RUBBING,
-    STATIC,
-    THIRD_PART,
     Flow,
     Rows,
     direction_entry,
-    opens,
+    directions_of,
 )
-from stickslip.motion.steps.sets import axis_of, formula_of, middle_of
+from stickslip.motion.steps.sets import MOVED, axis_of, formula_of, middle_at
 from stickslip.motion.steps.vectors import is_new
 from stickslip.translator import compiled
 
@@ -129,7 +125,7 @@ def place_direction(flow: Flow, table: Array, c: int, vector: Array) -> None:
     """The direction of a contact, in all inertial coordinates; in a plane with its axis."""
     rows = flow.rows
     part = rows.parts[rows.homes[c, PART]]
-    axis = 1.0 if opens(rows, c) else axis_of(flow, c)
+    axis = axis_of(flow, c)
     for q in range(rows.sizes[INERTIAL]):
         vector[q] = 0.0
     for j in range(part[COORDINATES]):
@@ -183,23 +179,16 @@ def is_gripped(flow: Flow, table: Array, c: int, rank: int) -> bool:
     table : array
         Values of the rows.
     c : int
-        The contact, by its first component.
+        The contact, by its first direction.
     rank : int
         Number of vectors of the basis.
     """
     basis = flow.space.basis
-    n = flow.rows.sizes[INERTIAL]
-    place_direction(flow, table, c, basis[rank])
-    if is_new(n, basis, rank, _INDEPENDENT):
-        return False
-    other, third = partner(flow.rows, c), third_of(flow.rows, c)
-    if other >= 0:
-        place_direction(flow, table, other, basis[rank])
-        if is_new(n, basis, rank, _INDEPENDENT):
+    for i in directions_of(flow.rows, c):
+        place_direction(flow, table, i, basis[rank])
+        if is_new(flow.rows.sizes[INERTIAL], basis, rank, _INDEPENDENT):
             return False
-    if third >= 0:
-        place_direction(flow, table, third, basis[rank])
-    return third < 0 or not is_new(n, basis, rank, _INDEPENDENT)
+    return True
 
 
 @compiled(brief=True)
@@ -221,9 +210,9 @@ def press_themselves(flow: Flow, mode: Array, table: Array, group: int) -> bool:
     basis = flow.space.basis
     n = rows.sizes[INERTIAL]
     rank = grip(flow, mode, table, group)[1]
-    for c in range(rows.sizes[ON_INERTIAL]):
+    for c in rows.openings:
         pressing = False
-        for link in range(len(rows.links) if opens(rows, c) and mode[c] == 0 else 0):
+        for link in range(len(rows.links) if mode[c] == 0 else 0):
             pressed = rows.links[link, PRESSING] == c
             pressing = pressing or (
                 pressed and sticks_in(rows, mode, rows.links[link, RUBBING], group)
@@ -237,53 +226,32 @@ def press_themselves(flow: Flow, mode: Array, table: Array, group: int) -> bool:
 
 
 @compiled(brief=True)
-def partner(rows: Rows, c: int) -> int:
-    """The second component of a contact in a plane, or of a face; −1 for others."""
-    return int(rows.planes[rows.plane[c], OTHER] if rows.plane[c] >= 0 else NOWHERE)
-
-
-@compiled(brief=True)
-def third_of(rows: Rows, c: int) -> int:
-    """The third component of a face; −1 for others."""
-    return int(rows.planes[rows.plane[c], THIRD_PART] if rows.plane[c] >= 0 else NOWHERE)
-
-
-@compiled(brief=True)
 def held_at(flow: Flow, table: Array, c: int, k: int) -> float:
-    """Order k of the force of a sticking contact, beside the middle of its set, in parts of its
-    axis."""
-    rows = flow.rows
-    force = table[rows.force[c], k] / axis_of(flow, c)
-    if formula_of(rows, c) >= 0:
-        radius = table[rows.planes[rows.plane[c], STATIC], k]
-        return float(force - radius * middle_of(flow, c))
-    if rows.plane[c] < 0:
-        return float(force - 0.5 * (table[rows.minus[c], k] - table[rows.plus[c], k]))
-    return float(force)
+    """Order k of the force of a sticking contact along a direction, beside the middle of its set,
+    in parts of its axis."""
+    force = table[flow.rows.force[c], k] / axis_of(flow, c)
+    return float(force - middle_at(flow, table, c, k))
 
 
 @compiled(brief=True)
-def radius_at(rows: Rows, table: Array, c: int, k: int) -> float:
-    """Order k of the radius of the set of forces of a contact, by its first component."""
-    if rows.plane[c] >= 0:
-        return float(table[rows.planes[rows.plane[c], STATIC], k])
-    return float(0.5 * (table[rows.plus[c], k] + table[rows.minus[c], k]))
+def speed_of(flow: Flow, c: int, rank: int, w: Array) -> float:
+    """Gw of a contact, by its first direction, in the work space; on a line, two parts of it are 0.
+    Returns its length."""
+    block = directions_of(flow.rows, c)
+    moved = flow.space.along[MOVED]
+    moved[0] = moved[1] = moved[2] = 0.0
+    for i in range(len(block)):
+        for r in range(rank):
+            moved[i] += flow.space.grip[block[i], r] * w[r]
+    return length_of(moved[0], moved[1], moved[2])
 
 
 @compiled(brief=True)
-def speed_of(flow: Flow, c: int, rank: int, w: Array) -> tuple[float, float, float]:
-    """Gw of a contact, by its first component: all components of it; on a line the others are 0."""
-    grips = flow.space.grip
-    other = partner(flow.rows, c)
-    third = third_of(flow.rows, c)
-    x, y, z = 0.0, 0.0, 0.0
-    for r in range(rank):
-        x += grips[c, r] * w[r]
-        if other >= 0:
-            y += grips[other, r] * w[r]
-        if third >= 0:
-            z += grips[third, r] * w[r]
-    return x, y, z
+def given_force(flow: Flow, c: int, forces: Array) -> tuple[float, float]:
+    """What a row of the work space has for a contact, in its first two directions; on a line, the
+    second is 0. It is not asked of faces, which have three."""
+    block = directions_of(flow.rows, c)
+    return float(forces[c]), float(forces[block[1]]) if len(block) > 1 else 0.0
 
 
 @compiled(brief=True)

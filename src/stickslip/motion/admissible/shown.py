@@ -19,14 +19,8 @@ from stickslip.motion.admissible.overload import (
     overload,
     place_held,
 )
-from stickslip.motion.admissible.sharing import (
-    grip,
-    is_first,
-    partner,
-    sticks_in,
-    third_of,
-)
-from stickslip.motion.steps.arrays import ON_INERTIAL, Flow, is_component
+from stickslip.motion.admissible.sharing import given_force, grip, is_first, sticks_in
+from stickslip.motion.steps.arrays import ON_INERTIAL, Flow, directions_of, inertial_contacts
 from stickslip.motion.steps.sets import axis_of, force_outside, formula_of
 from stickslip.translator import compiled
 
@@ -55,21 +49,14 @@ def show_admissible(flow: Flow, mode: Array, table: Array) -> None:
             continue
         overload(flow, mode, group, rank, 0.0, True)
         part = part_of_the_way(flow, mode, group, rank)
-        for c in range(first, rows.sizes[ON_INERTIAL]):
-            if sticks_in(rows, mode, c, group) and not is_component(rows, c):
-                other, third = partner(rows, c), third_of(rows, c)
-                x, y, z = inner_forces(flow, c, rank)
-                table[rows.force[c], 0] += (
-                    axis_of(flow, c) * part * (x - flow.space.aside[GIVEN_FORCES, c])
-                )
-                if other >= 0:
-                    table[rows.force[other], 0] += (
-                        axis_of(flow, other) * part * (y - flow.space.aside[GIVEN_FORCES, other])
-                    )
-                if third >= 0:
-                    table[rows.force[third], 0] += (
-                        axis_of(flow, third) * part * (z - flow.space.aside[GIVEN_FORCES, third])
-                    )
+        given = flow.space.aside[GIVEN_FORCES]
+        for c in inertial_contacts(rows):
+            if sticks_in(rows, mode, c, group):
+                block = directions_of(rows, c)
+                force = inner_forces(flow, c, rank)
+                for i in range(len(block)):
+                    d = block[i]
+                    table[rows.force[d], 0] += axis_of(flow, d) * part * (force[i] - given[d])
 
 
 @compiled(brief=True)
@@ -87,14 +74,13 @@ def part_of_the_way(flow: Flow, mode: Array, group: int, rank: int) -> float:
     rows = flow.rows
     aside = flow.space.aside
     part = 0.0
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if not sticks_in(rows, mode, c, group) or is_component(rows, c):
+    for c in inertial_contacts(rows):
+        if not sticks_in(rows, mode, c, group):
             continue
-        other = partner(rows, c)
-        a = aside[GIVEN_FORCES, c]
-        b = aside[GIVEN_FORCES, other] if other >= 0 else 0.0
-        x, y, _ = inner_forces(flow, c, rank)
-        x, y = x - a, y - b
+        a, b = given_force(flow, c, aside[GIVEN_FORCES])
+        force = inner_forces(flow, c, rank)
+        x = force[0] - a
+        y = force[1] - b
         if formula_of(rows, c) >= 0:
             part = max(part, part_to_set(flow, c, a, b, x, y))
             continue
@@ -118,7 +104,7 @@ def part_to_set(flow: Flow, c: int, a: float, b: float, x: float, y: float) -> f
     flow : Flow
         With its radius.
     c : int
-        The contact, by its first component.
+        The contact, by its first direction.
     a, b, x, y : float
     """
     radius = flow.space.aside[RADIUS, c]

@@ -14,14 +14,8 @@ import numpy as np
 from stickslip.arrays import Matrix, Vector
 from stickslip.motion.audit.nodes import most
 from stickslip.motion.audit.observers import Sums, make_sums
-from stickslip.motion.steps.arrays import (
-    DIMENSION,
-    ON_INERTIAL,
-    ON_VISCOUS,
-    Rows,
-    Space,
-    own_inverse,
-)
+from stickslip.motion.steps.arrays import DIMENSION, ON_INERTIAL, Rows, Space, own_inverse
+from stickslip.motion.steps.sets import force_terms, is_rate_independent, rate_terms
 from stickslip.motion.steps.starting import is_prescribed
 from stickslip.translator import compiled
 
@@ -137,6 +131,12 @@ def count_gaps(i: int, steps: Steps, tally: Tally) -> None:
 
 
 @compiled()
+def samples_of(rows: Rows, c: int) -> int:
+    """The first of the three rows of samples that a direction of a contact has."""
+    return int(rows.sizes[DIMENSION] + 3 * c)
+
+
+@compiled()
 def free_speed(rows: Rows, space: Space, c: int, h: float) -> float:
     """The speed that forces would give to what sticks.
 
@@ -150,10 +150,9 @@ def free_speed(rows: Rows, space: Space, c: int, h: float) -> float:
         How long a series would last.
     """
     mag = space.mag
-    mq, mz = rows.sizes[ON_INERTIAL], rows.sizes[ON_VISCOUS]
-    if c >= mq + mz:
+    if is_rate_independent(rows, c):
         return float(mag[c])
     if is_prescribed(rows, c):
-        return float(mag[len(rows.u) + c] * h)
-    free = mag[2 * len(rows.u) + c] / abs(own_inverse(rows, space, c))
-    return float(free * h if c < mq else free)
+        return rate_terms(rows, mag, c) * h
+    free = force_terms(rows, mag, c) / abs(own_inverse(rows, space, c))
+    return float(free * h if c < rows.sizes[ON_INERTIAL] else free)

@@ -23,7 +23,6 @@ from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     ADMISSIBLE_SIZE,
-    COMPONENT,
     DIMENSION,
     EPSILON,
     FEWEST_ORDERS,
@@ -37,14 +36,13 @@ from stickslip.motion.steps.arrays import (
     Record,
     Rows,
     Space,
-    gap_size,
-    is_component,
+    block_of,
     is_loose,
     opens,
-    parts_of,
     plain_coefficients,
     set_mode,
 )
+from stickslip.motion.steps.sets import force_terms, gap_size, kink_terms, plane_of, rate_terms
 from stickslip.motion.steps.starting import coefficients, is_prescribed
 from stickslip.motion.steps.vectors import copy
 from stickslip.translator import compiled
@@ -138,14 +136,14 @@ def hold_beginnings(
         return False
     quiet = is_quiet(starts, i)
     asked = False
-    for c in range(len(slips)):
+    for c in rows.contacts:
         if adheres(rows, c) and slips[c] != 0 and not quiet:
             if slips[c] == 1 and closed_at_rest(rows, space, c):
                 asked = True
                 carried = i > 0 and starts.mode[i - 1, c] == 2
                 set_mode(rows, at.mode, c, 2 if carried else 0)
             continue
-        skipped = is_component(rows, c) or opens(rows, c) or is_loose(rows, slips, c)
+        skipped = opens(rows, c) or is_loose(rows, slips, c)
         skipped = skipped or is_prescribed(rows, c)
         if skipped or resting(slips[c]) or (quiet and rows.plane[c] < 0):
             continue
@@ -205,10 +203,9 @@ def release_what_stays(
     if plain_coefficients(machine, flow, final, 1, space.W) != OK:
         return False
     left = False
-    for c in range(len(mode)):
+    for c in flow.rows.contacts:
         held = space.labels[c, 0]
-        begins = held != slips[c] and not is_component(flow.rows, c)
-        if begins and not is_still(flow.rows, space, c, 0.0):
+        if held != slips[c] and not is_still(flow.rows, space, c, 0.0):
             set_mode(flow.rows, mode, c, held)
             left = True
     return left
@@ -218,12 +215,20 @@ def release_what_stays(
 def is_still(rows: Rows, space: Space, c: int, largest: float) -> bool:
     """Whether the relative velocity of a contact vanishes, up to rounding. On a line that may be of
     the largest velocity before: what slowed down has the rounding errors of what it was."""
-    size = space.mag[c] if rows.plane[c] >= 0 else max(space.mag[c], largest)
-    still = abs(space.W[rows.u[c], 0]) <= ROUNDING * size
-    for i in range(parts_of(rows, rows.plane[c]) if rows.plane[c] >= 0 else 0):
-        other = rows.planes[rows.plane[c], COMPONENT + i]
-        still = still and abs(space.W[rows.u[other], 0]) <= ROUNDING * space.mag[other]
-    return bool(still)
+    block = block_of(rows, c)
+    before = largest if len(block) == 1 else 0.0
+    still = True
+    for i in block:
+        size = max(space.mag[i], before)
+        still = still and abs(space.W[rows.u[i], 0]) <= ROUNDING * size
+    return still
+
+
+@compiled()
+def is_steady(rows: Rows, space: Space, c: int) -> bool:
+    """Whether the rate of a relative velocity vanishes, up to rounding."""
+    rate = rate_terms(rows, space.mag, c) * space.W[rows.sizes[DIMENSION], 1]
+    return bool(abs(space.W[rows.u[c], 1]) <= ROUNDING * rate)
 
 
 @compiled()
@@ -246,12 +251,11 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
     rows = flow.rows
     W = flow.space.W
     mag = flow.space.mag
-    nc = len(slips)
     mode = at.mode
     unit = W[rows.sizes[DIMENSION], 1]
     late = 0.5 * EPSILON * abs(at.t) / unit
     for j in range(len(rows.kinks)):
-        if rows.timed[j] == 0 and abs(W[rows.kinks[j], 0]) <= ROUNDING * mag[3 * nc + j]:
+        if rows.timed[j] == 0 and abs(W[rows.kinks[j], 0]) <= ROUNDING * kink_terms(rows, mag, j):
             return NOWHERE, -1.0
     first = NOWHERE
     least = np.inf
@@ -259,14 +263,14 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
     sharing = any_share(rows)
     if sharing:
         find_shared(flow, mode, W, False)
-    for c in range(nc):
-        if is_component(rows, c) or is_loose(rows, mode, c) or is_prescribed(rows, c):
+    for c in rows.contacts:
+        if is_loose(rows, mode, c) or is_prescribed(rows, c):
             continue
         if opens(rows, c):
             gap = abs(W[rows.gaps[c], 0]) - ROUNDING * gap_size(rows, flow.space, c)
             if W[rows.force[c], 0] < 0.0 if mode[c] == 0 else gap <= 0.0:
                 return NOWHERE, -1.0
-            others = mode[c] == 2 and abs(W[rows.u[c], 1]) > ROUNDING * mag[nc + c] * unit
+            others = mode[c] == 2 and not is_steady(rows, flow.space, c)
             if others and slips[c] == 1:
                 return NOWHERE, -1.0
             if mode[c] == 0 and slips[c] != 0:
@@ -282,7 +286,7 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
                 room = spare_part(flow, mode, c)
                 if tally.law[c, LARGEST_FORCE] > 0.0:
                     room -= late * abs(W[rows.force[c], 1]) / tally.law[c, LARGEST_FORCE]
-            carried = abs(mode[c]) != 2 or abs(W[rows.u[c], 1]) <= ROUNDING * mag[nc + c] * unit
+            carried = abs(mode[c]) != 2 or is_steady(rows, flow.space, c)
             if not carried:
                 return NOWHERE, -1.0
             full = full or not room > 0.0
@@ -340,16 +344,15 @@ def room_left(rows: Rows, space: Space, c: int, late: float, force: float) -> fl
         Size of its force.
     """
     W = space.W
-    nc = len(rows.u)
     if not force > 0.0:
         return 0.0
     if rows.plane[c] >= 0:
-        plane = rows.planes[rows.plane[c]]
+        plane = plane_of(rows, c)
         row = plane[ADMISSIBLE]
         unsure = ROUNDING * space.mag[plane[ADMISSIBLE_SIZE]] + late * abs(W[row, 1])
         return float((W[row, 0] - unsure) / (force * force))
     held, up, down = rows.force[c], rows.plus[c], rows.minus[c]
-    unsure = ROUNDING * space.mag[2 * nc + c]
+    unsure = ROUNDING * force_terms(rows, space.mag, c)
     unsure += late * (abs(W[held, 1]) + abs(W[up, 1]) + abs(W[down, 1]))
     room = min(W[held, 0] + W[up, 0], W[down, 0] - W[held, 0])
     return float((room - unsure) / force)
@@ -366,5 +369,5 @@ def room_to_tear(rows: Rows, space: Space, c: int, late: float, force: float) ->
     """
     if not force > 0.0:
         return 0.0
-    unsure = ROUNDING * space.mag[2 * len(rows.u) + c] + late * abs(space.W[rows.force[c], 1])
+    unsure = ROUNDING * force_terms(rows, space.mag, c) + late * abs(space.W[rows.force[c], 1])
     return float((space.W[rows.force[c], 0] - unsure) / force)

@@ -35,20 +35,21 @@ from stickslip.motion.discs.tables import BALL, OFF, SLOPE
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     AIM,
-    COMPONENT,
     DIMENSION,
     INERTIAL,
+    LEAD,
     ON_INERTIAL,
     Flow,
     Rows,
     Space,
+    directions_of,
     is_loose,
     opens,
     own_inverse,
-    parts_of,
     tape_of,
 )
 from stickslip.motion.steps.directions import spread_given
+from stickslip.motion.steps.sets import force_terms, gap_terms, kink_terms, rate_terms
 from stickslip.motion.steps.step_size import LEAST_SIZE, fill_powers, impulse
 from stickslip.translator import RELAXED, compiled
 
@@ -253,14 +254,11 @@ def encloses(
         if not time * residual_strays(rows, discs, r, factor) <= NEGLIGIBLE_PART * size:
             return False
     for c in range(nc):
-        speed = (
-            max(
-                extent(W[rows.u[c]], N, powers),
-                CANCELLED_PART * mag[c],
-                tally.law[c, LARGEST_SPEED],
-            )
-            + REST_PART * acting * mag[nc + c]
-        )
+        speed = max(
+            extent(W[rows.u[c]], N, powers),
+            CANCELLED_PART * mag[c],
+            tally.law[c, LARGEST_SPEED],
+        ) + REST_PART * acting * rate_terms(rows, mag, c)
         if c < rows.sizes[ON_INERTIAL] and mode[c] == 0 and own_inverse(rows, space, c) != 0.0:
             # Forces that begin with zero make a velocity, too.
             made = extent(W[rows.force[c]], N - 1, powers) / abs(own_inverse(rows, space, c))
@@ -268,38 +266,39 @@ def encloses(
         if not strays(discs[rows.u[c]], factor) <= NEGLIGIBLE_PART * speed:
             return False
         forces = rows.force[c], rows.plus[c], rows.minus[c]
-        held = max(CANCELLED_PART * mag[2 * nc + c], tally.law[c, LARGEST_FORCE])
+        held = max(CANCELLED_PART * force_terms(rows, mag, c), tally.law[c, LARGEST_FORCE])
         for row in forces:
             held = max(held, extent(W[row], N - 1, powers))
         # What nothing presses has no friction, but for rounding errors.
+        loose = is_loose(rows, mode, c)
         for row in forces:
-            loose = is_loose(rows, mode, c)
             if not loose and not strays(discs[row], factor) <= NEGLIGIBLE_PART * held:
                 return False
         if opens(rows, c):
             row = rows.gaps[c]
             # At an instant all terms of a gap may vanish; of what stays closed they always do.
             size = extent(W[row], N - 1, powers) + h * mag[c]
-            size += REST_PART * acting * acting * mag[nc + c]
-            size += mag[3 * nc + len(rows.kinks) + c]
+            size += REST_PART * acting * acting * rate_terms(rows, mag, c)
+            size += gap_terms(rows, mag, c)
             if not strays(discs[row], factor) <= NEGLIGIBLE_PART * max(size, tally.law[c, OPENING]):
                 return False
-    for p in range(len(rows.planes)):
-        if is_loose(rows, mode, rows.planes[p, COMPONENT]):
+    for plane in rows.planes:
+        c = plane[LEAD]
+        if is_loose(rows, mode, c):
             continue
-        aim = rows.planes[p, AIM]
-        held = tally.law[rows.planes[p, COMPONENT], LARGEST_FORCE]
-        held = max(held, extent(W[rows.plus[rows.planes[p, COMPONENT]]], N - 1, powers))
-        loose = strays(discs[rows.planes[p, ADMISSIBLE]], factor)
+        held = max(tally.law[c, LARGEST_FORCE], extent(W[rows.plus[c]], N - 1, powers))
+        loose = strays(discs[plane[ADMISSIBLE]], factor)
         turns = 0.0
-        for i in range(parts_of(rows, p)):
-            turns += strays(discs[aim + i], factor)
+        for i in range(len(directions_of(rows, c))):
+            turns += strays(discs[plane[AIM] + i], factor)
         if not (loose <= NEGLIGIBLE_PART * held * held and turns <= NEGLIGIBLE_PART):
             return False
     for j in range(len(rows.kinks)):
         row = rows.kinks[j]
         size = max(
-            extent(W[row], N - 1, powers), CANCELLED_PART * mag[3 * nc + j], tally.kinks[j, REACHED]
+            extent(W[row], N - 1, powers),
+            CANCELLED_PART * kink_terms(rows, mag, j),
+            tally.kinks[j, REACHED],
         )
         if not strays(discs[row], factor) <= NEGLIGIBLE_PART * size:
             return False

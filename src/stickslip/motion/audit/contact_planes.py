@@ -25,6 +25,7 @@ from stickslip.motion.audit.accounts import (
     SWAY,
     Tally,
     free_speed,
+    samples_of,
 )
 from stickslip.motion.audit.between_nodes import strays
 from stickslip.motion.audit.nodes import COUNT, LEBESGUE, largest_of, least_on_nodes, most
@@ -37,23 +38,25 @@ from stickslip.motion.steps.arrays import (
     AIM,
     ASIDE,
     ATOP,
-    COMPONENT,
     COORDINATES,
-    DIMENSION,
     INERTIAL,
+    LEAD,
     MASSIVE,
     MEMBERS,
-    ON_INERTIAL,
-    ON_VISCOUS,
-    OTHER,
     PART,
     ROUNDING,
     STATIC,
-    THIRD_PART,
     Rows,
     Space,
+    directions_of,
     is_loose,
-    whole_size,
+)
+from stickslip.motion.steps.sets import (
+    force_terms,
+    is_rate_independent,
+    plane_of,
+    whole_rate,
+    whole_speed,
 )
 from stickslip.translator import compiled
 
@@ -63,7 +66,9 @@ def sample_plane(
     rows: Rows, space: Space, mode: Array, h: float, g: int, c: int, tally: Tally
 ) -> None:
     """Keep what the law of a contact in a plane says at a node: s² − |A⁻¹λ|² and both velocities
-    in stick; n·Au, n × Au and n·n − 1 in slip, where the force is −k A n by construction.
+    in stick; n·Au, n × Au and n·n − 1 in slip, where the force is −k A n by construction. The first
+    and the last stand in the rows of the first direction; velocities, and what is across two
+    directions, in those of the direction, or of the second one.
 
     Parameters
     ----------
@@ -74,52 +79,48 @@ def sample_plane(
     h : float
         How long a series would last.
     g, c : int
-        The node, and the first component.
+        The node, and the first direction.
     tally : Tally
-        Receives the sizes, at the first component.
+        Receives the sizes, at the first direction.
     """
-    n = rows.sizes[DIMENSION]
     V = space.V
     mag = space.mag
     samples = space.samples
     law = tally.law
-    plane = rows.planes[rows.plane[c]]
-    other, third = plane[OTHER], plane[THIRD_PART]
-    u, v = V[plane[AHEAD], 0], V[plane[ASIDE], 0]
-    w = V[plane[ATOP], 0] if third >= 0 else 0.0
+    plane = plane_of(rows, c)
+    block = directions_of(rows, c)
+    aim = plane[AIM]
+    row = samples_of(rows, c)
     force = max(V[plane[STATIC], 0], 0.0)
     law[c, LARGEST_FORCE] = most(law[c, LARGEST_FORCE], force)
-    speed = max(length_of(u, v, w), CANCELLED_PART * whole_size(rows, mag, rows.plane[c], 0))
+    w = V[plane[ATOP], 0] if len(block) > 2 else 0.0
+    speed = length_of(V[plane[AHEAD], 0], V[plane[ASIDE], 0], w)
+    speed = max(speed, CANCELLED_PART * whole_speed(rows, mag, c))
     law[c, LARGEST_SPEED] = most(law[c, LARGEST_SPEED], speed)
-    row = n + 3 * c
     if mode[c] == 0:
         samples[row, g] = V[plane[ADMISSIBLE], 0]
-        samples[row + 1, g] = u
-        samples[row + 2, g] = v
-        for i in (c, other):
-            law[c, SPEED_HELD] = most(law[c, SPEED_HELD], free_speed(rows, space, i, h))
-        if third >= 0:
-            samples[n + 3 * third, g] = w
-            law[c, SPEED_HELD] = most(law[c, SPEED_HELD], free_speed(rows, space, third, h))
+        for i in range(len(block)):
+            samples[samples_of(rows, block[i]) + 1, g] = V[plane[AHEAD + i], 0]
+            law[c, SPEED_HELD] = most(law[c, SPEED_HELD], free_speed(rows, space, block[i], h))
         return
-    x, y = V[plane[AIM], 0], V[plane[AIM] + 1, 0]
-    samples[row, g] = x * u + y * v
-    samples[row + 1, g] = x * v - y * u
-    samples[row + 2, g] = x * x + y * y - 1.0
-    if third >= 0:
-        z = V[plane[AIM] + 2, 0]
-        samples[row, g] += z * w
-        samples[row + 2, g] += z * z
-        samples[n + 3 * third, g] = x * w - z * u
-        samples[n + 3 * third + 1, g] = y * w - z * v
+    along = 0.0
+    square = 0.0
+    for j in range(len(block)):
+        along += V[aim + j, 0] * V[plane[AHEAD + j], 0]
+        square += V[aim + j, 0] * V[aim + j, 0]
+        square -= 1.0 if j == 1 else 0.0
+        for i in range(j):
+            turned = V[aim + i, 0] * V[plane[AHEAD + j], 0] - V[aim + j, 0] * V[plane[AHEAD + i], 0]
+            samples[samples_of(rows, block[j]) + 1 + i, g] = turned
+    samples[row, g] = along
+    samples[row + 2, g] = square
     if plane[MASSIVE] == 1:
-        made = whole_size(rows, mag, rows.plane[c], len(rows.u)) * h
-        law[c, SPEED_HELD] = most(law[c, SPEED_HELD], made)
-    elif c >= rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]:
+        law[c, SPEED_HELD] = most(law[c, SPEED_HELD], whole_rate(rows, mag, c) * h)
+    elif is_rate_independent(rows, c):
         # What slides without mass or viscosity has the force s, by nothing but its place.
-        row += 3 * (other - c)
         held = V[plane[STATIC], 0] ** 2 - V[plane[ADMISSIBLE], 0]
-        samples[row, g] = math.sqrt(max(held, 0.0)) - V[plane[STATIC], 0]
+        off = math.sqrt(max(held, 0.0)) - V[plane[STATIC], 0]
+        samples[samples_of(rows, block[1]), g] = off
 
 
 @compiled()
@@ -160,13 +161,13 @@ def blurred_by_turns(rows: Rows, space: Space, mode: Array, c: int, tally: Tally
     """
     found = 0.0
     for p in range(len(rows.planes)):
-        first = rows.planes[p, COMPONENT]
+        first = rows.planes[p, LEAD]
         beside = rows.homes[first, PART] == rows.homes[c, PART] and rows.planes[p, MASSIVE] == 1
         if beside and not resting(mode[first]) and not is_loose(rows, mode, first):
             rounding = ROUNDING * tally.law[first, LARGEST_SPEED]
             slowest = np.inf
             for g in range(COUNT):
-                slowest = min(slowest, space.samples[rows.sizes[DIMENSION] + 3 * first, g])
+                slowest = min(slowest, space.samples[samples_of(rows, first), g])
             if rounding > found * slowest:
                 found = rounding / max(slowest, ROUNDING * rounding)
     return found
@@ -183,7 +184,7 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
         With what :func:`sample_plane` keeps, and the discs.
     mode : array of int, shape (contacts,)
     c : int
-        The first component.
+        The first direction.
     factor : float
         As of :class:`.StepPiece`.
     tally : Tally
@@ -194,12 +195,12 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
     discs = space.discs
     samples = space.samples
     law = tally.law
-    plane = rows.planes[rows.plane[c]]
-    row = rows.sizes[DIMENSION] + 3 * c
+    plane = plane_of(rows, c)
+    block = directions_of(rows, c)
+    row = samples_of(rows, c)
     known = factor < np.inf
-    ahead, aside, aim, third = plane[AHEAD], plane[ASIDE], plane[AIM], plane[THIRD_PART]
-    last = rows.sizes[DIMENSION] + 3 * third  # samples of the third component
-    rounding = ROUNDING * whole_size(rows, mag, rows.plane[c], 0)
+    aim = plane[AIM]
+    rounding = ROUNDING * whole_speed(rows, mag, c)
     if mode[c] == 0:
         force = law[c, LARGEST_FORCE]
         loose = strays(discs[plane[ADMISSIBLE]], factor) if known else 0.0
@@ -208,44 +209,32 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
         unsure += blurred_by_turns(rows, space, mode, c, tally) * force * force
         if force > 0.0 and space.leaving[c] == ON_ITS_OWN:
             law[c, EXCESS] = most(law[c, EXCESS], (loose - low - unsure) / force)
-        for part in (1, 2):
-            moves = strays(discs[ahead if part == 1 else aside], factor) if known else 0.0
-            creep = largest_of(samples[row + part]) + moves - rounding
-            law[c, CREEP] = most(law[c, CREEP], creep)
-        if third >= 0:
-            moves = strays(discs[plane[ATOP]], factor) if known else 0.0
-            creep = largest_of(samples[last]) + moves - rounding
+        for i in range(len(block)):
+            moves = strays(discs[plane[AHEAD + i]], factor) if known else 0.0
+            creep = largest_of(samples[samples_of(rows, block[i]) + 1]) + moves - rounding
             law[c, CREEP] = most(law[c, CREEP], creep)
         return
     along = 0.0
     across = 0.0
     unit = 0.0
-    if known:
-        along = product_strays(W, discs, aim, ahead, factor)
-        along += product_strays(W, discs, aim + 1, aside, factor)
-        across = product_strays(W, discs, aim, aside, factor)
-        across += product_strays(W, discs, aim + 1, ahead, factor)
-        unit = product_strays(W, discs, aim, aim, factor)
-        unit += product_strays(W, discs, aim + 1, aim + 1, factor)
-    if known and third >= 0:
-        along += product_strays(W, discs, aim + 2, plane[ATOP], factor)
-        for i in range(2):
-            across += product_strays(W, discs, aim + i, plane[ATOP], factor)
-            across += product_strays(W, discs, aim + 2, plane[AHEAD + i], factor)
-        unit += product_strays(W, discs, aim + 2, aim + 2, factor)
+    for j in range(len(block) if known else 0):
+        along += product_strays(W, discs, aim + j, plane[AHEAD + j], factor)
+        unit += product_strays(W, discs, aim + j, aim + j, factor)
+        for i in range(j):
+            across += product_strays(W, discs, aim + i, plane[AHEAD + j], factor)
+            across += product_strays(W, discs, aim + j, plane[AHEAD + i], factor)
     low = least_on_nodes(samples[row], space.bernstein, rounding)
     law[c, BACKWARDS] = most(law[c, BACKWARDS], along - rounding - low)
-    turned = largest_of(samples[row + 1]) + across - rounding
-    law[c, BACKWARDS] = most(law[c, BACKWARDS], turned)
-    for i in range(2 if third >= 0 else 0):
-        turned = largest_of(samples[last + i]) + across - rounding
-        law[c, BACKWARDS] = most(law[c, BACKWARDS], turned)
+    for j in range(len(block)):
+        for i in range(j):
+            turned = largest_of(samples[samples_of(rows, block[j]) + 1 + i]) + across - rounding
+            law[c, BACKWARDS] = most(law[c, BACKWARDS], turned)
     unsure = ROUNDING + blurred_by_turns(rows, space, mode, c, tally)
     longer = law[c, LARGEST_FORCE] * (largest_of(samples[row + 2]) + unit - unsure)
     law[c, OFF_THRESHOLD] = most(law[c, OFF_THRESHOLD], longer)
-    if c >= rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]:
-        off = largest_of(samples[row + 3 * (plane[OTHER] - c)])
-        off -= ROUNDING * (mag[2 * len(rows.u) + c] + mag[2 * len(rows.u) + plane[OTHER]])
+    if is_rate_independent(rows, c):
+        off = largest_of(samples[samples_of(rows, block[1])])
+        off -= ROUNDING * (force_terms(rows, mag, c) + force_terms(rows, mag, block[1]))
         if known and law[c, LARGEST_FORCE] > 0.0:
             off += strays(discs[plane[ADMISSIBLE]], factor) / law[c, LARGEST_FORCE]
         law[c, OFF_THRESHOLD] = most(law[c, OFF_THRESHOLD], off)
@@ -276,9 +265,10 @@ def share_sizes(rows: Rows, state: Array) -> None:
         for first in (0, rows.sizes[INERTIAL]):
             largest = 0.0
             for turn in range(2):
-                # A rate of turning is none of a velocity.
-                for i in (COMPONENT, OTHER):
-                    part = rows.parts[rows.homes[rows.planes[p, i], PART]]
+                # A rate of turning, in the third direction, is none of a velocity.
+                block = directions_of(rows, rows.planes[p, LEAD])
+                for c in (block[0], block[1]):
+                    part = rows.parts[rows.homes[c, PART]]
                     for j in range(part[COORDINATES]):
                         r = first + rows.members[part[MEMBERS] + j]
                         if turn == 0:

@@ -40,7 +40,7 @@ from stickslip.motion.admissible.cones import (
 )
 from stickslip.motion.admissible.impacts_law import put_part
 from stickslip.motion.admissible.leaving import lacking_part
-from stickslip.motion.admissible.sharing import ON_ITS_OWN, axis_of, held_at, is_first, radius_at
+from stickslip.motion.admissible.sharing import ON_ITS_OWN, held_at, is_first
 from stickslip.motion.audit.accounts import (
     EXCESS,
     LARGEST_FORCE,
@@ -49,6 +49,7 @@ from stickslip.motion.audit.accounts import (
     REST_PART,
     SPEED_HELD,
     Tally,
+    samples_of,
 )
 from stickslip.motion.audit.between_nodes import StepPiece, strays
 from stickslip.motion.audit.contact_planes import blurred_by_turns
@@ -63,7 +64,6 @@ from stickslip.motion.audit.nodes import (
 from stickslip.motion.modes.guards import resting
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
-    COMPONENT,
     COORDINATES,
     DIMENSION,
     MATRIX,
@@ -73,17 +73,23 @@ from stickslip.motion.steps.arrays import (
     PRESSING,
     ROUNDING,
     RUBBING,
-    STATIC,
     Flow,
     Instant,
     Machine,
     Rows,
     Space,
-    gap_size,
     is_loose,
     opens,
 )
 from stickslip.motion.steps.roots import horner
+from stickslip.motion.steps.sets import (
+    axis_of,
+    force_terms,
+    gap_size,
+    radius_at,
+    radius_row,
+    rate_terms,
+)
 from stickslip.motion.steps.starting import coefficients
 from stickslip.translator import compiled
 
@@ -275,12 +281,13 @@ def put_law(rows: Rows, space: Space, mode: Array, room: float, end: int) -> boo
     closed = 0
     for c in range(mq):
         cones[IN_MODE, c] = V[rows.force[c], 0]
-        if opens(rows, c) and cones[RESTS, c] != 0.0:
+        cones[SHARES, c] = 0.0
+    for c in rows.openings:
+        if cones[RESTS, c] != 0.0:
             normals += abs(cones[IN_MODE, c])
             closed += 1
-    for c in range(mq):
-        cones[SHARES, c] = 0.0
-        if opens(rows, c) and cones[RESTS, c] != 0.0:
+    for c in rows.openings:
+        if cones[RESTS, c] != 0.0:
             cones[PRESSES, c] = 1.0
             cones[SHARES, c] = room * normals / closed
     for c in range(mq):
@@ -335,12 +342,13 @@ def shift_guards(rows: Rows, space: Space, mode: Array, sign: float) -> None:
     for g in range(COUNT):
         part = (GAUSS_NODES[g] - GAUSS_NODES[0]) / last
         for c in range(rows.sizes[ON_INERTIAL]):
-            row = rows.sizes[DIMENSION] + 3 * c
+            row = samples_of(rows, c)
             change = sign * difference_at(cones, c, part)
+            if cones[RESTS, c] != HOLDS:
+                continue
             if opens(rows, c):
-                if cones[RESTS, c] == HOLDS:
-                    samples[row, g] += change
-            elif cones[RESTS, c] == HOLDS:
+                samples[row, g] += change
+            else:
                 up, down = change, -change
                 width = 0.0
                 for link in range(rows.first_link[c], rows.first_link[c + 1]):
@@ -349,7 +357,7 @@ def shift_guards(rows: Rows, space: Space, mode: Array, sign: float) -> None:
                     on, back = cones[PUSHES_ON, link], cones[PUSHES_BACK, link]
                     up += on * pressed
                     down += back * pressed
-                    kept = samples[rows.sizes[DIMENSION] + 3 * n, g]
+                    kept = samples[samples_of(rows, n), g]
                     width += (on + back) * (kept - pressed if n < c else kept)
                 if abs(mode[c]) == 1:
                     # Of what others hold at its threshold, guards are made here.
@@ -374,11 +382,11 @@ def is_admissible(rows: Rows, space: Space, mode: Array) -> bool:
     for c in range(rows.sizes[ON_INERTIAL]):
         if space.cones[RESTS, c] != HOLDS:
             continue
-        row = rows.sizes[DIMENSION] + 3 * c
+        row = samples_of(rows, c)
         little = _SAME * space.cones[FORCE_SIZE, c]
-        carried = not opens(rows, c) and abs(mode[c]) == 1
-        first = row + 1 if carried else row
-        for guard in range(first, first + (1 if opens(rows, c) else 2)):
+        # Of what others hold at its threshold, they stand one row further.
+        first = row + 1 if abs(mode[c]) == 1 else row
+        for guard in range(first, first + rows.states[c] - 1):
             if least_on_nodes(space.samples[guard], space.bernstein, 1e-2 * little) < -little:
                 return False
     return True
@@ -404,7 +412,7 @@ def asks_for_others(rows: Rows, space: Space, mode: Array, piece: StepPiece, tal
     law, samples = tally.law, space.samples
     asked = False
     for c in range(rows.sizes[ON_INERTIAL]):
-        row = rows.sizes[DIMENSION] + 3 * c
+        row = samples_of(rows, c)
         space.cones[FORCE_SIZE, c] = law[c, LARGEST_FORCE]
         space.cones[RESTS, c] = 0.0
         guards = 0
@@ -453,7 +461,7 @@ def stays_still(rows: Rows, space: Space, c: int, piece: StepPiece, tally: Tally
     moved = 0.0
     for k in range(piece.order - 1, -1, -1):
         moved = moved * x + abs(W[k])
-    made = piece.acting * space.mag[len(rows.u) + c]
+    made = piece.acting * rate_terms(rows, space.mag, c)
     speed = max(tally.law[c, LARGEST_SPEED], REST_PART * max(tally.law[c, SPEED_HELD], made))
     return moved <= NEGLIGIBLE_PART * speed
 
@@ -511,16 +519,13 @@ def judge_together(flow: Flow, mode: Array, piece: StepPiece, tally: Tally) -> N
                 continue
             to_control_points(space.points[c], space.bernstein[0])
             to_control_points(space.points[nc + c], space.bernstein[0])
-            force = law[c, LARGEST_FORCE]
-            if rows.plane[c] >= 0:
-                force = law[rows.planes[rows.plane[c], COMPONENT], LARGEST_FORCE]
+            force = law[rows.lead[c], LARGEST_FORCE]
             if not force > 0.0:
                 continue
-            least = max(least, piece.rounding * space.mag[2 * len(rows.u) + c] / force)
+            least = max(least, piece.rounding * force_terms(rows, space.mag, c) / force)
             if known:
                 strayed = strays(space.discs[rows.force[c]], piece.factor) / axis_of(flow, c)
-                radius = rows.planes[rows.plane[c], STATIC] if rows.plane[c] >= 0 else rows.plus[c]
-                strayed += strays(space.discs[radius], piece.factor)
+                strayed += strays(space.discs[radius_row(rows, c)], piece.factor)
                 loose = max(loose, strayed / force)
         lack = lacking_part(flow, mode, first, COUNT - 1, least)
         law[first, EXCESS] = most(law[first, EXCESS], (lack + loose) * law[first, LARGEST_FORCE])

@@ -27,6 +27,7 @@ from stickslip.motion.audit.accounts import (
     SPEED_HELD,
     Tally,
     free_speed,
+    samples_of,
 )
 from stickslip.motion.audit.between_nodes import StepPiece, strays
 from stickslip.motion.audit.contact_planes import blurred_by_turns, judge_plane, sample_plane
@@ -36,15 +37,21 @@ from stickslip.motion.steps.arrays import (
     DIMENSION,
     EPSILON,
     ON_INERTIAL,
-    ON_VISCOUS,
     ROUNDING,
     WIDEST,
     Rows,
     Space,
-    gap_size,
-    is_component,
+    directions_of,
     is_loose,
     opens,
+)
+from stickslip.motion.steps.sets import (
+    force_terms,
+    gap_size,
+    gap_terms,
+    is_rate_independent,
+    kink_terms,
+    rate_terms,
 )
 from stickslip.translator import compiled
 
@@ -72,22 +79,21 @@ def sample_law(
     tally : Tally
         Receives the sizes.
     """
-    n = rows.sizes[DIMENSION]
-    nc = len(rows.u)
     mq = rows.sizes[ON_INERTIAL]
     V = space.V
     mag = space.mag
     samples = space.samples
     law = tally.law
-    for c in range(nc):
+    for c in rows.contacts:
         u = V[rows.u[c], 0]
+        block = directions_of(rows, c)
         if is_loose(rows, mode, c):
             # It has no force, but says how fast things are.
-            law[c, LARGEST_SPEED] = most(law[c, LARGEST_SPEED], abs(u))
+            for i in block:
+                law[i, LARGEST_SPEED] = most(law[i, LARGEST_SPEED], abs(V[rows.u[i], 0]))
             continue
-        if rows.plane[c] >= 0:
-            if not is_component(rows, c):
-                sample_plane(rows, space, mode, h, g, c, tally)
+        if len(block) > 1:
+            sample_plane(rows, space, mode, h, g, c, tally)
             continue
         held = V[rows.force[c], 0]
         up = V[rows.plus[c], 0]
@@ -95,16 +101,18 @@ def sample_law(
         # Where thresholds vanish, a force is known up to the rounding of its terms only.
         law[c, LARGEST_FORCE] = most(
             most(law[c, LARGEST_FORCE], max(abs(held), max(up, down))),
-            CANCELLED_PART * mag[2 * nc + c],
+            CANCELLED_PART * force_terms(rows, mag, c),
         )
         law[c, LARGEST_SPEED] = most(most(law[c, LARGEST_SPEED], abs(u)), CANCELLED_PART * mag[c])
-        row = n + 3 * c
+        row = samples_of(rows, c)
+        made = rate_terms(rows, mag, c) * h
         if opens(rows, c):
             gap = V[rows.gaps[c], 0]
             # What is closed has no size but that of what forces would do to it.
-            size = max(abs(gap), mag[3 * nc + len(rows.kinks) + c], REST_PART * h * h * mag[nc + c])
+            size = max(abs(gap), gap_terms(rows, mag, c))
+            size = max(size, REST_PART * h * h * rate_terms(rows, mag, c))
             law[c, OPENING] = most(law[c, OPENING], size)
-            law[c, SPEED_HELD] = most(law[c, SPEED_HELD], mag[nc + c] * h)
+            law[c, SPEED_HELD] = most(law[c, SPEED_HELD], made)
             space.impact[WIDEST, c] = law[c, OPENING]
             samples[row, g] = held if mode[c] == 0 else gap
             samples[row + 1, g] = gap
@@ -117,13 +125,13 @@ def sample_law(
         if mode[c] == 0:
             law[c, SPEED_HELD] = most(law[c, SPEED_HELD], free_speed(rows, space, c, h))
         else:
-            law[c, SPEED_HELD] = most(law[c, SPEED_HELD], mag[nc + c] * h if c < mq else mag[c])
+            law[c, SPEED_HELD] = most(law[c, SPEED_HELD], made if c < mq else mag[c])
         if abs(mode[c]) == 1:
             samples[row, g] = mode[c] * u
             samples[row + 2, g] = held + (up if mode[c] > 0 else -down)
     for j in range(len(rows.kinks)):
         value = V[rows.kinks[j], 0] if reg[j] == 1 else -V[rows.kinks[j], 0]
-        samples[n + 3 * nc + j, g] = value
+        samples[samples_of(rows, len(rows.u)) + j, g] = value
         tally.kinks[j, REACHED] = most(tally.kinks[j, REACHED], abs(value))
 
 
@@ -152,26 +160,23 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
     tally : Tally
         Receives the largest.
     """
-    n = rows.sizes[DIMENSION]
-    nc = len(rows.u)
     mag = space.mag
     discs = space.discs
     samples = space.samples
     law = tally.law
     factor = piece.factor
-    unit = space.W[n, 1]
+    unit = space.W[rows.sizes[DIMENSION], 1]
     late = _LATE * abs(piece.t) / unit
-    for c in range(nc):
+    for c in rows.contacts:
         if is_loose(rows, mode, c):
             continue
         if opens(rows, c):
             judge_opening(rows, space, mode, c, factor, tally)
             continue
-        if rows.plane[c] >= 0:
-            if not is_component(rows, c):
-                judge_plane(rows, space, mode, c, factor, tally)
+        if len(directions_of(rows, c)) > 1:
+            judge_plane(rows, space, mode, c, factor, tally)
             continue
-        row = n + 3 * c
+        row = samples_of(rows, c)
         loose = 0.0
         tight = 0.0
         up, down = (
@@ -181,7 +186,7 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
         rounding = piece.rounding * mag[c] + late * steepness(
             space.W[rows.u[c]], piece.order, piece.h / unit
         )
-        unsure = piece.rounding * mag[2 * nc + c]
+        unsure = piece.rounding * force_terms(rows, mag, c)
         unsure += blurred_by_turns(rows, space, mode, c, tally) * law[c, LARGEST_FORCE]
         unsure += late * (
             steepness(space.W[rows.force[c]], piece.order, piece.h / unit) + max(up, down)
@@ -204,15 +209,17 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
                 law[c, BACKWARDS],
                 tight - rounding - least_on_nodes(samples[row], space.bernstein, rounding),
             )
-            if c >= rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]:
+            if is_rate_independent(rows, c):
                 law[c, OFF_THRESHOLD] = most(
                     law[c, OFF_THRESHOLD], largest_of(samples[row + 2]) + loose - unsure
                 )
     for j in range(len(rows.kinks)):
         between = strays(discs[rows.kinks[j]], factor) if factor < np.inf else 0.0
         negligible = 1e-2 * NEGLIGIBLE_PART * tally.kinks[j, REACHED]
-        low = least_on_nodes(samples[n + 3 * nc + j], space.bernstein, negligible)
-        unsure = piece.rounding * mag[3 * nc + j]
+        low = least_on_nodes(
+            samples[samples_of(rows, len(rows.u)) + j], space.bernstein, negligible
+        )
+        unsure = piece.rounding * kink_terms(rows, mag, j)
         tally.kinks[j, BEYOND] = most(tally.kinks[j, BEYOND], between - low - unsure)
 
 
@@ -236,7 +243,7 @@ def judge_opening(
         Receives the largest.
     """
     law = tally.law
-    row = rows.sizes[DIMENSION] + 3 * c
+    row = samples_of(rows, c)
     known = factor < np.inf
     apart = strays(space.discs[rows.gaps[c]], factor) if known else 0.0
     apart -= ROUNDING * gap_size(rows, space, c)
@@ -252,7 +259,7 @@ def judge_opening(
     low = least_on_nodes(
         space.samples[row], space.bernstein, 1e-2 * NEGLIGIBLE_PART * law[c, LARGEST_FORCE]
     )
-    unsure = ROUNDING * space.mag[2 * len(rows.u) + c]
+    unsure = ROUNDING * force_terms(rows, space.mag, c)
     unsure += blurred_by_turns(rows, space, mode, c, tally) * law[c, LARGEST_FORCE]
     law[c, EXCESS] = most(law[c, EXCESS], loose - low - unsure)
     law[c, OVERLAP] = most(law[c, OVERLAP], largest_of(space.samples[row + 1]) + apart)

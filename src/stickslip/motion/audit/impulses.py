@@ -51,7 +51,6 @@ from stickslip.motion.steps.arrays import (
     MEMBERS,
     NOWHERE,
     ON_INERTIAL,
-    OTHER,
     PART,
     PRESSING,
     RUBBING,
@@ -60,7 +59,9 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
-    is_component,
+    block_of,
+    directions_of,
+    inertial_contacts,
     opens,
     set_mode,
 )
@@ -268,17 +269,16 @@ def fit_impulses(
         Says what is slow.
     """
     found, done = space.explained, space.tried[_DONE]
-    for c in range(rows.sizes[ON_INERTIAL]):
-        zero = is_slow(found, c, trial)
+    for c in inertial_contacts(rows):
+        block = directions_of(rows, c)
+        zero = True
+        for i in block:
+            zero = zero and is_slow(found, i, trial)
         if opens(rows, c):
             done[c] = _TOUCHING if zero and space.tried[_NEAR, c] == 1 else _APART
-        elif rows.plane[c] >= 0:
-            o = rows.planes[rows.plane[c], OTHER]
-            if not is_component(rows, c):
-                done[c] = 0 if zero and is_slow(found, o, trial) else 1
-                done[o] = done[c]
-        else:
-            done[c] = 0 if zero else (1 if found[_MOVED, c] > 0.0 else -1)
+            continue
+        for i in block:
+            done[i] = 0 if zero else (1 if len(block) > 1 or found[_MOVED, c] > 0.0 else -1)
     fit_cones(rows, space, put_cones(rows, space))
     for c in range(rows.sizes[ON_INERTIAL]):
         space.impact[IMPULSE, c] = space.cones[FORCE, c]
@@ -297,17 +297,16 @@ def put_cones(rows: Rows, space: Space) -> float:
         cones[WANTED, c] = space.explained[_REACHED, c] - work[BEFORE, c]
         if has_impulse(rows, space, c) and space.delassus[c, c] > 0.0:
             scale = max(scale, abs(cones[WANTED, c]) / math.sqrt(space.delassus[c, c]))
-        if opens(rows, c):
-            cones[PRESSES, c] = 1.0 if done[c] == _TOUCHING else 0.0
+    for c in rows.openings:
+        cones[PRESSES, c] = 1.0 if done[c] == _TOUCHING else 0.0
     for link in range(len(rows.links)):
         c = rows.links[link, RUBBING]
+        block = block_of(rows, c)
         least, most = -work[HOLDS_FORWARD, link], work[HOLDS_BACK, link]
-        if rows.plane[c] >= 0 and done[c] == 0:
-            most = work[HOLDS_FORWARD, link]
-        elif rows.plane[c] >= 0:
-            if is_component(rows, c):
-                continue
-            o = rows.planes[rows.plane[c], OTHER]
+        if done[c] != 0 and len(block) > 1:
+            o = block[1]
+            if c == o:
+                continue  # it is done with the first direction
             second = link_beside(rows, link, o)
             f, g = work[FORWARD, link], work[FORWARD, second]
             size = math.hypot(f * moved[c], g * moved[o])
@@ -428,11 +427,10 @@ def ask_for_rest(machine: Machine, flow: Flow, before: Instant, after: Array) ->
     work, found = space.impact, space.explained
     mode = before.mode
     nq = rows.sizes[INERTIAL]
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if opens(rows, c):
-            mode[c] = 0 if work[IMPULSE, c] > 0.0 else 1
-        elif not is_component(rows, c):
-            set_mode(rows, mode, c, space.tried[_DONE, c])
+    for c in inertial_contacts(rows):
+        set_mode(rows, mode, c, space.tried[_DONE, c])
+    for c in rows.openings:
+        mode[c] = 0 if work[IMPULSE, c] > 0.0 else 1
     broken = set_in_motion(rows, space, mode)
     if broken == 0 or best_impulse(machine, flow, before) != JUMPED:
         return

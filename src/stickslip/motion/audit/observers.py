@@ -15,7 +15,7 @@ import numpy as np
 from stickslip.arrays import Array, IntVector, Vector
 from stickslip.motion.audit.nodes import GAUSS_NODES, GAUSS_WEIGHTS
 from stickslip.motion.modes.guards import resting, stands
-from stickslip.motion.steps.arrays import COMPONENT, Rows, is_component, parts_of
+from stickslip.motion.steps.arrays import Rows, directions_of
 from stickslip.motion.steps.roots import halve, horner, lowest
 from stickslip.translator import compiled
 
@@ -180,9 +180,9 @@ def count_times(rows: Rows, mode: Array, after: Array, length: float, sums: Sums
         On the step, and from its end on.
     """
     for c in range(len(mode)):
-        rests = resting(mode[c])
-        sums.stick[c] += length if rests else 0.0
-        if after[c] != mode[c] and not (rests and resting(after[c])) and not is_component(rows, c):
+        sums.stick[c] += length if resting(mode[c]) else 0.0
+    for c in rows.contacts:
+        if after[c] != mode[c] and not (resting(mode[c]) and resting(after[c])):
             sums.switches[0] += 1
     sums.total[LASTED] += length
     sums.total[STUCK] += length if stands(rows, mode) else 0.0
@@ -190,7 +190,7 @@ def count_times(rows: Rows, mode: Array, after: Array, length: float, sums: Sums
 
 @compiled()
 def widen_square(
-    rows: Rows, W: Array, p: int, order: int, x: float, stack: Array, largest: float
+    rows: Rows, W: Array, c: int, order: int, x: float, stack: Array, largest: float
 ) -> float:
     """The largest force of a contact in a plane, which is a vector, from that so far.
 
@@ -199,8 +199,8 @@ def widen_square(
     rows : Rows
     W : array
         Taylor coefficients.
-    p, order : int
-        The plane, and the order of the coefficients.
+    c, order : int
+        The contact, by its first direction, and the order of the coefficients.
     x : float
         End of the step, in the unit of their time.
     stack : array, shape (64, 36)
@@ -210,10 +210,10 @@ def widen_square(
     square = stack[len(stack) - 1]
     for k in range(order):
         square[k] = 0.0
-        for i in range(parts_of(rows, p)):
-            c = W[rows.force[rows.planes[p, COMPONENT + i]]]
+        for i in directions_of(rows, c):
+            force = W[rows.force[i]]
             for j in range(k + 1):
-                square[k] += c[j] * c[k - j]
+                square[k] += force[j] * force[k - j]
     _, high = widen(square, order - 1, x, 0.0, largest * largest, stack)
     return math.sqrt(high)
 
@@ -235,9 +235,8 @@ def add_step(
         sums.low[r], sums.high[r] = widen(W[r], order, h / unit, sums.low[r], sums.high[r], stack)
     for c in range(len(rows.u)):
         force, speed = W[rows.force[c]], W[rows.u[c]]
-        if rows.plane[c] >= 0 and not is_component(rows, c):
-            plane = rows.plane[c]
-            sums.peak[c] = widen_square(rows, W, plane, order, h / unit, stack, sums.peak[c])
+        if len(directions_of(rows, c)) > 1:
+            sums.peak[c] = widen_square(rows, W, c, order, h / unit, stack, sums.peak[c])
         else:
             low, high = widen(force, order - 1, h / unit, -sums.peak[c], sums.peak[c], stack)
             sums.peak[c] = max(sums.peak[c], high, -low)

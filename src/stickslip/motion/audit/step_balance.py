@@ -73,10 +73,10 @@ from stickslip.motion.audit.step_ends import (
 from stickslip.motion.audit.work import place_nodes, powers_at
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
-    COMPONENT,
     DIMENSION,
     EPSILON,
     INSTANT,
+    LEAD,
     PART,
     ROUNDING,
     Flow,
@@ -361,7 +361,7 @@ def judge(
     for c in range(len(law)):
         force = most(force, law[c, LARGEST_FORCE])
         # In a plane velocities are vectors, whose size stands at their first component.
-        first = rows.planes[rows.plane[c], COMPONENT] if rows.plane[c] >= 0 else c
+        first = rows.lead[c]
         speed = max(law[c, LARGEST_SPEED], law[first, LARGEST_SPEED])
         speed = max(speed, REST_PART * max(law[c, SPEED_HELD], law[first, SPEED_HELD]))
         size = force_size(rows, law, c)
@@ -370,7 +370,7 @@ def judge(
         violation = most(violation, relative(law[c, OVERLAP], law[c, OPENING]))
     for i in range(len(rows.pieces)):
         # Between pieces of a dissipation, a direction is that of a velocity.
-        j, first = rows.pieces[i, 0], rows.planes[rows.pieces[i, 1], COMPONENT]
+        j, first = rows.pieces[i, 0], rows.planes[rows.pieces[i, 1], LEAD]
         speed = max(law[first, LARGEST_SPEED], REST_PART * law[first, SPEED_HELD])
         tally.kinks[j, REACHED] = most(tally.kinks[j, REACHED], speed)
     for j in range(len(tally.kinks)):

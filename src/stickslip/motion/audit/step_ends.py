@@ -51,6 +51,7 @@ from stickslip.motion.steps.arrays import (
     opens,
 )
 from stickslip.motion.steps.roots import rate_on
+from stickslip.motion.steps.sets import force_terms
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.vectors import copy
 from stickslip.translator import compiled
@@ -334,7 +335,7 @@ def close_step(
             for j in range(nr):
                 c = sizes[ON_INERTIAL] + sizes[ON_VISCOUS] + j
                 if mode[c] != 0:
-                    terms = space.mag[2 * len(mode) + c]
+                    terms = force_terms(flow.rows, space.mag, c)
                     off -= ROUNDING * abs(space.B[r - 2 * nq - nz, j]) * terms
         steps.gap[i, r] += max(off, 0.0) if off == off else np.inf
         ends = most(most(tally.state[LARGEST, r], abs(first[r])), abs(end[r]))

@@ -18,8 +18,8 @@ from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     AIM,
     AIM_SPEED,
-    COMPONENT,
     DIMENSION,
+    LEAD,
     POWERS_MADE,
     Flow,
     Instant,
@@ -27,8 +27,8 @@ from stickslip.motion.steps.arrays import (
     Record,
     Rows,
     is_stopped,
+    set_mode,
 )
-from stickslip.motion.steps.directions import give_direction
 from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.stiff import ends_there, follow_mode
@@ -125,7 +125,7 @@ def states_at(
             out[i, r] = horner(W[r], order, (times[i] - base) / W[n, 1]) if known else y[r]
         for p in range(len(rows.planes) if all_rows else 0):
             first = rows.planes[p, AIM]
-            slips = known and mode[rows.planes[p, COMPONENT]] != 0
+            slips = known and mode[rows.planes[p, LEAD]] != 0
             for row in range(first, rows.planes[p, AIM_SPEED] + 1):
                 x = (times[i] - base) / W[n, 1]
                 out[i, row] = horner(W[row], order - 1, x) if slips else -1.0
@@ -171,7 +171,7 @@ def sample(
             speed = planes[p, AIM_SPEED]
             if out[i, speed] >= 0.0:
                 # Close to the end of a slip Au is a rounding error.
-                give_direction(rows, p, mode, DIRECTION_GIVEN)
+                set_mode(rows, mode, planes[p, LEAD], DIRECTION_GIVEN)
                 for row in range(first, speed + 1):
                     work.V[row, 0], work.V[row, 1] = out[i, row], 0.0
         coefficients(machine, flow, Instant(times[i], z, mode, reg), 1, work.V)

@@ -35,6 +35,7 @@ from stickslip.motion.admissible.impacts_law import (
     modes_of,
     put_change,
     put_velocities,
+    recedes,
     restitution_of,
     set_in_motion,
     try_impulses,
@@ -51,16 +52,17 @@ from stickslip.motion.steps.arrays import (
     INERTIAL,
     NOW,
     ON_INERTIAL,
-    OTHER,
     Flow,
     Instant,
     Lane,
     Machine,
     Rows,
     Space,
-    is_component,
+    directions_of,
+    leads,
     opens,
 )
+from stickslip.motion.steps.sets import second_of
 from stickslip.translator import compiled
 
 # What :func:`collide` says: nothing collides; velocities have jumped; no impulse obeys the law; or
@@ -255,8 +257,7 @@ def impulses_in_turn(machine: Machine, flow: Flow, at: Instant) -> int:
     for turn in range(_MOST_TURNS):
         for c in range(mq):
             tried[NEAR, c] = tried[_CLOSED, c]
-            recedes = opens(rows, c) and work[BEFORE, c] > 0.0
-            work[RESTITUTION, c] = 0.0 if recedes else work[_GIVEN, c]
+            work[RESTITUTION, c] = 0.0 if recedes(rows, space, c) else work[_GIVEN, c]
         if not put_responses(machine, flow, at):
             found = NO_IMPULSE
             break
@@ -295,7 +296,7 @@ def energy_of(rows: Rows, space: Space, c: int) -> float:
     friction, if it were stopped."""
     approach = min(space.impact[BEFORE, c], 0.0)
     own = space.delassus[c, c]
-    near = opens(rows, c) and space.tried[NEAR, c] == 1
+    near = space.tried[NEAR, c] == 1
     return float(approach * approach / own) if near and own > 0.0 else 0.0
 
 
@@ -316,9 +317,9 @@ def choose_by_velocities(rows: Rows, space: Space) -> None:
     for c in range(rows.sizes[ON_INERTIAL]):
         after = work[AFTER, c]
         space.tried[CHOSEN, c] = 1
-        if not opens(rows, c) and not is_component(rows, c):
-            if rows.plane[c] >= 0:
-                o = rows.planes[rows.plane[c], OTHER]
+        if not opens(rows, c) and leads(rows, c):
+            if len(directions_of(rows, c)) > 1:
+                o = second_of(rows, c)
                 slips = 1 if math.hypot(after, work[AFTER, o]) > slow else 0
                 space.tried[CHOSEN, c] = space.tried[CHOSEN, o] = slips
             else:

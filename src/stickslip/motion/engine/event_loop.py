@@ -26,7 +26,7 @@ from stickslip.motion.engine.events import (
 )
 from stickslip.motion.engine.flying import fly_on
 from stickslip.motion.engine.impacts import is_paradox
-from stickslip.motion.modes.guards import contact_of, doubt_of, first_event
+from stickslip.motion.modes.guards import contact_of, doubt_of, first_event, guard_at
 from stickslip.motion.modes.mode_series import keeps
 from stickslip.motion.modes.resting import settle
 from stickslip.motion.steps.arrays import (
@@ -34,14 +34,13 @@ from stickslip.motion.steps.arrays import (
     ASTRAY,
     CAUSE,
     CLOSEST,
-    COMPONENT,
     DIMENSION,
     FINISHED,
     FULL,
     INADMISSIBLE,
     INSTANT,
     LAST,
-    MASSIVE,
+    LEAD,
     NAN,
     NEGATIVE,
     NO_ACCELERATION,
@@ -75,14 +74,13 @@ from stickslip.motion.steps.arrays import (
     Space,
     Task,
     flow_of,
-    is_loose,
     is_stopped,
     opens,
     set_mode,
-    whole_size,
 )
-from stickslip.motion.steps.directions import give_direction, take_direction
+from stickslip.motion.steps.directions import take_direction
 from stickslip.motion.steps.roots import value_and_slope
+from stickslip.motion.steps.sets import slips_with_mass, whole_speed
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import fill_powers, slip_end
 from stickslip.motion.steps.vectors import copy
@@ -224,7 +222,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         if doubt >= 0 and x == 0.0:
             return inadmissible(rows.doubtful, doubt), count
         look_ahead(flow, x, h)
-        if 0 <= which < len(rows.kinks) and len(rows.planes) > 0:
+        if 0 <= which < len(rows.kinks):
             which = end_instead(flow, lane, which, x * h)
         # The next step begins with the rates at the end of this one, unless something comes in
         # between.
@@ -376,14 +374,14 @@ def solves(machine: Machine, flow: Flow, lane: Lane, h: float, which: int) -> bo
     t = lane.clock[NOW] + h
     before = space.touched
     for p in range(len(rows.planes)):
-        first = rows.planes[p, COMPONENT]
+        first = rows.planes[p, LEAD]
         before[first] = lane.mode[first]
         if ends_slip(flow, lane.mode, which, p, t, h):
             take_direction(rows, p, space.W, flow.order, h / space.W[len(lane.y), 1], space.V)
-            give_direction(rows, p, lane.mode, DIRECTION_GIVEN)
+            set_mode(rows, lane.mode, first, DIRECTION_GIVEN)
     status = coefficients(machine, flow, Instant(t, space.trial, lane.mode, lane.reg), 1, space.V)
-    for p in range(len(rows.planes)):
-        give_direction(rows, p, lane.mode, before[rows.planes[p, COMPONENT]])
+    for plane in rows.planes:
+        set_mode(rows, lane.mode, plane[LEAD], before[plane[LEAD]])
     if status != OK:
         return True  # the rates are not determined here, which the next step finds out
     return keeps(flow, space.V, space.trial, lane.seen, h)
@@ -410,7 +408,7 @@ def ends_slip(flow: Flow, mode: Array, which: int, p: int, t: float, h: float) -
     """
     rows = flow.rows
     mag = flow.space.mag
-    first = rows.planes[p, COMPONENT]
+    first = rows.planes[p, LEAD]
     kink = 0 <= which < len(rows.kinks)
     c = contact_of(which, len(rows.kinks)) if which >= len(rows.kinks) else NOWHERE
     if not kink:
@@ -418,8 +416,7 @@ def ends_slip(flow: Flow, mode: Array, which: int, p: int, t: float, h: float) -
             return False
         if c == first:
             return True
-    slips = rows.planes[p, MASSIVE] == 1 and (mode[first] == 1 or mode[first] == 2)
-    if not slips or is_loose(rows, mode, first):
+    if not slips_with_mass(rows, mode, p):
         return False
     apart = rows.group[c] < 0 or rows.group[c] != rows.group[first] if c >= 0 else False
     if c >= 0 and rows.plane[c] < 0 and apart:
@@ -427,7 +424,7 @@ def ends_slip(flow: Flow, mode: Array, which: int, p: int, t: float, h: float) -
     row = flow.space.W[rows.planes[p, AIM_SPEED]]
     speed, change = value_and_slope(row, flow.order - 1, flow.space.powers)
     late = INSTANT * abs(t) / h
-    return bool(abs(speed) <= ROUNDING * whole_size(rows, mag, p, 0) + late * abs(change))
+    return bool(abs(speed) <= ROUNDING * whole_speed(rows, mag, first) + late * abs(change))
 
 
 @compiled()
@@ -446,16 +443,15 @@ def ending(flow: Flow, lane: Lane) -> tuple[int, float]:
     unit = flow.space.W[rows.sizes[DIMENSION], 1]
     soon = INSTANT * abs(lane.clock[NOW]) / unit
     for p in range(len(rows.planes)):
-        first = rows.planes[p, COMPONENT]
+        first = rows.planes[p, LEAD]
         speed = flow.space.W[rows.planes[p, AIM_SPEED]]
-        slips = rows.planes[p, MASSIVE] == 1 and (lane.mode[first] == 1 or lane.mode[first] == 2)
-        if not slips or not speed[0] > 0.0 or is_loose(rows, lane.mode, first):
+        if not speed[0] > 0.0 or not slips_with_mass(rows, lane.mode, p):
             continue
         # Mostly, it takes longer at the rate of now.
         if speed[0] + 2.0 * soon * speed[1] < 0.0:
             end, _ = slip_end(speed, flow.order, soon)
             if end < np.inf:
-                return int(len(rows.kinks) + 2 * first), end * unit
+                return guard_at(rows, first), end * unit
     return NOWHERE, 0.0
 
 
@@ -477,7 +473,7 @@ def end_instead(flow: Flow, lane: Lane, kink: int, h: float) -> int:
     rows = flow.rows
     for p in range(len(rows.planes)):
         if ends_slip(flow, lane.mode, kink, p, lane.clock[NOW] + h, h):
-            return int(len(rows.kinks) + 2 * rows.planes[p, COMPONENT])
+            return guard_at(rows, rows.planes[p, LEAD])
     return kink
 
 
@@ -500,7 +496,7 @@ def rest_together(flow: Flow, lane: Lane, which: int, h: float) -> None:
     rows = flow.rows
     ended = contact_of(which, len(rows.kinks))
     for p in range(len(rows.planes)):
-        if rows.planes[p, COMPONENT] != ended and ends_slip(
+        if rows.planes[p, LEAD] != ended and ends_slip(
             flow, lane.mode, which, p, lane.clock[NOW], h
         ):
-            set_mode(rows, lane.mode, rows.planes[p, COMPONENT], 0)
+            set_mode(rows, lane.mode, rows.planes[p, LEAD], 0)

@@ -45,10 +45,9 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Task,
-    is_component,
     opens,
-    remember_gaps,
 )
+from stickslip.motion.steps.sets import kink_terms, remember_gaps
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.vectors import copy
 from stickslip.translator import compiled
@@ -68,14 +67,13 @@ def note(rows: Rows, lane: Lane, task: Task, count: int) -> int:
         copy(lane.mode, record.mode[count])
         copy(lane.reg, record.region[count])
         count += 1
-    for i in range(len(lane.mode)):
-        if lane.settled[i] != lane.mode[i]:
-            seen = lane.settled[i] != NONE_YET and not (
-                resting(lane.settled[i]) and resting(lane.mode[i])
+    for c in rows.contacts:
+        if lane.settled[c] != lane.mode[c]:
+            seen = lane.settled[c] != NONE_YET and not (
+                resting(lane.settled[c]) and resting(lane.mode[c])
             )
-            seen = seen and not is_component(rows, i)
             lane.counters[SWITCHES] += 1 if seen else 0
-            lane.settled[i] = lane.mode[i]
+    copy(lane.mode, lane.settled)
     return count
 
 
@@ -221,7 +219,7 @@ def meets_another(machine: Machine, flow: Flow, here: Instant, due: int, last: f
                 continue
             row = rows.kinks[kink]
             rate = W[row, 1] / W[rows.sizes[DIMENSION], 1]
-            size = flow.space.mag[3 * len(rows.u) + kink] + last * abs(rate)
+            size = kink_terms(rows, flow.space.mag, kink) + last * abs(rate)
             passes = fires(rows, j, 1 - here.reg[kink]) and (
                 not known or (rate if here.reg[kink] == 0 else -rate) > 0.0
             )

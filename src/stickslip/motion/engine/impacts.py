@@ -39,9 +39,11 @@ from stickslip.motion.steps.arrays import (
     Lane,
     Machine,
     Rows,
+    directions_of,
+    inertial_contacts,
     loosen_friction,
-    opens,
 )
+from stickslip.motion.steps.sets import rate_terms
 from stickslip.motion.steps.starting import coefficients
 from stickslip.translator import compiled
 
@@ -79,12 +81,11 @@ def approaching(
     for c in range(rows.sizes[ON_INERTIAL]):
         work[BEFORE, c] = space.V[rows.u[c], 0]
         space.tried[NEAR, c] = 0
-        if opens(rows, c):
-            near = abs(space.V[rows.gaps[c], 0]) <= slack * touching(flow, c, last)
-            closed = near or c == fired
-            space.tried[NEAR, c] = 1 if closed else 0
-            if closed and work[BEFORE, c] < -_SLOW * space.mag[c]:
-                found += 1
+    for c in rows.openings:
+        near = abs(space.V[rows.gaps[c], 0]) <= slack * touching(flow, c, last)
+        if near or c == fired:
+            space.tried[NEAR, c] = 1
+            found += 1 if work[BEFORE, c] < -_SLOW * space.mag[c] else 0
     return found
 
 
@@ -95,10 +96,9 @@ def size_gaps(machine: Machine, flow: Flow, here: Instant, span: float) -> None:
     rows = flow.rows
     space = flow.space
     coefficients(machine, flow, here, 1, space.V)
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if opens(rows, c):
-            size = _AT_FIRST * span * span * space.mag[len(rows.u) + c]
-            space.impact[WIDEST, c] = max(space.impact[WIDEST, c], size)
+    for c in rows.openings:
+        size = _AT_FIRST * span * span * rate_terms(rows, space.mag, c)
+        space.impact[WIDEST, c] = max(space.impact[WIDEST, c], size)
 
 
 @compiled()
@@ -123,21 +123,20 @@ def first_approaching(
     if approaching(machine, flow, here, last, NOWHERE, 1.0) == 0:
         return NOWHERE
     space = flow.space
-    for c in range(flow.rows.sizes[ON_INERTIAL]):
+    for c in flow.rows.openings:
         slow = -_SLOW * space.mag[c]
-        near = opens(flow.rows, c) and space.tried[NEAR, c] == 1
+        near = space.tried[NEAR, c] == 1
         kept = going and (here.mode[c] == 0 or c == opened)
         if near and space.impact[BEFORE, c] < slow and not kept:
-            return c
+            return int(c)
     return NOWHERE
 
 
 @compiled()
 def open_all(rows: Rows, mode: Array) -> None:
     """Let everything be open that can."""
-    for c in range(rows.sizes[ON_INERTIAL]):
-        if opens(rows, c):
-            mode[c] = 1
+    for c in rows.openings:
+        mode[c] = 1
     loosen_friction(rows, mode)
 
 
@@ -160,9 +159,9 @@ def put_responses(machine: Machine, flow: Flow, at: Instant) -> bool:
         at.mode[c] = 1
     if not resolve(rows, flow.k, space, at.mode):
         return False
-    for c in range(rows.sizes[ON_INERTIAL]):
+    for c in inertial_contacts(rows):
         rubbing = rows.first_link[c + 1] > rows.first_link[c]
-        if rubbing and rows.plane[c] < 0 and space.impact[BEFORE, c] < 0.0:
+        if rubbing and len(directions_of(rows, c)) == 1 and space.impact[BEFORE, c] < 0.0:
             at.mode[c] = -1
     if coefficients(machine, flow, at, 1, space.V) != OK:
         return False
@@ -208,9 +207,9 @@ def settles(machine: Machine, flow: Flow, lane: Lane) -> bool:
         return False
     if coefficients(machine, flow, here, flow.order, space.W) != OK:
         return False
-    for c in range(rows.sizes[ON_INERTIAL]):
+    for c in rows.openings:
         e = work[RESTITUTION, c]
-        if opens(rows, c) and space.tried[NEAR, c] == 1 and lane.mode[c] == 1 and e > 0.0:
+        if space.tried[NEAR, c] == 1 and lane.mode[c] == 1 and e > 0.0:
             speed = space.W[rows.u[c], 0]
             falling = -2.0 * space.W[rows.gaps[c], 2] / (unit * unit)
             if falling > 0.0 and 2.0 * speed <= _TOGETHER * lane.clock[SPAN] * falling * (1.0 - e):
@@ -233,8 +232,8 @@ def is_paradox(machine: Machine, flow: Flow, lane: Lane) -> bool:
     for c in range(len(lane.mode)):
         lane.mode[c] = space.tried[MODE_BEFORE, c]
     found = False
-    for n in range(rows.sizes[ON_INERTIAL]):
-        if known and opens(rows, n) and space.tried[NEAR, n] == 1:
+    for n in rows.openings:
+        if known and space.tried[NEAR, n] == 1:
             left = space.delassus[n, n] * (1.0 - _ALMOST)
             for link in range(len(rows.links)):
                 c = rows.links[link, RUBBING]
@@ -243,4 +242,4 @@ def is_paradox(machine: Machine, flow: Flow, lane: Lane) -> bool:
                     mu = max(space.impact[HOLDS_FORWARD, link], space.impact[HOLDS_BACK, link])
                     left -= mu * abs(space.delassus[n, c])
             found = found or left <= 0.0
-    return found
+    return bool(found)

@@ -25,10 +25,10 @@ from stickslip.motion.steps.arrays import (
     ASTRAY,
     CAUSE,
     CLOSEST,
-    COMPONENT,
     IMPLICIT,
     KINKS,
     LAST,
+    LEAD,
     NAN,
     NOW,
     OK,
@@ -42,8 +42,6 @@ from stickslip.motion.steps.arrays import (
     Lane,
     Machine,
     Rows,
-    is_component,
-    opens,
     set_mode,
 )
 from stickslip.motion.steps.step_size import MOST_UNITS, fill_powers, shortened_step
@@ -228,10 +226,10 @@ def try_mode(
 def crosses(rows: Rows, mode: Array) -> bool:
     """Whether a contact slips whose dissipation has pieces. An edge between them may be a
     singularity that a motion passes in no time, such as that of a face with a point at rest."""
-    for i in range(len(rows.pieces)):
-        if mode[rows.planes[rows.pieces[i, 1], COMPONENT]] != 0:
-            return True
-    return False
+    found = False
+    for piece in rows.pieces:
+        found = found or mode[rows.planes[piece[1], LEAD]] != 0
+    return found
 
 
 @compiled()
@@ -317,16 +315,8 @@ def candidates(rows: Rows, touched: Array, nk: int) -> int:
     total = 1
     for i in range(len(touched)):
         if touched[i] == 1 and total <= _MOST_CANDIDATES:
-            total *= 2 if i < nk else states_of(rows, i - nk)
+            total *= 2 if i < nk else rows.states[i - nk]
     return total
-
-
-@compiled()
-def states_of(rows: Rows, c: int) -> int:
-    """Number of states of a contact: in a plane, and of what can open, a slip has no sign."""
-    if is_component(rows, c):
-        return 1
-    return 2 if rows.plane[c] >= 0 or opens(rows, c) else 3
 
 
 @compiled()
@@ -350,8 +340,9 @@ def choose(rows: Rows, candidate: int, touched: Array, mode: Array, reg: Array) 
             if i < nk:
                 reg[i] = candidate % 2
                 candidate //= 2
-            elif not is_component(rows, i - nk):
-                states = states_of(rows, i - nk)
+                continue
+            states = rows.states[i - nk]
+            if states > 1:
                 state = candidate % states - 1
                 candidate //= states
                 state = abs(state) if states == 2 else state

@@ -27,13 +27,20 @@ from stickslip.motion.steps.arrays import (
     Flow,
     Rows,
     Space,
-    gap_size,
-    is_component,
     is_loose,
+    is_open,
     opens,
-    whole_size,
 )
 from stickslip.motion.steps.roots import divide_out, first_crossing
+from stickslip.motion.steps.sets import (
+    force_terms,
+    gap_size,
+    kink_terms,
+    plane_of,
+    rate_terms,
+    whole_rate,
+    whole_speed,
+)
 from stickslip.motion.steps.starting import is_prescribed
 from stickslip.motion.steps.step_size import impulse
 from stickslip.translator import RELAXED, compiled
@@ -177,7 +184,7 @@ def stands(rows: Rows, mode: Array) -> bool:
     """Whether every contact rests that is not open, and there is one."""
     found = False
     for c in range(len(mode)):
-        if is_loose(rows, mode, c) or (opens(rows, c) and mode[c] != 0):
+        if is_loose(rows, mode, c) or is_open(rows, mode, c):
             continue
         if not resting(mode[c]):
             return False
@@ -223,13 +230,12 @@ def stays(
     W = space.W
     mag = space.mag
     nk = len(rows.kinks)
-    nc = len(rows.u)
     unit = space.W[rows.sizes[DIMENSION], 1]
     row = rows.u[c]
     near = last / unit + space.powers[1]
     precision = max(FIRED if nk + c == fired else 0.0, slack * ROUNDING)
     size = mag[c]
-    rate = mag[nc + c] * unit + abs(W[row, 1])
+    rate = rate_terms(rows, mag, c) * unit + abs(W[row, 1])
     if abs(W[row, 0]) > precision * (size + near * rate):
         return False
     spare = space.pending[len(space.pending) - 1]
@@ -247,6 +253,12 @@ def stays(
 def contact_of(guard: int, nk: int) -> int:
     """The contact that a guard behind the kinks belongs to."""
     return (guard - nk) // 2
+
+
+@compiled()
+def guard_at(rows: Rows, c: int) -> int:
+    """The number of the first guard of a contact."""
+    return len(rows.kinks) + 2 * c
 
 
 @compiled()
@@ -279,11 +291,9 @@ def is_asked(rows: Rows, mode: Array, nk: int, g: int) -> bool:
         c = rows.doubtful[d, SLIPPING]
         return c < 0 or mode[c] * rows.doubtful[d, TOWARDS] > 0
     c = contact_of(g, nk)
-    if is_component(rows, c):
-        return False
     if is_second(g, nk):
-        return bool(mode[c] == 0 and not opens(rows, c) and rows.plane[c] < 0)
-    return not is_loose(rows, mode, c)
+        return bool(rows.states[c] == 3 and mode[c] == 0)
+    return bool(rows.states[c] > 1 and not is_loose(rows, mode, c))
 
 
 @compiled()
@@ -309,19 +319,18 @@ def guard_in_plane(
     """
     W = space.W
     mag = space.mag
-    nc = len(rows.u)
     unit = W[rows.sizes[DIMENSION], 1]
-    plane = rows.planes[rows.plane[c]]
+    plane = plane_of(rows, c)
     if mode[c] == 0:
         row = plane[ADMISSIBLE]
         return row, mag[plane[ADMISSIBLE_SIZE]] + near * abs(W[row, 1]), 0.0
     # A slip is over when what is left of it cannot be told from nothing, or its time from its end.
     row = plane[SLIPS]
-    rate = whole_size(rows, mag, rows.plane[c], nc) * unit + abs(W[row, 1])
+    rate = whole_rate(rows, mag, c) * unit + abs(W[row, 1])
     late = INSTANT * abs(W[rows.sizes[DIMENSION], 0]) / unit
     if space.powers[1] <= 0.5 * late:
         late = _LONGEST_END * space.powers[1]
-    size = whole_size(rows, mag, rows.plane[c], 0) + late / ROUNDING * abs(W[row, 1])
+    size = whole_speed(rows, mag, c) + late / ROUNDING * abs(W[row, 1])
     return row, size, rate
 
 
@@ -355,10 +364,11 @@ def guard_of(
     rate = 0.0
     around = near
     exact = precision
+    is_gap = False
     if g < nk:
         row = rows.kinks[g]
         sign = 1.0 if reg[g] == 1 else -1.0
-        size = mag[3 * nc + g]
+        size = kink_terms(rows, mag, g)
         rate = abs(W[row, 1])
         if rows.timed[g] == 1:
             around += abs(W[rows.sizes[DIMENSION], 0]) / unit  # of the clock
@@ -374,28 +384,27 @@ def guard_of(
             size += max(W[rows.plus[i], 0], W[rows.minus[i], 0])
     elif rows.plane[i] >= 0:
         row, size, rate = guard_in_plane(rows, space, mode, i, near)
+        # how fast a speed changes is known however small it is
+        is_gap = mode[i] != 0 and plane_of(rows, i)[MASSIVE] == 1
     elif opens(rows, i) and mode[i] == 0:
         row = rows.force[i]
-        size = mag[2 * nc + i] + near * abs(W[row, 1])
+        size = force_terms(rows, mag, i) + near * abs(W[row, 1])
     elif opens(rows, i):
         row = rows.gaps[i]
+        is_gap = True
         size = gap_size(rows, space, i)
-        rate = (mag[i] + near * unit * mag[nc + i]) * unit + abs(W[row, 1])
+        rate = (mag[i] + near * unit * rate_terms(rows, mag, i)) * unit + abs(W[row, 1])
     elif mode[i] == 0 and not is_prescribed(rows, i):
         row = rows.force[i]
         shift = rows.minus[i] if is_second(g, nk) else rows.plus[i]
         sign = -1.0 if is_second(g, nk) else 1.0
         terms = abs(W[row, 1]) + abs(W[rows.plus[i], 1]) + abs(W[rows.minus[i], 1])
-        size = mag[2 * nc + i] + near * terms
+        size = force_terms(rows, mag, i) + near * terms
     else:
         row = rows.u[i]
         sign = 1.0 if mode[i] > 0 or (mode[i] == 0 and is_second(g, nk)) else -1.0
         size = mag[i]
-        rate = mag[nc + i] * unit + abs(W[row, 1])
-    is_gap = row == rows.gaps[i] if nk <= g < nk + 2 * nc and opens(rows, i) else False
-    if nk <= g < nk + 2 * nc and rows.plane[i] >= 0:
-        # how fast a speed changes is known however small it is
-        is_gap = mode[i] != 0 and rows.planes[rows.plane[i], MASSIVE] == 1
+        rate = rate_terms(rows, mag, i) * unit + abs(W[row, 1])
     return GuardRow(row, shift, sign, size, rate, around, exact, is_gap, 0.0, 0.0)  # pyright: ignore[reportArgumentType]
 
 
@@ -441,7 +450,7 @@ def has_stopped(rows: Rows, settled: Array, fired: int) -> int:
         The switch that has just fired, or −1.
     """
     c = fired - len(rows.kinks)
-    if c < 0 or c >= rows.sizes[ON_INERTIAL] or opens(rows, c) or rows.plane[c] >= 0:
+    if c < 0 or c >= rows.sizes[ON_INERTIAL] or rows.states[c] < 3:
         return NOWHERE
     return c if abs(settled[c]) == 1 else NOWHERE
 
@@ -492,7 +501,7 @@ def scan(
             continue
         just = switch_of(g, nk, nc) == fired or g == leapt
         if sharing and is_held_with_others(rows, space, mode, nk, g):
-            if leads(rows, mode, nk, g):
+            if stands_for_all(rows, mode, nk, g):
                 group = rows.group[contact_of(g, nk)]
                 own = fired >= nk and rows.group[fired - nk] == group
                 lack = max(FIRED if own else 0.0, slack * ROUNDING)
@@ -580,7 +589,7 @@ def is_held_with_others(rows: Rows, space: Space, mode: Array, nk: int, g: int) 
 
 
 @compiled()
-def leads(rows: Rows, mode: Array, nk: int, g: int) -> bool:
+def stands_for_all(rows: Rows, mode: Array, nk: int, g: int) -> bool:
     """Whether a guard stands for all contacts that share their forces."""
     return not is_second(g, nk) and is_first(rows, mode, contact_of(g, nk))
 

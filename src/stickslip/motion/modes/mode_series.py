@@ -8,17 +8,17 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import SINGULAR, invert
-from stickslip.motion.admissible.sharing import grip, is_gripped, partner, third_of
+from stickslip.motion.admissible.sharing import grip, is_gripped
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.modes.surfaces import ON_SURFACE, release_or_hold
 from stickslip.motion.steps.arrays import (
     AIM_SPEED,
-    COMPONENT,
     COORDINATES,
     DIMENSION,
     EPSILON,
     INERTIAL,
     INSTANT,
+    LEAD,
     MASSIVE,
     MEMBERS,
     NAN,
@@ -41,12 +41,13 @@ from stickslip.motion.steps.arrays import (
     Lane,
     Machine,
     Rows,
-    is_component,
+    directions_of,
+    inertial_contacts,
     is_loose,
     loosen_friction,
     set_mode,
-    whole_size,
 )
+from stickslip.motion.steps.sets import whole_rate, whole_speed
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import COARSER, LEAST_SIZE, better, step_size, suits
 from stickslip.motion.steps.vectors import copy
@@ -191,12 +192,11 @@ def rest_with_others(machine: Machine, flow: Flow, at: Instant) -> bool:
     rows = flow.rows
     mode = at.mode
     mag = flow.space.mag
-    nc = len(rows.u)
     known = False
     found = False
-    for c in range(rows.sizes[ON_INERTIAL]):
+    for c in inertial_contacts(rows):
         group = rows.group[c]
-        if group < 0 or mode[c] == 0 or is_component(rows, c) or is_loose(rows, mode, c):
+        if group < 0 or mode[c] == 0 or is_loose(rows, mode, c):
             continue
         rank = grip(flow, mode, flow.space.W, group)[1]
         if rank == 0 or not is_gripped(flow, flow.space.W, c, rank):
@@ -204,12 +204,11 @@ def rest_with_others(machine: Machine, flow: Flow, at: Instant) -> bool:
         if not known and coefficients(machine, flow, at, 1, flow.space.W) != OK:
             return False
         known = True
-        speed, size, rate = abs(flow.space.W[rows.u[c], 0]), mag[c], mag[nc + c]
-        for other in (partner(rows, c), third_of(rows, c)):
-            if other >= 0:
-                speed += abs(flow.space.W[rows.u[other], 0])
-                size += mag[other]
-                rate += mag[nc + other]
+        size = whole_speed(rows, mag, c)
+        rate = whole_rate(rows, mag, c)
+        speed = 0.0
+        for i in directions_of(rows, c):
+            speed += abs(flow.space.W[rows.u[i], 0])
         if speed <= ROUNDING * size + INSTANT * abs(at.t) * rate:
             set_mode(rows, mode, c, 0)
             found = True
@@ -362,12 +361,11 @@ def vagueness(flow: Flow, table: Array, y: Array, h: float) -> float:
     """
     rows = flow.rows
     mag = flow.space.mag
-    nc = len(rows.u)
     nq = rows.sizes[INERTIAL]
     found = 0.0
     for p in range(len(rows.planes)):
         plane = rows.planes[p]
-        first = plane[COMPONENT]
+        first = plane[LEAD]
         speed = table[plane[AIM_SPEED], 0]
         if plane[MASSIVE] == 0 or rows.group[first] < 0 or not speed > 0.0:
             continue
@@ -377,6 +375,6 @@ def vagueness(flow: Flow, table: Array, y: Array, h: float) -> float:
             r = nq + rows.members[part[MEMBERS] + i]
             faster += y[r] * flow.space.promise[PROMISED, r]
         if faster > 0.0:
-            size = whole_size(rows, mag, p, 0) + h * whole_size(rows, mag, p, nc)
+            size = whole_speed(rows, mag, first) + h * whole_rate(rows, mag, first)
             found = max(found, ROUNDING * size / speed)
     return found

@@ -8,28 +8,27 @@ their guards clearly are.
 from __future__ import annotations
 
 from stickslip.arrays import Array
-from stickslip.motion.admissible.sharing import ON_ITS_OWN, STAYS
+from stickslip.motion.admissible.sharing import ON_ITS_OWN, STAYS, sticks_in
 from stickslip.motion.modes.guards import NUMBER, contact_of, is_second, stays
 from stickslip.motion.modes.surfaces import is_wide
 from stickslip.motion.steps.arrays import (
-    COMPONENT,
     CONTACTS,
     COORDINATES,
     FIRED,
     MEMBERS,
     NOWHERE,
-    ON_INERTIAL,
     PART,
     Flow,
     Rows,
     Space,
+    block_of,
     direction_entry,
-    is_component,
+    inertial_contacts,
     is_loose,
     opens,
-    parts_of,
     set_mode,
 )
+from stickslip.motion.steps.sets import kink_terms
 from stickslip.motion.steps.vectors import clear, is_new
 from stickslip.translator import compiled
 
@@ -85,9 +84,8 @@ def release_together(rows: Rows, first: int, mode: Array, nk: int, leaving: Arra
     """
     found = first
     left = False
-    for c in range(rows.sizes[ON_INERTIAL]):
-        of_them = rows.group[c] == rows.group[first] and not is_component(rows, c)
-        if of_them and mode[c] == 0 and leaving[c] != STAYS:
+    for c in inertial_contacts(rows):
+        if sticks_in(rows, mode, c, rows.group[first]) and leaving[c] != STAYS:
             if not left:
                 found = c
             left = True
@@ -173,12 +171,9 @@ def hold_or_slide(flow: Flow, mode: Array, last: float, fired: int, slack: float
     changed = False
     for c in range(len(mode)):
         if rows.drops[c] == 1 and mode[c] != 0 and not is_loose(rows, mode, c):
-            held = stays(rows, space, mode, c, N, last, fired, slack)
-            held = held and not (opens(rows, c) and is_wide(flow, c, last))
-            if rows.plane[c] >= 0:
-                for i in range(parts_of(rows, rows.plane[c])):
-                    other = rows.planes[rows.plane[c], COMPONENT + i]
-                    held = held and stays(rows, space, mode, other, N, last, fired, slack)
+            held = not (opens(rows, c) and is_wide(flow, c, last))
+            for i in block_of(rows, c):
+                held = held and stays(rows, space, mode, i, N, last, fired, slack)
             force = 2 if held else 1
             if abs(mode[c]) != force:
                 set_mode(rows, mode, c, force if mode[c] > 0 else -force)
@@ -297,7 +292,7 @@ def set_regions(rows: Rows, W: Array, mag: Array, reg: Array) -> bool:
     changed = False
     for j in range(len(reg)):
         value = W[rows.kinks[j], 0]
-        unsure = FIRED * mag[3 * len(rows.u) + j]
+        unsure = FIRED * kink_terms(rows, mag, j)
         if (value < -unsure and reg[j] == 1) or (value > unsure and reg[j] == 0):
             reg[j] = 1 - reg[j]
             changed = True

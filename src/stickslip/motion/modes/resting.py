@@ -58,12 +58,14 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
+    block_of,
     direction_entry,
-    is_component,
+    inertial_contacts,
     is_loose,
     opens,
     set_mode,
 )
+from stickslip.motion.steps.sets import rate_terms
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.vectors import copy, is_new
 from stickslip.translator import compiled
@@ -135,10 +137,11 @@ def part_that_begins(flow: Flow, lane: Lane, status: int) -> int:
         c = rows.links[link, RUBBING]
         if status == OK and (lane.mode[c] == 0 or is_loose(rows, lane.mode, c)):
             continue
+        if not begins_from_rest(flow, lane, c, status):
+            continue
         number = 0
-        for n in range(rows.sizes[ON_INERTIAL] if begins_from_rest(flow, lane, c, status) else 0):
-            beside = opens(rows, n) and rows.homes[n, PART] == rows.homes[c, PART]
-            if beside and is_closed(flow, lane, n):
+        for n in rows.openings:
+            if rows.homes[n, PART] == rows.homes[c, PART] and is_closed(flow, lane, n):
                 number += 1
         if number > 1:
             return int(rows.homes[c, PART])
@@ -153,9 +156,8 @@ def begins_from_rest(flow: Flow, lane: Lane, c: int, status: int) -> bool:
         return False
     last, fired = lane.clock[LAST], lane.counters[CAUSE]
     still = status == OK
-    for i in range(rows.sizes[ON_INERTIAL]):
-        if i == c or (rows.plane[c] >= 0 and rows.plane[i] == rows.plane[c]):
-            still = still and stays(rows, space, lane.mode, i, flow.order, last, fired, 1.0)
+    for i in block_of(rows, c):
+        still = still and stays(rows, space, lane.mode, i, flow.order, last, fired, 1.0)
     return not still
 
 
@@ -164,11 +166,10 @@ def has_no_velocity(flow: Flow, lane: Lane, c: int) -> bool:
     """Whether a contact has no velocity, beside its terms and what forces make of it in a step; if
     it is in a plane, none in either direction."""
     rows, space = flow.rows, flow.space
-    for i in range(rows.sizes[ON_INERTIAL]):
-        if i == c or (rows.plane[c] >= 0 and rows.plane[i] == rows.plane[c]):
-            made = lane.clock[RECENT] * space.mag[len(rows.u) + i]
-            if not abs(space.W[rows.u[i], 0]) <= _SLOW * (space.mag[i] + made):
-                return False
+    for i in block_of(rows, c):
+        made = lane.clock[RECENT] * rate_terms(rows, space.mag, i)
+        if not abs(space.W[rows.u[i], 0]) <= _SLOW * (space.mag[i] + made):
+            return False
     return True
 
 
@@ -206,7 +207,8 @@ def place_rest(machine: Machine, flow: Flow, lane: Lane, part: int, room: float)
         if rows.homes[c, PART] != part:
             continue
         free[c] = 1
-        if opens(rows, c):
+    for c in rows.openings:
+        if rows.homes[c, PART] == part:
             cones[RESTS, c] = 1.0 if is_closed(flow, lane, c) else 0.0
     for c in range(mq):
         if rows.homes[c, PART] != part or opens(rows, c):
@@ -251,15 +253,13 @@ def hold_still(flow: Flow, mode: Array, part: int) -> bool:
         if opens(rows, c):
             cones[PRESSES, c] = 1.0
             continue
-        if rows.plane[c] >= 0 and (
-            rows.alone[c] == 1 or rows.first_link[c] == rows.first_link[c + 1]
-        ):
+        in_plane = rows.plane[c] >= 0
+        if in_plane and (rows.alone[c] == 1 or rows.first_link[c] == rows.first_link[c + 1]):
             return False
         for link in range(rows.first_link[c], rows.first_link[c + 1]):
-            forward = W[rows.friction[link, 2], 0]
-            cones[MOST_SHARE, link] = W[rows.friction[link, 3], 0] if rows.plane[c] < 0 else forward
-            cones[LEAST_SHARE, link] = -forward
-        if rows.plane[c] < 0:
+            cones[LEAST_SHARE, link] = -W[rows.friction[link, 2], 0]
+            cones[MOST_SHARE, link] = W[rows.friction[link, 3], 0]
+        if not in_plane:
             cones[LEAST_ALONE, c] = -max(W[rows.plus[c], 0], 0.0)
             cones[MOST_ALONE, c] = max(W[rows.minus[c], 0], 0.0)
     scale = put_wanted(rows, space, part)
@@ -278,8 +278,8 @@ def hold_still(flow: Flow, mode: Array, part: int) -> bool:
         chosen[i] = i
     for _ in range(_MOST_CHOICES):
         if choose_normals(flow, part, rank, number) and are_held(rows, space, scale):
-            for c in range(mq):
-                if cones[RESTS, c] != 0.0 and not is_component(rows, c):
+            for c in inertial_contacts(rows):
+                if cones[RESTS, c] != 0.0:
                     set_mode(rows, mode, c, mode_of_force(rows, cones, c))
             return True
         # the next choice in lexicographic order

@@ -12,38 +12,38 @@ from stickslip.motion.steps.arrays import (
     AIM_SPEED,
     BENDS,
     CAUSE,
-    COMPONENT,
     COORDINATES,
     FIRED,
     FIRST_ROW,
     INERTIAL,
     INSTANT,
+    LEAD,
     MASSIVE,
     MEMBERS,
     NOW,
     OK,
     ON_INERTIAL,
-    OTHER,
     PART,
     RECENT,
     ROUNDING,
     SEAT,
     SPAN,
-    THIRD_PART,
     Flow,
     Instant,
     Lane,
     Machine,
     Rows,
     Space,
+    block_of,
     direction_entry,
-    gap_size,
+    directions_of,
+    is_open,
     opens,
     own_inverse,
     presses,
     set_mode,
-    whole_size,
 )
+from stickslip.motion.steps.sets import force_terms, gap_size, rate_terms, whole_speed
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.vectors import clear
 from stickslip.translator import compiled
@@ -81,32 +81,33 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
     mode = at.mode
     asked = space.asked
     mq = rows.sizes[ON_INERTIAL]
+    beside = len(rows.planes) > 0  # friction in a plane
     released = False
     clear(asked)
     for c in range(mq):
         if mode[c] != 0:
             continue
         gap = W[rows.u[c], 0]
-        rate = held_back(rows, space, c)
-        slow = (ON_SURFACE * last + _WIDE * ROUNDING * near) * rate + ROUNDING * mag[c]
-        if opens(rows, c):
-            slow += _WIDE * ROUNDING * mag[c]
-            if len(rows.planes) > 0:
-                # Towards the end of a slip steps are as short as a rounding error of the time.
-                slow += _WIDE * INSTANT * abs(at.t) * rate
-        if rows.plane[c] >= 0:
-            # All components together have come to rest.
-            plane = rows.planes[rows.plane[c]]
-            rate = held_back(rows, space, plane[COMPONENT]) + held_back(rows, space, plane[OTHER])
-            if plane[THIRD_PART] >= 0:
-                rate += held_back(rows, space, plane[THIRD_PART])
-            slow = (ON_SURFACE * last + _WIDE * ROUNDING * near) * rate
-            size = whole_size(rows, mag, rows.plane[c], 0)
+        gapped = opens(rows, c)
+        # All directions together have come to rest.
+        block = block_of(rows, c)
+        rate = 0.0
+        for i in block:
+            rate += held_back(rows, space, i)
+        slow = (ON_SURFACE * last + _WIDE * ROUNDING * near) * rate
+        if len(block) > 1:
+            size = whole_speed(rows, mag, rows.lead[c])
             slow += _WIDE * (ROUNDING * size + INSTANT * abs(at.t) * rate)
+        else:
+            slow += ROUNDING * mag[c]
+            if gapped:
+                slow += _WIDE * ROUNDING * mag[c]
+                # Towards the end of a slip steps are as short as a rounding error of the time.
+                slow += _WIDE * INSTANT * abs(at.t) * rate if beside else 0.0
         if abs(gap) > slow or is_apart(flow, c, last, span):
             # Contacts of other components hold the same whether this one does or not.
             if asked[rows.homes[c, PART]] == 0:
-                set_mode(rows, mode, c, 1 if gap > 0.0 or opens(rows, c) else -1)
+                set_mode(rows, mode, c, 1 if gap > 0.0 or gapped else -1)
             asked[rows.homes[c, PART]] = 1
             released = True
     if released:
@@ -114,7 +115,8 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
     for c in range(mq):
         if mode[c] == 0:
             stop(flow, W, at.y, mode, c)
-        if mode[c] == 0 and opens(rows, c):
+    for c in rows.openings:
+        if mode[c] == 0:
             # What is closed stays on the surface itself, too.
             part = rows.homes[c, PART]
             first = rows.parts[part, FIRST_ROW]
@@ -122,7 +124,7 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
             for i in range(rows.parts[part, COORDINATES]):
                 q = rows.members[rows.parts[part, MEMBERS] + i]
                 at.y[q] -= space.Rq[first + i, rows.homes[c, SEAT] - first] * distance
-                if len(rows.planes) > 0 and abs(at.y[q]) <= _NOTHING:
+                if beside and abs(at.y[q]) <= _NOTHING:
                     at.y[q] = 0.0
     return True
 
@@ -150,10 +152,7 @@ def stop(flow: Flow, table: Array, y: Array, mode: Array, c: int) -> None:
     if is_on_surface(flow, table, c):
         return
     part = rows.homes[c, PART]
-    one = two = three = c
-    if rows.plane[c] >= 0:
-        one, two = rows.planes[rows.plane[c], COMPONENT], rows.planes[rows.plane[c], OTHER]
-        three = max(rows.planes[rows.plane[c], THIRD_PART], one)
+    block = block_of(rows, c)
     first = rows.parts[part, FIRST_ROW]
     for i in range(rows.parts[part, COORDINATES]):
         if is_rubbed(flow, table, mode, c, i):
@@ -161,18 +160,16 @@ def stop(flow: Flow, table: Array, y: Array, mode: Array, c: int) -> None:
         q = rows.sizes[INERTIAL] + rows.members[rows.parts[part, MEMBERS] + i]
         y[q] -= R[first + i, rows.homes[c, SEAT] - first] * u
         if len(rows.planes) > 0:
-            # What is left of rounding errors, of either component, is nothing. The other one may
-            # move coordinates of another part only.
+            # What is left of rounding errors, in any direction, is nothing. The others may move
+            # coordinates of another part only.
             size = 0.0
-            for d in (one, two):
+            left = 0.0
+            for d in block:
+                left += abs(table[rows.u[d], 0])
                 if rows.homes[d, PART] == part:
                     size += abs(R[first + i, rows.homes[d, SEAT] - first])
-            left = abs(table[rows.u[one], 0]) + abs(table[rows.u[two], 0])
-            if three != one:
-                left += abs(table[rows.u[three], 0])
-                if rows.homes[three, PART] == part:
-                    size += abs(R[first + i, rows.homes[three, SEAT] - first])
-            size *= left
+            # One direction alone is given as much room as two.
+            size *= left if len(block) > 1 else 4.0 * left
             if abs(y[q]) <= max(ROUNDING * size, _NOTHING):
                 y[q] = 0.0
 
@@ -224,23 +221,21 @@ def is_rubbed(flow: Flow, table: Array, mode: Array, c: int, i: int) -> bool:
     """
     rows, J = flow.rows, flow.k.J
     for plane in rows.planes:
-        first = plane[COMPONENT]
+        first = plane[LEAD]
         if mode[first] == 0 or not presses(rows, c, first):
             continue
         if plane[BENDS] == 0 or table[plane[AIM_SPEED], 0] == 0.0:
-            x = direction_entry(rows, J, table, first, i)
-            y = direction_entry(rows, J, table, plane[OTHER], i)
-            if x != 0.0 or y != 0.0:
-                return True
+            for d in directions_of(rows, first):
+                if direction_entry(rows, J, table, d, i) != 0.0:
+                    return True
     return False
 
 
 @compiled()
 def held_back(rows: Rows, space: Space, c: int) -> float:
     """The acceleration that a sticking contact holds back, or could."""
-    mag = space.mag
-    nc = len(rows.u)
-    return float(mag[nc + c] + mag[2 * nc + c] / abs(own_inverse(rows, space, c)))
+    force = force_terms(rows, space.mag, c)
+    return rate_terms(rows, space.mag, c) + force / abs(own_inverse(rows, space, c))
 
 
 @compiled()
@@ -271,7 +266,7 @@ def touching(flow: Flow, c: int, last: float) -> float:
     """The distance below which a contact is closed: a part of its gap's size, and of what
     velocities and forces do to it in a step."""
     mag = flow.space.mag
-    moved = last * (mag[c] + last * mag[len(flow.rows.u) + c])
+    moved = last * (mag[c] + last * rate_terms(flow.rows, mag, c))
     return float(max(_TOUCHING, _LOOSELY * flow.tol) * (gap_size(flow.rows, flow.space, c) + moved))
 
 
@@ -289,11 +284,11 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
         return
     c = lane.counters[CAUSE] - len(rows.kinks)
     before = flow.space.touched
-    asked = opened = c >= 0 and opens(rows, c) and lane.mode[c] != 0 and lane.settled[c] == 0
+    asked = opened = c >= 0 and is_open(rows, lane.mode, c) and lane.settled[c] == 0
     if opened:
         set_mode(rows, lane.mode, c, 0)
     for p in range(len(rows.planes)):
-        first = rows.planes[p, COMPONENT]
+        first = rows.planes[p, LEAD]
         before[first] = lane.mode[first]
         if rows.planes[p, MASSIVE] == 1:
             left = leaves_with(rows, lane, first, c)
@@ -310,7 +305,7 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
             break
         known = release_or_hold(flow, here, lane.clock[RECENT], 0.0, lane.clock[SPAN])
     for p in range(len(rows.planes)):
-        first = rows.planes[p, COMPONENT]
+        first = rows.planes[p, LEAD]
         if before[first] != 0:
             set_mode(rows, lane.mode, first, before[first])
     if opened:

@@ -82,13 +82,13 @@ PART, SEAT = range(2)
 # Rows.landings, and how many they are.
 KINK, WAY, FIRST_LANDING, LANDINGS = range(4)
 FEWEST_ORDERS = 8  # of a Taylor series
-# Columns of Rows.planes: the components (−1: no third one), the first row of the direction (the
+# Columns of Rows.planes: the first direction, the first row of the direction of its slip (the
 # others follow), the rows of |Au|, of Au, of s² − |A⁻¹λ|² with the place of its size, of s, and of
 # what is not negative in slip (|Au| with mass, else n·Au), 1 for one with mass, 1 for one whose
 # friction makes of Au what is not linear in its direction, the number of its formula, −1: none, and
 # 1 where Au is a linear combination of rates with constant coefficients.
-COMPONENT, OTHER, THIRD_PART, AIM, AIM_SPEED, AHEAD, ASIDE, ATOP = range(8)
-ADMISSIBLE, ADMISSIBLE_SIZE, STATIC, SLIPS, MASSIVE, BENDS, FORMULA, AU_IS_LINEAR = range(8, 16)
+LEAD, AIM, AIM_SPEED, AHEAD, ASIDE, ATOP, ADMISSIBLE, ADMISSIBLE_SIZE = range(8)
+STATIC, SLIPS, MASSIVE, BENDS, FORMULA, AU_IS_LINEAR = range(8, 14)
 # Columns of Rows.doubtful.
 DOUBTED, SLIPPING, TOWARDS = range(3)
 # Columns of Rows.links.
@@ -155,8 +155,8 @@ class Rows(NamedTuple):
         By the columns from `KINK` to `LANDINGS`.
     landings : array of int
         Parts of the state that have new values, jump by jump.
-    planes : array of int, shape (planes, 16)
-        Contacts in a plane, by the columns from `COMPONENT` to `AU_IS_LINEAR`.
+    planes : array of int, shape (planes, 14)
+        Contacts in a plane, by the columns from `LEAD` to `AU_IS_LINEAR`.
     plane : array of int, shape (contacts,)
         Which of them each contact is a component of; −1: of none.
     pieces : array of int, shape (pieces, 3)
@@ -169,6 +169,20 @@ class Rows(NamedTuple):
         which of such groups each belongs to; −1: of none.
     bodies : array of int, shape (structures, 2)
         First coordinate and number of coordinates of each structure.
+    contacts : array of int
+        The first direction of each contact: one along a line has no other, one in a plane has two,
+        a face has three. What is said above of a contact is said of each of these directions.
+    massive_contacts : int
+        How many of them move inertial coordinates; these come first.
+    lead : array of int, shape (directions,)
+        The first direction of the contact that each direction belongs to.
+    directions, first_direction : arrays of int, shapes (directions,), (directions + 1,)
+        The directions of each contact, and where they begin by its first one; others have none.
+    openings : array of int
+        Contacts that can open.
+    states : array of int, shape (directions,)
+        Number of states of each contact, by its first direction: in a plane, and of what can open,
+        a slip has no sign. Other directions have one.
     """
 
     sizes: IntVector
@@ -202,6 +216,13 @@ class Rows(NamedTuple):
     in_turn: int
     group: IntVector
     bodies: IntMatrix
+    contacts: IntVector
+    massive_contacts: int
+    lead: IntVector
+    directions: IntVector
+    first_direction: IntVector
+    openings: IntVector
+    states: IntVector
 
 
 class Constants(NamedTuple):
@@ -269,7 +290,7 @@ class Space(NamedTuple):
     basis, grip, turned_grip, bend, unbent, aside, points, piece, leaving : arrays
         Of contacts that share forces; see :mod:`stickslip.motion.admissible.overload`.
     along, supported : arrays
-        A vector, and support functions there; see :mod:`stickslip.motion.steps.sets`.
+        Vectors, and support functions there; see :mod:`stickslip.motion.steps.sets`.
     span, face, turn, turned, onset : arrays
         Of slips that begin together; see :mod:`stickslip.motion.steps.onset`.
     landed, stood : arrays
@@ -331,7 +352,7 @@ class Space(NamedTuple):
     points: Matrix
     piece: Matrix
     leaving: IntVector
-    along: Vector
+    along: Matrix
     supported: Vector
     span: Matrix
     face: Matrix
@@ -487,25 +508,6 @@ WIDEST, SENSE, FORWARD, BACK, HOLDS_FORWARD, HOLDS_BACK = range(6, 12)
 
 
 @compiled()
-def gap_size(rows: Rows, space: Space, c: int) -> float:
-    """What the rounding errors of a gap are measured against: its terms, and how wide it has been,
-    since a motion does not know its place any better."""
-    place = 3 * len(rows.u) + len(rows.kinks) + c
-    return float(max(space.mag[place], space.impact[WIDEST, c]))
-
-
-@compiled()
-def remember_gaps(rows: Rows, space: Space, seen: Array) -> None:
-    """Keep how wide the gaps of a motion have been, from the sizes of the rows that bound its
-    steps."""
-    for c in range(len(rows.gaps)):
-        if rows.gaps[c] >= 0:
-            for i in range(len(rows.watched)):
-                if rows.watched[i] == rows.gaps[c]:
-                    space.impact[WIDEST, c] = seen[i]
-
-
-@compiled()
 def direction_entry(rows: Rows, J: Array, table: Array, c: int, j: int) -> float:
     """A coefficient of the direction of a contact, by the place of the coordinate in its component:
     constant, or from the table."""
@@ -514,10 +516,28 @@ def direction_entry(rows: Rows, J: Array, table: Array, c: int, j: int) -> float
 
 
 @compiled()
-def is_component(rows: Rows, c: int) -> bool:
-    """Whether a contact is a component of one in a plane, or a face, but the first: what is said of
-    that is said of the first."""
-    return bool(rows.plane[c] >= 0 and rows.planes[rows.plane[c], COMPONENT] != c)
+def inertial_contacts(rows: Rows) -> Array:
+    """The first directions of all contacts that move inertial coordinates."""
+    return rows.contacts[: rows.massive_contacts]
+
+
+@compiled()
+def directions_of(rows: Rows, c: int) -> Array:
+    """The directions of a contact, by its first one; none, if it is another one."""
+    return rows.directions[rows.first_direction[c] : rows.first_direction[c + 1]]
+
+
+@compiled()
+def block_of(rows: Rows, c: int) -> Array:
+    """All directions of the contact that a direction belongs to."""
+    return directions_of(rows, rows.lead[c])
+
+
+@compiled()
+def leads(rows: Rows, c: int) -> bool:
+    """Whether a direction is the first one of its contact: what is said of the contact is said of
+    it."""
+    return bool(rows.lead[c] == c)
 
 
 @compiled()
@@ -525,33 +545,6 @@ def tape_of(flow: Flow) -> DiscTape:
     """The tape of a system, at the instant of which the series are in the work space."""
     s = flow.space
     return DiscTape(flow.rows.program, flow.k.K, s.W, s.discs, s.Rq, s.Rz, s.B, s.balls)
-
-
-@compiled()
-def parts_of(rows: Rows, p: int) -> int:
-    """Number of components of contact p in a plane; three of a face."""
-    return 3 if rows.planes[p, THIRD_PART] >= 0 else 2
-
-
-@compiled()
-def whole_size(rows: Rows, mag: Array, p: int, offset: int) -> float:
-    """The sum of sizes of all components of a contact in a plane.
-
-    Parameters
-    ----------
-    rows : Rows
-    mag : array
-        Sizes.
-    p : int
-        The plane.
-    offset : int
-        Where those that are meant begin: 0, of velocities.
-    """
-    plane = rows.planes[p]
-    size = mag[offset + plane[COMPONENT]] + mag[offset + plane[OTHER]]
-    if plane[THIRD_PART] >= 0:
-        size += mag[offset + plane[THIRD_PART]]
-    return float(size)
 
 
 @compiled()
@@ -571,6 +564,12 @@ def opens(rows: Rows, c: int) -> bool:
 
 
 @compiled()
+def is_open(rows: Rows, mode: Array, c: int) -> bool:
+    """Whether a contact can open, and has."""
+    return bool(opens(rows, c) and mode[c] != 0)
+
+
+@compiled()
 def loosen_friction(rows: Rows, mode: Array) -> None:
     """What is open has no friction: its contact slips, without force, which has one name only."""
     for c in range(rows.sizes[ON_INERTIAL]):
@@ -587,15 +586,13 @@ def presses(rows: Rows, n: int, c: int) -> bool:
     return False
 
 
-@compiled()
+@compiled(brief=True)
 def set_mode(rows: Rows, mode: Array, c: int, value: int) -> None:
-    """Give a contact a mode; components of one in a plane have it together."""
-    mode[c] = value
-    if rows.plane[c] >= 0:
-        plane = rows.planes[rows.plane[c]]
-        mode[plane[COMPONENT]] = mode[plane[OTHER]] = abs(value)
-        if plane[THIRD_PART] >= 0:
-            mode[plane[THIRD_PART]] = abs(value)
+    """Give a contact a mode, which all its directions have; where they are several, a slip has no
+    sign."""
+    block = block_of(rows, c)
+    for i in block:
+        mode[i] = value if len(block) == 1 else abs(value)
 
 
 @compiled()
@@ -682,7 +679,7 @@ def make_space(rows: Rows, table_rows: int, magnitudes: int, N: int) -> Space:
         points=z((2 * mq if sharing else 0, most_points)),
         piece=z((2 * mq if sharing else 0, most_points)),
         leaving=np.full(nc, 2, np.int64),
-        along=z(3),
+        along=z((3, 3)),
         supported=z(13 * max(1, int(rows.planes[:, FORMULA].max(initial=-1)) + 1)),
         span=z((slips + 1, slips)),
         face=z((slips + 1, slips)),

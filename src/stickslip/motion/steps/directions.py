@@ -17,19 +17,19 @@ from stickslip.motion.steps.arrays import (
     AIM,
     AIM_SPEED,
     AU_IS_LINEAR,
-    COMPONENT,
     COORDINATES,
     INERTIAL,
+    LEAD,
     MASSIVE,
     MEMBERS,
-    OTHER,
     PART,
-    THIRD_PART,
     Flow,
     Rows,
-    parts_of,
+    directions_of,
+    set_mode,
 )
 from stickslip.motion.steps.roots import horner
+from stickslip.motion.steps.sets import axis_of, width_of
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled
 
@@ -49,17 +49,9 @@ def give_directions(rows: Rows, mode: Array, given: bool) -> None:
     given : bool
     """
     for p in range(len(rows.planes)):
-        if mode[rows.planes[p, COMPONENT]] != 0:
-            give_direction(rows, p, mode, DIRECTION_GIVEN if given else 1)
-
-
-@compiled()
-def give_direction(rows: Rows, p: int, mode: Array, value: int) -> None:
-    """Set the mode of plane p."""
-    mode[rows.planes[p, COMPONENT]] = value
-    mode[rows.planes[p, OTHER]] = value
-    if rows.planes[p, THIRD_PART] >= 0:
-        mode[rows.planes[p, THIRD_PART]] = value
+        c = rows.planes[p, LEAD]
+        if mode[c] != 0:
+            set_mode(rows, mode, c, DIRECTION_GIVEN if given else 1)
 
 
 @compiled()
@@ -129,12 +121,12 @@ def follow_directions(
     for p in range(len(rows.planes)):
         plane = rows.planes[p]
         aim = plane[AIM]
-        parts = parts_of(rows, p)
+        parts = width_of(rows, p)
         speed = W[plane[AIM_SPEED], 0]
         across, longer = 0.0, 0.0
         power = x**N
         # Without mass Au follows from the direction, and says nothing of it.
-        asked = plane[MASSIVE] == 1 and mode[plane[COMPONENT]] != 0 and speed > 0.0
+        asked = plane[MASSIVE] == 1 and mode[plane[LEAD]] != 0 and speed > 0.0
         for k in range(N, 2 * N - 1 if asked else 0):
             length = 0.0
             for i in range(parts):
@@ -178,7 +170,7 @@ def spread_given(flow: Flow, mode: Array, N: int) -> None:
     for p in range(len(rows.planes)):
         first = rows.planes[p, AIM]
         speed = rows.planes[p, AIM_SPEED]
-        if is_given(W, discs, first, speed, int(mode[rows.planes[p, COMPONENT]])):
+        if is_given(W, discs, first, speed, int(mode[rows.planes[p, LEAD]])):
             for row in range(first, speed + 1):
                 store(W, discs, row, reach(W[row], N - 1, powers), 0.0, 0.0)
         discs[speed, SLOPE] = -1.0
@@ -199,13 +191,14 @@ def spread_straight(flow: Flow, p: int, N: int) -> None:
     """
     rows, W, discs, powers = flow.rows, flow.space.W, flow.space.discs, flow.space.reaches
     plane = rows.planes[p]
+    block = directions_of(rows, plane[LEAD])
     along, across = 0.0, 0.0
     for k in range(1, N + 1):
         inwards, square = 0.0, 0.0
-        for i in range(parts_of(rows, p)):
-            c = plane[COMPONENT + i]
+        for i in range(width_of(rows, p)):
+            c = block[i]
             part = rows.parts[rows.homes[c, PART]]
-            axis = flow.k.J[c, flow.k.J.shape[1] - 3] if rows.group[c] >= 0 else 1.0
+            axis = axis_of(flow, c)
             moved = 0.0
             for j in range(part[COORDINATES]):
                 q = rows.sizes[INERTIAL] + rows.members[part[MEMBERS] + j]

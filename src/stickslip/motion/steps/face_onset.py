@@ -22,10 +22,10 @@ from stickslip.equations.codegen.series import invert
 from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM,
-    COMPONENT,
     FEWEST_ORDERS,
     FIRED,
     FORMULA,
+    LEAD,
     OK,
     PER_FACE,
     ROUNDING,
@@ -33,10 +33,20 @@ from stickslip.motion.steps.arrays import (
     Instant,
     Machine,
     Rows,
+    directions_of,
     plain_coefficients,
 )
 from stickslip.motion.steps.onset import MOST_LEADING, NEGLIGIBLE
-from stickslip.motion.steps.response import AIMS, BX, BZ, L_, LEADING, N_, RHO, is_face
+from stickslip.motion.steps.response import (
+    AIMS,
+    L_,
+    LEADING,
+    N_,
+    RHO,
+    aim_row,
+    begins_as_face,
+    rate_row,
+)
 from stickslip.motion.steps.sets import axis_of, bend_at, dissipation_at, slope_at
 from stickslip.motion.steps.vectors import solve_equations
 from stickslip.translator import compiled
@@ -53,18 +63,6 @@ _DEPENDENT = 1e-9  # part of D below which a direction is one in which the face 
 # its change.
 _D, _B, _K, _FORCES, _INVERSE, _RATES, _EQUATIONS, _SOLVED = 0, 3, 4, 5, 11, 14, 17, 21
 _TAKEN, _CHANGE = 22, 23
-
-
-@compiled(brief=True)
-def aim_row(i: int) -> int:
-    """The row of Space.aims of a component of the direction."""
-    return N_ + i if i < 2 else L_
-
-
-@compiled(brief=True)
-def rate_row(i: int) -> int:
-    """The row of Space.aims of a component of what the lower orders make of the rate."""
-    return BX + i if i < 2 else BZ
 
 
 @compiled(brief=True)
@@ -105,7 +103,7 @@ def aim_faces(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
         Work space.
     """
     for p in range(len(flow.rows.planes)):
-        if is_face(flow.rows, p) and flow.space.aims[AIMS * p + LEADING, 0] >= 0.0:
+        if begins_as_face(flow, p):
             status = probe_face(machine, flow, at, table, p)
             if status != OK:
                 return status
@@ -172,8 +170,9 @@ def probe_face(machine: Machine, flow: Flow, at: Instant, table: Array, p: int) 
         status = put_face(machine, flow, at, table, p)
         if status != OK:
             return status
+        block = directions_of(rows, plane[LEAD])
         for i in range(3):
-            c = plane[COMPONENT + i]
+            c = block[i]
             force = table[rows.force[c], 0] / axis_of(flow, c)
             rate = table[plane[AHEAD + i], 1]
             if probe == 0:

@@ -24,7 +24,7 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.equations.codegen.series import invert
-from stickslip.motion.steps.arrays import COMPONENT, EPSILON, FORMULA, OK, Flow, Instant, Machine
+from stickslip.motion.steps.arrays import EPSILON, FORMULA, LEAD, OK, Flow, Instant, Machine
 from stickslip.motion.steps.response import (
     AIMS,
     BX,
@@ -36,9 +36,13 @@ from stickslip.motion.steps.response import (
     RHO,
     X,
     Y,
+    answer_to,
     any_bends,
     begins_in,
+    part_in_span,
     respond_at,
+    span_rates,
+    speed_along,
 )
 from stickslip.motion.steps.vectors import direction_and_turn, is_new
 from stickslip.translator import compiled
@@ -46,7 +50,6 @@ from stickslip.translator import compiled
 NEGLIGIBLE = 1e-12  # part of its terms below which an order of |Au| is none
 MOST_LEADING = 4  # orders of |Au| that may vanish
 _NEW = 1e-20  # square of the part of a velocity that is none of the others
-_ANSWERED = 1e-10  # part of the largest answer that is more than rounding errors
 _ROUNDED = 0.1  # factor by which |u| is rounded off less from turn to turn
 _FINEST = 1e-9  # … at last, in parts of the accelerations without friction
 _ACROSS = 1e-13  # square of the part of a velocity across others
@@ -56,31 +59,6 @@ _MOST_TURNS = 40  # of Newton's method
 # Rows of Space.onset: what is solved for and its right-hand side, V at a place, series of one
 # contact (both components, |V|), β, and V behind them.
 _SOLVED, _RIGHT, _PLACE, _TRIED, _U, _V, _SIZE, _BETA, _FIRST = range(9)
-
-
-@compiled(brief=True)
-def span_rates(flow: Flow) -> int:
-    """An orthonormal basis of the velocities that a body can have, from what directions make of
-    them, as rows; returns how many there are."""
-    rows = flow.rows
-    answer, span = flow.space.answer, flow.space.span
-    n = 2 * len(rows.planes)
-    largest = 0.0
-    for j in range(n):
-        for i in range(n if begins_in(flow, j // 2) else 0):
-            largest = max(largest, abs(answer[i, j]))
-    rank = 0
-    for j in range(n):
-        if not begins_in(flow, j // 2):
-            continue
-        size = 0.0
-        for i in range(n):
-            span[rank, i] = answer[i, j] if begins_in(flow, i // 2) else 0.0
-            size = max(size, abs(span[rank, i]))
-        # What the body cannot do is answered by rounding errors.
-        if size > _ANSWERED * largest and is_new(n, span, rank, _NEW):
-            rank += 1
-    return rank
 
 
 @compiled(brief=True)
@@ -94,7 +72,7 @@ def begin_together(flow: Flow) -> bool:
     bends = any_bends(flow)
     for p in range(len(rows.planes)):
         if begins_in(flow, p):
-            own = rows.group[rows.planes[p, COMPONENT]]
+            own = rows.group[rows.planes[p, LEAD]]
             if rows.planes[p, FORMULA] >= 0:
                 return False
             if not bends and (own < 0 or (count > 0 and own != group)):
@@ -102,64 +80,6 @@ def begin_together(flow: Flow) -> bool:
             group = own
             count += 1
     return bool(count > 1 or (count == 1 and group >= 0 and span_rates(flow) == 1))
-
-
-@compiled(brief=True)
-def speed_along(flow: Flow, rank: int, way: Array, i: int) -> float:
-    """Component i of Z V."""
-    found = 0.0
-    for r in range(rank):
-        found += flow.space.span[r, i] * way[r]
-    return found
-
-
-@compiled(brief=True)
-def part_in_span(flow: Flow, rank: int, row: int, m: int, out: Array) -> None:
-    """Zᵀ of order m of a pair of rows of the directions, of all slips that begin.
-
-    Parameters
-    ----------
-    flow : Flow
-    rank : int
-        Number of vectors of Z.
-    row, m : int
-        The first row, and the order.
-    out : array
-        Receives the result.
-    """
-    aims = flow.space.aims
-    for r in range(rank):
-        out[r] = 0.0
-        for i in range(2 * len(flow.rows.planes)):
-            if begins_in(flow, i // 2):
-                out[r] += flow.space.span[r, i] * aims[AIMS * (i // 2) + row + i % 2, m]
-
-
-@compiled(brief=True)
-def answer_to(flow: Flow, rank: int, row: int, m: int, factor: float, out: Array) -> None:
-    """Add a multiple of ZᵀÂ of order m of a pair of rows of the directions.
-
-    Parameters
-    ----------
-    flow : Flow
-    rank : int
-        Number of vectors of Z.
-    row, m : int
-        The first row, and the order.
-    factor : float
-    out : array
-        Is added to.
-    """
-    aims, answer, span = flow.space.aims, flow.space.answer, flow.space.span
-    n = 2 * len(flow.rows.planes)
-    for j in range(n):
-        if not begins_in(flow, j // 2):
-            continue
-        x = factor * aims[AIMS * (j // 2) + row + j % 2, m]
-        for i in range(n if x != 0.0 else 0):
-            if begins_in(flow, i // 2):
-                for r in range(rank):
-                    out[r] += span[r, i] * answer[i, j] * x
 
 
 @compiled(brief=True)

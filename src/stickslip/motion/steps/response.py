@@ -5,7 +5,7 @@ directions make of the rate of Au is found by probes, series with directions tha
 b + Â n where friction does not change the normal forces that press it. Otherwise it is a function
 f(n) of all directions, and b + Â n its tangent at some n, with Â = f′ and b = f(n) − Â n. Order 1
 of n = n₀ + t e shows f′ exactly. All higher orders are linear, with f′ at the directions of the
-beginning.
+beginning. What directions can make is what the body can do: an orthonormal basis Z of it.
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ from stickslip.motion.steps.arrays import (
     FEWEST_ORDERS,
     FORMULA,
     OK,
-    THIRD_PART,
     Flow,
     Instant,
     Machine,
     Rows,
     plain_coefficients,
 )
+from stickslip.motion.steps.sets import width_of
+from stickslip.motion.steps.vectors import is_new
 from stickslip.translator import compiled
 
 # Rows of Space.aims for each plane: the direction (two rows), ρ, the right-hand side (two rows),
@@ -34,12 +35,14 @@ from stickslip.translator import compiled
 # of a face (:mod:`stickslip.motion.steps.face_onset`).
 AIMS = 14
 N_, M_, RHO, BX, BY, X, Y, LEADING, SPARE, OX, OY, L_, BZ = range(13)
+_NEW = 1e-20  # square of the part of a velocity that is none of the others
+_ANSWERED = 1e-10  # part of the largest answer that is more than rounding errors
 
 
 @compiled(brief=True)
 def is_face(rows: Rows, p: int) -> bool:
-    """Whether a contact in a plane is a face."""
-    return bool(rows.planes[p, THIRD_PART] >= 0)
+    """Whether a contact in a plane is a face, which has three directions."""
+    return width_of(rows, p) > 2
 
 
 @compiled(brief=True)
@@ -48,20 +51,43 @@ def begins_in(flow: Flow, p: int) -> bool:
     return bool(flow.space.aims[AIMS * p + LEADING, 0] >= 0.0)
 
 
+@compiled(brief=True)
+def begins_flat(flow: Flow, p: int) -> bool:
+    """Whether one of them has two directions, so that an angle tells its slip."""
+    return begins_in(flow, p) and not is_face(flow.rows, p)
+
+
+@compiled(brief=True)
+def begins_as_face(flow: Flow, p: int) -> bool:
+    """Whether one of them has three."""
+    return begins_in(flow, p) and is_face(flow.rows, p)
+
+
+@compiled(brief=True)
+def aim_row(i: int) -> int:
+    """The row of Space.aims of a component of the direction."""
+    return N_ + i if i < 2 else L_
+
+
+@compiled(brief=True)
+def rate_row(i: int) -> int:
+    """The row of Space.aims of a component of what the lower orders make of the rate."""
+    return BX + i if i < 2 else BZ
+
+
 @compiled()
 def place_aims(flow: Flow, table: Array, order: int) -> None:
     """Put what is known of directions and speeds into a table."""
     rows = flow.rows
     aims = flow.space.aims
     for p in range(len(rows.planes)):
-        if aims[AIMS * p + LEADING, 0] < 0.0:
+        if not begins_in(flow, p):
             continue
-        first = rows.planes[p, AIM]
-        for k in range(table.shape[1]):
-            table[first, k] = aims[AIMS * p + N_, k] if k < aims.shape[1] else 0.0
-            table[first + 1, k] = aims[AIMS * p + M_, k] if k < aims.shape[1] else 0.0
-            if is_face(rows, p):
-                table[first + 2, k] = aims[AIMS * p + L_, k] if k < aims.shape[1] else 0.0
+        for i in range(width_of(rows, p)):
+            to = table[rows.planes[p, AIM] + i]
+            row = aims[AIMS * p + aim_row(i)]
+            for k in range(table.shape[1]):
+                to[k] = row[k] if k < aims.shape[1] else 0.0
     place_speeds(flow, table, order)
 
 
@@ -104,9 +130,7 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
         if r % AIMS == N_ and rows.planes[r // AIMS, FORMULA] >= 0:
             aims[r, 0] = 1.0  # a gradient has no value at 0
     for probe in range(-1, 2 * planes):
-        if probe >= 0 and aims[AIMS * (probe // 2) + LEADING, 0] < 0.0:
-            continue
-        if probe >= 0 and is_face(rows, probe // 2):
+        if probe >= 0 and not begins_flat(flow, probe // 2):
             continue
         bent = probe >= 0 and rows.planes[probe // 2, FORMULA] >= 0
         if probe >= 0:
@@ -132,8 +156,7 @@ def any_bends(flow: Flow) -> bool:
     """Whether a slip begins that changes the normal force which presses it."""
     found = False
     for p in range(len(flow.rows.planes)):
-        bends = flow.rows.planes[p, BENDS] == 1 and not is_face(flow.rows, p)
-        found = found or (begins_in(flow, p) and bends)
+        found = found or (begins_flat(flow, p) and flow.rows.planes[p, BENDS] == 1)
     return found
 
 
@@ -157,7 +180,7 @@ def respond_at(machine: Machine, flow: Flow, at: Instant, table: Array, slopes: 
     planes = len(rows.planes)
     for probe in range(-1, 2 * planes if slopes else 0):
         row = AIMS * (probe // 2) + N_ + probe % 2
-        if probe >= 0 and (not begins_in(flow, probe // 2) or is_face(rows, probe // 2)):
+        if probe >= 0 and not begins_flat(flow, probe // 2):
             continue
         if probe >= 0:
             aims[row, 1] = 1.0
@@ -176,7 +199,90 @@ def respond_at(machine: Machine, flow: Flow, at: Instant, table: Array, slopes: 
                 answer[i, probe] = 2.0 * table[ahead, 2] - aims[base, 1]
     for i in range(2 * planes):
         for j in range(2 * planes):
-            if begins_in(flow, j // 2) and not is_face(rows, j // 2):
+            if begins_flat(flow, j // 2):
                 base = AIMS * (i // 2) + BX + i % 2
                 aims[base, 0] -= answer[i, j] * aims[AIMS * (j // 2) + N_ + j % 2, 0]
     return OK
+
+
+@compiled(brief=True)
+def span_rates(flow: Flow) -> int:
+    """An orthonormal basis of the velocities that a body can have, from what directions make of
+    them, as rows; returns how many there are."""
+    rows = flow.rows
+    answer, span = flow.space.answer, flow.space.span
+    n = 2 * len(rows.planes)
+    largest = 0.0
+    for j in range(n):
+        for i in range(n if begins_in(flow, j // 2) else 0):
+            largest = max(largest, abs(answer[i, j]))
+    rank = 0
+    for j in range(n):
+        if not begins_in(flow, j // 2):
+            continue
+        size = 0.0
+        for i in range(n):
+            span[rank, i] = answer[i, j] if begins_in(flow, i // 2) else 0.0
+            size = max(size, abs(span[rank, i]))
+        # What the body cannot do is answered by rounding errors.
+        if size > _ANSWERED * largest and is_new(n, span, rank, _NEW):
+            rank += 1
+    return rank
+
+
+@compiled(brief=True)
+def speed_along(flow: Flow, rank: int, way: Array, i: int) -> float:
+    """Component i of Z V."""
+    found = 0.0
+    for r in range(rank):
+        found += flow.space.span[r, i] * way[r]
+    return found
+
+
+@compiled(brief=True)
+def part_in_span(flow: Flow, rank: int, row: int, m: int, out: Array) -> None:
+    """Zᵀ of order m of a pair of rows of the directions, of all slips that begin.
+
+    Parameters
+    ----------
+    flow : Flow
+    rank : int
+        Number of vectors of Z.
+    row, m : int
+        The first row, and the order.
+    out : array
+        Receives the result.
+    """
+    aims = flow.space.aims
+    for r in range(rank):
+        out[r] = 0.0
+        for i in range(2 * len(flow.rows.planes)):
+            if begins_in(flow, i // 2):
+                out[r] += flow.space.span[r, i] * aims[AIMS * (i // 2) + row + i % 2, m]
+
+
+@compiled(brief=True)
+def answer_to(flow: Flow, rank: int, row: int, m: int, factor: float, out: Array) -> None:
+    """Add a multiple of ZᵀÂ of order m of a pair of rows of the directions.
+
+    Parameters
+    ----------
+    flow : Flow
+    rank : int
+        Number of vectors of Z.
+    row, m : int
+        The first row, and the order.
+    factor : float
+    out : array
+        Is added to.
+    """
+    aims, answer, span = flow.space.aims, flow.space.answer, flow.space.span
+    n = 2 * len(flow.rows.planes)
+    for j in range(n):
+        if not begins_in(flow, j // 2):
+            continue
+        x = factor * aims[AIMS * (j // 2) + row + j % 2, m]
+        for i in range(n if x != 0.0 else 0):
+            if begins_in(flow, i // 2):
+                for r in range(rank):
+                    out[r] += span[r, i] * answer[i, j] * x

@@ -1,4 +1,9 @@
-"""The sets of forces of single contacts, by their support functions.
+"""Contacts as blocks: directions, the sizes of what is said of these, and sets of forces.
+
+A contact is a block of directions: one along a line, two in a plane, three of a face. It is named
+by the first of them, and what is asked of a contact is asked of that; `Rows.contacts` lists these,
+:func:`.directions_of` has all directions of one. What differs from kind to kind is asked here:
+what slips along a direction of its own, which rows have the radius, where the middle is.
 
 A contact holds the forces m + s K: m is a middle of the set, s its radius, and K an interval, a
 disc, or what a formula R makes of the forces −∂R(0), of which a function of the system tells the
@@ -11,10 +16,29 @@ from __future__ import annotations
 
 import math
 
-from stickslip.motion.steps.arrays import COMPONENT, FORMULA, NOWHERE, THIRD_PART, Flow, Rows
+from stickslip.arrays import Array
+from stickslip.motion.steps.arrays import (
+    FORMULA,
+    LEAD,
+    MASSIVE,
+    NOWHERE,
+    ON_INERTIAL,
+    ON_VISCOUS,
+    STATIC,
+    WIDEST,
+    Flow,
+    Rows,
+    Space,
+    block_of,
+    directions_of,
+    is_loose,
+)
 from stickslip.motion.steps.vectors import direction_and_turn
 from stickslip.translator import compiled
 
+# Rows of Space.along: the unit vector at which support functions are asked, how a mechanism moves a
+# contact, and a force inside its set.
+_UNIT, MOVED, _INNER = range(3)
 # Of each formula in Space.supported: S, its first and second derivatives (xx, xy, xz, yy, yz, zz),
 # and the middle.
 _VALUE, _X, _Y, _Z, _XX, _XY, _XZ, _YY, _YZ, _ZZ, _MIDDLE = range(11)
@@ -23,16 +47,134 @@ _ANGLES = 32  # in which the forces of a formula are compared with S
 _MOST_TURNS = 32  # of Newton's method between them
 
 
+@compiled()
+def plane_of(rows: Rows, c: int) -> Array:
+    """The rows of a contact in a plane, by one of its directions."""
+    return rows.planes[rows.plane[c]]
+
+
+@compiled(brief=True)
+def slips_with_mass(rows: Rows, mode: Array, p: int) -> bool:
+    """Whether a contact in a plane slips, moves masses and is pressed: then its friction has the
+    direction of its velocity."""
+    c = rows.planes[p, LEAD]
+    slips = rows.planes[p, MASSIVE] == 1 and 1 <= mode[c] <= 2
+    return bool(slips and not is_loose(rows, mode, c))
+
+
+@compiled()
+def width_of(rows: Rows, p: int) -> int:
+    """The number of directions of a contact in a plane: one of two numbers, so that loops over them
+    can be unrolled."""
+    return 2 if len(directions_of(rows, rows.planes[p, LEAD])) == 2 else 3
+
+
+@compiled()
+def second_of(rows: Rows, c: int) -> int:
+    """The second direction of a contact in a plane, by its first one."""
+    return int(rows.directions[rows.first_direction[c] + 1])
+
+
+@compiled()
+def is_rate_independent(rows: Rows, c: int) -> bool:
+    """Whether a contact moves coordinates that have neither mass nor viscosity."""
+    return bool(c >= rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS])
+
+
+@compiled()
+def rate_terms(rows: Rows, mag: Array, c: int) -> float:
+    """The size of the terms of the rate of a relative velocity; that of the velocity is mag[c]."""
+    return float(mag[len(rows.u) + c])
+
+
+@compiled()
+def force_terms(rows: Rows, mag: Array, c: int) -> float:
+    """The size of the terms of a force."""
+    return float(mag[2 * len(rows.u) + c])
+
+
+@compiled()
+def kink_terms(rows: Rows, mag: Array, j: int) -> float:
+    """The size of the terms of the guard of a kink."""
+    return float(mag[3 * len(rows.u) + j])
+
+
+@compiled()
+def gap_terms(rows: Rows, mag: Array, c: int) -> float:
+    """The size of the terms of a gap."""
+    return float(mag[3 * len(rows.u) + len(rows.kinks) + c])
+
+
+@compiled(brief=True)
+def whole_speed(rows: Rows, mag: Array, c: int) -> float:
+    """The sum of the sizes of the relative velocities in all directions of a contact."""
+    size = 0.0
+    for i in directions_of(rows, c):
+        size += mag[i]
+    return float(size)
+
+
+@compiled(brief=True)
+def whole_rate(rows: Rows, mag: Array, c: int) -> float:
+    """The same of their rates."""
+    size = 0.0
+    for i in directions_of(rows, c):
+        size += rate_terms(rows, mag, i)
+    return size
+
+
+@compiled()
+def gap_size(rows: Rows, space: Space, c: int) -> float:
+    """What the rounding errors of a gap are measured against: its terms, and how wide it has been,
+    since a motion does not know its place any better."""
+    return max(gap_terms(rows, space.mag, c), float(space.impact[WIDEST, c]))
+
+
+@compiled(brief=True)
+def remember_gaps(rows: Rows, space: Space, seen: Array) -> None:
+    """Keep how wide the gaps of a motion have been, from the sizes of the rows that bound its
+    steps."""
+    for c in rows.openings:
+        for i in range(len(rows.watched)):
+            if rows.watched[i] == rows.gaps[c]:
+                space.impact[WIDEST, c] = seen[i]
+
+
 @compiled(brief=True)
 def formula_of(rows: Rows, c: int) -> int:
     """The number of the formula of a contact; negative for others."""
-    return int(rows.planes[rows.plane[c], FORMULA] if rows.plane[c] >= 0 else NOWHERE)
+    return int(plane_of(rows, c)[FORMULA] if rows.plane[c] >= 0 else NOWHERE)
 
 
 @compiled(brief=True)
 def axis_of(flow: Flow, c: int) -> float:
-    """The axis of a component of a contact in a plane; of others 1."""
-    return float(flow.k.J[c, flow.k.J.shape[1] - 3])
+    """The axis of a direction, by which its force is measured; 1 for contacts along a line."""
+    return float(flow.k.J[c, flow.k.J.shape[1] - 3] if flow.rows.group[c] >= 0 else 1.0)
+
+
+@compiled(brief=True)
+def radius_row(rows: Rows, c: int) -> int:
+    """The row of the radius of the set of forces of a contact; on a line, where slip forward and
+    back have thresholds of their own, that of the first."""
+    return int(plane_of(rows, c)[STATIC] if rows.plane[c] >= 0 else rows.plus[c])
+
+
+@compiled(brief=True)
+def radius_at(rows: Rows, table: Array, c: int, k: int) -> float:
+    """Order k of the radius of the set of forces of a contact."""
+    radius = table[radius_row(rows, c), k]
+    return float(radius if rows.plane[c] >= 0 else 0.5 * (radius + table[rows.minus[c], k]))
+
+
+@compiled(brief=True)
+def middle_at(flow: Flow, table: Array, c: int, k: int) -> float:
+    """Order k of the middle of the set of forces of a contact, along one of its directions."""
+    rows = flow.rows
+    if formula_of(rows, c) >= 0:
+        return radius_at(rows, table, c, k) * middle_of(flow, c)
+    if rows.plane[c] >= 0:
+        return 0.0
+    return float(0.5 * (table[rows.minus[c], k] - table[rows.plus[c], k]))
 
 
 @compiled(brief=True)
@@ -47,7 +189,8 @@ def find_support(flow: Flow, f: int, x: float, y: float, z: float) -> int:
     x, y, z : float
         The vector.
     """
-    along, out = flow.space.along, flow.space.supported
+    along = flow.space.along[_UNIT]
+    out = flow.space.supported
     # At a unit vector nothing overflows.
     length = math.sqrt(x * x + y * y + z * z)
     along[0], along[1], along[2] = x / length, y / length, z / length
@@ -61,12 +204,12 @@ def find_support(flow: Flow, f: int, x: float, y: float, z: float) -> int:
 
 @compiled(brief=True)
 def middle_of(flow: Flow, c: int) -> float:
-    """The middle of the set of a contact that has a formula, for radius 1, along this component."""
+    """The middle of the set of a contact that has a formula, for radius 1, along a direction."""
     at = find_support(flow, formula_of(flow.rows, c), 1.0, 0.0, 0.0)
-    plane = flow.rows.planes[flow.rows.plane[c]]
+    block = block_of(flow.rows, c)
     side = 0
-    for i in range(3):
-        side = i if plane[COMPONENT + i] == c else side
+    for i in range(len(block)):
+        side = i if block[i] == c else side
     return float(flow.space.supported[at + _MIDDLE + side])
 
 
@@ -105,56 +248,59 @@ def bend_at(flow: Flow, f: int, i: int, j: int) -> float:
 
 
 @compiled(brief=True)
-def support_at(flow: Flow, c: int, x: float, y: float, z: float) -> float:
+def support_at(flow: Flow, c: int, w: Array) -> float:
     """S of a contact.
 
     Parameters
     ----------
     flow : Flow
     c : int
-        The contact, by its first component.
-    x, y, z : float
+        The contact, by its first direction.
+    w : array, shape (3,)
         Where S is wanted.
     """
     f = formula_of(flow.rows, c)
-    if f < 0 or (x == 0.0 and y == 0.0 and z == 0.0):
-        return math.hypot(x, y)
-    at = find_support(flow, f, x, y, z)
+    if f < 0 or (w[0] == 0.0 and w[1] == 0.0 and w[2] == 0.0):
+        return math.hypot(w[0], w[1])
+    at = find_support(flow, f, w[0], w[1], w[2])
     return float(flow.space.supported[at])
 
 
 @compiled(brief=True)
-def inner_force(
-    flow: Flow, c: int, radius: float, x: float, y: float, z: float
-) -> tuple[float, float, float]:
-    """A force inside the set of a contact, the gradient of s √(1 + S²).
+def inner_force(flow: Flow, c: int, radius: float, w: Array) -> Array:
+    """A force inside the set of a contact, the gradient of s √(1 + S²), in the work space.
 
     Parameters
     ----------
     flow : Flow
     c : int
-        The contact, by its first component.
+        The contact, by its first direction.
     radius : float
         Of the set.
-    x, y, z : float
+    w : array, shape (3,)
         Where the gradient is wanted.
     """
-    f = formula_of(flow.rows, c)
-    if f < 0:
-        share = radius / math.sqrt(1.0 + x * x + y * y)
-        return share * x, share * y, 0.0
-    if x == 0.0 and y == 0.0 and z == 0.0:
-        return 0.0, 0.0, 0.0
-    at = find_support(flow, f, x, y, z)
+    force = flow.space.along[_INNER]
     out = flow.space.supported
-    S = float(out[at])
-    share = radius * S / math.sqrt(1.0 + S * S)
-    return float(share * out[at + _X]), float(share * out[at + _Y]), float(share * out[at + _Z])
+    f = formula_of(flow.rows, c)
+    rests = w[0] == 0.0 and w[1] == 0.0 and w[2] == 0.0
+    if f < 0:
+        share = radius / math.sqrt(1.0 + w[0] * w[0] + w[1] * w[1])
+        force[0], force[1], force[2] = share * w[0], share * w[1], 0.0
+    elif rests:
+        force[0] = force[1] = force[2] = 0.0
+    else:
+        at = find_support(flow, f, w[0], w[1], w[2])
+        S = out[at]
+        share = radius * S / math.sqrt(1.0 + S * S)
+        for i in range(3):
+            force[i] = share * out[at + _X + i]
+    return force
 
 
 @compiled(brief=True)
 def inner_bend(
-    flow: Flow, c: int, x: float, y: float, z: float
+    flow: Flow, c: int, w: Array
 ) -> tuple[float, float, float, float, float, float, float]:
     """The second derivatives of √(1 + S²), by xx, yy, xy, xz, yz and zz, times that root, and the
     root.
@@ -163,20 +309,21 @@ def inner_bend(
     ----------
     flow : Flow
     c : int
-        The contact, by its first component.
-    x, y, z : float
+        The contact, by its first direction.
+    w : array, shape (3,)
+        Where they are wanted.
     """
     f = formula_of(flow.rows, c)
     if f < 0:
-        _, _, xx, yy, xy, root = direction_and_turn(x, y, 1.0)
+        _, _, xx, yy, xy, root = direction_and_turn(w[0], w[1], 1.0)
         return xx, yy, xy, 0.0, 0.0, 0.0, root
-    if x != 0.0 or y != 0.0 or z != 0.0:
-        return inner_bend_along(flow, f, x, y, z, 0.0)
+    if w[0] != 0.0 or w[1] != 0.0 or w[2] != 0.0:
+        return inner_bend_along(flow, f, w[0], w[1], w[2], 0.0)
     # S² has second derivatives at 0 along each way only: something between them.
     a, b, d, e, g, h, _ = inner_bend_along(flow, f, 1.0, 0.0, 0.0, 1.0)
     i, j, k, m, n, o, _ = inner_bend_along(flow, f, 0.0, 1.0, 0.0, 1.0)
     a, b, d, e, g, h = a + i, b + j, d + k, e + m, g + n, h + o
-    if flow.rows.planes[flow.rows.plane[c], THIRD_PART] >= 0:
+    if len(directions_of(flow.rows, c)) > 2:
         i, j, k, m, n, o, _ = inner_bend_along(flow, f, 0.0, 0.0, 1.0, 1.0)
         a, b, d, e, g, h = a + i, b + j, d + k, e + m, g + n, h + o
     return 0.5 * a, 0.5 * b, 0.5 * d, 0.5 * e, 0.5 * g, 0.5 * h, 1.0
@@ -220,7 +367,7 @@ def force_outside(flow: Flow, c: int, radius: float, a: float, b: float) -> floa
     ----------
     flow : Flow
     c : int
-        The contact, by its first component.
+        The contact, by its first direction.
     radius : float
         Of the set.
     a, b : float
@@ -229,7 +376,7 @@ def force_outside(flow: Flow, c: int, radius: float, a: float, b: float) -> floa
     f = formula_of(flow.rows, c)
     if f < 0:
         return math.hypot(a, b) - radius
-    if flow.rows.planes[flow.rows.plane[c], THIRD_PART] >= 0:
+    if len(directions_of(flow.rows, c)) > 2:
         return math.inf
     most = -math.inf
     width = 2.0 * math.pi / _ANGLES

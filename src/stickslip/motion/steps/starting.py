@@ -26,28 +26,22 @@ from stickslip.motion.steps.arrays import (
     AIM,
     AIM_SPEED,
     ASIDE,
-    ATOP,
     BENDS,
-    COMPONENT,
     DIMENSION,
     EPSILON,
     FEWEST_ORDERS,
     FIRED,
     FORMULA,
     INSTANT,
-    MASSIVE,
+    LEAD,
     OK,
-    ON_INERTIAL,
-    ON_VISCOUS,
-    OTHER,
     ROUNDING,
     SEAT,
-    THIRD_PART,
     Flow,
     Instant,
     Machine,
     Rows,
-    is_loose,
+    directions_of,
     plain_coefficients,
     set_mode,
 )
@@ -63,7 +57,6 @@ from stickslip.motion.steps.response import (
     AIMS,
     BX,
     BY,
-    BZ,
     LEADING,
     M_,
     N_,
@@ -73,12 +66,15 @@ from stickslip.motion.steps.response import (
     X,
     Y,
     any_bends,
-    is_face,
+    begins_as_face,
+    begins_flat,
     place_aims,
     place_speeds,
+    rate_row,
     respond,
     respond_at,
 )
+from stickslip.motion.steps.sets import is_rate_independent, slips_with_mass, whole_speed, width_of
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled
 
@@ -108,16 +104,8 @@ def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: A
         OK, or SINGULAR or INDEFINITE, what keeps the equations from being solved.
     """
     for plane in flow.rows.planes:
-        aim = plane[AIM]
-        nowhere = table[aim, 0] == 0.0 and table[aim + 1, 0] == 0.0
-        if plane[THIRD_PART] >= 0:
-            nowhere = nowhere and table[aim + 2, 0] == 0.0
-        if plane[FORMULA] >= 0 and nowhere:
-            # Until it is known: a gradient has no value at 0. Both pieces of a disc have one where
-            # its rim is at rest.
-            table[aim, 0] = 1.0
-            if plane[THIRD_PART] >= 0:
-                table[aim, 0] = table[aim + 2, 0] = math.sqrt(0.5)
+        if plane[FORMULA] >= 0:
+            place_anywhere(flow.rows, plane, table)
     status = plain_coefficients(machine, flow, at, order, table)
     if status != OK or len(flow.rows.planes) == 0:
         return status
@@ -127,17 +115,30 @@ def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: A
     elif aimed:
         status = plain_coefficients(machine, flow, at, order, table)
     for plane in flow.rows.planes:
-        if aimed and at.mode[plane[COMPONENT]] == DIRECTION_GIVEN:
-            set_mode(flow.rows, at.mode, plane[COMPONENT], 1)
+        if aimed and at.mode[plane[LEAD]] == DIRECTION_GIVEN:
+            set_mode(flow.rows, at.mode, plane[LEAD], 1)
     return status
+
+
+@compiled(inline=True)
+def place_anywhere(rows: Rows, plane: Array, table: Array) -> None:
+    """Put some direction of a contact that has a formula, until it is known: a gradient has no
+    value at 0. Both pieces of a disc have one where its rim is at rest."""
+    aim = plane[AIM]
+    width = len(directions_of(rows, plane[LEAD]))
+    for i in range(width):
+        if table[aim + i, 0] != 0.0:
+            return
+    table[aim, 0] = 1.0
+    if width > 2:
+        table[aim, 0] = table[aim + 2, 0] = math.sqrt(0.5)
 
 
 @compiled()
 def is_prescribed(rows: Rows, c: int) -> bool:
     """Whether a contact is one between motions that are given: it is not part of a linear
     problem."""
-    massless = rows.sizes[ON_INERTIAL] + rows.sizes[ON_VISCOUS]
-    return bool(c < massless and rows.homes[c, SEAT] < 0)
+    return bool(not is_rate_independent(rows, c) and rows.homes[c, SEAT] < 0)
 
 
 @compiled()
@@ -159,13 +160,13 @@ def aim_prescribed(flow: Flow, mode: Array, table: Array) -> bool:
     clock = rows.sizes[DIMENSION]
     late = _LATE * INSTANT * abs(table[clock, 0]) / table[clock, 1]
     for plane in rows.planes:
-        c, aim = plane[COMPONENT], plane[AIM]
+        c, aim = plane[LEAD], plane[AIM]
         if not 1 <= mode[c] <= 2 or not is_prescribed(rows, c):
             continue
-        if plane[THIRD_PART] >= 0:
+        if len(directions_of(rows, c)) > 2:
             continue  # is not declared
         x, y = table[plane[AHEAD]], table[plane[ASIDE]]
-        still = _LATE * ROUNDING * (mag[c] + mag[plane[OTHER]]) + late * math.hypot(x[1], y[1])
+        still = _LATE * ROUNDING * whole_speed(rows, mag, c) + late * math.hypot(x[1], y[1])
         if not math.hypot(x[0], y[0]) <= still:
             continue
         largest = 0.0
@@ -205,10 +206,7 @@ def begins(flow: Flow, mode: Array, table: Array) -> bool:
     rows = flow.rows
     found = False
     for p in range(len(rows.planes)):
-        c = rows.planes[p, COMPONENT]
-        moves = mode[c] == 1 or mode[c] == 2
-        slips = rows.planes[p, MASSIVE] == 1 and moves and not is_loose(rows, mode, c)
-        starts = slips and table[rows.planes[p, AIM_SPEED], 0] == 0.0
+        starts = slips_with_mass(rows, mode, p) and table[rows.planes[p, AIM_SPEED], 0] == 0.0
         flow.space.aims[AIMS * p + LEADING, 0] = 0.0 if starts else -1.0
         found = found or starts
     return found
@@ -262,16 +260,15 @@ def begin_slips(machine: Machine, flow: Flow, at: Instant, order: int, table: Ar
             return status
         for p in range(len(rows.planes)):
             for i in range(2):
-                aims[AIMS * p + BX + i, m] = work[rows.planes[p, AHEAD + i], m + 1]
                 aims[AIMS * p + OX + i, m] = work[rows.planes[p, AHEAD + i], needed - 1]
-            if is_face(rows, p):
-                aims[AIMS * p + BZ, m] = work[rows.planes[p, ATOP], m + 1]
+            for i in range(width_of(rows, p)):
+                aims[AIMS * p + rate_row(i), m] = work[rows.planes[p, AHEAD + i], m + 1]
         if rank > 0:
             aim_order_together(flow, rank, m)
         else:
             aim_order(flow, m)
             for p in range(len(rows.planes)):
-                if is_face(rows, p) and aims[AIMS * p + LEADING, 0] >= 0.0:
+                if begins_as_face(flow, p):
                     aim_face_order(flow, p, m)
     place_aims(flow, table, order)
     status = plain_coefficients(machine, flow, at, order, table)
@@ -345,7 +342,7 @@ def aim_first(flow: Flow) -> None:
         change = 0.0
         for p in range(planes):
             base = AIMS * p
-            if aims[base + LEADING, 0] < 0.0 or is_face(flow.rows, p):
+            if not begins_flat(flow, p):
                 continue
             x, y = coupled(flow, p, N_, 0)
             x += aims[base + BX, 0]
@@ -394,7 +391,7 @@ def aim_where_it_bends(machine: Machine, flow: Flow, at: Instant, table: Array) 
     status = OK
     for p in range(planes):
         base = AIMS * p
-        if aims[base + LEADING, 0] < 0.0 or rows.planes[p, BENDS] == 0 or is_face(rows, p):
+        if not begins_flat(flow, p) or rows.planes[p, BENDS] == 0:
             continue
         best, angle = -math.inf, math.atan2(aims[base + M_, 0], aims[base + N_, 0])
         before, low = 0.0, 0.0
@@ -557,7 +554,7 @@ def aim_order(flow: Flow, m: int) -> None:
         for p in range(planes):
             base = AIMS * p
             leading = int(aims[base + LEADING, 0])
-            if leading < 0 or is_face(flow.rows, p):
+            if not begins_flat(flow, p):
                 continue
             n, o = aims[base + N_, 0], aims[base + M_, 0]
             x, y = coupled(flow, p, X, m)
@@ -609,7 +606,7 @@ def aim_order(flow: Flow, m: int) -> None:
     for p in range(planes):
         base = AIMS * p
         leading = int(aims[base + LEADING, 0])
-        if leading < 0 or is_face(flow.rows, p):
+        if not begins_flat(flow, p):
             continue
         aims[base + N_, m], aims[base + M_, m] = aims[base + X, m], aims[base + Y, m]
         rho = aims[base + SPARE, m]

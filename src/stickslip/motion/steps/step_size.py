@@ -28,27 +28,26 @@ from stickslip.motion.discs.tables import (
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     AIM_SPEED,
-    COMPONENT,
     DIMENSION,
     EPSILON,
     INERTIAL,
     INSTANT,
+    LEAD,
     MASSIVE,
-    ON_INERTIAL,
     ROUNDING,
     Flow,
     Instant,
     Machine,
     Rows,
-    parts_of,
+    directions_of,
     tape_of,
-    whole_size,
 )
 from stickslip.motion.steps.directions import (
     follow_directions,
     forget_directions,
     spread_given,
 )
+from stickslip.motion.steps.sets import rate_terms, whole_speed
 from stickslip.motion.steps.starting import coefficients
 from stickslip.translator import compiled
 
@@ -96,7 +95,7 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
         if W[r, N - 1] == 0.0 and W[r, N if i < n else N - 2] == 0.0:
             h = min(h, sparse_step(W[r], N if i < n else N - 1, tol))
         value, slope = abs(W[r, 0]), abs(W[r, 1])
-        if len(flow.rows.planes) > 0 and not seen[i] > 0.0:
+        if not seen[i] > 0.0:
             # Where a motion is followed again, the direction of a slip counts, and not its smaller
             # component.
             other = companion(flow.rows, r)
@@ -145,9 +144,9 @@ def made(flow: Flow, i: int, last: float) -> float:
     rows, mag = flow.rows, flow.space.mag
     if i < rows.sizes[INERTIAL]:
         return float(mag[rows.noise[rows.program.rates[i]]] * last * last)
-    for c in range(rows.sizes[ON_INERTIAL]):
+    for c in rows.openings:
         if rows.gaps[c] == rows.watched[i]:
-            return float(mag[len(rows.u) + c] * last * last)
+            return rate_terms(rows, mag, c) * last * last
     return 0.0
 
 
@@ -173,11 +172,11 @@ def is_silent(rows: Rows, W: Array, r: int) -> bool:
 @compiled()
 def companion(rows: Rows, row: int) -> int:
     """The relative velocity in the next direction of a plane, or a face; any other row itself."""
-    for p in range(len(rows.planes)):
-        parts = parts_of(rows, p)
-        for i in range(parts):
-            if row == rows.u[rows.planes[p, COMPONENT + i]]:
-                return int(rows.u[rows.planes[p, COMPONENT + (i + 1) % parts]])
+    for plane in rows.planes:
+        block = directions_of(rows, plane[LEAD])
+        for i in range(len(block)):
+            if row == rows.u[block[i]]:
+                return int(rows.u[block[(i + 1) % len(block)]])
     return row
 
 
@@ -338,7 +337,7 @@ def shortened_step(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -
         # judged sooner by the wide disc alone.
         narrow = len(rows.pieces) > 0 or (massive and turn == 0)
         excess = unseen(flow, mode, reg, h, seen, narrow)
-        if excess > 1.0 and turn == 0 and len(rows.planes) > 0:
+        if excess > 1.0 and turn == 0:
             near = up_to_rest(flow, mode, h)
             ends = near != h
             h = near
@@ -372,13 +371,13 @@ def up_to_rest(flow: Flow, mode: Array, h: float) -> float:
     unit = W[n, 1]
     first, clear = np.inf, np.inf
     for p in range(len(rows.planes)):
-        c = rows.planes[p, COMPONENT]
+        c = rows.planes[p, LEAD]
         speed = W[rows.planes[p, AIM_SPEED]]
         if rows.planes[p, MASSIVE] == 0 or mode[c] == 0 or not speed[0] > 0.0:
             continue
         end, slope = slip_end(speed, flow.order, h / unit)
         if end < np.inf:
-            vague = ROUNDING * whole_size(rows, mag, p, 0) / slope
+            vague = ROUNDING * whole_speed(rows, mag, c) / slope
             late = 2.0 * (vague * unit + INSTANT * abs(W[n, 0]))
             first = min(first, end * unit)
             clear = min(clear, end * unit + max(late, _BEYOND * end * unit))

@@ -32,10 +32,10 @@ from stickslip.motion.discs.tables import BALL, OFF
 from stickslip.motion.steps.arrays import (
     AIM_SPEED,
     CAUSE,
-    COMPONENT,
     DIMENSION,
     IMPLICIT,
     INSTANT,
+    LEAD,
     MASSIVE,
     MOST_IMPLICIT,
     Flow,
@@ -228,7 +228,7 @@ def leads_to_rest(flow: Flow, start: Instant, room: float, seen: Array) -> bool:
     unit = W[rows.sizes[DIMENSION], 1]
     for p in range(len(rows.planes)):
         speed = rows.planes[p, AIM_SPEED]
-        slips = start.mode[rows.planes[p, COMPONENT]] != 0 and W[speed, 0] > 0.0
+        slips = start.mode[rows.planes[p, LEAD]] != 0 and W[speed, 0] > 0.0
         if rows.planes[p, MASSIVE] == 0 or not slips:
             continue
         end, _ = slip_end(W[speed], flow.order, 2.0 * room / unit)

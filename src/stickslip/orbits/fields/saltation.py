@@ -629,7 +629,7 @@ def _modes(equations: MotionEquations, near: set[int]) -> Iterator[Mode]:
         choices.append((0, 1) if i in near else (0, *sliding) if rubs and not c.opens else (1,))
     for mode in product(*choices):
         # What takes no part rubs in no way, and components slip together.
-        apart = any(len({mode[i] for i in plane.parts}) > 1 for plane in equations.planes)
+        apart = any(len({mode[i] for i in own}) > 1 for own in equations.directions.values())
         if not apart and all(
             mode[i] == 1
             for i in range(len(mode))

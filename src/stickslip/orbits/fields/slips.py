@@ -151,14 +151,14 @@ def _events(
         t, y, p.
     """
     left, right = pieces
-    seconds = {part for plane in equations.planes for part in plane.parts[1:]}
     stopped: list[int] = []
     begun: list[int] = []
-    for c, (m, n) in enumerate(zip(left.field.mode, right.field.mode, strict=True)):
+    for c, own in equations.directions.items():
+        m = left.field.mode[c]
+        n = right.field.mode[c]
         plane = equations.contacts[c].plane
-        if c in seconds or not (plane or c in equations.sharing):
+        if not (plane or c in equations.sharing):
             continue
-        own = _parts(equations, c)
         loose = right.field.contacts[c].loose or left.field.contacts[c].loose
         passes = bool(plane) and m != 0 and n != 0 and not loose
         passes = passes and equations.contacts[c].kind == Kind.INERTIAL
@@ -189,7 +189,7 @@ def _freedom(
     """
     state = piece.field.state
     moving = [state.index(f"d_{q}") for q in equations.declaration.inertial]
-    own = [part for c in contacts for part in _parts(equations, c)]
+    own = [part for c in contacts for part in equations.directions[c]]
     J = np.array([piece.velocity(c, *at)[2:] for c in own])[:, moving]
     bounds = piece.bounds(*at).slopes[:, moving]
     left = J - J @ np.linalg.pinv(bounds, rcond=_DEPENDENT) @ bounds if len(bounds) else J
@@ -239,7 +239,7 @@ def _stopping(
         t, y, p right before.
     rates : array, shape (n,)
     """
-    own = [part for c in contacts for part in _parts(equations, c)]
+    own = [part for c in contacts for part in equations.directions[c]]
     table = np.array([piece.velocity(c, *at) for c in own])
     u, time, slopes = table[:, 0], table[:, 1], table[:, 2:]
     state = piece.field.state
@@ -249,11 +249,6 @@ def _stopping(
     weight = np.linalg.pinv(J @ np.linalg.solve(M, J.T), rcond=_DEPENDENT) @ u
     weight /= np.sqrt(max(float(u @ weight), 1e-300))
     return _passing(float(weight @ time), weight @ slopes, rates)
-
-
-def _parts(equations: MotionEquations, c: int) -> tuple[int, ...]:
-    """A contact, by its first component, with the other one."""
-    return next((plane.parts for plane in equations.planes if plane.parts[0] == c), (c,))
 
 
 def _leaving(piece: Piece, plane: Plane, at: tuple[float, Array, Array], rates: Array) -> _Passing:
@@ -342,7 +337,6 @@ def _loosening(
     """
     piece = pieces[0]
     group = equations.sharing[contacts[0]]
-    seconds = {part for plane in equations.planes for part in plane.parts[1:]}
     mode = piece.field.mode
     own = [c for c, g in equations.sharing.items() if g == group and mode[c] == 0]
     names = equations.declaration.inertial
@@ -354,9 +348,7 @@ def _loosening(
         return ex.evaluate(e, values)
 
     J = {c: np.array([number(e) for e in along[c]]) for c in own}
-    rests = [
-        part for c in own if c not in seconds and c not in contacts for part in _parts(equations, c)
-    ]
+    rests = [part for c in own if c not in contacts for part in equations.directions.get(c, ())]
     held = np.array([J[c] for c in rests]).reshape(-1, len(names))
     # The least that friction loses, Σ R(Gw), for a unit of work q·w, over the mechanisms that leave
     # the others at rest.
@@ -365,7 +357,7 @@ def _loosening(
     shapes: list[tuple[Array, float]] = []
     limits: dict[int, ex.Expr] = {}
     for c in contacts:
-        parts = _parts(equations, c)
+        parts = equations.directions[c]
         slips_back = len(parts) == 1 and pieces[1].field.mode[c] < 0
         plane = next((plane for plane in equations.planes if plane.parts[0] == c), None)
         axes = [ex.ONE] if plane is None else list(plane.axes)
@@ -385,7 +377,7 @@ def _loosening(
     # what is left for those that stay at rest
     left = sum((number(fields[c].force) * J[c] for c in own), np.zeros(len(names)))
     for c in contacts:
-        parts = _parts(equations, c)
+        parts = equations.directions[c]
         if len(parts) == 1:
             sign = -1.0 if pieces[1].field.mode[c] < 0 else 1.0
             terms.append((limits[c] * speed(c), sign))

@@ -8,7 +8,8 @@ import numpy as np
 from stickslip.arrays import Array, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.jumps import fired_jump
-from stickslip.motion.steps.arrays import COMPONENT, MASSIVE, Rows, opens
+from stickslip.motion.steps.arrays import MASSIVE, Rows, is_open
+from stickslip.motion.steps.sets import plane_of
 from stickslip.orbits.fields.engine.interpreter import perform
 from stickslip.orbits.fields.engine.tables import (
     ALIKE,
@@ -233,10 +234,16 @@ def pass_event(listed: Listed, run: Pass, work: PassSpace, i: int, last: int) ->
 @compiled()
 def slides(rows: Rows, run: Pass, i: int) -> bool:
     """Whether something with mass slips in a plane in the step from a knot."""
-    for p in range(len(rows.planes)):
-        if rows.planes[p, MASSIVE] == 1 and run.knots.mode[i, rows.planes[p, COMPONENT]] != 0:
-            return True
-    return False
+    found = False
+    for c in rows.contacts:
+        found = found or (run.knots.mode[i, c] != 0 and moves_masses_in_plane(rows, c))
+    return found
+
+
+@compiled()
+def moves_masses_in_plane(rows: Rows, c: int) -> bool:
+    """Whether a contact is one in a plane, and moves masses."""
+    return bool(rows.plane[c] >= 0 and plane_of(rows, c)[MASSIVE] == 1)
 
 
 @compiled()
@@ -256,17 +263,17 @@ def turns_about(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) 
     slips = False
     for c in range(len(rows.group)):
         before, after = run.knots.mode[i - 1, c], run.knots.mode[i, c]
-        if rows.plane[c] >= 0 or rows.group[c] >= 0:
-            if before != after:
-                return True
-            slips = slips or (after != 0 and rows.plane[c] >= 0)
+        in_plane = rows.plane[c] >= 0
+        if before != after and (in_plane or rows.group[c] >= 0):
+            return True
+        slips = slips or (after != 0 and in_plane)
     if not slips:
         return False
     guards_at(listed, run, work.values, run.piece[i - 1], i, work.around)
     for g in range(listed.switches.shape[1]):
         c = listed.switches[run.piece[i - 1], g] - len(rows.kinks)
-        stands = c >= 0 and rows.plane[c] >= 0 and run.knots.mode[i, c] != 0
-        if stands and work.around.value[g] == 0.0 and rows.planes[rows.plane[c], MASSIVE] == 1:
+        stands = c >= 0 and run.knots.mode[i, c] != 0 and work.around.value[g] == 0.0
+        if stands and moves_masses_in_plane(rows, c):
             return True
     return False
 
@@ -292,4 +299,4 @@ def strikes(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> b
     c = cause - len(rows.kinks)
     if cause >= 0 and c < 0:
         return bool(fired_jump(rows, cause, 1 - run.knots.region[i - 1, cause]) >= 0)
-    return bool(c >= 0 and opens(rows, c) and run.knots.mode[i - 1, c] != 0)
+    return bool(c >= 0 and is_open(rows, run.knots.mode[i - 1], c))
