@@ -83,7 +83,7 @@ def test_a_hardening_spring_by_elliptic_integrals(drag: float) -> None:
 def chain_of_three() -> tuple[ss.System, ss.System]:
     """Three masses with a slider at the last one, by matrices and by coordinates."""
     mass, stiffness = np.diag([1.0, 2.0, 1.5]), np.array([[3, -1, 0], [-1, 2, -1], [0, -1, 2.0]])
-    law = {"F_c": 0.4, "k": 0.7}
+    law: dict[str, Any] = {"F_c": 0.4, "k": 0.7}
     body = ss.System(
         "body",
         structures={"u": ss.Structure(mass, stiffness, 0.01 * stiffness, {"tip": 2})},

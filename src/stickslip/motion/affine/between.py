@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from stickslip.arrays import Array
+from stickslip.arrays import AnyArray, Array
 from stickslip.motion.affine.flights import mode_key
 from stickslip.motion.affine.forms import EXPONENTS
 
@@ -56,15 +56,15 @@ def states_in_flights(
         own = index == i
         begin = float(knots.clock[i]) + problem.origin
         tau = clock[own] - knots.clock[i]
-        waves = np.exp(1j * omega * begin)
+        waves: AnyArray = np.exp(1j * omega * begin)
         s = np.concatenate(
             [knots.state[i], [1.0, begin], np.column_stack([waves.real, waves.imag]).ravel()]
         )
         count = int(T.counts[slot, EXPONENTS])
         signals = slice(T.c2.shape[1] - n, None)
-        turned = np.expm1(np.multiply.outer(tau, T.exponent[slot, :count]))
+        turned: AnyArray = np.expm1(np.multiply.outer(tau, T.exponent[slot, :count]))
         turned *= T.R[slot, :count] @ s
-        swung = np.expm1(1j * np.multiply.outer(tau, omega)) * waves
+        swung: AnyArray = np.expm1(1j * np.multiply.outer(tau, omega)) * waves
         drift = T.c1[slot, signals] @ s
         out[own] = (
             knots.state[i]

@@ -221,7 +221,7 @@ def is_still(rows: Rows, space: Space, c: int, largest: float) -> bool:
     for i in block:
         size = max(space.mag[i], before)
         still = still and abs(space.W[rows.u[i], 0]) <= ROUNDING * size
-    return still
+    return bool(still)
 
 
 @compiled()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stickslip.arrays import Array
+from stickslip.arrays import AnyArray, Array
 from stickslip.orbits.fields.engine.tables import KNOWN, USELESS, Spectra
 
 _CONDITION = 1e4  # of eigenvectors, in whatever units, from which on they are nearly dependent
@@ -39,9 +39,11 @@ def decompose(spectra: Spectra, w: int, rates: Array, held: Array) -> None:
 def _decomposed(spectra: Spectra, w: int, A: Array, rates: Array) -> bool:
     """Put eigenvalues and eigenvectors of a matrix into the spectra of a piece, if they are
     sound."""
+    values: AnyArray
+    V: AnyArray
     values, V = np.linalg.eig(A)
     try:
-        L = np.linalg.inv(V)
+        L: AnyArray = np.linalg.inv(V)
     except np.linalg.LinAlgError:
         return False
     # The sum of |L| |V| is a condition of each eigenvalue that no choice of units changes.
@@ -63,7 +65,7 @@ def _decomposed(spectra: Spectra, w: int, A: Array, rates: Array) -> bool:
     kept = np.flatnonzero(values.imag >= 0.0)
     twice = np.where(values[kept].imag > 0.0, 2.0, 1.0)
     count = len(kept)
-    spectra.count[w] = count
+    spectra.blocks[w] = count
     spectra.exponent[w, :count] = values[kept]
     right = V[:, kept] * twice
     spectra.right[w, 0, :, :count] = right.real

@@ -155,7 +155,7 @@ def put_forcing(listed: Listed, run: Pass, work: PassSpace, i: int) -> None:
     w = run.piece[i]
     n = len(run.knots.state[i])
     free = len(work.driven)
-    count = s.count[w]
+    count = s.blocks[w]
     first, moving, last = listed.slopes[w, 0], listed.slopes[w, 1], listed.slopes[w, 2]
     begin = time_of(run, i)
     length = time_of(run, i + 1) - begin
@@ -201,7 +201,7 @@ def put_loads(listed: Listed, run: Pass, work: PassSpace, i: int, parts: int) ->
     s = listed.spectra
     w = run.piece[i]
     n = len(run.knots.state[i])
-    count = s.count[w]
+    count = s.blocks[w]
     first, moving, last = listed.guards[w, 0], listed.guards[w, 1], listed.guards[w, 2]
     begin = time_of(run, i)
     h = (time_of(run, i + 1) - begin) / parts
@@ -274,14 +274,14 @@ def put_slopes(listed: Listed, run: Pass, work: PassSpace, w: int, p: int) -> No
         return
     for k in range(2):
         for r in range(n):
-            for j in range(s.count[w]):
+            for j in range(s.blocks[w]):
                 work.squares[0, r, j] = 0.0
             for c in range(n):
                 if matrix[r, c] != 0.0:
-                    for j in range(s.count[w]):
+                    for j in range(s.blocks[w]):
                         work.squares[0, r, j] += matrix[r, c] * s.right[w, k, c, j]
-        for b in range(s.count[w]):
-            for j in range(s.count[w]):
+        for b in range(s.blocks[w]):
+            for j in range(s.blocks[w]):
                 re = 0.0
                 im = 0.0
                 for r in range(n):
@@ -308,7 +308,7 @@ def add_response(listed: Listed, run: Pass, work: PassSpace, i: int, p: int) -> 
     w = run.piece[i]
     y = run.knots.state[i]
     h = time_of(run, i + 1) - time_of(run, i)
-    count = s.count[w]
+    count = s.blocks[w]
     for b in range(count):
         work.grown[b] = cmath.exp(s.exponent[w, b] * h)
     for j in range(count):
@@ -358,7 +358,7 @@ def modal_step(listed: Listed, run: Pass, work: PassSpace, i: int, change: Array
     n = s.right.shape[2]
     if columns > n:
         put_forcing(listed, run, work, i)
-    count = s.count[w]
+    count = s.blocks[w]
     re, im, moved = work.modal[0], work.modal[1], work.moved
     for b in range(count):
         for d in range(directions):

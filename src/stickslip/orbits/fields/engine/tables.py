@@ -50,7 +50,7 @@ class Spectra(NamedTuple):
         Largest modulus of an eigenvalue, about.
     matrix : array, shape (pieces, states, states)
         The Jacobians.
-    count : array of int, shape (pieces,)
+    blocks : array of int, shape (pieces,)
         Eigenvalues without the conjugates.
     exponent : array of complex, shape (pieces, states)
     right, left : arrays, shape (pieces, 2, states, states)
@@ -67,7 +67,7 @@ class Spectra(NamedTuple):
     state: IntVector
     rate: Vector
     matrix: Array3
-    count: IntVector
+    blocks: IntVector
     exponent: ComplexMatrix
     right: Array4
     left: Array4
