@@ -36,9 +36,9 @@ from stickslip.motion.steps.arrays import (
     Record,
     Rows,
     Space,
-    block_of,
     is_loose,
     opens,
+    own_directions,
     plain_coefficients,
     set_mode,
 )
@@ -215,7 +215,7 @@ def release_what_stays(
 def is_still(rows: Rows, space: Space, c: int) -> bool:
     """Whether the relative velocity of a contact vanishes, up to rounding."""
     still = True
-    for i in block_of(rows, c):
+    for i in own_directions(rows, c):
         still = still and abs(space.W[rows.u[i], 0]) <= ROUNDING * space.mag[i]
     return still
 
