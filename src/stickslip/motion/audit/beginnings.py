@@ -211,7 +211,7 @@ def release_what_stays(
     return left
 
 
-@compiled()
+@compiled(brief=True)
 def is_still(rows: Rows, space: Space, c: int) -> bool:
     """Whether the relative velocity of a contact vanishes, up to rounding."""
     still = True

@@ -144,7 +144,7 @@ def let_slide(mode: Array) -> bool:
     return found
 
 
-@compiled()
+@compiled(brief=True)
 def hold_or_slide(flow: Flow, mode: Array, last: float, fired: int, slack: float) -> bool:
     """Give each contact that does not stick the threshold while others carry it (±2), else its
     sliding force (±1); what can open is carried only where it touches.

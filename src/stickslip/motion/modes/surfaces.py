@@ -56,7 +56,7 @@ _LOOSELY = 1e-3  # of the tolerance, where that is loose
 _TOUCHING = 1e-12  # part of its size, and of what it does in a step, below which a gap is zero
 
 
-@compiled()
+@compiled(brief=True)
 def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: float) -> bool:
     """Put sticking inertial contacts exactly on the surface speed; one that is not there (it cannot
     jump) slips.
@@ -129,7 +129,7 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
     return True
 
 
-@compiled()
+@compiled(brief=True)
 def stop(flow: Flow, table: Array, y: Array, mode: Array, c: int) -> None:
     """Take what is left of the velocity of a sticking contact, relative to its surface, out of the
     rates.
@@ -201,7 +201,7 @@ def all_on_surface(flow: Flow, mode: Array) -> bool:
     return True
 
 
-@compiled()
+@compiled(brief=True)
 def is_rubbed(flow: Flow, table: Array, mode: Array, c: int, i: int) -> bool:
     """Whether a slip in a plane, under the normal force of a contact, moves a coordinate of their
     component.
