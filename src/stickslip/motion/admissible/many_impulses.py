@@ -52,10 +52,10 @@ from stickslip.motion.steps.arrays import (
     SENSE,
     Rows,
     Space,
-    block_of,
     directions_of,
     inertial_contacts,
     opens,
+    own_directions,
     set_mode,
 )
 from stickslip.motion.steps.sets import second_of
@@ -166,7 +166,7 @@ def is_relaxed(rows: Rows, space: Space, mode: Array) -> bool:
 @compiled()
 def note_sense(rows: Rows, space: Space, mode: Array, c: int) -> None:
     """The sense of a slip along a line is its mode; in a plane it is a direction, which stays."""
-    if len(block_of(rows, c)) == 1:
+    if len(own_directions(rows, c)) == 1:
         space.impact[SENSE, c] = mode[c]
 
 

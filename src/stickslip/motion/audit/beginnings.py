@@ -36,9 +36,9 @@ from stickslip.motion.steps.arrays import (
     Record,
     Rows,
     Space,
-    block_of,
     is_loose,
     opens,
+    own_directions,
     plain_coefficients,
     set_mode,
 )
@@ -211,11 +211,11 @@ def release_what_stays(
     return left
 
 
-@compiled()
+@compiled(brief=True)
 def is_still(rows: Rows, space: Space, c: int, largest: float) -> bool:
     """Whether the relative velocity of a contact vanishes, up to rounding. On a line that may be of
     the largest velocity before: what slowed down has the rounding errors of what it was."""
-    block = block_of(rows, c)
+    block = own_directions(rows, c)
     before = largest if len(block) == 1 else 0.0
     still = True
     for i in block:

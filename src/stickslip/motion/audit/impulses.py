@@ -59,10 +59,10 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
-    block_of,
     directions_of,
     inertial_contacts,
     opens,
+    own_directions,
     set_mode,
 )
 from stickslip.motion.steps.starting import coefficients
@@ -301,7 +301,7 @@ def put_cones(rows: Rows, space: Space) -> float:
         cones[PRESSES, c] = 1.0 if done[c] == _TOUCHING else 0.0
     for link in range(len(rows.links)):
         c = rows.links[link, RUBBING]
-        block = block_of(rows, c)
+        block = own_directions(rows, c)
         least, most = -work[HOLDS_FORWARD, link], work[HOLDS_BACK, link]
         if done[c] != 0 and len(block) > 1:
             o = block[1]

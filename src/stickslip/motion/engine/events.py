@@ -45,6 +45,7 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Task,
+    leads,
     opens,
 )
 from stickslip.motion.steps.sets import kink_terms, remember_gaps
@@ -67,13 +68,13 @@ def note(rows: Rows, lane: Lane, task: Task, count: int) -> int:
         copy(lane.mode, record.mode[count])
         copy(lane.reg, record.region[count])
         count += 1
-    for c in rows.contacts:
-        if lane.settled[c] != lane.mode[c]:
-            seen = lane.settled[c] != NONE_YET and not (
-                resting(lane.settled[c]) and resting(lane.mode[c])
+    for i in range(len(lane.mode)):
+        if lane.settled[i] != lane.mode[i]:
+            seen = lane.settled[i] != NONE_YET and not (
+                resting(lane.settled[i]) and resting(lane.mode[i])
             )
-            lane.counters[SWITCHES] += 1 if seen else 0
-    copy(lane.mode, lane.settled)
+            lane.counters[SWITCHES] += 1 if seen and leads(rows, i) else 0
+            lane.settled[i] = lane.mode[i]
     return count
 
 

@@ -27,8 +27,8 @@ from stickslip.motion.steps.arrays import (
     Flow,
     Rows,
     Space,
+    has_opened,
     is_loose,
-    is_open,
     opens,
 )
 from stickslip.motion.steps.roots import divide_out, first_crossing
@@ -184,7 +184,7 @@ def stands(rows: Rows, mode: Array) -> bool:
     """Whether every contact rests that is not open, and there is one."""
     found = False
     for c in range(len(mode)):
-        if is_loose(rows, mode, c) or is_open(rows, mode, c):
+        if is_loose(rows, mode, c) or has_opened(rows, mode, c):
             continue
         if not resting(mode[c]):
             return False

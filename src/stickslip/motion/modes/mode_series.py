@@ -176,7 +176,7 @@ def project_rates(machine: Machine, flow: Flow, at: Instant) -> int:
     return OK
 
 
-@compiled()
+@compiled(brief=True)
 def rest_with_others(machine: Machine, flow: Flow, at: Instant) -> bool:
     """Let contacts stick that the others of their body do not let move, where their speed cannot be
     told from nothing; whether there are any.

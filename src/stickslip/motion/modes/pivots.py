@@ -21,11 +21,11 @@ from stickslip.motion.steps.arrays import (
     Flow,
     Rows,
     Space,
-    block_of,
     direction_entry,
     inertial_contacts,
     is_loose,
     opens,
+    own_directions,
     set_mode,
 )
 from stickslip.motion.steps.sets import kink_terms
@@ -144,7 +144,7 @@ def let_slide(mode: Array) -> bool:
     return found
 
 
-@compiled()
+@compiled(brief=True)
 def hold_or_slide(flow: Flow, mode: Array, last: float, fired: int, slack: float) -> bool:
     """Give each contact that does not stick the threshold while others carry it (±2), else its
     sliding force (±1); what can open is carried only where it touches.
@@ -172,7 +172,7 @@ def hold_or_slide(flow: Flow, mode: Array, last: float, fired: int, slack: float
     for c in range(len(mode)):
         if rows.drops[c] == 1 and mode[c] != 0 and not is_loose(rows, mode, c):
             held = not (opens(rows, c) and is_wide(flow, c, last))
-            for i in block_of(rows, c):
+            for i in own_directions(rows, c):
                 held = held and stays(rows, space, mode, i, N, last, fired, slack)
             force = 2 if held else 1
             if abs(mode[c]) != force:

@@ -58,11 +58,11 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
-    block_of,
     direction_entry,
     inertial_contacts,
     is_loose,
     opens,
+    own_directions,
     set_mode,
 )
 from stickslip.motion.steps.sets import rate_terms
@@ -156,7 +156,7 @@ def begins_from_rest(flow: Flow, lane: Lane, c: int, status: int) -> bool:
         return False
     last, fired = lane.clock[LAST], lane.counters[CAUSE]
     still = status == OK
-    for i in block_of(rows, c):
+    for i in own_directions(rows, c):
         still = still and stays(rows, space, lane.mode, i, flow.order, last, fired, 1.0)
     return not still
 
@@ -166,7 +166,7 @@ def has_no_velocity(flow: Flow, lane: Lane, c: int) -> bool:
     """Whether a contact has no velocity, beside its terms and what forces make of it in a step; if
     it is in a plane, none in either direction."""
     rows, space = flow.rows, flow.space
-    for i in block_of(rows, c):
+    for i in own_directions(rows, c):
         made = lane.clock[RECENT] * rate_terms(rows, space.mag, i)
         if not abs(space.W[rows.u[i], 0]) <= _SLOW * (space.mag[i] + made):
             return False

@@ -34,11 +34,11 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
-    block_of,
     direction_entry,
     directions_of,
-    is_open,
+    has_opened,
     opens,
+    own_directions,
     own_inverse,
     presses,
     set_mode,
@@ -56,7 +56,7 @@ _LOOSELY = 1e-3  # of the tolerance, where that is loose
 _TOUCHING = 1e-12  # part of its size, and of what it does in a step, below which a gap is zero
 
 
-@compiled()
+@compiled(brief=True)
 def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: float) -> bool:
     """Put sticking inertial contacts exactly on the surface speed; one that is not there (it cannot
     jump) slips.
@@ -90,7 +90,7 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
         gap = W[rows.u[c], 0]
         gapped = opens(rows, c)
         # All directions together have come to rest.
-        block = block_of(rows, c)
+        block = own_directions(rows, c)
         rate = 0.0
         for i in block:
             rate += held_back(rows, space, i)
@@ -129,7 +129,7 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
     return True
 
 
-@compiled()
+@compiled(brief=True)
 def stop(flow: Flow, table: Array, y: Array, mode: Array, c: int) -> None:
     """Take what is left of the velocity of a sticking contact, relative to its surface, out of the
     rates.
@@ -152,7 +152,7 @@ def stop(flow: Flow, table: Array, y: Array, mode: Array, c: int) -> None:
     if is_on_surface(flow, table, c):
         return
     part = rows.homes[c, PART]
-    block = block_of(rows, c)
+    block = own_directions(rows, c)
     first = rows.parts[part, FIRST_ROW]
     for i in range(rows.parts[part, COORDINATES]):
         if is_rubbed(flow, table, mode, c, i):
@@ -201,7 +201,7 @@ def all_on_surface(flow: Flow, mode: Array) -> bool:
     return True
 
 
-@compiled()
+@compiled(brief=True)
 def is_rubbed(flow: Flow, table: Array, mode: Array, c: int, i: int) -> bool:
     """Whether a slip in a plane, under the normal force of a contact, moves a coordinate of their
     component.
@@ -284,7 +284,7 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
         return
     c = lane.counters[CAUSE] - len(rows.kinks)
     before = flow.space.touched
-    asked = opened = c >= 0 and is_open(rows, lane.mode, c) and lane.settled[c] == 0
+    asked = opened = c >= 0 and has_opened(rows, lane.mode, c) and lane.settled[c] == 0
     if opened:
         set_mode(rows, lane.mode, c, 0)
     for p in range(len(rows.planes)):

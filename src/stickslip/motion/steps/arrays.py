@@ -528,7 +528,7 @@ def directions_of(rows: Rows, c: int) -> Array:
 
 
 @compiled()
-def block_of(rows: Rows, c: int) -> Array:
+def own_directions(rows: Rows, c: int) -> Array:
     """All directions of the contact that a direction belongs to."""
     return directions_of(rows, rows.lead[c])
 
@@ -564,7 +564,7 @@ def opens(rows: Rows, c: int) -> bool:
 
 
 @compiled()
-def is_open(rows: Rows, mode: Array, c: int) -> bool:
+def has_opened(rows: Rows, mode: Array, c: int) -> bool:
     """Whether a contact can open, and has."""
     return bool(opens(rows, c) and mode[c] != 0)
 
@@ -590,7 +590,7 @@ def presses(rows: Rows, n: int, c: int) -> bool:
 def set_mode(rows: Rows, mode: Array, c: int, value: int) -> None:
     """Give a contact a mode, which all its directions have; where they are several, a slip has no
     sign."""
-    block = block_of(rows, c)
+    block = own_directions(rows, c)
     for i in block:
         mode[i] = value if len(block) == 1 else abs(value)
 

@@ -29,9 +29,9 @@ from stickslip.motion.steps.arrays import (
     Flow,
     Rows,
     Space,
-    block_of,
     directions_of,
     is_loose,
+    own_directions,
 )
 from stickslip.motion.steps.vectors import direction_and_turn
 from stickslip.translator import compiled
@@ -206,7 +206,7 @@ def find_support(flow: Flow, f: int, x: float, y: float, z: float) -> int:
 def middle_of(flow: Flow, c: int) -> float:
     """The middle of the set of a contact that has a formula, for radius 1, along a direction."""
     at = find_support(flow, formula_of(flow.rows, c), 1.0, 0.0, 0.0)
-    block = block_of(flow.rows, c)
+    block = own_directions(flow.rows, c)
     side = 0
     for i in range(len(block)):
         side = i if block[i] == c else side

@@ -8,7 +8,7 @@ import numpy as np
 from stickslip.arrays import Array, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.engine.jumps import fired_jump
-from stickslip.motion.steps.arrays import MASSIVE, Rows, is_open
+from stickslip.motion.steps.arrays import MASSIVE, Rows, has_opened
 from stickslip.motion.steps.sets import plane_of
 from stickslip.orbits.fields.engine.interpreter import perform
 from stickslip.orbits.fields.engine.tables import (
@@ -299,4 +299,4 @@ def strikes(rows: Rows, listed: Listed, run: Pass, work: PassSpace, i: int) -> b
     c = cause - len(rows.kinks)
     if cause >= 0 and c < 0:
         return bool(fired_jump(rows, cause, 1 - run.knots.region[i - 1, cause]) >= 0)
-    return bool(c >= 0 and is_open(rows, run.knots.mode[i - 1], c))
+    return bool(c >= 0 and has_opened(rows, run.knots.mode[i - 1], c))
