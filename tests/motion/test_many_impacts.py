@@ -349,6 +349,25 @@ def test_in_turn_with_friction() -> None:
         assert_allclose(again, new, rtol=0, atol=1e-10)
 
 
+@pytest.mark.parametrize("law", ["together", "in turn"])
+def test_what_lands_in_a_plane_and_sticks_rests(law: str) -> None:
+    """Friction that stops a slip in a plane at once holds both directions."""
+    floor = ss.Unilateral(gap="z", restitution=0.0, mu="2", direction=("d_x", "d_y"))
+    system = ss.System(
+        "block",
+        coordinates={name: ss.Inertial() for name in ("x", "y", "z")},
+        kinetic="(d_x**2 + d_y**2 + d_z**2)/2",
+        potential="10*z",
+        contacts={"floor": floor},
+        initial={"z": 1.0, "d_x": 1.0, "d_y": 0.5},
+        impacts=law,
+    )
+    motion = ss.simulate(system, (0.0, 1.0))
+    assert motion.outcome is Outcome.AT_REST
+    assert motion.certificate.ok
+    assert not np.any(motion.knots.mode[-1])
+
+
 def cradle(n: int, e: float, law: str, masses: Sequence[float] = ()) -> ss.System:
     """Balls in a row that touch, but for the first ones."""
     mass = [*masses, *[1.0] * (n - len(masses))]

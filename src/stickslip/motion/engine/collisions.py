@@ -59,10 +59,8 @@ from stickslip.motion.steps.arrays import (
     Rows,
     Space,
     directions_of,
-    leads,
-    opens,
+    inertial_contacts,
 )
-from stickslip.motion.steps.sets import second_of
 from stickslip.translator import compiled
 
 # What :func:`collide` says: nothing collides; velocities have jumped; no impulse obeys the law; or
@@ -314,16 +312,15 @@ def choose_by_velocities(rows: Rows, space: Space) -> None:
     """The mode after impacts in turn, by the velocities that are left: what is at rest sticks."""
     work = space.impact
     slow = 1e-10 * largest_jump(rows, work)
-    for c in range(rows.sizes[ON_INERTIAL]):
-        after = work[AFTER, c]
+    for c in inertial_contacts(rows):
+        block = directions_of(rows, c)
+        speed = work[AFTER, c]
+        for i in range(1, len(block)):
+            speed = math.hypot(speed, work[AFTER, block[i]])
+        for i in block:
+            space.tried[CHOSEN, i] = 1 if speed > slow else (-1 if speed < -slow else 0)
+    for c in rows.openings:
         space.tried[CHOSEN, c] = 1
-        if not opens(rows, c) and leads(rows, c):
-            if len(directions_of(rows, c)) > 1:
-                o = second_of(rows, c)
-                slips = 1 if math.hypot(after, work[AFTER, o]) > slow else 0
-                space.tried[CHOSEN, c] = space.tried[CHOSEN, o] = slips
-            else:
-                space.tried[CHOSEN, c] = 1 if after > slow else (-1 if after < -slow else 0)
 
 
 # -- the audit -------------------------------------------------------------------------------------
