@@ -19,9 +19,9 @@ from stickslip.motion.trajectory import Trajectory
 from stickslip.orbits.fields import variational
 from stickslip.orbits.fields.engine.collocation import NODES
 from stickslip.orbits.fields.engine.modal import put_moments
-from stickslip.orbits.fields.engine.tables import KNOWN, STAGES, USELESS, make_spectra
+from stickslip.orbits.fields.engine.tables import DECOMPOSED, DEFECTIVE, STAGES, make_spectra
 from stickslip.orbits.fields.mode_field import Pieces
-from stickslip.orbits.fields.spectra import decompose
+from stickslip.orbits.fields.spectra import decompose_piece
 from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.return_map.shooting import follow_state
 
@@ -108,7 +108,9 @@ def test_steps_by_eigenvalues(
     assert len(motion.knots.time) < 200  # of steps there would be thousands
     pieces = Pieces(motion._problem.compiled.equations, *free)
     found = variation(motion, pieces).matrix
-    assert KNOWN in pieces.listed.spectra.state and USELESS not in pieces.listed.spectra.state
+    assert (
+        DECOMPOSED in pieces.listed.spectra.state and DEFECTIVE not in pieces.listed.spectra.state
+    )
     expected = by_parts(motion, pieces, monkeypatch)
     n = motion.knots.state.shape[1]
     size = np.max(np.abs(expected[:n]), axis=0)
@@ -144,10 +146,12 @@ def test_eigenvectors_that_are_missing(k: float) -> None:
     spectra = make_spectra(1, 4, 0)
     spectra.matrix[0, :2, 2:] = np.eye(2)
     spectra.matrix[0, 2:, :2] = k * np.array([[-1.0, 1.0], [1.0, -1.0]])
-    decompose(spectra, 0, np.array([False, False, True, True]), np.zeros((0, 4)))
-    assert spectra.state[0] == USELESS
+    decompose_piece(spectra, 0, np.array([False, False, True, True]), np.zeros((0, 4)))
+    assert spectra.state[0] == DEFECTIVE
     # A force that holds the centre makes up for it: its velocity is zero all the time.
     spectra.rate[0] = math.sqrt(2.0 * k)
     spectra.matrix[0, 2:, :2] = k * np.array([[-1.0, 1.0], [1.0, -1.0]])
-    decompose(spectra, 0, np.array([False, False, True, True]), np.array([[0.0, 0.0, 1.0, 1.0]]))
-    assert spectra.state[0] == KNOWN
+    decompose_piece(
+        spectra, 0, np.array([False, False, True, True]), np.array([[0.0, 0.0, 1.0, 1.0]])
+    )
+    assert spectra.state[0] == DECOMPOSED

@@ -281,7 +281,7 @@ def _halley(
 
 
 @compiled()
-def advance(s: SignalSum, start: float) -> float:
+def advance_signal(s: SignalSum, start: float) -> float:
     """Put the exponentials at a time into z; returns the value of the signal there."""
     c = s.c
     value = c[0] + start * (c[1] + start * c[2])
@@ -402,7 +402,7 @@ def first_of_many(
     for _ in range(_MOST_WINDOWS):
         if not start < limit:
             break
-        value = advance(s, start)
+        value = advance_signal(s, start)
         h, bound = window_from(s, start, limit, value if order == 0 else 0.0)
         if h > longest:
             h, bound = longest, left_out(s, start, longest)

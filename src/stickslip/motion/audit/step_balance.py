@@ -70,7 +70,7 @@ from stickslip.motion.audit.step_ends import (
     jump_or_collide,
     may_collide,
 )
-from stickslip.motion.audit.work import place_nodes, powers_at
+from stickslip.motion.audit.work import powers_at, put_nodes
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     DIMENSION,
@@ -88,7 +88,7 @@ from stickslip.motion.steps.arrays import (
     is_stopped,
 )
 from stickslip.motion.steps.directions import give_directions
-from stickslip.motion.steps.roots import horner, rates_at
+from stickslip.motion.steps.roots import horner, slopes_at_nodes
 from stickslip.motion.steps.step_size import impulse
 from stickslip.motion.steps.stiff import ends_there, follow_mode
 from stickslip.motion.steps.vectors import copy
@@ -258,8 +258,8 @@ def measure_piece(
     sharing = any_share(rows)
     if sharing:
         find_shared(flow, mode, W, True)
-    place_nodes(flow, piece, 0.0, piece.h)
-    rates_at(W, piece.order, space.nodes[n], space.samples[:n])
+    put_nodes(flow, piece, 0.0, piece.h)
+    slopes_at_nodes(W, piece.order, space.nodes[n], space.samples[:n])
     for g in range(COUNT):
         weight = piece.h * GAUSS_WEIGHTS[g]
         lost, given = powers_at(machine, flow, piece, mode, reg, piece.h * GAUSS_NODES[g], g)

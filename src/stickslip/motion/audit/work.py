@@ -26,7 +26,7 @@ from stickslip.motion.steps.arrays import (
     is_stopped,
 )
 from stickslip.motion.steps.directions import give_directions, take_directions
-from stickslip.motion.steps.roots import horner, rate_on, values_at
+from stickslip.motion.steps.roots import horner, horner_at_nodes, rate_on
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.stiff import ends_there, follow_mode
 from stickslip.motion.steps.vectors import copy
@@ -158,7 +158,7 @@ def work_between(
     spent, fed = 0.0, 0.0
     if b > a:
         give_directions(flow.rows, mode, True)
-        place_nodes(flow, piece, a, b)
+        put_nodes(flow, piece, a, b)
         for g in range(COUNT):
             weight = (b - a) * GAUSS_WEIGHTS[g]
             lost, given = powers_at(
@@ -171,7 +171,7 @@ def work_between(
 
 
 @compiled()
-def place_nodes(flow: Flow, piece: StepPiece, a: float, b: float) -> None:
+def put_nodes(flow: Flow, piece: StepPiece, a: float, b: float) -> None:
     """Put the states at the nodes of a part of a piece into the work space.
 
     Parameters
@@ -187,7 +187,7 @@ def place_nodes(flow: Flow, piece: StepPiece, a: float, b: float) -> None:
     unit = W[n, 1]
     for g in range(COUNT):
         nodes[n, g] = (a + (b - a) * GAUSS_NODES[g]) / unit
-    values_at(W, piece.order, nodes[n], nodes[:n])
+    horner_at_nodes(W, piece.order, nodes[n], nodes[:n])
 
 
 @compiled()

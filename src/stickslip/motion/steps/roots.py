@@ -45,7 +45,7 @@ def horner(c: Array, d: int, x: float) -> float:
 
 
 @compiled(relaxed=CONTRACTED)
-def values_at(C: Array, d: int, x: Array, values: Array) -> None:
+def horner_at_nodes(C: Array, d: int, x: Array, values: Array) -> None:
     """Values of many polynomials Σ C[r, k] xᵏ, k ≤ d, at many places, each as :func:`horner` has
     it: side by side, so that none waits for another.
 
@@ -68,7 +68,7 @@ def values_at(C: Array, d: int, x: Array, values: Array) -> None:
 
 
 @compiled()
-def rates_at(C: Array, d: int, x: Array, values: Array) -> None:
+def slopes_at_nodes(C: Array, d: int, x: Array, values: Array) -> None:
     """Their derivatives in the same way, each as :func:`rate_on` has it."""
     for r in range(len(values)):
         for g in range(len(x)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.arrays import AnyArray, Array
-from stickslip.orbits.fields.engine.tables import KNOWN, USELESS, Spectra
+from stickslip.orbits.fields.engine.tables import DECOMPOSED, DEFECTIVE, Spectra
 
 _CONDITION = 1e4  # of eigenvectors, in whatever units, from which on they are nearly dependent
 _ROUNDING = 1e-11  # part of an eigenvalue that may be rounding
@@ -13,7 +13,7 @@ _STILL = 1e-13  # an eigenvalue of this part of the largest is 0
 _GONE = 1e-9  # part of the largest eigenvalue that may be left out of the matrix
 
 
-def decompose(spectra: Spectra, w: int, rates: Array, held: Array) -> None:
+def decompose_piece(spectra: Spectra, w: int, rates: Array, held: Array) -> None:
     """Decompose the Jacobian of a piece; where its eigenvectors are nearly dependent, it is marked
     as useless.
 
@@ -29,7 +29,7 @@ def decompose(spectra: Spectra, w: int, rates: Array, held: Array) -> None:
         Linear forms that are zero all the time, of states and of their changes. Where eigenvectors
         are missing (a place and its velocity, both constant), these forms decay instead.
     """
-    spectra.state[w] = USELESS
+    spectra.state[w] = DEFECTIVE
     spectra.sloped[w] = 0
     A = spectra.matrix[w]
     if not _decomposed(spectra, w, A, rates) and len(held):
@@ -72,5 +72,5 @@ def _decomposed(spectra: Spectra, w: int, A: Array, rates: Array) -> bool:
     spectra.right[w, 1, :, :count] = right.imag
     spectra.left[w, 0, :count] = L[kept].real
     spectra.left[w, 1, :count] = L[kept].imag
-    spectra.state[w] = KNOWN
+    spectra.state[w] = DECOMPOSED
     return True

@@ -40,10 +40,10 @@ from stickslip.orbits.fields.engine.tables import (
     MEETING,
     MET,
     PASSED,
+    SPECTRUM_ASKED,
     STAGES,
     STRUCK,
     TOGETHER,
-    WANTED,
     Leave,
     Pass,
     PassSpace,
@@ -51,7 +51,7 @@ from stickslip.orbits.fields.engine.tables import (
 from stickslip.orbits.fields.engine.variations import vary
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.fields.saltation import Strike, saltation, strikes_of
-from stickslip.orbits.fields.spectra import decompose
+from stickslip.orbits.fields.spectra import decompose_piece
 from stickslip.stopping.scopes import heed
 
 if TYPE_CHECKING:
@@ -136,12 +136,12 @@ def variation(trajectory: Trajectory, pieces: Pieces, directions: Array | None =
             break
         if code == HALTED:
             heed()
-        elif code == WANTED:
+        elif code == SPECTRUM_ASKED:
             w = int(run.event[BEGINS])
             nq = int(problem.rows.sizes[INERTIAL])
             place = np.arange(run.knots.state.shape[1])
             rates = (place >= nq) & (place < 2 * nq)
-            decompose(listed.spectra, w, rates, _held(trajectory, pieces.made[w], run, w))
+            decompose_piece(listed.spectra, w, rates, _held(trajectory, pieces.made[w], run, w))
         elif code == CROWDED:
             work = _work(trajectory, pieces, run, int(run.event[BEGINS]))
         elif code == STRUCK:

@@ -32,7 +32,7 @@ from stickslip.arrays import Array
 from stickslip.orbits.fields.engine.collocation import NODES
 from stickslip.orbits.fields.engine.interpreter import perform
 from stickslip.orbits.fields.engine.tables import (
-    KNOWN,
+    DECOMPOSED,
     STAGES,
     Listed,
     Pass,
@@ -41,7 +41,7 @@ from stickslip.orbits.fields.engine.tables import (
 )
 from stickslip.translator import compiled
 
-REACH = 1.5
+PADE_REACH = 1.5
 """Largest |eigenvalue| × step of a collocation step: its Padé approximant of exp is exact to
 rounding there."""
 MANY = 8
@@ -69,18 +69,18 @@ _LEFT, _WEIGHED, _COEFFICIENTS = _legendre()
 
 
 @compiled(inline=True)
-def is_long(listed: Listed, run: Pass, w: int, h: float) -> bool:
+def spans_many(listed: Listed, run: Pass, w: int, h: float) -> bool:
     """Whether a step is worth being taken by eigenvalues."""
-    return bool(h * max(run.drives, listed.spectra.rate[w]) > MANY * REACH)
+    return bool(h * max(run.drives, listed.spectra.rate[w]) > MANY * PADE_REACH)
 
 
 @compiled(inline=True)
 def by_eigenvalues(listed: Listed, run: Pass, i: int) -> bool:
     """Whether the step from a knot is taken by eigenvalues."""
     w = run.piece[i]
-    if run.modal == 0 or listed.steady[w] == 0 or listed.spectra.state[w] != KNOWN:
+    if run.modal == 0 or listed.steady[w] == 0 or listed.spectra.state[w] != DECOMPOSED:
         return False
-    return is_long(listed, run, w, time_of(run, i + 1) - time_of(run, i))
+    return spans_many(listed, run, w, time_of(run, i + 1) - time_of(run, i))
 
 
 @compiled()
@@ -135,9 +135,22 @@ def put_load(values: Array, t: float, h: float, states: int) -> None:
 
 
 @compiled()
-def in_modes(listed: Listed, w: int, b: int, values: Array, places: Array, g: int) -> complex:
-    """A component of a vector in eigenvectors, of one whose components are in the table of
-    values."""
+def modal_component(
+    listed: Listed, w: int, b: int, values: Array, places: Array, g: int
+) -> complex:
+    """A component in eigenvectors of a vector in the table of values.
+
+    Parameters
+    ----------
+    listed : Listed
+    w, b : int
+        The piece, and the eigenvector.
+    values : array, shape (places, LANES)
+    places : array of int, shape (states,)
+        Where the components of the vector are.
+    g : int
+        The lane.
+    """
     left = listed.spectra.left[w]
     re = 0.0
     im = 0.0
@@ -175,14 +188,14 @@ def put_forcing(listed: Listed, run: Pass, work: PassSpace, i: int) -> None:
             for b in range(count):
                 total = work.driven[p, b] * work.grown[b]
                 for g in range(STAGES):
-                    load = in_modes(listed, w, b, work.values, work.places, g)
+                    load = modal_component(listed, w, b, work.values, work.places, g)
                     total += h * work.moments[g, b] * load
                 work.driven[p, b] = total
     if listed.timely[w] == 0:
         put_loads(listed, run, work, i, parts)
         for p in range(free):
             put_slopes(listed, run, work, w, p)
-            add_response(listed, run, work, i, p)
+            add_through_state(listed, run, work, i, p)
 
 
 @compiled()
@@ -214,7 +227,7 @@ def put_loads(listed: Listed, run: Pass, work: PassSpace, i: int, parts: int) ->
         perform(listed.made, first if part == 0 else moving, last, work.values, STAGES)
         for j in range(count):
             for g in range(STAGES):
-                load = in_modes(listed, w, j, work.values, listed.rates[w], g)
+                load = modal_component(listed, w, j, work.values, listed.rates[w], g)
                 work.load[0, g] = h * load.real
                 work.load[1, g] = h * load.imag
             for b in range(count):
@@ -292,7 +305,7 @@ def put_slopes(listed: Listed, run: Pass, work: PassSpace, w: int, p: int) -> No
 
 
 @compiled()
-def add_response(listed: Listed, run: Pass, work: PassSpace, i: int, p: int) -> None:
+def add_through_state(listed: Listed, run: Pass, work: PassSpace, i: int, p: int) -> None:
     """Add what a parameter adds through the state, A_p y, in the step from a knot to `driven`.
 
     Parameters

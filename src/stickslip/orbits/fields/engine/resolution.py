@@ -12,13 +12,13 @@ from stickslip.motion.steps.arrays import Rows
 from stickslip.orbits.fields.engine.collocation import NODES, put_product
 from stickslip.orbits.fields.engine.events import slides, turns_about
 from stickslip.orbits.fields.engine.interpreter import perform
-from stickslip.orbits.fields.engine.modal import REACH, by_eigenvalues, is_long
+from stickslip.orbits.fields.engine.modal import PADE_REACH, by_eigenvalues, spans_many
 from stickslip.orbits.fields.engine.tables import (
     BEGINS,
-    BOUNDED,
+    DEFECTIVE,
+    RATE_KNOWN,
     STAGES,
-    UNKNOWN,
-    USELESS,
+    UNSEEN,
     Listed,
     Pass,
     PassSpace,
@@ -94,7 +94,7 @@ def remember_rate(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int)
     columns = run.after.shape[1]
     put_point(work.values, 0, time_of(run, knot), run.knots.state[knot])
     perform(listed.made, listed.slopes[w, 0], listed.slopes[w, 2], work.values, 1)
-    same = s.state[w] != UNKNOWN
+    same = s.state[w] != UNSEEN
     for r in range(n):
         for c in range(n):
             value = work.values[listed.jacobian[w, r * columns + c], 0]
@@ -103,7 +103,7 @@ def remember_rate(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int)
     if same:
         return
     s.rate[w] = fastest(listed, run, work, w, knot)
-    s.state[w] = BOUNDED if s.rate[w] > 0.0 else USELESS
+    s.state[w] = RATE_KNOWN if s.rate[w] > 0.0 else DEFECTIVE
 
 
 @compiled()
@@ -146,20 +146,20 @@ def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int
             elif i == 0 or not turns_about(rows, listed, run, work, i):
                 rate = max(rate, fastest(listed, run, work, w, i))
             if listed.steady[w] == 1:
-                run.parts[i] = max(1, math.ceil(h * rate / REACH))
+                run.parts[i] = max(1, math.ceil(h * rate / PADE_REACH))
                 if (
                     run.modal == 1
-                    and listed.spectra.state[w] == BOUNDED
-                    and is_long(listed, run, w, h)
+                    and listed.spectra.state[w] == RATE_KNOWN
+                    and spans_many(listed, run, w, h)
                 ):
                     run.event[BEGINS] = w
                     return -1
             elif slides(rows, run, i) and turns_about(rows, listed, run, work, i + 1):
-                run.parts[i] = -_HALVES * max(1, math.ceil(0.5 * h * rate / REACH))
+                run.parts[i] = -_HALVES * max(1, math.ceil(0.5 * h * rate / PADE_REACH))
             else:
                 if not turns_about(rows, listed, run, work, i + 1):
                     rate = max(rate, fastest(listed, run, work, w, i + 1))
-                run.parts[i] = max(1, math.ceil(h * rate / REACH))
+                run.parts[i] = max(1, math.ceil(h * rate / PADE_REACH))
         nodes += nodes_of(listed, run, i)
     return nodes
 

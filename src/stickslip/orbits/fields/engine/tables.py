@@ -33,8 +33,8 @@ ALIKE = 1e-8  # derivatives that differ by less, relative to the largest, are th
 # at which the state jumps, or the eigenvalues of a piece may be wanted.
 # What is known of the eigenvalues of a Jacobian: nothing yet, the largest, all, or that they are of
 # no use.
-PASSED, GRAZED, CORNER, UNEXPLAINED, CROWDED, STRUCK, HALTED, WANTED = range(8)
-UNKNOWN, BOUNDED, KNOWN, USELESS = range(4)
+PASSED, GRAZED, CORNER, UNEXPLAINED, CROWDED, STRUCK, HALTED, SPECTRUM_ASKED = range(8)
+UNSEEN, RATE_KNOWN, DECOMPOSED, DEFECTIVE = range(4)
 # Entries of Pass.event.
 BEGINS, ENDS, MEETING, MET = range(4)
 
@@ -45,7 +45,7 @@ class Spectra(NamedTuple):
     Attributes
     ----------
     state : array of int, shape (pieces,)
-        `UNKNOWN`, `BOUNDED`, `KNOWN` or `USELESS`.
+        `UNSEEN`, `RATE_KNOWN`, `DECOMPOSED` or `DEFECTIVE`.
     rate : array, shape (pieces,)
         Largest modulus of an eigenvalue, about.
     matrix : array, shape (pieces, states, states)

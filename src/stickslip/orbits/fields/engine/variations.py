@@ -28,11 +28,11 @@ from stickslip.orbits.fields.engine.tables import (
     ENDS,
     HALTED,
     PASSED,
+    SPECTRUM_ASKED,
     STAGES,
     STRUCK,
     TOGETHER,
     UNEXPLAINED,
-    WANTED,
     Listed,
     Pass,
     PassSpace,
@@ -111,13 +111,13 @@ def vary(
         `PASSED`; or `CORNER` where guards meet that do not meet for neighbours, `STRUCK` where the
         state jumps (of both the caller has to say what comes after it, and to go on from there),
         `UNEXPLAINED` where no guard has fired, `CROWDED` with the number of nodes for which there
-        has to be room as the event, `WANTED` with the piece whose eigenvalues are, or `HALTED` if
-        there is a wish to stop.
+        has to be room as the event, `SPECTRUM_ASKED` with the piece whose eigenvalues are wanted,
+        or `HALTED` if there is a wish to stop.
     """
     if start == 0:
         nodes = resolve_steps(flow.rows, listed, run, work)
         if nodes < 0:
-            return WANTED
+            return SPECTRUM_ASKED
         if nodes > len(work.step):
             run.event[BEGINS] = nodes
             return CROWDED
