@@ -6,8 +6,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
-import numpy as np
-
 from stickslip.errors import DeclarationError
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -118,6 +116,8 @@ def check_definite(
 def _lowest(rows: Sequence[Mapping[int, float]]) -> float:
     """The lowest eigenvalue of a symmetric matrix of which the upper half is given, unless that is
     too large."""
+    import numpy as np
+
     if len(rows) > _MOST_FULL:
         return -math.inf
     matrix = np.zeros((len(rows), len(rows)))
