@@ -18,6 +18,7 @@ from stickslip.certificates import Certificate, Residual
 from stickslip.errors import StickslipError
 from stickslip.orbits.cycles.period import same, shorter
 from stickslip.orbits.fields.engine.tables import TOGETHER
+from stickslip.orbits.fields.stable_set import settle_friction
 from stickslip.orbits.return_map.damped_newton import CLOSED, Closed, largest_growth
 from stickslip.orbits.return_map.mode_sequence import sequence
 from stickslip.orbits.return_map.shooting import arrivals, follow_state, parameter_values
@@ -163,7 +164,11 @@ def _beside(closed: Closed, j: int, changes: list[Array]) -> Array:
     p = parameter_values(closed.orbit.problem)
     begin = float(closed.orbit.legs[j].motion.knots.time[0])
     own = closed.orbit.x[slice(*shooting.first[j : j + 2])]
-    return np.array([shooting.stations[j].place(own + xi, begin, p).state for xi in changes])
+    states = np.array([shooting.stations[j].place(own + xi, begin, p).state for xi in changes])
+    # What slides without mass is on its threshold only up to rounding of all that it hangs on.
+    problem = closed.orbit.problem
+    settle_friction(problem.compiled.equations, problem.parameters, states, begin)
+    return states
 
 
 def _arrived(closed: Closed, j: int, starts: Array) -> list[tuple[float, Array]]:
