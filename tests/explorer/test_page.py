@@ -468,7 +468,8 @@ def test_what_the_motion_settles_on(screen: Screen) -> None:
     (found,) = screen.js("explorer.phase.settled.head.equilibria")
     assert found["stable"] is False
     assert found["state"]["U"] == pytest.approx(ss.equilibria(system)[0].state["U"], rel=1e-12)
-    assert "unstable" in screen.element("#phase-said").text
+    # A busy machine paints a little later than it knows.
+    screen.wait_for(lambda: "unstable" in screen.element("#phase-said").text, "what is said")
 
 
 def test_branches_over_a_parameter(screen: Screen) -> None:
