@@ -51,6 +51,7 @@ class _Bench(threading.local):
         return _Bench, ()
 
 
+_CURVE_SLOTS = 8  # the same along a curve, where each problem has its own
 _MOST_STATES = 400  # of a motion in closed form; it costs their third power for each mode
 _MOST_STATES_OF_MANY = 24  # where many motions have closed forms of their own
 
@@ -176,7 +177,8 @@ class Problem:
     @cached_property
     def closed_forms(self) -> ClosedForms:
         """Storage of the closed forms of affine modes, filled while the motion is computed."""
-        return self.empty_forms(1, MOTION_SLOTS)
+        # Curves keep the motions of hundreds of problems, each with closed forms of its own.
+        return self.empty_forms(1, MOTION_SLOTS if self.boxes is None else _CURVE_SLOTS)
 
     def empty_forms(self, groups: int, slots: int) -> ClosedForms:
         """Storage for the closed forms of groups of motions; without slots if the system is too

@@ -14,6 +14,7 @@ from scipy.integrate import quad
 
 import stickslip as ss
 from stickslip.arrays import Array
+from stickslip.motion.affine.between import states_in_flights
 from stickslip.motion.problem import pose
 from stickslip.motion.trajectory import Trajectory
 from stickslip.orbits.fields import variational
@@ -78,6 +79,24 @@ def followed(contact: str) -> Trajectory:
     begin = 0.5 * float(k.time[i] + k.time[i + 1])
     (state,) = before._states_at(np.array([begin]), np.array([i]))
     return follow_state(problem, begin, begin + 3 * period, state)
+
+
+@pytest.mark.parametrize("contact", ["damper", "rub"])
+def test_states_within_flights(contact: str) -> None:
+    """By closed forms they are those of steps as short as the fastest mode, in whatever order they
+    are asked for."""
+    motion = followed(contact)
+    k = motion.knots
+    index = np.repeat(np.arange(len(k.time) - 1), 5)
+    part = np.tile([0.7, 0.0, 0.31, 1.0, 0.02], len(k.time) - 1)
+    clock = k.clock[index] + part * np.diff(k.clock)[index]
+    found = motion._states_on_clock(clock, index)
+    out = np.empty_like(found)
+    assert np.any(states_in_flights(motion._problem, k, index, clock, out))
+    n = len(found[0]) // 2
+    for own in (slice(n), slice(n, 2 * n)):
+        steps = motion._states_by_steps(clock, index)[:, own]
+        assert np.max(np.abs(found[:, own] - steps)) <= 1e-10 * np.max(np.abs(steps))
 
 
 def by_parts(motion: Trajectory, pieces: Pieces, monkeypatch: pytest.MonkeyPatch) -> Array:

@@ -46,12 +46,13 @@ def states_in_flights(
     slots = {int(key): slot for slot, key in enumerate(T.key[:used]) if T.flown[slot]}
     omega = problem.constants.omega
     n = out.shape[1]
-    for i in np.unique(index):
-        if i + 1 >= len(knots.clock) or np.any(np.abs(knots.mode[i]) > 1):
+    lengths = np.append(np.diff(knots.clock), 0.0)
+    shortest = float(np.min(T.shortest[:used][T.flown[:used] == 1]))
+    for i in np.unique(index[lengths[index] > _LONG * shortest]):
+        if np.any(np.abs(knots.mode[i]) > 1):
             continue
         slot = slots.get(mode_key(knots.mode[i].astype(np.int64), knots.region[i].astype(np.int64)))
-        length = knots.clock[i + 1] - knots.clock[i]
-        if slot is None or not length > _LONG * T.shortest[slot]:
+        if slot is None or not lengths[i] > _LONG * T.shortest[slot]:
             continue
         own = index == i
         begin = float(knots.clock[i]) + problem.origin

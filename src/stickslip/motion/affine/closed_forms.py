@@ -107,7 +107,7 @@ def make_form(
     T.flown[slot] = 1 if pays(T, slot, own.k.omega, blocks) else 0
 
 
-@compiled()
+@compiled(brief=True)
 def damp_held(w: Making, rows: Rows, mode: Array) -> bool:
     """Let the relative velocities of sticking contacts with mass decay; returns whether there are
     any.
@@ -136,7 +136,7 @@ def damp_held(w: Making, rows: Rows, mode: Array) -> bool:
     return found
 
 
-@compiled()
+@compiled(brief=True)
 def pays(T: ClosedForms, slot: int, omega: Array, blocks: int) -> bool:
     """Whether flights are much faster than Taylor steps, or not much slower: where there are few
     components, roots of guards are nearly known, or steps would be short beside the motion, since
@@ -315,7 +315,7 @@ def add_part(T: ClosedForms, w: Making, slot: int, count: int, blocks: int) -> i
     return blocks
 
 
-@compiled()
+@compiled(brief=True)
 def leaves_out(
     w: Making, count: int, block: int, size: float, largest: float, scale: float
 ) -> bool:

@@ -281,12 +281,16 @@ def _halley(
 
 
 @compiled()
-def advance_signal(s: SignalSum, start: float) -> float:
-    """Put the exponentials at a time into z; returns the value of the signal there."""
+def advance_signal(s: SignalSum, start: float, valued: bool) -> float:
+    """Put the exponentials at a time into z; returns the value of the signal there, or 0 where none
+    is to be replaced by its bound."""
+    for j in range(len(s.lam)):
+        s.z[j] = s.a[j] * cmath.exp(s.lam[j] * start)
+    if not valued:
+        return 0.0
     c = s.c
     value = c[0] + start * (c[1] + start * c[2])
     for j in range(len(s.lam)):
-        s.z[j] = s.a[j] * cmath.exp(s.lam[j] * start)
         value += s.z[j].real
     for m in range(len(s.omega)):
         value += (s.b[m] * cmath.exp(1j * s.omega[m] * start)).real
@@ -335,7 +339,7 @@ def window_from(s: SignalSum, start: float, limit: float, value: float) -> tuple
     for j in range(len(s.lam)):
         h = min(h, window_of(s, j, start))
     bound = 0.0
-    while h < most and len(s.lam) > 1:
+    while h < most and value > 0.0:
         longer = min(_LONGER * h, most)
         more = left_out(s, start, longer)
         if more > 0.5 * value:
@@ -398,12 +402,17 @@ def first_of_many(
     start = 0.0
     order = rising
     longest = np.inf
+    moving = 0
+    for j in range(len(s.lam)):
+        moving += 1 if s.a[j] != 0.0j and s.lam[j] != 0.0j else 0
+    # One exponential beside a load is not worth looking for a longer window.
+    several = moving > 1 or len(s.omega) == 0
     N = _WINDOW_ORDER
     for _ in range(_MOST_WINDOWS):
         if not start < limit:
             break
-        value = advance_signal(s, start)
-        h, bound = window_from(s, start, limit, value if order == 0 else 0.0)
+        value = advance_signal(s, start, several and order == 0)
+        h, bound = window_from(s, start, limit, value)
         if h > longest:
             h, bound = longest, left_out(s, start, longest)
         longest = np.inf

@@ -285,7 +285,7 @@ def backbone(
     low, high = amplitudes
     if not 0.0 < low < high < np.inf:
         raise DeclarationError(
-            "amplitudes", f"({low:g}, {high:g}) is no range of amplitudes", "Give 0 < low < high"
+            "amplitudes", f"({low:g}, {high:g}) is not a range of amplitudes", "Give 0 < low < high"
         )
     if isinstance(points, bool) or points < 2:
         raise DeclarationError("points", f"{points!r} is not a number of points", "Give at least 2")

@@ -83,7 +83,7 @@ def by_eigenvalues(listed: Listed, run: Pass, i: int) -> bool:
     return spans_many(listed, run, w, time_of(run, i + 1) - time_of(run, i))
 
 
-@compiled()
+@compiled(brief=True)
 def put_moments(z: complex, work: PassSpace, b: int) -> None:
     """Put ∫₀¹ exp(z (1 − x)) ℓ(x) dx into a column of the moments, with ℓ the Lagrange polynomial
     of each node, and ∫₀¹ (1 − x) exp(z (1 − x)) ℓ(x) dx into one of the later moments."""
@@ -125,7 +125,7 @@ def put_moments(z: complex, work: PassSpace, b: int) -> None:
         work.later[g, b] = late
 
 
-@compiled()
+@compiled(brief=True)
 def put_load(values: Array, t: float, h: float, states: int) -> None:
     """Enter the state 0 at the nodes of a part into the table of values."""
     for g in range(STAGES):
@@ -161,7 +161,7 @@ def modal_component(
     return complex(re, im)
 
 
-@compiled()
+@compiled(brief=True)
 def put_forcing(listed: Listed, run: Pass, work: PassSpace, i: int) -> None:
     """Put what each parameter adds in the step from a knot, in eigenvectors, into `driven`."""
     s = listed.spectra
@@ -198,7 +198,7 @@ def put_forcing(listed: Listed, run: Pass, work: PassSpace, i: int) -> None:
             add_through_state(listed, run, work, i, p)
 
 
-@compiled()
+@compiled(brief=True)
 def put_loads(listed: Listed, run: Pass, work: PassSpace, i: int, parts: int) -> None:
     """Put ∫ exp((h − s)λ_b) γ_j ds over the step from a knot into `loaded`, of the real and of the
     imaginary part of γ; and ∫ (h − s) exp((h − s)λ_b) γ_j ds into `held`.
@@ -244,7 +244,7 @@ def put_loads(listed: Listed, run: Pass, work: PassSpace, i: int, parts: int) ->
                     work.loaded[k, b, j] = work.grown[b] * before + total
 
 
-@compiled()
+@compiled(brief=True)
 def put_slopes(listed: Listed, run: Pass, work: PassSpace, w: int, p: int) -> None:
     """Put L A_p V, of the real and of the imaginary part of V, into the spectra, unless A_p is the
     one that it was.
@@ -304,7 +304,7 @@ def put_slopes(listed: Listed, run: Pass, work: PassSpace, w: int, p: int) -> No
     s.sloped[w, p] = 1
 
 
-@compiled()
+@compiled(brief=True)
 def add_through_state(listed: Listed, run: Pass, work: PassSpace, i: int, p: int) -> None:
     """Add what a parameter adds through the state, A_p y, in the step from a knot to `driven`.
 

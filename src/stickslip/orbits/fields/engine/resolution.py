@@ -72,7 +72,7 @@ def fastest(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> fl
     return math.exp(scale)
 
 
-@compiled()
+@compiled(brief=True)
 def remember_rate(listed: Listed, run: Pass, work: PassSpace, w: int, knot: int) -> None:
     """Find the largest modulus of an eigenvalue of a steady piece, unless its Jacobian is the one
     it was.
