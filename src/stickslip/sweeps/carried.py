@@ -34,12 +34,14 @@ def carried(
     parameters: Mapping[str, float] | None = None,
     initial: Mapping[str, float] | None = None,
     progress: Callable[[int], None] | None = None,
-) -> Iterator[Cycle | str]:
+    known: Mapping[float, Cycle | str] | None = None,
+) -> Iterator[tuple[Cycle | str, bool]]:
     """The cycles that a motion settles on while a parameter takes one value after the other.
 
     Each motion starts from the state of the last one, at the same phase of the drives. Where the
-    last cycle can be followed to the new value, it is enough that the motion has come to a fifth of
-    its first distance from it; elsewhere it is followed until it has settled.
+    last cycle can be followed to the new value, or one is known there, it is enough that the motion
+    has come to a fifth of its first distance from it; elsewhere it is followed until it has
+    settled.
 
     Parameters
     ----------
@@ -53,11 +55,15 @@ def carried(
         State of the first motion; by default the declared one.
     progress : callable, optional
         Called with the number of each value before it is taken.
+    known : mapping of float to Cycle or str, optional
+        What another sweep has met, by the value.
 
     Yields
     ------
-    Cycle or str
-        Where there is no cycle, why; the next motion goes on from where that one came to.
+    found : Cycle or str
+        Where there is no cycle, why; the next motion starts from where that one came to.
+    followed : bool
+        Whether it is the one before, followed to the new value.
     """
     handed: Handed | None = None
     cycle: Cycle | None = None
@@ -71,7 +77,14 @@ def carried(
             settle_friction(derive(system.declaration), own, state[None], start)
         else:
             start, state = taken_up(system, handed, own)
-        cycle = None if cycle is None else _followed(cycle, parameter, float(value), start, state)
+        before, cycle = cycle, None
+        seen = (known or {}).get(float(value))
+        if isinstance(seen, Cycle) and _approached(seen, start, state):
+            cycle = seen
+        followed = False
+        if cycle is None and before is not None:
+            cycle = _followed(before, parameter, float(value), start, state)
+            followed = cycle is not None
         if cycle is None:
             # A motion, and not its start: what is near the start may be a cycle that repels.
             length = period_of_drives(system, own) or 0.05 * (system.span[1] - system.span[0])
@@ -81,12 +94,12 @@ def carried(
             except ConvergenceError as failure:
                 last = motion.knots
                 handed = handed_on(system, own, float(last.time[-1]), last.state[-1])
-                yield str(failure)
+                yield str(failure), False
                 continue
         place = cycle.closed.orbit.legs[0].place.state
         rate = cycle.closed.orbit.shift / cycle.period
         handed = handed_on(system, own, cycle.time, place, rate)
-        yield cycle
+        yield cycle, followed
 
 
 def moved(cycle: Cycle, parameters: Mapping[str, float], halvings: int = 5) -> Cycle:
@@ -107,27 +120,32 @@ def moved(cycle: Cycle, parameters: Mapping[str, float], halvings: int = 5) -> C
 
 
 def _followed(
-    cycle: Cycle, parameter: str, value: float, time: float, state: Array
+    cycle: Cycle, parameter: str, value: float, start: float, state: Array
 ) -> Cycle | None:
     """The cycle that another one becomes at the next value of a parameter, if the motion from a
-    state is seen to approach it; None if not, or if it repels."""
+    state is seen to approach it."""
     try:
         found = moved(cycle, {parameter: value}, halvings=2)
     except ConvergenceError:
         return None
-    closed = found.closed
+    return found if _approached(found, start, state) else None
+
+
+def _approached(cycle: Cycle, time: float, state: Array) -> bool:
+    """Whether the motion from a state is seen to approach a cycle that does not repel."""
+    closed = cycle.closed
     # Where a contact rests that never slips is told by a motion, not by a neighbour.
     if closed.shooting.setting.held or repels(closed):
-        return None
+        return False
     first = closed.distance(state, time)
     periods = 1.0
     for _ in range(_LOOKS):
-        motion = follow_freely(closed.orbit.problem, time, time + periods * found.period, state)
+        motion = follow_freely(closed.orbit.problem, time, time + periods * cycle.period, state)
         if motion.outcome is not Outcome.FINISHED:
-            return None
+            return False
         time, state = float(motion.knots.time[-1]), motion.knots.state[-1]
         now = closed.distance(state, time)
         if now <= max(_NEARER * first, _THERE):
-            return found
+            return True
         periods *= 2.0
-    return None
+    return False

@@ -339,22 +339,28 @@ def _follow(
         Takes how much is done, and what.
     """
     wanted = lines.wanted
+    beside: dict[Cycle | str, list[Cycle | str]] = {}
     for k, direction in enumerate(_DIRECTIONS):
         values = lines.grid if direction == "up" else lines.grid[::-1]
+        up = dict(zip(lines.grid.tolist(), lines.met.get("up", []), strict=False))
         met = lines.met[direction] = []
 
         def tell(i: int, k: int = k, values: Array = values) -> None:
             text = f"sweep {_DIRECTIONS[k]}, {wanted.parameter} = {values[i]:.6g}"
             show((k + i / len(values)) / 3.0, text)
 
-        for found in carried(
+        for found, followed in carried(
             wanted.system,
             wanted.parameter,
             values.tolist(),
             parameters=wanted.fixed,
             initial=initial,
             progress=tell,
+            known=up,
         ):
+            if followed:
+                beside.setdefault(found, []).append(met[-1])
+                beside.setdefault(met[-1], []).append(found)
             met.append(found)
     show(2.0 / 3.0, "lines")
     cycles = list[Cycle]()
@@ -365,43 +371,64 @@ def _follow(
     # Where a contact rests that never slips is told by neighbours that slip: these come first.
     cycles.sort(key=lambda c: -sum(s.slip_time > 0.0 for s in c.contacts.values()))
     branches = lines.branches
+    line_of: dict[Cycle | str, Branch] = {}
     for cycle in cycles:
-        if not any(_passes(wanted, b, cycle) for b in branches):
-            branches.append(continue_cycle(cycle, wanted.parameter, wanted.span, steps=steps))
-            if branches[-1].outcome.interrupted:
+        # What was followed from a cycle on a line, and is near that line, is on it.
+        near = [line_of[c] for c in beside.get(cycle, []) if c in line_of]
+        line = next((b for b in near if _spans(wanted, b, cycle)), None)
+        line = line or next((b for b in branches if _passes(wanted, b, cycle)), None)
+        if line is None:
+            line = continue_cycle(cycle, wanted.parameter, wanted.span, steps=steps)
+            branches.append(line)
+            if line.outcome.interrupted:
                 raise KeyboardInterrupt
             heed()
-            lines.missed += not _passes(wanted, branches[-1], cycle)
+            lines.missed += not _passes(wanted, line, cycle)
+        line_of[cycle] = line
     lines.peak = _peak(wanted, branches)
 
 
-def _passes(wanted: _Level, branch: Branch, cycle: Cycle) -> bool:
-    """Whether a branch passes a cycle, as far as amplitude and first harmonic tell: there are two
-    points that enclose it, and at the value of one of them it becomes that one."""
-    data, x = branch.points, wanted.coordinate
-    size, angle = data[f"harmonic_{x}"].values, data[f"phase_{x}"].values
-    where = data[wanted.parameter].values
-    wave = [size * np.cos(angle), size * np.sin(angle)]
-    numbers = np.column_stack([data[f"amplitude_{x}"].values, *wave])
+def _spans(wanted: _Level, branch: Branch, cycle: Cycle) -> list[tuple[int, int]]:
+    """Pairs of neighbouring points of a branch that enclose a cycle, as far as amplitude and first
+    harmonic tell, the nearer one first."""
+    numbers = _along(branch, wanted.coordinate)
+    where = branch.points[wanted.parameter].values
     at = cycle.parameters[wanted.parameter]
-    own = _numbers(cycle, x)
+    own = _numbers(cycle, wanted.coordinate)
     small = _SAME * float(np.max(np.abs(numbers)))
-    for i in np.flatnonzero((where[:-1] - at) * (where[1:] - at) <= 0.0):
+    found = []
+    for i in np.flatnonzero((where[:-1] - at) * (where[1:] - at) <= 0.0).tolist():
         step = numbers[i + 1] - numbers[i]
         width = where[i + 1] - where[i]
         part = (at - where[i]) / width if width else 0.0
-        if np.max(np.abs(own - numbers[i] - part * step)) > _APART * np.max(np.abs(step)) + small:
+        far = np.max(np.abs(own - numbers[i] - part * step))
+        if far <= _APART * np.max(np.abs(step)) + small:
+            found.append((i, i + 1) if part < 0.5 else (i + 1, i))
+    return found
+
+
+def _passes(wanted: _Level, branch: Branch, cycle: Cycle) -> bool:
+    """Whether a branch passes a cycle: there are two points that enclose it, and at the value of
+    one of them it becomes that one."""
+    numbers = _along(branch, wanted.coordinate)
+    small = _SAME * float(np.max(np.abs(numbers)))
+    where = branch.points[wanted.parameter].values
+    for j in (j for pair in _spans(wanted, branch, cycle) for j in pair):
+        try:
+            there = find_cycle(branch.system, cycle, parameters={wanted.parameter: float(where[j])})
+        except ConvergenceError:
             continue
-        for j in (i, i + 1) if part < 0.5 else (i + 1, i):
-            try:
-                there = find_cycle(
-                    branch.system, cycle, parameters={wanted.parameter: float(where[j])}
-                )
-            except ConvergenceError:
-                continue
-            if np.max(np.abs(_numbers(there, x) - numbers[j])) <= small:
-                return True
+        if np.max(np.abs(_numbers(there, wanted.coordinate) - numbers[j])) <= small:
+            return True
     return False
+
+
+def _along(branch: Branch, x: str) -> Array:
+    """Amplitude and first harmonic of a coordinate at the points of a branch, shape (points, 3)."""
+    data = branch.points
+    size, angle = data[f"harmonic_{x}"].values, data[f"phase_{x}"].values
+    wave = [size * np.cos(angle), size * np.sin(angle)]
+    return np.column_stack([data[f"amplitude_{x}"].values, *wave])
 
 
 def _numbers(cycle: Cycle, x: str) -> Array:

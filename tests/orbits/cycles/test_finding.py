@@ -11,7 +11,7 @@ import pytest
 
 from orbits.examples import HALF_TURN, SLIDER, dragged, isola, planar
 from properties.families import linear_family
-from stickslip import Contact, RateIndependent, System, catalogue, simulate
+from stickslip import Contact, Inertial, Parameter, RateIndependent, System, catalogue, simulate
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.cycles.cycle import Cycle, find_cycle
@@ -301,3 +301,38 @@ def test_bad_arguments() -> None:
         find_cycle(SLIDER, parameters={"W": 1.0})
     with pytest.raises(DeclarationError, match="a motion of belt_block"):
         find_cycle(SLIDER, simulate(catalogue.belt_block(), (0, 1)))
+
+
+@pytest.mark.parametrize("omega", [0.6, 0.7, 0.8, 1.2, 1.4, 2.5])
+@pytest.mark.parametrize("change", [0.95, 1.05])
+def test_a_cycle_far_away_is_found_in_one_step(omega: float, change: float) -> None:
+    """At another frequency the drive is at the same phase, and the cycle is extrapolated; a start
+    at the same time and state is up to half a radian off, and is refused."""
+    system = catalogue.jenkins_oscillator()
+    parameters = {"omega": change * omega}
+    moved = find_cycle(
+        system, find_cycle(system, parameters={"omega": omega}), parameters=parameters
+    )
+    alone = find_cycle(system, parameters=parameters)
+    assert abs(moved.harmonic["x"] - alone.harmonic["x"]) < 1e-10 * abs(alone.harmonic["x"])
+    assert moved.multipliers == pytest.approx(alone.multipliers, abs=1e-8)
+
+
+def test_a_cycle_under_a_load_and_a_drive_is_moved_along() -> None:
+    """A load V*t beside a drive: the state has moved on where the drive is at the same phase."""
+    system = System(
+        name="pulled and shaken",
+        parameters={"omega": Parameter(2.0), "V": Parameter(0.3)},
+        coordinates={"x": Inertial()},
+        kinetic="0.5*d_x**2",
+        potential="0.5*(x - V*t - 0.2*cos(omega*t))**2",
+        viscous="0.05*d_x**2",
+        contacts={"ground": Contact("d_x", 0.3)},
+    )
+    cycle = find_cycle(system)
+    for change in ({"omega": 2.15}, {"V": 0.33}, {"omega": 1.9, "V": 0.28}):
+        moved = find_cycle(system, cycle, parameters=change)
+        alone = find_cycle(system, parameters=change)
+        check(moved)
+        assert moved.dissipated == pytest.approx(alone.dissipated, rel=1e-9)
+        assert moved.drift == pytest.approx(alone.drift, rel=1e-9)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.errors import ConvergenceError, some
+from stickslip.errors import ConvergenceError, StickslipError, some
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.orbits.cycles.lyapunov import Exponent, largest_exponent
@@ -34,7 +34,13 @@ from stickslip.orbits.return_map.recurrence import (
     latest,
     window,
 )
-from stickslip.orbits.return_map.shooting import NoReturn, Shooting, follow_freely
+from stickslip.orbits.return_map.shooting import (
+    NoReturn,
+    Shooting,
+    follow_freely,
+    parameter_values,
+)
+from stickslip.orbits.return_map.slopes import slope_of
 from stickslip.orbits.settling.single import Settled, settle_motion
 
 if TYPE_CHECKING:
@@ -44,6 +50,7 @@ if TYPE_CHECKING:
 _NEARBY = 0.05  # a start that returns this close, relative to its motion, is near a cycle
 _SETTLED = 1e-3  # a motion that has not settled in its time, and returns this close, nearly has
 LAST_SPANS = 27.0  # spans in which such a motion is looked at
+_FAR = 1.0  # of its size: a cycle that has moved farther is not extrapolated
 _ROUNDS = 3  # times that it is looked again at what leaves the system unchanged
 _PERIODS = 2.5  # of what a motion has settled on, that are sampled
 _STILL = 1e-13  # range of a component, relative to its modulus, of what does not move
@@ -75,6 +82,7 @@ def from_cycle(start: Closed, time: float, parameters: Mapping[str, float] | Non
         found = replace(found, turns=turns, shift=turns * one / before * old.shift)
         w = replace(w, clock=now)
         found = replace(found, period=turns * now.period(problem.parameters))
+    found = _extrapolated(start, found, problem.parameters) or found
     try:
         return accepted(*near(problem, pieces, w, found))
     except Family:
@@ -83,6 +91,42 @@ def from_cycle(start: Closed, time: float, parameters: Mapping[str, float] | Non
         raise ConvergenceError(
             failure.where, failure.reached, "Take smaller steps, or use continue_cycle"
         ) from None
+
+
+def _extrapolated(
+    start: Closed, found: Recurrence, parameters: Mapping[str, float]
+) -> Recurrence | None:
+    """Where a cycle is at other parameters, to first order; None if that is far away, or drives
+    act that did not before."""
+    old, setting = start.orbit, start.shooting.setting
+    if found.turns != setting.turns:
+        return None
+    steps = {
+        name: value - old.problem.parameters[name]
+        for name, value in parameters.items()
+        if value != old.problem.parameters[name]
+    }
+    try:
+        slopes = {name: slope_of(start, name) for name in steps}
+    except (StickslipError, np.linalg.LinAlgError):
+        return None
+    state = sum((steps[name] * slopes[name].state for name in steps), np.zeros(len(found.state)))
+    period = old.period + sum(steps[name] * slopes[name].period for name in steps)
+    shift = old.shift + sum(steps[name] * slopes[name].shift for name in steps)
+    later = 0.0
+    if setting.clock is not None:
+        # Drives keep their phase: at a fixed time a motion turns with their frequency.
+        place = start.shooting.stations[0]
+        rate = place.piece.rates(found.time, found.state, parameter_values(old.problem))
+        state = state + (period / old.period - 1.0) * found.time * rate
+        later = (found.period / old.period - 1.0) * found.time
+        period = found.period
+    far = float(np.linalg.norm(state / setting.sizes))
+    if not (far <= _FAR and abs(period / old.period - 1.0) <= _FAR):
+        return None
+    return replace(
+        found, time=found.time + later, state=found.state + state, period=period, shift=shift
+    )
 
 
 def accepted(shooting: Shooting, x: Array) -> Closed:

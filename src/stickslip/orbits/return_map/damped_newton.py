@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +26,7 @@ from stickslip.orbits.return_map.shooting import (
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
+    from stickslip.orbits.return_map.slopes import Slope
 
 
 _MOST_STEPS = 25
@@ -279,10 +280,19 @@ def _well_inside(motion: Trajectory, t: float) -> tuple[float, int]:
 
 @dataclass(frozen=True)
 class Closed:
-    """A cycle: the equations it solves and the solution."""
+    """A cycle: the equations it solves and the solution.
+
+    Attributes
+    ----------
+    shooting : Shooting
+    orbit : Orbit
+    slopes : dict
+        What was asked of its derivatives (:mod:`.slopes`), by parameter.
+    """
 
     shooting: Shooting
     orbit: Orbit
+    slopes: dict[str, Slope] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def spectrum(self) -> Spectrum:

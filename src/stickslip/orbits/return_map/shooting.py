@@ -18,7 +18,7 @@ nothing, and there is a cycle for every position of rest. In its place stands wh
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -273,9 +273,18 @@ class Setting:
     cells: Array
     sizes: Array
     held: tuple[Held, ...]
+    _found: dict[bytes, Symmetry] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def at(self, problem: Problem) -> Symmetry:
         """The symmetry for other parameters."""
+        key = parameter_values(problem).tobytes()
+        if key not in self._found:
+            self._found[key] = self._symmetry(problem)
+        return self._found[key]
+
+    def _symmetry(self, problem: Problem) -> Symmetry:
         drives = self.clock.drives(problem.parameters) if self.clock else None
         cells = np.zeros((len(self.sizes), 0))
         if len(self.cells):
@@ -480,7 +489,7 @@ class Shooting:
         if not period > 0.0:
             raise NoReturn("the period", f"it became {period:g}")
         problem = with_value(self.problem, self.free, float(x[-1])) if self.free else self.problem
-        known = self._known_shift(problem, period)
+        known = self.known_shift(problem, period)
         shift = known.value + self.symmetry.shifts @ x[self.drifts]
         legs = [self._leg(problem, j, x, period) for j in range(len(self.stations))]
         F = np.zeros(len(x) - bool(self.free))
@@ -584,7 +593,7 @@ class Shooting:
             row[-1] = -x[self.time] / whole**2 * turns * clock.slope(problem.parameters, self.free)
         return x[self.time] / whole - 1.0, row
 
-    def _known_shift(self, problem: Problem, period: float) -> KnownShift:
+    def known_shift(self, problem: Problem, period: float) -> KnownShift:
         """Shift of the state in a period that the loads determine, with its derivatives."""
         zero = np.zeros(len(self.setting.sizes))
         if not self._shifted:

@@ -1,16 +1,14 @@
 """Derivatives of a cycle with respect to parameters.
 
-The cycle solves F(x, p) = 0 (:mod:`stickslip.orbits.return_map.shooting`), so dx/dp = −F_x⁻¹ F_p
-with the exact derivatives that Newton's method has; the period and the shift of the state are among
-what follows, and extremes change as the state does where they are reached, since there the motion
-stands still. Multipliers are themselves derivatives: theirs are differences of cycles closed again
-nearby, extrapolated.
+State, period and shift change as :mod:`stickslip.orbits.return_map.slopes` says, and extremes as
+the state does where they are reached, since there the motion stands still. Multipliers are
+themselves derivatives: theirs are differences of cycles closed again nearby, extrapolated.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -25,7 +23,7 @@ from stickslip.orbits.cycles.finding import from_cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.return_map.damped_newton import Closed
-from stickslip.orbits.return_map.shooting import flies
+from stickslip.orbits.return_map.slopes import slope_of
 from stickslip.orbits.sensitivities.motion import with_knots
 
 if TYPE_CHECKING:
@@ -141,26 +139,10 @@ def cycle_sensitivity(
 
 def _moved(closed: Closed, name: str, multipliers: bool) -> Moved:
     """The change of a cycle with one parameter."""
-    problem = closed.orbit.problem
-    pieces = Pieces(problem.compiled.equations, name)
-    exact = flies(closed.orbit.motion)
-    shooting = closed.shooting.with_pieces(pieces, replace(problem, exact=exact))
-    x = np.append(closed.orbit.x, problem.parameters[name])
-    orbit = shooting.orbit(x)
-    change = np.append(np.linalg.lstsq(orbit.J[:, :-1], -orbit.J[:, -1], rcond=None)[0], 1.0)
-    home = slice(*shooting.first[:2])
-    place = orbit.legs[0].place
-    state = place.directions @ change[home] + place.by_parameter
-    known = shooting._known_shift(orbit.problem, orbit.period)
-    period = float(change[shooting.time])
-    shift = (
-        known.by_time * period
-        + known.by_parameter
-        + shooting.symmetry.shifts @ change[shooting.drifts]
-    )
-    ends = _ends(orbit.motion, pieces, state, period)
+    found = slope_of(closed, name)
+    ends = _ends(found.orbit.motion, found.pieces, found.state, found.period)
     spectrum = _multipliers(closed, name) if multipliers else np.zeros(0)
-    return Moved(period, shift, state, ends, spectrum)
+    return Moved(found.period, found.shift, found.state, ends, spectrum)
 
 
 class _Extreme(NamedTuple):
