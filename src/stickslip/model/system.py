@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
+from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeAlias, cast
 
 from stickslip.arguments import validated
@@ -41,6 +42,8 @@ CROSSINGS = {"falling": -1, "both": 0, "rising": 1}
 """The sign of its rate where it does."""
 AnyStructure: TypeAlias = "Structure | InModes"
 """A structure, or in a system that is written out what is left of it."""
+AnyOutput: TypeAlias = "Output | Formula"
+"""An output, or its formula."""
 ImpactLaw = str
 """What contacts do that close at once: one of :data:`IMPACT_LAWS`."""
 IMPACT_LAWS = ("together", "in turn")
@@ -150,6 +153,29 @@ class Internal:
     """An internal variable α̇ = law(t, x, ẋ, α)."""
 
     law: Formula
+    unit: str = ""
+    meaning: str = ""
+
+    def __post_init__(self) -> None:
+        hold_plain(self)
+
+
+@dataclass(frozen=True)
+class Output:
+    """A quantity that results show: a formula of the motion.
+
+    Attributes
+    ----------
+    formula : str or float
+        Of ``t``, parameters, functions and drives, coordinates, rates ``d_x``, internal variables,
+        unknowns of structures, other outputs, and what results show of contacts and energies by
+        the names in their datasets: ``friction_c``, ``normal_c``, ``slip_speed_c``, ``energy``,
+        accelerations ``dd_x``.
+    unit, meaning : str
+        Unit and meaning; without a unit, the one that follows from the formula.
+    """
+
+    formula: Formula
     unit: str = ""
     meaning: str = ""
 
@@ -461,6 +487,18 @@ def _plain(value: Any, where: str) -> Any:
             return value
 
 
+def _as_outputs(given: Any) -> Any:
+    """Outputs with bare formulas made outputs; anything else is refused with the rest."""
+    if not isinstance(given, Mapping):
+        return given
+    return {
+        name: Output(entry)
+        if isinstance(entry, str | Real) and not isinstance(entry, bool)
+        else entry
+        for name, entry in cast(Mapping[str, Any], given).items()
+    }
+
+
 class _NotGiven(tuple[float, float]):
     """A time span that stands because none was given."""
 
@@ -531,6 +569,9 @@ class System:
         What is known to be necessary, by name.
     facts : mapping of str to formula
         Closed-form facts, formulas of the parameters (such as X, ψ₂ of the rocking toy).
+    outputs : mapping of str to Output or formula
+        Quantities that results show, such as ``{"tip": "u[tip] - u[root]"}``. Other formulas may
+        use them by name, where what they are made of may stand.
 
     Raises
     ------
@@ -561,10 +602,12 @@ class System:
     time_unit: str = ""
     conditions: Mapping[str, Condition] = field(default_factory=dict[str, Condition])
     facts: Mapping[str, Formula] = field(default_factory=dict[str, Formula])
+    outputs: Mapping[str, AnyOutput] = field(default_factory=dict[str, "AnyOutput"])
 
     def __post_init__(self) -> None:
         given = not isinstance(self.span, _NotGiven)
         hold_plain(self)
+        object.__setattr__(self, "outputs", _as_outputs(self.outputs))
         if not given:
             object.__setattr__(self, "span", _known(self.drives))
         _ = self.declaration
@@ -601,10 +644,20 @@ class System:
 
         return shown_of(self.written_structures)
 
+    @property
+    def declared_outputs(self) -> Mapping[str, Output]:
+        """The outputs, each with its unit and meaning."""
+        return cast("Mapping[str, Output]", self.outputs)
+
     @cached_property
     def places(self) -> list[str]:
-        """What a person follows: coordinates as declared, and unknowns of structures."""
+        """Where things are: coordinates as declared, and unknowns of structures."""
         return [*self.coordinates, *(name for name in self.unknowns if name[:2] != "d_")]
+
+    @property
+    def followed(self) -> list[str]:
+        """What a person follows: places and outputs."""
+        return [*self.places, *self.outputs]
 
     def unknown(self, name: str) -> dict[str, float]:
         """What an unknown of a structure, or its rate, is of modes; empty if there is none of that

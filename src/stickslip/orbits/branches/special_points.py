@@ -552,7 +552,7 @@ def dataset(parameters: Iterable[str], cycles: list[Cycle], steps: Array) -> xar
         data[name] = column(name, (c.state[name] for c in cycles), **what)
         data[f"min_{name}"] = column(name, (c.extrema[name][0] for c in cycles), **what)
         data[f"max_{name}"] = column(name, (c.extrema[name][1] for c in cycles), **what)
-    for name in system.places:
+    for name in system.followed:
         half = (0.5 * (c.extrema[name][1] - c.extrema[name][0]) for c in cycles)
         data[f"amplitude_{name}"] = column(name, half, **described(system, f"amplitude:{name}"))
     if cycles[0].closed.shooting.symmetry.driven:
@@ -606,7 +606,7 @@ def _harmonics(system: System, cycles: list[Cycle]) -> dict[str, Any]:
     """Modulus and phase of the first harmonic of every coordinate of driven cycles, and how well
     they are known."""
     data: dict[str, Any] = {}
-    for name in system.places:
+    for name in system.followed:
         c = np.array([cycle.harmonic[name] for cycle in cycles])
         what = quantity(system, name)
         text = f"first harmonic of {what['long_name']}"
