@@ -138,7 +138,9 @@ class DeclaredNames:
             where = entry_key("outputs", name)
             if parse_signature(name, where)[1]:
                 raise DeclarationError(
-                    where, "an output has no arguments", "Put it under 'functions', or name it alone"
+                    where,
+                    "an output has no arguments",
+                    "Put it under 'functions', or name it alone",
                 )
             check_unit(output.unit, f"{where}.unit")
 

@@ -120,7 +120,9 @@ def quantity_or_formula(system: System, text: str) -> dict[str, str]:
     try:
         return quantity(system, text)
     except KeyError:
-        return described_as(text, formula_unit(system, system.declaration.results.parse(text, text)))
+        return described_as(
+            text, formula_unit(system, system.declaration.results.parse(text, text))
+        )
 
 
 def of_modes(

@@ -491,12 +491,12 @@ def _as_outputs(given: Any) -> Any:
     """Outputs with bare formulas made outputs; anything else is refused with the rest."""
     if not isinstance(given, Mapping):
         return given
-    return {
-        name: Output(entry)
-        if isinstance(entry, str | Real) and not isinstance(entry, bool)
-        else entry
-        for name, entry in cast(Mapping[str, Any], given).items()
-    }
+    entries = cast(Mapping[str, Any], given)
+    return {name: Output(entry) if _is_formula(entry) else entry for name, entry in entries.items()}
+
+
+def _is_formula(entry: Any) -> bool:
+    return isinstance(entry, str | Real) and not isinstance(entry, bool)
 
 
 class _NotGiven(tuple[float, float]):

@@ -633,7 +633,7 @@ class Trajectory(Result):
         t : (float, float), optional
             Window of the time.
         coordinates : sequence of str, optional
-            Those that the overview shows, and internal variables.
+            Those that the overview shows, internal variables, and outputs.
 
         Raises
         ------

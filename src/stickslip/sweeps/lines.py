@@ -131,7 +131,7 @@ def frequency_response(
         raise DeclarationError("points", f"{points!r} is not a number of points", "Give at least 2")
     if of and coordinate:
         raise DeclarationError("coordinate", "it is another name of 'of'", "Give one of the two")
-    with_output, followed = _followed(system, of or coordinate)
+    with_output, followed = _followed(system, of or coordinate, "of" if of else "coordinate")
     text, formula = read_drive(with_output, followed, drive)
     levels_given = [{level: value} for value in values] or [{}]
     wanted = [
@@ -156,7 +156,7 @@ def frequency_response(
     return _response(system, fixed, level, found, ended)
 
 
-def _followed(system: System, of: str | None) -> tuple[System, str]:
+def _followed(system: System, of: str | None, where: str) -> tuple[System, str]:
     """The name whose response it is, and the system with a formula as an output of that name.
 
     Raises
@@ -169,7 +169,7 @@ def _followed(system: System, of: str | None) -> tuple[System, str]:
         return system, [*first, *system.places, *system.internal][0]
     if of in system.followed:
         return system, of
-    read_formula(system, of, "of")
+    read_formula(system, of, where)
     taken = {*system.outputs, *system.declaration.results.names}
     taken |= system.declaration.results.definitions.keys()
     name = next(n for n in (f"response_{i}" for i in count(1)) if n not in taken)
@@ -623,7 +623,7 @@ def _certificate(found: list[_Lines]) -> Certificate:
     return replace(own, residuals=(*own.residuals, *more))
 
 
-def _dataset(system: System, level: str, found: list[_Lines], of: str) -> xarray.Dataset:
+def _dataset(system: System, level: str, found: list[_Lines], shown: str) -> xarray.Dataset:
     """Points of the lines, sweeps, and the largest responses."""
     import xarray as xr
 
@@ -666,7 +666,7 @@ def _dataset(system: System, level: str, found: list[_Lines], of: str) -> xarray
     if level:
         of = np.array([one.wanted.fixed[level] for one in found])
         coordinates["level"] = "level", of, attributes[level]
-    about = {"title": system.title or system.name, "coordinate": of, "drive": wanted.text}
+    about = {"title": system.title or system.name, "coordinate": shown, "drive": wanted.text}
     return xr.Dataset(data, coordinates, about)
 
 

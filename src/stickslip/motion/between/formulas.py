@@ -42,11 +42,11 @@ def read_formula(system: System, text: str, where: str) -> Expr:
     if NAME.fullmatch(bare) and bare not in {*scope.names, *scope.definitions, *scope.forbidden}:
         known = [*system.followed, *sorted(declared.published), *scope.definitions]
         reason = f"there is no '{short(bare)}'"
-        raise DeclarationError(where, reason, suggestion(bare, known))
+        raise DeclarationError(where, reason, suggestion(bare, dict.fromkeys(known)))
     return scope.parse(text, where)
 
 
-def evaluated(formulas: Sequence[Expr], values: Mapping[str, Array], count: int) -> Array:
+def evaluated(formulas: Sequence[Expr], values: Mapping[str, Array | float], count: int) -> Array:
     """Values of formulas, shape (formulas, count), from those of names.
 
     Parameters

@@ -168,8 +168,8 @@ class Cycle(Result):
     @cached_property
     def harmonic(self) -> dict[str, complex]:
         """First harmonic of each component of the state, of unknowns of structures and of outputs,
-        c of Re(c exp(iωt)): with the frequency of the drives, or of the cycle if there are none. A cycle
-        of several periods of the drives has slower ones, too."""
+        c of Re(c exp(iωt)): with the frequency of the drives, or of the cycle if there are none. A
+        cycle of several periods of the drives has slower ones, too."""
         return self._harmonics[0]
 
     @cached_property
@@ -188,9 +188,9 @@ class Cycle(Result):
     @cached_property
     def relative_phase(self) -> dict[str, float]:
         """Phase of the first harmonic of each coordinate, unknown of a structure, or output,
-        relative to the drive, in (−3π/2, π/2], negative if it lags behind: relative to the only drive of the
-        system, or to the force on it. Empty if nothing drives the system; what has no drive has
-        none."""
+        relative to the drive, in (−3π/2, π/2], negative if it lags behind: relative to the only
+        drive of the system, or to the force on it (of an output, the only force that depends on
+        time). Empty if nothing drives the system; what has no drive has none."""
         setting = self.closed.shooting.setting
         if not setting.symmetry.driven:
             return {}

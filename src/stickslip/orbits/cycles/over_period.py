@@ -36,8 +36,8 @@ _REFINED = 6  # times; a value beside an extremum is known to the square of that
 _EXACT = 1e-13  # a change by less, relative to the largest value, is rounding
 _MOST_TURNS = 64  # of a formula, that are closed in on
 _CUTS = 8  # parts in which the surroundings of a turn are cut, each time
-_CUTS_AT_LEAST, _CUTS_AT_MOST = 10, 26  # times: until a smooth turn, and one with a kink, is known
-_ROUNDING = 1e-16
+_CUT_TIMES = 26  # at most: until a kink is known
+_ROUNDING = 4e-16
 _KINK_KNOWN = 12  # times that a kink is closed in on
 
 
@@ -200,17 +200,16 @@ def _closed_in_on(
     size = np.maximum(np.max(np.abs(seen), axis=0), 1e-300)[which]
     share = np.arange(_CUTS + 1) / _CUTS
     rows = np.arange(len(at))
-    for cut in range(_CUTS_AT_MOST if len(at) else 0):
+    for _ in range(_CUT_TIMES if len(at) else 0):
         inside = a[:, None] + (b - a)[:, None] * share
         steps = np.repeat(index[at], _CUTS + 1)
         values = along(inside.ravel(), steps).reshape(*inside.shape, -1)[rows, :, which]
         y = sign[:, None] * values
         lowest = np.argmin(y, axis=1)
-        gained = best - y[rows, lowest]
         best = np.minimum(best, y[rows, lowest])
         a = inside[rows, np.maximum(lowest - 1, 0)]
         b = inside[rows, np.minimum(lowest + 1, _CUTS)]
-        if cut >= _CUTS_AT_LEAST and not np.any(gained > _ROUNDING * size):
+        if np.all(np.ptp(y, axis=1) <= _ROUNDING * size):
             break
     for one, end, i in zip(sign * best, ends, which, strict=True):
         found[end, i] = min(found[0, i], one) if end == 0 else max(found[1, i], one)

@@ -12,7 +12,8 @@ are ``low`` and ``high`` (least and largest value of a component), ``shift`` (it
 long it is).
 
 In place of a component there may be an output, an unknown of a structure, a force or any other
-formula of what results show: ``high:tip``, ``amplitude:u[tip] - u[root]``, ``mean:friction_ground``.
+formula of what results show: ``high:tip``, ``amplitude:u[tip] - u[root]``,
+``mean:friction_ground``.
 
 Where a drive is known for a time only, as a record of an earthquake is, nothing settles: what is
 measured is the motion over the declared span, and what belongs to a cycle is refused.
@@ -164,7 +165,7 @@ MEASURES = {
     "state": Named(_state, False, "component", one_period.state),
     "time": Named(_time, False),
     "duration": Named(_duration, False),
-    "mean": Named(None, False, "quantity", one_period.mean),
+    "mean": Named(None, False, "quantity", one_period.mean_value),
     "harmonic": Named(None, False, "quantity", one_period.harmonic),
     "phase": Named(None, False, "quantity", one_period.phase),
     "relative_phase": Named(None, False, "quantity", one_period.phase_to_drive),

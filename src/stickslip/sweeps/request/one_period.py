@@ -12,9 +12,9 @@ import numpy as np
 from stickslip.equations.derive import derive
 from stickslip.errors import DeclarationError, short
 from stickslip.model.system import System
-from stickslip.orbits.cycles.drive_phase import phase_of_drive, read_drive, relative_phase
 from stickslip.motion.between.formulas import Along, read_formula
 from stickslip.orbits.cycles import over_period
+from stickslip.orbits.cycles.drive_phase import phase_of_drive, read_drive, relative_phase
 from stickslip.orbits.cycles.measure import weight
 from stickslip.orbits.fields.clock import clock
 
@@ -51,7 +51,7 @@ def phase_to_drive(motion: Trajectory, of: str) -> float:
     return found
 
 
-def mean(motion: Trajectory, of: str) -> float:
+def mean_value(motion: Trajectory, of: str) -> float:
     """Its mean."""
     return over_period.mean(motion, of or motion.system.declaration.state[0])[0]
 

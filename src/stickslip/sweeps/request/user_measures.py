@@ -136,8 +136,8 @@ def read_measures(system: System, asked: Sequence[Any]) -> tuple[Measure, ...]:
     asked : sequence of str or callable
         Names of measures, possibly of one coordinate, output, formula or contact
         (``"amplitude:psi"``, ``"high:u[tip] - u[root]"``); formulas ``"name = formula"`` of
-        measures and parameters (``"range = high:tip - low:tip"``); ``"file.py:function"``; functions of a
-        Trajectory, or the names of those that other packages add (entry points of
+        measures and parameters (``"range = high:tip - low:tip"``); ``"file.py:function"``;
+        functions of a Trajectory, or the names of those that other packages add (entry points of
         ``stickslip.measures``).
 
     Raises
