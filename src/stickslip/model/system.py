@@ -495,8 +495,8 @@ def _as_outputs(given: Any) -> Any:
     return {name: Output(entry) if _is_formula(entry) else entry for name, entry in entries.items()}
 
 
-def _is_formula(entry: Any) -> bool:
-    return isinstance(entry, str | Real) and not isinstance(entry, bool)
+def _is_formula(entry: object) -> bool:
+    return not isinstance(entry, bool) and isinstance(entry, str | Real)
 
 
 class _NotGiven(tuple[float, float]):

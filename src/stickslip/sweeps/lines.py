@@ -614,7 +614,10 @@ def _certificate(found: list[_Lines]) -> Certificate:
     if not branches:
         return NOTHING
     own = worst([*(b.certificate for b in branches), *(c.certificate for c in cycles)])
-    known = max(float(b.points["harmonics_error"].max()) for b in branches)
+    of = found[0].wanted.coordinate
+    is_output = of in found[0].wanted.system.outputs
+    errors = ["harmonics_error", *([f"harmonics_error_{of}"] if is_output else [])]
+    known = max(float(b.points[name].max(skipna=False)) for b in branches for name in errors)
     missed = float(sum(one.missed for one in found))
     more = (
         Residual("first harmonics", known, _EXACT, note="change by the last halving of the panels"),

@@ -103,7 +103,7 @@ def test_outputs_of_a_linear_oscillator() -> None:
     waves = {"size": 0.0, "squared": 0.0, "cube": third, "relative": relative, "late": late}
     for name, wave in waves.items():
         assert abs(cycle.harmonic[name] - wave) < 1e-10, name
-    assert cycle._harmonics[1] < 1e-12
+    assert max(cycle._harmonics[1].values()) < 1e-12
     assert abs(cycle.mean("size") - 2.0 * A / math.pi) < 1e-11
     assert abs(cycle.mean("squared") - A**2 / 2.0) < 1e-11
     share = math.acos(0.1 / A) / math.pi  # of the time above 0.1
@@ -158,3 +158,19 @@ def test_stored_cycles_and_branches_have_outputs(tmp_path) -> None:
     ends = branch.points["amplitude_a"].values
     assert np.all(ends > 0.0)
     assert branch.points["harmonic_a"].sizes == branch.points["amplitude_x"].sizes
+
+
+def test_what_is_undefined_spoils_nothing_else() -> None:
+    """An output without a value somewhere has none for the cycle; all others are as they were."""
+    cycle = ss.find_cycle(oscillator(root="sqrt(x)", doubled="2*x", bent="abs(x)"))
+    alone = ss.find_cycle(oscillator())
+    assert math.isnan(cycle.extrema["root"][0])
+    assert math.isnan(abs(cycle.harmonic["root"]))
+    assert math.isinf(cycle._harmonics[1]["root"])
+    assert cycle._harmonics[1][""] == alone._harmonics[1][""]
+    assert cycle.harmonic["doubled"] == 2.0 * cycle.harmonic["x"]
+    assert abs(cycle.harmonic["bent"]) < 1e-10
+    found = ss.frequency_response(oscillator(root="sqrt(x)"), "omega", (1.2, 1.3), points=3)
+    assert found.certificate.ok
+    with pytest.raises(ss.DeclarationError, match="undefined on the cycle"):
+        cycle.mean("root")

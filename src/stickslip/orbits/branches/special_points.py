@@ -617,5 +617,7 @@ def _harmonics(system: System, cycles: list[Cycle]) -> dict[str, Any]:
             own = np.unwrap([cycle.relative_phase[name] for cycle in cycles])
             meaning = {**phase, "long_name": f"{phase['long_name']}, relative to the drive"}
             data[f"relative_phase_{name}"] = "point", own, meaning
-    data["harmonics_error"] = "point", np.array([c._harmonics[1] for c in cycles])
+    for name, ending in {"": "", **{name: f"_{name}" for name in system.outputs}}.items():
+        errors = np.array([c._harmonics[1][name] for c in cycles])
+        data[f"harmonics_error{ending}"] = "point", errors
     return data

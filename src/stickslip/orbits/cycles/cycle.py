@@ -173,8 +173,8 @@ class Cycle(Result):
         return self._harmonics[0]
 
     @cached_property
-    def _harmonics(self) -> tuple[dict[str, complex], float]:
-        """The same, and how well it is known."""
+    def _harmonics(self) -> tuple[dict[str, complex], dict[str, float]]:
+        """The same, and how well it is known: of the state (no name), of each output besides."""
         setting = self.closed.shooting.setting
         order = setting.turns if setting.symmetry.driven else 1
         own, error = over_period.harmonics(self.trajectory, self.closed.orbit.shift, order)
@@ -183,7 +183,7 @@ class Cycle(Result):
             found[name] = sum((w * found[mode] for mode, w in row.items()), 0j)
         outputs = self.system.declaration.outputs
         others, more = over_period.harmonics_of(self.trajectory, outputs, found, order)
-        return found | others, max(error, more)
+        return found | others, {"": error, **more}
 
     @cached_property
     def relative_phase(self) -> dict[str, float]:

@@ -34,10 +34,9 @@ _SAMPLES = 16  # of a step, between which a quantity turns once at most
 _SAMPLES_OF_ALL = 1000
 _REFINED = 6  # times; a value beside an extremum is known to the square of that
 _EXACT = 1e-13  # a change by less, relative to the largest value, is rounding
-_MOST_TURNS = 64  # of a formula, that are closed in on
 _CUTS = 8  # parts in which the surroundings of a turn are cut, each time
 _CUT_TIMES = 26  # at most: until a kink is known
-_ROUNDING = 4e-16
+_ROUNDING = 1e-14  # part of the largest value by which values differ that are the same
 _KINK_KNOWN = 12  # times that a kink is closed in on
 
 
@@ -175,45 +174,61 @@ def _where_rates_vanish(
 def _closed_in_on(
     motion: Trajectory, formulas: Mapping[str, Expr], times: Array, index: Array
 ) -> Extremes:
-    """Extremes of any formulas: at samples, and around those that are lower (higher) than their
-    neighbours in their step, until cutting the surroundings changes nothing."""
+    """Extremes of any formulas: at samples, and around those beside which there may be lower
+    (higher) values, whose surroundings are cut until they are straight."""
     along = Along(motion, [*formulas.values()])
     seen = along(times, index)
-    found = np.array([np.min(seen, axis=0), np.max(seen, axis=0)])
+    size = np.maximum(np.max(np.abs(seen), axis=0), 1e-300)
     edge = np.diff(index) != 0
-    before, after = np.r_[True, edge], np.r_[edge, True]  # no neighbour in the step
-    parts: list[tuple[Array, int, int]] = []
-    for end, sign in enumerate((1.0, -1.0)):
-        for i in range(len(formulas)):
-            y = sign * seen[:, i]
-            left = np.where(before, np.inf, np.r_[np.inf, y[:-1]])
-            right = np.where(after, np.inf, np.r_[y[1:], np.inf])
-            level = (before | (y == left)) & (after | (y == right))
-            at = np.flatnonzero((y <= left) & (y <= right) & ~level)
-            parts.append((at[np.argsort(y[at])[:_MOST_TURNS]], end, i))
-    at = np.concatenate([p for p, _, _ in parts])
-    ends = np.concatenate([np.full(len(p), end) for p, end, _ in parts])
-    which = np.concatenate([np.full(len(p), i) for p, _, i in parts])
-    sign = np.where(ends == 0, 1.0, -1.0)
-    a, b = times[np.where(before[at], at, at - 1)], times[np.where(after[at], at, at + 1)]
-    best = sign * seen[at, which]
-    size = np.maximum(np.max(np.abs(seen), axis=0), 1e-300)[which]
+    first, last = np.r_[True, edge], np.r_[edge, True]  # of their steps
     share = np.arange(_CUTS + 1) / _CUTS
-    rows = np.arange(len(at))
-    for _ in range(_CUT_TIMES if len(at) else 0):
-        inside = a[:, None] + (b - a)[:, None] * share
-        steps = np.repeat(index[at], _CUTS + 1)
-        values = along(inside.ravel(), steps).reshape(*inside.shape, -1)[rows, :, which]
-        y = sign[:, None] * values
-        lowest = np.argmin(y, axis=1)
-        best = np.minimum(best, y[rows, lowest])
-        a = inside[rows, np.maximum(lowest - 1, 0)]
-        b = inside[rows, np.minimum(lowest + 1, _CUTS)]
-        if np.all(np.ptp(y, axis=1) <= _ROUNDING * size):
-            break
-    for one, end, i in zip(sign * best, ends, which, strict=True):
-        found[end, i] = min(found[0, i], one) if end == 0 else max(found[1, i], one)
-    return {name: (float(found[0, i]), float(found[1, i])) for i, name in enumerate(formulas)}
+    ends: list[Array] = []
+    for sign in (1.0, -1.0):
+        lowest = np.min(sign * seen, axis=0)
+        at, which = _may_be_lower(sign * seen, first, last, _ROUNDING * size)
+        steps = index[at]
+        a, b = times[np.where(first[at], at, at - 1)], times[np.where(last[at], at, at + 1)]
+        for _ in range(_CUT_TIMES):
+            if not len(at):
+                break
+            inside = a[:, None] + (b - a)[:, None] * share
+            values = along(inside.ravel(), np.repeat(steps, _CUTS + 1))
+            rows = np.arange(len(at))
+            y = sign * values.reshape(*inside.shape, len(formulas))[rows, :, which]
+            here = np.argmin(y, axis=1)
+            np.minimum.at(lowest, which, y[rows, here])
+            # What is straight up to rounding is nowhere lower than at its ends.
+            left = np.max(np.abs(np.diff(y, 2, axis=1)), axis=1) > _ROUNDING * size[which]
+            a = inside[rows, np.maximum(here - 1, 0)][left]
+            b = inside[rows, np.minimum(here + 1, _CUTS)][left]
+            at, which, steps = at[left], which[left], steps[left]
+        ends.append(sign * lowest)
+    low, high = (map(float, end) for end in ends)
+    return dict(zip(formulas, zip(low, high, strict=True), strict=True))
+
+
+def _may_be_lower(y: Array, first: Array, last: Array, flat: Array) -> tuple[Array, Array]:
+    """Samples around which functions may be lower than at all of them, and these functions.
+
+    Between samples it is beyond one of them by less than that differs from its neighbours.
+
+    Parameters
+    ----------
+    y : array, shape (samples, functions)
+    first, last : array of bool, shape (samples,)
+        Whether a sample has no neighbour on that side.
+    flat : array, shape (functions,)
+        Differences that are rounding errors.
+    """
+    with np.errstate(invalid="ignore"):
+        rise = np.diff(y, axis=0)
+    beyond = np.full((1, y.shape[1]), np.inf)
+    before = np.where(first[:, None], np.inf, np.concatenate([beyond, -rise]))
+    after = np.where(last[:, None], np.inf, np.concatenate([rise, beyond]))
+    step = np.maximum(np.where(first[:, None], 0.0, before), np.where(last[:, None], 0.0, after))
+    turns = (before >= 0.0) & (after >= 0.0) & (step > flat)
+    at, which = np.nonzero(turns & (y - step <= np.min(y, axis=0)))
+    return at, which
 
 
 # -- harmonics -------------------------------------------------------------------------------------
@@ -243,13 +258,15 @@ def harmonics(motion: Trajectory, shift: Array, order: int) -> tuple[Array, floa
         found = _of_linear_pieces(motion, shift, order)
         if found is not None:
             return found
-    return _wave(motion, motion._states_at, shift, order)
+    c, change = _wave(motion, motion._states_at, shift, order)
+    return c, float(np.max(change))
 
 
 def harmonics_of(
     motion: Trajectory, formulas: Mapping[str, Expr], of_state: Mapping[str, complex], order: int
-) -> tuple[dict[str, complex], float]:
-    """The same of formulas, from those of the state.
+) -> tuple[dict[str, complex], dict[str, float]]:
+    """The same of formulas, from those of the state, and by how much the last halving has changed
+    what does not follow from these.
 
     Parameters
     ----------
@@ -269,17 +286,19 @@ def harmonics_of(
         rest = formula if form is None else form.rest
         if not ex.is_number(rest):
             left[name] = rest
+    errors = dict.fromkeys(formulas, 0.0)
     if not left:
-        return found, 0.0
+        return found, errors
     along = Along(motion, [*left.values()])
     k = motion.knots
     steps = np.flatnonzero(np.diff(k.time) > 0.0)
     ends = along(k.time[[0, -1]], steps[[0, -1]])
     kinks = _kinks(motion, left.values())
     more, change = _wave(motion, along, ends[1] - ends[0], order, kinks)
-    for name, c in zip(left, more.tolist(), strict=True):
+    for name, c, error in zip(left, more.tolist(), change.tolist(), strict=True):
         found[name] += c
-    return found, change
+        errors[name] = error
+    return found, errors
 
 
 def _wave(
@@ -288,7 +307,7 @@ def _wave(
     shift: Array,
     order: int,
     kinks: tuple[Array, Array] | None = None,
-) -> tuple[Array, float]:
+) -> tuple[Array, Array]:
     """The same of functions of times and steps, by quadrature.
 
     Parameters
@@ -382,7 +401,7 @@ def mean(motion: Trajectory, formula: str) -> tuple[float, float]:
         return along(times, index), np.ones(len(times))
 
     found, change = _averaged(motion, values, 1, _kinks(motion, [read]))
-    return float(found[0].real), change
+    return float(found[0].real), float(change[0])
 
 
 def _kinks(motion: Trajectory, formulas: Iterable[Expr]) -> tuple[Array, Array] | None:
@@ -420,9 +439,9 @@ def _averaged(
     values: Callable[[Array, Array], tuple[Array, Array]],
     order: int,
     kinks: tuple[Array, Array] | None = None,
-) -> tuple[Array, float]:
+) -> tuple[Array, Array]:
     """(1/T) ∫ f w dt over a period, and by how much the last halving of the panels has changed it,
-    relative to the largest |f|.
+    relative to the largest |f|; no numbers of what is undefined somewhere.
 
     Gauss quadrature on the steps, each cut into panels until half as long ones change nothing.
 
@@ -447,7 +466,7 @@ def _averaged(
         begin, end = np.sort(begin), np.sort(end)
     lengths = end - begin
     counts = np.ceil(_PARTS * order * lengths / period).astype(int).clip(1)
-    found, change = np.full(1, np.nan + 0j), np.inf
+    found, change = np.full(1, np.nan + 0j), np.full(1, np.inf)
     for _ in range(_DOUBLINGS):
         index = np.repeat(steps, counts)
         place = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
@@ -456,13 +475,13 @@ def _averaged(
         times = (middle[:, None] + 0.5 * width[:, None] * _NODES).ravel()
         weights = (0.5 * width[:, None] * _WEIGHTS).ravel()
         f, w = values(times, np.repeat(index, len(_NODES)))
-        if not np.all(np.isfinite(f)):
-            return np.full(f.shape[1], np.nan + 0j), np.inf
-        before, found = found, 1.0 / period * (weights * w) @ f
+        known = np.all(np.isfinite(f), axis=0)
+        before, found = found, np.full(len(known), np.nan + 0j)
+        found[known] = 1.0 / period * (weights * w) @ f[:, known]
         # Between knots a component may be much larger than at them.
         size = np.maximum(np.max(np.abs(f), axis=0), 1e-300)
-        change = float(np.max(np.abs(found - before) / size))
-        if change <= _EXACT:
+        change = np.where(known, np.abs(found - before) / size, np.inf)
+        if np.max(change[known], initial=0.0) <= _EXACT:
             break
         counts = 2 * counts
     return found, change

@@ -234,6 +234,8 @@ def _named(system: System, measure: str) -> Named:
     opening = [c.name for c in system.declaration.contacts if c.opens]
     unknown = of not in known and not (MEASURES[name].of == "contact" and of in opening)
     if of and (MEASURES[name].of == "quantity" or _of_formula(system, measure)):
+        remedy = "Declare it under 'outputs', and give its name"
+        one_period.check_variable(of, f"measure.{name}", remedy)
         read_formula(system, of, f"measure.{name}")
     elif of and unknown and MEASURES[name].of != "weight":
         remedy = f"Known: {', '.join(known)}" if known else f"Ask for '{name}'"

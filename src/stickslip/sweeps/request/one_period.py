@@ -120,6 +120,13 @@ def cost_of_transport(motion: Trajectory, of: str) -> float:
     return np.nan
 
 
+def check_variable(of: str, where: str, remedy: str) -> None:
+    """Refuse what cannot be a part of the name of a variable."""
+    if "/" in of:
+        reason = f"'{short(of)}' has a /, which no name of a variable may have"
+        raise DeclarationError(where, reason, remedy)
+
+
 def check_period_measure(system: System, name: str, of: str) -> None:
     """Refuse a measure that no point of a map could have.
 
@@ -133,9 +140,7 @@ def check_period_measure(system: System, name: str, of: str) -> None:
             raise DeclarationError(
                 where, "no weight is named", "Name it, like cost_of_transport:m*g"
             )
-        if "/" in of:
-            reason = f"'{short(of)}' has a /, which no name of a variable may have"
-            raise DeclarationError(where, reason, "Write 'cost = energy_per_distance/(...)'")
+        check_variable(of, where, "Write 'cost = energy_per_distance/(...)'")
         weight(system, of, system.values)
     if name in ("energy_per_distance", "cost_of_transport") and not (
         system.translation or (of and name == "energy_per_distance")
@@ -145,9 +150,6 @@ def check_period_measure(system: System, name: str, of: str) -> None:
             f"{system.name} declares no translation",
             "Name a component, like energy_per_distance:x",
         )
-    if "/" in of:
-        reason = f"'{short(of)}' has a /, which no name of a variable may have"
-        raise DeclarationError(where, reason, "Declare it under 'outputs', and give its name")
     if name == "relative_phase":
         _check_drive(system, of or next(iter(system.coordinates), ""))
 
