@@ -71,6 +71,8 @@ def _rows(equations: MotionEquations, layout: Layout) -> Rows:
         _together(layout),
         _bodies(equations),
         *_contacts(equations, layout),
+        *_beside_planes(equations, layout, list(noise)),
+        _numbers_of_states(equations, layout),
     )
 
 
@@ -125,10 +127,9 @@ def _bodies(equations: MotionEquations) -> Array:
 
 def _contacts(
     equations: MotionEquations, layout: Layout
-) -> tuple[Array, int, Array, Array, Array, Array, Array]:
+) -> tuple[Array, int, Array, Array, Array, Array]:
     """Contacts by their first directions, how many have mass, the first direction of the contact of
-    each direction, all directions of each contact and where these begin, what opens, and the number
-    of states."""
+    each direction, all directions of each contact and where these begin, and what opens."""
     blocks = equations.directions
     lead = np.zeros(len(layout.u), np.int64)
     for c, parts in blocks.items():
@@ -140,9 +141,38 @@ def _contacts(
         np.array([d for parts in blocks.values() for d in parts], dtype=np.int64),
         np.cumsum([0, *(len(blocks.get(c, ())) for c in range(len(lead)))], dtype=np.int64),
         np.array(sorted(layout.gaps), dtype=np.int64),
-        np.array(
-            [_states(blocks.get(c, ()), c in layout.gaps) for c in range(len(lead))], np.int64
-        ),
+    )
+
+
+def _beside_planes(
+    equations: MotionEquations, layout: Layout, watched: list[int]
+) -> tuple[Array, Array]:
+    """Which directions one linear problem couples to friction in a plane; and of the coordinates
+    and gaps among the rows that bound steps, where the sizes of their second derivatives are."""
+    turning = {i for plane in equations.planes for i in plane.parts}
+    parts = [
+        part
+        for coupled in layout.coupled.values()
+        for part in coupled
+        if turning.intersection(part.contacts)
+    ]
+    beside = np.zeros(len(layout.u), np.int64)
+    beside[[c for part in parts for c in part.contacts]] = 1
+    made = {
+        q: int(layout.rate_sizes[layout.sizes["nq"] + q])
+        for part in layout.coupled["Rq"]
+        if part in parts
+        for q in part.coordinates
+    }
+    made |= {row: len(layout.u) + c for c, row in layout.gaps.items() if beside[c]}
+    return beside, np.array([made.get(row, -1) for row in watched], dtype=np.int64)
+
+
+def _numbers_of_states(equations: MotionEquations, layout: Layout) -> Array:
+    """Numbers of states of contacts, by their first directions."""
+    blocks = equations.directions
+    return np.array(
+        [_states(blocks.get(c, ()), c in layout.gaps) for c in range(len(layout.u))], np.int64
     )
 
 

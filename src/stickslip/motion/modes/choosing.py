@@ -44,6 +44,7 @@ from stickslip.motion.steps.arrays import (
     Rows,
     set_mode,
 )
+from stickslip.motion.steps.sets import slides_in_plane
 from stickslip.motion.steps.step_size import MOST_UNITS, fill_powers, shortened_step
 from stickslip.motion.steps.stiff import RESTING, collocate, lingers
 from stickslip.motion.steps.vectors import clear, copy
@@ -200,7 +201,7 @@ def try_mode(
     step = series
     length = h
     # Where a slip in a plane is slow, discs cut what is stiff as well.
-    whole = not step < h or len(flow.rows.planes) > 0
+    whole = not step < h or slides_in_plane(flow.rows, mode)
     stiff = quiet and whole and lingers(flow, lane, step, room)
     if stiff:
         here = Instant(clock[NOW], lane.y, mode, lane.reg)

@@ -180,6 +180,12 @@ class Rows(NamedTuple):
         The directions of each contact, and where they begin by its first one; others have none.
     openings : array of int
         Contacts that can open.
+    beside : array of int, shape (directions,)
+        1 for each direction that one linear problem couples to friction in a plane, whose rounding
+        errors reach it then.
+    made : array of int
+        For each row that bounds the steps, and is a coordinate or a gap beside friction in a plane,
+        the place of the size of the terms of its second derivative; −1 for others.
     states : array of int, shape (directions,)
         Number of states of each contact, by its first direction: in a plane, and of what can open,
         a slip has no sign. Other directions have one.
@@ -222,6 +228,8 @@ class Rows(NamedTuple):
     directions: IntVector
     first_direction: IntVector
     openings: IntVector
+    beside: IntVector
+    made: IntVector
     states: IntVector
 
 

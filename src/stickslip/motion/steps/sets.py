@@ -63,6 +63,15 @@ def slips_with_mass(rows: Rows, mode: Array, p: int) -> bool:
 
 
 @compiled()
+def slides_in_plane(rows: Rows, mode: Array) -> bool:
+    """Whether a contact in a plane slips that moves masses and is pressed."""
+    found = False
+    for p in range(len(rows.planes)):
+        found = found or slips_with_mass(rows, mode, p)
+    return found
+
+
+@compiled()
 def width_of(rows: Rows, p: int) -> int:
     """The number of directions of a contact in a plane: one of two numbers, so that loops over them
     can be unrolled."""

@@ -107,7 +107,7 @@ def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: A
         if plane[FORMULA] >= 0:
             place_anywhere(flow.rows, plane, table)
     status = plain_coefficients(machine, flow, at, order, table)
-    if status != OK or len(flow.rows.planes) == 0:
+    if status != OK:
         return status
     aimed = aim_prescribed(flow, at.mode, table)
     if begins(flow, at.mode, table):

@@ -47,7 +47,7 @@ from stickslip.motion.steps.directions import (
     forget_directions,
     spread_given,
 )
-from stickslip.motion.steps.sets import rate_terms, whole_speed
+from stickslip.motion.steps.sets import whole_speed
 from stickslip.motion.steps.starting import coefficients
 from stickslip.translator import compiled
 
@@ -81,6 +81,7 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
     mag = flow.space.mag
     rows = flow.rows.watched
     noise = flow.rows.noise
+    made = flow.rows.made
     n = flow.rows.sizes[DIMENSION]
     tol = flow.tol
     unit = W[n, 1]
@@ -104,8 +105,11 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
         if noise[i] >= 0:
             # What cancels in a rate is known to rounding only.
             size += EPSILON / tol * mag[noise[i]] * (last if i < n else 1.0)
-        if len(flow.rows.planes) > 0:
-            size += EPSILON / tol * made(flow, i, last if last > 0.0 else unit)
+        if made[i] >= 0:
+            # Friction in a plane leaves what is zero to what forces, if none cancelled, would make
+            # of a place, or of a gap, in a step: to their rounding errors.
+            step = last if last > 0.0 else unit
+            size += EPSILON / tol * (mag[made[i]] * step * step)
         if size > 2.0 * LEAST_SIZE:
             size = 1.0 / size
             middle = max(middle, abs(W[r, N - 1]) * size)
@@ -126,28 +130,6 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
     if top * h > edge:
         h = (tol / top) ** (1.0 / N)
     return h * unit
-
-
-@compiled()
-def made(flow: Flow, i: int, last: float) -> float:
-    """What forces, if none cancelled, would make of a place, or of a gap, in a step: friction in a
-    plane leaves what is zero to their rounding errors. Of other rows 0.
-
-    Parameters
-    ----------
-    flow : Flow
-    i : int
-        Number of the row, among those that bound a step.
-    last : float
-        Length of the last step, or another time like it.
-    """
-    rows, mag = flow.rows, flow.space.mag
-    if i < rows.sizes[INERTIAL]:
-        return float(mag[rows.noise[rows.program.rates[i]]] * last * last)
-    for c in rows.openings:
-        if rows.gaps[c] == rows.watched[i]:
-            return rate_terms(rows, mag, c) * last * last
-    return 0.0
 
 
 @compiled()
