@@ -127,9 +127,10 @@ def _bodies(equations: MotionEquations) -> Array:
 
 def _contacts(
     equations: MotionEquations, layout: Layout
-) -> tuple[Array, int, Array, Array, Array, Array]:
+) -> tuple[Array, int, Array, Array, Array, Array, Array, int]:
     """Contacts by their first directions, how many have mass, the first direction of the contact of
-    each direction, all directions of each contact and where these begin, and what opens."""
+    each direction, all directions of each contact and where these begin, what opens, and what does
+    not, with how many of these have mass."""
     blocks = equations.directions
     lead = np.zeros(len(layout.u), np.int64)
     for c, parts in blocks.items():
@@ -141,6 +142,8 @@ def _contacts(
         np.array([d for parts in blocks.values() for d in parts], dtype=np.int64),
         np.cumsum([0, *(len(blocks.get(c, ())) for c in range(len(lead)))], dtype=np.int64),
         np.array(sorted(layout.gaps), dtype=np.int64),
+        np.array([c for c in blocks if c not in layout.gaps], dtype=np.int64),
+        sum(c < layout.sizes["mq"] and c not in layout.gaps for c in blocks),
     )
 
 
@@ -224,11 +227,14 @@ def _openings(layout: Layout) -> tuple[Array, Array]:
 
 def _links(equations: MotionEquations, layout: Layout) -> tuple[Array, Array, Array, Array]:
     """What rubs under which normal force, where the links of each contact begin, the rows of the
-    coefficients, and which contacts have other friction, too."""
+    coefficients, and which contacts have other forces, too."""
     table = np.array([link[:2] for link in layout.links], dtype=np.int64).reshape(-1, 2)
     friction = np.array([link[2] for link in layout.links], dtype=np.int64).reshape(-1, 4)
     first = np.searchsorted(table[:, RUBBING], np.arange(len(layout.u) + 1))
-    alone = np.array([equations.rubs_alone(c) for c in range(len(layout.u))], dtype=np.int64)
+    pressed = set(table[:, RUBBING])
+    alone = np.array(
+        [c not in pressed or equations.rubs_alone(c) for c in range(len(layout.u))], dtype=np.int64
+    )
     return table, first.astype(np.int64), friction, alone
 
 

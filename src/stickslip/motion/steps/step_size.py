@@ -33,7 +33,6 @@ from stickslip.motion.steps.arrays import (
     INERTIAL,
     INSTANT,
     LEAD,
-    MASSIVE,
     ROUNDING,
     Flow,
     Instant,
@@ -47,7 +46,7 @@ from stickslip.motion.steps.directions import (
     forget_directions,
     spread_given,
 )
-from stickslip.motion.steps.sets import whole_speed
+from stickslip.motion.steps.sets import crosses_pieces, slides_in_plane, slip_speed, whole_speed
 from stickslip.motion.steps.starting import coefficients
 from stickslip.translator import compiled
 
@@ -310,14 +309,12 @@ def shortened_step(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -
         return h
     rows, space = flow.rows, flow.space
     ends = False
-    massive = False
-    for p in range(len(rows.planes)):
-        massive = massive or rows.planes[p, MASSIVE] != 0
+    pieces, massive = crosses_pieces(rows, mode), slides_in_plane(rows, mode)
     for turn in range(_MOST_CUTS):
         # R of a face has a singularity at the end of each piece, the speed of a mass complex zeros
         # beside its path. For the latter one try is enough: where it fails, shorter steps are
         # judged sooner by the wide disc alone.
-        narrow = len(rows.pieces) > 0 or (massive and turn == 0)
+        narrow = pieces or (massive and turn == 0)
         excess = unseen(flow, mode, reg, h, seen, narrow)
         if excess > 1.0 and turn == 0:
             near = up_to_rest(flow, mode, h)
@@ -354,10 +351,9 @@ def up_to_rest(flow: Flow, mode: Array, h: float) -> float:
     first, clear = np.inf, np.inf
     for p in range(len(rows.planes)):
         c = rows.planes[p, LEAD]
-        speed = W[rows.planes[p, AIM_SPEED]]
-        if rows.planes[p, MASSIVE] == 0 or mode[c] == 0 or not speed[0] > 0.0:
+        if not slip_speed(rows, mode, W, p) > 0.0:
             continue
-        end, slope = slip_end(speed, flow.order, h / unit)
+        end, slope = slip_end(W[rows.planes[p, AIM_SPEED]], flow.order, h / unit)
         if end < np.inf:
             vague = ROUNDING * whole_speed(rows, mag, c) / slope
             late = 2.0 * (vague * unit + INSTANT * abs(W[n, 0]))
