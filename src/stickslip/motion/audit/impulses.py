@@ -278,8 +278,7 @@ def fit_impulses(
         zero = True
         for i in block:
             zero = zero and is_slow(found, i, trial)
-        for i in block:
-            done[i] = 0 if zero else (1 if len(block) > 1 or found[_MOVED, c] > 0.0 else -1)
+        set_mode(rows, done, c, 0 if zero else (1 if found[_MOVED, c] > 0.0 else -1))
     fit_cones(rows, space, put_cones(rows, space))
     for c in range(rows.sizes[ON_INERTIAL]):
         space.impact[IMPULSE, c] = space.cones[FORCE, c]

@@ -80,7 +80,7 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.directions import take_direction
 from stickslip.motion.steps.roots import value_and_slope
-from stickslip.motion.steps.sets import slides_in_plane, slips_with_mass, whole_speed
+from stickslip.motion.steps.sets import may_share, slides_in_plane, slips_with_mass, whole_speed
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import fill_powers, slip_end
 from stickslip.motion.steps.vectors import copy
@@ -419,8 +419,7 @@ def ends_slip(flow: Flow, mode: Array, which: int, p: int, t: float, h: float) -
             return True
     if not slips_with_mass(rows, mode, p):
         return False
-    apart = rows.group[c] < 0 or rows.group[c] != rows.group[first] if c >= 0 else False
-    if c >= 0 and rows.plane[c] < 0 and apart:
+    if c >= 0 and rows.plane[c] < 0 and not may_share(rows, first, c):
         return False
     row = flow.space.W[rows.planes[p, AIM_SPEED]]
     speed, change = value_and_slope(row, flow.order - 1, flow.space.powers)

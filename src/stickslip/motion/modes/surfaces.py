@@ -43,7 +43,7 @@ from stickslip.motion.steps.arrays import (
     presses,
     set_mode,
 )
-from stickslip.motion.steps.sets import force_terms, gap_size, rate_terms, whole_speed
+from stickslip.motion.steps.sets import force_terms, gap_size, may_share, rate_terms, whole_speed
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.vectors import clear
 from stickslip.translator import compiled
@@ -326,6 +326,5 @@ def leaves_with(rows: Rows, lane: Lane, first: int, c: int) -> bool:
     """
     if first == c:
         return True
-    together = c >= 0 and rows.group[first] >= 0 and rows.group[first] == rows.group[c]
-    together = together or (c >= 0 and presses(rows, c, first))
+    together = c >= 0 and (may_share(rows, first, c) or presses(rows, c, first))
     return bool(together and lane.settled[first] == 0 and lane.mode[first] != 0)

@@ -167,6 +167,12 @@ def remember_gaps(rows: Rows, space: Space, seen: Array) -> None:
                 space.impact[WIDEST, c] = seen[i]
 
 
+@compiled()
+def may_share(rows: Rows, a: int, b: int) -> bool:
+    """Whether two contacts may share forces."""
+    return bool(rows.group[a] >= 0 and rows.group[a] == rows.group[b])
+
+
 @compiled(brief=True)
 def formula_of(rows: Rows, c: int) -> int:
     """The number of the formula of a contact; negative for others."""
