@@ -14,7 +14,8 @@ from matplotlib.patches import Patch
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations, derive
-from stickslip.equations.field import Region, mode_field
+from stickslip.equations.field import Region
+from stickslip.equations.mode_fields import mode_field
 from stickslip.errors import DeclarationError
 from stickslip.figures.drawing.style import (
     BLUE,
