@@ -14,7 +14,7 @@ from stickslip.equations.planes import Plane
 from stickslip.errors import DeclarationError
 from stickslip.kept import made_once
 from stickslip.model.declaration import DryContact
-from stickslip.model.system import Kind
+from stickslip.model.entries.declared import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 

@@ -27,8 +27,9 @@ from stickslip.figures.drawing.style import (
     new_figure,
     paper_style,
 )
+from stickslip.model.entries.declared import Kind
 from stickslip.model.quantities import quantity
-from stickslip.model.system import Kind, System
+from stickslip.model.system import System
 from stickslip.motion.simulate import simulate
 from stickslip.orbits.equilibria.equilibrium import Equilibrium
 from stickslip.orbits.equilibria.finding import checked_values, equilibria
