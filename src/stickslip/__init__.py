@@ -53,8 +53,8 @@ if TYPE_CHECKING:
     from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
     from stickslip.orbits.branches.equilibrium_curves import fold_curve, hopf_curve
     from stickslip.orbits.branches.onset_curve import stick_onset_curve
-    from stickslip.orbits.continuation.arclength import StepControl
     from stickslip.orbits.continuation.branch import Branch, SpecialPoint
+    from stickslip.orbits.continuation.path import StepControl
     from stickslip.orbits.cycles.cycle import Cycle, find_cycle
     from stickslip.orbits.equilibria.equilibrium import Equilibria, Equilibrium, EquilibriumSet
     from stickslip.orbits.equilibria.finding import equilibria

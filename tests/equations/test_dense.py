@@ -13,7 +13,7 @@ from stickslip import Contact, Inertial, RateIndependent, System, Viscous, simul
 from stickslip.arrays import Array
 from stickslip.equations.codegen.generate import generate
 from stickslip.equations.derive import derive
-from stickslip.equations.native.orders import is_long
+from stickslip.equations.native.looped import is_long
 from stickslip.equations.native.systems import compile_system
 from stickslip.motion.problem import pose
 from stickslip.motion.steps.arrays import (

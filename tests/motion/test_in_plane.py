@@ -156,3 +156,36 @@ def test_what_lifts_off_is_called_open() -> None:
     said = motion.dataset["mode_foot"].attrs
     names = dict(zip(said["flag_values"].tolist(), said["flag_meanings"].split(), strict=True))
     assert names[int(motion.dataset["mode_foot"][-1])] == "open"
+
+
+# -- what it reaches -------------------------------------------------------------------------------
+
+
+def test_its_rounding_reaches_what_masses_and_contacts_couple_to_it_alone() -> None:
+    """A pressed puck, a block that its mass is coupled to, and a block on a spring."""
+    system = ss.System(
+        "three bodies",
+        coordinates={x: ss.Inertial() for x in ("x", "y", "z", "a", "b")},
+        kinetic="(d_x**2 + d_y**2 + d_z**2 + d_a**2 + d_b**2)/2 + d_y*d_a/4",
+        potential="(x - b)**2/2 + z",
+        contacts={
+            "table": ss.Unilateral("z", ("d_x", "d_y"), mu=0.3),
+            "rail": ss.Contact("d_a", 0.2),
+            "far": ss.Contact("d_b", 0.2),
+            "stop": ss.Unilateral("b + 5"),
+        },
+    )
+    problem = pose(system)
+    rows = problem.rows
+    names = [c.name for c in problem.compiled.equations.contacts]
+    reached = {name for name, beside in zip(names, rows.beside, strict=True) if beside}
+    assert {name for name in names if "table" in name or name == "rail"} == reached
+    inertial = problem.compiled.equations.declaration.inertial
+    kept = {x for x, made in zip(inertial, rows.made, strict=False) if made >= 0}
+    assert kept == {"x", "y", "z", "a"}
+    watched = {x for x, row in zip(names, rows.gaps, strict=True) if row >= 0}
+    gaps = {int(rows.gaps[names.index(x)]): x for x in watched}
+    made = {
+        gaps[row] for row, m in zip(rows.watched, rows.made, strict=True) if row in gaps and m >= 0
+    }
+    assert made == watched & reached != watched

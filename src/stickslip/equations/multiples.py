@@ -15,8 +15,8 @@ from dataclasses import replace
 
 from stickslip.errors import DeclarationError, short
 from stickslip.model.declaration import DryContact
+from stickslip.model.entries.declared import Kind
 from stickslip.model.schema import entry_key
-from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.enclosures import bounds
 from stickslip.symbolic.expressions import Expr

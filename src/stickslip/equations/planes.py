@@ -12,7 +12,7 @@ from stickslip.equations.coupling import Component, components, somewhere
 from stickslip.equations.rate_problem import RateProblem
 from stickslip.errors import DeclarationError
 from stickslip.model.declaration import Declaration, DryContact
-from stickslip.model.system import Kind
+from stickslip.model.entries.declared import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from stickslip.errors import DeclarationError
 from stickslip.model.declaration import Declaration, DryContact
-from stickslip.model.system import Kind
+from stickslip.model.entries.declared import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 

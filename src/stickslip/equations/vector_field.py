@@ -12,7 +12,8 @@ from stickslip import page
 from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.equations.derive import derive
-from stickslip.equations.field import MODE_NAMES, ContactField, Field, mode_field
+from stickslip.equations.field import MODE_NAMES, ContactField, Field
+from stickslip.equations.mode_fields import mode_field
 from stickslip.errors import DeclarationError, short
 from stickslip.kept import cached_property
 from stickslip.model.system import System

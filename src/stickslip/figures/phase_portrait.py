@@ -14,7 +14,8 @@ from matplotlib.patches import Patch
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations, derive
-from stickslip.equations.field import Region, mode_field
+from stickslip.equations.field import Region
+from stickslip.equations.mode_fields import mode_field
 from stickslip.errors import DeclarationError
 from stickslip.figures.drawing.style import (
     BLUE,
@@ -26,8 +27,9 @@ from stickslip.figures.drawing.style import (
     new_figure,
     paper_style,
 )
+from stickslip.model.entries.declared import Kind
 from stickslip.model.quantities import quantity
-from stickslip.model.system import Kind, System
+from stickslip.model.system import System
 from stickslip.motion.simulate import simulate
 from stickslip.orbits.equilibria.equilibrium import Equilibrium
 from stickslip.orbits.equilibria.finding import checked_values, equilibria

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 from stickslip.errors import DeclarationError, short, some
 from stickslip.kept import cached_property
 from stickslip.model.entries.checks import check_definite
+from stickslip.model.entries.declared import Kind
 from stickslip.model.names import NORMAL, Range, check_covered
 from stickslip.model.quantities import ENERGIES, FORCES, IN_PLANE, contact_key
 from stickslip.model.schema import entry_key
-from stickslip.model.system import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Scope, TimeFunction, is_finite

@@ -19,10 +19,10 @@ from stickslip.model.entries.checks import (
     size_of_terms,
     terms_by_guard,
 )
+from stickslip.model.entries.declared import CROSSINGS, Kind
 from stickslip.model.entries.units import check_unit
 from stickslip.model.names import DeclaredNames, measured_drives, normal_force
 from stickslip.model.schema import check_shape, entry_key
-from stickslip.model.system import CROSSINGS, Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Indexed, Scope, compared, is_finite

@@ -9,9 +9,8 @@ from numbers import Real
 from typing import Any
 
 from stickslip.errors import DeclarationError, short
+from stickslip.model.entries.declared import CROSSINGS, IMPACT_LAWS
 from stickslip.model.system import (
-    CROSSINGS,
-    IMPACT_LAWS,
     AnyContact,
     Condition,
     Coordinate,

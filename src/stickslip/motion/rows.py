@@ -71,6 +71,8 @@ def _rows(equations: MotionEquations, layout: Layout) -> Rows:
         _together(layout),
         _bodies(equations),
         *_contacts(equations, layout),
+        *_beside_planes(equations, layout, list(noise)),
+        _numbers_of_states(equations, layout),
     )
 
 
@@ -125,10 +127,10 @@ def _bodies(equations: MotionEquations) -> Array:
 
 def _contacts(
     equations: MotionEquations, layout: Layout
-) -> tuple[Array, int, Array, Array, Array, Array, Array]:
+) -> tuple[Array, int, Array, Array, Array, Array, Array, int]:
     """Contacts by their first directions, how many have mass, the first direction of the contact of
-    each direction, all directions of each contact and where these begin, what opens, and the number
-    of states."""
+    each direction, all directions of each contact and where these begin, what opens, and what does
+    not, with how many of these have mass."""
     blocks = equations.directions
     lead = np.zeros(len(layout.u), np.int64)
     for c, parts in blocks.items():
@@ -140,9 +142,40 @@ def _contacts(
         np.array([d for parts in blocks.values() for d in parts], dtype=np.int64),
         np.cumsum([0, *(len(blocks.get(c, ())) for c in range(len(lead)))], dtype=np.int64),
         np.array(sorted(layout.gaps), dtype=np.int64),
-        np.array(
-            [_states(blocks.get(c, ()), c in layout.gaps) for c in range(len(lead))], np.int64
-        ),
+        np.array([c for c in blocks if c not in layout.gaps], dtype=np.int64),
+        sum(c < layout.sizes["mq"] and c not in layout.gaps for c in blocks),
+    )
+
+
+def _beside_planes(
+    equations: MotionEquations, layout: Layout, watched: list[int]
+) -> tuple[Array, Array]:
+    """Which directions one linear problem couples to friction in a plane; and of the coordinates
+    and gaps among the rows that bound steps, where the sizes of their second derivatives are."""
+    turning = {i for plane in equations.planes for i in plane.parts}
+    parts = [
+        part
+        for coupled in layout.coupled.values()
+        for part in coupled
+        if turning.intersection(part.contacts)
+    ]
+    beside = np.zeros(len(layout.u), np.int64)
+    beside[[c for part in parts for c in part.contacts]] = 1
+    made = {
+        q: int(layout.rate_sizes[layout.sizes["nq"] + q])
+        for part in layout.coupled["Rq"]
+        if part in parts
+        for q in part.coordinates
+    }
+    made |= {row: len(layout.u) + c for c, row in layout.gaps.items() if beside[c]}
+    return beside, np.array([made.get(row, -1) for row in watched], dtype=np.int64)
+
+
+def _numbers_of_states(equations: MotionEquations, layout: Layout) -> Array:
+    """Numbers of states of contacts, by their first directions."""
+    blocks = equations.directions
+    return np.array(
+        [_states(blocks.get(c, ()), c in layout.gaps) for c in range(len(layout.u))], np.int64
     )
 
 
@@ -194,11 +227,14 @@ def _openings(layout: Layout) -> tuple[Array, Array]:
 
 def _links(equations: MotionEquations, layout: Layout) -> tuple[Array, Array, Array, Array]:
     """What rubs under which normal force, where the links of each contact begin, the rows of the
-    coefficients, and which contacts have other friction, too."""
+    coefficients, and which contacts have other forces, too."""
     table = np.array([link[:2] for link in layout.links], dtype=np.int64).reshape(-1, 2)
     friction = np.array([link[2] for link in layout.links], dtype=np.int64).reshape(-1, 4)
     first = np.searchsorted(table[:, RUBBING], np.arange(len(layout.u) + 1))
-    alone = np.array([equations.rubs_alone(c) for c in range(len(layout.u))], dtype=np.int64)
+    pressed = set(table[:, RUBBING])
+    alone = np.array(
+        [c not in pressed or equations.rubs_alone(c) for c in range(len(layout.u))], dtype=np.int64
+    )
     return table, first.astype(np.int64), friction, alone
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.kept import made_once
+from stickslip.model.entries.declared import Kind
 from stickslip.model.names import NORMAL
 from stickslip.model.schema import entry_key
-from stickslip.model.system import Kind
 from stickslip.motion.problem import Problem
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator

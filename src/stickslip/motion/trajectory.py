@@ -21,7 +21,8 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.record.audited import Audit, audited, work_in_steps
 from stickslip.motion.record.knots import IS_OPEN, Knots
-from stickslip.motion.record.switches import SLIP_WORD, Switches
+from stickslip.motion.record.order import as_asked, in_order
+from stickslip.motion.record.switches import Switches, flags_of_modes
 from stickslip.results import Result, listed
 from stickslip.stopping.scopes import unbroken
 from stickslip.symbolic import expressions as ex
@@ -242,10 +243,10 @@ class Trajectory(Result):
         p, k = self._problem, self.knots
         out = np.empty((len(clock), p.compiled.layout.rows + 3))
         work = dense.make_scratch(p.rows, (p.compiled.layout.rows, 2))
-        order = _in_order(clock, index)
+        order = in_order(clock, index)
         given = self._seen, k.record, index[order], clock[order], work, out
         unbroken(lambda: dense.sample(p.machine, p.flow(retracing=True), *given))
-        return _as_asked(out, order)
+        return as_asked(out, order)
 
     def _states_at(self, times: Array, index: Array) -> Array:
         """States at times within the steps of the knots `index`, shape (times, states)."""
@@ -272,10 +273,10 @@ class Trajectory(Result):
         p, k = self._problem, self.knots
         out = np.empty((len(clock), k.state.shape[1]))
         work = dense.make_scratch(p.rows, (0, 2))
-        order = _in_order(clock, index)
+        order = in_order(clock, index)
         given = self._seen, k.record, index[order], clock[order], work, out
         unbroken(lambda: dense.states_at(p.machine, p.flow(retracing=True), *given))
-        return _as_asked(out, order)
+        return as_asked(out, order)
 
     @cached_property
     def _seen(self) -> Array:
@@ -423,11 +424,9 @@ class Trajectory(Result):
 
     def _work(self, clock: Array, index: Array) -> Array:
         """Dissipated and supplied energy from the knots `index` to times since the origin."""
-        order = np.lexsort((clock, index))
-        work = np.empty((len(clock), 2))
+        order = in_order(clock, index)
         given = index[order], clock[order]
-        work[order] = work_in_steps(self._problem, self.knots, self._seen, *given)
-        return work
+        return as_asked(work_in_steps(self._problem, self.knots, self._seen, *given), order)
 
     @cached_property
     def certificate(self) -> Certificate:
@@ -461,18 +460,7 @@ class Trajectory(Result):
         contact = self._contact_of_mode.get(name)
         if contact is None:
             return quantity(self.system, name)
-        words = ["slip-", "stick", "slip+"]
-        if contact in self.system.unilateral or contact in self.system.constraints:
-            words += ["open", "closed"]
-        first = -1
-        if contact in self.system.planes:
-            words = ["stick", SLIP_WORD, *words[3:]]
-            first = 0
-        flags = {
-            "flag_values": np.arange(first, first + len(words), dtype=np.int8),
-            "flag_meanings": " ".join(words),
-        }
-        return {"long_name": f"mode of {contact}", **flags}
+        return {"long_name": f"mode of {contact}", **flags_of_modes(self.system, contact)}
 
     @cached_property
     def _contact_of_mode(self) -> dict[str, str]:
@@ -722,19 +710,3 @@ class Trajectory(Result):
         trajectory = cls(problem, tuple(settings["t_span"]), knots, outcome, settings["rtol"])
         trajectory.wall_time = settings["wall_time"]
         return trajectory
-
-
-def _in_order(clock: Array, index: Array) -> Array | slice:
-    """Order of times in their steps: each step is followed once, however many times are asked for
-    and in whatever order."""
-    later = (index[1:] > index[:-1]) | ((index[1:] == index[:-1]) & (clock[1:] >= clock[:-1]))
-    return slice(None) if np.all(later) else np.lexsort((clock, index))
-
-
-def _as_asked(rows: Array, order: Array | slice) -> Array:
-    """Rows that were made in an order, in the one that was asked for."""
-    if isinstance(order, slice):
-        return rows
-    found = np.empty_like(rows)
-    found[order] = rows
-    return found

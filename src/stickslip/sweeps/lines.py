@@ -33,8 +33,8 @@ from stickslip.motion.between.formulas import read_formula
 from stickslip.motion.problem import pose
 from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.branches.equilibrium_branch import checked_range
-from stickslip.orbits.continuation.arclength import StepControl, Stop
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
+from stickslip.orbits.continuation.path import StepControl, Stop
 from stickslip.orbits.cycles.cycle import Cycle, find_cycle, make_cycle
 from stickslip.orbits.cycles.drive_phase import phase_of_drive, read_drive, relative_phase
 from stickslip.orbits.cycles.finding import from_state

@@ -7,17 +7,17 @@ import builtins
 import inspect
 from collections.abc import Callable, Hashable
 from functools import cache
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NoReturn
 
 from stickslip.translator import Compiled, calls
 from stickslip.translator.assembly import FASTCC, NOTHING, POINTER, WHOLE, Register, operand
+from stickslip.translator.definitions import Definition, promise
 from stickslip.translator.values import (
     BOOL,
     COMPLEX,
     ENTRIES,
     FLOAT,
     INT,
-    NAMED,
     NONE,
     PYTHON,
     ArrayType,
@@ -43,61 +43,6 @@ _INSTEAD: dict[Any, str] = {
     **dict.fromkeys((ast.ListComp, ast.GeneratorExp), "Write a loop"),
     **dict.fromkeys((ast.Lambda, ast.FunctionDef), "Write a function of its own"),
 }
-_PROMISES: dict[Any, Scalar] = {kind.__name__: x for kind, x in NAMED.items()} | {None: NONE}
-
-
-def promise(annotation: ast.expr | None) -> Scalar | None:
-    """The type of number that an annotation names, if it names one."""
-    named = getattr(annotation, "id", None) or getattr(annotation, "value", "")
-    return _PROMISES.get(named)
-
-
-class Definition(NamedTuple):
-    """A function in the assembly.
-
-    Attributes
-    ----------
-    function : Compiled
-        What it was made of.
-    name : str
-    kind : str
-        LLVM's type of the result, with the calling convention.
-    parameters : list of (str, str)
-        LLVM's types with what is known of them, and names.
-    body : str
-    called : set of str
-        Names of what it calls.
-    arguments, result : types
-        What it takes and returns, if it is called by functions of the language.
-    """
-
-    function: Compiled
-    name: str
-    kind: str
-    parameters: list[tuple[str, str]]
-    body: str
-    called: set[str]
-    arguments: tuple[Type, ...] = ()
-    result: Type = NONE
-
-    def text(self, linkage: str, note: str = "") -> str:
-        """The definition."""
-        given = ", ".join(f"{kind} {name}" for kind, name in self.parameters)
-        note = " alwaysinline" if self.function.inline else note
-        note += " optsize" * self.function.brief
-        head = f'define {f"{linkage} {self.kind}".strip()} @"{self.name}"({given}) #0{note}'
-        return f"{head} {{\n{self.body}}}\n"
-
-    @property
-    def declaration(self) -> str:
-        """What other modules know of it."""
-        kinds = ", ".join(kind for kind, _ in self.parameters)
-        return f'declare {self.kind} @"{self.name}"({kinds}) #0'
-
-    @property
-    def file(self) -> str:
-        """The source."""
-        return self.function.python.__code__.co_filename
 
 
 class Function(Values, ast.NodeVisitor):

@@ -12,7 +12,8 @@ import numpy as np
 
 from stickslip.translator import Compiled
 from stickslip.translator.assembly import FASTCC, POINTER, WHOLE, Register, operand
-from stickslip.translator.functions import Definition, Function, promise
+from stickslip.translator.definitions import Definition, promise
+from stickslip.translator.functions import Function
 from stickslip.translator.values import (
     ENTRIES,
     INT,

@@ -7,16 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from stickslip.errors import StickslipError
-from stickslip.orbits.continuation.arclength import (
-    Outgrown,
-    Path,
-    Point,
-    StepControl,
-    Stop,
-    Test,
-    curve_between,
-    trace,
-)
+from stickslip.orbits.continuation.arclength import Outgrown, curve_between, trace
+from stickslip.orbits.continuation.path import Path, Point, StepControl, Stop, Test
 
 Array = NDArray[np.float64]
 

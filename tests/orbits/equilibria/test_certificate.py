@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from orbits.examples import SLIDER, stribeck_belt
 from stickslip import Contact, Inertial, Internal, System, catalogue
 from stickslip.equations.derive import derive
-from stickslip.equations.field import mode_field
+from stickslip.equations.mode_fields import mode_field
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
 from stickslip.orbits.equilibria.certificate import certify_equilibrium, eigenvalue_errors
 from stickslip.orbits.equilibria.finding import equilibria

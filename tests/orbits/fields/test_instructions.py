@@ -10,7 +10,7 @@ import pytest
 from oracles.fields import function
 from stickslip import catalogue, simulate
 from stickslip.equations.derive import derive
-from stickslip.equations.field import mode_field
+from stickslip.equations.mode_fields import mode_field
 from stickslip.orbits.fields.instructions import Evaluator, Listing, PointFunction
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.formulas import Scope

@@ -8,7 +8,8 @@ from oracles.fields import function
 from stickslip import Contact, Inertial, Internal, Parameter, System, Viscous, catalogue
 from stickslip.arrays import IntVector, Vector
 from stickslip.equations.derive import derive
-from stickslip.equations.field import Field, in_region, mode_field, solve
+from stickslip.equations.field import Field, in_region
+from stickslip.equations.mode_fields import mode_field, solve
 from stickslip.machine_code.functions import entry_point
 from stickslip.machine_code.interface import Jets
 from stickslip.motion.modes.inverses import resolve

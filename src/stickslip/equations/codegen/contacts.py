@@ -4,7 +4,7 @@ together."""
 from __future__ import annotations
 
 from stickslip.equations.codegen.draft import Draft
-from stickslip.model.system import Kind
+from stickslip.model.entries.declared import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.scalars import numeral

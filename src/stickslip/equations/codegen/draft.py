@@ -9,7 +9,7 @@ from stickslip.equations.codegen.layout import Layout
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.planes import Plane
 from stickslip.kept import cached_property
-from stickslip.model.system import Kind
+from stickslip.model.entries.declared import Kind
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.scalars import Scalar, Store, added, element, numeral
 from stickslip.symbolic.tape import ORIGIN, Instruction, ParameterExpressions, Scaled, Tape

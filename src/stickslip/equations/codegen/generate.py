@@ -39,7 +39,7 @@ from stickslip.equations.codegen.linear_problems import solved_block
 from stickslip.equations.codegen.planes import aimed, pulled, support_stores
 from stickslip.equations.codegen.rates import rate_rows, residual_stores
 from stickslip.equations.derive import MotionEquations
-from stickslip.model.system import Kind
+from stickslip.model.entries.declared import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.scalars import Store

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from stickslip.equations.codegen.draft import Draft, order_0, product_of_sizes
 from stickslip.equations.planes import Plane
-from stickslip.model.system import Kind
+from stickslip.model.entries.declared import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.scalars import Scalar, Store, added, element
 from stickslip.symbolic.tape import Instruction, Op, Scaled, scalars_of

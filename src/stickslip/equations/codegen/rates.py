@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from stickslip.equations.codegen.draft import Draft, order_0, product_of_sizes
 from stickslip.equations.planes import Plane
-from stickslip.model.system import Kind
+from stickslip.model.entries.declared import Kind
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.scalars import Scalar, Store, added, by_mode, element, numeral

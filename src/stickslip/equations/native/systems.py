@@ -9,7 +9,7 @@ from stickslip.equations.codegen.generate import generate
 from stickslip.equations.codegen.layout import Generated, Layout
 from stickslip.equations.derive import MotionEquations, derive
 from stickslip.equations.native import kernels
-from stickslip.equations.native.orders import is_long, series_of
+from stickslip.equations.native.looped import is_long, series_of
 from stickslip.equations.native.routines import Routine
 from stickslip.equations.native.tables import Tabled
 from stickslip.kept import made_once

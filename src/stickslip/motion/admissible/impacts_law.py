@@ -123,8 +123,6 @@ def put_friction(rows: Rows, space: Space) -> None:
     """Coefficients of friction in an impact, of slip and where it holds."""
     work = space.impact
     for c in inertial_contacts(rows):
-        if rows.first_link[c + 1] == rows.first_link[c]:
-            continue
         block = directions_of(rows, c)
         forward = False
         back = False

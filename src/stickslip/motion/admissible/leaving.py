@@ -33,7 +33,13 @@ from stickslip.motion.admissible.sharing import (
     speed_of,
     sticks_in,
 )
-from stickslip.motion.steps.arrays import ON_INERTIAL, Flow, directions_of, inertial_contacts
+from stickslip.motion.steps.arrays import (
+    ON_INERTIAL,
+    Flow,
+    directions_of,
+    inertial_contacts,
+    set_mode,
+)
 from stickslip.motion.steps.roots import first_crossing, lowest
 from stickslip.motion.steps.sets import (
     MOVED,
@@ -168,13 +174,11 @@ def mark_leaving(flow: Flow, mode: Array, group: int, rank: int, fastest: float)
     rows = flow.rows
     for c in inertial_contacts(rows):
         if sticks_in(rows, mode, c, group):
-            block = directions_of(rows, c)
             moves = 0
             if speed_of(flow, c, rank, flow.space.aside[MECHANISM]) > MOVES * fastest:
-                # Forces along w are those against a slip along −w, which has a sign on a line only.
-                moves = 1 if len(block) > 1 or flow.space.along[MOVED, 0] < 0.0 else -1
-            for i in block:
-                flow.space.leaving[i] = moves
+                # Forces along w are those against a slip along −w.
+                moves = 1 if flow.space.along[MOVED, 0] < 0.0 else -1
+            set_mode(rows, flow.space.leaving, c, moves)
 
 
 @compiled(brief=True)

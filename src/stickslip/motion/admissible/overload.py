@@ -268,9 +268,8 @@ def bend_of(flow: Flow, mode: Array, group: int, rank: int) -> None:
             for j in range(rank):
                 d, e, h = parts_at(block, grips, j)
                 bend[i, j] += along * (xx * a * d + xy * (a * e + b * d) + yy * b * e)
-                if len(block) > 2:
-                    mixed = xz * (a * h + g * d) + yz * (b * h + g * e)
-                    bend[i, j] += along * (mixed + zz * g * h)
+                mixed = xz * (a * h + g * d) + yz * (b * h + g * e)
+                bend[i, j] += along * (mixed + zz * g * h)
 
 
 @compiled(brief=True)

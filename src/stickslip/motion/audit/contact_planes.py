@@ -49,12 +49,12 @@ from stickslip.motion.steps.arrays import (
     Rows,
     Space,
     directions_of,
-    is_loose,
 )
 from stickslip.motion.steps.sets import (
     force_terms,
     is_rate_independent,
     plane_of,
+    slips_with_mass,
     whole_rate,
     whole_speed,
 )
@@ -162,8 +162,8 @@ def blurred_by_turns(rows: Rows, space: Space, mode: Array, c: int, tally: Tally
     found = 0.0
     for p in range(len(rows.planes)):
         first = rows.planes[p, LEAD]
-        beside = rows.homes[first, PART] == rows.homes[c, PART] and rows.planes[p, MASSIVE] == 1
-        if beside and not resting(mode[first]) and not is_loose(rows, mode, first):
+        beside = rows.homes[first, PART] == rows.homes[c, PART] and not resting(mode[first])
+        if beside and slips_with_mass(rows, mode, p):
             rounding = ROUNDING * tally.law[first, LARGEST_SPEED]
             slowest = np.inf
             for g in range(COUNT):

@@ -43,7 +43,6 @@ from stickslip.motion.steps.arrays import (
     Space,
     directions_of,
     is_loose,
-    opens,
 )
 from stickslip.motion.steps.sets import (
     force_terms,
@@ -84,7 +83,9 @@ def sample_law(
     mag = space.mag
     samples = space.samples
     law = tally.law
-    for c in rows.contacts:
+    for c in rows.openings:
+        sample_opening(rows, space, mode, h, g, c, tally)
+    for c in rows.frictional:
         u = V[rows.u[c], 0]
         block = directions_of(rows, c)
         if is_loose(rows, mode, c):
@@ -95,29 +96,12 @@ def sample_law(
         if len(block) > 1:
             sample_plane(rows, space, mode, h, g, c, tally)
             continue
+        note_sizes(rows, space, c, tally)
         held = V[rows.force[c], 0]
         up = V[rows.plus[c], 0]
         down = V[rows.minus[c], 0]
-        # Where thresholds vanish, a force is known up to the rounding of its terms only.
-        law[c, LARGEST_FORCE] = most(
-            most(law[c, LARGEST_FORCE], max(abs(held), max(up, down))),
-            CANCELLED_PART * force_terms(rows, mag, c),
-        )
-        law[c, LARGEST_SPEED] = most(most(law[c, LARGEST_SPEED], abs(u)), CANCELLED_PART * mag[c])
         row = samples_of(rows, c)
         made = rate_terms(rows, mag, c) * h
-        if opens(rows, c):
-            gap = V[rows.gaps[c], 0]
-            # What is closed has no size but that of what forces would do to it.
-            size = max(abs(gap), gap_terms(rows, mag, c))
-            size = max(size, REST_PART * h * h * rate_terms(rows, mag, c))
-            law[c, OPENING] = most(law[c, OPENING], size)
-            law[c, SPEED_HELD] = most(law[c, SPEED_HELD], made)
-            space.impact[WIDEST, c] = law[c, OPENING]
-            samples[row, g] = held if mode[c] == 0 else gap
-            samples[row + 1, g] = gap
-            samples[row + 2, g] = u
-            continue
         if resting(mode[c]):
             samples[row, g] = held + up
             samples[row + 1, g] = down - held
@@ -133,6 +117,49 @@ def sample_law(
         value = V[rows.kinks[j], 0] if reg[j] == 1 else -V[rows.kinks[j], 0]
         samples[samples_of(rows, len(rows.u)) + j, g] = value
         tally.kinks[j, REACHED] = most(tally.kinks[j, REACHED], abs(value))
+
+
+@compiled()
+def note_sizes(rows: Rows, space: Space, c: int, tally: Tally) -> None:
+    """Keep how large the force and the velocity of a contact along a line are."""
+    law, mag, V = tally.law, space.mag, space.V
+    held = abs(V[rows.force[c], 0])
+    # Where thresholds vanish, a force is known up to the rounding of its terms only.
+    law[c, LARGEST_FORCE] = most(
+        most(law[c, LARGEST_FORCE], max(held, max(V[rows.plus[c], 0], V[rows.minus[c], 0]))),
+        CANCELLED_PART * force_terms(rows, mag, c),
+    )
+    speed = abs(V[rows.u[c], 0])
+    law[c, LARGEST_SPEED] = most(most(law[c, LARGEST_SPEED], speed), CANCELLED_PART * mag[c])
+
+
+@compiled()
+def sample_opening(
+    rows: Rows, space: Space, mode: Array, h: float, g: int, c: int, tally: Tally
+) -> None:
+    """Keep the normal force or the gap of what can open, the gap, and the velocity, at a node.
+
+    Parameters
+    ----------
+    rows, space, mode, h, g, tally
+        As of :func:`sample_law`.
+    c : int
+        The contact.
+    """
+    law, mag, V, samples = tally.law, space.mag, space.V, space.samples
+    note_sizes(rows, space, c, tally)
+    gap = V[rows.gaps[c], 0]
+    row = samples_of(rows, c)
+    made = rate_terms(rows, mag, c) * h
+    # What is closed has no size but that of what forces would do to it.
+    size = max(abs(gap), gap_terms(rows, mag, c))
+    size = max(size, REST_PART * h * h * rate_terms(rows, mag, c))
+    law[c, OPENING] = most(law[c, OPENING], size)
+    law[c, SPEED_HELD] = most(law[c, SPEED_HELD], made)
+    space.impact[WIDEST, c] = law[c, OPENING]
+    samples[row, g] = V[rows.force[c], 0] if mode[c] == 0 else gap
+    samples[row + 1, g] = gap
+    samples[row + 2, g] = V[rows.u[c], 0]
 
 
 @compiled()
@@ -167,11 +194,10 @@ def judge_law(rows: Rows, space: Space, mode: Array, piece: StepPiece, tally: Ta
     factor = piece.factor
     unit = space.W[rows.sizes[DIMENSION], 1]
     late = _LATE * abs(piece.t) / unit
-    for c in rows.contacts:
+    for c in rows.openings:
+        judge_opening(rows, space, mode, c, factor, tally)
+    for c in rows.frictional:
         if is_loose(rows, mode, c):
-            continue
-        if opens(rows, c):
-            judge_opening(rows, space, mode, c, factor, tally)
             continue
         if len(directions_of(rows, c)) > 1:
             judge_plane(rows, space, mode, c, factor, tally)

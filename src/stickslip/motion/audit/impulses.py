@@ -61,6 +61,7 @@ from stickslip.motion.steps.arrays import (
     Space,
     directions_of,
     inertial_contacts,
+    inertial_friction,
     opens,
     own_directions,
     set_mode,
@@ -269,16 +270,15 @@ def fit_impulses(
         Says what is slow.
     """
     found, done = space.explained, space.tried[_DONE]
-    for c in inertial_contacts(rows):
+    for c in rows.openings:
+        closed = is_slow(found, c, trial) and space.tried[_NEAR, c] == 1
+        done[c] = _TOUCHING if closed else _APART
+    for c in inertial_friction(rows):
         block = directions_of(rows, c)
         zero = True
         for i in block:
             zero = zero and is_slow(found, i, trial)
-        if opens(rows, c):
-            done[c] = _TOUCHING if zero and space.tried[_NEAR, c] == 1 else _APART
-            continue
-        for i in block:
-            done[i] = 0 if zero else (1 if len(block) > 1 or found[_MOVED, c] > 0.0 else -1)
+        set_mode(rows, done, c, 0 if zero else (1 if found[_MOVED, c] > 0.0 else -1))
     fit_cones(rows, space, put_cones(rows, space))
     for c in range(rows.sizes[ON_INERTIAL]):
         space.impact[IMPULSE, c] = space.cones[FORCE, c]

@@ -80,7 +80,7 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.directions import take_direction
 from stickslip.motion.steps.roots import value_and_slope
-from stickslip.motion.steps.sets import slips_with_mass, whole_speed
+from stickslip.motion.steps.sets import may_share, slides_in_plane, slips_with_mass, whole_speed
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import fill_powers, slip_end
 from stickslip.motion.steps.vectors import copy
@@ -183,7 +183,7 @@ def step_on(machine: Machine, flow: Flow, lane: Lane, task: Task, count: int) ->
         if not again and (is_full(task, rows, count) or (promised == 0.0 and is_stopped(space))):
             return FULL, count
         t, fired = clock[NOW], counters[CAUSE]
-        hold = fired >= 0 or is_time_to_look(rows, counters[TAKEN])
+        hold = fired >= 0 or is_time_to_look(rows, lane.mode, counters[TAKEN])
         most = min(room, max(end - t, 0.0))
         if not again:
             code, count, due = strike(machine, flow, lane, task, count, entering)
@@ -257,16 +257,17 @@ def is_full(task: Task, rows: Rows, count: int) -> bool:
 
 
 @compiled()
-def is_time_to_look(rows: Rows, taken: int) -> bool:
+def is_time_to_look(rows: Rows, mode: Array, taken: int) -> bool:
     """Whether sticking contacts and promises are looked at after so many steps."""
-    return bool(taken % (_LOOK if len(rows.planes) == 0 else _LOOK_IN_PLANE) == 0)
+    return bool(taken % (_LOOK_IN_PLANE if slides_in_plane(rows, mode) else _LOOK) == 0)
 
 
 @compiled()
 def is_promise_due(rows: Rows, lane: Lane, which: int, due: int) -> bool:
     """Whether the rates at the end of a step have to be checked there: an event comes (which is not
     −1) or a jump has been taken (due is not), nothing else would check them, or it is time."""
-    free = rows.sizes[RATE_INDEPENDENT] == 0 and not is_time_to_look(rows, lane.counters[TAKEN] + 1)
+    taken = lane.counters[TAKEN] + 1
+    free = rows.sizes[RATE_INDEPENDENT] == 0 and not is_time_to_look(rows, lane.mode, taken)
     return bool(which >= 0 or due >= 0 or not free)
 
 
@@ -418,8 +419,7 @@ def ends_slip(flow: Flow, mode: Array, which: int, p: int, t: float, h: float) -
             return True
     if not slips_with_mass(rows, mode, p):
         return False
-    apart = rows.group[c] < 0 or rows.group[c] != rows.group[first] if c >= 0 else False
-    if c >= 0 and rows.plane[c] < 0 and apart:
+    if c >= 0 and rows.plane[c] < 0 and not may_share(rows, first, c):
         return False
     row = flow.space.W[rows.planes[p, AIM_SPEED]]
     speed, change = value_and_slope(row, flow.order - 1, flow.space.powers)

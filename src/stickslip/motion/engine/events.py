@@ -369,7 +369,8 @@ def knock(
             size_gaps(machine, flow, here, lane.clock[SPAN])
         going = due < 0 and (cause >= 0 or lane.counters[TAKEN] > 0)
         # What leaves beside friction in a plane is put back onto rest with that.
-        opened = cause - len(rows.kinks) if len(rows.planes) > 0 else NOWHERE
+        opened = cause - len(rows.kinks)
+        opened = opened if opened >= 0 and rows.beside[opened] == 1 else NOWHERE
         struck_first = first_approaching(machine, flow, here, last, going, opened)
         if struck_first >= 0:
             if not going:

@@ -39,9 +39,9 @@ from stickslip.motion.steps.arrays import (
     Lane,
     Machine,
     Rows,
-    directions_of,
-    inertial_contacts,
+    inertial_friction,
     loosen_friction,
+    set_mode,
 )
 from stickslip.motion.steps.sets import rate_terms
 from stickslip.motion.steps.starting import coefficients
@@ -159,10 +159,9 @@ def put_responses(machine: Machine, flow: Flow, at: Instant) -> bool:
         at.mode[c] = 1
     if not resolve(rows, flow.k, space, at.mode):
         return False
-    for c in inertial_contacts(rows):
-        rubbing = rows.first_link[c + 1] > rows.first_link[c]
-        if rubbing and len(directions_of(rows, c)) == 1 and space.impact[BEFORE, c] < 0.0:
-            at.mode[c] = -1
+    for c in inertial_friction(rows):
+        if space.impact[BEFORE, c] < 0.0:
+            set_mode(rows, at.mode, c, -1)
     if coefficients(machine, flow, at, 1, space.V) != OK:
         return False
     for p in range(len(rows.parts)):

@@ -28,7 +28,6 @@ from stickslip.motion.steps.arrays import (
     IMPLICIT,
     KINKS,
     LAST,
-    LEAD,
     NAN,
     NOW,
     OK,
@@ -44,6 +43,7 @@ from stickslip.motion.steps.arrays import (
     Rows,
     set_mode,
 )
+from stickslip.motion.steps.sets import crosses_pieces, slides_in_plane
 from stickslip.motion.steps.step_size import MOST_UNITS, fill_powers, shortened_step
 from stickslip.motion.steps.stiff import RESTING, collocate, lingers
 from stickslip.motion.steps.vectors import clear, copy
@@ -194,13 +194,13 @@ def try_mode(
     brief = CLOSEST * abs(clock[NOW])
     # Not twice: an edge is behind it, or it is none.
     once = fired >= 0 or last < 0.5 * _OVER * brief
-    if series <= brief and once and crosses(rows, mode):
+    if series <= brief and once and crosses_pieces(rows, mode):
         series = _OVER * brief
         keep_rates(flow)
     step = series
     length = h
     # Where a slip in a plane is slow, discs cut what is stiff as well.
-    whole = not step < h or len(flow.rows.planes) > 0
+    whole = not step < h or slides_in_plane(flow.rows, mode)
     stiff = quiet and whole and lingers(flow, lane, step, room)
     if stiff:
         here = Instant(clock[NOW], lane.y, mode, lane.reg)
@@ -220,16 +220,6 @@ def try_mode(
     for i in range(len(flow.rows.watched)):
         lane.seen[i] = max(lane.seen[i], abs(space.W[flow.rows.watched[i], 0]))
     return _NO_GUARD, count, length, series
-
-
-@compiled()
-def crosses(rows: Rows, mode: Array) -> bool:
-    """Whether a contact slips whose dissipation has pieces. An edge between them may be a
-    singularity that a motion passes in no time, such as that of a face with a point at rest."""
-    found = False
-    for piece in rows.pieces:
-        found = found or mode[rows.planes[piece[1], LEAD]] != 0
-    return found
 
 
 @compiled()

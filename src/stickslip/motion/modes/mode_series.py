@@ -50,7 +50,6 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.sets import whole_rate, whole_speed
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.step_size import COARSER, LEAST_SIZE, better, step_size, suits
-from stickslip.motion.steps.vectors import copy
 from stickslip.translator import compiled
 
 _PAST = 1.0625  # of the time to a kink: the end of the step in which it comes
@@ -93,10 +92,25 @@ def make_series(
         passed = max(_PASSED * h, _ROUNDED * abs(t))
         h = min(h, _PAST * soonest_kink(flow.rows, flow.space.W, flow.order, passed))
         h = (t + h) - t
-        if len(flow.rows.planes) > 0:
-            # A slip in a plane begins from rest, exactly.
-            copy(lane.y, flow.space.y0)
+        keep_rest(flow.rows, lane.y, flow.space.y0)
     return status, h
+
+
+@compiled()
+def keep_rest(rows: Rows, y: Array, start: Array) -> None:
+    """Keep what has been put onto its constraints beside friction in a plane for the modes that are
+    tried next: a slip in a plane begins from rest, exactly.
+
+    Parameters
+    ----------
+    rows : Rows
+    y, start : array
+        State, and that from which modes are tried.
+    """
+    nq = rows.sizes[INERTIAL]
+    for q in range(nq):
+        if rows.made[q] >= 0:
+            start[q], start[nq + q] = y[q], y[nq + q]
 
 
 @compiled()

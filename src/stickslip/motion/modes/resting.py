@@ -59,7 +59,9 @@ from stickslip.motion.steps.arrays import (
     Rows,
     Space,
     direction_entry,
+    directions_of,
     inertial_contacts,
+    inertial_friction,
     is_loose,
     opens,
     own_directions,
@@ -210,10 +212,10 @@ def place_rest(machine: Machine, flow: Flow, lane: Lane, part: int, room: float)
     for c in rows.openings:
         if rows.homes[c, PART] == part:
             cones[RESTS, c] = 1.0 if is_closed(flow, lane, c) else 0.0
-    for c in range(mq):
-        if rows.homes[c, PART] != part or opens(rows, c):
+    for c in inertial_friction(rows):
+        if rows.homes[c, PART] != part:
             continue
-        pressed = rows.alone[c] == 1 or rows.first_link[c] == rows.first_link[c + 1]
+        pressed = rows.alone[c] == 1
         for link in range(rows.first_link[c], rows.first_link[c + 1]):
             pressed = pressed or cones[RESTS, rows.links[link, PRESSING]] != 0.0
         if pressed:
@@ -247,19 +249,18 @@ def hold_still(flow: Flow, mode: Array, part: int) -> bool:
     cones, W = space.cones, space.W
     mq = rows.sizes[ON_INERTIAL]
     no_cones(rows, space)
-    for c in range(mq):
+    for c in rows.openings:
+        cones[PRESSES, c] = 1.0 if cones[RESTS, c] != 0.0 else 0.0
+    for c in inertial_friction(rows):
         if cones[RESTS, c] == 0.0:
             continue
-        if opens(rows, c):
-            cones[PRESSES, c] = 1.0
-            continue
-        in_plane = rows.plane[c] >= 0
-        if in_plane and (rows.alone[c] == 1 or rows.first_link[c] == rows.first_link[c + 1]):
+        block = directions_of(rows, c)
+        if len(block) > 1 and rows.alone[c] == 1:
             return False
-        for link in range(rows.first_link[c], rows.first_link[c + 1]):
+        for link in range(rows.first_link[c], rows.first_link[block[len(block) - 1] + 1]):
             cones[LEAST_SHARE, link] = -W[rows.friction[link, 2], 0]
             cones[MOST_SHARE, link] = W[rows.friction[link, 3], 0]
-        if not in_plane:
+        if len(block) == 1:
             cones[LEAST_ALONE, c] = -max(W[rows.plus[c], 0], 0.0)
             cones[MOST_ALONE, c] = max(W[rows.minus[c], 0], 0.0)
     scale = put_wanted(rows, space, part)

@@ -43,7 +43,7 @@ from stickslip.motion.steps.arrays import (
     presses,
     set_mode,
 )
-from stickslip.motion.steps.sets import force_terms, gap_size, rate_terms, whole_speed
+from stickslip.motion.steps.sets import force_terms, gap_size, may_share, rate_terms, whole_speed
 from stickslip.motion.steps.starting import coefficients
 from stickslip.motion.steps.vectors import clear
 from stickslip.translator import compiled
@@ -81,7 +81,6 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
     mode = at.mode
     asked = space.asked
     mq = rows.sizes[ON_INERTIAL]
-    beside = len(rows.planes) > 0  # friction in a plane
     released = False
     clear(asked)
     for c in range(mq):
@@ -103,7 +102,7 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
             if gapped:
                 slow += _WIDE * ROUNDING * mag[c]
                 # Towards the end of a slip steps are as short as a rounding error of the time.
-                slow += _WIDE * INSTANT * abs(at.t) * rate if beside else 0.0
+                slow += _WIDE * INSTANT * abs(at.t) * rate if rows.beside[c] == 1 else 0.0
         if abs(gap) > slow or is_apart(flow, c, last, span):
             # Contacts of other components hold the same whether this one does or not.
             if asked[rows.homes[c, PART]] == 0:
@@ -124,7 +123,7 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
             for i in range(rows.parts[part, COORDINATES]):
                 q = rows.members[rows.parts[part, MEMBERS] + i]
                 at.y[q] -= space.Rq[first + i, rows.homes[c, SEAT] - first] * distance
-                if beside and abs(at.y[q]) <= _NOTHING:
+                if rows.beside[c] == 1 and abs(at.y[q]) <= _NOTHING:
                     at.y[q] = 0.0
     return True
 
@@ -159,7 +158,7 @@ def stop(flow: Flow, table: Array, y: Array, mode: Array, c: int) -> None:
             continue
         q = rows.sizes[INERTIAL] + rows.members[rows.parts[part, MEMBERS] + i]
         y[q] -= R[first + i, rows.homes[c, SEAT] - first] * u
-        if len(rows.planes) > 0:
+        if rows.beside[c] == 1:
             # What is left of rounding errors, in any direction, is nothing. The others may move
             # coordinates of another part only.
             size = 0.0
@@ -176,8 +175,8 @@ def stop(flow: Flow, table: Array, y: Array, mode: Array, c: int) -> None:
 
 @compiled()
 def is_on_surface(flow: Flow, table: Array, c: int) -> bool:
-    """Whether a sticking contact has the velocity of its surface: exactly; or, where there is
-    friction in a plane, up to rounding. Nothing would be gained there, and an impulse that puts it
+    """Whether a sticking contact has the velocity of its surface: exactly; or, beside friction in a
+    plane, up to rounding. Nothing would be gained there, and an impulse that puts it
     onto its surface moves what begins to slip beside it, from rest.
 
     Parameters
@@ -188,7 +187,7 @@ def is_on_surface(flow: Flow, table: Array, c: int) -> bool:
     c : int
     """
     rows = flow.rows
-    near = ROUNDING * flow.space.mag[c] if len(rows.planes) > 0 else 0.0
+    near = ROUNDING * flow.space.mag[c] if rows.beside[c] == 1 else 0.0
     return bool(abs(table[rows.u[c], 0]) <= near)
 
 
@@ -280,11 +279,12 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     small beside themselves, turn by turn, until nothing is left.
     """
     rows = flow.rows
-    if len(rows.planes) == 0 or lane.counters[CAUSE] < 0:
-        return
     c = lane.counters[CAUSE] - len(rows.kinks)
+    if lane.counters[CAUSE] < 0:
+        return
     before = flow.space.touched
-    asked = opened = c >= 0 and has_opened(rows, lane.mode, c) and lane.settled[c] == 0
+    opened = c >= 0 and rows.beside[c] == 1 and lane.settled[c] == 0
+    asked = opened = opened and has_opened(rows, lane.mode, c)
     if opened:
         set_mode(rows, lane.mode, c, 0)
     for p in range(len(rows.planes)):
@@ -326,6 +326,5 @@ def leaves_with(rows: Rows, lane: Lane, first: int, c: int) -> bool:
     """
     if first == c:
         return True
-    together = c >= 0 and rows.group[first] >= 0 and rows.group[first] == rows.group[c]
-    together = together or (c >= 0 and presses(rows, c, first))
+    together = c >= 0 and (may_share(rows, first, c) or presses(rows, c, first))
     return bool(together and lane.settled[first] == 0 and lane.mode[first] != 0)

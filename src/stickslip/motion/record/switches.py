@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -234,3 +234,18 @@ class Switches:
 
 def _has(contacts: tuple[DryContact, ...], name: str) -> bool:
     return any(c.name == name for c in contacts)
+
+
+def flags_of_modes(system: System, contact: str) -> dict[str, Any]:
+    """The numbers of the modes of a contact and their names, as attributes of a variable."""
+    words = ["slip-", "stick", "slip+"]
+    if contact in system.unilateral or contact in system.constraints:
+        words += ["open", "closed"]
+    first = -1
+    if contact in system.planes:
+        words = ["stick", SLIP_WORD, *words[3:]]
+        first = 0
+    return {
+        "flag_values": np.arange(first, first + len(words), dtype=np.int8),
+        "flag_meanings": " ".join(words),
+    }

@@ -150,7 +150,7 @@ class Rows(NamedTuple):
     friction : array of int, shape (links, 4)
         Rows of the coefficients: kinetic against slip forward and back, static likewise.
     alone : array of int, shape (contacts,)
-        1 for each contact that has friction without a normal force, too.
+        1 for each contact that holds forces without a normal force of another one, too.
     jumps : array of int, shape (jumps, 4)
         By the columns from `KINK` to `LANDINGS`.
     landings : array of int
@@ -180,6 +180,16 @@ class Rows(NamedTuple):
         The directions of each contact, and where they begin by its first one; others have none.
     openings : array of int
         Contacts that can open.
+    frictional : array of int
+        The others, by their first directions.
+    massive_frictional : int
+        How many of them move inertial coordinates; these come first.
+    beside : array of int, shape (directions,)
+        1 for each direction that one linear problem couples to friction in a plane, whose rounding
+        errors reach it then.
+    made : array of int
+        For each row that bounds the steps, and is a coordinate or a gap beside friction in a plane,
+        the place of the size of the terms of its second derivative; −1 for others.
     states : array of int, shape (directions,)
         Number of states of each contact, by its first direction: in a plane, and of what can open,
         a slip has no sign. Other directions have one.
@@ -222,6 +232,10 @@ class Rows(NamedTuple):
     directions: IntVector
     first_direction: IntVector
     openings: IntVector
+    frictional: IntVector
+    massive_frictional: int
+    beside: IntVector
+    made: IntVector
     states: IntVector
 
 
@@ -522,6 +536,12 @@ def inertial_contacts(rows: Rows) -> Array:
 
 
 @compiled()
+def inertial_friction(rows: Rows) -> Array:
+    """Those of them that have friction."""
+    return rows.frictional[: rows.massive_frictional]
+
+
+@compiled()
 def directions_of(rows: Rows, c: int) -> Array:
     """The directions of a contact, by its first one; none, if it is another one."""
     return rows.directions[rows.first_direction[c] : rows.first_direction[c + 1]]
@@ -550,11 +570,12 @@ def tape_of(flow: Flow) -> DiscTape:
 @compiled()
 def is_loose(rows: Rows, mode: Array, c: int) -> bool:
     """Whether a contact has friction under normal forces alone, and all that press it are open."""
-    first, end = rows.first_link[c], rows.first_link[c + 1]
-    for link in range(first, end):
+    if rows.alone[c] == 1:
+        return False
+    for link in range(rows.first_link[c], rows.first_link[c + 1]):
         if mode[rows.links[link, PRESSING]] == 0:
             return False
-    return bool(end > first and rows.alone[c] == 0)
+    return True
 
 
 @compiled()
@@ -572,9 +593,9 @@ def has_opened(rows: Rows, mode: Array, c: int) -> bool:
 @compiled()
 def loosen_friction(rows: Rows, mode: Array) -> None:
     """What is open has no friction: its contact slips, without force, which has one name only."""
-    for c in range(rows.sizes[ON_INERTIAL]):
+    for c in inertial_friction(rows):
         if is_loose(rows, mode, c):
-            mode[c] = 1
+            set_mode(rows, mode, c, 1)
 
 
 @compiled()

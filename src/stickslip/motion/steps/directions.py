@@ -20,7 +20,6 @@ from stickslip.motion.steps.arrays import (
     COORDINATES,
     INERTIAL,
     LEAD,
-    MASSIVE,
     MEMBERS,
     PART,
     Flow,
@@ -29,7 +28,7 @@ from stickslip.motion.steps.arrays import (
     set_mode,
 )
 from stickslip.motion.steps.roots import horner
-from stickslip.motion.steps.sets import axis_of, width_of
+from stickslip.motion.steps.sets import axis_of, slip_speed, width_of
 from stickslip.symbolic.tape import DIRECTION_GIVEN
 from stickslip.translator import compiled
 
@@ -122,11 +121,11 @@ def follow_directions(
         plane = rows.planes[p]
         aim = plane[AIM]
         parts = width_of(rows, p)
-        speed = W[plane[AIM_SPEED], 0]
+        speed = slip_speed(rows, mode, W, p)
         across, longer = 0.0, 0.0
         power = x**N
         # Without mass Au follows from the direction, and says nothing of it.
-        asked = plane[MASSIVE] == 1 and mode[plane[LEAD]] != 0 and speed > 0.0
+        asked = speed > 0.0
         for k in range(N, 2 * N - 1 if asked else 0):
             length = 0.0
             for i in range(parts):

@@ -152,11 +152,17 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
 
 
 @compiled()
-def any_bends(flow: Flow) -> bool:
+def begins_bent(flow: Flow, p: int) -> bool:
     """Whether a slip begins that changes the normal force which presses it."""
+    return bool(begins_flat(flow, p) and flow.rows.planes[p, BENDS] == 1)
+
+
+@compiled()
+def any_bends(flow: Flow) -> bool:
+    """Whether there is such a slip."""
     found = False
     for p in range(len(flow.rows.planes)):
-        found = found or (begins_flat(flow, p) and flow.rows.planes[p, BENDS] == 1)
+        found = found or begins_bent(flow, p)
     return found
 
 

@@ -18,6 +18,7 @@ import math
 
 from stickslip.arrays import Array
 from stickslip.motion.steps.arrays import (
+    AIM_SPEED,
     FORMULA,
     LEAD,
     MASSIVE,
@@ -60,6 +61,32 @@ def slips_with_mass(rows: Rows, mode: Array, p: int) -> bool:
     c = rows.planes[p, LEAD]
     slips = rows.planes[p, MASSIVE] == 1 and 1 <= mode[c] <= 2
     return bool(slips and not is_loose(rows, mode, c))
+
+
+@compiled()
+def slides_in_plane(rows: Rows, mode: Array) -> bool:
+    """Whether a contact in a plane slips that moves masses and is pressed."""
+    found = False
+    for p in range(len(rows.planes)):
+        found = found or slips_with_mass(rows, mode, p)
+    return found
+
+
+@compiled()
+def slip_speed(rows: Rows, mode: Array, W: Array, p: int) -> float:
+    """The speed of a slip in a plane that moves masses, |Au|; 0 where there is none."""
+    slips = rows.planes[p, MASSIVE] == 1 and mode[rows.planes[p, LEAD]] != 0
+    return float(W[rows.planes[p, AIM_SPEED], 0] if slips else 0.0)
+
+
+@compiled()
+def crosses_pieces(rows: Rows, mode: Array) -> bool:
+    """Whether a contact slips whose dissipation has pieces. An edge between them may be a
+    singularity that a motion passes in no time, such as that of a face with a point at rest."""
+    found = False
+    for piece in rows.pieces:
+        found = found or mode[rows.planes[piece[1], LEAD]] != 0
+    return found
 
 
 @compiled()
@@ -138,6 +165,12 @@ def remember_gaps(rows: Rows, space: Space, seen: Array) -> None:
         for i in range(len(rows.watched)):
             if rows.watched[i] == rows.gaps[c]:
                 space.impact[WIDEST, c] = seen[i]
+
+
+@compiled()
+def may_share(rows: Rows, a: int, b: int) -> bool:
+    """Whether two contacts may share forces."""
+    return bool(rows.group[a] >= 0 and rows.group[a] == rows.group[b])
 
 
 @compiled(brief=True)

@@ -26,7 +26,6 @@ from stickslip.motion.steps.arrays import (
     AIM,
     AIM_SPEED,
     ASIDE,
-    BENDS,
     DIMENSION,
     EPSILON,
     FEWEST_ORDERS,
@@ -67,6 +66,7 @@ from stickslip.motion.steps.response import (
     Y,
     any_bends,
     begins_as_face,
+    begins_bent,
     begins_flat,
     place_aims,
     place_speeds,
@@ -107,7 +107,7 @@ def coefficients(machine: Machine, flow: Flow, at: Instant, order: int, table: A
         if plane[FORMULA] >= 0:
             place_anywhere(flow.rows, plane, table)
     status = plain_coefficients(machine, flow, at, order, table)
-    if status != OK or len(flow.rows.planes) == 0:
+    if status != OK:
         return status
     aimed = aim_prescribed(flow, at.mode, table)
     if begins(flow, at.mode, table):
@@ -391,7 +391,7 @@ def aim_where_it_bends(machine: Machine, flow: Flow, at: Instant, table: Array) 
     status = OK
     for p in range(planes):
         base = AIMS * p
-        if not begins_flat(flow, p) or rows.planes[p, BENDS] == 0:
+        if not begins_bent(flow, p):
             continue
         best, angle = -math.inf, math.atan2(aims[base + M_, 0], aims[base + N_, 0])
         before, low = 0.0, 0.0

@@ -33,7 +33,6 @@ from stickslip.motion.steps.arrays import (
     INERTIAL,
     INSTANT,
     LEAD,
-    MASSIVE,
     ROUNDING,
     Flow,
     Instant,
@@ -47,7 +46,7 @@ from stickslip.motion.steps.directions import (
     forget_directions,
     spread_given,
 )
-from stickslip.motion.steps.sets import rate_terms, whole_speed
+from stickslip.motion.steps.sets import crosses_pieces, slides_in_plane, slip_speed, whole_speed
 from stickslip.motion.steps.starting import coefficients
 from stickslip.translator import compiled
 
@@ -81,6 +80,7 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
     mag = flow.space.mag
     rows = flow.rows.watched
     noise = flow.rows.noise
+    made = flow.rows.made
     n = flow.rows.sizes[DIMENSION]
     tol = flow.tol
     unit = W[n, 1]
@@ -104,8 +104,11 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
         if noise[i] >= 0:
             # What cancels in a rate is known to rounding only.
             size += EPSILON / tol * mag[noise[i]] * (last if i < n else 1.0)
-        if len(flow.rows.planes) > 0:
-            size += EPSILON / tol * made(flow, i, last if last > 0.0 else unit)
+        if made[i] >= 0:
+            # Friction in a plane leaves what is zero to what forces, if none cancelled, would make
+            # of a place, or of a gap, in a step: to their rounding errors.
+            step = last if last > 0.0 else unit
+            size += EPSILON / tol * (mag[made[i]] * step * step)
         if size > 2.0 * LEAST_SIZE:
             size = 1.0 / size
             middle = max(middle, abs(W[r, N - 1]) * size)
@@ -126,28 +129,6 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
     if top * h > edge:
         h = (tol / top) ** (1.0 / N)
     return h * unit
-
-
-@compiled()
-def made(flow: Flow, i: int, last: float) -> float:
-    """What forces, if none cancelled, would make of a place, or of a gap, in a step: friction in a
-    plane leaves what is zero to their rounding errors. Of other rows 0.
-
-    Parameters
-    ----------
-    flow : Flow
-    i : int
-        Number of the row, among those that bound a step.
-    last : float
-        Length of the last step, or another time like it.
-    """
-    rows, mag = flow.rows, flow.space.mag
-    if i < rows.sizes[INERTIAL]:
-        return float(mag[rows.noise[rows.program.rates[i]]] * last * last)
-    for c in rows.openings:
-        if rows.gaps[c] == rows.watched[i]:
-            return rate_terms(rows, mag, c) * last * last
-    return 0.0
 
 
 @compiled()
@@ -328,14 +309,12 @@ def shortened_step(flow: Flow, mode: Array, reg: Array, h: float, seen: Array) -
         return h
     rows, space = flow.rows, flow.space
     ends = False
-    massive = False
-    for p in range(len(rows.planes)):
-        massive = massive or rows.planes[p, MASSIVE] != 0
+    pieces, massive = crosses_pieces(rows, mode), slides_in_plane(rows, mode)
     for turn in range(_MOST_CUTS):
         # R of a face has a singularity at the end of each piece, the speed of a mass complex zeros
         # beside its path. For the latter one try is enough: where it fails, shorter steps are
         # judged sooner by the wide disc alone.
-        narrow = len(rows.pieces) > 0 or (massive and turn == 0)
+        narrow = pieces or (massive and turn == 0)
         excess = unseen(flow, mode, reg, h, seen, narrow)
         if excess > 1.0 and turn == 0:
             near = up_to_rest(flow, mode, h)
@@ -372,10 +351,9 @@ def up_to_rest(flow: Flow, mode: Array, h: float) -> float:
     first, clear = np.inf, np.inf
     for p in range(len(rows.planes)):
         c = rows.planes[p, LEAD]
-        speed = W[rows.planes[p, AIM_SPEED]]
-        if rows.planes[p, MASSIVE] == 0 or mode[c] == 0 or not speed[0] > 0.0:
+        if not slip_speed(rows, mode, W, p) > 0.0:
             continue
-        end, slope = slip_end(speed, flow.order, h / unit)
+        end, slope = slip_end(W[rows.planes[p, AIM_SPEED]], flow.order, h / unit)
         if end < np.inf:
             vague = ROUNDING * whole_speed(rows, mag, c) / slope
             late = 2.0 * (vague * unit + INSTANT * abs(W[n, 0]))

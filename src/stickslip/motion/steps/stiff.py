@@ -35,8 +35,6 @@ from stickslip.motion.steps.arrays import (
     DIMENSION,
     IMPLICIT,
     INSTANT,
-    LEAD,
-    MASSIVE,
     MOST_IMPLICIT,
     Flow,
     Instant,
@@ -56,6 +54,7 @@ from stickslip.motion.steps.radau import (
     to_legendre,
     to_powers,
 )
+from stickslip.motion.steps.sets import slip_speed
 from stickslip.motion.steps.step_size import (
     LEAST_SIZE,
     expand,
@@ -228,8 +227,7 @@ def leads_to_rest(flow: Flow, start: Instant, room: float, seen: Array) -> bool:
     unit = W[rows.sizes[DIMENSION], 1]
     for p in range(len(rows.planes)):
         speed = rows.planes[p, AIM_SPEED]
-        slips = start.mode[rows.planes[p, LEAD]] != 0 and W[speed, 0] > 0.0
-        if rows.planes[p, MASSIVE] == 0 or not slips:
+        if not slip_speed(rows, start.mode, W, p) > 0.0:
             continue
         end, _ = slip_end(W[speed], flow.order, 2.0 * room / unit)
         if abs(end * unit - room) <= _AT_THE_END * room + INSTANT * abs(start.t):

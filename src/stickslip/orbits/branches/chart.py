@@ -14,7 +14,8 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.orbits.branches.halving import half_gap
-from stickslip.orbits.continuation.arclength import Outgrown, Point, Test, correct, curve_between
+from stickslip.orbits.continuation.arclength import Outgrown, correct, curve_between
+from stickslip.orbits.continuation.path import Point, Test
 from stickslip.orbits.cycles.cycle import Cycle, make_cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import variation

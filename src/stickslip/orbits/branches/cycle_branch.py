@@ -37,16 +37,6 @@ from stickslip.orbits.branches.special_points import (
     of_branch,
     vanishes_at,
 )
-from stickslip.orbits.continuation.arclength import (
-    BROKEN_OFF,
-    Ending,
-    Path,
-    Point,
-    StepControl,
-    Stop,
-    Test,
-    ranges,
-)
 from stickslip.orbits.continuation.branch import SOLVED_TO, Branch, SpecialPoint, with_special
 from stickslip.orbits.continuation.driver import (
     CurveProblem,
@@ -59,6 +49,16 @@ from stickslip.orbits.continuation.driver import (
     joined,
     step_after,
     told_of_points,
+)
+from stickslip.orbits.continuation.path import (
+    BROKEN_OFF,
+    Ending,
+    Path,
+    Point,
+    StepControl,
+    Stop,
+    Test,
+    ranges,
 )
 from stickslip.orbits.cycles.cycle import Cycle
 from stickslip.orbits.cycles.finding import from_cycle

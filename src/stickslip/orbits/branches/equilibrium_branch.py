@@ -15,20 +15,12 @@ import numpy as np
 from stickslip.arguments import validated
 from stickslip.certificates import Certificate, Residual, within, worst
 from stickslip.equations.derive import MotionEquations
-from stickslip.equations.field import Guard, mode_field, switched
+from stickslip.equations.field import Guard, switched
+from stickslip.equations.mode_fields import mode_field
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
-from stickslip.orbits.continuation.arclength import (
-    Ending,
-    Lost,
-    Path,
-    Point,
-    StepControl,
-    Test,
-    in_range,
-    ranges,
-)
+from stickslip.orbits.continuation.arclength import Lost
 from stickslip.orbits.continuation.branch import SOLVED_TO, Branch, SpecialPoint, with_special
 from stickslip.orbits.continuation.driver import (
     CurveProblem,
@@ -40,9 +32,19 @@ from stickslip.orbits.continuation.driver import (
     named_points,
     told_of_points,
 )
+from stickslip.orbits.continuation.path import (
+    Ending,
+    Path,
+    Point,
+    StepControl,
+    Test,
+    in_range,
+    ranges,
+)
+from stickslip.orbits.equilibria.candidates import autonomous
 from stickslip.orbits.equilibria.certificate import certify_equilibria, certify_equilibrium
 from stickslip.orbits.equilibria.equilibrium import Equilibrium, decays, describe_guard
-from stickslip.orbits.equilibria.finding import autonomous, checked_values, equilibria
+from stickslip.orbits.equilibria.finding import checked_values, equilibria
 from stickslip.orbits.equilibria.normal_form import Derivatives, hopf
 from stickslip.orbits.fields.steady import (
     Array,

@@ -20,21 +20,12 @@ import numpy as np
 
 from stickslip.arguments import validated
 from stickslip.certificates import Certificate, Residual, worst
-from stickslip.equations.field import mode_field
+from stickslip.equations.mode_fields import mode_field
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.model.system import System
 from stickslip.orbits.branches.equilibrium_branch import checked_range, hopf_test
 from stickslip.orbits.branches.special_points import NOT_SMOOTH
-from stickslip.orbits.continuation.arclength import (
-    Ending,
-    Lost,
-    Path,
-    Point,
-    StepControl,
-    Test,
-    in_range,
-    ranges,
-)
+from stickslip.orbits.continuation.arclength import Lost
 from stickslip.orbits.continuation.branch import SOLVED_TO, Branch, SpecialPoint, with_special
 from stickslip.orbits.continuation.driver import (
     CurveProblem,
@@ -43,9 +34,19 @@ from stickslip.orbits.continuation.driver import (
     follow_branch,
     joined,
 )
+from stickslip.orbits.continuation.path import (
+    Ending,
+    Path,
+    Point,
+    StepControl,
+    Test,
+    in_range,
+    ranges,
+)
+from stickslip.orbits.equilibria.candidates import autonomous
 from stickslip.orbits.equilibria.certificate import SOLVED, certify_equilibrium
 from stickslip.orbits.equilibria.equilibrium import describe_guard
-from stickslip.orbits.equilibria.finding import autonomous, checked_values
+from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.orbits.equilibria.normal_form import Derivatives, critical_pair, hopf
 from stickslip.orbits.fields.steady import Array, ResidualFunction, Steady, invariant_directions
 from stickslip.symbolic import expressions as ex

@@ -30,16 +30,7 @@ from stickslip.orbits.branches.chart import (
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.branches.onset import Onset, nearest_onset
 from stickslip.orbits.branches.special_points import Spacing, dataset, of_branch
-from stickslip.orbits.continuation.arclength import (
-    NOT_DEFINED,
-    Ending,
-    Path,
-    Point,
-    StepControl,
-    Stop,
-    Test,
-    ranges,
-)
+from stickslip.orbits.continuation.arclength import NOT_DEFINED
 from stickslip.orbits.continuation.branch import Branch, SpecialPoint
 from stickslip.orbits.continuation.driver import (
     CurveProblem,
@@ -50,6 +41,7 @@ from stickslip.orbits.continuation.driver import (
     joined,
     step_after,
 )
+from stickslip.orbits.continuation.path import Ending, Path, Point, StepControl, Stop, Test, ranges
 from stickslip.orbits.cycles.cycle import Cycle, make_cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.return_map.damped_newton import Closed, converge, near

@@ -17,19 +17,10 @@ from stickslip.certificates import Certificate, Residual, worst
 from stickslip.model.quantities import contact_key, described, quantity
 from stickslip.orbits.branches.chart import Chart
 from stickslip.orbits.branches.onset import nearest_onset
-from stickslip.orbits.continuation.arclength import (
-    NOT_DEFINED,
-    Break,
-    Crossing,
-    Lost,
-    Path,
-    Point,
-    direction,
-    in_range,
-    ranges,
-)
+from stickslip.orbits.continuation.arclength import NOT_DEFINED, Lost, direction
 from stickslip.orbits.continuation.bracket import zero_between
 from stickslip.orbits.continuation.branch import SOLVED_TO
+from stickslip.orbits.continuation.path import Break, Crossing, Path, Point, in_range, ranges
 from stickslip.orbits.return_map.mode_sequence import Sequence, change_of, nearest_change, sequence
 
 if TYPE_CHECKING:

@@ -16,24 +16,30 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from enum import Enum
-from typing import Any, NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
-from stickslip.arguments import check_fields
 from stickslip.arrays import Array
-from stickslip.certificates import Residual
-from stickslip.errors import DeclarationError, StickslipError
-from stickslip.kept import cached_property
+from stickslip.errors import StickslipError
 from stickslip.orbits.continuation.bracket import zero_between
+from stickslip.orbits.continuation.path import (
+    INTERRUPTED,
+    TIME_UP,
+    Break,
+    Crossing,
+    Ending,
+    Limit,
+    Path,
+    Point,
+    StepControl,
+    Stop,
+    Test,
+    Tests,
+)
 from stickslip.stopping.scopes import TimeUp, heed
 
 FunctionAndJacobian = Callable[[Array], tuple[Array, Array]]
-Test = str | int
-"""A test function: of special points by a name, of guards by their number."""
-Tests = Callable[[Array, Array], Mapping[Test, float]]
 Accept = Callable[["Point", "Point"], None]
 Breaks = Callable[["Point", "Point"], Sequence["Break"]]
 
@@ -46,196 +52,6 @@ _ZERO = 1e-13
 # … and what is larger and has not shrunk by the second part for a few looks is rounding
 _SMALL, _SHRINKS, _LOOKS = 1e-9, 0.1, 2
 _SAME = 1e-12  # places that are nearer to each other, as a part of the step, are one
-
-
-class Stop(Enum):
-    """Why a curve is not followed further."""
-
-    RANGE = "end of the range"
-    EVENT = "something happens"
-    CLOSED = "closed"
-    LIMIT = "limit on points"
-    LOST = "lost"
-    INTERRUPTED = "interrupted"
-    TIME_UP = "time limit"
-
-
-class Ending(NamedTuple):
-    """The end of a curve: why, in words, and the test function that vanishes there, if one does."""
-
-    stop: Stop
-    text: str
-    test: Test | None = None
-
-
-INTERRUPTED = Ending(Stop.INTERRUPTED, "interrupted")
-TIME_UP = Ending(Stop.TIME_UP, "the time limit was reached")
-BROKEN_OFF = (Stop.INTERRUPTED, Stop.TIME_UP)
-"""How a curve ends that goes on."""
-
-
-class Limit(NamedTuple):
-    """The end of the range of a component of x: where it is, and on which side (+1: x stays below,
-    −1: above)."""
-
-    component: int
-    value: float
-    side: float
-
-    def room(self, x: Array) -> float:
-        """How far a point is from it; negative beyond."""
-        return self.side * (self.value - float(x[self.component]))
-
-
-def ranges(spans: Mapping[str, tuple[float, float]]) -> dict[str, Limit]:
-    """The limits of the last components of x, which are parameters with these ranges, by the
-    reasons they give."""
-    first = -len(spans)
-    return {
-        f"{name} = {end:g}, the end of the range": Limit(first + i, end, side)
-        for i, (name, span) in enumerate(spans.items())
-        for side, end in zip((-1.0, 1.0), span, strict=True)
-    }
-
-
-def in_range(limits: Mapping[str, Limit], points: Sequence[Array]) -> Residual:
-    """By how much some points are beyond limits, which they may not be at all."""
-    beyond = max((-limit.room(x) for limit in limits.values() for x in points), default=0.0)
-    return Residual("beyond the range", max(beyond, 0.0), 0.0)
-
-
-@dataclass(frozen=True)
-class StepControl:
-    """Control of the step.
-
-    Attributes
-    ----------
-    first, smallest, largest : float
-        Lengths of steps, in the caller's units.
-    tolerance : float
-        Length of the last Newton correction.
-    rounding : float
-        A correction that would be shorter than this is not made.
-    turn : float
-        Largest angle between the tangents at the ends of a step, in radians.
-    most : int
-        Largest number of points.
-    """
-
-    first: float = 0.01
-    smallest: float = 1e-9
-    largest: float = 0.05
-    tolerance: float = 1e-10
-    turn: float = 0.2
-    most: int = 5000
-    rounding: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_fields(self)
-        for name in ("first", "smallest", "largest", "tolerance", "turn", "most"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                reason = f"{getattr(self, name)} is not positive and finite"
-                raise DeclarationError(f"steps.{name}", reason, "Give a positive number")
-        if self.smallest > self.largest:
-            reason = f"{self.smallest} is above the largest step, {self.largest}"
-            raise DeclarationError("steps.smallest", reason, "Give a smaller one")
-
-
-@dataclass(frozen=True)
-class Point:
-    """A point of the curve.
-
-    Attributes
-    ----------
-    x : array, shape (n + 1,)
-    tangent : array, shape (n + 1,)
-        Direction of travel dx/ds.
-    length : float
-        Arclength from the start.
-    tests : mapping of str or int to float
-        Values of the test functions.
-    orientation : float
-        Sign of the determinant of [∂F/∂x; tangent]: the same all along a regular curve.
-    units : array, shape (n + 1,)
-        Of the unknowns there.
-    """
-
-    x: Array
-    tangent: Array
-    length: float
-    tests: Mapping[Test, float]
-    orientation: float
-    units: Array
-
-    @cached_property
-    def heading(self) -> Array:
-        """The direction of travel in units of the unknowns, of length 1."""
-        scaled = self.tangent / self.units
-        return scaled / _length(scaled)
-
-
-@dataclass(frozen=True)
-class Break:
-    """Where a curve passes from the solutions of one smooth problem to those of another.
-
-    Attributes
-    ----------
-    x, before, beyond : array, shape (n + 1,)
-        The unknowns there, and on both sides: where test functions are asked.
-    what : object
-        What is said of it by who knows the curve.
-    """
-
-    x: Array
-    before: Array
-    beyond: Array
-    what: Any
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """A zero of a test function.
-
-    Attributes
-    ----------
-    name : str or int
-        Which.
-    index : int
-        Number of the point of the path at which it is.
-    sides : (float, float), optional
-        Its values on both sides of a break at which it jumps from one sign to the other.
-    """
-
-    name: Test
-    index: int
-    sides: tuple[float, float] | None = None
-
-
-@dataclass(frozen=True)
-class Path:
-    """A curve as far as it was followed.
-
-    Attributes
-    ----------
-    points : list of Point
-        Zeros of test functions among them.
-    crossings : list of Crossing
-        In the order of travel.
-    ended : Ending
-        Why it was not followed further.
-    breaks : dict of int to Break
-        By the number of the point.
-    """
-
-    points: list[Point]
-    crossings: list[Crossing] = field(default_factory=list)
-    ended: Ending = INTERRUPTED
-    breaks: dict[int, Break] = field(default_factory=dict)
-
-    @property
-    def located(self) -> set[int]:
-        """Numbers of the points that are there because something happens at them."""
-        return {crossing.index for crossing in self.crossings} | self.breaks.keys()
 
 
 _Happened = tuple[Test | Break, Point, tuple[float, float] | None]

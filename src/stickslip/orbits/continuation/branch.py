@@ -12,7 +12,7 @@ from stickslip.certificates import Certificate, Residual, worst
 from stickslip.equations.field import Mode, Region
 from stickslip.kept import cached_property
 from stickslip.model.system import System
-from stickslip.orbits.continuation.arclength import BROKEN_OFF, Ending, Stop
+from stickslip.orbits.continuation.path import BROKEN_OFF, Ending, Stop
 from stickslip.results import (
     Completion,
     Result,

@@ -18,14 +18,17 @@ from typing import Generic, TypeVar
 
 from stickslip.arrays import Array
 from stickslip.orbits.continuation.arclength import (
-    BROKEN_OFF,
-    INTERRUPTED,
     NOT_DEFINED,
-    TIME_UP,
     Accept,
     Breaks,
-    Ending,
     FunctionAndJacobian,
+    trace,
+)
+from stickslip.orbits.continuation.path import (
+    BROKEN_OFF,
+    INTERRUPTED,
+    TIME_UP,
+    Ending,
     Limit,
     Path,
     Point,
@@ -33,7 +36,6 @@ from stickslip.orbits.continuation.arclength import (
     Stop,
     Test,
     Tests,
-    trace,
 )
 from stickslip.progress import PATIENCE, watched
 from stickslip.stopping.scopes import TimeUp

@@ -31,7 +31,7 @@ _UNCHANGED = (
 _FORGOTTEN = 1e-9  # a contact that sticks keeps so little of a change
 _AGREES = 1e-4  # neighbours come back where the multipliers say, up to this part
 # … so far away, in units of the size of the cycle; the nearer where other modes are near
-_APART = (1e-5, 1e-7, 1e-10)
+_APART = (1e-5, 1e-6, 1e-7, 1e-8, 1e-10)
 
 
 def certify_cycle(closed: Closed) -> Certificate:

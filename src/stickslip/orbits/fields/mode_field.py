@@ -10,9 +10,10 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
-from stickslip.equations.field import Field, in_region, mode_field, switched
+from stickslip.equations.field import Field, in_region, switched
+from stickslip.equations.mode_fields import mode_field
 from stickslip.kept import cached_property, made_once
-from stickslip.model.system import Kind
+from stickslip.model.entries.declared import Kind
 from stickslip.motion.between.dense import make_scratch
 from stickslip.motion.steps.arrays import Rows
 from stickslip.orbits.fields.engine.tables import (

@@ -5,7 +5,7 @@ At a knot with y⁺ = Δ(t, y⁻) neighbours arrive a little earlier or later: w
     S = DΔ + (f⁺ − DΔ f⁻ − ∂ₜΔ) ∇hᵀ/(∂ₜh + ∇h·f⁻).
 
 Which contacts take part in an impact, and which of them stick, is not recorded: of all maps that
-the law of impacts admits (:func:`stickslip.equations.field.impact_map`) it is the one that leads
+the law of impacts admits (:func:`.impact_map`) it is the one that leads
 where the motion has gone on.
 
 Impacts in turn happen at one instant here, and for neighbours one shortly after the other, in the
@@ -29,7 +29,8 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
-from stickslip.equations.field import Mode, impact_map, in_region
+from stickslip.equations.field import Mode, in_region
+from stickslip.equations.mode_fields import impact_map
 from stickslip.kept import kept
 from stickslip.orbits.fields.engine.tables import Leave
 from stickslip.orbits.fields.instructions import PointFunction

@@ -25,7 +25,7 @@ import scipy.linalg
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.planes import Plane
-from stickslip.model.system import Kind
+from stickslip.model.entries.declared import Kind
 from stickslip.motion.record.knots import Knots
 from stickslip.orbits.fields.engine.tables import Leave
 from stickslip.orbits.fields.mode_field import Piece, mass_at

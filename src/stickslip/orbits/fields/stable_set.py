@@ -10,7 +10,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.planes import Plane
-from stickslip.model.system import Kind
+from stickslip.model.entries.declared import Kind
 from stickslip.orbits.fields.regions import values_at
 from stickslip.symbolic import expressions as ex
 

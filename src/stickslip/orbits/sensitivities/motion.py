@@ -22,8 +22,8 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, suggestion
 from stickslip.kept import made_once
+from stickslip.model.entries.declared import Kind
 from stickslip.model.quantities import quantity
-from stickslip.model.system import Kind
 from stickslip.motion.record.knots import Knots
 from stickslip.motion.simulate import simulate
 from stickslip.motion.trajectory import Trajectory

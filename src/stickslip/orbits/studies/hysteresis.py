@@ -32,7 +32,8 @@ from stickslip.arrays import Array
 from stickslip.equations.derive import MotionEquations, derive
 from stickslip.errors import DeclarationError
 from stickslip.kept import cached_property
-from stickslip.model.system import Kind, System
+from stickslip.model.entries.declared import Kind
+from stickslip.model.system import System
 from stickslip.orbits.equilibria.finding import checked_values
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr

@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stickslip.model.entries.declared import Kind
 from stickslip.model.quantities import described, quantity
-from stickslip.model.system import Kind, System
+from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
 from stickslip.sweeps.request.axes import Axis
 from stickslip.sweeps.request.carry import CARRIED, DIRECTION, Carry, direction_attributes

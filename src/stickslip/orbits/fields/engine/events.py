@@ -232,15 +232,6 @@ def pass_event(listed: Listed, run: Pass, work: PassSpace, i: int, last: int) ->
 
 
 @compiled()
-def slides(rows: Rows, run: Pass, i: int) -> bool:
-    """Whether something with mass slips in a plane in the step from a knot."""
-    found = False
-    for c in rows.contacts:
-        found = found or (run.knots.mode[i, c] != 0 and moves_masses_in_plane(rows, c))
-    return found
-
-
-@compiled()
 def moves_masses_in_plane(rows: Rows, c: int) -> bool:
     """Whether a contact is one in a plane, and moves masses."""
     return bool(rows.plane[c] >= 0 and plane_of(rows, c)[MASSIVE] == 1)

@@ -9,8 +9,9 @@ import numpy as np
 
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.steps.arrays import Rows
+from stickslip.motion.steps.sets import slides_in_plane
 from stickslip.orbits.fields.engine.collocation import NODES, put_product
-from stickslip.orbits.fields.engine.events import slides, turns_about
+from stickslip.orbits.fields.engine.events import turns_about
 from stickslip.orbits.fields.engine.interpreter import perform
 from stickslip.orbits.fields.engine.modal import PADE_REACH, by_eigenvalues, spans_many
 from stickslip.orbits.fields.engine.tables import (
@@ -154,7 +155,9 @@ def resolve_steps(rows: Rows, listed: Listed, run: Pass, work: PassSpace) -> int
                 ):
                     run.event[BEGINS] = w
                     return -1
-            elif slides(rows, run, i) and turns_about(rows, listed, run, work, i + 1):
+            elif slides_in_plane(rows, run.knots.mode[i]) and turns_about(
+                rows, listed, run, work, i + 1
+            ):
                 run.parts[i] = -_HALVES * max(1, math.ceil(0.5 * h * rate / PADE_REACH))
             else:
                 if not turns_about(rows, listed, run, work, i + 1):

@@ -1,0 +1,162 @@
+"""Columns of numbers in text files."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from stat import S_ISDIR, S_ISREG
+from typing import Any
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.errors import DeclarationError, short, suggestion
+
+_MOST_BYTES = 2_000_000_000
+_SEPARATORS = (",", ";", "\t", None)
+
+
+def columns_of(
+    file: str | PathLike[str], time: str, value: str, name: str = ""
+) -> tuple[Array, Array, Any, tuple[str, str]]:
+    """Two columns of a text file, in which line of it each row stands, and how they are called.
+
+    Names that are not given are found, see :meth:`Samples.read`.
+
+    Raises
+    ------
+    DeclarationError
+    """
+    where = file_named(file)
+    lines = lines_of(file)
+    numbers = [i for i, line in enumerate(lines) if line.strip() and not line.startswith("#")]
+    if not numbers:
+        raise DeclarationError(where, "the file is empty", "Give columns with a line of names")
+    heading = lines[numbers[0]]
+    separator = separator_of(heading)
+    names = [cell.strip() for cell in cells_in(heading, separator)]
+    wanted = _chosen(names, time, value, name, f"{where}, line {numbers[0] + 1}")
+    places = [names.index(column) for column in wanted]
+    rows = numbers[1:]
+    columns = np.empty((2, len(rows)))
+    for k, i in enumerate(rows):
+        cells = cells_in(lines[i], separator)
+        check_cells(cells, names, f"{where}, line {i + 1}")
+        for column, place in enumerate(places):
+            cell = cells[place].strip() if place < len(cells) else ""
+            try:
+                columns[column, k] = float(cell)
+            except ValueError:
+                raise DeclarationError(
+                    f"{where}, line {i + 1}, column '{short(wanted[column])}'",
+                    f"'{short(cell)}' is not a number" if cell else "there is no value",
+                    DECIMAL_POINTS if "," in cell else "Leave the row out, or fill it",
+                ) from None
+    return columns[0], columns[1], np.array(rows) + 1, wanted
+
+
+DECIMAL_POINTS = "Save the file with decimal points, like 0.5"
+
+
+def check_cells(cells: Sequence[str], names: Sequence[str], where: str) -> None:
+    """Refuse a row with more cells than there are names: which belong to which is not known.
+
+    Raises
+    ------
+    DeclarationError
+    """
+    if len(cells) > len(names) and any(cell.strip() for cell in cells[len(names) :]):
+        reason = f"it has {len(cells)} cells, and there are {len(names)} names of columns"
+        remedy = f"{DECIMAL_POINTS}, and one name for each column"
+        raise DeclarationError(where, reason, remedy)
+
+
+def file_named(file: str | PathLike[str]) -> str:
+    """A file, for a message; of a path that is too long, the beginning."""
+    return str(file) if len(str(file)) <= 200 else short(str(file))
+
+
+def lines_of(file: str | PathLike[str]) -> list[str]:
+    """Lines of a text file.
+
+    Raises
+    ------
+    DeclarationError
+        If it cannot be read, or is no text in UTF-8.
+    """
+    path = Path(file)
+    where = file_named(file)
+    try:
+        status = path.stat()
+        if not S_ISREG(status.st_mode):
+            what = "a directory" if S_ISDIR(status.st_mode) else "no file that has an end"
+            raise DeclarationError(where, f"this is {what}", "Name a file of columns")
+        if status.st_size > _MOST_BYTES:
+            raise DeclarationError(
+                where, f"the file has more than {_MOST_BYTES:,} bytes", "Give fewer samples"
+            )
+        text = path.read_bytes()
+    except FileNotFoundError:
+        raise DeclarationError(where, "there is no such file", "Check the path") from None
+    except (OSError, ValueError) as error:  # the second: no path at all
+        raise DeclarationError(
+            where,
+            f"the file cannot be read ({getattr(error, 'strerror', None) or error})",
+            "Check its name and its rights",
+        ) from None
+    if b"\x00" in text[:4096]:
+        raise DeclarationError(
+            where, "this is no text file", "Save it as text: columns with a line of names"
+        )
+    try:
+        return text.decode("utf-8-sig").splitlines()
+    except UnicodeDecodeError as error:
+        row = text.count(b"\n", 0, error.start) + 1
+        raise DeclarationError(where, f"line {row} is not UTF-8 text", "Save it as UTF-8") from None
+
+
+def separator_of(heading: str) -> str | None:
+    """What stands between the columns of a table with this line of names; None: blanks."""
+    return next((s for s in _SEPARATORS if s is None or s in heading), None)
+
+
+def _chosen(names: list[str], time: str, value: str, own: str, where: str) -> tuple[str, str]:
+    """The columns of times and of values: those that are named, or those that can be meant."""
+    for name in (time, value):
+        if name and name not in names:
+            known = suggestion(name, names, "'")
+            raise DeclarationError(where, f"there is no column '{short(name)}'", known)
+    if not (time and value) and all(map(_is_number, names)):
+        raise DeclarationError(
+            where, "there are numbers where names of columns should be", "Let it begin with: t,a"
+        )
+    time = time or next((name for name in ("time", "t") if name in names and name != value), "")
+    others = [name for name in names if name != time]
+    value = value or next((name for name in (own, "value") if name and name in others), "")
+    if time and not value and len(others) == 1:
+        value = others[0]
+    if not (time and value):
+        missing = "values" if time else "times"
+        raise DeclarationError(
+            where,
+            f"which column has the {missing} is not clear: there are {short(', '.join(names))}",
+            'Say it, as in {file = "base.csv", time = "t", value = "a"}',
+        )
+    return time, value
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def cells_in(line: str, separator: str | None) -> list[str]:
+    """Cells of a line of a table."""
+    if '"' in line and separator is not None:
+        return next(csv.reader([line], delimiter=separator))
+    return line.split(separator)

@@ -1,0 +1,489 @@
+"""What a system is declared of: parameters, coordinates, contacts, jumps, outputs and conditions.
+
+They are plain data, and hold what was written down; :mod:`stickslip.model.reading` checks it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from enum import StrEnum
+from numbers import Real
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeAlias, cast
+
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.formulas import TimeFunction, formula_text
+
+if TYPE_CHECKING:
+    from stickslip.rate_independent.sets.potential import Dissipation
+    from stickslip.structures.coordinates import InModes
+    from stickslip.structures.structure import Structure
+
+
+Formula = str | float
+"""A text or a number. An expression may be given, too: it is written down as a text."""
+Direction = str
+"""A linear combination of rates."""
+SurfaceSpeed = Formula | tuple[Formula, ...]
+"""A speed, or in a plane a velocity."""
+Axes = tuple[Formula, ...]
+"""Half axes of an ellipse, or of an ellipsoid."""
+Drive = Formula | TimeFunction
+"""A function of time: a formula, or samples."""
+Dissipating: TypeAlias = "str | Dissipation"
+"""A formula of a dissipation. A potential may be given, too: its formula is kept."""
+Passing = str
+"""How a guard passes through zero: a key of :data:`CROSSINGS`."""
+CROSSINGS = {"falling": -1, "both": 0, "rising": 1}
+"""The sign of its rate where it does."""
+AnyStructure: TypeAlias = "Structure | InModes"
+"""A structure, or in a system that is written out what is left of it."""
+AnyOutput: TypeAlias = "Output | Formula"
+"""An output, or its formula."""
+ImpactLaw = str
+"""What contacts do that close at once: one of :data:`IMPACT_LAWS`."""
+IMPACT_LAWS = ("together", "in turn")
+"""All impulses obey the law at once, or one impact comes after the other."""
+
+
+class Kind(StrEnum):
+    """What a coordinate does with a force: it accelerates, moves, or stays in balance."""
+
+    INERTIAL = "inertial"
+    VISCOUS = "viscous"
+    RATE_INDEPENDENT = "rate-independent"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of the model.
+
+    Attributes
+    ----------
+    default : float
+        Value used unless another is given.
+    unit : str
+        Unit, such as ``"N/m"``; empty if dimensionless.
+    meaning : str
+        What it is, in a few words.
+    range : str
+        Admissible values as an interval, such as ``"(0, inf)"`` or ``"[0, 1]"``.
+    """
+
+    default: float
+    unit: str = ""
+    meaning: str = ""
+    range: str = "(-inf, inf)"
+
+
+@dataclass(frozen=True)
+class Inertial:
+    """A coordinate with mass: M q̈ + ∂R/∂q̇ + ∂Φ/∂q ∋ force.
+
+    Attributes
+    ----------
+    unit, meaning : str
+        Unit and meaning of the coordinate.
+    drag : str or float
+        Any smooth resistance f(v) with v·f(v) ≥ 0, in addition to the quadratic `viscous` part; its
+        power is dissipated.
+    force : str or float
+        Non-potential generalised force acting on the coordinate.
+    """
+
+    kind: ClassVar[Kind] = Kind.INERTIAL
+    unit: str = ""
+    meaning: str = ""
+    drag: Formula = 0.0
+    force: Formula = 0.0
+
+    def __post_init__(self) -> None:
+        hold_plain(self)
+
+
+@dataclass(frozen=True)
+class Viscous:
+    """A coordinate without mass, with viscous friction: ∂R/∂ż + ∂Φ/∂z ∋ force.
+
+    Attributes
+    ----------
+    unit, meaning : str
+        Unit and meaning of the coordinate.
+    drag : str or float
+        Any smooth resistance f(v) that increases with v, f(0) = 0: the slope of a strictly convex
+        dissipation potential, in addition to the quadratic `viscous` part. It may depend on the
+        state, on time and on rates of inertial coordinates, but not on those of other coordinates.
+        No contact acts on a coordinate with a drag.
+    force : str or float
+        Non-potential generalised force acting on the coordinate.
+    """
+
+    kind: ClassVar[Kind] = Kind.VISCOUS
+    unit: str = ""
+    meaning: str = ""
+    drag: Formula = 0.0
+    force: Formula = 0.0
+
+    def __post_init__(self) -> None:
+        hold_plain(self)
+
+
+@dataclass(frozen=True)
+class RateIndependent:
+    """A coordinate with dry friction only: ∂R/∂ż + ∂Φ/∂z ∋ force, R 1-homogeneous."""
+
+    kind: ClassVar[Kind] = Kind.RATE_INDEPENDENT
+    unit: str = ""
+    meaning: str = ""
+    force: Formula = 0.0
+
+    def __post_init__(self) -> None:
+        hold_plain(self)
+
+
+@dataclass(frozen=True)
+class Internal:
+    """An internal variable α̇ = law(t, x, ẋ, α)."""
+
+    law: Formula
+    unit: str = ""
+    meaning: str = ""
+
+    def __post_init__(self) -> None:
+        hold_plain(self)
+
+
+@dataclass(frozen=True)
+class Output:
+    """A quantity that results show: a formula of the motion.
+
+    Attributes
+    ----------
+    formula : str or float
+        Of ``t``, parameters, functions and drives, coordinates, rates ``d_x``, internal variables,
+        unknowns of structures, other outputs, and what results show of contacts and energies by
+        the names in their datasets: ``friction_c``, ``normal_c``, ``slip_speed_c``, ``energy``,
+        accelerations ``dd_x``.
+    unit, meaning : str
+        Unit and meaning; without a unit, the one that follows from the formula.
+    """
+
+    formula: Formula
+    unit: str = ""
+    meaning: str = ""
+
+    def __post_init__(self) -> None:
+        hold_plain(self)
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A dry contact with relative velocity u = direction − surface_speed, along a line, in a plane,
+    or of a face that slides and spins.
+
+    In a plane, u and the friction force λ have two components. With the diagonal matrix A of the
+    `axes`, abs(A⁻¹λ) ≤ s in stick, and in slip λ = −k A n with n = Au/abs(Au): the dissipation
+    potential is s·abs(Au), and the forces that it holds are an ellipse, a disc for equal axes.
+    With a `dissipation` R the potential is s·R(u): it holds λ with −λ·v ≤ s R(v) for all v, and in
+    slip λ = −k ∇R(u). A face has three components, two of its velocity and a rate of turning; λ
+    is two forces and a moment. Its forces are an ellipsoid (R. D. Howe & M. R. Cutkosky, Int. J.
+    Robotics Research 15, 1996), or exactly those of a disc or a ring under an even pressure.
+
+    Attributes
+    ----------
+    direction : str or pair of str
+        Linear combination of rates, such as ``"d_x"`` or ``"d_x2 - d_x1"``; two of them, such as
+        ``("d_x", "d_y")``, for a contact in a plane, and three, such as ``("d_x", "d_y",
+        "d_phi")``, for a face. Where both sides move as given, the rate of a
+        drive, such as ``"d_xi"``, or ``"0"`` beside a surface speed: then it moves nothing, and
+        its force in stick, which nothing determines, is 0.
+    threshold : str, float or pair of these
+        Largest force it can hold, s ≥ 0. A pair gives s⁺ (for u > 0) and s⁻ (for u < 0) along a
+        line; in a plane there is one. May be left out beside a `dissipation`, where it is a factor.
+    surface_speed : str, float or pair of these
+        Speed w(t) of the surface (a belt); in a plane two components, which may also depend on
+        coordinates (a turntable).
+    kinetic : str, float, pair of these or None
+        Friction force k ≤ s while sliding; may use ``speed`` = |u|, in a plane abs(Au), with a
+        dissipation R(u), which of a face is a mean of the speeds of its points. By default k = s.
+    unit : str
+        Unit of the friction force.
+    axes : pair of str or float, or three
+        Half axes of the set of forces, in parts of the threshold: for a contact in a plane, or a
+        face, such as ``(1, 1, "2*a/3")`` for a disc of radius a.
+    dissipation : str or Dissipation, optional
+        R, of a contact in a plane or a face: an :class:`Ellipsoid` or a :class:`SupportFormula`,
+        which is kept as its formula, or a formula in ``v1``, ``v2`` (``v3``) and parameters,
+        convex, positive and homogeneous of degree 1, such as ``"sqrt(v1**2 + 4*v2**2) + 0.2*v1"``,
+        with a gradient wherever v is not 0. It need not be even. ``"disc(v1, v2, a*v3)"`` and
+        ``"ring(v1, v2, a*v3)"`` are the mean speed of a disc and of a ring of radius a. Its
+        coordinates are inertial.
+    """
+
+    direction: Direction | tuple[Direction, ...]
+    threshold: Formula | tuple[Formula, Formula] = ""
+    surface_speed: SurfaceSpeed = 0.0
+    kinetic: Formula | tuple[Formula, Formula] | None = None
+    unit: str = ""
+    axes: Axes = (1.0, 1.0)
+    dissipation: Dissipating | None = None
+
+    def __post_init__(self) -> None:
+        if hasattr(self.dissipation, "as_formula"):
+            formula = cast("Dissipation", self.dissipation).as_formula()
+            object.__setattr__(self, "dissipation", formula)
+        hold_plain(self)
+        if self.threshold == "" and self.dissipation is not None:
+            object.__setattr__(self, "threshold", 1.0)
+
+    def components(self, name: str) -> dict[str, Contact]:
+        """By name, a contact along each of its directions."""
+        if isinstance(self.direction, str):
+            return {name: self}
+        given = self.surface_speed
+        speeds = given if isinstance(given, tuple) else (0.0,) * len(self.direction)
+        return {
+            f"{name} {i}": replace(
+                self, direction=d, surface_speed=w, axes=(1.0, 1.0), dissipation=None
+            )
+            for i, (d, w) in enumerate(zip(self.direction, speeds, strict=True), 1)
+        }
+
+
+@dataclass(frozen=True)
+class Unilateral:
+    """A contact that can open: gap g ≥ 0, normal force N ≥ 0, N g = 0, and Coulomb's friction μN,
+    along a line or in a plane; with adhesion it holds a pull, too.
+
+    Thresholds of all contacts of inertial coordinates may use its normal force, by the name
+    ``normal_foot`` for a contact called foot; they are linear in normal forces, of which there may
+    be several. Friction in a plane has one; it may change it, if it is alone on its body.
+
+    Attributes
+    ----------
+    gap : str
+        g(q, t), a function of inertial coordinates and time: the distance. The normal force is the
+        one that does work on it, so for friction it has to be a length in the units of that.
+    direction : str or pair of str
+        Linear combination of rates along which it rubs, with coefficients of q and t; two of them
+        in a plane.
+    mu : str or float
+        Coefficient of friction μ ≥ 0; may depend on the state and on time.
+    kinetic : str or float, optional
+        Coefficient in sliding, at most μ; may depend on the speed too, as ``speed``. By default μ.
+    surface_speed : str, float or pair of these
+        Speed w(t) of the surface along the direction; in a plane as of a :class:`Contact`.
+    restitution, tangential_restitution : str or float
+        Part of the approaching velocity with which it rebounds (Newton's law), normal and
+        tangential, between 0 and 1.
+    unit : str
+        Unit of the forces.
+    axes : pair of str or float
+        As of a :class:`Contact`: in a plane, the half axes of the set of forces in parts of μN.
+    adhesion : str or float
+        Largest pull that it holds while it is closed, N₀ ≥ 0: then N ≥ −N₀ and friction is
+        μ(N + N₀), by Derjaguin's law. It opens when the pull exceeds N₀, has no force while it is
+        open, and holds again when it has closed. It is a force, not an energy, and does not change
+        impacts. May depend on the state and on time.
+    """
+
+    gap: Formula
+    direction: Direction | tuple[Direction, Direction] = ""
+    mu: Formula = 0.0
+    surface_speed: SurfaceSpeed = 0.0
+    restitution: Formula = 0.0
+    tangential_restitution: Formula = 0.0
+    unit: str = ""
+    axes: Axes = (1.0, 1.0)
+    kinetic: Formula | None = None
+    adhesion: Formula = 0.0
+
+    def __post_init__(self) -> None:
+        hold_plain(self)
+
+    def friction(self, name: str) -> Contact:
+        """What rubs, as a contact under the normal force of the one that is called by a name."""
+        return _rubbing(self, name, self.adhesion)
+
+
+@dataclass(frozen=True)
+class Side(Unilateral):
+    """One side of a constraint, as it is written out.
+
+    Attributes
+    ----------
+    of : str
+        Name of the constraint.
+    """
+
+    of: str = ""
+
+
+@dataclass(frozen=True)
+class Bilateral:
+    """A constraint g(q, t) = 0 that holds from both sides, such as a bead on a wire or a pin in a
+    slot, with Coulomb's friction μ|N|.
+
+    Thresholds of all contacts of inertial coordinates may use |N|, by the name ``normal_wire``
+    for a constraint called wire.
+
+    Attributes
+    ----------
+    constraint : str
+        g(q, t), a function of inertial coordinates and time, zero at the initial state. N is the
+        force that does work on it, so for friction it has to be a length in the units of that.
+    direction, mu, surface_speed, unit, axes, kinetic
+        As in a :class:`Unilateral`.
+    """
+
+    constraint: Formula
+    direction: Direction | tuple[Direction, Direction] = ""
+    mu: Formula = 0.0
+    surface_speed: SurfaceSpeed = 0.0
+    unit: str = ""
+    axes: Axes = (1.0, 1.0)
+    kinetic: Formula | None = None
+
+    def __post_init__(self) -> None:
+        hold_plain(self)
+
+    def friction(self, name: str) -> Contact:
+        """What rubs, as a contact under the normal force of the one that is called by a name."""
+        return _rubbing(self, name)
+
+
+def _rubbing(contact: Unilateral | Bilateral, name: str, adhesion: Formula = 0.0) -> Contact:
+    """Coulomb's friction under the normal force of a contact, and its adhesion."""
+    from stickslip.model.names import normal_force
+
+    normal = normal_force(name)
+    normal = normal if adhesion == 0.0 else f"({normal} + ({adhesion}))"
+    kinetic = None if contact.kinetic is None else f"({contact.kinetic})*{normal}"
+    speed, unit, axes = contact.surface_speed, contact.unit, contact.axes
+    return Contact(contact.direction, f"({contact.mu})*{normal}", speed, kinetic, unit, axes)
+
+
+@dataclass(frozen=True)
+class LawContact:
+    """A contact with a friction law of :mod:`stickslip.model.laws`, by its name.
+
+    Attributes
+    ----------
+    law : str
+        Its name, such as ``"stribeck"``.
+    direction : str
+        As in a :class:`Contact`.
+    values : mapping of str to formula, or list of these
+        The law's parameters.
+    surface_speed : str or float
+    unit : str
+        Unit of the friction force.
+    """
+
+    law: str
+    direction: Direction
+    values: Mapping[str, Formula | tuple[Formula, ...]] = field(
+        default_factory=dict[str, Formula | tuple[Formula, ...]]
+    )
+    surface_speed: Formula = 0.0
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        hold_plain(self)
+
+    def plain(self) -> dict[str, Any]:
+        """Its entry in a model file; :meth:`from_plain` gives it back."""
+        given = {"surface_speed": self.surface_speed, "unit": self.unit}
+        others = {key: value for key, value in given.items() if value not in (0.0, "")}
+        return {"law": self.law, "direction": self.direction, **self.values, **others}
+
+    @classmethod
+    def from_plain(cls, entry: Mapping[str, Any]) -> Self:
+        """The contact of an entry that has a law and a direction."""
+        own = {item.name for item in fields(cls)} - {"values"}
+        values = {key: value for key, value in entry.items() if key not in own}
+        return cls(values=values, **{key: entry[key] for key in own & entry.keys()})
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A jump of the state where a formula passes through zero: a leg exchange, a kick, a reset.
+
+    Attributes
+    ----------
+    when : str
+        Formula of the state, rates of inertial coordinates and time. It fires where it passes
+        through zero on the way of the motion; what another jump, or an impact, leaps over does not
+        fire, and neither does a motion that begins at zero.
+    to : mapping of str to formula
+        New values of parts of the state: coordinates, rates ``d_x`` of inertial ones, internal
+        variables; formulas of the state before, all at once. What is not named stays.
+    direction : {"falling", "rising", "both"}
+        In which way it passes through zero; −1, 1 and 0 are the same.
+    """
+
+    when: Formula
+    to: Mapping[str, Formula]
+    direction: Passing = "both"
+
+    def __post_init__(self) -> None:
+        hold_plain(self)
+        given = cast("object", self.direction)
+        if isinstance(given, int) and not isinstance(given, bool):
+            words = {sign: word for word, sign in CROSSINGS.items()}
+            object.__setattr__(self, "direction", words.get(given, given))
+
+
+@dataclass(frozen=True)
+class Condition:
+    """An inequality between formulas of the parameters that the literature asks for.
+
+    Attributes
+    ----------
+    formula : str
+        Such as ``"P > rho + c*psi_star"``.
+    otherwise : str
+        What happens where it fails; shown as a warning.
+    """
+
+    formula: str
+    otherwise: str = ""
+
+
+def as_outputs(given: Any) -> Any:
+    """Outputs with bare formulas made outputs; anything else is refused with the rest."""
+    if not isinstance(given, Mapping):
+        return given
+    entries = cast(Mapping[str, Any], given)
+    return {name: Output(entry) if _is_formula(entry) else entry for name, entry in entries.items()}
+
+
+def _is_formula(entry: object) -> bool:
+    return not isinstance(entry, bool) and isinstance(entry, str | Real)
+
+
+def hold_plain(item: Any) -> None:
+    """Let a declaration hold plain data that nobody else changes: copies of its tables, tuples for
+    lists, and texts for expressions.
+
+    Raises
+    ------
+    DeclarationError
+        If an expression is too long for a text.
+    """
+    for entry in fields(item):
+        object.__setattr__(item, entry.name, _plain(getattr(item, entry.name), entry.name))
+
+
+def _plain(value: Any, where: str) -> Any:
+    match value:
+        case Mapping():
+            table = cast(Mapping[Any, Any], value)
+            return {key: _plain(part, f"{where}.{key}") for key, part in table.items()}
+        case list() | tuple():
+            parts = cast(Sequence[Any], value)
+            return tuple(_plain(part, f"{where}[{i}]") for i, part in enumerate(parts))
+        case Expr():
+            return formula_text(value, where)
+        case _:
+            return value

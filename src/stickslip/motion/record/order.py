@@ -1,0 +1,23 @@
+"""The order in which a motion is followed to times that are asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stickslip.arrays import Array
+
+
+def in_order(clock: Array, index: Array) -> Array | slice:
+    """Order of times in their steps: each step is followed once, however many times are asked for
+    and in whatever order."""
+    later = (index[1:] > index[:-1]) | ((index[1:] == index[:-1]) & (clock[1:] >= clock[:-1]))
+    return slice(None) if np.all(later) else np.lexsort((clock, index))
+
+
+def as_asked(rows: Array, order: Array | slice) -> Array:
+    """Rows that were made in an order, in the one that was asked for."""
+    if isinstance(order, slice):
+        return rows
+    found = np.empty_like(rows)
+    found[order] = rows
+    return found
