@@ -115,6 +115,22 @@ def test_the_response_of_a_jenkins_element(tmp_path: Path) -> None:
     assert any("friction_damper" in a.get_ylabel() for a in force.plot().axes)
 
 
+def test_an_output_that_is_the_same_for_all_cycles_hides_no_line() -> None:
+    """Lines are those of the coordinate, whatever is asked of them; and doubts are said once."""
+    with pytest.warns(UserWarning, match="is in N, but its unit is in m"):
+        system = replace(
+            masses(),
+            parameters={**PARAMETERS, "mu": ss.Parameter(0.2, "N")},
+            outputs={"doubtful": ss.Output("2*mu", "m")},
+        )
+    asked: dict[str, Any] = {"levels": {"F": [0.8]}, "points": 4}
+    one = ss.frequency_response(system, "omega", (0.9, 1.3), of="4 + 0*x", **asked)
+    other = ss.frequency_response(system, "omega", (0.9, 1.3), of="x", **asked)
+    np.testing.assert_array_equal(one["line"], other["line"])
+    np.testing.assert_array_equal(one["omega"], other["omega"])
+    assert np.all(one["amplitude"] == 0.0)
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [

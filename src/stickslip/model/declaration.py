@@ -13,7 +13,6 @@ from stickslip.kept import cached_property
 from stickslip.model.entries.checks import check_definite
 from stickslip.model.entries.declared import Kind
 from stickslip.model.names import NORMAL, Range, check_covered
-from stickslip.model.quantities import ENERGIES, FORCES, IN_PLANE, contact_key
 from stickslip.model.schema import entry_key
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -259,6 +258,8 @@ class Declaration:
     @cached_property
     def published(self) -> frozenset[str]:
         """Names of the quantities that results show, but for outputs and modes."""
+        from stickslip.model.quantities import ENERGIES, FORCES, IN_PLANE, contact_key
+
         found = {*self.state, *ENERGIES}
         found |= {f"d_{x}" for x in (*self.coordinates, *self.internal)}
         found |= {f"dd_{q}" for q in self.inertial}

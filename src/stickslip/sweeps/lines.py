@@ -13,6 +13,7 @@ the coordinate lags behind.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -164,16 +165,22 @@ def _followed(system: System, of: str | None, where: str) -> tuple[System, str]:
     DeclarationError
         If it is neither a name nor a formula of what results show.
     """
-    if of is None:
-        first = [x for x in system.declaration.inertial if x in system.coordinates]
-        return system, [*first, *system.places, *system.internal][0]
+    of = of or _first(system)
     if of in system.followed:
         return system, of
     read_formula(system, of, where)
     taken = {*system.outputs, *system.declaration.results.names}
     taken |= system.declaration.results.definitions.keys()
     name = next(n for n in (f"response_{i}" for i in count(1)) if n not in taken)
-    return replace(system, outputs={**system.outputs, name: Output(of, meaning=of)}), name
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # its doubts are those of the system, which has said them
+        return replace(system, outputs={**system.outputs, name: Output(of, meaning=of)}), name
+
+
+def _first(system: System) -> str:
+    """The first inertial coordinate, or the first one."""
+    first = [x for x in system.declaration.inertial if x in system.coordinates]
+    return [*first, *system.places, *system.internal][0]
 
 
 def _levels(
@@ -223,6 +230,13 @@ class _Level:
     text: str
     drive: Expr
     fixed: dict[str, float]
+
+    @cached_property
+    def told_by(self) -> str:
+        """What tells cycles apart: a place, since an output may be the same for all."""
+        first = _first(self.system)
+        places = [x for x in (self.coordinate, first) if x in self.system.places]
+        return [*places, self.coordinate][0]
 
     @cached_property
     def clock(self) -> Clock:
@@ -391,7 +405,7 @@ def _follow(
     cycles = list[Cycle]()
     for both in zip(*lines.swept, strict=True):
         met = [c for c in both if isinstance(c, Cycle) and c.certificate.ok]
-        x = wanted.coordinate
+        x = wanted.told_by
         cycles += met[:1] + [c for c in met[1:] if not _alike(met[0], c, x)]
     # Where a contact rests that never slips is told by neighbours that slip: these come first.
     cycles.sort(key=lambda c: -sum(s.slip_time > 0.0 for s in c.contacts.values()))
@@ -416,10 +430,10 @@ def _follow(
 def _spans(wanted: _Level, branch: Branch, cycle: Cycle) -> list[tuple[int, int]]:
     """Pairs of neighbouring points of a branch that enclose a cycle, as far as amplitude and first
     harmonic tell, the nearer one first."""
-    numbers = _along(branch, wanted.coordinate)
+    numbers = _along(branch, wanted.told_by)
     where = branch.points[wanted.parameter].values
     at = cycle.parameters[wanted.parameter]
-    own = _numbers(cycle, wanted.coordinate)
+    own = _numbers(cycle, wanted.told_by)
     small = _SAME * float(np.max(np.abs(numbers)))
     found = []
     for i in np.flatnonzero((where[:-1] - at) * (where[1:] - at) <= 0.0).tolist():
@@ -435,7 +449,7 @@ def _spans(wanted: _Level, branch: Branch, cycle: Cycle) -> list[tuple[int, int]
 def _passes(wanted: _Level, branch: Branch, cycle: Cycle) -> bool:
     """Whether a branch passes a cycle: there are two points that enclose it, and at the value of
     one of them it becomes that one."""
-    numbers = _along(branch, wanted.coordinate)
+    numbers = _along(branch, wanted.told_by)
     small = _SAME * float(np.max(np.abs(numbers)))
     where = branch.points[wanted.parameter].values
     for j in (j for pair in _spans(wanted, branch, cycle) for j in pair):
@@ -443,7 +457,7 @@ def _passes(wanted: _Level, branch: Branch, cycle: Cycle) -> bool:
             there = find_cycle(branch.system, cycle, parameters={wanted.parameter: float(where[j])})
         except ConvergenceError:
             continue
-        if np.max(np.abs(_numbers(there, wanted.coordinate) - numbers[j])) <= small:
+        if np.max(np.abs(_numbers(there, wanted.told_by) - numbers[j])) <= small:
             return True
     return False
 

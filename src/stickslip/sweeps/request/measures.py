@@ -312,6 +312,7 @@ def measured_again(
     result = {m: np.full(len(table), np.nan) for m, *_ in wanted}
     cycles = np.isin(observed.outcome, [Outcome.PERIODIC.code, Outcome.STEADY.code])
     known = np.isin(observed.outcome, [o.code for o in (*MEASURED, Outcome.FINISHED)])
+    known &= observed.duration > 0.0
     for m in result:
         still = (observed.outcome == Outcome.AT_REST.code) & m.startswith("harmonic")
         result[m][still] = 0.0
