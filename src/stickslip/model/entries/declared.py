@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeAlias, cast
 
+from stickslip.model.entries.keys import normal_force
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import TimeFunction, formula_text
 
@@ -328,8 +329,6 @@ class Bilateral:
 
 def _rubbing(contact: Unilateral | Bilateral, name: str, adhesion: Formula = 0.0) -> Contact:
     """Coulomb's friction under the normal force of a contact, and its adhesion."""
-    from stickslip.model.names import normal_force
-
     normal = normal_force(name)
     normal = normal if adhesion == 0.0 else f"({normal} + ({adhesion}))"
     kinetic = None if contact.kinetic is None else f"({contact.kinetic})*{normal}"

@@ -12,8 +12,8 @@ import numpy as np
 
 from stickslip.arrays import AnyArray, Array
 from stickslip.errors import DeclarationError, short
+from stickslip.model.entries.keys import normal_force
 from stickslip.model.entries.units import agree, factors
-from stickslip.model.names import normal_force
 from stickslip.model.quantities import contact_key, described, formula_unit
 from stickslip.model.system import System
 from stickslip.motion.audit.observers import LASTED, Sums
