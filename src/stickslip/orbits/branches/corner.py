@@ -19,13 +19,14 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.certificates import Residual
-from stickslip.orbits.branches.chart import NOT_CLOSED, Chart, renewed
+from stickslip.orbits.branches.chart import CLOSES_TO, NOT_CLOSED, Chart, renewed
 from stickslip.orbits.branches.onset import nearest_onset
 from stickslip.orbits.branches.special_points import HIDDEN, Happening, measured_change, turning
 from stickslip.orbits.continuation.arclength import NOT_DEFINED, Lost, Point, correct, direction
 from stickslip.orbits.continuation.bracket import zero_between
 from stickslip.orbits.continuation.branch import SOLVED_TO
 from stickslip.orbits.cycles.cycle import Cycle
+from stickslip.orbits.return_map.damped_newton import CLOSED
 from stickslip.orbits.return_map.held import HELD
 from stickslip.orbits.return_map.mode_sequence import (
     Sequence,
@@ -251,7 +252,12 @@ def _along(ray: _Ray, length: float) -> Array:
     """The cycle at a distance along a ray."""
     chart, start, tangent = ray
     units = chart.scale(start)
-    return correct(chart, start + units * tangent * length, units, tangent, _TOLERANCE)
+    return _solved(chart, start + units * tangent * length, units, tangent)
+
+
+def _solved(chart: Chart, guess: Array, units: Array, tangent: Array) -> Array:
+    """The cycle across a direction from a guess."""
+    return correct(chart, guess, units, tangent, _TOLERANCE, left=CLOSES_TO)
 
 
 def _happens(chart: Chart, point: Point, x: Array, tangent: Array) -> bool:
@@ -293,7 +299,7 @@ def _along_the_edge(
         try:
             tangent, _ = direction(other, x, units, towards)
             tangent = tangent if tangent[-1] * towards[-1] > 0.0 else -tangent
-            there = correct(other, x + units * tangent * length, units, tangent, _TOLERANCE)
+            there = _solved(other, x + units * tangent * length, units, tangent)
             if (
                 other.shooting.miss(other.orbit(there)) <= NOT_CLOSED
                 and other.carried(there, tangent * units) > 0.0
@@ -318,9 +324,12 @@ def _approach(
             break
         units = chart.scale(x)
         try:
-            trial = correct(chart, x + units * tangent * step, units, tangent, _TOLERANCE)
-            chart.check(chart.orbit(trial))
-            same = sequence(chart.orbit(trial).motion) == here
+            trial = _solved(chart, x + units * tangent * step, units, tangent)
+            orbit = chart.orbit(trial)
+            chart.check(orbit)
+            # Where a boundary is about to be touched the derivatives have no bound, and nothing
+            # closes to rounding: this side ends with the last cycle that closes.
+            same = sequence(orbit.motion) == here and chart.shooting.miss(orbit) <= CLOSED
             ahead = tangent
             if same and step > _TANGENT:
                 ahead, _ = direction(chart, trial, chart.scale(trial), tangent)
@@ -407,7 +416,7 @@ def _beyond_along(
     """
     units = chart.scale(x)
     for _ in range(_DIRECTIONS):
-        there = correct(chart, x + units * sense * length, units, sense, _TOLERANCE)
+        there = _solved(chart, x + units * sense * length, units, sense)
         orbit = chart.orbit(there)
         chord = (there - x) / units
         after = sequence(orbit.motion)
