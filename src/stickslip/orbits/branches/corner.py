@@ -55,6 +55,7 @@ _DIRECTIONS = 3  # that are tried one after the other
 _HELD_TO = 10.0 * HELD  # what is known of cycles on which a contact is carried along
 # how far along a ray the onset of a stick is looked for
 _AROUND = (1e-9, -1e-9, 1e-8, -1e-8, 1e-7, -1e-7)
+_SECANTS = 3  # first steps towards it
 _FURTHER = 100.0  # how much further beyond a corner one looks whether a contact slips both ways
 # how far beyond a corner the other side is looked for …
 _AHEAD = (1e-11, 3e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
@@ -212,7 +213,14 @@ def _to_the_onset(ray: _Ray) -> float:
     here = margin(0.0)
     if abs(here) <= SOLVED_TO:
         return 0.0
-    # At the onset itself derivatives jump, so that nothing may be found there.
+    # At the onset itself derivatives jump, so that nothing, or another cycle, may be found there.
+    with suppress(*_FAILURES, ZeroDivisionError):
+        near, far = 0.0, _AROUND[0]
+        for _ in range(_SECANTS):
+            slope = (margin(far) - seen[near]) / (far - near)
+            near, far = far, far - seen[far] / slope
+            if abs(seen[near]) <= SOLVED_TO:
+                return near
     with suppress(*_FAILURES):
         for far in _AROUND:
             if here * margin(far) < 0.0:
