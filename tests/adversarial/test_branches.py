@@ -21,7 +21,13 @@ CHOSEN = [
     ("driven over dry ground", 7),
     ("driven over dry ground", 13),
     ("belt that falls", 52),
+    # Small cycles that turn back before they are lost, and curves that cross.
+    ("driven over dry ground", 16),
+    ("damper on a hardening spring", 5002),
 ]
+
+# Where a boundary is about to be touched derivatives have no bound.
+TOUCHES = [7, 10, 16, 18, 5000, 5001, 5002, 5004]
 
 
 @pytest.mark.parametrize(("family", "seed"), CHOSEN)
@@ -31,6 +37,27 @@ def test_branch(family: str, seed: int) -> None:
     verdict = branches.judge(case)
     assert verdict.kind == AGREED, f"{verdict}\n{branches.reproduction(case)}"
     assert verdict.numbers["special points"] > 0
+
+
+@pytest.mark.parametrize("seed", TOUCHES)
+def test_branches_that_are_lost_are_certified(seed: int) -> None:
+    """Up to the last cycle that closes, and through the folds before it."""
+    found = branches.branch_of(branches.draw("driven over dry ground", seed))
+    assert isinstance(found, ss.Branch)
+    assert found.certificate.ok, found.certificate.describe()
+    assert not found.of_kind("boundary equilibrium")
+
+
+@pytest.mark.parametrize("seed", [5002, 5004])
+def test_a_symmetric_branch_goes_through_its_branch_points(seed: int) -> None:
+    """Newton's method does not converge there: two curves cross."""
+    found = branches.branch_of(branches.draw("damper on a hardening spring", seed))
+    assert isinstance(found, ss.Branch)
+    assert found.certificate.ok, found.certificate.describe()
+    assert len(found.of_kind("branch point")) == 2
+    points = found.points
+    assert points["min_x"].values == pytest.approx(-points["max_x"].values, abs=1e-6)
+    assert "the end of the range; last point" in found.ended
 
 
 @pytest.mark.parametrize("kind", ["stick onset", "fold"])

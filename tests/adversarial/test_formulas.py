@@ -22,3 +22,18 @@ def test_formula(family: str) -> None:
         assert verdict.kind == AGREED or verdict.note in FAIR, (
             f"{verdict}\n{formulas.reproduction(case)}"
         )
+
+
+@pytest.mark.parametrize(
+    ("family", "seed"),
+    [
+        ("formula: kinetic force", 45),  # a kink of the speed, where nothing moves
+        ("formula: kinetic force", 93),  # undefined in a region
+        ("formula: kinetic force", 237),
+        ("formula: force", 77),
+        ("formula: planar contact", 201),  # undefined at the only place of a set
+    ],
+)
+def test_equilibria_of_formulas_that_were_not_read(family: str, seed: int) -> None:
+    """The search for equilibria raised KeyError, ValueError or ZeroDivisionError."""
+    assert formulas.judge(formulas.draw(family, seed)).kind == AGREED

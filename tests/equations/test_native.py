@@ -33,7 +33,7 @@ from stickslip.arrays import Array, IntVector, Matrix, Vector
 from stickslip.equations.codegen.generate import generate
 from stickslip.equations.codegen.layout import Generated, Layout
 from stickslip.equations.derive import derive
-from stickslip.equations.native import orders
+from stickslip.equations.native import looped as looped_series
 from stickslip.equations.native.systems import assembly_of, compile_system
 from stickslip.machine_code import objects
 from stickslip.machine_code.functions import entry_point
@@ -289,7 +289,7 @@ def assert_same_series(one: Space, other: Space, layout: Layout, N: int) -> None
 def test_machine_code_is_what_the_tape_says(
     name: str, looped: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(orders, "_MOST_PRODUCTS", -1 if looped else 10**9)
+    monkeypatch.setattr(looped_series, "_MOST_PRODUCTS", -1 if looped else 10**9)
     system, generated = generated_of(name)
     layout = generated.layout
     oracle, code = oracle_of(name), compiled_by_llvm(generated, tmp_path)

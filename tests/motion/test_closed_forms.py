@@ -3,6 +3,7 @@ matrix exponential, and the formulas of the equations."""
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from itertools import product
 
@@ -262,3 +263,20 @@ def test_stick_and_slip_of_what_is_joined_stiffly(seed: int) -> None:
     motion = ss.simulate(joined(), (0.0, 10.0), parameters=p)
     assert motion.outcome.ok
     assert motion.certificate.ok, motion.certificate.verdict
+
+
+def test_a_million_radians_are_certified() -> None:
+    """A block on a belt that slips all the time, in one flight: what rounding takes of the lengths
+    of the audit's pieces would be 1e-8 of a radian."""
+    block = ss.System(
+        name="block",
+        parameters={"V": ss.Parameter(default=0.3)},
+        coordinates={"x": ss.Inertial()},
+        kinetic="d_x**2/2",
+        potential="1e10*x**2/2",
+        contacts={"belt": ss.Contact("d_x", "1", surface_speed="V", kinetic="0.6")},
+    )
+    motion = ss.simulate(block, (0.0, 10.0))
+    assert motion.certificate.ok, motion.certificate.describe()
+    rate, at = 1e5, 0.6e-10
+    assert motion.final["x"] == pytest.approx(at * (1.0 - math.cos(rate * 10.0)), abs=1e-8 * at)

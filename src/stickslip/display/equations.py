@@ -36,7 +36,7 @@ from stickslip.display.tree import (
 )
 from stickslip.kept import cached_property
 from stickslip.model.declaration import DryContact
-from stickslip.model.names import key_of, normal_force
+from stickslip.model.entries.keys import key_of, normal_force
 from stickslip.model.system import Unilateral
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.formulas import compared

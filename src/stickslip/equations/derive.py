@@ -35,7 +35,7 @@ from stickslip.equations.rate_problem import RateProblem, rate_problem_of
 from stickslip.kept import cached_property, made_once
 from stickslip.model.declaration import Declaration, DryContact, StateJump
 from stickslip.model.entries.declared import Kind
-from stickslip.model.names import JOINED
+from stickslip.model.entries.keys import JOINED
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 

@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from stickslip.kept import cached_property
-from stickslip.model.names import JOINED, NORMAL, normal_force
+from stickslip.model.entries.keys import JOINED, NORMAL, normal_force
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 

@@ -40,8 +40,8 @@ from stickslip.figures.drawing.style import (
     symbol,
 )
 from stickslip.figures.drawing.thinning import COLUMNS, FEW, Columns, Curve, strip
+from stickslip.model.entries.keys import normal_force
 from stickslip.model.entries.units import unit_label
-from stickslip.model.names import normal_force
 from stickslip.model.quantities import FORCES, contact_key, quantity
 from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN
 

@@ -11,8 +11,9 @@ from stickslip.errors import DeclarationError, short
 from stickslip.model.declaration import DryContact
 from stickslip.model.entries.checks import check_slopes, size_of_terms
 from stickslip.model.entries.declared import Kind
+from stickslip.model.entries.keys import JOINED, normal_force
 from stickslip.model.entries.units import check_unit
-from stickslip.model.names import JOINED, normal_force, parse_range
+from stickslip.model.names import parse_range
 from stickslip.model.schema import PLANAR, entry_key
 from stickslip.model.system import Contact, Side, Unilateral
 from stickslip.symbolic import expressions as ex

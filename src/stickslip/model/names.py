@@ -65,22 +65,6 @@ def parse_range(text: object, where: str) -> Range:
     )
 
 
-NORMAL = "normal_"  # what names of normal forces begin with, and those of contacts do not
-
-
-JOINED = " + "  # between the names of contacts that are one, which no name has
-
-
-def key_of(name: str) -> str:
-    """The name of a contact as the end of a name in formulas."""
-    return re.sub(r"\W", "_", name, flags=re.ASCII)
-
-
-def normal_force(contact: str) -> str:
-    """What the normal force of a contact that can open is called in formulas."""
-    return NORMAL + key_of(contact)
-
-
 @dataclass
 class DeclaredNames:
     """The names of a declaration while it is read: each means one thing.

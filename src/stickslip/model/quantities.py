@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.model.entries.keys import normal_force
 from stickslip.model.entries.units import (
     UnitPowers,
     agree,
@@ -21,7 +22,6 @@ from stickslip.model.entries.units import (
     unit_product,
     unit_text,
 )
-from stickslip.model.names import normal_force
 from stickslip.model.system import System
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr

@@ -20,8 +20,9 @@ from stickslip.model.entries.checks import (
     terms_by_guard,
 )
 from stickslip.model.entries.declared import CROSSINGS, Kind
+from stickslip.model.entries.keys import normal_force
 from stickslip.model.entries.units import check_unit
-from stickslip.model.names import DeclaredNames, measured_drives, normal_force
+from stickslip.model.names import DeclaredNames, measured_drives
 from stickslip.model.schema import check_shape, entry_key
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr

@@ -230,7 +230,7 @@ class System:
         return found
 
     def _parts_of(self, name: str, contact: Unilateral) -> dict[str, Contact]:
-        from stickslip.model.names import normal_force
+        from stickslip.model.entries.keys import normal_force
 
         normal = normal_force(name)
         (declared,) = (c for c in self.declaration.contacts if c.name == normal)
@@ -255,7 +255,7 @@ class System:
     def rubbing(self) -> dict[str, tuple[str, ...]]:
         """What a person calls a dry contact, with the names of its components: one, two in a
         plane, or three of a face."""
-        from stickslip.model.names import normal_force
+        from stickslip.model.entries.keys import normal_force
 
         of = {part: (name, parts) for name, parts in self.planes.items() for part in parts}
         normals = set(map(normal_force, self.unilateral))

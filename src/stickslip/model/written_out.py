@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING, TypeVar, cast
 from stickslip.errors import DeclarationError, suggestion
 from stickslip.kept import cached_property
 from stickslip.model.entries.declared import Kind
-from stickslip.model.names import DeclaredNames, key_of, normal_force, parse_range
+from stickslip.model.entries.keys import key_of, normal_force
+from stickslip.model.names import DeclaredNames, parse_range
 from stickslip.model.schema import check_shape, entry_key, wrong_kind
 from stickslip.model.system import (
     AnyContact,

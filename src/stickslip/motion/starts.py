@@ -10,7 +10,7 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.kept import made_once
 from stickslip.model.entries.declared import Kind
-from stickslip.model.names import NORMAL
+from stickslip.model.entries.keys import NORMAL
 from stickslip.model.schema import entry_key
 from stickslip.motion.problem import Problem
 from stickslip.symbolic import expressions as ex

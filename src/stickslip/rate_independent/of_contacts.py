@@ -11,7 +11,7 @@ import numpy as np
 
 from stickslip.arguments import validated
 from stickslip.errors import DeclarationError, suggestion
-from stickslip.model.names import normal_force
+from stickslip.model.entries.keys import normal_force
 from stickslip.rate_independent.sets.potential import Dissipation
 from stickslip.symbolic import expressions as ex
 

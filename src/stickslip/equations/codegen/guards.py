@@ -6,7 +6,7 @@ from __future__ import annotations
 from stickslip.equations.codegen.draft import Draft, order_0
 from stickslip.equations.codegen.planes import plane_rows
 from stickslip.model.declaration import DryContact
-from stickslip.model.names import NORMAL
+from stickslip.model.entries.keys import NORMAL
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.scalars import added, element

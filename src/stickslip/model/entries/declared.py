@@ -11,6 +11,7 @@ from enum import StrEnum
 from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeAlias, cast
 
+from stickslip.model.entries.keys import normal_force
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import TimeFunction, formula_text
 
@@ -354,8 +355,6 @@ class Bilateral:
 
 def _rubbing(contact: Unilateral | Bilateral, name: str, adhesion: Formula = 0.0) -> Contact:
     """Coulomb's friction under the normal force of a contact, and its adhesion."""
-    from stickslip.model.names import normal_force
-
     normal = normal_force(name)
     normal = normal if adhesion == 0.0 else f"({normal} + ({adhesion}))"
     kinetic = None if contact.kinetic is None else f"({contact.kinetic})*{normal}"

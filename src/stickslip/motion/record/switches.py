@@ -10,7 +10,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.equations.field import MODE_NAMES
 from stickslip.kept import cached_property
-from stickslip.model.names import JOINED, normal_force
+from stickslip.model.entries.keys import JOINED, normal_force
 from stickslip.model.quantities import contact_key
 from stickslip.model.system import System
 from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN, Knots

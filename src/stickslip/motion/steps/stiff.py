@@ -182,6 +182,8 @@ def follow_mode(
     """
     N = flow.order
     n = flow.rows.sizes[DIMENSION]
+    # By finer ones, what decays would be the rounding errors of where a piece begins.
+    tol, atol = _COARSER * flow.tol, _COARSER * flow.atol
     before = last
     step = -1.0
     while True:
@@ -197,8 +199,8 @@ def follow_mode(
             order == N
             and n <= MOST_IMPLICIT
             and 0.0 < least < room
-            and calm(flow.space.W, n, N, h, flow.tol, flow.atol, seen)
-            and not swings(flow.space.W, n, h, least, flow.tol, flow.atol, seen)
+            and calm(flow.space.W, n, N, h, tol, atol, seen)
+            and not swings(flow.space.W, n, h, least, tol, atol, seen)
         ):
             return order, h, h
         first = room if last == 0.0 else min(room, max(2.0 * last, 4.0 * least))

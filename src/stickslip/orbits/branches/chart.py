@@ -38,6 +38,9 @@ _FAR = 1.0  # a chart reaches this far, in units of the size of the cycle
 NOT_CLOSED = 1e-6  # a motion that misses its start by more, in the same units, is no cycle
 _SLANTED = 0.3  # least cosine between the motion and the normal of its section
 KNOWN_TO = 1e-13  # of the size of the cycle: what a motion is known to
+CLOSES_TO = (
+    1e-11  # by so much a cycle may fail to close, in the same units, if Newton's method can help
+)
 WIDTH = 0.25  # part of the range of the parameter that is its unit
 _FLOOR = 2e-3  # units of a component are not smaller than this part of its modulus
 # a cycle of this amplitude, relative to the state, is about to shrink to an equilibrium
@@ -159,11 +162,15 @@ class Chart:
         others."""
         units, tangent = start.units, start.heading
         guess = start.x + units * tangent * distance
-        return correct(self, guess, units, tangent, tolerance, near, KNOWN_TO)
+        return correct(self, guess, units, tangent, tolerance, near, KNOWN_TO, CLOSES_TO)
 
     def bent(self, start: Point, end: Point, distance: float) -> Array:
         """About where the curve is at a distance from a point, on the way to another one."""
         return curve_between(start, end, start.units, start.heading, distance)
+
+    def to_smaller_cycles(self, factor: float) -> Chart:
+        """The same chart on a branch that may shrink further before it is about to vanish."""
+        return replace(self, extent=replace(self.extent, least=factor * self.extent.least))
 
     def resting_as(self, motion: Trajectory) -> Chart:
         """The same coordinates for cycles on which the same contacts stick throughout as in a

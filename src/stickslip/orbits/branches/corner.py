@@ -19,7 +19,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.certificates import Residual
-from stickslip.orbits.branches.chart import NOT_CLOSED, Chart, renewed
+from stickslip.orbits.branches.chart import CLOSES_TO, NOT_CLOSED, Chart, renewed
 from stickslip.orbits.branches.onset import nearest_onset
 from stickslip.orbits.branches.special_points import HIDDEN, Happening, measured_change, turning
 from stickslip.orbits.continuation.arclength import NOT_DEFINED, Lost, correct, direction
@@ -27,6 +27,7 @@ from stickslip.orbits.continuation.bracket import zero_between
 from stickslip.orbits.continuation.branch import SOLVED_TO
 from stickslip.orbits.continuation.path import Point
 from stickslip.orbits.cycles.cycle import Cycle
+from stickslip.orbits.return_map.damped_newton import CLOSED
 from stickslip.orbits.return_map.held import HELD
 from stickslip.orbits.return_map.mode_sequence import (
     Sequence,
@@ -55,6 +56,7 @@ _DIRECTIONS = 3  # that are tried one after the other
 _HELD_TO = 10.0 * HELD  # what is known of cycles on which a contact is carried along
 # how far along a ray the onset of a stick is looked for
 _AROUND = (1e-9, -1e-9, 1e-8, -1e-8, 1e-7, -1e-7)
+_SECANTS = 3  # first steps towards it
 _FURTHER = 100.0  # how much further beyond a corner one looks whether a contact slips both ways
 # how far beyond a corner the other side is looked for …
 _AHEAD = (1e-11, 3e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
@@ -212,7 +214,14 @@ def _to_the_onset(ray: _Ray) -> float:
     here = margin(0.0)
     if abs(here) <= SOLVED_TO:
         return 0.0
-    # At the onset itself derivatives jump, so that nothing may be found there.
+    # At the onset itself derivatives jump, so that nothing, or another cycle, may be found there.
+    with suppress(*_FAILURES, ZeroDivisionError):
+        near, far = 0.0, _AROUND[0]
+        for _ in range(_SECANTS):
+            slope = (margin(far) - seen[near]) / (far - near)
+            near, far = far, far - seen[far] / slope
+            if abs(seen[near]) <= SOLVED_TO:
+                return near
     with suppress(*_FAILURES):
         for far in _AROUND:
             if here * margin(far) < 0.0:
@@ -252,7 +261,12 @@ def _along(ray: _Ray, length: float) -> Array:
     """The cycle at a distance along a ray."""
     chart, start, tangent = ray
     units = chart.scale(start)
-    return correct(chart, start + units * tangent * length, units, tangent, _TOLERANCE)
+    return _solved(chart, start + units * tangent * length, units, tangent)
+
+
+def _solved(chart: Chart, guess: Array, units: Array, tangent: Array) -> Array:
+    """The cycle across a direction from a guess."""
+    return correct(chart, guess, units, tangent, _TOLERANCE, left=CLOSES_TO)
 
 
 def _happens(chart: Chart, point: Point, x: Array, tangent: Array) -> bool:
@@ -294,7 +308,7 @@ def _along_the_edge(
         try:
             tangent, _ = direction(other, x, units, towards)
             tangent = tangent if tangent[-1] * towards[-1] > 0.0 else -tangent
-            there = correct(other, x + units * tangent * length, units, tangent, _TOLERANCE)
+            there = _solved(other, x + units * tangent * length, units, tangent)
             if (
                 other.shooting.miss(other.orbit(there)) <= NOT_CLOSED
                 and other.carried(there, tangent * units) > 0.0
@@ -319,9 +333,12 @@ def _approach(
             break
         units = chart.scale(x)
         try:
-            trial = correct(chart, x + units * tangent * step, units, tangent, _TOLERANCE)
-            chart.check(chart.orbit(trial))
-            same = sequence(chart.orbit(trial).motion) == here
+            trial = _solved(chart, x + units * tangent * step, units, tangent)
+            orbit = chart.orbit(trial)
+            chart.check(orbit)
+            # Where a boundary is about to be touched the derivatives have no bound, and nothing
+            # closes to rounding: this side ends with the last cycle that closes.
+            same = sequence(orbit.motion) == here and chart.shooting.miss(orbit) <= CLOSED
             ahead = tangent
             if same and step > _TANGENT:
                 ahead, _ = direction(chart, trial, chart.scale(trial), tangent)
@@ -408,7 +425,7 @@ def _beyond_along(
     """
     units = chart.scale(x)
     for _ in range(_DIRECTIONS):
-        there = correct(chart, x + units * sense * length, units, sense, _TOLERANCE)
+        there = _solved(chart, x + units * sense * length, units, sense)
         orbit = chart.orbit(there)
         chord = (there - x) / units
         after = sequence(orbit.motion)

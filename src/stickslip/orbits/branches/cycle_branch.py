@@ -20,7 +20,15 @@ from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.certificates import Residual, within
 from stickslip.errors import DeclarationError
-from stickslip.orbits.branches.chart import KNOWN_TO, Chart, extent_of, first_chart, renewed
+from stickslip.orbits.branches.chart import (
+    CLOSES_TO,
+    KNOWN_TO,
+    Chart,
+    Extent,
+    extent_of,
+    first_chart,
+    renewed,
+)
 from stickslip.orbits.branches.corner import BeyondCorner, Corner, corner_after
 from stickslip.orbits.branches.equilibrium_branch import checked_range
 from stickslip.orbits.branches.halving import doubles_at, half_gap
@@ -69,12 +77,17 @@ from stickslip.orbits.return_map.damped_newton import CLOSED, Closed
 from stickslip.orbits.return_map.mode_sequence import LOSS
 from stickslip.stopping.scopes import limited
 
-_STEPS = StepControl(first=0.01, largest=0.25, tolerance=1e-8, turn=0.3, rounding=KNOWN_TO)
+_STEPS = StepControl(
+    first=0.01, largest=0.25, tolerance=1e-8, turn=0.3, rounding=KNOWN_TO, left=CLOSES_TO
+)
 _IN_CHART = 8  # points before the chart is made anew
 _BETWEEN = 2.0  # distances of neighbours on a branch
 _CLOSED = Ending(Stop.CLOSED, "the branch is closed")
 CHART_PATIENCE = 64.0  # a step is shortened by this factor before the chart is made anew
 _ENDINGS = ("amplitude", "halving", "growth", "period", "carried")
+# what is not seen to vanish is followed to sizes that are smaller by this factor, …
+_SMALLER = 0.1
+_TINY = 1e-5  # … down to this part of the state
 _DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the same
 
 
@@ -216,6 +229,9 @@ class _Follower:
         before = len(stations)
         self._append(stations, chart, path)
         last = path.points[-1]
+        if path.ended.test == "amplitude" and not self._vanishes(stations, chart.extent):
+            there = renewed(chart.to_smaller_cycles(_SMALLER), last.x, last.tangent)
+            return self._start(*there, step_after(path, self.steps))
         ending = self._end(path, stations, before)
         if ending is not None:
             return ending
@@ -370,6 +386,13 @@ class _Follower:
         if self.span[0] <= event.value <= self.span[1]:
             stations[-1].events.append(event)
         return f"{event.what.kind} at {self.parameter} = {event.value:.12g}: {event.what.note}"
+
+    def _vanishes(self, stations: list[_Station], extent: Extent) -> bool:
+        """Whether a cycle that has become small shrinks to an equilibrium: where nothing else shows
+        that, the parameter has to approach its value there as the size does."""
+        if len(stations[-1].cycle.phases) == 1 or extent.least <= _TINY:
+            return True
+        return all(left.ok for left in self._vanished(stations).what.residuals)
 
     def _vanished(self, stations: list[_Station]) -> _Event:
         """The cycle shrinks to an equilibrium, inside a mode or on its boundary."""

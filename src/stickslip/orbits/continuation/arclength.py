@@ -43,7 +43,7 @@ FunctionAndJacobian = Callable[[Array], tuple[Array, Array]]
 Accept = Callable[["Point", "Point"], None]
 Breaks = Callable[["Point", "Point"], Sequence["Break"]]
 
-_BRIDGE = 1e-2  # part of the first step over which the orientation of the curve may change
+_BRIDGE = 1e-4  # longest step over which the orientation of the curve may change
 NOT_DEFINED = (ArithmeticError, StickslipError, np.linalg.LinAlgError)
 """What the equations may raise where they are not defined; the step is then shortened."""
 _RESOLVED = 100.0  # a step this much longer than the corrector's tolerance has a direction
@@ -51,6 +51,8 @@ _RESOLVED = 100.0  # a step this much longer than the corrector's tolerance has 
 _ZERO = 1e-13
 # … and what is larger and has not shrunk by the second part for a few looks is rounding
 _SMALL, _SHRINKS, _LOOKS = 1e-9, 0.1, 2
+# what is left of the equations, relative to their derivatives, where curves cross
+_SOLVES = 1e-11
 _SAME = 1e-12  # places that are nearer to each other, as a part of the step, are one
 
 
@@ -77,6 +79,7 @@ def correct(
     tolerance: float,
     start: Array | None = None,
     rounding: float = 0.0,
+    left: float = math.inf,
 ) -> Array:
     """Newton's method on F(x) = 0 and ⟨tangent, (x − guess)/scale⟩ = 0.
 
@@ -93,6 +96,9 @@ def correct(
     rounding : float
         A step that would be shorter than this is not taken: the equations are known where it
         starts.
+    left : float
+        Steps are taken as long as they shrink and the norm of F is larger than this: near a
+        singularity a short step may leave much.
 
     Returns
     -------
@@ -104,6 +110,7 @@ def correct(
         If it does not converge.
     """
     x = guess if start is None else start
+    settled = None
     matrix = np.empty((len(guess), len(guess)))
     matrix[-1] = tangent
     right = np.empty(len(guess))
@@ -113,18 +120,26 @@ def correct(
             right[:-1], J = equations(x)
             np.multiply(J, scale, out=matrix[:-1])
             right[-1] = tangent @ ((x - guess) / scale)
+            if settled is not None and _length(right[:-1]) <= left:
+                return settled
             dz = np.linalg.solve(matrix, right)
         except NOT_DEFINED as problem:
+            if settled is not None:
+                return settled
             raise Lost(str(problem)) from None
         size = _length(dz)
         if size <= rounding:
             return x
-        if not size <= 2.0 * last:
+        if not size <= (2.0 if settled is None else _SHRINKS) * last:
             break
         x = x - scale * dz
         last = size
         if size <= tolerance:
-            return x
+            if left == math.inf:
+                return x
+            settled = x
+    if settled is not None:
+        return settled
     raise Lost("Newton's method does not converge")
 
 
@@ -347,7 +362,14 @@ class _Tracer:
             start = guess if near is None else self._bent(last, near, along)
             steps = self.steps
             x = correct(
-                self.equations, guess, units, tangent, steps.tolerance, start, steps.rounding
+                self.equations,
+                guess,
+                units,
+                tangent,
+                steps.tolerance,
+                start,
+                steps.rounding,
+                steps.left,
             )
         else:
             x = correct_at(
@@ -383,7 +405,7 @@ class _Tracer:
                 bend = self._bend(last, new)
                 # The orientation changes where another branch crosses; with a short step it is
                 # that, and no jump over a gap between two curves.
-                jumped = new.orientation != last.orientation and step > _BRIDGE * self.steps.first
+                jumped = new.orientation != last.orientation and step > _BRIDGE
                 if bend <= self.steps.turn and not jumped:
                     if self.accept is not None:
                         self.accept(last, new)
@@ -506,6 +528,26 @@ class _Tracer:
         found = direction(self.equations, x, there, last.tangent / there)
         return self.point(x, *found, last.length + along, there)
 
+    def _across(self, last: Point, new: Point, along: float) -> Point:
+        """A point of the smooth curve through both ends of a step, where another curve crosses it:
+        Newton's method does not converge there, and the derivatives have no single null vector.
+
+        Raises
+        ------
+        Lost
+            If it does not solve the equations.
+        """
+        x = self._bent(last, (last, new), along)
+        units = self.scale(x)
+        F, J = self.equations(x)
+        if not _length(F) <= _SOLVES * np.max(np.abs(J * units)):
+            raise Lost("Newton's method does not converge")
+        part = along / (new.length - last.length)
+        tangent = (1.0 - part) * last.heading + part * new.heading
+        return self.point(
+            x, tangent / _length(tangent), new.orientation, last.length + along, units
+        )
+
     def _crossings(self, last: Point, new: Point) -> list[tuple[Test, Point]]:
         """Zeros of the test functions within a smooth part, in the order of travel."""
         found = []
@@ -538,9 +580,12 @@ class _Tracer:
         def value(along: float) -> float:
             nonlocal least, stalled
             near, other = sorted(known, key=lambda place: abs(place - along))[:2]
-            point = self.step(last, along, near=(known[near], known[other]))
-            if self._bend(last, point) > self.steps.turn:
-                raise Lost("the curve turns too sharply")
+            try:
+                point = self.step(last, along, near=(known[near], known[other]))
+                if self._bend(last, point) > self.steps.turn:
+                    raise Lost("the curve turns too sharply")
+            except Lost:
+                point = self._across(last, new, along)
             known[along] = point
             found = point.tests[name]
             stalled = stalled + 1 if abs(found) > _SHRINKS * least else 0

@@ -87,6 +87,8 @@ class StepControl:
         Length of the last Newton correction.
     rounding : float
         A correction that would be shorter than this is not made.
+    left : float
+        What may be left of the equations, if further corrections make it smaller.
     turn : float
         Largest angle between the tangents at the ends of a step, in radians.
     most : int
@@ -100,6 +102,7 @@ class StepControl:
     turn: float = 0.2
     most: int = 5000
     rounding: float = 0.0
+    left: float = math.inf
 
     def __post_init__(self) -> None:
         check_fields(self)

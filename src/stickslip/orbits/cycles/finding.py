@@ -40,7 +40,7 @@ from stickslip.orbits.return_map.shooting import (
     follow_freely,
     parameter_values,
 )
-from stickslip.orbits.return_map.slopes import slope_of
+from stickslip.orbits.return_map.slopes import cycle_slope
 from stickslip.orbits.settling.single import Settled, settle_motion
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def _extrapolated(
         if value != old.problem.parameters[name]
     }
     try:
-        slopes = {name: slope_of(start, name) for name in steps}
+        slopes = {name: cycle_slope(start, name) for name in steps}
     except (StickslipError, np.linalg.LinAlgError):
         return None
     state = sum((steps[name] * slopes[name].state for name in steps), np.zeros(len(found.state)))

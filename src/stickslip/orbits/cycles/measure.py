@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.errors import DeclarationError, short
+from stickslip.model.entries.keys import normal_force
 from stickslip.model.entries.units import agree, factors
-from stickslip.model.names import normal_force
 from stickslip.model.quantities import contact_key, described, formula_unit
 from stickslip.model.system import System
 from stickslip.motion.audit.observers import LASTED, Sums

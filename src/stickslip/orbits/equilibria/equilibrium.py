@@ -12,7 +12,7 @@ from stickslip.certificates import NOTHING, Certificate, Residual, worst
 from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Guard, Mode, Region, mode_name, named_modes
 from stickslip.kept import cached_property
-from stickslip.model.names import NORMAL
+from stickslip.model.entries.keys import NORMAL
 from stickslip.model.quantities import quantity
 from stickslip.model.system import System
 from stickslip.results import Completion, Result, restored_certificate, shortened

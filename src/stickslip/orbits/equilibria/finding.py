@@ -36,7 +36,7 @@ from stickslip.orbits.equilibria.equilibrium import (
     modes_text,
 )
 from stickslip.orbits.equilibria.reduction import Irreducible
-from stickslip.orbits.equilibria.stick_sets import Conditions, all_stick, dimension
+from stickslip.orbits.equilibria.stick_sets import Conditions, all_stick, at_rest, dimension
 from stickslip.orbits.fields.steady import Array, Steady, invariant_directions
 from stickslip.stopping.scopes import watching
 from stickslip.symbolic import expressions as ex
@@ -461,7 +461,8 @@ class _Search:
         self, conditions: Conditions, part: CoveredSet, mode: Mode, region: Region | None
     ) -> None:
         """Note a set that was covered, with kinks in place or within a region."""
-        over = valued(self.eq.kinks, self.state, self.values, part.inside).T >= 0.0
+        kinks = [at_rest(self.eq, g) for g in self.eq.kinks]
+        over = valued(kinks, self.state, self.values, part.inside).T >= 0.0
         regions = tuple(dict.fromkeys(tuple(map(int, row)) for row in over))
         if region is None:
             conditions = all_stick(self.eq, mode, regions[0], self.values)

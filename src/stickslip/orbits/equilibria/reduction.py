@@ -159,8 +159,11 @@ class _Elimination:
         return None
 
     def _put(self, x: str, value: Expr) -> None:
-        self.equal = [ex.substitute(e, {x: value}) for e in self.equal]
-        self.nonnegative = [ex.substitute(e, {x: value}) for e in self.nonnegative]
+        try:
+            self.equal = [ex.substitute(e, {x: value}) for e in self.equal]
+            self.nonnegative = [ex.substitute(e, {x: value}) for e in self.nonnegative]
+        except ZeroDivisionError:
+            raise Irreducible(empty=True) from None  # a formula has no value at the only place
         self.given = {name: ex.substitute(e, {x: value}) for name, e in self.given.items()}
         self.given[x] = value
 

@@ -162,6 +162,8 @@ def _vertex(
     (F, A), (g, G) = equal(start), guards(start)
     b = A @ start - F
     h = g - G @ start
+    if not all(np.all(np.isfinite(part)) for part in (A, b, G, h)):
+        return None  # a formula has no value, wherever the point is
     lengths = [np.linalg.norm(m, axis=1) for m in (A, G)]
     a_size, g_size = (np.where(size > 0.0, size, 1.0) for size in lengths)
     cost = np.zeros(len(start))
@@ -247,6 +249,13 @@ def unguarded(e: Expr) -> frozenset[str]:
     return known[e]
 
 
+def at_rest(equations: MotionEquations, e: Expr) -> Expr:
+    """An expression where nothing moves."""
+    names = [f"d_{x}" for x in equations.declaration.coordinates]
+    names += [f"speed:{i}" for i in range(len(equations.contacts))]
+    return ex.substitute(e, dict.fromkeys(names, ex.ZERO), undefined=True)
+
+
 def all_stick(
     equations: MotionEquations, mode: Mode, region: Region | None, values: Mapping[str, float]
 ) -> Conditions:
@@ -257,13 +266,11 @@ def all_stick(
     them (it does not where more contacts stick than there are directions).
     """
     d, rate = equations.declaration, equations.rate
-    at_rest = {f"d_{x}": ex.ZERO for x in d.coordinates}
-    at_rest |= {f"speed:{i}": ex.ZERO for i in range(len(equations.contacts))}
     regions = {} if region is None else dict(zip(equations.kinks, region, strict=True))
 
     def fix(e: Expr) -> Expr:
         here = e if region is None else in_region(e, regions, undefined=True)
-        return ex.substitute(here, at_rest, undefined=True)
+        return at_rest(equations, here)
 
     held = [ex.sym(f"lambda:{i}") for i in range(len(equations.contacts))]
     first = len(held) - len(rate.force)

@@ -26,7 +26,7 @@ from stickslip.orbits.return_map.shooting import (
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
-    from stickslip.orbits.return_map.slopes import Slope
+    from stickslip.orbits.return_map.slopes import CycleSlope
 
 
 _MOST_STEPS = 25
@@ -292,7 +292,7 @@ class Closed:
 
     shooting: Shooting
     orbit: Orbit
-    slopes: dict[str, Slope] = field(default_factory=dict, repr=False, compare=False)
+    slopes: dict[str, CycleSlope] = field(default_factory=dict, repr=False, compare=False)
 
     @cached_property
     def spectrum(self) -> Spectrum:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.model.names import NORMAL
+from stickslip.model.entries.keys import NORMAL
 from stickslip.orbits.fields.engine.collocation import NODES
 from stickslip.orbits.fields.mode_field import Piece, Pieces
 from stickslip.orbits.return_map.recurrence import SHORTEST, segments

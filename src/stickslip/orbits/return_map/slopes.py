@@ -17,7 +17,7 @@ from stickslip.orbits.return_map.shooting import Orbit, flies
 
 
 @dataclass(frozen=True)
-class Slope:
+class CycleSlope:
     """Derivatives of a cycle with respect to a parameter.
 
     Attributes
@@ -40,7 +40,7 @@ class Slope:
     period: float
 
 
-def slope_of(closed: Closed, name: str) -> Slope:
+def cycle_slope(closed: Closed, name: str) -> CycleSlope:
     """Derivatives of a cycle with respect to a parameter; meaningless where the motion is not
     differentiable."""
     if name not in closed.slopes:
@@ -48,7 +48,7 @@ def slope_of(closed: Closed, name: str) -> Slope:
     return closed.slopes[name]
 
 
-def _solved(closed: Closed, name: str) -> Slope:
+def _solved(closed: Closed, name: str) -> CycleSlope:
     problem = closed.orbit.problem
     pieces = Pieces(problem.compiled.equations, name)
     exact = flies(closed.orbit.motion)
@@ -64,4 +64,4 @@ def _solved(closed: Closed, name: str) -> Slope:
         + known.by_parameter
         + shooting.symmetry.shifts @ change[shooting.drifts]
     )
-    return Slope(orbit, pieces, state, shift, period)
+    return CycleSlope(orbit, pieces, state, shift, period)

@@ -23,7 +23,7 @@ from stickslip.orbits.cycles.finding import from_cycle
 from stickslip.orbits.fields.mode_field import Pieces
 from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.return_map.damped_newton import Closed
-from stickslip.orbits.return_map.slopes import slope_of
+from stickslip.orbits.return_map.slopes import cycle_slope
 from stickslip.orbits.sensitivities.motion import with_knots
 
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ def cycle_sensitivity(
 
 def _moved(closed: Closed, name: str, multipliers: bool) -> Moved:
     """The change of a cycle with one parameter."""
-    found = slope_of(closed, name)
+    found = cycle_slope(closed, name)
     ends = _ends(found.orbit.motion, found.pieces, found.state, found.period)
     spectrum = _multipliers(closed, name) if multipliers else np.zeros(0)
     return Moved(found.period, found.shift, found.state, ends, spectrum)

@@ -13,7 +13,7 @@ from stickslip.equations.derive import MotionEquations
 from stickslip.equations.field import Field, in_region
 from stickslip.errors import DeclarationError, suggestion
 from stickslip.kept import kept
-from stickslip.model.names import NORMAL
+from stickslip.model.entries.keys import NORMAL
 from stickslip.model.quantities import contact_key
 from stickslip.motion.trajectory import Trajectory
 from stickslip.orbits.fields.instructions import PointFunction
