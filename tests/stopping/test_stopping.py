@@ -314,10 +314,10 @@ def test_control_c_keeps_the_best_of_a_fit() -> None:
     t = np.linspace(0.0, 30.0, 300)
     data = {"time": t, "x": np.array([motion.at(float(at))["x"] for at in t])}
     free = {"F_s": (0.3, 3.0), "F_c": (0.05, 1.0), "v_s": (0.05, 2.0)}
-    asked = ss.fit_problem(ss.catalogue.belt_stribeck(), data, free, {"x": "x"})
-    asked.fit(starts=1)  # everything is imported
+    asked = ss.catalogue.belt_stribeck(), data, free, {"x": "x"}
+    ss.fit(*asked, starts=1)  # everything is imported
     with control_c(0.5) as sent:
-        found = asked.fit(starts=1000)
+        found = ss.fit(*asked, starts=1000)
     assert time.monotonic() - sent[0] < 2.0
     assert not found.complete
     assert set(found.estimate) == set(free)
