@@ -25,6 +25,10 @@ ENTRIES: dict[str, tuple[str, tuple[type, ...]]] = {
         (system.Contact, system.Unilateral, system.Bilateral, system.LawContact),
     ),
     "jumps.NAME": ("Where the state jumps, and to what.", (system.Jump,)),
+    "outputs.NAME": (
+        "A quantity that results show. A formula alone is one, too.",
+        (system.Output,),
+    ),
     "conditions.NAME": ("What the literature asks of the parameters.", (system.Condition,)),
 }
 _SAMPLES = {

@@ -15,8 +15,8 @@ ROOT = Path(__file__).parents[2]
 FOLDER = "reference/python"
 GROUPS: Mapping[str, str] = {
     "Declare a system": "System Parameter Inertial Viscous RateIndependent Internal Contact "
-    "Unilateral Bilateral Structure ModalDamping ProportionalDamping Jump Condition Samples load "
-    "laws catalogue",
+    "Unilateral Bilateral Structure ModalDamping ProportionalDamping Jump Output Condition Samples "
+    "load laws catalogue",
     "Motions": "simulate simulate_many Trajectory Ensemble EventCatalogue Outcome vector_field "
     "VectorField",
     "Rest, cycles, branches": "equilibria Equilibria Equilibrium EquilibriumSet find_cycle Cycle "

@@ -35,6 +35,8 @@ WORDS: Mapping[str, str] = {
     "how-to/measured-drive": "measured load, measured drive, recorded signal, "
     "time series, csv input, base excitation",
     "how-to/mechanisms": "double pendulum, pendulum, multibody, constraint, chain of blocks",
+    "how-to/outputs": "output, sensor, gauge, relative displacement, story drift, load cell, "
+    "difference of two coordinates",
     "how-to/frequency-response": "frequency response, harmonic force, resonance, forced response",
     "how-to/ring-down": "ring-down, free decay, free vibration, logarithmic decrement, "
     "damping ratio, amplitude-dependent damping",

@@ -253,6 +253,22 @@ def test_response(tmp_path: Path) -> None:
     assert result.exit_code == 2 and "no motion" in result.stderr
 
 
+def test_response_of_a_formula(tmp_path: Path) -> None:
+    """Of twice the coordinate it is twice as large, whichever way it is asked for."""
+    given = ("forced_oscillator", "--over", "omega=1.2:1.3", "--points", "2", "--set", "F_c=0.3")
+    for option, of in (("--of", "2*x"), ("--coordinate", "x + x")):
+        out = tmp_path / option
+        result = stickslip("response", *given, option, of, "--out", str(out))
+        assert result.exit_code == 0, result.stderr
+        found = summary(out, RESPONSE)
+        assert found["coordinate"] == of
+        (top,) = found["largest response"]
+        assert top["amplitude"] == pytest.approx(2.0 * 2.0723838, abs=2e-6)
+    result = stickslip("response", *given, "--of", "2*z")
+    assert result.exit_code == 2
+    assert "z" in result.stderr and "Traceback" not in result.stderr
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [

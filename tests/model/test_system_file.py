@@ -19,6 +19,7 @@ from stickslip.model.system import (
     Inertial,
     Internal,
     Jump,
+    Output,
     Parameter,
     RateIndependent,
     System,
@@ -83,6 +84,7 @@ EVERYTHING = System(
     time_unit="s",
     conditions={"c d": Condition("m > 0", "else"), "e": Condition("m > 1")},
     facts={"f": "m + 1", "g": 3},
+    outputs={"above": Output("x - u", "m", "height"), "tip": "2*beam[tip]", "fixed": 4},
 )
 
 

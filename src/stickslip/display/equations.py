@@ -42,7 +42,7 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.formulas import compared
 
 if TYPE_CHECKING:
-    from stickslip.model.system import Contact, Formula, System
+    from stickslip.model.system import Contact, Formula, Output, System
 
 _W = TypeVar("_W", bound=UnicodeWriter)
 _PASSES = {
@@ -306,12 +306,20 @@ class Equations:
         return list(groups.values())
 
     def definitions(self) -> Iterator[tuple[Node, Node]]:
-        """Functions and drives with their bodies."""
+        """Functions and drives with their bodies, and unknowns of structures."""
         for name, (arguments, body) in self._reader.definitions.items():
+            if name in self.system.outputs:
+                continue
             yield Call(name, tuple(Name(a) for a in arguments)), body
         for unknown in self._reader.unknowns.values():
             terms = (times(Number(weight), Name(mode)) for mode, weight in unknown.weights)
             yield unknown, sum_of(*terms)
+
+    def outputs(self) -> Iterator[tuple[Node, Node, Output]]:
+        """Outputs: symbols, formulas, and what is declared of them."""
+        for name, output in self.system.declared_outputs.items():
+            _, body = self._reader.definitions[name]
+            yield Call(name, ()), body, output
 
     def conditions(self, write: UnicodeWriter) -> Iterator[tuple[str, str, str]]:
         """Names of conditions, what they say, and whether that holds."""
@@ -396,8 +404,8 @@ class Equations:
             yield Leap(name, read(jump.when), *_PASSES[jump.direction], moved)
 
     def latex(self) -> str:
-        """The equations of motion, friction laws, jumps, functions and drives as one ``aligned``
-        block."""
+        """The equations of motion, friction laws, jumps, functions, drives and outputs as one
+        ``aligned`` block."""
         write = self.writer(LatexWriter)
         rows = [
             f"{write(b.left)} &{'=' if b.sign == '=' else chr(92) + 'ni'} {write(b.right)}"
@@ -414,6 +422,7 @@ class Equations:
             when = f"{write(jump.guard)} {jump.sign} 0"
             rows.append(rf"\text{{if }} {when}: \quad & {jump.moves(write)}")
         rows += [f"{write(left)} &= {write(body)}" for left, body in self.definitions()]
+        rows += [f"{write(left)} &= {write(body)}" for left, body, _ in self.outputs()]
         return "\\begin{aligned}\n" + " \\\\\n".join(rows) + "\n\\end{aligned}"
 
     def _repr_latex_(self) -> str:
@@ -463,6 +472,7 @@ class _Text:
             ("Constraints", [self.write(r) for r in self.equations.constraints()]),
             ("Jumps", self.jumps()),
             ("with", self.definitions()),
+            ("Outputs", self.outputs()),
             ("Parameters", self.parameters()),
             ("Start", self.start()),
             ("Shift that changes nothing", self.translation()),
@@ -525,6 +535,13 @@ class _Text:
         if any(_is_inclusion(b.left) for b in self.equations.balances):
             lines.append("Sign(v) = v/|v| for v ≠ 0,  Sign(0) = [−1, 1]")
         return lines
+
+    def outputs(self) -> list[str]:
+        rows = [
+            [f"{self.write(left)} = {self.write(body)}", unicode_unit(output.unit), output.meaning]
+            for left, body, output in self.equations.outputs()
+        ]
+        return text_table(rows)
 
     def cases(self, left: str, arguments: tuple[Node, ...]) -> list[str]:
         """A piecewise function with a brace over several lines."""

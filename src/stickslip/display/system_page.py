@@ -81,6 +81,7 @@ class _Page:
         """All there is, in the order of the page of a terminal."""
         yield self.state()
         yield from self.formulas()
+        yield self.outputs()
         yield self.parameters()
         yield self.start()
         yield self.conditions()
@@ -148,6 +149,15 @@ class _Page:
             for left, body in self.equations.definitions()
         ]
         return _section("with", lines)
+
+    def outputs(self) -> str:
+        rows = [
+            (self.symbol(name), Html(math(self.write(body))), unicode_unit(o.unit), o.meaning)
+            for name, (_, body, o) in zip(
+                self.system.outputs, self.equations.outputs(), strict=True
+            )
+        ]
+        return page.tabled(rows, ("output", "formula", "unit", "meaning"))
 
     def parameters(self) -> str:
         rows = [

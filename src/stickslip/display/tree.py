@@ -368,13 +368,16 @@ class Reader:
     Attributes
     ----------
     definitions : dict of str to (arguments, body)
-        Functions and drives of the system, their bodies as trees.
+        Functions, drives and outputs of the system, their bodies as trees.
     unknowns : dict of str to OfModes
         Those of structures that have been read.
     """
 
     def __init__(self, system: System | None = None) -> None:
-        declared = {} if system is None else {**system.functions, **system.drives}
+        declared: dict[str, Drive] = {}
+        if system is not None:
+            declared |= {**system.functions, **system.drives}
+            declared |= {name: o.formula for name, o in system.declared_outputs.items()}
         self._sources: dict[str, tuple[tuple[str, ...], Drive]] = {}
         for key, text in declared.items():
             name, arguments = parse_signature(key, key)

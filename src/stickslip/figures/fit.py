@@ -119,7 +119,15 @@ def _curve(found: Fit, r: int, name: str, time: Array) -> tuple[Array, Array]:
     values = found.dataset[f"fitted_{name}{suffix}"].values
     there = np.isfinite(values)
     motion = found.trajectories[r]
-    if m.recording.events or there.sum() > _LINE or c.formula not in motion._rows:
+    if (
+        m.recording.events
+        or there.sum() > _LINE
+        or c.formula
+        not in {
+            *motion._rows,
+            *motion.system.outputs,
+        }
+    ):
         order = np.argsort(time[there], kind="stable")
         return time[there][order], values[there][order]
     t = np.union1d(np.linspace(time[there][0], time[there][-1], _LINE), motion.knots.time)

@@ -70,10 +70,10 @@ def plot_trajectory(
     """Overview of a motion, or of a part of it.
 
     Left, over a shared time axis: coordinates, velocities of inertial coordinates, internal
-    variables, and per contact the friction force between its thresholds. Grey: the contact sticks
-    (in the upper panels: every contact does). Right: phase planes of one or two degrees of freedom,
-    sticking parts in black; of contacts in a plane their path, and the friction force in the set of
-    forces that it may be.
+    variables, outputs, and per contact the friction force between its thresholds. Grey: the contact
+    sticks (in the upper panels: every contact does). Right: phase planes of one or two degrees of
+    freedom, sticking parts in black; of contacts in a plane their path, and the friction force in
+    the set of forces that it may be.
 
     Parameters
     ----------
@@ -81,8 +81,8 @@ def plot_trajectory(
     t : (float, float), optional
         Window of the time.
     coordinates : sequence of str, optional
-        Those that are shown, with their rates and with the contacts that move them; and internal
-        variables. By default all.
+        Those that are shown, with their rates and with the contacts that move them; internal
+        variables, and outputs. By default all.
 
     Returns
     -------
@@ -147,8 +147,8 @@ class _Overview:
         self.t, self.values, self.curves = self.collect()
 
     def chosen(self, coordinates: Sequence[str] | None) -> set[str]:
-        """Coordinates and internal variables that are shown."""
-        known = [*self.inertial, *self.massless, *self.declaration.internal]
+        """Coordinates, internal variables and outputs that are shown."""
+        known = [*self.inertial, *self.massless, *self.declaration.internal, *self.system.outputs]
         for name in coordinates or ():
             if name not in known:
                 raise DeclarationError(
@@ -181,7 +181,7 @@ class _Overview:
 
     def collect(self) -> tuple[Array, dict[str, Array], list[Curve]]:
         """Lines over time, and the curves of the planes, bit by bit from all of the motion."""
-        names = [*self.declaration.state, *self.system.unknowns]
+        names = [*self.declaration.state, *self.system.unknowns, *self.system.outputs]
         if len(self.contacts) <= _MANY:
             rubbing = [key for key in self.contacts if self.rubs(key) and key not in self.in_plane]
             names += [f"{kind}_{key}" for key in rubbing for kind in FORCES]
@@ -284,6 +284,7 @@ class _Overview:
             self.trace(names) if len(names) <= _MANY else self.heat(names) for names in velocities
         ]
         panels += [self.trace(names) for names in internal]
+        panels += [self.trace(names) for names in self.by_unit(self.these(self.system.outputs))]
         if len(self.contacts) > _MANY:
             return [*panels, self.mode_map]
         return panels + [self.contact(name) for name in self.names]

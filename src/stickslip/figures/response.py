@@ -207,7 +207,9 @@ def _scale(axes: Axes, response: FrequencyResponse, name: str) -> None:
     of = {"amplitude": "amplitude of ", "harmonic": "first harmonic of "}
     unit = unit_label(str(data.attrs.get("units", "")).removeprefix("1"))
     meaning = str(data.attrs.get("long_name", name.replace("_", " ")))
-    label = of[name] + symbol(response.coordinate) if name in of else meaning
+    x = response.coordinate
+    shown = symbol(x) if x in response.system.followed else x
+    label = of[name] + shown if name in of else meaning
     axes.set_ylabel(f"{label}  [{unit}]" if unit else label)
     if np.all(data >= 0.0):
         axes.set_ylim(bottom=0.0)

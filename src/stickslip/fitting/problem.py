@@ -439,7 +439,7 @@ def _read(
     empty = _without_motion(system)
     columns = [str(c) for c in recording.table.columns]
     if observe is None:
-        known = {*empty._rows, *(["t"] if recording.events else [])}
+        known = {*empty._rows, *system.outputs, *(["t"] if recording.events else [])}
         clock = "" if recording.events else recording.clock
         observe = {name: name for name in columns if name in known and name != clock}
         if not observe:

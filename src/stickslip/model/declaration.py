@@ -12,7 +12,8 @@ from stickslip.errors import DeclarationError, short, some
 from stickslip.kept import cached_property
 from stickslip.model.entries.checks import check_definite
 from stickslip.model.entries.declared import Kind
-from stickslip.model.names import Range, check_covered
+from stickslip.model.names import NORMAL, Range, check_covered
+from stickslip.model.quantities import ENERGIES, FORCES, IN_PLANE, contact_key
 from stickslip.model.schema import entry_key
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -164,6 +165,8 @@ class Declaration:
         Rates of the internal variables.
     contacts : list of DryContact
     jumps : list of StateJump
+    outputs : dict of str to Expr
+        What results show besides, by the names of :attr:`published`.
     scope : Scope
         What names mean in a formula that may use all of them.
     given : dict of str to TimeFunction
@@ -197,6 +200,7 @@ class Declaration:
     jumps: list[StateJump] = field(default_factory=list)
     conditions: dict[str, ReadCondition] = field(default_factory=dict)
     facts: dict[str, Expr] = field(default_factory=dict)
+    outputs: dict[str, Expr] = field(default_factory=dict)
     drives: dict[str, Expr] = field(default_factory=dict)
     given: dict[str, TimeFunction] = field(default_factory=dict)
     limits: list[tuple[str, Expr, Range]] = field(default_factory=list)
@@ -251,6 +255,32 @@ class Declaration:
         """Names of the state: q, q̇, z, r, α."""
         rates = [f"d_{q}" for q in self.inertial]
         return [*self.inertial, *rates, *self.viscous, *self.rate_independent, *self.internal]
+
+    @cached_property
+    def published(self) -> frozenset[str]:
+        """Names of the quantities that results show, but for outputs and modes."""
+        found = {*self.state, *ENERGIES}
+        found |= {f"d_{x}" for x in (*self.coordinates, *self.internal)}
+        found |= {f"dd_{q}" for q in self.inertial}
+        for c in self.contacts:
+            key = contact_key(c.name)
+            if c.side_of:
+                found.add(f"{NORMAL}{contact_key(c.side_of)}")
+            elif c.opens:
+                found |= {key, f"gap_{key.removeprefix(NORMAL)}"}
+            else:
+                kinds = IN_PLANE if c.plane else FORCES
+                found |= {f"{kind}_{key}" for kind in (*kinds, "slip_speed")}
+        return frozenset(found)
+
+    @cached_property
+    def results(self) -> Scope:
+        """What names mean in a formula of what results show."""
+        scope = self.scope
+        names = {name: ex.sym(name) for name in self.published} | dict(scope.names)
+        del names["speed"]
+        speed = {"speed": "Name a contact, like slip_speed_c for one called c"}
+        return Scope(names, scope.definitions, {**scope.forbidden, **speed}, vectors=scope.vectors)
 
     @cached_property
     def places(self) -> dict[str, int]:

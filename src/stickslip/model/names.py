@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.model.entries.units import check_unit
 from stickslip.model.schema import entry_key
-from stickslip.model.system import Drive, Parameter
+from stickslip.model.system import Drive, Output, Parameter
 from stickslip.symbolic.formulas import (
     Definition,
     TimeFunction,
@@ -76,7 +76,7 @@ class DeclaredNames:
     ranges : dict of str to Range
         Of the parameters.
     definitions : dict of str to Definition
-        Functions and drives.
+        Functions, drives and outputs.
     """
 
     reserved: Mapping[str, str] = field(default_factory=dict)
@@ -114,6 +114,19 @@ class DeclaredNames:
             by = arguments[0] if len(arguments) == 1 else clock
             if by:
                 self._derivatives[f"d_{name}"] = Definition(where, arguments, text, by)
+
+    def outputs(self, entries: Mapping[str, Output]) -> None:
+        """Read outputs: formulas with a name, as functions without arguments are."""
+        self.functions("outputs", {name: output.formula for name, output in entries.items()})
+        for name, output in entries.items():
+            where = entry_key("outputs", name)
+            if parse_signature(name, where)[1]:
+                raise DeclarationError(
+                    where,
+                    "an output has no arguments",
+                    "Put it under 'functions', or name it alone",
+                )
+            check_unit(output.unit, f"{where}.unit")
 
     def with_derivatives(self) -> dict[str, Definition]:
         """All definitions, and the derivatives of those of one argument and of drives."""

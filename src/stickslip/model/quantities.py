@@ -36,7 +36,7 @@ IN_PLANE = {
     "threshold": "half axis of the forces of",
 }
 """The same of each component of a contact in a plane."""
-_ENERGIES = ("energy", "dissipated_energy", "supplied_energy")
+ENERGIES = ("energy", "dissipated_energy", "supplied_energy")
 _JOULE = lowest_terms(factors("J"))[1]
 
 
@@ -55,7 +55,7 @@ def quantity(system: System, name: str) -> dict[str, str]:
     name : str
         ``t``, a parameter, a coordinate ``x``, an internal variable, a rate ``d_x``, an
         acceleration ``dd_x``, a force or the slip speed of a contact (``friction_KEY``,
-        ``slip_speed_KEY``, ...; in a plane ``friction_KEY_1``, ...), or an energy.
+        ``slip_speed_KEY``, ...; in a plane ``friction_KEY_1``, ...), an energy, or an output.
     """
     system = system.plain
     named = {**system.parameters, **system.coordinates, **system.internal}
@@ -63,6 +63,9 @@ def quantity(system: System, name: str) -> dict[str, str]:
         return described_as(named[name].meaning or name, named[name].unit or "1")
     if name == "t":
         return described_as("time", system.time_unit or "1")
+    if output := system.declared_outputs.get(name):
+        unit = output.unit or formula_unit(system, system.declaration.outputs[name])
+        return described_as(output.meaning or name, unit)
     if row := system.unknown(name):
         mode = quantity(system, next(iter(row)))
         return mode | {"long_name": name if name[:2] != "d_" else f"rate of {name[2:]}"}
@@ -73,7 +76,7 @@ def quantity(system: System, name: str) -> dict[str, str]:
                 f"{what} of {moving.meaning or name[len(prefix) :]}",
                 per_time(system, moving.unit, order),
             )
-    if name in _ENERGIES:
+    if name in ENERGIES:
         return described_as(name.replace("_", " "), energy_unit(system))
     for contact, (side, _) in system.constraints.items():
         if name == f"normal_{contact_key(contact)}":
@@ -99,6 +102,27 @@ def quantity(system: System, name: str) -> dict[str, str]:
             if (kind := name.removesuffix(f"_{key}")) in forces:
                 return described_as(f"{forces[kind]} {said}", force_unit(system, contact))
     raise KeyError(name)
+
+
+def quantity_or_formula(system: System, text: str) -> dict[str, str]:
+    """The same of a formula of quantities, too, whose meaning is the formula itself.
+
+    Parameters
+    ----------
+    system : System
+    text : str
+
+    Raises
+    ------
+    DeclarationError
+        If it is neither.
+    """
+    try:
+        return quantity(system, text)
+    except KeyError:
+        return described_as(
+            text, formula_unit(system, system.declaration.results.parse(text, text))
+        )
 
 
 def of_modes(
@@ -231,7 +255,7 @@ def _unit_of(system: System, formula: Expr) -> UnitPowers:
     match formula.op:
         case "sym":
             name = str(formula.value)
-            return factors(quantity(system, name)["units"]) if name != "speed" else {}
+            return factors(quantity(system, name).get("units", "")) if name != "speed" else {}
         case "sum":
             return {} if formula.value else _unit_of(system, formula.terms[0][0])
         case "prod":
@@ -273,7 +297,7 @@ def _time(system: System, of: str) -> str:
 
 
 def _component(system: System, of: str) -> str:
-    return quantity(system, of or system.declaration.state[0])["units"]
+    return quantity_or_formula(system, of or system.declaration.state[0]).get("units", "1")
 
 
 def _speed(system: System, of: str) -> str:
@@ -290,7 +314,7 @@ def _work(system: System, of: str) -> str | None:
 
 
 def _quantity(system: System, of: str) -> str | None:
-    return quantity(system, of or system.declaration.state[0]).get("units")
+    return quantity_or_formula(system, of or system.declaration.state[0]).get("units")
 
 
 def _per_distance(system: System, of: str) -> str | None:
@@ -326,6 +350,7 @@ MEANINGS: dict[str, tuple[str, Callable[[System, str], str | None]]] = {
     "mean_force": ("mean friction force", _force),
     "lyapunov": ("largest Lyapunov exponent", lambda system, of: per_time(system, "")),
     "switches": ("switches in a cycle", _none),
+    "mean": ("mean", _quantity),
     "low": ("least value", _component),
     "high": ("largest value", _component),
     "shift": ("shift in the time that was measured", _component),

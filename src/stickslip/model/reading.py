@@ -52,6 +52,7 @@ def declare(system: System) -> Declaration:
         reader.laws()
         reader.jumps()
         reader.known_facts()
+        reader.outputs()
         reader.defaults()
     except ArithmeticError:
         # Single formulas are checked one by one; this is for two that are too large only together.
@@ -121,6 +122,7 @@ class DeclarationReader:
         result.given = measured_drives(system.drives)
         result.check_span(start, stop)
         self.declared = list(names.definitions)
+        names.outputs(system.declared_outputs)
         self.definitions = names.with_derivatives()
         self.constants = {name: ex.sym(name) for name in system.parameters}
         self.state = {
@@ -392,6 +394,17 @@ class DeclarationReader:
         names = {**self.result.facts, **self.anywhere.names}
         forbidden, vectors = self.anywhere.forbidden, self.anywhere.vectors
         self.result.scope = Scope(names, self.definitions, forbidden, vectors=vectors)
+
+    def outputs(self) -> None:
+        """What results show besides: formulas of everything that they show."""
+        result = self.result
+        for name in self.system.outputs:
+            where = entry_key("outputs", name)
+            if name in result.published or name.startswith("mode_") or name == "time":
+                raise DeclarationError(
+                    where, "results show something of this name", "Choose another name"
+                )
+            result.outputs[name] = result.results.parse(name, where)
 
     def defaults(self) -> None:
         system, result = self.system, self.result

@@ -17,6 +17,7 @@ from stickslip.model.system import (
     Internal,
     Jump,
     LawContact,
+    Output,
     Parameter,
 )
 from stickslip.symbolic.formulas import NAME, TimeFunction
@@ -71,6 +72,10 @@ _EXPECTED = {
     "AnyStructure": (
         "a structure",
         'Give ss.Structure(mass, stiffness); in a model file {mass = "M.mtx", stiffness = "K.mtx"}',
+    ),
+    "AnyOutput": (
+        "a formula",
+        'Write it in quotes, like "x1 - x2", or {formula = "x1 - x2", unit = "m"}',
     ),
     "table": (
         "a table",
@@ -132,6 +137,10 @@ def _check_kind(value: Any, kind: str, where: str) -> None:
 
         if not isinstance(value, Structure | InModes):
             raise wrong_kind(value, "AnyStructure", where)
+    elif kind == "AnyOutput":
+        if not isinstance(value, Output):
+            raise wrong_kind(value, kind, where)
+        check_shape(value, where)
     elif kind not in _EXPECTED:
         if not isinstance(value, _CLASSES[kind]):
             raise wrong_kind(value, "table", where)

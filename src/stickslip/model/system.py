@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, cast
 from stickslip.arguments import validated
 from stickslip.kept import cached_property
 from stickslip.model.entries.declared import (
+    AnyOutput,
     AnyStructure,
     Bilateral,
     Condition,
@@ -25,11 +26,13 @@ from stickslip.model.entries.declared import (
     Internal,
     Jump,
     LawContact,
+    Output,
     Parameter,
     RateIndependent,
     Side,
     Unilateral,
     Viscous,
+    as_outputs,
     hold_plain,
 )
 from stickslip.symbolic.formulas import TimeFunction, formula_text
@@ -112,6 +115,9 @@ class System:
         What is known to be necessary, by name.
     facts : mapping of str to formula
         Closed-form facts, formulas of the parameters (such as X, ψ₂ of the rocking toy).
+    outputs : mapping of str to Output or formula
+        Quantities that results show, such as ``{"tip": "u[tip] - u[root]"}``. Other formulas may
+        use them by name, where what they are made of may stand.
 
     Raises
     ------
@@ -142,10 +148,12 @@ class System:
     time_unit: str = ""
     conditions: Mapping[str, Condition] = field(default_factory=dict[str, Condition])
     facts: Mapping[str, Formula] = field(default_factory=dict[str, Formula])
+    outputs: Mapping[str, AnyOutput] = field(default_factory=dict[str, "AnyOutput"])
 
     def __post_init__(self) -> None:
         given = not isinstance(self.span, _NotGiven)
         hold_plain(self)
+        object.__setattr__(self, "outputs", as_outputs(self.outputs))
         if not given:
             object.__setattr__(self, "span", _known(self.drives))
         _ = self.declaration
@@ -182,10 +190,20 @@ class System:
 
         return shown_of(self.written_structures)
 
+    @property
+    def declared_outputs(self) -> Mapping[str, Output]:
+        """The outputs, each with its unit and meaning."""
+        return cast("Mapping[str, Output]", self.outputs)
+
     @cached_property
     def places(self) -> list[str]:
-        """What a person follows: coordinates as declared, and unknowns of structures."""
+        """Where things are: coordinates as declared, and unknowns of structures."""
         return [*self.coordinates, *(name for name in self.unknowns if name[:2] != "d_")]
+
+    @property
+    def followed(self) -> list[str]:
+        """What a person follows: places and outputs."""
+        return [*self.places, *self.outputs]
 
     def unknown(self, name: str) -> dict[str, float]:
         """What an unknown of a structure, or its rate, is of modes; empty if there is none of that

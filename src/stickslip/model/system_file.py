@@ -25,6 +25,7 @@ from stickslip.model.system import (
     Internal,
     Jump,
     LawContact,
+    Output,
     Parameter,
     RateIndependent,
     System,
@@ -68,6 +69,11 @@ def drive_entry(value: Any, where: str, folder: Path) -> Any:
     )
 
 
+def _output(value: Any, where: str, folder: Path) -> Any:
+    """A formula as it stands; an output from its table."""
+    return toml.entry(Output, value, where) if isinstance(value, dict) else value
+
+
 def _structure(value: Any, where: str, folder: Path) -> Any:
     """A structure of files, or of a packed text."""
     from stickslip.structures.files import from_plain
@@ -86,6 +92,7 @@ _SYSTEMS = toml.Language(
         "jumps",
         "translation",
         "conditions",
+        "outputs",
     ),
     sections={
         "parameters": partial(toml.entry, Parameter),
@@ -96,6 +103,7 @@ _SYSTEMS = toml.Language(
         "contacts": _contact,
         "jumps": partial(toml.entry, Jump),
         "conditions": partial(toml.entry, Condition),
+        "outputs": _output,
     },
     others={
         "dissipation": (

@@ -371,6 +371,7 @@ class _WrittenOut:
         names = DeclaredNames()
         names.functions("functions", system.functions)
         names.functions("drives", system.drives, clock="t")
+        names.outputs(system.declared_outputs)
         known = ["t", *system.parameters, *system.coordinates, *system.internal]
         known += [f"d_{x}" for x in system.coordinates]
         symbols = {name: ex.sym(name) for name in known}
@@ -456,7 +457,8 @@ class _WrittenOut:
         system = self.system
         drives: Mapping[str, Drive] = system.drives
         declared = {parse_signature(f, f)[0] for f in (*self.functions, *drives)}
-        if bare in {*system.parameters, *self.coordinates, *self.internal, *declared}:
+        parts = {*self.coordinates, *self.internal, *system.outputs}
+        if bare in {*system.parameters, *parts, *declared}:
             raise DeclarationError(
                 where, f"its law needs the name '{bare}', which is taken", "Rename one of the two"
             )

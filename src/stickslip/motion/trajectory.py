@@ -311,7 +311,7 @@ class Trajectory(Result):
         -------
         dict of str to float or array
             Coordinates, rates ``d_x``, internal variables; unknowns of structures with names, as
-            ``u[tip]``, and their rates; per contact ``friction_``,
+            ``u[tip]``, and their rates; outputs; per contact ``friction_``,
             ``threshold_plus_``, ``threshold_minus_``, ``slip_speed_``, ``mode_``; ``energy``,
             ``dissipated_energy``, ``supplied_energy``.
 
@@ -345,14 +345,21 @@ class Trajectory(Result):
         Parameters
         ----------
         names : sequence of str
-            Parts of the state, unknowns of structures, friction forces and thresholds.
+            Parts of the state, unknowns of structures, friction forces and thresholds, outputs.
         times : array, shape (n,)
         index : array of int, shape (n,)
             Number of the step that each time belongs to; ascending, as are the times in one step.
         """
         from stickslip.motion.between.dense import make_scratch
+        from stickslip.motion.between.formulas import Along
         from stickslip.motion.between.trace import TOLERANCE, trace_rows
 
+        outputs = {n: e for n, e in self.system.declaration.outputs.items() if n in names}
+        if outputs:
+            found = Along(self, [*outputs.values()])(times, index)
+            others = [name for name in names if name not in outputs]
+            values = self.trace(others, times, index) if others else {}
+            return values | dict(zip(outputs, found.T, strict=True))
         forms = {n: row for n, row in self.system.unknowns.items() if n in names}
         if forms:
             modes = [mode for row in forms.values() for mode in row]
@@ -381,6 +388,18 @@ class Trajectory(Result):
     def _values(self, clock: Array, index: Array) -> dict[str, Array]:
         """All published quantities at times since the origin, within the steps of the knots
         `index`."""
+        from stickslip.motion.between.formulas import evaluated
+
+        values = self._values_without_outputs(clock, index)
+        outputs = self.system.declaration.outputs
+        if not outputs:
+            return values
+        given = {**values, **self.parameters, "t": clock + self.knots.origin}
+        found = evaluated([*outputs.values()], given, len(clock))
+        return values | dict(zip(outputs, found, strict=True))
+
+    def _values_without_outputs(self, clock: Array, index: Array) -> dict[str, Array]:
+        """The same without outputs."""
         out = self._sample_clock(clock, index)
         rows = self._problem.compiled.layout.rows
         values = {name: out[:, row] for name, row in self._rows.items()}
@@ -602,7 +621,7 @@ class Trajectory(Result):
         t : (float, float), optional
             Window of the time.
         coordinates : sequence of str, optional
-            Those that the overview shows, and internal variables.
+            Those that the overview shows, internal variables, and outputs.
 
         Raises
         ------

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import count, pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,7 +28,8 @@ from stickslip.equations.derive import derive
 from stickslip.errors import ConvergenceError, DeclarationError, suggestion
 from stickslip.kept import cached_property
 from stickslip.model.quantities import contact_key, described, described_as, quantity
-from stickslip.model.system import System
+from stickslip.model.system import Output, System
+from stickslip.motion.between.formulas import read_formula
 from stickslip.motion.problem import pose
 from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.branches.equilibrium_branch import checked_range
@@ -67,6 +68,7 @@ def frequency_response(
     span: tuple[float, float],
     *,
     levels: Mapping[str, Any] | Sequence[str] | None = None,
+    of: str | None = None,
     coordinate: str | None = None,
     drive: str | None = None,
     parameters: Mapping[str, float] | None = None,
@@ -87,12 +89,16 @@ def frequency_response(
     levels : mapping or sequence of str, optional
         One other parameter and its values, as axes of maps are written: ``{"F": [0.1, 0.2]}``,
         ``{"F": "log:0.1:10:5"}``, ``["F=0.1:0.5:3"]``. By default there is one line.
+    of : str, optional
+        Whose response it is: a coordinate, an unknown of a structure, such as ``"u[tip]"``, an
+        output, or a formula of what results show, such as ``"u[tip] - u[root]"`` or
+        ``"friction_damper"``; by default the first inertial coordinate, or the first one.
     coordinate : str, optional
-        Whose response it is, or of which unknown of a structure, such as ``"u[tip]"``; by default
-        the first inertial coordinate, or the first one.
+        Another name of `of`.
     drive : str, optional
         Relative to which phases are measured: a drive of the system, or a formula of ``t``. By
-        default its only drive, or the force on the coordinate.
+        default its only drive, or the force on the coordinate; of anything but a coordinate or an
+        unknown, the only force that depends on time.
     parameters : mapping of str to float, optional
         Values of the others.
     initial : mapping of str to float, optional
@@ -123,16 +129,13 @@ def frequency_response(
     level, values = _levels(system, parameter, levels)
     if not isinstance(points, int) or points < 2:
         raise DeclarationError("points", f"{points!r} is not a number of points", "Give at least 2")
-    inertial = system.declaration.inertial
-    first = [x for x in inertial if x in system.coordinates]
-    coordinate = coordinate or [*first, *system.places, *system.internal][0]
-    if coordinate not in system.places:
-        known = suggestion(coordinate, system.places)
-        raise DeclarationError("coordinate", f"there is no coordinate '{coordinate}'", known)
-    text, formula = read_drive(system, coordinate, drive)
+    if of and coordinate:
+        raise DeclarationError("coordinate", "it is another name of 'of'", "Give one of the two")
+    with_output, followed = _followed(system, of or coordinate, "of" if of else "coordinate")
+    text, formula = read_drive(with_output, followed, drive)
     levels_given = [{level: value} for value in values] or [{}]
     wanted = [
-        _Level(system, parameter, (low, high), coordinate, text, formula, {**fixed, **one})
+        _Level(with_output, parameter, (low, high), followed, text, formula, {**fixed, **one})
         for one in levels_given
     ]
     for one in wanted:
@@ -151,6 +154,26 @@ def frequency_response(
                 raise
             ended = why
     return _response(system, fixed, level, found, ended)
+
+
+def _followed(system: System, of: str | None, where: str) -> tuple[System, str]:
+    """The name whose response it is, and the system with a formula as an output of that name.
+
+    Raises
+    ------
+    DeclarationError
+        If it is neither a name nor a formula of what results show.
+    """
+    if of is None:
+        first = [x for x in system.declaration.inertial if x in system.coordinates]
+        return system, [*first, *system.places, *system.internal][0]
+    if of in system.followed:
+        return system, of
+    read_formula(system, of, where)
+    taken = {*system.outputs, *system.declaration.results.names}
+    taken |= system.declaration.results.definitions.keys()
+    name = next(n for n in (f"response_{i}" for i in count(1)) if n not in taken)
+    return replace(system, outputs={**system.outputs, name: Output(of, meaning=of)}), name
 
 
 def _levels(
@@ -183,8 +206,10 @@ class _Level:
 
     Attributes
     ----------
-    system, parameter, span, coordinate
-        As of :func:`frequency_response`.
+    system, parameter, span
+        As of :func:`frequency_response`; of a formula, the system has it as an output.
+    coordinate : str
+        Whose response it is.
     text, drive : str and Expr
         What phases are relative to.
     fixed : dict of str to float
@@ -551,14 +576,16 @@ def _response(
         What has ended it before everything was found.
     """
     wanted = found[0].wanted
+    x = wanted.coordinate
+    of = x if x in system.followed else quantity(wanted.system, x)["long_name"]
     special: list[SpecialPoint] = []
     notes: list[str] = []
-    count = 0
+    points = 0
     for one in found:
         at = f"{level} = {one.wanted.fixed[level]:g}: " if level else ""
         for branch in one.branches:
-            special += [replace(s, index=s.index + count) for s in branch.special]
-            count += branch.points.sizes["point"]
+            special += [replace(s, index=s.index + points) for s in branch.special]
+            points += branch.points.sizes["point"]
             lost = [end.text for end in branch.ends if end.stop is not Stop.RANGE]
             notes += [f"{at}a line ends: {text}" for text in lost]
         for direction, sweep in zip(_DIRECTIONS, one.swept, strict=True):
@@ -570,8 +597,8 @@ def _response(
         fixed,
         wanted.parameter,
         level,
-        wanted.coordinate,
-        _dataset(system, level, found),
+        of,
+        _dataset(wanted.system, level, found, of),
         special,
         notes,
         _certificate(found),
@@ -587,7 +614,10 @@ def _certificate(found: list[_Lines]) -> Certificate:
     if not branches:
         return NOTHING
     own = worst([*(b.certificate for b in branches), *(c.certificate for c in cycles)])
-    known = max(float(b.points["harmonics_error"].max()) for b in branches)
+    of = found[0].wanted.coordinate
+    is_output = of in found[0].wanted.system.outputs
+    errors = ["harmonics_error", *([f"harmonics_error_{of}"] if is_output else [])]
+    known = max(float(b.points[name].max(skipna=False)) for b in branches for name in errors)
     missed = float(sum(one.missed for one in found))
     more = (
         Residual("first harmonics", known, _EXACT, note="change by the last halving of the panels"),
@@ -596,12 +626,12 @@ def _certificate(found: list[_Lines]) -> Certificate:
     return replace(own, residuals=(*own.residuals, *more))
 
 
-def _dataset(system: System, level: str, found: list[_Lines]) -> xarray.Dataset:
+def _dataset(system: System, level: str, found: list[_Lines], shown: str) -> xarray.Dataset:
     """Points of the lines, sweeps, and the largest responses."""
     import xarray as xr
 
     wanted = found[0].wanted
-    parameter, x = wanted.parameter, wanted.coordinate
+    parameter = wanted.parameter
     attributes = _attributes(system, wanted)
     tables: list[dict[str, Array]] = []
     for one in found:
@@ -639,7 +669,7 @@ def _dataset(system: System, level: str, found: list[_Lines]) -> xarray.Dataset:
     if level:
         of = np.array([one.wanted.fixed[level] for one in found])
         coordinates["level"] = "level", of, attributes[level]
-    about = {"title": system.title or system.name, "coordinate": x, "drive": wanted.text}
+    about = {"title": system.title or system.name, "coordinate": shown, "drive": wanted.text}
     return xr.Dataset(data, coordinates, about)
 
 

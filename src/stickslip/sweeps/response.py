@@ -35,10 +35,10 @@ class FrequencyResponse(Result):
     level : str
         The parameter of the levels; empty if there is one line only.
     coordinate : str
-        Whose response it is.
+        Whose response it is: a coordinate, an unknown of a structure, an output or a formula.
     dataset : xarray.Dataset
         Over ``point``, along the lines: the parameter, the level and the ``line`` (a number),
-        ``amplitude`` (half the range of the coordinate), ``harmonic`` and ``phase`` (of its first
+        ``amplitude`` (half its range), ``harmonic`` and ``phase`` (of its first
         harmonic, relative to the drive), ``stick`` (share of the period in which all contacts
         stick; ``stick_…`` of each), ``period``, ``stable``, ``slips`` (0 where no contact slips).
         Over ``level``, ``direction`` and ``step``: the same of the sweeps (``swept_…``), NaN where

@@ -217,9 +217,14 @@ def response_command(
             help="A line each, such as F=0.1,0.2 or F=log:0.1:1:4.",
         ),
     ] = None,
-    coordinate: Annotated[
+    of: Annotated[
         str | None,
-        typer.Option("--coordinate", metavar="NAME", help="Whose response it is."),
+        typer.Option(
+            "--of",
+            "--coordinate",
+            metavar="FORMULA",
+            help="Whose response it is: a coordinate, an output, 'u[tip]' or 'u[tip] - u[root]'.",
+        ),
     ] = None,
     drive: Annotated[
         str | None,
@@ -260,7 +265,7 @@ def response_command(
             parameter,
             (low, high),
             levels=level,
-            coordinate=coordinate,
+            of=of,
             drive=drive,
             initial=start,
             points=points,

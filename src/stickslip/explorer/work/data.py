@@ -37,7 +37,7 @@ def compare_data(request: Request, patience: Patience) -> Iterator[Answer]:
             "no time of theirs is in the motion",
             "Choose the column of times, or a longer motion",
         )
-    if name not in {**motion.final, **dict.fromkeys(motion._rows)}:
+    if name not in {*motion.final, *motion._rows, *motion.system.outputs}:
         raise DeclarationError("data", f"the motion has no '{name}'", "Choose a quantity of it")
     expected = motion.at(times[inside])[name]
     residual = values[inside] - expected

@@ -117,7 +117,11 @@ def _groups(
     modes = {x for own in system.declaration.bodies for q in own for x in (q, f"d_{q}")}
     others = [name for name in known if name not in {*coordinates, *rates, *modes}]
     groups: list[dict[str, Any]] = []
-    for kind, names in (("coordinate", coordinates), ("rate", rates), ("internal", others)):
+    for kind, names in (
+        ("coordinate", coordinates),
+        ("rate", rates),
+        ("internal", [*others, *system.outputs]),
+    ):
         by_unit: dict[str, list[str]] = {}
         for name in names[:_MOST_LINES]:
             by_unit.setdefault(unit_of(system, name), []).append(name)

@@ -64,6 +64,9 @@ class Sampled:
         self.time = time
         self.at_knots = dict(zip(trajectory.system.declaration.state, state.T, strict=True))
         self.at_knots |= of_modes(trajectory.system.unknowns, self.at_knots)
+        if outputs := [*trajectory.system.outputs]:
+            index = np.minimum(self.first + np.arange(len(time)), len(k.time) - 1)
+            self.at_knots |= trajectory.trace(outputs, time, index)
         self.steps = len(self.time) - 1
         self._chosen = chosen(self.time, MOST_DRAWN)
         lengths = np.diff(self.time)[self._chosen]

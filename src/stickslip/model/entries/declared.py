@@ -1,4 +1,4 @@
-"""What a system is declared of: parameters, coordinates, contacts, jumps and conditions.
+"""What a system is declared of: parameters, coordinates, contacts, jumps, outputs and conditions.
 
 They are plain data, and hold what was written down; :mod:`stickslip.model.reading` checks it.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
+from numbers import Real
 from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeAlias, cast
 
 from stickslip.model.entries.keys import normal_force
@@ -38,6 +39,8 @@ CROSSINGS = {"falling": -1, "both": 0, "rising": 1}
 """The sign of its rate where it does."""
 AnyStructure: TypeAlias = "Structure | InModes"
 """A structure, or in a system that is written out what is left of it."""
+AnyOutput: TypeAlias = "Output | Formula"
+"""An output, or its formula."""
 ImpactLaw = str
 """What contacts do that close at once: one of :data:`IMPACT_LAWS`."""
 IMPACT_LAWS = ("together", "in turn")
@@ -144,6 +147,29 @@ class Internal:
     """An internal variable α̇ = law(t, x, ẋ, α)."""
 
     law: Formula
+    unit: str = ""
+    meaning: str = ""
+
+    def __post_init__(self) -> None:
+        hold_plain(self)
+
+
+@dataclass(frozen=True)
+class Output:
+    """A quantity that results show: a formula of the motion.
+
+    Attributes
+    ----------
+    formula : str or float
+        Of ``t``, parameters, functions and drives, coordinates, rates ``d_x``, internal variables,
+        unknowns of structures, other outputs, and what results show of contacts and energies by
+        the names in their datasets: ``friction_c``, ``normal_c``, ``slip_speed_c``, ``energy``,
+        accelerations ``dd_x``.
+    unit, meaning : str
+        Unit and meaning; without a unit, the one that follows from the formula.
+    """
+
+    formula: Formula
     unit: str = ""
     meaning: str = ""
 
@@ -421,6 +447,18 @@ class Condition:
 
     formula: str
     otherwise: str = ""
+
+
+def as_outputs(given: Any) -> Any:
+    """Outputs with bare formulas made outputs; anything else is refused with the rest."""
+    if not isinstance(given, Mapping):
+        return given
+    entries = cast(Mapping[str, Any], given)
+    return {name: Output(entry) if _is_formula(entry) else entry for name, entry in entries.items()}
+
+
+def _is_formula(entry: object) -> bool:
+    return not isinstance(entry, bool) and isinstance(entry, str | Real)
 
 
 def hold_plain(item: Any) -> None:

@@ -543,7 +543,7 @@ def dataset(parameters: Iterable[str], cycles: list[Cycle], steps: Array) -> xar
         data[name] = column(name, (c.state[name] for c in cycles), **what)
         data[f"min_{name}"] = column(name, (c.extrema[name][0] for c in cycles), **what)
         data[f"max_{name}"] = column(name, (c.extrema[name][1] for c in cycles), **what)
-    for name in system.places:
+    for name in system.followed:
         half = (0.5 * (c.extrema[name][1] - c.extrema[name][0]) for c in cycles)
         data[f"amplitude_{name}"] = column(name, half, **described(system, f"amplitude:{name}"))
     if cycles[0].closed.shooting.symmetry.driven:
@@ -597,7 +597,7 @@ def _harmonics(system: System, cycles: list[Cycle]) -> dict[str, Any]:
     """Modulus and phase of the first harmonic of every coordinate of driven cycles, and how well
     they are known."""
     data: dict[str, Any] = {}
-    for name in system.places:
+    for name in system.followed:
         c = np.array([cycle.harmonic[name] for cycle in cycles])
         what = quantity(system, name)
         text = f"first harmonic of {what['long_name']}"
@@ -608,5 +608,7 @@ def _harmonics(system: System, cycles: list[Cycle]) -> dict[str, Any]:
             own = np.unwrap([cycle.relative_phase[name] for cycle in cycles])
             meaning = {**phase, "long_name": f"{phase['long_name']}, relative to the drive"}
             data[f"relative_phase_{name}"] = "point", own, meaning
-    data["harmonics_error"] = "point", np.array([c._harmonics[1] for c in cycles])
+    for name, ending in {"": "", **{name: f"_{name}" for name in system.outputs}}.items():
+        errors = np.array([c._harmonics[1][name] for c in cycles])
+        data[f"harmonics_error{ending}"] = "point", errors
     return data

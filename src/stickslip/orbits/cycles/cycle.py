@@ -32,7 +32,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN
 from stickslip.orbits.continuation.branch import SpecialPoint
-from stickslip.orbits.cycles import measure
+from stickslip.orbits.cycles import measure, over_period
 from stickslip.orbits.cycles.certificate import certify_cycle
 from stickslip.orbits.cycles.drive_phase import phase_of_drive, read_drive, relative_phase
 from stickslip.orbits.cycles.finding import from_cycle, from_motion, from_state
@@ -154,10 +154,11 @@ class Cycle(Result):
 
     @cached_property
     def extrema(self) -> dict[str, tuple[float, float]]:
-        """Least and largest value of each component of the state, and of unknowns of structures."""
+        """Least and largest value of each component of the state, of unknowns of structures and of
+        outputs."""
         ends = zip(map(float, self._sums.low), map(float, self._sums.high), strict=True)
         found = dict(zip(self.system.declaration.state, ends, strict=True))
-        return found | measure.extrema_of_unknowns(self.trajectory)
+        return found | over_period.extrema(self.trajectory)
 
     @cached_property
     def ranges(self) -> Array:
@@ -166,34 +167,36 @@ class Cycle(Result):
 
     @cached_property
     def harmonic(self) -> dict[str, complex]:
-        """First harmonic of each component of the state, and of unknowns of structures, c of
-        Re(c exp(iωt)): with the frequency of the drives, or of the cycle if there are none. A cycle
-        of several periods of the drives has slower ones, too."""
-        state = self.system.declaration.state
-        found = dict(zip(state, self._harmonics[0].tolist(), strict=True))
-        for name, row in self.system.unknowns.items():
-            found[name] = sum((w * found[mode] for mode, w in row.items()), 0j)
-        return found
+        """First harmonic of each component of the state, of unknowns of structures and of outputs,
+        c of Re(c exp(iωt)): with the frequency of the drives, or of the cycle if there are none. A
+        cycle of several periods of the drives has slower ones, too."""
+        return self._harmonics[0]
 
     @cached_property
-    def _harmonics(self) -> tuple[Array, float]:
-        """The same as an array, and how well it is known."""
+    def _harmonics(self) -> tuple[dict[str, complex], dict[str, float]]:
+        """The same, and how well it is known: of the state (no name), of each output besides."""
         setting = self.closed.shooting.setting
         order = setting.turns if setting.symmetry.driven else 1
-        return measure.harmonics(self.trajectory, self.closed.orbit.shift, order)
+        own, error = over_period.harmonics(self.trajectory, self.closed.orbit.shift, order)
+        found = dict(zip(self.system.declaration.state, own.tolist(), strict=True))
+        for name, row in self.system.unknowns.items():
+            found[name] = sum((w * found[mode] for mode, w in row.items()), 0j)
+        outputs = self.system.declaration.outputs
+        others, more = over_period.harmonics_of(self.trajectory, outputs, found, order)
+        return found | others, {"": error, **more}
 
     @cached_property
     def relative_phase(self) -> dict[str, float]:
-        """Phase of the first harmonic of each coordinate, or unknown of a structure, relative to
-        the drive, in (−3π/2, π/2], negative if it lags behind: relative to the only drive of the
-        system, or to the force on it. Empty if nothing drives the system; what has no drive has
-        none."""
+        """Phase of the first harmonic of each coordinate, unknown of a structure, or output,
+        relative to the drive, in (−3π/2, π/2], negative if it lags behind: relative to the only
+        drive of the system, or to the force on it (of an output, the only force that depends on
+        time). Empty if nothing drives the system; what has no drive has none."""
         setting = self.closed.shooting.setting
         if not setting.symmetry.driven:
             return {}
         turn = self.period / setting.turns
         found = dict[str, float]()
-        for name in self.system.places:
+        for name in self.system.followed:
             with suppress(DeclarationError):
                 own = phase_of_drive(
                     self.system, read_drive(self.system, name), self.parameters, turn
@@ -450,9 +453,9 @@ class Cycle(Result):
         Parameters
         ----------
         formula : str
-            Of the parameters, functions, drives and facts of the system, of ``t``, the state, the
-            rates ``d_x``, and, by contact, ``friction_c`` and what else :meth:`Trajectory.at` gives
-            of it.
+            Of the parameters, functions, drives, facts and outputs of the system, of ``t``, the
+            state, the rates ``d_x``, and, by contact, ``friction_c`` and what else
+            :meth:`Trajectory.at` gives of it.
 
         Raises
         ------
@@ -466,7 +469,7 @@ class Cycle(Result):
         >>> print(f"{cycle.mean('k*(X - x)'):.6f} {cycle.energy_per_distance:.6f}")
         0.465260 0.465260
         """
-        found, _ = measure.mean(self.trajectory, formula)
+        found, _ = over_period.mean(self.trajectory, formula)
         if not math.isfinite(found):
             raise DeclarationError(
                 "formula",

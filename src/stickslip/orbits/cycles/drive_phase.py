@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.errors import DeclarationError
+from stickslip.errors import DeclarationError, short
 from stickslip.model.system import System
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.evaluator import evaluator
@@ -21,13 +21,14 @@ _SAMPLES = 64  # of a drive in a period, for its first harmonic
 
 
 def read_drive(system: System, coordinate: str, drive: str | None = None) -> tuple[str, Expr]:
-    """What the phase of a coordinate is relative to, in words and as a formula: what is asked for,
-    the only drive of the system, or the force on the coordinate.
+    """What the phase of a coordinate, an unknown of a structure, an output or a formula is relative
+    to, in words and as a formula: what is asked for, the only drive of the system, or the force on
+    the coordinate; of anything else, the only force that depends on time.
 
     Raises
     ------
     DeclarationError
-        If what is asked for is not a formula.
+        If what is asked for is not a formula, or there is no such force.
     """
     d = system.declaration
     if drive is not None:
@@ -35,15 +36,38 @@ def read_drive(system: System, coordinate: str, drive: str | None = None) -> tup
     if len(d.drives) == 1:
         (name,) = d.drives
         return name, d.drives[name]
-    if coordinate not in system.coordinates:  # an unknown of a structure
+    if coordinate not in system.coordinates and not system.unknown(coordinate):
+        return _only_force(system, coordinate)
+    if coordinate not in system.coordinates:
         at = system.forces.get(coordinate, 0.0)
         if at == 0.0 and len(system.forces) == 1:
             (coordinate, at), *_ = system.forces.items()
         return f"the force on {coordinate}", d.scope.parse(at, f"forces.{coordinate}")
-    force = -ex.derivative(d.potential, coordinate)
-    return f"the force on {coordinate}", force + d.scope.parse(
-        system.coordinates[coordinate].force, f"coordinates.{coordinate}.force"
-    )
+    return f"the force on {coordinate}", _force_on(system, coordinate)
+
+
+def _force_on(system: System, coordinate: str) -> Expr:
+    """All that pushes a coordinate but friction."""
+    d = system.declaration
+    where = f"coordinates.{coordinate}.force"
+    given = d.scope.parse(system.coordinates[coordinate].force, where)
+    return given - ex.derivative(d.potential, coordinate)
+
+
+def _only_force(system: System, of: str) -> tuple[str, Expr]:
+    """The only force that depends on time."""
+    scope = system.declaration.scope
+    forces = {x: _force_on(system, x) for x in system.coordinates}
+    forces |= {x: scope.parse(force, f"forces.{x}") for x, force in system.forces.items()}
+    timed = [x for x, force in forces.items() if "t" in force.symbols]
+    if len(timed) != 1:
+        said = " and ".join(timed) or "nothing"
+        raise DeclarationError(
+            "drive",
+            f"time acts on {said}, so that no force belongs to '{short(of)}'",
+            "Say with drive= relative to what phases are measured",
+        )
+    return f"the force on {timed[0]}", forces[timed[0]]
 
 
 def phase_of_drive(

@@ -127,7 +127,7 @@ def dataset_of(found: Sensitivity, compared: bool = False) -> xarray.Dataset:
 def _said(trajectory: Trajectory, name: str) -> dict[str, Any]:
     """What is said of the derivative of a quantity, whose unit is that of the quantity for each of
     the parameter; of a formula no unit is known."""
-    known = name in trajectory._rows or name == "energy"
+    known = name in {*trajectory._rows, *trajectory.system.outputs, "energy"}
     said = quantity(trajectory.system, name) if known else {"long_name": name}
     return {
         **said,

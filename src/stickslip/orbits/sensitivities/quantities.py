@@ -67,7 +67,7 @@ class Observation(NamedTuple):
 
 
 def read_observations(trajectory: Trajectory, asked: Sequence[str]) -> tuple[Observation, ...]:
-    """What is observed of a motion: names, or formulas of names.
+    """What is observed of a motion: names, or formulas of names, outputs among them.
 
     Raises
     ------
@@ -76,14 +76,16 @@ def read_observations(trajectory: Trajectory, asked: Sequence[str]) -> tuple[Obs
     """
     if set(asked) <= set(trajectory._problem.compiled.layout.state):
         return tuple(Observation(name, ex.sym(name)) for name in asked)
-    known = {*trajectory._rows, *trajectory.system.parameters, "t", "energy"}
-    declared = trajectory.system.declaration.scope
+    system = trajectory.system
+    declared = system.declaration.results
+    known = {*system.declaration.published, *system.parameters, *system.outputs, "t"}
     refused = {
         name: f"{name} is summed up along the way and has no formula; take powers or forces"
         for name in _SUMMED_UP
     }
     refused |= {f"mode_{key}": "modes are whole numbers" for key in trajectory.modes}
-    names = {**declared.names, **{name: ex.sym(name) for name in known}}
+    names = {name: e for name, e in declared.names.items() if name not in refused}
+    refused |= declared.forbidden
     scope = Scope(names, declared.definitions, refused, vectors=declared.vectors)
     kinks = set(trajectory._problem.compiled.equations.kinks)
     found: list[Observation] = []

@@ -8,13 +8,18 @@ mean λ; of all contacts the largest |λ|, or ``peak_force:contact``; in a plane
 component, ``mean_force:table 1``) and ``lyapunov`` are also those
 of a motion at rest, of steady sliding, and of the last part of a motion that has not settled. So
 are ``low`` and ``high`` (least and largest value of a component), ``shift`` (its change), ``state``
-(its value where what is measured begins), ``time`` (when that is) and ``duration`` (how long it
-is).
+(its value where what is measured begins), ``mean``, ``time`` (when that is) and ``duration`` (how
+long it is).
+
+In place of a component there may be an output, an unknown of a structure, a force or any other
+formula of what results show: ``high:tip``, ``amplitude:u[tip] - u[root]``,
+``mean:friction_ground``.
 
 Where a drive is known for a time only, as a record of an earthquake is, nothing settles: what is
 measured is the motion over the declared span, and what belongs to a cycle is refused.
 
-Some are seen only in the motion of the period itself, which is followed once more for them:
+Some are seen only in the motion of the period itself, which is followed once more for them: all
+that are measured of formulas, and
 ``harmonic`` and ``phase`` (amplitude and phase of the first harmonic, with the frequency of the
 drives, or of the cycle if there are none, as of amplitude·cos(ωt + phase); of a component or of a
 force, ``harmonic:friction_ground``), ``relative_phase`` (relative to the drive, negative if it lags
@@ -36,6 +41,7 @@ from stickslip.equations.derive import derive
 from stickslip.errors import DeclarationError
 from stickslip.model.system import System
 from stickslip.motion.audit.observers import LASTED, STUCK
+from stickslip.motion.between.formulas import read_formula
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
 from stickslip.orbits.cycles.measure import dissipated_by
@@ -135,7 +141,7 @@ def _duration(problem: Problem, o: Observed, of: str) -> Array:
 @dataclass(frozen=True)
 class Named:
     """A measure: its rule, whether steps have to be followed again for it, and what it may be taken
-    of; or its rule for the motion of a period."""
+    of; or its rule for the motion of a period, which of formulas is the only one."""
 
     rule: Rule | None
     closely: bool
@@ -145,20 +151,21 @@ class Named:
 
 MEASURES = {
     "period": Named(_period, False),
-    "amplitude": Named(_amplitude, True, "component"),
-    "speed": Named(_speed, False, "component"),
+    "amplitude": Named(_amplitude, True, "component", one_period.amplitude),
+    "speed": Named(_speed, False, "component", one_period.speed),
     "stick_fraction": Named(_stick_fraction, False, "contact"),
     "energy_per_cycle": Named(_energy, True, "contact"),
     "peak_force": Named(_peak, True, "contact"),
     "mean_force": Named(_mean, True, "force"),
     "switches": Named(_switches, False),
     "lyapunov": Named(_lyapunov, False),
-    "low": Named(_low, True, "component"),
-    "high": Named(_high, True, "component"),
-    "shift": Named(_shift, False, "component"),
-    "state": Named(_state, False, "component"),
+    "low": Named(_low, True, "component", one_period.low),
+    "high": Named(_high, True, "component", one_period.high),
+    "shift": Named(_shift, False, "component", one_period.shift),
+    "state": Named(_state, False, "component", one_period.state),
     "time": Named(_time, False),
     "duration": Named(_duration, False),
+    "mean": Named(None, False, "quantity", one_period.mean_value),
     "harmonic": Named(None, False, "quantity", one_period.harmonic),
     "phase": Named(None, False, "quantity", one_period.phase),
     "relative_phase": Named(None, False, "quantity", one_period.phase_to_drive),
@@ -177,9 +184,12 @@ _OF_A_SPAN = (
     "high",
     "shift",
     "state",
+    "mean",
     "time",
     "duration",
 )
+_BEYOND_CYCLES = ("amplitude", "speed", "low", "high", "shift", "state", "mean")
+"""Measures that formulas have whatever a motion has settled on, or has not."""
 
 
 def known_for_a_time(system: System) -> bool:
@@ -196,7 +206,18 @@ def needs_close_look(system: System, measures: Sequence[str]) -> bool:
     DeclarationError
         If there is no such measure, or the system has no such component or contact.
     """
-    return any([_named(system, measure).closely for measure in measures])
+    close = [
+        _named(system, measure).closely and not _of_formula(system, measure) for measure in measures
+    ]
+    return any(close)
+
+
+def _of_formula(system: System, measure: str) -> bool:
+    """Whether a measure is one of a formula, where the engine sums up the state alone."""
+    name, _, of = measure.partition(":")
+    known = MEASURES[name]
+    both = known.rule is not None and known.again is not None
+    return both and bool(of) and of not in system.declaration.places
 
 
 def _named(system: System, measure: str) -> Named:
@@ -209,11 +230,14 @@ def _named(system: System, measure: str) -> Named:
         "component": system.declaration.state,
         "contact": list(system.rubbing),
         "force": list(system.dry_contacts),
-        "quantity": one_period.quantities(system),
     }.get(MEASURES[name].of, [])
     opening = [c.name for c in system.declaration.contacts if c.opens]
     unknown = of not in known and not (MEASURES[name].of == "contact" and of in opening)
-    if of and unknown and MEASURES[name].of != "weight":
+    if of and (MEASURES[name].of == "quantity" or _of_formula(system, measure)):
+        remedy = "Declare it under 'outputs', and give its name"
+        one_period.check_variable(of, f"measure.{name}", remedy)
+        read_formula(system, of, f"measure.{name}")
+    elif of and unknown and MEASURES[name].of != "weight":
         remedy = f"Known: {', '.join(known)}" if known else f"Ask for '{name}'"
         raise DeclarationError(f"measure.{name}", f"there is no '{of}'", remedy)
     if name == "speed" and not of and not system.translation:
@@ -256,7 +280,7 @@ def measured(
     for measure in measures:
         name, _, of = measure.partition(":")
         rule = MEASURES[name].rule
-        if rule is not None:
+        if rule is not None and not _of_formula(problem.system, measure):
             with np.errstate(invalid="ignore", divide="ignore"):
                 result[measure] = np.where(failed, np.nan, rule(problem, observed, of))
     return result
@@ -283,15 +307,17 @@ def measured_again(
     from stickslip.motion.simulate import simulate
 
     named = [(m, *m.partition(":")[::2]) for m in measures]
-    wanted = [(m, _again(problem, name, of), of) for m, name, of in named]
-    wanted = [(m, rule, of) for m, rule, of in wanted if rule is not None]
-    result = {m: np.full(len(table), np.nan) for m, _, _ in wanted}
-    moving = np.isin(observed.outcome, [Outcome.PERIODIC.code, Outcome.STEADY.code])
+    wanted = [(m, name, _again(problem, m), of) for m, name, of in named]
+    wanted = [(m, name, rule, of) for m, name, rule, of in wanted if rule is not None]
+    result = {m: np.full(len(table), np.nan) for m, *_ in wanted}
+    cycles = np.isin(observed.outcome, [Outcome.PERIODIC.code, Outcome.STEADY.code])
+    known = np.isin(observed.outcome, [o.code for o in (*MEASURED, Outcome.FINISHED)])
     for m in result:
         still = (observed.outcome == Outcome.AT_REST.code) & m.startswith("harmonic")
         result[m][still] = 0.0
     system = problem.system
-    for i in np.flatnonzero(moving) if wanted else ():
+    beyond = any(name in _BEYOND_CYCLES for _, name, _, _ in wanted)
+    for i in np.flatnonzero(known if beyond else cycles) if wanted else ():
         begin = float(observed.time[i])
         motion = simulate(
             system,
@@ -302,21 +328,24 @@ def measured_again(
             atol=settings.atol,
         )
         repeats = observed.outcome[i] == Outcome.PERIODIC.code
-        for m, rule, of in wanted:
-            if motion.outcome.ok and (repeats or rule is not dissipated_by):
+        for m, name, rule, of in wanted:
+            suits = cycles[i] or name in _BEYOND_CYCLES
+            if motion.outcome.ok and suits and (repeats or rule is not dissipated_by):
                 result[m][i] = rule(motion, of)
     return result
 
 
-def _again(problem: Problem, name: str, of: str) -> PeriodRule | None:
-    """The rule of a measure that needs the motion of the period itself. Of contacts that are one,
-    only all that they dissipate is known without."""
+def _again(problem: Problem, measure: str) -> PeriodRule | None:
+    """The rule of a measure that needs the motion of the period itself, as all of formulas do. Of
+    contacts that are one, only all that they dissipate is known without."""
+    name, _, of = measure.partition(":")
     members = problem.compiled.equations.members
     if name == "energy_per_cycle" and any(
         len(own) > 1 and of in {c.name for c in own} for own in members
     ):
         return dissipated_by
-    return MEASURES[name].again
+    known = MEASURES[name]
+    return known.again if known.rule is None or _of_formula(problem.system, measure) else None
 
 
 def lacking(observed: Observed, tolerance: float) -> Array:

@@ -1,5 +1,5 @@
-"""Measures of what is seen only in the motion of a period itself: harmonics, and energy per
-distance."""
+"""Measures of what is seen only in the motion of a period itself: harmonics, energy per distance,
+and all that is measured of outputs and formulas."""
 
 from __future__ import annotations
 
@@ -11,10 +11,11 @@ import numpy as np
 
 from stickslip.equations.derive import derive
 from stickslip.errors import DeclarationError, short
-from stickslip.model.quantities import contact_key
 from stickslip.model.system import System
+from stickslip.motion.between.formulas import Along, read_formula
+from stickslip.orbits.cycles import over_period
 from stickslip.orbits.cycles.drive_phase import phase_of_drive, read_drive, relative_phase
-from stickslip.orbits.cycles.measure import harmonics, weight
+from stickslip.orbits.cycles.measure import weight
 from stickslip.orbits.fields.clock import clock
 
 if TYPE_CHECKING:
@@ -50,6 +51,56 @@ def phase_to_drive(motion: Trajectory, of: str) -> float:
     return found
 
 
+def mean_value(motion: Trajectory, of: str) -> float:
+    """Its mean."""
+    return over_period.mean(motion, of or motion.system.declaration.state[0])[0]
+
+
+def low(motion: Trajectory, of: str) -> float:
+    """The least value of a formula."""
+    return _ends(motion, of)[0]
+
+
+def high(motion: Trajectory, of: str) -> float:
+    """The largest value."""
+    return _ends(motion, of)[1]
+
+
+def amplitude(motion: Trajectory, of: str) -> float:
+    """Half its range."""
+    least, largest = _ends(motion, of)
+    return 0.5 * (largest - least)
+
+
+def state(motion: Trajectory, of: str) -> float:
+    """Its value where the motion begins."""
+    return _at_ends(motion, of)[0]
+
+
+def shift(motion: Trajectory, of: str) -> float:
+    """By how much it has changed in the end."""
+    first, last = _at_ends(motion, of)
+    return last - first
+
+
+def speed(motion: Trajectory, of: str) -> float:
+    """The same by time."""
+    return shift(motion, of) / float(np.diff(motion.t_span)[0])
+
+
+def _ends(motion: Trajectory, of: str) -> tuple[float, float]:
+    formula = read_formula(motion.system, of, "measure")
+    return over_period.extrema(motion, {of: formula})[of]
+
+
+def _at_ends(motion: Trajectory, of: str) -> tuple[float, float]:
+    k = motion.knots
+    steps = np.flatnonzero(np.diff(k.time) > 0.0)
+    along = Along(motion, [read_formula(motion.system, of, "measure")])
+    first, last = along(k.time[[0, -1]], steps[[0, -1]])[:, 0].tolist()
+    return first, last
+
+
 def energy_per_distance(motion: Trajectory, of: str) -> float:
     """Dissipated energy over the distance, along a coordinate or along the translation."""
     names = list(motion.system.declaration.state)
@@ -69,6 +120,13 @@ def cost_of_transport(motion: Trajectory, of: str) -> float:
     return np.nan
 
 
+def check_variable(of: str, where: str, remedy: str) -> None:
+    """Refuse what cannot be a part of the name of a variable."""
+    if "/" in of:
+        reason = f"'{short(of)}' has a /, which no name of a variable may have"
+        raise DeclarationError(where, reason, remedy)
+
+
 def check_period_measure(system: System, name: str, of: str) -> None:
     """Refuse a measure that no point of a map could have.
 
@@ -82,9 +140,7 @@ def check_period_measure(system: System, name: str, of: str) -> None:
             raise DeclarationError(
                 where, "no weight is named", "Name it, like cost_of_transport:m*g"
             )
-        if "/" in of:
-            reason = f"'{short(of)}' has a /, which no name of a variable may have"
-            raise DeclarationError(where, reason, "Write 'cost = energy_per_distance/(...)'")
+        check_variable(of, where, "Write 'cost = energy_per_distance/(...)'")
         weight(system, of, system.values)
     if name in ("energy_per_distance", "cost_of_transport") and not (
         system.translation or (of and name == "energy_per_distance")
@@ -102,13 +158,11 @@ def _check_drive(system: System, of: str) -> None:
     where = "measure.relative_phase"
     if not driven(system):
         raise DeclarationError(where, f"nothing drives {system.name}", "Ask for 'phase'")
-    if len(system.declaration.drives) != 1 and of not in system.coordinates:
-        raise DeclarationError(
-            where,
-            f"there is no drive that belongs to '{of}'",
-            f"Name a coordinate: {', '.join(system.coordinates)}",
-        )
-    text, formula = read_drive(system, of)
+    try:
+        text, formula = read_drive(system, of)
+    except DeclarationError as error:
+        remedy = f"Name a coordinate: {', '.join(system.coordinates)}"
+        raise DeclarationError(where, error.reason, remedy) from None
     if not _oscillates(formula):
         raise DeclarationError(
             where, f"{text} does not oscillate", f"Ask for 'phase:{of}', which counts from t = 0"
@@ -121,12 +175,6 @@ def _oscillates(formula: Expr) -> bool:
         return False
     inside = [*formula.args, *(base for base, _ in formula.terms)]
     return formula.op not in ("sym", "sum", "prod") or any(map(_oscillates, inside))
-
-
-def quantities(system: System) -> list[str]:
-    """What has harmonics."""
-    forces = [f"friction_{contact_key(contact)}" for contact in system.dry_contacts]
-    return [*system.declaration.state, *forces]
 
 
 def driven(system: System) -> bool:
@@ -152,8 +200,10 @@ def _first(motion: Trajectory, of: str) -> complex:
     if abs(turns - order) > _WHOLE * turns:
         # What repeats in a part of the period of the drives has no wave of that period.
         return 0.0j if turns < 1.0 else complex(np.nan)
-    names = list(motion.system.declaration.state)
-    if name not in names:
-        return complex(harmonics(motion, np.zeros(1), order, [name])[0][0])
-    state = motion.knots.state
-    return complex(harmonics(motion, state[-1] - state[0], order)[0][names.index(name)])
+    names, states = motion.system.declaration.state, motion.knots.state
+    formula = read_formula(motion.system, name, "measure")
+    known: dict[str, complex] = {}
+    if formula.symbols & set(names):
+        own, _ = over_period.harmonics(motion, states[-1] - states[0], order)
+        known = dict(zip(names, own.tolist(), strict=True))
+    return over_period.harmonics_of(motion, {name: formula}, known, order)[0][name]

@@ -6,6 +6,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 import math
+import re
 import runpy
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -31,6 +32,7 @@ from stickslip.symbolic.formulas import NAME, Scope
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
+_OF_ONE = re.compile(rf"\b(?:{'|'.join(MEASURES)})\s*:\s*[A-Za-z]\w*(?:\s*\[\s*\w+\s*\])?")
 MEASURES_GROUP = "stickslip.measures"
 """Entry points of measures that other packages add."""
 
@@ -51,7 +53,7 @@ one."""
 @dataclass(frozen=True)
 class FormulaMeasure:
     """A formula of named measures and of the parameters, such as ``cost =
-    energy_per_cycle/(P*speed)``.
+    energy_per_cycle/(P*speed)`` or ``range = high:tip - low:tip``.
 
     Attributes
     ----------
@@ -132,9 +134,10 @@ def read_measures(system: System, asked: Sequence[Any]) -> tuple[Measure, ...]:
     ----------
     system : System
     asked : sequence of str or callable
-        Names of measures, possibly of one coordinate or contact (``"amplitude:psi"``); formulas
-        ``"name = formula"`` of measures and parameters; ``"file.py:function"``; functions of a
-        Trajectory, or the names of those that other packages add (entry points of
+        Names of measures, possibly of one coordinate, output, formula or contact
+        (``"amplitude:psi"``, ``"high:u[tip] - u[root]"``); formulas ``"name = formula"`` of
+        measures and parameters (``"range = high:tip - low:tip"``); ``"file.py:function"``;
+        functions of a Trajectory, or the names of those that other packages add (entry points of
         ``stickslip.measures``).
 
     Raises
@@ -240,14 +243,22 @@ def _formula(system: System, name: str, text: str) -> FormulaMeasure:
     _check_new_name(name)
     own = {*system.parameters, *system.declaration.state}
     vectors = system.declaration.scope.vectors
-    scope = Scope({symbol: ex.sym(symbol) for symbol in {*own, *MEASURES}}, vectors=vectors)
-    expression = scope.parse(text, f"measure.{name}")
-    return FormulaMeasure(
-        name,
-        text,
-        expression,
-        tuple(n for n in MEASURES if n in expression.symbols and n not in own),
-    )
+    names = {symbol: ex.sym(symbol) for symbol in {*own, *MEASURES}}
+    measures = dict.fromkeys(MEASURES)
+    short_names: dict[str, str] = {}
+
+    def called(match: re.Match[str]) -> str:
+        """A name for the measure of one quantity."""
+        measure = re.sub(r"\s", "", match[0])
+        measures.setdefault(measure)
+        return short_names.setdefault(measure, f"measure_{len(short_names) + 1}_of")
+
+    plain = _OF_ONE.sub(called, text)
+    names |= {given: ex.sym(measure) for measure, given in short_names.items()}
+    expression = Scope(names, vectors=vectors).parse(plain, f"measure.{name}")
+    needs = tuple(n for n in measures if n in expression.symbols and n not in own)
+    needs_close_look(system, needs)  # refuses what does not exist
+    return FormulaMeasure(name, text, expression, needs)
 
 
 def _file_function(path: str, name: str) -> FunctionMeasure:

@@ -93,7 +93,8 @@ def measure_chunk(
     closely = needs_close_look(system, measures)
     if known_for_a_time(system):
         seen = _over_the_span(problem, table, states, settings, time_limit)
-        return measured(problem, seen, measures, certified_below(settings))
+        found = measured(problem, seen, measures, certified_below(settings))
+        return found | measured_again(problem, table, seen, measures, settings)
     exponents = "lyapunov" in measures
     if device == "gpu":
         from stickslip.sweeps.work.device import OnDevice, lanes_on_device

@@ -1,0 +1,99 @@
+"""Formulas of what a motion shows, at times within its steps: outputs, and what else is asked of
+results by a formula."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.errors import DeclarationError, short, suggestion
+from stickslip.model.quantities import ENERGIES
+from stickslip.model.system import System
+from stickslip.symbolic.evaluator import evaluator
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.formulas import NAME
+
+if TYPE_CHECKING:
+    from stickslip.motion.trajectory import Trajectory
+
+
+def read_formula(system: System, text: str, where: str) -> Expr:
+    """A name or a formula of what results show of a system.
+
+    Parameters
+    ----------
+    system : System
+    text : str
+        Of the state, rates, unknowns of structures, outputs, forces, energies, ``t``, parameters,
+        functions and drives.
+    where : str
+        What messages call it.
+
+    Raises
+    ------
+    DeclarationError
+        If it is no formula of these.
+    """
+    declared = system.declaration
+    scope, bare = declared.results, text.strip()
+    if NAME.fullmatch(bare) and bare not in {*scope.names, *scope.definitions, *scope.forbidden}:
+        known = [*system.followed, *sorted(declared.published), *scope.definitions]
+        reason = f"there is no '{short(bare)}'"
+        raise DeclarationError(where, reason, suggestion(bare, dict.fromkeys(known)))
+    return scope.parse(text, where)
+
+
+def evaluated(formulas: Sequence[Expr], values: Mapping[str, Array | float], count: int) -> Array:
+    """Values of formulas, shape (formulas, count), from those of names.
+
+    Parameters
+    ----------
+    formulas : sequence of Expr
+    values : mapping of str to array, shape (count,), or number
+    count : int
+    """
+    names = sorted({name for formula in formulas for name in formula.symbols})
+    table = np.empty((len(names), count))
+    for row, name in zip(table, names, strict=True):
+        row[:] = values[name]
+    return evaluator(formulas, names)(table)
+
+
+class Along:
+    """Values of formulas along a motion: from its states, wherever these say all, and from forces,
+    rates and energies otherwise, which are computed again from the states.
+
+    Parameters
+    ----------
+    motion : Trajectory
+    formulas : sequence of Expr
+        Of names that :attr:`~stickslip.model.declaration.Declaration.results` has.
+    """
+
+    def __init__(self, motion: Trajectory, formulas: Sequence[Expr]) -> None:
+        self.motion = motion
+        self.formulas = list(formulas)
+        names = {name for formula in formulas for name in formula.symbols}
+        names -= {"t", *motion.parameters}
+        self._timed = not names
+        self._of_state = names <= set(motion.system.declaration.state)
+        self._sums = bool(names & set(ENERGIES))
+
+    def __call__(self, times: Array, index: Array) -> Array:
+        """Values at times within the steps of the knots `index`, shape (times, formulas)."""
+        motion = self.motion
+        values: dict[str, Array] = {}
+        if self._sums:
+            values = motion._values_without_outputs(times - motion.knots.origin, index)
+        elif not self._of_state:
+            rows = motion._sample(times, index)
+            values = {name: rows[:, row] for name, row in motion._rows.items()}
+            motion._without_contact(values, index)
+        elif not self._timed:
+            states = motion._states_at(times, index)
+            values = dict(zip(motion.system.declaration.state, states.T, strict=True))
+        given = {**values, **motion.parameters, "t": times}
+        return evaluated(self.formulas, given, len(times)).T
