@@ -4,10 +4,11 @@ Each step is followed again from its first state by Taylor polynomials p, which 
 here. The equations and the law are evaluated for them at Gauss nodes, without series
 (:mod:`.friction_law`, :mod:`.contact_planes`), and bounded between the nodes
 (:mod:`.between_nodes`). A piece of a step is halved until what may happen between its nodes is
-negligible; where 512 pieces of a Taylor step do not suffice, the time is reported as not verified. Stiff motion is
-followed by polynomials that last longer than Taylor series (:mod:`stickslip.motion.steps.stiff`),
-and checked in the same way. :mod:`.step_ends` checks where a step arrives and what happens there,
-:mod:`.beginnings` whether what begins to slip could have stuck.
+negligible; where 512 pieces of a Taylor step do not suffice, the time is reported as not verified.
+Stiff motion is followed by polynomials that last longer than Taylor series
+(:mod:`stickslip.motion.steps.stiff`), and checked in the same way. :mod:`.step_ends` checks where a
+step arrives and what happens there, :mod:`.beginnings` whether what begins to slip could have
+stuck.
 """
 
 from __future__ import annotations
