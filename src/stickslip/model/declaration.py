@@ -12,7 +12,8 @@ from stickslip.errors import DeclarationError, short, some
 from stickslip.kept import cached_property
 from stickslip.model.entries.checks import check_definite
 from stickslip.model.entries.declared import Kind
-from stickslip.model.names import NORMAL, Range, check_covered
+from stickslip.model.entries.keys import NORMAL
+from stickslip.model.names import Range, check_covered
 from stickslip.model.quantities import ENERGIES, FORCES, IN_PLANE, contact_key
 from stickslip.model.schema import entry_key
 from stickslip.symbolic import expressions as ex
