@@ -158,6 +158,11 @@ def test_a_token_serves_once(monkeypatch: pytest.MonkeyPatch) -> None:
         last = await room()  # the others are gone
         page = await enters(last)
         assert page is not None
+        assert await enters(last) is None  # beside it
+        assert await alive(page)
+        await page.close()
+        page = await enters(last)  # at once, as a page does whose connection was lost
+        assert page is not None
         await page.close()
         await room()
         await asyncio.sleep(2.0)

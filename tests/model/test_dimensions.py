@@ -92,7 +92,7 @@ def inertial(force: str, drag: str = "0") -> dict[str, object]:
             "is in rpm*s, but 'cos' takes radians|is in s*rpm, but 'cos' takes radians",
         ),
         ({"potential": "F*x*exp(x/V)"}, "potential", "'exp' takes a number"),
-        ({"potential": "F*x*triangle(V*t)"}, "potential", "'cos' takes radians"),
+        ({"potential": "F*x*triangle(V*t)"}, "potential", "a function with pieces takes a number"),
         (
             {"contacts": {"ground": ss.Contact("d_x", "mu*k", unit="N")}},
             "contacts.'ground'.threshold",

@@ -293,6 +293,36 @@ def test_control_c_is_heard_in_the_search_for_a_cycle() -> None:
     assert time.monotonic() - sent[0] < 2.0
 
 
+def test_control_c_is_heard_in_a_play() -> None:
+    with control_c(0.3) as sent, pytest.raises(KeyboardInterrupt):
+        ss.play("5*sin(t)", "1 + cos(2*pi*s)/2", (0.0, 1e6), initial=0.0, epsilon=1e-3)
+    assert time.monotonic() - sent[0] < 2.0
+
+
+def test_control_c_is_heard_in_averages() -> None:
+    turning = ss.Ellipsoid(
+        [["2 + cos(2*pi*s)", "sin(2*pi*s)/5"], ["sin(2*pi*s)/5", "1.5 + sin(2*pi*s)"]]
+    )
+    with control_c(0.3) as sent, pytest.raises(KeyboardInterrupt):
+        while True:
+            turning.average(1e-10).optimal_motion([1.0, 0.3])
+    assert time.monotonic() - sent[0] < 2.0
+
+
+def test_control_c_keeps_the_best_of_a_fit() -> None:
+    motion = ss.simulate(ss.catalogue.belt_stribeck(), (0.0, 30.0))
+    t = np.linspace(0.0, 30.0, 300)
+    data = {"time": t, "x": np.array([motion.at(float(at))["x"] for at in t])}
+    free = {"F_s": (0.3, 3.0), "F_c": (0.05, 1.0), "v_s": (0.05, 2.0)}
+    asked = ss.catalogue.belt_stribeck(), data, free, {"x": "x"}
+    ss.fit(*asked, starts=1)  # everything is imported
+    with control_c(0.5) as sent:
+        found = ss.fit(*asked, starts=1000)
+    assert time.monotonic() - sent[0] < 2.0
+    assert not found.complete
+    assert set(found.estimate) == set(free)
+
+
 def test_control_c_ends_a_whole_response() -> None:
     """And not only the motion, or the line, that is computed when it comes."""
     with control_c(1.0) as sent:

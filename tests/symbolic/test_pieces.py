@@ -333,3 +333,14 @@ def test_series_of_machine_code() -> None:
             assert np.all(np.abs(series - np.array(exact, dtype=float)) <= 1e-12 * (scale + 1)), (
                 text
             )
+
+
+@pytest.mark.parametrize("text", ["triangle(x)", "sawtooth(x)", "mod(x, 1)", "square(x)"])
+def test_waves_of_large_arguments_stay_in_their_range(text: str) -> None:
+    """Which piece an argument is in is asked of the same rounded number of turns as where it is in
+    the piece."""
+    f = parse(text)
+    peaks = math.pi * (np.random.default_rng(0).integers(0, 2**40, 500) + 0.5)
+    late = [*peaks, *(m * 2.0**n for n in range(40, 1024, 7) for m in (1.0, 1.3, math.pi / 2))]
+    values = [ex.evaluate(f, {"x": sign * x}) for x in late for sign in (1.0, -1.0)]
+    assert all(-1.0 <= value <= 1.0 for value in values)

@@ -15,10 +15,12 @@ from stickslip.kept import made_once
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     ADMISSIBLE_SIZE,
+    FORMULA,
     LEAD,
     PART,
     RUBBING,
     SLIPS,
+    STATIC,
     Rows,
 )
 from stickslip.symbolic import expressions as ex
@@ -71,6 +73,7 @@ def _rows(equations: MotionEquations, layout: Layout) -> Rows:
         _together(layout),
         _bodies(equations),
         *_contacts(equations, layout),
+        *_sets(equations, layout),
         *_beside_planes(equations, layout, list(noise)),
         _numbers_of_states(equations, layout),
     )
@@ -145,6 +148,17 @@ def _contacts(
         np.array([c for c in blocks if c not in layout.gaps], dtype=np.int64),
         sum(c < layout.sizes["mq"] and c not in layout.gaps for c in blocks),
     )
+
+
+def _sets(equations: MotionEquations, layout: Layout) -> tuple[Array, Array]:
+    """The rows of the radii of sets of forces, by direction, and the numbers of their formulas."""
+    radii = np.array([layout.plus, layout.minus], dtype=np.int64).reshape(2, -1).T.copy()
+    formula = np.full(len(layout.u), -1, np.int64)
+    for plane in layout.planes:
+        own = [*equations.directions[plane[LEAD]]]
+        radii[own] = plane[STATIC]
+        formula[own] = plane[FORMULA]
+    return radii, formula
 
 
 def _beside_planes(

@@ -159,16 +159,20 @@ class Factored:
     Attributes
     ----------
     solve : callable
-        From right-hand sides, shape (n,) or (n, k), to solutions.
+        From right-hand sides, shape (n,) or (n, k), to solutions; NaN of a sparse matrix that is
+        not positive definite.
     negative : int
         How many of its eigenvalues are negative (Sylvester's law of inertia).
     least : float
         Its smallest pivot, as a part of the diagonal.
+    blocks : array of int, optional
+        Of a sparse one, the block of each unknown in the order of elimination.
     """
 
     solve: Callable[[Array], Array]
     negative: int
     least: float
+    blocks: Array | None = None
 
     @property
     def singular(self) -> bool:
@@ -176,38 +180,44 @@ class Factored:
         return self.least < _SINGULAR
 
 
-def factored(matrix: Symmetric) -> Factored:
+def factored(matrix: Symmetric, solving: bool = True, blocks: Array | None = None) -> Factored:
     """Factored of a symmetric matrix, L D Lᵀ.
 
     Rows and columns are scaled to a unit diagonal first, since unknowns may have any units.
+
+    Parameters
+    ----------
+    matrix : matrix, shape (n, n)
+    solving : bool
+        Whether there will be right-hand sides; without, a sparse one takes less memory.
+    blocks : array of int, optional
+        Those of a sparse matrix with entries at the same places.
     """
     diagonal = np.abs(matrix.diagonal())
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     if is_sparse(matrix):
         from scipy.sparse import diags_array
-        from scipy.sparse.linalg import splu
+
+        from stickslip.structures.dissection import dissected
+        from stickslip.structures.fronts import eliminated
 
         by = diags_array(scale)
-        options = {"SymmetricMode": True}
-        try:
-            lu = splu((by @ matrix @ by).tocsc(), "MMD_AT_PLUS_A", 0.0, options=options)
-        except RuntimeError:  # a pivot is exactly zero
-            return Factored(lambda b: np.full_like(b, np.nan), 0, 0.0)
-        pivots = lu.U.diagonal()
-        # Rows leave the diagonal only where a pivot on it is zero.
-        kept = np.array_equal(lu.perm_r, lu.perm_c)
-        solve = lu.solve
+        scaled = (by @ matrix @ by).tocsc()
+        scaled.eliminate_zeros()
+        blocks = dissected(scaled) if blocks is None else blocks
+        found = eliminated(scaled, blocks, solving)
+        solve, negative, least = found.solve, found.negative, found.least
     else:
         from scipy.linalg import ldl, solve_triangular
 
-        lower, blocks, order = ldl(matrix * scale * scale[:, None], lower=True)
-        pivots = np.linalg.eigvalsh(blocks) if np.any(np.diag(blocks, 1)) else np.diag(blocks)
-        kept = True
+        lower, middle, order = ldl(matrix * scale * scale[:, None], lower=True)
+        pivots = np.linalg.eigvalsh(middle) if np.any(np.diag(middle, 1)) else np.diag(middle)
+        negative, least = int(np.count_nonzero(pivots < 0.0)), float(np.min(np.abs(pivots)))
 
         def solve(b: Array) -> Array:
             below = lower[order]
             found = solve_triangular(below, b[order], lower=True, unit_diagonal=True)
-            found = np.linalg.solve(blocks, found)
+            found = np.linalg.solve(middle, found)
             turned = solve_triangular(below.T, found, unit_diagonal=True)
             back = np.empty_like(turned)
             back[order] = turned
@@ -217,8 +227,7 @@ def factored(matrix: Symmetric) -> Factored:
         by = scale if b.ndim == 1 else scale[:, None]
         return by * solve(by * b)
 
-    least = float(np.min(np.abs(pivots))) if kept else 0.0
-    return Factored(unscaled, int(np.count_nonzero(pivots < 0.0)), least)
+    return Factored(unscaled, negative, least, blocks)
 
 
 def lowest_modes(
@@ -270,17 +279,13 @@ def _shifted(
     stiffness: Symmetric, mass: Symmetric, count: int, factor: Factored | None
 ) -> tuple[Array, Array]:
     """Lanczos' iteration with (K + s M)⁻¹ M, s > 0 where there are rigid modes."""
-    from scipy.sparse.linalg import LinearOperator, eigsh
+    from stickslip.structures.lanczos import largest
 
-    n = stiffness.shape[0]
-    shift, factor = 0.0, factor or factored(stiffness)
-    if factor.singular:
+    factor = factor or factored(stiffness)
+    if factor.singular or factor.negative:
         shift = 1e-10 * float(np.max(stiffness.diagonal() / mass.diagonal()))
         factor = factored(stiffness + shift * mass)
-    inverse = cast("Any", LinearOperator)((n, n), matvec=factor.solve, dtype=float)
-    start = np.random.default_rng(0).standard_normal(n)  # the same modes each time
-    wanted = min(count + 2, n - 1)
-    _, modes = eigsh(stiffness, wanted, mass, sigma=-shift, OPinv=inverse, v0=start)
+    modes = largest(factor.solve, mass, min(count + 2, stiffness.shape[0] - 1))
     heavy = np.einsum("ij,ij->j", modes, mass @ modes)
     squares = np.einsum("ij,ij->j", modes, stiffness @ modes) / heavy
     order = np.argsort(squares)
@@ -289,7 +294,9 @@ def _shifted(
     gaps = np.diff(squares[count - 1 :])
     last = count + int(np.argmax(gaps))
     below = 0.5 * (squares[last - 1] + squares[last])
-    if (found := factored(stiffness - below * mass).negative) != last:
+    # A mass has its entries where the stiffness has some; if not, the order is only worse.
+    found = factored(stiffness - below * mass, solving=False, blocks=factor.blocks).negative
+    if found != last:
         raise ConvergenceError(
             "modes",
             f"{last} were found below {np.sqrt(below):.6g}, and there are {found}",

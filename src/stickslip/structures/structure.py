@@ -550,7 +550,7 @@ def _check_positive(mass: Symmetric, said: Any) -> None:
             f"it is not positive definite: that of unknown {said(worst)} is {diagonal[worst]:g}",
             "Remove unknowns without mass by static condensation",
         )
-    factor = matrices.factored(mass)
+    factor = matrices.factored(mass, solving=False)
     if factor.negative or factor.singular:
         raise DeclarationError(
             "mass",
@@ -570,7 +570,7 @@ def _check_not_negative(matrix: Symmetric, mass: Symmetric, what: str) -> None:
         raised = (matrix + diags_array(small)).tocsc()
     else:
         raised = matrix + np.diag(small)
-    factor = matrices.factored(raised)
+    factor = matrices.factored(raised, solving=False)
     if factor.negative or factor.least == 0.0:
         raise DeclarationError(
             what,

@@ -136,7 +136,7 @@ def _square(x: Expr) -> Expr:
 def _triangle(x: Expr) -> Expr:
     turns = _on_grid(x / _TURN)
     rising, falling = 4.0 * ex.call("wrap", turns), -4.0 * ex.call("wrap", turns - 0.5)
-    return ex.select(ex.call("cos", x), rising, falling)
+    return ex.select(ex.call("cos", _TURN * ex.call("wrap", turns)), rising, falling)
 
 
 def _sawtooth(x: Expr) -> Expr:
@@ -209,7 +209,8 @@ def spelled(e: Expr) -> tuple[str, tuple[Expr, ...]] | None:
     inner = e.args[0].args if e.op == "select" else ()
     if not inner:
         return None
-    for u in (inner[0], *(2.0 * n.args[0] for n in ex.walk(inner) if n.op == _WRAP)):
+    wrapped = [n.args[0] for n in ex.walk(inner) if n.op == _WRAP]
+    for u in (inner[0], *(m * turns for turns in wrapped for m in (2.0, _TURN))):
         for name, structure in STRUCTURES.items():
             if structure.repeats and structure.made(u) is e:
                 return name, (u,)

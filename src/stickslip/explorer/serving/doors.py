@@ -16,7 +16,7 @@ from collections.abc import Iterable
 from functools import partial
 from typing import Any
 from urllib.parse import urlsplit
-from weakref import WeakSet
+from weakref import WeakSet, WeakValueDictionary
 
 from bokeh.application.handlers.document_lifecycle import DocumentLifecycleHandler
 from bokeh.document import Document
@@ -135,7 +135,7 @@ class Prompt(WSHandler):
     async def _async_open(self, token: str) -> None:
         """Begin the session, unless the page has left long ago or there is no room."""
         assert isinstance(self.application, Guarded)
-        reason = self.application.entry(get_session_id(token))
+        reason = self.application.entry(get_session_id(token), self)
         if reason:
             self.close(4000, reason)
         else:
@@ -234,6 +234,8 @@ class Guarded(BokehTornado):
         self.most_pages = most_pages
         # Requests of pages that are being made: their sessions do not exist yet.
         self._opening = WeakSet[HTTPServerRequest]()
+        # Which connection a page has.
+        self._connected = WeakValueDictionary[str, WSHandler]()
         # When pages connected, as long as their tokens are valid.
         self._entered = dict[str, float]()
 
@@ -245,15 +247,20 @@ class Guarded(BokehTornado):
     def _sessions(self) -> set[str]:
         return {x.id for path in self.app_paths for x in self.get_sessions(path)}
 
-    def entry(self, session: str) -> str:
+    def entry(self, session: str, connection: WSHandler) -> str:
         """Why a page may not connect, in words; empty if it may. A token serves once: who comes
-        back to a session that has ended loads the page again.
+        back to a session that has ended loads the page again, and so does who comes beside one that
+        is connected. A page whose connection was lost may have another.
 
         Parameters
         ----------
         session : str
             Name of the session of the page.
+        connection : WSHandler
         """
+        other = self._connected.get(session)
+        if other is not None and other.ws_connection is not None:
+            return "This page is open elsewhere. Reload it."
         now = time.monotonic()
         valid = self.session_token_expiration
         self._entered = {x: t for x, t in self._entered.items() if now - t < valid}
@@ -263,6 +270,7 @@ class Guarded(BokehTornado):
             if not self.has_room:
                 return _FULL
         self._entered[session] = now
+        self._connected[session] = connection
         return ""
 
     def find_handler(self, request: HTTPServerRequest, **kwargs: Any) -> Any:

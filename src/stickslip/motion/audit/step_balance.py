@@ -4,10 +4,11 @@ Each step is followed again from its first state by Taylor polynomials p, which 
 here. The equations and the law are evaluated for them at Gauss nodes, without series
 (:mod:`.friction_law`, :mod:`.contact_planes`), and bounded between the nodes
 (:mod:`.between_nodes`). A piece of a step is halved until what may happen between its nodes is
-negligible; where 512 pieces do not suffice, the time is reported as not verified. Stiff motion is
-followed by polynomials that last longer than Taylor series (:mod:`stickslip.motion.steps.stiff`),
-and checked in the same way. :mod:`.step_ends` checks where a step arrives and what happens there,
-:mod:`.beginnings` whether what begins to slip could have stuck.
+negligible; where 512 pieces of a Taylor step do not suffice, the time is reported as not verified.
+Stiff motion is followed by polynomials that last longer than Taylor series
+(:mod:`stickslip.motion.steps.stiff`), and checked in the same way. :mod:`.step_ends` checks where a
+step arrives and what happens there, :mod:`.beginnings` whether what begins to slip could have
+stuck.
 """
 
 from __future__ import annotations
@@ -94,7 +95,7 @@ from stickslip.motion.steps.stiff import ends_there, follow_mode
 from stickslip.motion.steps.vectors import copy
 from stickslip.translator import compiled
 
-_MOST_PIECES = 512  # of a step
+_MOST_PIECES = 512  # of a Taylor step
 _ROUNDINGS = 8.0  # rounding errors of a rate, in parts of the size of its terms
 # square root of the number of pieces after which rounding errors of the state count beside others
 _WALK = 16.0
@@ -174,6 +175,7 @@ def audit_step(
     left = ends.time[i] - base
     last = 0.0
     pieces = 0
+    tried = 0
     whole = 0.0
     order = flow.order
     h = left
@@ -190,18 +192,20 @@ def audit_step(
         # a closed form may last for many Taylor steps, each of which counts by itself
         if not whole > 0.0:
             whole = h
+            tried = 0
             count_gaps(i, steps, tally)
         h = whole_roundings(base, h, left)
         longest = h
         give_directions(flow.rows, mode, True)
         factor = enclose(flow, mode, reg, order, h, min(h, series), tally)
-        while not factor < np.inf and pieces < _MOST_PIECES:
+        while not factor < np.inf and tried < _MOST_PIECES:
             h = whole_roundings(base, 0.5 * h, left)
             pieces = pieces + 1
+            tried = tried + 1
             factor = enclose(flow, mode, reg, order, h, min(h, series), tally)
         give_directions(flow.rows, mode, False)
         if not factor < np.inf:
-            h, steps.open[i] = longest, left  # no more is tried in this step
+            h, steps.open[i] = longest, max(steps.open[i], left)  # no more is tried in this whole
         acting = min(h, series) if series > 0.0 else h
         rounding = ROUNDING * max(1.0, math.sqrt(pieces) / _WALK)
         piece = StepPiece(order, base, h, acting, factor, rounding)
@@ -215,6 +219,7 @@ def audit_step(
         whole = whole - h
         last = h
         pieces = pieces + 1
+        tried = tried + 1
         if left <= INSTANT * abs(base):
             break  # Nobody can tell its time from that of the end.
     final = Instant(ends.time[i], ends.state[i], mode, reg)

@@ -184,6 +184,11 @@ class Rows(NamedTuple):
         The others, by their first directions.
     massive_frictional : int
         How many of them move inertial coordinates; these come first.
+    radii : array of int, shape (directions, 2)
+        The rows whose mean is the radius of the set of forces: both thresholds of a line, and twice
+        that of a plane or a face.
+    formula : array of int, shape (directions,)
+        Number of the formula of its dissipation; −1: none.
     beside : array of int, shape (directions,)
         1 for each direction that one linear problem couples to friction in a plane, whose rounding
         errors reach it then.
@@ -234,6 +239,8 @@ class Rows(NamedTuple):
     openings: IntVector
     frictional: IntVector
     massive_frictional: int
+    radii: IntMatrix
+    formula: IntVector
     beside: IntVector
     made: IntVector
     states: IntVector

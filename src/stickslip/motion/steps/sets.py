@@ -19,13 +19,10 @@ import math
 from stickslip.arrays import Array
 from stickslip.motion.steps.arrays import (
     AIM_SPEED,
-    FORMULA,
     LEAD,
     MASSIVE,
-    NOWHERE,
     ON_INERTIAL,
     ON_VISCOUS,
-    STATIC,
     WIDEST,
     Flow,
     Rows,
@@ -176,7 +173,7 @@ def may_share(rows: Rows, a: int, b: int) -> bool:
 @compiled(brief=True)
 def formula_of(rows: Rows, c: int) -> int:
     """The number of the formula of a contact; negative for others."""
-    return int(plane_of(rows, c)[FORMULA] if rows.plane[c] >= 0 else NOWHERE)
+    return int(rows.formula[c])
 
 
 @compiled(brief=True)
@@ -189,14 +186,13 @@ def axis_of(flow: Flow, c: int) -> float:
 def radius_row(rows: Rows, c: int) -> int:
     """The row of the radius of the set of forces of a contact; on a line, where slip forward and
     back have thresholds of their own, that of the first."""
-    return int(plane_of(rows, c)[STATIC] if rows.plane[c] >= 0 else rows.plus[c])
+    return int(rows.radii[c, 0])
 
 
 @compiled(brief=True)
 def radius_at(rows: Rows, table: Array, c: int, k: int) -> float:
     """Order k of the radius of the set of forces of a contact."""
-    radius = table[radius_row(rows, c), k]
-    return float(radius if rows.plane[c] >= 0 else 0.5 * (radius + table[rows.minus[c], k]))
+    return float(0.5 * (table[rows.radii[c, 0], k] + table[rows.radii[c, 1], k]))
 
 
 @compiled(brief=True)
@@ -205,9 +201,7 @@ def middle_at(flow: Flow, table: Array, c: int, k: int) -> float:
     rows = flow.rows
     if formula_of(rows, c) >= 0:
         return radius_at(rows, table, c, k) * middle_of(flow, c)
-    if rows.plane[c] >= 0:
-        return 0.0
-    return float(0.5 * (table[rows.minus[c], k] - table[rows.plus[c], k]))
+    return float(0.5 * (table[rows.radii[c, 1], k] - table[rows.radii[c, 0], k]))
 
 
 @compiled(brief=True)

@@ -1,0 +1,190 @@
+"""Contacts that are refused: each by a reason that stands in the documentation, with its remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import pytest
+
+from stickslip import (
+    Contact,
+    DeclarationError,
+    Inertial,
+    RateIndependent,
+    System,
+    Unilateral,
+    Viscous,
+    simulate,
+)
+from stickslip.model.system import AnyContact, Coordinate
+
+PAGE = Path(__file__).parents[2] / "docs" / "is-this-for-me.md"
+
+
+def body(
+    coordinates: Mapping[str, Coordinate], contacts: Mapping[str, AnyContact], **given: str
+) -> System:
+    return System("refused", coordinates=coordinates, contacts=contacts, **given)
+
+
+def masses(*names: str) -> dict[str, Coordinate]:
+    return {x: Inertial() for x in names}
+
+
+def on_legs(count: int) -> System:
+    """A plate on legs at the corners of a square, whose friction tips it."""
+    corners = ((1, 1), (1, -1), (-1, -1), (-1, 1))[:count]
+    return body(
+        masses("x", "y", "z", "a", "b"),
+        {
+            f"leg {i}": Unilateral(f"z + {u}*a + {v}*b", ("d_x - 0.2*d_a", "d_y - 0.2*d_b"), mu=0.3)
+            for i, (u, v) in enumerate(corners)
+        },
+        kinetic="(d_x**2 + d_y**2 + d_z**2 + d_a**2 + d_b**2)/2",
+        potential="9.81*z",
+    )
+
+
+def rolled() -> System:
+    """Scales on a body in a plane, with another contact."""
+    scales = Contact(("d_x", "d_y"), 1.0, dissipation="sqrt(v1**2 + 2*v2**2)")
+    other = Contact(("d_x + d_p", "d_y"), 1.0)
+    return body(
+        masses("x", "y", "p"),
+        {"scales": scales, "other": other},
+        kinetic="(d_x**2 + d_y**2 + d_p**2)/2",
+    )
+
+
+def turning() -> System:
+    """Scales whose directions turn with the body, held by two more contacts along lines."""
+    return body(
+        masses("x", "y", "p"),
+        {
+            "scales": Contact(
+                ("cos(p)*d_x + sin(p)*d_y", "cos(p)*d_y - sin(p)*d_x"),
+                1.0,
+                dissipation="sqrt(v1**2 + 2*v2**2)",
+            ),
+            "one": Contact("d_x + sin(p)*d_p", 1.0),
+            "two": Contact("d_y + cos(p)*d_p", 1.0),
+        },
+        kinetic="(d_x**2 + d_y**2 + d_p**2)/2",
+    )
+
+
+FREE = "d_x**2/2"
+SLIDER = "(d_x**2 + d_y**2)/2"
+REFUSED: dict[str, Callable[[], System]] = {
+    "already has the contact": lambda: body(
+        {"x": RateIndependent()},
+        {"one": Contact("d_x", 1.0), "two": Contact("d_x", 2.0)},
+        potential="x**2/2",
+    ),
+    "a contact of rate-independent coordinates moves one of them": lambda: body(
+        {"x": RateIndependent(), "y": RateIndependent()},
+        {"one": Contact("d_x - d_y", 1.0), "two": Contact("d_y", 1.0)},
+        potential="(x**2 + y**2)/2",
+    ),
+    "without inertia or viscosity the drop to the kinetic force is a jump": lambda: body(
+        {"x": RateIndependent()}, {"one": Contact("d_x", 1.0, kinetic=0.5)}, potential="x**2/2"
+    ),
+    "for viscous coordinates it may not depend on the speed": lambda: body(
+        {"x": Viscous()},
+        {"one": Contact("d_x", 1.0, kinetic="0.5 + 0.5*exp(-speed)")},
+        viscous="d_x**2/2",
+    ),
+    "it joins": lambda: body(
+        {"x": Inertial(), "y": Viscous()},
+        {"one": Contact("d_x - d_y", 1.0)},
+        kinetic=FREE,
+        viscous="d_y**2/2",
+    ),
+    "has a drag, whose rate no contact may hold": lambda: body(
+        {"x": Viscous(drag="d_x + d_x**3")}, {"one": Contact("d_x", 1.0)}
+    ),
+    "it depends on q, and its coordinates are viscous": lambda: body(
+        {"x": Viscous(), "q": Inertial()},
+        {"one": Contact("(1 + q**2)*d_x", 1.0)},
+        kinetic="d_q**2/2",
+        viscous="d_x**2/2",
+    ),
+    "a contact that can open moves inertial coordinates": lambda: body(
+        {"x": Viscous(), "y": Inertial()},
+        {"floor": Unilateral("y", "d_x", mu=0.3)},
+        kinetic="d_y**2/2",
+        viscous="d_x**2/2",
+    ),
+    "evolutions without mass take a SupportFormula": lambda: body(
+        {"x": Viscous(), "y": Viscous()},
+        {"scales": Contact(("d_x", "d_y"), 1.0, dissipation="sqrt(v1**2 + 2*v2**2)")},
+        viscous="(d_x**2 + d_y**2)/2",
+    ),
+    "and the contact has a dissipation of its own": lambda: body(
+        masses("x", "y", "z"),
+        {
+            "floor": Unilateral("z"),
+            "scales": Contact(
+                ("d_x", "d_y"), "0.3*normal_floor", dissipation="sqrt(v1**2 + 2*v2**2)"
+            ),
+        },
+        kinetic="(d_x**2 + d_y**2 + d_z**2)/2",
+        potential="z",
+    ),
+    "it has a dissipation of its own, beside the friction of": rolled,
+    "directions that turn hold": turning,
+    "no law tells how the body shares its weight": lambda: on_legs(4),
+    "in a plane it is not proportional to": lambda: body(
+        masses("x", "y", "z"),
+        {"floor": Unilateral("z"), "table": Contact(("d_x", "d_y"), "1 + 0.3*normal_floor")},
+        kinetic="(d_x**2 + d_y**2 + d_z**2)/2",
+        potential="z",
+    ),
+    "it is not linear in": lambda: body(
+        masses("x", "z"),
+        {"floor": Unilateral("z"), "table": Contact("d_x", "0.3*normal_floor**2")},
+        kinetic="(d_x**2 + d_z**2)/2",
+        potential="z",
+    ),
+    "without mass, it slips along forces": lambda: body(
+        {"x": Viscous(), "y": Viscous()},
+        {"table": Contact(("d_x", "d_y"), 1.0), "rail": Contact("d_x", 1.0)},
+        viscous="(d_x**2 + d_y**2)/2",
+    ),
+    "the viscosity of its components is not the same": lambda: body(
+        {"x": Viscous(), "y": Viscous()},
+        {"table": Contact(("d_x", "d_y"), 1.0)},
+        viscous="d_x**2/2 + d_y**2",
+    ),
+    "each of the two vanishes where the other does not": lambda: body(
+        masses("x"),
+        {"one": Contact("(x - 1)*d_x", 1.0), "two": Contact("(x - 2)*d_x", 1.0)},
+        kinetic=FREE,
+    ),
+    "whose friction rebounds differently": lambda: body(
+        masses("x", "y"),
+        {
+            "one": Unilateral("y", "d_x", mu=0.3, tangential_restitution=0.5),
+            "two": Unilateral("y + 1", "d_x", mu=0.3),
+        },
+        kinetic=SLIDER,
+        potential="y",
+    ),
+}
+
+
+@pytest.mark.parametrize("reason", REFUSED)
+def test_a_refusal_gives_its_reason(reason: str) -> None:
+    with pytest.raises(DeclarationError) as raised:
+        simulate(REFUSED[reason](), (0.0, 1.0))
+    assert reason.lower() in str(raised.value).lower()
+
+
+def test_the_page_names_each_refusal() -> None:
+    text = " ".join(PAGE.read_text(encoding="utf-8").split())
+    assert [reason for reason in REFUSED if f"“{reason}" not in text] == []
+
+
+def test_three_legs_are_not_refused() -> None:
+    assert simulate(on_legs(3), (0.0, 0.1)).outcome.ok
