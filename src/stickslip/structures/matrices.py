@@ -17,6 +17,7 @@ Symmetric = Any
 _ALIKE = 1e-9  # of the diagonal: by how much files with nine digits may differ from symmetric
 _SINGULAR = 1e-12  # pivots of a matrix with unit diagonal that may be rounding
 _MOST_MEMORY = 2**30  # bytes of full matrices that are made of sparse ones
+_COINCIDE = 1e-9  # of squares of frequencies: gaps in which no value has room
 _FULL = 400  # unknowns below which full matrices are faster
 
 
@@ -290,10 +291,14 @@ def _shifted(
     squares = np.einsum("ij,ij->j", modes, stiffness @ modes) / heavy
     order = np.argsort(squares)
     squares, modes = squares[order], (modes / np.sqrt(heavy))[:, order]
-    # Below a value between two of them there have to be as many as were found.
-    gaps = np.diff(squares[count - 1 :])
-    last = count + int(np.argmax(gaps))
-    below = 0.5 * (squares[last - 1] + squares[last])
+    # Below a value between two of them there have to be as many as were found. Where the last ones
+    # coincide it lies before them.
+    gaps = np.diff(squares)
+    last = count + int(np.argmax(gaps[count - 1 :]))
+    if gaps[last - 1] <= _COINCIDE * squares[last]:
+        last = 1 + int(np.max(np.flatnonzero(gaps > _COINCIDE * squares[1:]), initial=-1))
+    lower = squares[last - 1] if last else 0.0
+    below = 0.5 * (lower + squares[last])
     # A mass has its entries where the stiffness has some; if not, the order is only worse.
     found = factored(stiffness - below * mass, solving=False, blocks=factor.blocks).negative
     if found != last:
