@@ -10,7 +10,7 @@ import scipy.linalg as sl
 import scipy.sparse as sp
 
 from stickslip.structures.dissection import dissected
-from stickslip.structures.fronts import eliminated
+from stickslip.structures.fronts import factored_in_fronts
 from stickslip.structures.matrices import factored, lowest_modes
 
 lines: Any = sp.diags_array
@@ -88,7 +88,7 @@ def test_what_is_singular_is_seen() -> None:
 def test_fill_is_that_of_nested_dissection(sizes: tuple[int, ...], most: float) -> None:
     """Entries for each unknown; SuperLU with minimum degree holds 52 and 427."""
     matrix = grid(*sizes)
-    found = eliminated(matrix, dissected(matrix), solving=True)
+    found = factored_in_fronts(matrix, dissected(matrix), solving=True)
     entries = sum(own.size + border.size for _, own, border in found.factors)
     assert entries / matrix.shape[0] < most
 

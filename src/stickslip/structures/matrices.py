@@ -200,13 +200,13 @@ def factored(matrix: Symmetric, solving: bool = True, blocks: Array | None = Non
         from scipy.sparse import diags_array
 
         from stickslip.structures.dissection import dissected
-        from stickslip.structures.fronts import eliminated
+        from stickslip.structures.fronts import factored_in_fronts
 
         by = diags_array(scale)
         scaled = (by @ matrix @ by).tocsc()
         scaled.eliminate_zeros()
         blocks = dissected(scaled) if blocks is None else blocks
-        found = eliminated(scaled, blocks, solving)
+        found = factored_in_fronts(scaled, blocks, solving)
         solve, negative, least = found.solve, found.negative, found.least
     else:
         from scipy.linalg import ldl, solve_triangular
@@ -280,13 +280,13 @@ def _shifted(
     stiffness: Symmetric, mass: Symmetric, count: int, factor: Factored | None
 ) -> tuple[Array, Array]:
     """Lanczos' iteration with (K + s M)⁻¹ M, s > 0 where there are rigid modes."""
-    from stickslip.structures.lanczos import largest
+    from stickslip.structures.lanczos import vectors_of_largest
 
     factor = factor or factored(stiffness)
     if factor.singular or factor.negative:
         shift = 1e-10 * float(np.max(stiffness.diagonal() / mass.diagonal()))
         factor = factored(stiffness + shift * mass)
-    modes = largest(factor.solve, mass, min(count + 2, stiffness.shape[0] - 1))
+    modes = vectors_of_largest(factor.solve, mass, min(count + 2, stiffness.shape[0] - 1))
     heavy = np.einsum("ij,ij->j", modes, mass @ modes)
     squares = np.einsum("ij,ij->j", modes, stiffness @ modes) / heavy
     order = np.argsort(squares)
