@@ -64,8 +64,9 @@ def slab(*sizes: int) -> tuple[Any, Any]:
 
 def strip(long: int, wide: int) -> tuple[Any, Any]:
     """Mass and stiffness of a membrane that is held on all sides."""
+    diagonals: Any = sp.diags_array
     lines: list[Any] = [
-        sp.diags_array([-np.ones(m - 1), 2.0 * np.ones(m), -np.ones(m - 1)], offsets=[-1, 0, 1])
+        diagonals([-np.ones(m - 1), 2.0 * np.ones(m), -np.ones(m - 1)], offsets=[-1, 0, 1])
         for m in (long, wide)
     ]
     one, other = (sp.eye_array(m) for m in (long, wide))
@@ -91,7 +92,8 @@ def rival(mass: Any, stiffness: Any, keep: list[int]) -> Any:
     free = np.setdiff1d(np.arange(mass.shape[0]), keep)
     inner, heavy = stiffness[free][:, free].tocsc(), mass[free][:, free].tocsc()
     lu = factors(inner)
-    inverse: Any = LinearOperator(inner.shape, matvec=lu.solve, dtype=float)
+    operator: Any = LinearOperator
+    inverse = operator(inner.shape, matvec=lu.solve, dtype=float)
     squares, modes = eigsh(inner, MODES + 1, heavy, sigma=0.0, OPinv=inverse)
     below = (squares[-1] + squares[-2]) / 2.0
     assert np.count_nonzero(factors(inner - below * heavy).U.diagonal() < 0.0) == MODES

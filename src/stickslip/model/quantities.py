@@ -59,23 +59,27 @@ def quantity(system: System, name: str) -> dict[str, str]:
     """
     system = system.plain
     named = {**system.parameters, **system.coordinates, **system.internal}
+    modes = {mode for body in system.declaration.bodies for mode in body}
     if name in named:
-        return described_as(named[name].meaning or name, named[name].unit or "1")
+        # A mode has unit mass, so its amplitude has another unit than the unknowns that it moves.
+        unit = None if name in modes else named[name].unit or "1"
+        return described_as(named[name].meaning or name, unit)
     if name == "t":
         return described_as("time", system.time_unit or "1")
     if output := system.declared_outputs.get(name):
         unit = output.unit or formula_unit(system, system.declaration.outputs[name])
         return described_as(output.meaning or name, unit)
     if row := system.unknown(name):
-        mode = quantity(system, next(iter(row)))
-        return mode | {"long_name": name if name[:2] != "d_" else f"rate of {name[2:]}"}
+        rate = name[:2] == "d_"
+        unit = named[next(iter(row)).removeprefix("d_")].unit
+        said = f"rate of {name[2:]}" if rate else name
+        return described_as(said, per_time(system, unit) if rate else unit or "1")
     for prefix, order, what in (("dd_", 2, "acceleration"), ("d_", 1, "rate")):
         moving = named.get(name.removeprefix(prefix))
         if name.startswith(prefix) and moving is not None:
-            return described_as(
-                f"{what} of {moving.meaning or name[len(prefix) :]}",
-                per_time(system, moving.unit, order),
-            )
+            own = name.removeprefix(prefix)
+            unit = None if own in modes else per_time(system, moving.unit, order)
+            return described_as(f"{what} of {moving.meaning or own}", unit)
     if name in ENERGIES:
         return described_as(name.replace("_", " "), energy_unit(system))
     for contact, (side, _) in system.constraints.items():

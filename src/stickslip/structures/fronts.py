@@ -89,7 +89,7 @@ class Eliminated:
         return found.reshape(b.shape)
 
 
-def eliminated(matrix: Any, blocks: Array, solving: bool) -> Eliminated:
+def factored_in_fronts(matrix: Any, blocks: Array, solving: bool) -> Eliminated:
     """The elimination of a matrix.
 
     Parameters
@@ -139,14 +139,19 @@ def eliminated(matrix: Any, blocks: Array, solving: bool) -> Eliminated:
 
 def _indefinite(full: Array, k: int) -> tuple[Array, Array]:
     """Pivots of the first k unknowns of a front, and what is left of the others."""
-    from scipy.linalg import ldl, solve_triangular
+    from scipy.linalg import ldl, solve_banded, solve_triangular
 
     lower, blocks, order = ldl(full[:k, :k], lower=True)
     pivots = np.linalg.eigvalsh(blocks) if np.any(np.diag(blocks, 1)) else np.diag(blocks)
     if np.any(pivots == 0.0):
         return pivots, full[k:, k:]
     border = solve_triangular(lower[order], full[k:, order].T, lower=True, unit_diagonal=True)
-    return pivots, np.asfortranarray(full[k:, k:] - border.T @ np.linalg.solve(blocks, border))
+    if border.shape[1] == 0:
+        return pivots, full[k:, k:]
+    beside = np.append(np.diag(blocks, 1), 0.0)  # the blocks are of one or two unknowns
+    middle = np.array([np.roll(beside, 1), np.diag(blocks), beside])
+    by = solve_banded((1, 1), middle, border)
+    return pivots, np.asfortranarray(full[k:, k:] - border.T @ by)
 
 
 def _fronts(lower: Any, sizes: Array) -> list[Front]:

@@ -21,7 +21,7 @@ _BLOCK = 8  # vectors at a time, since a solution for several costs hardly more 
 _CLEAR = 1e-4  # of unity: squares of what is left of vectors that are new
 
 
-def largest(solve: Callable[[Array], Array], mass: Any, count: int) -> Array:
+def vectors_of_largest(solve: Callable[[Array], Array], mass: Any, count: int) -> Array:
     """Vectors of the largest eigenvalues of A⁻¹ M, shape (n, count), of unit mass.
 
     Parameters

@@ -17,6 +17,7 @@ Symmetric = Any
 _ALIKE = 1e-9  # of the diagonal: by how much files with nine digits may differ from symmetric
 _SINGULAR = 1e-12  # pivots of a matrix with unit diagonal that may be rounding
 _MOST_MEMORY = 2**30  # bytes of full matrices that are made of sparse ones
+_COINCIDE = 1e-9  # of squares of frequencies: gaps in which no value has room
 _FULL = 400  # unknowns below which full matrices are faster
 
 
@@ -199,13 +200,13 @@ def factored(matrix: Symmetric, solving: bool = True, blocks: Array | None = Non
         from scipy.sparse import diags_array
 
         from stickslip.structures.dissection import dissected
-        from stickslip.structures.fronts import eliminated
+        from stickslip.structures.fronts import factored_in_fronts
 
         by = diags_array(scale)
         scaled = (by @ matrix @ by).tocsc()
         scaled.eliminate_zeros()
         blocks = dissected(scaled) if blocks is None else blocks
-        found = eliminated(scaled, blocks, solving)
+        found = factored_in_fronts(scaled, blocks, solving)
         solve, negative, least = found.solve, found.negative, found.least
     else:
         from scipy.linalg import ldl, solve_triangular
@@ -279,21 +280,25 @@ def _shifted(
     stiffness: Symmetric, mass: Symmetric, count: int, factor: Factored | None
 ) -> tuple[Array, Array]:
     """Lanczos' iteration with (K + s M)⁻¹ M, s > 0 where there are rigid modes."""
-    from stickslip.structures.lanczos import largest
+    from stickslip.structures.lanczos import vectors_of_largest
 
     factor = factor or factored(stiffness)
     if factor.singular or factor.negative:
         shift = 1e-10 * float(np.max(stiffness.diagonal() / mass.diagonal()))
         factor = factored(stiffness + shift * mass)
-    modes = largest(factor.solve, mass, min(count + 2, stiffness.shape[0] - 1))
+    modes = vectors_of_largest(factor.solve, mass, min(count + 2, stiffness.shape[0] - 1))
     heavy = np.einsum("ij,ij->j", modes, mass @ modes)
     squares = np.einsum("ij,ij->j", modes, stiffness @ modes) / heavy
     order = np.argsort(squares)
     squares, modes = squares[order], (modes / np.sqrt(heavy))[:, order]
-    # Below a value between two of them there have to be as many as were found.
-    gaps = np.diff(squares[count - 1 :])
-    last = count + int(np.argmax(gaps))
-    below = 0.5 * (squares[last - 1] + squares[last])
+    # Below a value between two of them there have to be as many as were found. Where the last ones
+    # coincide it lies before them.
+    gaps = np.diff(squares)
+    last = count + int(np.argmax(gaps[count - 1 :]))
+    if gaps[last - 1] <= _COINCIDE * squares[last]:
+        last = 1 + int(np.max(np.flatnonzero(gaps > _COINCIDE * squares[1:]), initial=-1))
+    lower = squares[last - 1] if last else 0.0
+    below = 0.5 * (lower + squares[last])
     # A mass has its entries where the stiffness has some; if not, the order is only worse.
     found = factored(stiffness - below * mass, solving=False, blocks=factor.blocks).negative
     if found != last:

@@ -1,5 +1,5 @@
-"""Which moving picture a system has: one drawn for it, one from above for contacts in a plane, or
-one that every system has."""
+"""Which moving picture a system has: one drawn for it, one of its structures, one from above for
+contacts in a plane, or one that every system has."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from stickslip.arrays import Array
 from stickslip.explorer.drawings.from_above import bodies_from_above
 from stickslip.explorer.drawings.generic import generic_scene
 from stickslip.explorer.drawings.parts import Scene
+from stickslip.explorer.drawings.shapes import structures_by_index
 
 if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
@@ -57,5 +58,7 @@ def scene_of(motion: Trajectory, times: Array, values: Mapping[str, Array]) -> S
             return draw(motion, times, values)
         except KeyError:
             pass  # a system of that name with other coordinates: somebody's own
+    if system.structures and not system.coordinates:
+        return structures_by_index(motion, times)
     above = bodies_from_above(motion, times, values) if system.planes else None
     return above or generic_scene(motion, times, values)

@@ -185,6 +185,14 @@ def path(
     return MovingPart(shape, {"x": at[0], "y": at[1], "turn": turn}, look)
 
 
+def curve(points: Sequence[Spot]) -> MovingPart:
+    """An open line whose points move each by itself."""
+    values: dict[str, Course] = {}
+    for i, (x, y) in enumerate(points):
+        values |= {f"x{i}": x, f"y{i}": y}
+    return MovingPart({"kind": "curve", "count": len(points)}, values, "bent")
+
+
 def disc(
     radius: float,
     at: Spot,

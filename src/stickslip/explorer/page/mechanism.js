@@ -14,6 +14,10 @@ const svgElement = (name, attributes = {}) => {
 const makers = {
   polygon: (part) => shaped(part, "polygon"),
   path: (part) => shaped(part, "polyline"),
+  curve: (part) => {
+    const node = svgElement("polyline")
+    return [node, (get) => node.setAttribute("points", Array.from({length: part.count}, (_, i) => `${get(`x${i}`)},${get(`y${i}`)}`).join(" "))]
+  },
   disc: (part) => {
     const node = svgElement("g")
     node.append(svgElement("circle", {r: part.radius}))
@@ -133,7 +137,7 @@ const put = (built, i, w, modes) => {
 explorer.mechanism.take = () => {
   const {head, numbers} = explorer.motion
   const svg = document.querySelector("#mechanism svg")
-  const key = JSON.stringify(head.scene.parts.map((p) => [p.kind, p.look, p.contact, p.points, p.text, p.radius, p.tilt])) + [head.scene.width, head.scene.height]
+  const key = JSON.stringify(head.scene.parts.map((p) => [p.kind, p.look, p.contact, p.points, p.text, p.radius, p.tilt, p.count])) + [head.scene.width, head.scene.height]
   const old = explorer.mechanism.built
   if (old && explorer.mechanism.key === key) {
     old.scene = head.scene

@@ -147,6 +147,7 @@ const fit = (name, key, low, high) => {
   explorer.range(explorer.model(name).y_range, first, last)
 }
 
+const MOST_NUMBERS = 4 // lines of a row whose values have room beside their names
 const header = (row, group) => {
   const {symbols, units} = explorer.motion.head
   const place = row.querySelector("header")
@@ -157,7 +158,7 @@ const header = (row, group) => {
     ? [explorer.element("span", {class: "name"}, explorer.element("i", {class: "dot", style: `--dot:${explorer.colour(0)}`}), `friction, ${group.title}`,
         explorer.element("b", {"data-value": group.names[0]})),
        explorer.element("span", {class: "name"}, explorer.element("i", {class: "dot dashed", style: `--dot:${explorer.tone(explorer.facts.colours.threshold)}`}), "threshold")]
-    : group.names.map((n, i) => explorer.element("span", {class: "name"}, explorer.element("i", {class: "dot", style: `--dot:${explorer.colour(i)}`}),
+    : group.names.map((n, i) => explorer.element("span", {class: group.names.length > MOST_NUMBERS ? "name bare" : "name"}, explorer.element("i", {class: "dot", style: `--dot:${explorer.colour(i)}`}),
         explorer.element("span", {html: symbols[n]}), explorer.element("b", {"data-value": n})))
   place.replaceChildren(...spans, explorer.element("span", {class: "unit"}, units[group.names[0]]))
 }

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from stickslip.explorer.work.loop import Patience
 
 _DIVISIONS = 200  # of a slider
+_MOST_UNKNOWNS = 8  # of a structure, with places and rates to start from
 _GRAPH = 81  # points of the small graph of a function
 
 
@@ -149,7 +150,9 @@ def _some(span: tuple[float, float]) -> tuple[float, float]:
 
 def _initial(system: System) -> list[dict[str, Any]]:
     found = []
-    for name in system.declaration.state:
+    modes = {mode for body in system.declaration.bodies for mode in body}
+    state = [x for x in system.declaration.state if x.removeprefix("d_") not in modes]
+    for name in [*_starting(system), *state]:
         said = quantity(system, name)
         value = float(system.initial.get(name, 0.0))
         reach = 2.0 * max(abs(value), 0.5)
@@ -165,6 +168,15 @@ def _initial(system: System) -> list[dict[str, Any]]:
                 "step": _step(2.0 * reach),
             }
         )
+    return found
+
+
+def _starting(system: System) -> list[str]:
+    """Unknowns of structures, and their rates, that determine where a motion starts."""
+    found: list[str] = []
+    for name, part in system.written_structures.items() if system.structures else ():
+        own = [key for key in part.structure.shown if part.index(key) in part.structure.own]
+        found += [f"{prefix}{name}[{key}]" for prefix in ("", "d_") for key in own[:_MOST_UNKNOWNS]]
     return found
 
 
