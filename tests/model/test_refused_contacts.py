@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -23,7 +24,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "is-this-for-me.md"
 
 
 def body(
-    coordinates: Mapping[str, Coordinate], contacts: Mapping[str, AnyContact], **given: str
+    coordinates: Mapping[str, Coordinate], contacts: Mapping[str, AnyContact], **given: Any
 ) -> System:
     return System("refused", coordinates=coordinates, contacts=contacts, **given)
 
