@@ -352,3 +352,20 @@ def test_what_comes_near_to_zero_and_is_not(text: str, sign: int) -> None:
 def test_a_sure_sign_is_that_of_all_values(e: Expr, x: float, y: float) -> None:
     value, sign = exact(e, {"x": x, "y": y}), sure_sign(e, {})
     assert value is None or sign == 0 or value * sign > 0
+
+
+@pytest.mark.parametrize("name", PIECES)
+def test_enclosures_of_pieces_hold_their_values(name: str) -> None:
+    """On boxes that are narrow enough to lie in one piece, whichever it is."""
+    f = made(name, ex.sym("x"))
+    for x in np.random.default_rng(0).uniform(-20.0, 20.0, 500):
+        low, high = bounds(f, {"x": (x - 1e-3, x + 1e-3)})
+        assert low <= ex.evaluate(f, {"x": x}) <= high
+        assert high - low < 0.1 or name in (
+            "floor",
+            "mod",
+            "square",
+            "sawtooth",
+            "sign",
+            "heaviside",
+        )

@@ -136,7 +136,7 @@ def _square(x: Expr) -> Expr:
 def _triangle(x: Expr) -> Expr:
     turns = _on_grid(x / _TURN)
     rising, falling = 4.0 * ex.call("wrap", turns), -4.0 * ex.call("wrap", turns - 0.5)
-    return ex.select(ex.call("cos", _TURN * ex.call("wrap", turns)), rising, falling)
+    return _by_parity(2.0 * turns + 0.5, rising, falling)
 
 
 def _sawtooth(x: Expr) -> Expr:
@@ -210,13 +210,26 @@ def spelled(e: Expr) -> tuple[str, tuple[Expr, ...]] | None:
     if not inner:
         return None
     wrapped = [n.args[0] for n in ex.walk(inner) if n.op == _WRAP]
-    for u in (inner[0], *(m * turns for turns in wrapped for m in (2.0, _TURN))):
+    turned = [_TURN * (v - 0.25) for v in wrapped]
+    for u in (inner[0], *(2.0 * v for v in wrapped), *map(_plain, turned), *turned):
         for name, structure in STRUCTURES.items():
             if structure.repeats and structure.made(u) is e:
                 return name, (u,)
         if _fraction(u) is e:
             return "mod", (u, ex.ONE)
     return None
+
+
+def _plain(u: Expr) -> Expr:
+    """The same with numbers of few digits where these are as good."""
+
+    def plain(number: float) -> float:
+        short = float(f"{number:.12g}")
+        return short if abs(short - number) <= 16.0 * math.ulp(max(1.0, abs(number))) else number
+
+    if u.op != "sum":
+        return u
+    return ex.add(*((part, plain(x)) for part, x in (*u.terms, (ex.ONE, float(u.value)))))
 
 
 def _branches(e: Expr) -> list[Expr]:
