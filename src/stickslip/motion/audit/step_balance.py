@@ -173,6 +173,7 @@ def audit_step(
     resolve(flow.rows, flow.k, flow.space, mode)
     base = starts.time[i]
     left = ends.time[i] - base
+    lost = 0.0
     last = 0.0
     pieces = 0
     tried = 0
@@ -194,12 +195,11 @@ def audit_step(
             whole = h
             tried = 0
             count_gaps(i, steps, tally)
-        h = whole_roundings(base, h, left)
         longest = h
         give_directions(flow.rows, mode, True)
         factor = enclose(flow, mode, reg, order, h, min(h, series), tally)
         while not factor < np.inf and tried < _MOST_PIECES:
-            h = whole_roundings(base, 0.5 * h, left)
+            h = 0.5 * h
             pieces = pieces + 1
             tried = tried + 1
             factor = enclose(flow, mode, reg, order, h, min(h, series), tally)
@@ -215,7 +215,10 @@ def audit_step(
         for r in range(n):
             y[r] = horner(W[r], order, h / W[n, 1])
         base = base + h
-        left = ends.time[i] - base
+        # What rounding takes of the many pieces of a long step would be a phase of what turns fast.
+        part = h + lost
+        lost = part - (left - (left - part))
+        left = left - part
         whole = whole - h
         last = h
         pieces = pieces + 1
@@ -227,20 +230,6 @@ def audit_step(
     close_step(flow, final, order, h, starts.state[i], i, steps, tally)
     count_jumps(machine, flow, final, ends.region[i], i, steps, tally)
     judge_beginning(machine, flow, starts, ends, i, tally)
-
-
-@compiled()
-def whole_roundings(base: float, h: float, left: float) -> float:
-    """A length such that times add up exactly: what is lost of each of the many pieces of a long
-    step would be a phase of what turns fast.
-
-    Parameters
-    ----------
-    base, h, left : float
-        Time at which a piece begins, its length, and what is left of the step.
-    """
-    rounded = (base + h) - base
-    return rounded if 0.0 < rounded < left else h
 
 
 @compiled()

@@ -182,8 +182,10 @@ def follow_mode(
     """
     N = flow.order
     n = flow.rows.sizes[DIMENSION]
-    # By finer ones, what decays would be the rounding errors of where a piece begins.
-    tol, atol = _COARSER * flow.tol, _COARSER * flow.atol
+    # Where a step goes on, what decays by finer ones may be the rounding errors of where its last
+    # piece ended.
+    coarser = _COARSER if last > 0.0 else 1.0
+    tol, atol = coarser * flow.tol, coarser * flow.atol
     before = last
     step = -1.0
     while True:
