@@ -58,12 +58,23 @@ def quantity(system: System, name: str) -> dict[str, str]:
         ``slip_speed_KEY``, ...; in a plane ``friction_KEY_1``, ...), an energy, or an output.
     """
     system = system.plain
+    found = _in_formulas(system, name)
+    bare = name.removeprefix("d").removeprefix("d").removeprefix("_")
+    own = next((x for x in (name, bare) if any(x in b for b in system.declaration.bodies)), None)
+    if own is None:
+        return found
+    unit = _amplitude_unit(system)
+    order = 0 if own == name else 2 if name.startswith("dd_") else 1
+    said = None if unit is None else per_time(system, unit, order) if order else unit
+    return described_as(found["long_name"], said)
+
+
+def _in_formulas(system: System, name: str) -> dict[str, str]:
+    """The same as formulas have it, where weights of modes are plain numbers: an amplitude has the
+    unit of the unknowns."""
     named = {**system.parameters, **system.coordinates, **system.internal}
-    modes = {mode for body in system.declaration.bodies for mode in body}
     if name in named:
-        # A mode has unit mass, so its amplitude has another unit than the unknowns that it moves.
-        unit = None if name in modes else named[name].unit or "1"
-        return described_as(named[name].meaning or name, unit)
+        return described_as(named[name].meaning or name, named[name].unit or "1")
     if name == "t":
         return described_as("time", system.time_unit or "1")
     if output := system.declared_outputs.get(name):
@@ -77,9 +88,10 @@ def quantity(system: System, name: str) -> dict[str, str]:
     for prefix, order, what in (("dd_", 2, "acceleration"), ("d_", 1, "rate")):
         moving = named.get(name.removeprefix(prefix))
         if name.startswith(prefix) and moving is not None:
-            own = name.removeprefix(prefix)
-            unit = None if own in modes else per_time(system, moving.unit, order)
-            return described_as(f"{what} of {moving.meaning or own}", unit)
+            return described_as(
+                f"{what} of {moving.meaning or name[len(prefix) :]}",
+                per_time(system, moving.unit, order),
+            )
     if name in ENERGIES:
         return described_as(name.replace("_", " "), energy_unit(system))
     for contact, (side, _) in system.constraints.items():
@@ -161,6 +173,16 @@ def described_as(meaning: str, unit: str | None) -> dict[str, str]:
 def per_time(system: System, unit: str, order: int = 1) -> str:
     """The unit of a rate, or of a higher derivative."""
     return unit_text(unit_product((factors(unit), 1), (factors(system.time_unit), -order)))
+
+
+def _amplitude_unit(system: System) -> str | None:
+    """The unit of amplitudes of modes of unit mass: half the square of their rate is an energy."""
+    energy = energy_unit(system)
+    if energy is None:
+        return None
+    scale, powers = lowest_terms(factors(energy))
+    parts = powers if scale == 1.0 else factors(energy)
+    return unit_text(unit_product((parts, 0.5), (factors(system.time_unit), 1)))
 
 
 def slip_unit(system: System, contact: str) -> str | None:
@@ -259,7 +281,9 @@ def _unit_of(system: System, formula: Expr) -> UnitPowers:
     match formula.op:
         case "sym":
             name = str(formula.value)
-            return factors(quantity(system, name).get("units", "")) if name != "speed" else {}
+            if name == "speed":
+                return {}
+            return factors(_in_formulas(system, name).get("units", ""))
         case "sum":
             return {} if formula.value else _unit_of(system, formula.terms[0][0])
         case "prod":
