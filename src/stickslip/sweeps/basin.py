@@ -526,7 +526,9 @@ def _attributes(system: System, name: str) -> dict[str, str]:
         return {"units": system.time_unit or "1"}
     if name == "speed":
         return {"units": drift_units(system, system.plain.translation)[1]}
-    return {"units": quantity(system, state)["units"]} if kind in ("state", "low", "high") else {}
+    if kind not in ("state", "low", "high"):
+        return {}
+    return {"units": unit} if (unit := quantity(system, state).get("units")) else {}
 
 
 def _title(attractor: Attractor, reached: Sequence[Attractor]) -> str:
