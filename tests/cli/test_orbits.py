@@ -269,6 +269,18 @@ def test_response_of_a_formula(tmp_path: Path) -> None:
     assert "z" in result.stderr and "Traceback" not in result.stderr
 
 
+def test_a_response_finds_the_frequency_of_the_drive(tmp_path: Path) -> None:
+    out = tmp_path / "response"
+    given = ("--set", "F_c=0.3", "--set", "omega=1.2", "--points", "2")
+    result = stickslip("response", "forced_oscillator", *given, "--out", str(out))
+    assert result.exit_code == 0, result.stderr
+    omega = ss.open(out / "response.nc").dataset["omega"].values
+    assert [omega.min(), omega.max()] == pytest.approx([0.6, 1.8])
+    result = stickslip("response", "rocking_toy")
+    assert result.exit_code == 2
+    assert "--over: no parameter changes the frequency of a drive" in result.stderr
+
+
 @pytest.mark.parametrize(
     ("given", "message"),
     [

@@ -76,6 +76,25 @@ def test_several_recordings() -> None:
     assert len(found.trajectories) == 2
 
 
+def test_columns_called_like_unknowns_of_structures() -> None:
+    """Those that results show, and all others."""
+    body = ss.Structure(np.eye(3), 3.0 * np.eye(3) - np.ones((3, 3)) / 2.0, names={"tip": 2})
+    system = ss.System(
+        "body",
+        parameters={"F": ss.Parameter(1.0)},
+        structures={"u": body},
+        forces={"u[tip]": "F*cos(t)"},
+        contacts={"foot": ss.Contact("d_u[0]", 0.3)},
+    )
+    t = np.linspace(0.0, 10.0, 41)
+    motion = ss.simulate(system, (0.0, 10.0), parameters={"F": 2.0})
+    for name in ("u[tip]", "d_u[tip]", "u[1]"):
+        column = sum(weight * motion.at(t)[mode] for mode, weight in system.unknown(name).items())
+        problem = ss.fit_problem(system, {"t": t, name: column, "note": t}, {"F": (0.5, 3.0)})
+        assert [entry.name for entry in problem.measured[0].columns] == [name]
+        assert_allclose(problem.residuals(np.array([2.0])), 0.0, atol=1e-9)
+
+
 def test_drives_from_the_same_file() -> None:
     """A shaken base: its acceleration and the answer stand in one table, with gaps."""
     system = ss.catalogue.sliding_base()

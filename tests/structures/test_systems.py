@@ -465,6 +465,105 @@ def test_what_is_wrong_with_unknowns_is_said(what: str) -> None:
         small(**parts)
 
 
+def test_units_are_checked_before_laws_take_them_over() -> None:
+    mass, stiffness = chain(2)
+    body = ss.Structure(mass, stiffness, unit="furlongs")
+    with pytest.raises(ss.DeclarationError, match=r"structures\.u\.unit: the unit 'furlongs'"):
+        ss.System(
+            "s",
+            structures={"u": body},
+            contacts={"c": ss.laws.jenkins("d_u[0]", F_c=1.0, k=1.0)},
+        )
+
+
+@pytest.mark.parametrize(
+    "contact",
+    [
+        ss.Contact("d_u[0] - d_u[0]", 1.0),
+        ss.laws.jenkins("d_u[0] - d_u[0]", F_c=1.0, k=1.0),
+        ss.laws.iwan("0*d_u[0]", F_c=1.0, k=1.0),
+        ss.laws.dahl("d_u[0] - d_u[0]", F_c=1.0, k=1.0),
+        ss.laws.stribeck("d_u[0] - d_u[0]", F_s=2.0, F_c=1.0, v_s=0.1),
+    ],
+)
+def test_contacts_without_a_direction_are_refused(contact: Any) -> None:
+    with pytest.raises(ss.DeclarationError, match=r"contacts\.'c'\.direction: neither side moves"):
+        small(contacts={"c": contact})
+
+
+def test_events_of_a_constraint_without_friction() -> None:
+    """It has no mode that anyone sees, so that nothing switches."""
+    system = small(contacts={"wire": ss.Bilateral("u[tip] - u[0]")}, initial={"u[1]": 1.0})
+    motion = ss.simulate(system, (0.0, 5.0))
+    assert motion.certificate.ok
+    assert len(motion.events) == 0
+
+
+def test_whatever_starts_somewhere_starts_at_unknowns() -> None:
+    """As motions do: maps, basins, many motions, fits; with what is declared of other unknowns."""
+    system = small(
+        parameters={"F": ss.Parameter(1.0), "a": ss.Parameter(0.1)},
+        contacts={"foot": ss.Contact("d_u[tip]", 0.1)},
+        coordinates={"y": ss.Inertial()},
+        kinetic="d_y**2/2",
+        potential="y**2/2",
+        viscous="d_u[0]**2/10 + d_y**2/10",
+        initial={"u[0]": 0.3, "y": 0.2},
+        span=(0.0, 5.0),
+    )
+    start = {"u[tip]": 0.4, "d_u[1]": -0.2}
+    alone = ss.simulate(system, (0.0, 5.0), initial=start)
+    t = np.linspace(0.0, 5.0, 21)
+    many = ss.simulate_many(
+        system, (0.0, 5.0), initial={"u[tip]": [0.4, 0.0], "d_u[1]": [-0.2, 0.0]}
+    )
+    for name in ("u_mode_1", "u_mode_2", "y"):
+        assert many.table[f"final_{name}"][0] == pytest.approx(alone.at(5.0)[name], abs=1e-9)
+    data = {"t": t, "u[tip]": alone.at(t)["u[tip]"]}
+    problem = ss.fit_problem(
+        system, data, {"a": (0.0, 1.0)}, initial={"u[tip]": "4*a", "d_u[1]": -0.2}
+    )
+    np.testing.assert_allclose(problem.residuals(np.array([0.1])), 0.0, atol=1e-8)
+    ss.basin(system, {"y": [0.0, 0.1], "d_y": [0.0, 0.1]}, initial=start)
+    found = ss.sweep(system, {"F": [1.0, 2.0]}, ["high:u[tip]"], initial=start)
+    other = {name: alone.dataset[name][0].item() for name in ("u_mode_1", "u_mode_2", "u_mode_3")}
+    other |= {f"d_{name}": alone.dataset[f"d_{name}"][0].item() for name in other}
+    again = ss.sweep(system, {"F": [1.0, 2.0]}, ["high:u[tip]"], initial=other)
+    np.testing.assert_allclose(found["high:u[tip]"], again["high:u[tip]"], rtol=1e-9)
+    with pytest.raises(ss.DeclarationError, match=r"u\[9\].*there is no such unknown"):
+        ss.sweep(system, {"F": [1.0, 2.0]}, ["period"], initial={"u[9]": 1.0})
+    with pytest.raises(ss.DeclarationError, match="u_mode_1: it varies along an axis"):
+        ss.sweep(system, {"u_mode_1": [1.0, 2.0]}, ["period"], initial={"u[1]": 1.0})
+
+
+def test_what_cannot_start_at_an_unknown_says_so() -> None:
+    system = small(forces={"u[tip]": "cos(t)"}, span=(0.0, 5.0))
+    said = r"u\[1\]: an unknown of a structure, and the state has its modes\. .*u_mode_1"
+    with pytest.raises(ss.DeclarationError, match=said):
+        ss.sweep(system, {"u[1]": [0.0, 0.1]}, ["high:u[tip]"])
+    with pytest.raises(ss.DeclarationError, match=said):
+        ss.simulate(system).sensitivity(["u[1]"], [1.0])
+
+
+def test_a_ring_down_names_the_force_that_drives() -> None:
+    system = small(forces={"u[tip]": "2*cos(t)"})
+    with pytest.raises(ss.DeclarationError, match=r"the force on u\[tip\], 2\*cos\(t\)"):
+        ss.ring_down(system, (0.0, 5.0), initial={"u[tip]": 1.0})
+
+
+def test_basins_over_modes() -> None:
+    """Amplitudes of modes have no units."""
+    system = small(
+        contacts={"foot": ss.Contact("d_u[tip]", 0.1)},
+        forces={"u[tip]": "cos(t)"},
+        viscous="d_u[0]**2/10",
+        span=(0.0, 20.0),
+    )
+    found = ss.basin(system, {"u_mode_1": [-0.1, 0.1], "d_u_mode_1": [-0.1, 0.1]})
+    assert "units" not in found.dataset["low_u_mode_1"].attrs
+    assert found.dataset["period"].attrs["units"] == "1"
+
+
 def test_other_things_are_no_structures() -> None:
     with pytest.raises(ss.DeclarationError, match=r"structures.u: expected a structure, got a num"):
         ss.System("s", structures={"u": 3.0})  # type: ignore[dict-item]

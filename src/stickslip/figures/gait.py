@@ -122,6 +122,6 @@ def _positions(axes: Axes, cycle: Cycle, names: list[str], periods: int) -> None
         x = np.concatenate([values[name] - origin + turn * shift for turn in range(periods)])
         times = np.concatenate([t + turn * cycle.period for turn in range(periods)])
         axes.plot(times, x, color=colour, label=axis_label([name], ""))
-    axes.set_ylabel(axis_label(names, str(quantity(cycle.system, names[0])["units"])))
+    axes.set_ylabel(axis_label(names, quantity(cycle.system, names[0]).get("units", "")))
     if len(names) > 1:
         legend_above(axes)

@@ -124,7 +124,7 @@ class _Portrait:
             axes.set_xlim(self.x[0], self.x[-1])
             axes.set_ylim(self.y[0], self.y[-1])
             for name, label in ((self.across, axes.set_xlabel), (self.up, axes.set_ylabel)):
-                label(axis_label([name], str(quantity(self.system, name)["units"])))
+                label(axis_label([name], quantity(self.system, name).get("units", "")))
             figure.legend(handles=handles, loc="outside upper left", ncols=3)
         return figure
 

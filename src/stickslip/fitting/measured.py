@@ -354,10 +354,13 @@ def _initial(system: System, recording: Recording) -> dict[str, Expr]:
     """Initial values as functions of the parameters."""
     declaration = system.declaration
     parameters = {name: ex.sym(name) for name in system.parameters}
-    found = {}
-    for name, value in recording.initial.items():
+    found = {
+        name: _closed(declaration.scope.parse(value, f"initial.{name}"), name, parameters)
+        for name, value in recording.initial.items()
+    }
+    found = system.started(found)
+    for name in found:
         check_initial(declaration, name, 0.0)
-        found[name] = _closed(declaration.scope.parse(value, f"initial.{name}"), name, parameters)
     return found
 
 

@@ -441,7 +441,11 @@ def _read(
     if observe is None:
         known = {*empty._rows, *system.outputs, *(["t"] if recording.events else [])}
         clock = "" if recording.events else recording.clock
-        observe = {name: name for name in columns if name in known and name != clock}
+        observe = {
+            name: name
+            for name in columns
+            if name != clock and (name in known or system.unknown(name))
+        }
         if not observe:
             raise DeclarationError(
                 f"{recording.source}, observe",

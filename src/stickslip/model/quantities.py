@@ -298,10 +298,10 @@ def _unit_of(system: System, formula: Expr) -> UnitPowers:
 def drift_units(system: System, direction: Mapping[str, float]) -> tuple[str, str]:
     """Units of a shift along a direction and of its rate; ``"1"`` if the components have none in
     common."""
-    found = {quantity(system, name)["units"] for name, weight in direction.items() if weight}
-    if len(found) != 1:
+    found = {quantity(system, name).get("units") for name, weight in direction.items() if weight}
+    drift = found.pop() if len(found) == 1 else None
+    if drift is None:
         return "1", "1"
-    drift = found.pop()
     return drift, per_time(system, drift)
 
 

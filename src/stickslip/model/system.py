@@ -35,6 +35,7 @@ from stickslip.model.entries.declared import (
     as_outputs,
     hold_plain,
 )
+from stickslip.structures.names import is_entry
 from stickslip.symbolic.formulas import TimeFunction, formula_text
 
 if TYPE_CHECKING:
@@ -216,6 +217,36 @@ class System:
             return row_of(name, self.written_structures)
         except KeyError:
             return {}
+
+    def started(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Initial values of parts of the state, where some are given of unknowns of structures.
+
+        Parameters
+        ----------
+        given : mapping of str
+            Numbers, arrays or expressions. What is declared counts for all other unknowns.
+
+        Raises
+        ------
+        DeclarationError
+            If there is no such unknown, or its value determines none of the modes.
+        """
+        unknowns = [name for name in given if is_entry(name)]
+        if not unknowns or not self.structures:
+            return dict(given)
+        from stickslip.structures.coordinates import start_of
+
+        zero: dict[str, float] = dict.fromkeys(unknowns, 0.0)
+        structures = self.written_structures
+        rest = start_of(structures, {**self.initial, **zero})
+        found: dict[str, Any] = {}
+        # Amplitudes of modes are linear in the values, whatever these are.
+        for name in unknowns:
+            ones = start_of(structures, {**self.initial, **zero, name: 1.0})
+            for mode in [part for part in ones if part not in self.initial]:
+                part = given[name] * (ones[mode] - rest[mode])
+                found[mode] = found.get(mode, rest[mode]) + part
+        return found | {name: value for name, value in given.items() if not is_entry(name)}
 
     @cached_property
     def dry_contacts(self) -> dict[str, Contact]:

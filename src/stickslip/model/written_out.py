@@ -18,6 +18,7 @@ from stickslip.errors import DeclarationError, suggestion
 from stickslip.kept import cached_property
 from stickslip.model.entries.declared import Kind
 from stickslip.model.entries.keys import key_of, normal_force
+from stickslip.model.entries.units import check_unit
 from stickslip.model.names import DeclaredNames, parse_range
 from stickslip.model.schema import check_shape, entry_key, wrong_kind
 from stickslip.model.system import (
@@ -118,6 +119,9 @@ class _WrittenOut:
             name: [getattr(system, name)] for name in ("kinetic", "potential", "viscous")
         }
         self.structures: dict[str, AnyStructure] = dict(system.structures)
+        for name, structure in self.structures.items():
+            # Before laws, whose sliders take over the unit.
+            check_unit(structure.unit, f"{entry_key('structures', name)}.unit")
         self.forces = {self.unknown("forces", x): force for x, force in system.forces.items()}
         self.initial = {
             self.unknown("initial", x) if is_entry(x) else x: value
@@ -407,6 +411,12 @@ class _WrittenOut:
             if slope is not ex.ZERO:
                 found[x] = formula_text(slope, f"{where}.direction")
         rest = ex.substitute(text, dict.fromkeys(rates, ex.ZERO))
+        if not found and rest is ex.ZERO and contact.surface_speed == 0.0:
+            raise DeclarationError(
+                f"{where}.direction",
+                "neither side moves",
+                "Write it like 'd_x' or 'd_x2 - d_x1', or give a surface_speed",
+            )
         if rest is not ex.ZERO:
             raise DeclarationError(
                 f"{where}.direction",

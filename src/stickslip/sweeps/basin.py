@@ -185,14 +185,15 @@ def basin(
     problem = pose(system, parameters, settings.rtol, settings.atol, origin=system.span[0])
     axes = _axes(system, over)
     varying = {axis.dimension: axis.values[0] for axis in axes}
-    if twice := [name for name in initial or {} if name in varying]:
+    given = system.started(initial or {})
+    if twice := [name for name in given if name in varying]:
         raise DeclarationError(f"initial.{twice[0]}", "it varies along an axis", "Give it once")
-    problem.initial_state(dict(initial or {}))  # refuses what is none
+    problem.initial_state(given)  # refuses what is none
     plan = Plan(
         system.with_parameters(**problem.parameters),
         axes,
         _measures(problem),
-        {name: float(value) for name, value in (initial or {}).items()},
+        {name: float(value) for name, value in given.items()},
         settings,
         0,
         section=True,
@@ -526,7 +527,9 @@ def _attributes(system: System, name: str) -> dict[str, str]:
         return {"units": system.time_unit or "1"}
     if name == "speed":
         return {"units": drift_units(system, system.plain.translation)[1]}
-    return {"units": quantity(system, state)["units"]} if kind in ("state", "low", "high") else {}
+    if kind not in ("state", "low", "high"):
+        return {}
+    return {"units": unit} if (unit := quantity(system, state).get("units")) else {}
 
 
 def _title(attractor: Attractor, reached: Sequence[Attractor]) -> str:

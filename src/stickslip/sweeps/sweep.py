@@ -227,11 +227,12 @@ def make_plan(
         raise DeclarationError("system", reason, "Use ss.load or ss.catalogue")
     axes = read_axes(system, over, seed)
     varied = [name for axis in axes for name in axis.names]
-    for name, value in (initial or {}).items():
+    given = system.started(initial or {})
+    for name, value in given.items():
         check_initial(system.declaration, name, value)
         if name in varied:
             raise DeclarationError(f"initial.{name}", "it varies along an axis", "Give it once")
-    start = {name: float(value) for name, value in (initial or {}).items()}
+    start = {name: float(value) for name, value in given.items()}
     settings = settings or Settings()
     pose(system, None, settings.rtol, settings.atol)  # refuses what no motion can be computed with
     if known_for_a_time(system):

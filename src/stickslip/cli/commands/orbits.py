@@ -24,6 +24,7 @@ from stickslip.cli.common.present import (
     present,
 )
 from stickslip.errors import DeclarationError, short
+from stickslip.model.system import System
 from stickslip.storage import named
 
 MOTION_FILES = Files("trajectory.nc", {"events.csv": lambda found: found.events})
@@ -204,11 +205,14 @@ def branch_command(
 def response_command(
     model: Model,
     over: Annotated[
-        list[str],
+        list[str] | None,
         typer.Option(
-            "--over", metavar="NAME=LOW:HIGH", help="The frequency, such as omega=0.5:1.5."
+            "--over",
+            metavar="NAME=LOW:HIGH",
+            help="The frequency, such as omega=0.5:1.5.",
+            show_default="that of the drive, from 0.5 to 1.5 of its value",
         ),
-    ],
+    ] = None,
     level: Annotated[
         list[str] | None,
         typer.Option(
@@ -252,12 +256,12 @@ def response_command(
     """
     from stickslip import FrequencyResponse, frequency_response
 
-    ranges = spans(over)
-    if len(ranges) != 1:
+    ranges = spans(over or [])
+    if len(ranges) > 1:
         raise DeclarationError("--over", f"{len(ranges)} parameters vary", "A response has one")
-    parameter, (low, high) = next(iter(ranges.items()))
     start = given(initial)
     system = load_model(model, settings or [])
+    parameter, (low, high) = next(iter(ranges.items())) if ranges else _around_drive(system)
 
     def work(progress: ShowProgress) -> FrequencyResponse:
         return frequency_response(
@@ -274,6 +278,34 @@ def response_command(
 
     folder = out or folder_of(system.name, "response")
     present(f"response of {system.name}", folder, RESPONSE, work, json_)
+
+
+def _around_drive(system: System) -> tuple[str, tuple[float, float]]:
+    """The parameter that changes the frequency of the drive, and a range around its value.
+
+    Raises
+    ------
+    DeclarationError
+        If there is not exactly one.
+    """
+    from stickslip.equations.derive import derive
+    from stickslip.orbits.fields.clock import clock
+
+    values = system.values
+    equations = derive(system.declaration)
+    found: list[str] = []
+    if equations.timed:
+        beat = clock(system, equations, values)
+        found = [name for name in system.parameters if beat.slope(values, name) != 0.0]
+    if len(found) != 1:
+        said = f"the frequency of the drive depends on {' and '.join(found)}"
+        raise DeclarationError(
+            "--over",
+            said if found else "no parameter changes the frequency of a drive",
+            "Say what varies, like --over omega=0.5:1.5",
+        )
+    low, high = sorted((0.5 * values[found[0]], 1.5 * values[found[0]]))
+    return found[0], (low, high)
 
 
 def ring_down_command(

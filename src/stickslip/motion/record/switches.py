@@ -138,7 +138,8 @@ class Switches:
     def published(self) -> Array:
         """Modes at the knots, a column for each of these."""
         columns = [*self.columns.values()]
-        return np.stack(columns, axis=1) if columns else self.knots.slip
+        # A constraint without friction has no column, though its sides are contacts.
+        return np.stack(columns, axis=1) if columns else self.knots.slip[:, :0]
 
     @cached_property
     def switched(self) -> tuple[Array, dict[tuple[int, int], str]]:

@@ -226,6 +226,12 @@ def follow(
     for name in names:
         if name not in (*trajectory.parameters, *state):
             known = [*trajectory.parameters, *state]
+            if row := trajectory.system.unknown(name):
+                raise DeclarationError(
+                    f"sensitivity: {name}",
+                    "an unknown of a structure, and the state has its modes",
+                    f"Ask for the amplitudes of modes, such as {next(iter(row))}",
+                )
             raise DeclarationError(
                 f"sensitivity: {name}",
                 "no parameter, and no part of the state, has this name",

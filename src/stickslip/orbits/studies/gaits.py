@@ -409,4 +409,4 @@ def _row(found: Cycle | str, names: list[str]) -> dict[str, object]:
 def _along_unit(system: System, rate: bool) -> str:
     """Unit of a shift along the translation, or of its rate."""
     name = next((x for x, weight in system.plain.translation.items() if weight), "")
-    return str(quantity(system, f"d_{name}" if rate else name)["units"]) if name else "1"
+    return quantity(system, f"d_{name}" if rate else name).get("units", "1") if name else "1"

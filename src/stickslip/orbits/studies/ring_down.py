@@ -371,8 +371,17 @@ def _check_free(system: System, values: Mapping[str, float]) -> None:
     if not acting:
         return
     drives = [name for name, e in system.declaration.drives.items() if acts(e)]
-    what = f"drive '{drives[0]}'" if drives else short(ex.to_text(acting[0]))
-    remedy = f'Let it rest, as by {drives[0]}="0"' if drives else "Let what is driven rest"
+    scope = system.declaration.scope
+    forces = {x: scope.parse(force, f"forces.{x}") for x, force in system.forces.items()}
+    pushed = [x for x, force in forces.items() if acts(force)]
+    if drives:
+        what, remedy = f"drive '{drives[0]}'", f'Let it rest, as by {drives[0]}="0"'
+    elif pushed:
+        # What the equations have of it is a force on modes, which nobody has written.
+        what = f"the force on {pushed[0]}, {short(str(system.forces[pushed[0]]))}"
+        remedy = "Let it rest, as by an amplitude of 0"
+    else:
+        what, remedy = short(ex.to_text(acting[0])), "Let what is driven rest"
     raise DeclarationError(
         system.name, f"it depends on time ({what})", f"{remedy}: a ring-down is free"
     )

@@ -306,6 +306,13 @@ def _check_values(system: System, axis: Axis) -> None:
             # the admissible set is an interval
             for value in (float(np.min(column)), float(np.max(column))):
                 declaration.check_range(name, value)
+        elif system.unknown(name):
+            mode = next(iter(system.unknown(name)))
+            raise DeclarationError(
+                f"over.{short(name)}",
+                "an unknown of a structure, and the state has its modes",
+                f"Vary the amplitude of a mode, such as {mode}",
+            )
         elif name not in declaration.state:
             known = ", ".join([*system.parameters, *declaration.state])
             raise DeclarationError(
