@@ -518,7 +518,8 @@ def test_whatever_starts_somewhere_starts_at_unknowns() -> None:
         system, (0.0, 5.0), initial={"u[tip]": [0.4, 0.0], "d_u[1]": [-0.2, 0.0]}
     )
     for name in ("u_mode_1", "u_mode_2", "y"):
-        assert many.table[f"final_{name}"][0] == pytest.approx(alone.at(5.0)[name], abs=1e-9)
+        arrived = float(many.table[f"final_{name}"].iloc[0])
+        assert arrived == pytest.approx(alone.at(5.0)[name], abs=1e-9)
     data = {"t": t, "u[tip]": alone.at(t)["u[tip]"]}
     problem = ss.fit_problem(
         system, data, {"a": (0.0, 1.0)}, initial={"u[tip]": "4*a", "d_u[1]": -0.2}
