@@ -36,7 +36,7 @@ def mode_field(equations: MotionEquations, mode: Mode, region: Region) -> Field:
     Raises
     ------
     DeclarationError
-        If a viscous coordinate has a drag: then there is no such expression.
+        If a viscous coordinate has a drag, since its rate has no closed expression then.
     ZeroDivisionError
         If the rates are not determined in this mode (more contacts stick than there are directions,
         or the stiffness of the sliding rate-independent coordinates is singular).

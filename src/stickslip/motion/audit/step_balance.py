@@ -205,7 +205,7 @@ def audit_step(
             factor = enclose(flow, mode, reg, order, h, min(h, series), tally)
         give_directions(flow.rows, mode, False)
         if not factor < np.inf:
-            h, steps.open[i] = longest, max(steps.open[i], left)  # no more is tried in this whole
+            h, steps.open[i] = longest, max(steps.open[i], left)  # no more is tried here
         acting = min(h, series) if series > 0.0 else h
         rounding = ROUNDING * max(1.0, math.sqrt(pieces) / _WALK)
         piece = StepPiece(order, base, h, acting, factor, rounding)
