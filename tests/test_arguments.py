@@ -16,7 +16,8 @@ import numpy as np
 import pytest
 
 import stickslip as ss
-from stickslip.errors import StickslipError
+from stickslip.arguments import validated
+from stickslip.errors import DeclarationError, StickslipError
 
 Call = tuple[Callable[..., Any], dict[str, Any]]
 
@@ -638,3 +639,13 @@ def test_wrong_arguments_are_answered_by_a_sentence(name: str) -> None:
     for argument, wrong in drawn.sample(cases, min(len(cases), 15)):
         found = outcome(name, argument, wrong)
         assert not found, f"{name}({argument}={wrong!r}): {found}"
+
+
+def test_arguments_after_the_last_named_one_are_checked() -> None:
+    @validated
+    def picture(path: str, *names: str, step: float | None = None) -> tuple[str, ...]:
+        return names
+
+    assert picture("a", "b", "c", "d", step=1.0) == ("b", "c", "d")
+    with pytest.raises(DeclarationError, match="names"):
+        picture("a", "b", 3)  # type: ignore[arg-type]

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 from matplotlib.figure import Figure
@@ -143,6 +144,28 @@ def test_is_read_back_as_it_was_written(name: str, tmp_path: Path) -> None:
     same(again.summary().data, result.summary().data)
     again.save(tmp_path / "again.nc")
     same(ss.open(tmp_path / "again.nc").summary().data, result.summary().data)
+
+
+def test_is_written_as_a_table(name: str, tmp_path: Path) -> None:
+    """Numbers are read back exactly, and what stands for a word is a word."""
+    result: Any = made(name)
+    ss.export(result, tmp_path / "table.csv")
+    ss.export(result, tmp_path / "table.parquet")
+    text = pd.read_csv(tmp_path / "table.csv", dtype=str)
+    binary = pd.read_parquet(tmp_path / "table.parquet")
+    table = result.table
+    assert list(text.columns) == list(binary.columns) == list(table.columns)
+    assert binary.attrs["stickslip_version"] == ss.__version__
+    for column in table.columns:
+        if pd.api.types.is_float_dtype(table[column]):
+            for found in (text, binary):
+                np.testing.assert_array_equal(found[column].astype(float), table[column])
+    first = QUANTITY[name]
+    ss.export(result, tmp_path / "one.csv", first, units=True)
+    chosen = pd.read_csv(tmp_path / "one.csv").columns
+    assert any(c.startswith(first) for c in chosen) and len(chosen) <= len(table.columns)
+    with pytest.raises(ss.DeclarationError, match="no 'nonsense'"):
+        ss.export(result, tmp_path / "one.csv", "nonsense")
 
 
 def test_goes_to_another_process(name: str) -> None:

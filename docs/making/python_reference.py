@@ -29,7 +29,7 @@ GROUPS: Mapping[str, str] = {
     "Friction that oscillates": "Evolution EvolutionModel load_evolution evolve History "
     "averaging_study AveragingStudy play Play prandtl_ishlinskii Dissipation WeightedL1 GroupNorm "
     "Ellipsoid Polytope SupportFormula SupportFunction Product Intersection",
-    "Files, errors, pictures": "open StickslipError DeclarationError ConvergenceError figures "
+    "Files, errors, pictures": "open export StickslipError DeclarationError ConvergenceError figures "
     "style explore",
 }
 """What belongs together; a name that stands nowhere here has a page all the same."""

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from stickslip.equations.vector_field import VectorField, vector_field
     from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
     from stickslip.explorer.explore import explore
+    from stickslip.exports.export import export
     from stickslip.figures.drawing import style
     from stickslip.fitting.band import Band
     from stickslip.fitting.comparing import Comparison
@@ -171,6 +172,7 @@ __all__ = [
     "equilibria",
     "evolve",
     "explore",
+    "export",
     "figures",
     "find_cycle",
     "fit",
@@ -219,6 +221,7 @@ _HOMES = {
     "load_evolution": "rate_independent.evolution.evolution_file",
     "evolve": "rate_independent.evolution.evolve",
     "explore": "explorer.explore",
+    "export": "exports.export",
     "History": "rate_independent.evolution.history",
     **dict.fromkeys(["Branch", "SpecialPoint"], "orbits.continuation.branch"),
     **dict.fromkeys(["fold_curve", "hopf_curve"], "orbits.branches.equilibrium_curves"),

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields
 from functools import wraps
 from inspect import signature
+from itertools import chain, cycle
 from numbers import Integral, Real
 from typing import Any, NamedTuple, ParamSpec, TypeVar
 
@@ -54,7 +55,8 @@ def validated(function: Callable[P, R]) -> Callable[P, R]:
         By the function: an argument is not what its annotation says.
     """
     parameters = signature(function).parameters
-    places = list(parameters)
+    positional = [n for n, p in parameters.items() if p.kind <= p.POSITIONAL_OR_KEYWORD]
+    others = [n for n, p in parameters.items() if p.kind is p.VAR_POSITIONAL]
     kinds = {
         name: found
         for name, parameter in parameters.items()
@@ -63,7 +65,7 @@ def validated(function: Callable[P, R]) -> Callable[P, R]:
 
     @wraps(function)
     def run(*args: P.args, **kwargs: P.kwargs) -> R:
-        for name, value in zip(places, args, strict=False):
+        for name, value in zip(chain(positional, cycle(others)), args, strict=False):
             if name in kinds:
                 check_argument(name, value, kinds[name])
         for name, value in kwargs.items():

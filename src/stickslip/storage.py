@@ -52,14 +52,27 @@ def write(path: str | Path, data: xarray.Dataset, kind: str, form: int, **parts:
     """
     from stickslip import __version__
 
-    path = Path(path)
     own = {"kind": kind, "format": form, "version": __version__, **parts}
     texts = {PREFIX + key: text for key, text in as_texts(own).items()}
-    partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
+    with replacing(path) as partial:
         whole = checksums.with_checksums(in_few(data).assign_attrs(texts))
         whole.to_netcdf(partial, engine="netcdf4", format="NETCDF4")
         checksums.seal_file(partial)
+
+
+@contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """A new file to write, which replaces the one at the path when it is complete.
+
+    Raises
+    ------
+    StickslipError
+        If it cannot be written.
+    """
+    path = Path(path)
+    partial = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        yield partial
         os.replace(partial, path)
     except (OSError, RuntimeError, ValueError) as error:  # netCDF on a full disk; no path at all
         raise StickslipError(f"{path}: cannot be written ({_reason(path, error)})") from None

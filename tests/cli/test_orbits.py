@@ -350,6 +350,26 @@ def test_a_backbone_of_nothing_is_refused(given: tuple[str, ...], message: str) 
     assert message in result.stderr and "Traceback" not in result.stderr
 
 
+def test_results_for_other_programs() -> None:
+    assert stickslip("run", "belt_block", "--until", "20").exit_code == 0
+    motion = "out/belt_block/trajectory.nc"
+    given = ("export", motion, "--out", "block.csv", "--quantity", "x", "--step", "0.5", "--units")
+    assert stickslip(*given).exit_code == 0
+    lines = Path("block.csv").read_text().splitlines()
+    assert lines[0] == "time [s],x [m]" and len(lines) == 42
+    assert stickslip("export", motion, "--out", "block.parquet").exit_code == 0
+    assert stickslip("export", motion, "--out", "x.wav", "--quantity", "x").exit_code == 0
+    for wrong, message in (
+        (("--out", "block.xlsx"), ".parquet"),
+        (("--out", "x.wav"), "--quantity"),
+        (("--out", "x.csv", "--quantity", "y"), "no 'y'"),
+        (("--out", "x.csv", "--step", "-1"), "step"),
+    ):
+        result = stickslip("export", motion, *wrong)
+        assert result.exit_code == 2 and message in result.stderr
+        assert "Traceback" not in result.stderr
+
+
 def test_a_window_of_a_motion() -> None:
     assert stickslip("run", "belt_block", "--until", "20").exit_code == 0
     motion = "out/belt_block/trajectory.nc"

@@ -358,15 +358,25 @@ WRONG = {
     # Types.
     "parameters as a number": ({"parameters": 3}, "parameters", "expected a table, got a number"),
     "contacts as a list": ({"contacts": [1, 2]}, "contacts", "expected a table, got a list"),
-    "parameter as a number": (
-        {"parameters": {"m": 2.0}},
+    "parameter as a text": (
+        {"parameters": {"m": "2.0"}},
         "parameters.m",
-        "expected a table, got a number",
+        "expected a number or a parameter, got a text",
+    ),
+    "parameter as a truth value": (
+        {"parameters": {"m": True}},
+        "parameters.m",
+        "expected a number or a parameter, got true or false",
+    ),
+    "parameter that is not finite": (
+        {"parameters": {"m": float("nan")}},
+        "parameters.m",
+        "its value is not a finite number",
     ),
     "parameter as a contact": (
         {"parameters": {"m": Contact("d_x", 1.0)}},
         "parameters.m",
-        "expected a table, got",
+        "expected a number or a parameter, got",
     ),
     "default as a text": (
         {"parameters": {"m": Parameter("2")}},  # pyright: ignore[reportArgumentType]

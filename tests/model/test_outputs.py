@@ -83,8 +83,8 @@ def test_files_keep_outputs() -> None:
     assert loads(system.to_toml()) == system
     short = 'outputs.gap = "x - y"\noutputs.force = {formula = "k*gap", unit = "N"}\n'
     again = loads(pair().to_toml() + short)
-    assert again.declared_outputs["gap"] == ss.Output("x - y")
-    assert again.declared_outputs["force"].unit == "N"
+    assert again.outputs["gap"] == ss.Output("x - y")
+    assert again.outputs["force"].unit == "N"
 
 
 @pytest.mark.parametrize(

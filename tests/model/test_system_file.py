@@ -1,5 +1,6 @@
 """Model files: read, written, and everything that can be wrong with one."""
 
+import pickle
 import time
 from dataclasses import fields, replace
 from pathlib import Path
@@ -177,6 +178,29 @@ def test_save_and_load(tmp_path):
         save(replace(EVERYTHING, title="\ud800"), tmp_path / "model.toml")
 
 
+def test_a_parameter_may_be_a_number():
+    text = """
+name = "block"
+parameters.k = 1.5
+parameters.m = 2
+coordinates.x = {kind = "inertial"}
+kinetic = "m*d_x**2/2"
+potential = "k*x**2/2"
+"""
+    declared = System(
+        "block",
+        parameters={"k": 1.5, "m": 2},
+        coordinates={"x": Inertial()},
+        kinetic="m*d_x**2/2",
+        potential="k*x**2/2",
+    )
+    assert loads(text) == declared
+    assert declared.parameters["k"] == Parameter(1.5)
+    assert loads(dumps(declared)) == declared
+    assert replace(declared, name="other").parameters == declared.parameters
+    assert pickle.loads(pickle.dumps(declared)) == declared
+
+
 def test_tables_are_read_as_well():
     text = """
 name = "oscillator"
@@ -310,10 +334,10 @@ WRONG = {
         "model: parameters",
         "got a list",
     ),
-    "parameter as a number": (
-        SMALLEST + "parameters.P = 3",
+    "parameter as a text": (
+        SMALLEST + 'parameters.P = "3"',
         "model: parameters.P",
-        "expected a table, got a number",
+        "expected a number or a parameter, got a text",
     ),
     "contacts as a list": (
         SMALLEST + "contacts = [1, 2]",

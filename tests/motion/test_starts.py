@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -80,3 +81,23 @@ def test_an_unstable_start_is_told_with_a_contact_far_away(far: bool) -> None:
         ss.DeclarationError, match=r"initial\.p: .* exceeds its threshold 0\.5 by 0\.5"
     ):
         ss.simulate(system)
+
+
+def test_a_refused_start_names_the_nearest_consistent_state() -> None:
+    """A start off its constraint by more than rounding is refused, by how much, and the state that
+    the message offers instead is accepted."""
+    system = ss.System(
+        "wedge",
+        coordinates={"x": ss.Inertial("m"), "y": ss.Inertial("m")},
+        kinetic="(d_x**2 + d_y**2)/2",
+        potential="500*y**2 + 50*y",
+        contacts={"face": ss.Bilateral("y - 0.2*x", "d_x + 0.2*d_y", mu=0.2)},
+        span=(0, 1),
+    )
+    with pytest.raises(ss.DeclarationError) as caught:
+        ss.simulate(system, initial={"x": 0.5, "y": 0.1 - 1e-4})
+    assert "misses zero by 0.0001" in str(caught.value)
+    offered = dict(re.findall(r"([xy]) = (\S+?)(?:,|$)", str(caught.value)))
+    start = {name: float(value) for name, value in offered.items()}
+    assert math.hypot(start["x"] - 0.5, start["y"] - 0.1) < 1.01e-4
+    assert ss.simulate(system, initial=start).certificate.ok

@@ -192,6 +192,7 @@ for _name, _command in {
     "fit": fitting.fit_command,
     "sweep": sweeping.sweep_command,
     "plot": sweeping.plot_command,
+    "export": sweeping.export_command,
     "explore": exploring.explore_command,
 }.items():
     app.command(_name)(guarded(_command))

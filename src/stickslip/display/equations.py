@@ -317,7 +317,7 @@ class Equations:
 
     def outputs(self) -> Iterator[tuple[Node, Node, Output]]:
         """Outputs: symbols, formulas, and what is declared of them."""
-        for name, output in self.system.declared_outputs.items():
+        for name, output in self.system.outputs.items():
             _, body = self._reader.definitions[name]
             yield Call(name, ()), body, output
 

@@ -377,7 +377,7 @@ class Reader:
         declared: dict[str, Drive] = {}
         if system is not None:
             declared |= {**system.functions, **system.drives}
-            declared |= {name: o.formula for name, o in system.declared_outputs.items()}
+            declared |= {name: o.formula for name, o in system.outputs.items()}
         self._sources: dict[str, tuple[tuple[str, ...], Drive]] = {}
         for key, text in declared.items():
             name, arguments = parse_signature(key, key)

@@ -87,7 +87,7 @@ class _Check:
                 self.terms(f"{where}.to.{x}", value, self.of(ex.sym(x)), f"'{x}'")
         for name, drive in d.drives.items():
             self.terms(f"drives.{name}", drive, None, "")
-        for name, output in self.system.declared_outputs.items():
+        for name, output in self.system.outputs.items():
             self.terms(
                 entry_key("outputs", name), d.outputs[name], _declared(output.unit), "its unit"
             )

@@ -77,7 +77,7 @@ def _in_formulas(system: System, name: str) -> dict[str, str]:
         return described_as(named[name].meaning or name, named[name].unit or "1")
     if name == "t":
         return described_as("time", system.time_unit or "1")
-    if output := system.declared_outputs.get(name):
+    if output := system.outputs.get(name):
         unit = output.unit or formula_unit(system, system.declaration.outputs[name])
         return described_as(output.meaning or name, unit)
     if row := system.unknown(name):

@@ -122,7 +122,7 @@ class DeclarationReader:
         result.given = measured_drives(system.drives)
         result.check_span(start, stop)
         self.declared = list(names.definitions)
-        names.outputs(system.declared_outputs)
+        names.outputs(system.outputs)
         self.definitions = names.with_derivatives()
         self.constants = {name: ex.sym(name) for name in system.parameters}
         self.state = {

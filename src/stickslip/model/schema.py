@@ -73,9 +73,13 @@ _EXPECTED = {
         "a structure",
         'Give ss.Structure(mass, stiffness); in a model file {mass = "M.mtx", stiffness = "K.mtx"}',
     ),
-    "AnyOutput": (
+    "Output": (
         "a formula",
         'Write it in quotes, like "x1 - x2", or {formula = "x1 - x2", unit = "m"}',
+    ),
+    "Parameter": (
+        "a number or a parameter",
+        'Write it like 1.5, or ss.Parameter(1.5, "N/m"); in a file {default = 1.5, unit = "N/m"}',
     ),
     "table": (
         "a table",
@@ -91,6 +95,7 @@ _CLASSES = {
     "AnyContact": AnyContact,
     "Jump": Jump,
     "Condition": Condition,
+    "Output": Output,
 }
 _MOST_ENTRIES = 50_000
 """In a section: what a computer holds, since all costs are in proportion; what would grow faster is
@@ -116,6 +121,8 @@ def _check_kind(value: Any, kind: str, where: str) -> None:
         if value is None:
             return
         kind = kind.removesuffix(" | None")
+    if kind.startswith("Entries["):
+        kind = f"Mapping[str, {kind[len('Entries[') : -1]}]"
     if kind.startswith("Mapping["):
         if not isinstance(value, Mapping):
             raise wrong_kind(value, "table", where)
@@ -137,13 +144,9 @@ def _check_kind(value: Any, kind: str, where: str) -> None:
 
         if not isinstance(value, Structure | InModes):
             raise wrong_kind(value, "AnyStructure", where)
-    elif kind == "AnyOutput":
-        if not isinstance(value, Output):
-            raise wrong_kind(value, kind, where)
-        check_shape(value, where)
-    elif kind not in _EXPECTED:
+    elif kind in _CLASSES:
         if not isinstance(value, _CLASSES[kind]):
-            raise wrong_kind(value, "table", where)
+            raise wrong_kind(value, kind if kind in _EXPECTED else "table", where)
         check_shape(value, where)
     elif not _has_kind(value, kind):
         raise wrong_kind(value, kind, where)

@@ -9,17 +9,18 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import TYPE_CHECKING, Any, cast
 
 from stickslip.arguments import validated
 from stickslip.kept import cached_property
 from stickslip.model.entries.declared import (
-    AnyOutput,
     AnyStructure,
     Bilateral,
     Condition,
     Contact,
     Drive,
+    Entries,
     Formula,
     ImpactLaw,
     Inertial,
@@ -32,7 +33,6 @@ from stickslip.model.entries.declared import (
     Side,
     Unilateral,
     Viscous,
-    as_outputs,
     hold_plain,
 )
 from stickslip.structures.names import is_entry
@@ -77,7 +77,8 @@ class System:
     ----------
     name, title, source : str
         Short name, one line of description, and the literature.
-    parameters : mapping of str to Parameter
+    parameters : mapping of str to Parameter or float
+        Such as ``{"k": ss.Parameter(2.0, "N/m"), "c": 0.1}``.
     functions : mapping of str to formula
         Functions used in formulas, such as ``{"H_R(psi)": "clip(...)"}``.
     drives : mapping of str to formula or Samples
@@ -130,7 +131,7 @@ class System:
     name: str
     title: str = ""
     source: str = ""
-    parameters: Mapping[str, Parameter] = field(default_factory=dict[str, Parameter])
+    parameters: Entries[Parameter] = Entries(Parameter, Real)  # noqa: RUF009 (a descriptor)
     functions: Mapping[str, Formula] = field(default_factory=dict[str, Formula])
     drives: Mapping[str, Drive] = field(default_factory=dict[str, Drive])
     coordinates: Mapping[str, Coordinate] = field(default_factory=dict[str, Coordinate])
@@ -149,12 +150,11 @@ class System:
     time_unit: str = ""
     conditions: Mapping[str, Condition] = field(default_factory=dict[str, Condition])
     facts: Mapping[str, Formula] = field(default_factory=dict[str, Formula])
-    outputs: Mapping[str, AnyOutput] = field(default_factory=dict[str, "AnyOutput"])
+    outputs: Entries[Output] = Entries(Output, (str, Real))  # noqa: RUF009 (a descriptor)
 
     def __post_init__(self) -> None:
         given = not isinstance(self.span, _NotGiven)
         hold_plain(self)
-        object.__setattr__(self, "outputs", as_outputs(self.outputs))
         if not given:
             object.__setattr__(self, "span", _known(self.drives))
         _ = self.declaration
@@ -190,11 +190,6 @@ class System:
         from stickslip.structures.coordinates import shown_of
 
         return shown_of(self.written_structures)
-
-    @property
-    def declared_outputs(self) -> Mapping[str, Output]:
-        """The outputs, each with its unit and meaning."""
-        return cast("Mapping[str, Output]", self.outputs)
 
     @cached_property
     def places(self) -> list[str]:

@@ -69,9 +69,9 @@ def drive_entry(value: Any, where: str, folder: Path) -> Any:
     )
 
 
-def _output(value: Any, where: str, folder: Path) -> Any:
-    """A formula as it stands; an output from its table."""
-    return toml.entry(Output, value, where) if isinstance(value, dict) else value
+def plain_or(kind: type[Any], value: Any, where: str, folder: Path) -> Any:
+    """A plain value as it stands; an entry from its table."""
+    return toml.entry(kind, value, where) if isinstance(value, dict) else value
 
 
 def _structure(value: Any, where: str, folder: Path) -> Any:
@@ -95,7 +95,7 @@ _SYSTEMS = toml.Language(
         "outputs",
     ),
     sections={
-        "parameters": partial(toml.entry, Parameter),
+        "parameters": partial(plain_or, Parameter),
         "drives": drive_entry,
         "coordinates": _coordinate,
         "structures": _structure,
@@ -103,7 +103,7 @@ _SYSTEMS = toml.Language(
         "contacts": _contact,
         "jumps": partial(toml.entry, Jump),
         "conditions": partial(toml.entry, Condition),
-        "outputs": _output,
+        "outputs": partial(plain_or, Output),
     },
     others={
         "dissipation": (

@@ -375,7 +375,7 @@ class _WrittenOut:
         names = DeclaredNames()
         names.functions("functions", system.functions)
         names.functions("drives", system.drives, clock="t")
-        names.outputs(system.declared_outputs)
+        names.outputs(system.outputs)
         known = ["t", *system.parameters, *system.coordinates, *system.internal]
         known += [f"d_{x}" for x in system.coordinates]
         symbols = {name: ex.sym(name) for name in known}

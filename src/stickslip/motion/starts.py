@@ -20,6 +20,7 @@ from stickslip.symbolic.expressions import Expr
 _HELD = 1e-9  # of the coordinates: how far from its constraint a start may be, at most
 _OVERLAP = 1e-12  # … and how far bodies may overlap
 _MOST_STEPS = 8  # of Newton's method onto constraints
+_MOST_NAMED = 6  # coordinates in a message
 
 
 class _Gaps:
@@ -149,17 +150,36 @@ def check_contacts(problem: Problem, start: float, y: Array) -> None:
     if not off > 0.0:
         return
     name = found.of.contacts[i].name.removeprefix(NORMAL)
+    nearest = _nearest(found)
     if found.of.held[i, 0]:
         raise DeclarationError(
             f"{entry_key('contacts', found.of.contacts[i].side_of)}.constraint",
             f"it misses zero by {off:.6g} at the initial state",
-            "Start where it holds",
+            f"Start where it holds{nearest}",
         )
     raise DeclarationError(
         f"{entry_key('contacts', name)}.gap",
         f"it is {gap:.6g} at the initial state: the bodies overlap",
-        "Start where it is positive, or zero for contact",
+        f"Start where it is positive, or zero for contact{nearest}",
     )
+
+
+def _nearest(found: _Openings) -> str:
+    """What a message says of the nearest state that is right, if Newton's method finds one."""
+    moved = found.moved(0)
+    values = found.values[:, 0].copy()
+    values[found.of.place] = moved
+    gaps = found.of.values(values)
+    off = np.where(found.of.held[:, 0], np.abs(gaps), -gaps)
+    if not np.all(np.isfinite(moved)) or np.any(off > found.most[:, 0]):
+        return ""
+    before = found.values[found.of.place, 0]
+    changed = [
+        f"{q} = {new:.17g}"
+        for q, old, new in zip(found.of.coordinates, before, moved, strict=True)
+        if new != old
+    ]
+    return f"; the nearest such state has {', '.join(changed[:_MOST_NAMED])}"
 
 
 def numbers_of(problem: Problem) -> Array:

@@ -232,6 +232,44 @@ def plot_command(
     typer.echo(picture)
 
 
+def export_command(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A stored result, or a map.")],
+    out: Annotated[
+        Path,
+        typer.Option("--out", metavar="FILE", help="A file that ends in .csv, .parquet or .wav."),
+    ],
+    quantity: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--quantity",
+            metavar="NAME",
+            help="Column beside the coordinates, or what is heard; may be repeated. [default: all]",
+        ),
+    ] = None,
+    step: Annotated[
+        float | None,
+        typer.Option("--step", metavar="DT", help="Time between rows, of a motion or a cycle."),
+    ] = None,
+    units: Annotated[
+        bool, typer.Option("--units", help="Units in the names of the columns, of a CSV file.")
+    ] = False,
+    rate: Annotated[
+        int, typer.Option("--rate", metavar="HZ", help="Samples a second, of a sound.")
+    ] = 44100,
+    seconds: Annotated[
+        float, typer.Option("--seconds", help="How long a unit of time sounds.")
+    ] = 1.0,
+) -> None:
+    """Write a stored result for other programs: its table as CSV or Parquet, or a quantity of a
+    motion or a cycle as sound."""
+    from stickslip import export
+    from stickslip import open as open_result
+
+    result = open_result(file)
+    export(result, out, *(quantity or ()), step=step, units=units, rate=rate, seconds=seconds)
+    typer.echo(out)
+
+
 def _adaptive(names: list[str] | None, contrast: float) -> Adaptive | None:
     from stickslip.sweeps.adaptive import Adaptive
 

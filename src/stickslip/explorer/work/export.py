@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 
-def export(request: Request, patience: Patience) -> Iterator[Answer]:
+def exported_page(request: Request, patience: Patience) -> Iterator[Answer]:
     """A text, or a file in bytes.
 
     Raises

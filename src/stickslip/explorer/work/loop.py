@@ -38,7 +38,7 @@ TASKS = {
     "friction": "friction:effective_friction",
     "evolution": "evolution:follow_evolution",
     "data": "data:compare_data",
-    "export": "export:export",
+    "export": "export:exported_page",
     "gallery": "gallery:draw_gallery",
 }
 

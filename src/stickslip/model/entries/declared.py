@@ -5,11 +5,10 @@ They are plain data, and hold what was written down; :mod:`stickslip.model.readi
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from enum import StrEnum
-from numbers import Real
-from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeAlias, TypeVar, cast
 
 from stickslip.model.entries.keys import normal_force
 from stickslip.symbolic.expressions import Expr
@@ -39,8 +38,6 @@ CROSSINGS = {"falling": -1, "both": 0, "rising": 1}
 """The sign of its rate where it does."""
 AnyStructure: TypeAlias = "Structure | InModes"
 """A structure, or in a system that is written out what is left of it."""
-AnyOutput: TypeAlias = "Output | Formula"
-"""An output, or its formula."""
 ImpactLaw = str
 """What contacts do that close at once: one of :data:`IMPACT_LAWS`."""
 IMPACT_LAWS = ("together", "in turn")
@@ -449,16 +446,64 @@ class Condition:
     otherwise: str = ""
 
 
-def as_outputs(given: Any) -> Any:
-    """Outputs with bare formulas made outputs; anything else is refused with the rest."""
-    if not isinstance(given, Mapping):
-        return given
-    entries = cast(Mapping[str, Any], given)
-    return {name: Output(entry) if _is_formula(entry) else entry for name, entry in entries.items()}
+E = TypeVar("E", "Parameter", "Output")
 
 
-def _is_formula(entry: object) -> bool:
-    return not isinstance(entry, bool) and isinstance(entry, str | Real)
+class Entries(Generic[E]):
+    """A field of a declaration that holds a table of entries and takes a plain value for an entry
+    of which nothing else is said: ``parameters={"k": 1.0}`` for ``{"k": Parameter(1.0)}``.
+
+    Parameters
+    ----------
+    kind : type
+        Parameter or Output.
+    plain : type or tuple of types
+        Of the values that it makes entries of.
+    """
+
+    def __init__(self, kind: type[E], plain: Any) -> None:
+        self.kind = kind
+        self.plain = plain
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, instance: object, owner: type | None = None) -> Mapping[str, E]:
+        # A dataclass asks the class for the default of the field.
+        return _NO_ENTRIES if instance is None else instance.__dict__[self.name]
+
+    def __set__(self, instance: object, value: Mapping[str, E | Formula]) -> None:
+        # What is not a table is refused with the rest of the declaration.
+        table = cast(Any, value)
+        if isinstance(value, Mapping):
+            table = {name: self._entry(entry) for name, entry in value.items()}
+        instance.__dict__[self.name] = table
+
+    def _entry(self, value: Any) -> Any:
+        is_plain = isinstance(value, self.plain) and not isinstance(value, bool)
+        return cast(Any, self.kind)(value) if is_plain else value
+
+
+class _NoEntries(Mapping[str, Any]):
+    """An empty table that can be a default, for it never changes."""
+
+    def __getitem__(self, key: str) -> Any:
+        raise KeyError(key)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(())
+
+    def __len__(self) -> int:
+        return 0
+
+    def __hash__(self) -> int:
+        return 0
+
+    def __repr__(self) -> str:
+        return "{}"
+
+
+_NO_ENTRIES = _NoEntries()
 
 
 def hold_plain(item: Any) -> None:

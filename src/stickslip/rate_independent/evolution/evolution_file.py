@@ -15,7 +15,7 @@ from os import PathLike
 from stickslip.arguments import validated
 from stickslip.model import toml
 from stickslip.model.system import Parameter
-from stickslip.model.system_file import drive_entry
+from stickslip.model.system_file import drive_entry, plain_or
 from stickslip.rate_independent.evolution.model import EvolutionModel
 
 _A_SYSTEM = (
@@ -25,7 +25,7 @@ _A_SYSTEM = (
 EVOLUTIONS = toml.Language(
     EvolutionModel,
     groups=("name", "parameters", "functions", "A", "dissipation", "epsilon"),
-    sections={"parameters": partial(toml.entry, Parameter), "drives": drive_entry},
+    sections={"parameters": partial(plain_or, Parameter), "drives": drive_entry},
     others=dict.fromkeys(("coordinates", "internal", "contacts"), _A_SYSTEM),
 )
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
+from numbers import Real
 from typing import Any, cast
 
 from stickslip import page
 from stickslip.errors import DeclarationError, short
 from stickslip.kept import cached_property
 from stickslip.model import toml
+from stickslip.model.entries.declared import Entries
 from stickslip.model.names import DeclaredNames, check_covered, measured_drives, reconfigured
 from stickslip.model.schema import check_shape
 from stickslip.model.system import Drive, Formula, Parameter, hold_plain
@@ -36,7 +38,7 @@ class EvolutionModel:
     ----------
     name, title, source : str
         Short name, one line of description, and the literature.
-    parameters : mapping of str to Parameter
+    parameters : mapping of str to Parameter or float
     functions : mapping of str to formula
         Functions used in formulas, such as ``{"rho(s)": "1 + cos(2*pi*s)/2"}``.
     drives : mapping of str to formula or Samples
@@ -66,7 +68,7 @@ class EvolutionModel:
     name: str
     title: str = ""
     source: str = ""
-    parameters: Mapping[str, Parameter] = field(default_factory=dict[str, Parameter])
+    parameters: Entries[Parameter] = Entries(Parameter, Real)  # noqa: RUF009 (a descriptor)
     functions: Mapping[str, Formula] = field(default_factory=dict[str, Formula])
     drives: Mapping[str, Drive] = field(default_factory=dict[str, Drive])
     A: FormulaTable = ()
