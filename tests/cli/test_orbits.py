@@ -361,7 +361,7 @@ def test_results_for_other_programs() -> None:
     assert stickslip("export", motion, "--out", "x.wav", "--quantity", "x").exit_code == 0
     for wrong, message in (
         (("--out", "block.xlsx"), ".parquet"),
-        (("--out", "x.wav"), "--quantity"),
+        (("--out", "x.wav"), "quantities"),
         (("--out", "x.csv", "--quantity", "y"), "no 'y'"),
         (("--out", "x.csv", "--step", "-1"), "step"),
     ):
