@@ -36,6 +36,7 @@ from stickslip.motion.steps.sets import (
     force_terms,
     gap_size,
     kink_terms,
+    may_share,
     plane_of,
     rate_terms,
     whole_rate,
@@ -500,10 +501,9 @@ def scan(
         if not is_asked(rows, mode, nk, g):
             continue
         just = switch_of(g, nk, nc) == fired or g == leapt
-        if sharing and is_held_with_others(rows, space, mode, nk, g):
+        if sharing and is_held_with_others(space, nk, nc, g):
             if stands_for_all(rows, mode, nk, g):
-                group = rows.group[contact_of(g, nk)]
-                own = fired >= nk and rows.group[fired - nk] == group
+                own = fired >= nk and may_share(rows, fired - nk, contact_of(g, nk))
                 lack = max(FIRED if own else 0.0, slack * ROUNDING)
                 held, s, order = guard_together(
                     flow, mode, g, near, late, lack, space.pending[count]
@@ -570,22 +570,19 @@ def lingers_in_slip(rows: Rows, mode: Array, c: int) -> bool:
 
 
 @compiled()
-def is_held_with_others(rows: Rows, space: Space, mode: Array, nk: int, g: int) -> bool:
+def is_held_with_others(space: Space, nk: int, nc: int, g: int) -> bool:
     """Whether a guard is that of a contact that shares its force with others.
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         Says which do.
-    mode : array of int, shape (contacts,)
-    nk, g : int
-        Number of kinks, and of the guard.
+    nk, nc, g : int
+        Number of kinks, of contacts, and of the guard.
     """
-    if g < nk or doubt_of(g, nk, len(mode)) >= 0:
+    if g < nk or doubt_of(g, nk, nc) >= 0:
         return False
-    c = contact_of(g, nk)
-    return bool(rows.group[c] >= 0 and mode[c] == 0 and space.leaving[c] != ON_ITS_OWN)
+    return bool(space.leaving[contact_of(g, nk)] != ON_ITS_OWN)
 
 
 @compiled()
