@@ -283,6 +283,13 @@ def switch_of(guard: int, nk: int, nc: int) -> int:
 
 
 @compiled()
+def may_collide(rows: Rows, cause: int) -> bool:
+    """Whether a switch is that of a contact that can open: it has closed, or opened."""
+    c = cause - len(rows.kinks)
+    return bool(c >= 0 and opens(rows, c))
+
+
+@compiled()
 def is_asked(rows: Rows, mode: Array, nk: int, g: int) -> bool:
     """Whether a guard says anything in a mode."""
     if g < nk:
@@ -387,14 +394,15 @@ def guard_of(
         row, size, rate = guard_in_plane(rows, space, mode, i, near)
         # how fast a speed changes is known however small it is
         is_gap = mode[i] != 0 and plane_of(rows, i)[MASSIVE] == 1
-    elif opens(rows, i) and mode[i] == 0:
-        row = rows.force[i]
-        size = force_terms(rows, mag, i) + near * abs(W[row, 1])
     elif opens(rows, i):
-        row = rows.gaps[i]
-        is_gap = True
-        size = gap_size(rows, space, i)
-        rate = (mag[i] + near * unit * rate_terms(rows, mag, i)) * unit + abs(W[row, 1])
+        is_gap = mode[i] != 0
+        if is_gap:
+            row = rows.gaps[i]
+            size = gap_size(rows, space, i)
+            rate = (mag[i] + near * unit * rate_terms(rows, mag, i)) * unit + abs(W[row, 1])
+        else:
+            row = rows.force[i]
+            size = force_terms(rows, mag, i) + near * abs(W[row, 1])
     elif mode[i] == 0 and not is_prescribed(rows, i):
         row = rows.force[i]
         shift = rows.minus[i] if is_second(g, nk) else rows.plus[i]
