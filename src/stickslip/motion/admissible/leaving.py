@@ -43,9 +43,8 @@ from stickslip.motion.steps.arrays import (
 from stickslip.motion.steps.roots import first_crossing, lowest
 from stickslip.motion.steps.sets import (
     MOVED,
-    force_outside,
     force_terms,
-    formula_of,
+    holds_all,
     radius_at,
     support_at,
 )
@@ -264,30 +263,8 @@ def place_polynomials(flow: Flow, mode: Array, group: int) -> bool:
             aside[SCRATCH, k] = radius_at(rows, space.W, c, k) * powers[k]
         aside[RADIUS, c] = lowest(aside[SCRATCH], N - 1, points[nc + c], aside[STEP])
         a, b = given_force(flow, c, aside[GIVEN_FORCES])
-        inside = inside and holds_all(flow, c, a, b)
+        inside = inside and holds_all(flow, c, aside[RADIUS, c], a, b)
     return inside
-
-
-@compiled(brief=True)
-def holds_all(flow: Flow, c: int, a: float, b: float) -> bool:
-    """Whether the least set of a contact in the work space has all forces up to a size inside.
-
-    Parameters
-    ----------
-    flow : Flow
-    c : int
-        The contact, by its first direction.
-    a, b : float
-        The sizes in both directions.
-    """
-    radius = flow.space.aside[RADIUS, c]
-    if formula_of(flow.rows, c) < 0:
-        return math.hypot(a, b) < radius
-    corners = 0
-    for i in range(4):
-        x, y = a if i % 2 == 0 else -a, b if i < 2 else -b
-        corners += 1 if force_outside(flow, c, radius, x, y) < 0.0 else 0
-    return corners == 4
 
 
 @compiled(brief=True)

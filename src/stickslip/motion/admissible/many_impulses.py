@@ -27,11 +27,11 @@ from stickslip.motion.admissible.impacts_law import (
     AFTER,
     BEFORE,
     IMPULSE,
+    NEAR,
     axes_in,
     friction_of,
     is_free,
     is_held,
-    is_pressed,
     judge_impulses,
     moved_on,
     point_along,
@@ -54,7 +54,6 @@ from stickslip.motion.steps.arrays import (
     Space,
     directions_of,
     inertial_contacts,
-    opens,
     own_directions,
     set_mode,
 )
@@ -194,14 +193,19 @@ def relax_contacts(rows: Rows, space: Space, mode: Array) -> None:
             relax_in_plane(rows, space, mode, c)
             continue
         free = work[IMPULSE, c] - moved_on(work, c) / own
-        if opens(rows, c):
-            push(rows, space, c, max(free, 0.0) - work[IMPULSE, c])
-            mode[c] = 0 if work[IMPULSE, c] > 0.0 else 1
-        else:
-            least = -friction_of(rows, work, limit_of(space.tried, c, True), c)
-            most = friction_of(rows, work, limit_of(space.tried, c, False), c)
-            mode[c] = 1 if free <= least else (-1 if free >= most else 0)
-            push(rows, space, c, min(max(free, least), most) - work[IMPULSE, c])
+        least, most = interval_of(rows, space, c)
+        mode[c] = 1 if free <= least else (-1 if free >= most else 0)
+        push(rows, space, c, min(max(free, least), most) - work[IMPULSE, c])
+
+
+@compiled()
+def interval_of(rows: Rows, space: Space, c: int) -> tuple[float, float]:
+    """The least and the largest impulse that a contact along a line may have beside the others as
+    they are; one that closes pushes however hard."""
+    if space.tried[NEAR, c] == 1:
+        return 0.0, np.inf
+    least = -friction_of(rows, space.impact, limit_of(space.tried, c, True), c)
+    return least, friction_of(rows, space.impact, limit_of(space.tried, c, False), c)
 
 
 @compiled()
@@ -537,17 +541,12 @@ def right_mode(rows: Rows, space: Space, mode: Array, c: int, strong: float, fas
     work = space.impact
     moved = moved_on(work, c)
     found = mode[c]
-    if opens(rows, c):
-        if mode[c] == 0:
-            found = 1 if work[IMPULSE, c] < -strong else 0
-        else:
-            found = 0 if moved < -fast else 1
-    elif is_pressed(rows, space.tried, c) and not is_free(rows, space.tried, mode, c):
+    # What rubs under normal forces that have no impulse has any mode.
+    if not is_free(rows, space.tried, mode, c):
         if len(directions_of(rows, c)) > 1:
             found = right_mode_in_plane(rows, space, mode, c, strong, fast)
         elif mode[c] == 0:
-            least = -friction_of(rows, work, limit_of(space.tried, c, True), c)
-            most = friction_of(rows, work, limit_of(space.tried, c, False), c)
+            least, most = interval_of(rows, space, c)
             if work[IMPULSE, c] < least - strong:
                 found = 1
             elif work[IMPULSE, c] > most + strong:

@@ -8,8 +8,6 @@ depend continuously on time.
 
 from __future__ import annotations
 
-import math
-
 from stickslip.arrays import Array
 from stickslip.motion.admissible.overload import (
     GIVEN_FORCES,
@@ -21,10 +19,8 @@ from stickslip.motion.admissible.overload import (
 )
 from stickslip.motion.admissible.sharing import given_force, grip, is_first, sticks_in
 from stickslip.motion.steps.arrays import ON_INERTIAL, Flow, directions_of, inertial_contacts
-from stickslip.motion.steps.sets import axis_of, force_outside, formula_of
+from stickslip.motion.steps.sets import axis_of, part_to_set
 from stickslip.translator import compiled
-
-_HALVINGS = 50  # of the way into a set
 
 
 @compiled(brief=True)
@@ -81,40 +77,5 @@ def part_of_the_way(flow: Flow, mode: Array, group: int, rank: int) -> float:
         force = inner_forces(flow, c, rank)
         x = force[0] - a
         y = force[1] - b
-        if formula_of(rows, c) >= 0:
-            part = max(part, part_to_set(flow, c, a, b, x, y))
-            continue
-        # |(a, b) + part (x, y)| = s: it is outside at 0, and inside at 1
-        outside = a * a + b * b - aside[RADIUS, c] ** 2
-        if outside > 0.0:
-            inwards = -(a * x + b * y)
-            root = inwards * inwards - (x * x + y * y) * outside
-            below = inwards + math.sqrt(max(root, 0.0))
-            part = max(part, outside / below if below > outside else 1.0)
+        part = max(part, part_to_set(flow, c, aside[RADIUS, c], a, b, x, y))
     return part
-
-
-@compiled(brief=True)
-def part_to_set(flow: Flow, c: int, a: float, b: float, x: float, y: float) -> float:
-    """The least part of the way (x, y) from a force (a, b) into the set of a contact that has a
-    formula.
-
-    Parameters
-    ----------
-    flow : Flow
-        With its radius.
-    c : int
-        The contact, by its first direction.
-    a, b, x, y : float
-    """
-    radius = flow.space.aside[RADIUS, c]
-    if not force_outside(flow, c, radius, a, b) > 0.0:
-        return 0.0
-    low, high = 0.0, 1.0
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        if force_outside(flow, c, radius, a + middle * x, b + middle * y) > 0.0:
-            low = middle
-        else:
-            high = middle
-    return high

@@ -15,7 +15,7 @@ from stickslip.motion.admissible.cones import FORCE_SIZE, RESTS
 from stickslip.motion.admissible.leaving import spare_part
 from stickslip.motion.admissible.sharing import ON_ITS_OWN, any_share, find_shared, press_themselves
 from stickslip.motion.audit.accounts import EXCESS, LARGEST_FORCE, LARGEST_SPEED, Tally
-from stickslip.motion.audit.forces import widest_room
+from stickslip.motion.audit.forces import HOLDS, RUBS, may_have_others, widest_room
 from stickslip.motion.audit.nodes import most
 from stickslip.motion.audit.step_ends import jump_after
 from stickslip.motion.modes.guards import resting
@@ -36,6 +36,7 @@ from stickslip.motion.steps.arrays import (
     Record,
     Rows,
     Space,
+    inertial_friction,
     is_loose,
     opens,
     own_directions,
@@ -106,6 +107,13 @@ def may_stick_again(rows: Rows, c: int) -> bool:
 
 
 @compiled()
+def has_friction(rows: Rows, mode: Array, c: int) -> bool:
+    """Whether the friction of a contact is what its law says: something presses it, and it is not
+    one between given motions, whose force follows from its velocity alone."""
+    return not (is_loose(rows, mode, c) or is_prescribed(rows, c))
+
+
+@compiled()
 def adheres(rows: Rows, c: int) -> bool:
     """Whether a contact that can open holds a pull: it has a threshold."""
     return bool(opens(rows, c) and rows.plus[c] != rows.minus[c])
@@ -136,16 +144,16 @@ def hold_beginnings(
         return False
     quiet = is_quiet(starts, i)
     asked = False
-    for c in rows.contacts:
-        if adheres(rows, c) and slips[c] != 0 and not quiet:
-            if slips[c] == 1 and closed_at_rest(rows, space, c):
-                asked = True
-                carried = i > 0 and starts.mode[i - 1, c] == 2
-                set_mode(rows, at.mode, c, 2 if carried else 0)
-            continue
-        skipped = opens(rows, c) or is_loose(rows, slips, c)
-        skipped = skipped or is_prescribed(rows, c)
-        if skipped or resting(slips[c]) or (quiet and rows.plane[c] < 0):
+    for c in rows.openings:
+        opened = slips[c] == 1 and not quiet
+        if opened and adheres(rows, c) and closed_at_rest(rows, space, c):
+            asked = True
+            carried = i > 0 and starts.mode[i - 1, c] == 2
+            set_mode(rows, at.mode, c, 2 if carried else 0)
+    for c in rows.frictional:
+        # On a line no slip begins without an event; in a plane one may turn round.
+        goes_on = quiet and rows.plane[c] < 0
+        if goes_on or resting(slips[c]) or not has_friction(rows, slips, c):
             continue
         # All rests before the start.
         before = starts.mode[i - 1, c] if i > 0 else 0
@@ -263,35 +271,34 @@ def least_room(flow: Flow, at: Instant, slips: Array, tally: Tally) -> tuple[int
     sharing = any_share(rows)
     if sharing:
         find_shared(flow, mode, W, False)
-    for c in rows.contacts:
-        if is_loose(rows, mode, c) or is_prescribed(rows, c):
-            continue
-        if opens(rows, c):
-            gap = abs(W[rows.gaps[c], 0]) - ROUNDING * gap_size(rows, flow.space, c)
-            if W[rows.force[c], 0] < 0.0 if mode[c] == 0 else gap <= 0.0:
-                return NOWHERE, -1.0
-            others = mode[c] == 2 and not is_steady(rows, flow.space, c)
-            if others and slips[c] == 1:
-                return NOWHERE, -1.0
-            if mode[c] == 0 and slips[c] != 0:
-                room = room_to_tear(rows, flow.space, c, late, tally.law[c, LARGEST_FORCE])
-                full = full or not room > 0.0
-                if room < least:
-                    first, least = c, room
-        elif resting(mode[c]):
-            room = room_left(rows, flow.space, c, late, tally.law[c, LARGEST_FORCE])
-            if sharing and mode[c] == 0 and flow.space.leaving[c] != ON_ITS_OWN:
-                if press_themselves(flow, mode, W, rows.group[c]):
-                    return c, 1.0  # nobody has asked what they hold then
-                room = spare_part(flow, mode, c)
-                if tally.law[c, LARGEST_FORCE] > 0.0:
-                    room -= late * abs(W[rows.force[c], 1]) / tally.law[c, LARGEST_FORCE]
-            carried = abs(mode[c]) != 2 or is_steady(rows, flow.space, c)
-            if not carried:
-                return NOWHERE, -1.0
+    for c in rows.openings:
+        gap = abs(W[rows.gaps[c], 0]) - ROUNDING * gap_size(rows, flow.space, c)
+        if W[rows.force[c], 0] < 0.0 if mode[c] == 0 else gap <= 0.0:
+            return NOWHERE, -1.0
+        others = mode[c] == 2 and not is_steady(rows, flow.space, c)
+        if others and slips[c] == 1:
+            return NOWHERE, -1.0
+        if mode[c] == 0 and slips[c] != 0:
+            room = room_to_tear(rows, flow.space, c, late, tally.law[c, LARGEST_FORCE])
             full = full or not room > 0.0
-            if not resting(slips[c]) and room < least:
+            if room < least:
                 first, least = c, room
+    for c in rows.frictional:
+        if not resting(mode[c]) or not has_friction(rows, mode, c):
+            continue
+        room = room_left(rows, flow.space, c, late, tally.law[c, LARGEST_FORCE])
+        if sharing and mode[c] == 0 and flow.space.leaving[c] != ON_ITS_OWN:
+            if press_themselves(flow, mode, W, rows.group[c]):
+                return c, 1.0  # nobody has asked what they hold then
+            room = spare_part(flow, mode, c)
+            if tally.law[c, LARGEST_FORCE] > 0.0:
+                room -= late * abs(W[rows.force[c], 1]) / tally.law[c, LARGEST_FORCE]
+        carried = abs(mode[c]) != 2 or is_steady(rows, flow.space, c)
+        if not carried:
+            return NOWHERE, -1.0
+        full = full or not room > 0.0
+        if not resting(slips[c]) and room < least:
+            first, least = c, room
     return (NOWHERE, 0.0) if full else (first, least)
 
 
@@ -309,19 +316,23 @@ def shared_room(
     rows, space = flow.rows, flow.space
     begins = NOWHERE
     held = 0
-    if len(space.delassus) == 0:
+    if not may_have_others(rows, space):
         return NOWHERE, 0.0
     for c in range(rows.sizes[ON_INERTIAL]):
-        rests = 0.0
-        if opens(rows, c):
-            rests = 1.0 if at.mode[c] == 0 else 0.0
-        elif not is_loose(rows, at.mode, c):
-            slides = -1.0 if rows.first_link[c + 1] > rows.first_link[c] else 0.0
-            rests = 1.0 if resting(at.mode[c]) else slides
-            if resting(at.mode[c]) and not resting(slips[c]):
-                begins = c
-        held += 1 if rests > 0.0 else 0
-        space.cones[RESTS, c], space.cones[FORCE_SIZE, c] = rests, tally.law[c, LARGEST_FORCE]
+        space.cones[RESTS, c], space.cones[FORCE_SIZE, c] = 0.0, tally.law[c, LARGEST_FORCE]
+    for c in rows.openings:
+        if at.mode[c] == 0:
+            space.cones[RESTS, c] = HOLDS
+            held += 1
+    for c in inertial_friction(rows):
+        if is_loose(rows, at.mode, c):
+            continue
+        if resting(at.mode[c]):
+            space.cones[RESTS, c] = HOLDS
+            held += 1
+            begins = begins if resting(slips[c]) else c
+        elif rows.first_link[c + 1] > rows.first_link[c]:
+            space.cones[RESTS, c] = RUBS
     if held < 2 or begins < 0:
         return NOWHERE, 0.0
     room = widest_room(machine, flow, at)

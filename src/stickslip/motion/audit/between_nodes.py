@@ -44,7 +44,6 @@ from stickslip.motion.steps.arrays import (
     Space,
     directions_of,
     is_loose,
-    opens,
     own_inverse,
     tape_of,
 )
@@ -274,14 +273,14 @@ def encloses(
         for row in forces:
             if not loose and not strays(discs[row], factor) <= NEGLIGIBLE_PART * held:
                 return False
-        if opens(rows, c):
-            row = rows.gaps[c]
-            # At an instant all terms of a gap may vanish; of what stays closed they always do.
-            size = extent(W[row], N - 1, powers) + h * mag[c]
-            size += REST_PART * acting * acting * rate_terms(rows, mag, c)
-            size += gap_terms(rows, mag, c)
-            if not strays(discs[row], factor) <= NEGLIGIBLE_PART * max(size, tally.law[c, OPENING]):
-                return False
+    for c in rows.openings:
+        row = rows.gaps[c]
+        # At an instant all terms of a gap may vanish; of what stays closed they always do.
+        size = extent(W[row], N - 1, powers) + h * mag[c]
+        size += REST_PART * acting * acting * rate_terms(rows, mag, c)
+        size += gap_terms(rows, mag, c)
+        if not strays(discs[row], factor) <= NEGLIGIBLE_PART * max(size, tally.law[c, OPENING]):
+            return False
     for plane in rows.planes:
         c = plane[LEAD]
         if is_loose(rows, mode, c):

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.motion.admissible.sharing import ON_ITS_OWN, length_of
+from stickslip.motion.admissible.sharing import ON_ITS_OWN
 from stickslip.motion.audit.accounts import (
     BACKWARDS,
     CANCELLED_PART,
@@ -36,8 +36,6 @@ from stickslip.motion.steps.arrays import (
     ADMISSIBLE_SIZE,
     AHEAD,
     AIM,
-    ASIDE,
-    ATOP,
     COORDINATES,
     INERTIAL,
     LEAD,
@@ -93,8 +91,9 @@ def sample_plane(
     row = samples_of(rows, c)
     force = max(V[plane[STATIC], 0], 0.0)
     law[c, LARGEST_FORCE] = most(law[c, LARGEST_FORCE], force)
-    w = V[plane[ATOP], 0] if len(block) > 2 else 0.0
-    speed = length_of(V[plane[AHEAD], 0], V[plane[ASIDE], 0], w)
+    speed = 0.0
+    for i in range(len(block)):
+        speed = math.hypot(speed, V[plane[AHEAD + i], 0])
     speed = max(speed, CANCELLED_PART * whole_speed(rows, mag, c))
     law[c, LARGEST_SPEED] = most(law[c, LARGEST_SPEED], speed)
     if mode[c] == 0:

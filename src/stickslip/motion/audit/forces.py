@@ -40,7 +40,7 @@ from stickslip.motion.admissible.cones import (
 )
 from stickslip.motion.admissible.impacts_law import put_part
 from stickslip.motion.admissible.leaving import lacking_part
-from stickslip.motion.admissible.sharing import ON_ITS_OWN, held_at, is_first
+from stickslip.motion.admissible.sharing import ON_ITS_OWN, held_at, is_first, sticks_in
 from stickslip.motion.audit.accounts import (
     EXCESS,
     LARGEST_FORCE,
@@ -78,8 +78,8 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Rows,
     Space,
+    inertial_friction,
     is_loose,
-    opens,
 )
 from stickslip.motion.steps.roots import horner
 from stickslip.motion.steps.sets import (
@@ -127,7 +127,7 @@ def try_other_forces(machine: Machine, flow: Flow, at: Instant, order: int, h: f
     """
     rows, space = flow.rows, flow.space
     unit = space.W[rows.sizes[DIMENSION], 1]
-    if len(rows.planes) > 0 or not goes_straight(rows, space, order, h / unit):
+    if not goes_straight(rows, space, order, h / unit):
         return False
     for trial in range(_INSIDE):
         found = True
@@ -159,8 +159,6 @@ def widest_room(machine: Machine, flow: Flow, at: Instant) -> float:
         forces.
     at : Instant
     """
-    if len(flow.rows.planes) > 0:
-        return 0.0
     room = 0.0
     wider = _LITTLE
     while wider < 1.0 and fit_forces(machine, flow, at, wider, 0):
@@ -290,8 +288,8 @@ def put_law(rows: Rows, space: Space, mode: Array, room: float, end: int) -> boo
         if cones[RESTS, c] != 0.0:
             cones[PRESSES, c] = 1.0
             cones[SHARES, c] = room * normals / closed
-    for c in range(mq):
-        if opens(rows, c) or cones[RESTS, c] == 0.0:
+    for c in inertial_friction(rows):
+        if cones[RESTS, c] == 0.0:
             continue
         held, up, down = cones[IN_MODE, c], V[rows.plus[c], 0], V[rows.minus[c], 0]
         rubs = cones[RESTS, c] == RUBS
@@ -341,31 +339,31 @@ def shift_guards(rows: Rows, space: Space, mode: Array, sign: float) -> None:
     last = GAUSS_NODES[COUNT - 1] - GAUSS_NODES[0]
     for g in range(COUNT):
         part = (GAUSS_NODES[g] - GAUSS_NODES[0]) / last
-        for c in range(rows.sizes[ON_INERTIAL]):
-            row = samples_of(rows, c)
-            change = sign * difference_at(cones, c, part)
+        for c in inertial_friction(rows):
             if cones[RESTS, c] != HOLDS:
                 continue
-            if opens(rows, c):
-                samples[row, g] += change
+            row = samples_of(rows, c)
+            change = sign * difference_at(cones, c, part)
+            up, down = change, -change
+            width = 0.0
+            for link in range(rows.first_link[c], rows.first_link[c + 1]):
+                n = rows.links[link, PRESSING]
+                pressed = sign * difference_at(cones, n, part)
+                on, back = cones[PUSHES_ON, link], cones[PUSHES_BACK, link]
+                up += on * pressed
+                down += back * pressed
+                # the normal force as it was
+                width += (on + back) * samples[samples_of(rows, n), g]
+            if abs(mode[c]) == 1:
+                # Of what others hold at its threshold, guards are made here.
+                samples[row + 1, g] = up + (0.0 if mode[c] > 0 else width)
+                samples[row + 2, g] = down + (width if mode[c] > 0 else 0.0)
             else:
-                up, down = change, -change
-                width = 0.0
-                for link in range(rows.first_link[c], rows.first_link[c + 1]):
-                    n = rows.links[link, PRESSING]
-                    pressed = sign * difference_at(cones, n, part)
-                    on, back = cones[PUSHES_ON, link], cones[PUSHES_BACK, link]
-                    up += on * pressed
-                    down += back * pressed
-                    kept = samples[samples_of(rows, n), g]
-                    width += (on + back) * (kept - pressed if n < c else kept)
-                if abs(mode[c]) == 1:
-                    # Of what others hold at its threshold, guards are made here.
-                    samples[row + 1, g] = up + (0.0 if mode[c] > 0 else width)
-                    samples[row + 2, g] = down + (width if mode[c] > 0 else 0.0)
-                else:
-                    samples[row, g] += up
-                    samples[row + 1, g] += down
+                samples[row, g] += up
+                samples[row + 1, g] += down
+        for c in rows.openings:
+            if cones[RESTS, c] == HOLDS:
+                samples[samples_of(rows, c), g] += sign * difference_at(cones, c, part)
 
 
 @compiled(brief=True)
@@ -407,31 +405,33 @@ def asks_for_others(rows: Rows, space: Space, mode: Array, piece: StepPiece, tal
     tally : Tally
         Sizes.
     """
-    if len(space.delassus) == 0:
+    if not may_have_others(rows, space):
         return False
-    law, samples = tally.law, space.samples
+    law = tally.law
     asked = False
     for c in range(rows.sizes[ON_INERTIAL]):
-        row = samples_of(rows, c)
         space.cones[FORCE_SIZE, c] = law[c, LARGEST_FORCE]
         space.cones[RESTS, c] = 0.0
-        guards = 0
-        if opens(rows, c):
-            guards = 1 if mode[c] == 0 else 0
-            wide = largest_of(samples[row]) > ROUNDING * gap_size(rows, space, c)
-            if mode[c] != 0 and not wide and stays_still(rows, space, c, piece, tally):
-                space.cones[RESTS, c] = TOUCHES
-        elif rows.plane[c] < 0 and not is_loose(rows, mode, c):
-            guards = 2 if resting(mode[c]) else 0
-            rubs = rows.first_link[c + 1] > rows.first_link[c]
-            if not resting(mode[c]) and rubs and rows.alone[c] == 0:
-                still = rows.drops[c] == 0 and stays_still(rows, space, c, piece, tally)
-                space.cones[RESTS, c] = HOLDS if still else RUBS
-        if guards > 0:
+    for c in rows.openings:
+        if mode[c] == 0:
             space.cones[RESTS, c] = HOLDS
-        for part in range(guards):
-            for g in range(COUNT):
-                asked = asked or samples[row + part, g] < -NEGLIGIBLE_PART * law[c, LARGEST_FORCE]
+            asked = asked or falls_below(space, samples_of(rows, c), law[c, LARGEST_FORCE])
+            continue
+        wide = largest_of(space.samples[samples_of(rows, c)])
+        touches = wide <= ROUNDING * gap_size(rows, space, c)
+        if touches and stays_still(rows, space, c, piece, tally):
+            space.cones[RESTS, c] = TOUCHES
+    for c in inertial_friction(rows):
+        if is_loose(rows, mode, c):
+            continue
+        if resting(mode[c]):
+            space.cones[RESTS, c] = HOLDS
+            for part in range(2):
+                row = samples_of(rows, c) + part
+                asked = asked or falls_below(space, row, law[c, LARGEST_FORCE])
+        elif rows.alone[c] == 0:
+            still = rows.drops[c] == 0 and stays_still(rows, space, c, piece, tally)
+            space.cones[RESTS, c] = HOLDS if still else RUBS
     for link in range(len(rows.links) if asked else 0):
         c, n = rows.links[link, RUBBING], rows.links[link, PRESSING]
         if space.cones[RESTS, n] == TOUCHES and is_loose(rows, mode, c):
@@ -440,6 +440,22 @@ def asks_for_others(rows: Rows, space: Space, mode: Array, piece: StepPiece, tal
             # Friction that slips would press, too: not asked for here.
             space.cones[RESTS, n] = space.cones[RESTS, n] if still else 0.0
     return asked
+
+
+@compiled()
+def may_have_others(rows: Rows, space: Space) -> bool:
+    """Whether other forces of what rests are looked for: there are not too many contacts, and none
+    rubs in a plane."""
+    return len(space.delassus) > 0 and len(rows.planes) == 0
+
+
+@compiled()
+def falls_below(space: Space, row: int, force: float) -> bool:
+    """Whether a guard is negative at a node, as a force of a size cannot be by rounding."""
+    below = False
+    for g in range(COUNT):
+        below = below or space.samples[row, g] < -NEGLIGIBLE_PART * force
+    return bool(below)
 
 
 @compiled()
@@ -515,7 +531,7 @@ def judge_together(flow: Flow, mode: Array, piece: StepPiece, tally: Tally) -> N
         least = max(piece.rounding, blurred_by_turns(rows, space, mode, first, tally))
         loose = 0.0
         for c in range(first, nc):
-            if mode[c] != 0 or rows.group[c] != rows.group[first]:
+            if not sticks_in(rows, mode, c, rows.group[first]):
                 continue
             to_control_points(space.points[c], space.bernstein[0])
             to_control_points(space.points[nc + c], space.bernstein[0])

@@ -69,9 +69,9 @@ from stickslip.motion.audit.step_ends import (
     count_jumps,
     jump_after,
     jump_or_collide,
-    may_collide,
 )
 from stickslip.motion.audit.work import powers_at, put_nodes
+from stickslip.motion.modes.guards import may_collide
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     DIMENSION,

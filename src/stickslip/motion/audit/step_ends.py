@@ -31,6 +31,7 @@ from stickslip.motion.audit.impulses import (
 )
 from stickslip.motion.audit.nodes import most
 from stickslip.motion.engine.jumps import fired_jump, make_jump
+from stickslip.motion.modes.guards import may_collide
 from stickslip.motion.steps.arrays import (
     DIMENSION,
     EPSILON,
@@ -48,7 +49,6 @@ from stickslip.motion.steps.arrays import (
     Machine,
     Record,
     Rows,
-    opens,
 )
 from stickslip.motion.steps.roots import rate_on
 from stickslip.motion.steps.sets import force_terms
@@ -87,13 +87,6 @@ def audit_start(
         steps.gap[i, r] += abs(ends.state[i, r] - space.trial[r])
         tally.state[LARGEST, r] = most(tally.state[LARGEST, r], abs(starts.state[i, r]))
     count_gaps(i, steps, tally)
-
-
-@compiled()
-def may_collide(rows: Rows, cause: int) -> bool:
-    """Whether what ends a step is that a gap closes."""
-    nk = len(rows.kinks)
-    return bool(cause >= nk and opens(rows, cause - nk))
 
 
 @compiled()

@@ -75,7 +75,6 @@ from stickslip.motion.steps.arrays import (
     Task,
     flow_of,
     is_stopped,
-    opens,
     set_mode,
 )
 from stickslip.motion.steps.directions import take_direction
@@ -413,7 +412,7 @@ def ends_slip(flow: Flow, mode: Array, which: int, p: int, t: float, h: float) -
     kink = 0 <= which < len(rows.kinks)
     c = contact_of(which, len(rows.kinks)) if which >= len(rows.kinks) else NOWHERE
     if not kink:
-        if c < 0 or c >= rows.sizes[ON_INERTIAL] or mode[c] == 0 or opens(rows, c):
+        if c < 0 or c >= rows.sizes[ON_INERTIAL] or mode[c] == 0:
             return False
         if c == first:
             return True

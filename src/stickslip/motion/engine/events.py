@@ -9,7 +9,7 @@ from stickslip.arrays import Array
 from stickslip.motion.engine.collisions import CREATES, JUMPED, NO_IMPULSE, collide
 from stickslip.motion.engine.impacts import first_approaching, open_all, size_gaps
 from stickslip.motion.engine.jumps import due_jump, fires, make_jump, passed_jumps
-from stickslip.motion.modes.guards import germ, guard_of, resting, spell
+from stickslip.motion.modes.guards import germ, guard_of, may_collide, resting, spell
 from stickslip.motion.modes.pivots import flip, set_regions
 from stickslip.motion.steps.arrays import (
     CAUSE,
@@ -46,7 +46,6 @@ from stickslip.motion.steps.arrays import (
     Rows,
     Task,
     leads,
-    opens,
 )
 from stickslip.motion.steps.sets import kink_terms, remember_gaps
 from stickslip.motion.steps.starting import coefficients
@@ -361,7 +360,7 @@ def knock(
     cause = lane.counters[CAUSE]
     if cause < 0 and not entering:
         return NOWHERE, count
-    closing = cause >= len(rows.kinks) and closes(rows, lane.mode, cause - len(rows.kinks))
+    closing = may_collide(rows, cause) and lane.mode[cause - len(rows.kinks)] == 0
     if due >= 0 or not closing:
         # Another event, or none: what touches meanwhile, up to rounding errors, has its impact.
         here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
@@ -387,12 +386,6 @@ def knock(
         own = rows.jumps[due, KINK] if due >= 0 else NOWHERE
         find_regions(machine, flow, here, own, zero)
     return (CREATES_ENERGY if struck == CREATES else NOWHERE), count
-
-
-@compiled()
-def closes(rows: Rows, mode: Array, c: int) -> bool:
-    """Whether a contact that can open has just closed."""
-    return bool(opens(rows, c) and mode[c] == 0)
 
 
 @compiled()

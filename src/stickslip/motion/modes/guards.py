@@ -36,6 +36,7 @@ from stickslip.motion.steps.sets import (
     force_terms,
     gap_size,
     kink_terms,
+    may_share,
     plane_of,
     rate_terms,
     whole_rate,
@@ -282,6 +283,13 @@ def switch_of(guard: int, nk: int, nc: int) -> int:
 
 
 @compiled()
+def may_collide(rows: Rows, cause: int) -> bool:
+    """Whether a switch is that of a contact that can open: it has closed, or opened."""
+    c = cause - len(rows.kinks)
+    return bool(c >= 0 and opens(rows, c))
+
+
+@compiled()
 def is_asked(rows: Rows, mode: Array, nk: int, g: int) -> bool:
     """Whether a guard says anything in a mode."""
     if g < nk:
@@ -386,14 +394,15 @@ def guard_of(
         row, size, rate = guard_in_plane(rows, space, mode, i, near)
         # how fast a speed changes is known however small it is
         is_gap = mode[i] != 0 and plane_of(rows, i)[MASSIVE] == 1
-    elif opens(rows, i) and mode[i] == 0:
-        row = rows.force[i]
-        size = force_terms(rows, mag, i) + near * abs(W[row, 1])
     elif opens(rows, i):
-        row = rows.gaps[i]
-        is_gap = True
-        size = gap_size(rows, space, i)
-        rate = (mag[i] + near * unit * rate_terms(rows, mag, i)) * unit + abs(W[row, 1])
+        is_gap = mode[i] != 0
+        if is_gap:
+            row = rows.gaps[i]
+            size = gap_size(rows, space, i)
+            rate = (mag[i] + near * unit * rate_terms(rows, mag, i)) * unit + abs(W[row, 1])
+        else:
+            row = rows.force[i]
+            size = force_terms(rows, mag, i) + near * abs(W[row, 1])
     elif mode[i] == 0 and not is_prescribed(rows, i):
         row = rows.force[i]
         shift = rows.minus[i] if is_second(g, nk) else rows.plus[i]
@@ -500,10 +509,9 @@ def scan(
         if not is_asked(rows, mode, nk, g):
             continue
         just = switch_of(g, nk, nc) == fired or g == leapt
-        if sharing and is_held_with_others(rows, space, mode, nk, g):
+        if sharing and is_held_with_others(space, nk, nc, g):
             if stands_for_all(rows, mode, nk, g):
-                group = rows.group[contact_of(g, nk)]
-                own = fired >= nk and rows.group[fired - nk] == group
+                own = fired >= nk and may_share(rows, fired - nk, contact_of(g, nk))
                 lack = max(FIRED if own else 0.0, slack * ROUNDING)
                 held, s, order = guard_together(
                     flow, mode, g, near, late, lack, space.pending[count]
@@ -570,22 +578,19 @@ def lingers_in_slip(rows: Rows, mode: Array, c: int) -> bool:
 
 
 @compiled()
-def is_held_with_others(rows: Rows, space: Space, mode: Array, nk: int, g: int) -> bool:
+def is_held_with_others(space: Space, nk: int, nc: int, g: int) -> bool:
     """Whether a guard is that of a contact that shares its force with others.
 
     Parameters
     ----------
-    rows : Rows
     space : Space
         Says which do.
-    mode : array of int, shape (contacts,)
-    nk, g : int
-        Number of kinks, and of the guard.
+    nk, nc, g : int
+        Number of kinks, of contacts, and of the guard.
     """
-    if g < nk or doubt_of(g, nk, len(mode)) >= 0:
+    if g < nk or doubt_of(g, nk, nc) >= 0:
         return False
-    c = contact_of(g, nk)
-    return bool(rows.group[c] >= 0 and mode[c] == 0 and space.leaving[c] != ON_ITS_OWN)
+    return bool(space.leaving[contact_of(g, nk)] != ON_ITS_OWN)
 
 
 @compiled()

@@ -19,7 +19,6 @@ from stickslip.motion.steps.arrays import (
     INERTIAL,
     INSTANT,
     LEAD,
-    MASSIVE,
     MEMBERS,
     NAN,
     NOW,
@@ -381,7 +380,7 @@ def vagueness(flow: Flow, table: Array, y: Array, h: float) -> float:
         plane = rows.planes[p]
         first = plane[LEAD]
         speed = table[plane[AIM_SPEED], 0]
-        if plane[MASSIVE] == 0 or rows.group[first] < 0 or not speed > 0.0:
+        if rows.group[first] < 0 or not speed > 0.0:
             continue
         faster = 0.0
         part = rows.parts[rows.homes[first, PART]]

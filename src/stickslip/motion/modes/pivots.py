@@ -24,7 +24,6 @@ from stickslip.motion.steps.arrays import (
     direction_entry,
     inertial_contacts,
     is_loose,
-    opens,
     own_directions,
     set_mode,
 )
@@ -171,7 +170,7 @@ def hold_or_slide(flow: Flow, mode: Array, last: float, fired: int, slack: float
     changed = False
     for c in range(len(mode)):
         if rows.drops[c] == 1 and mode[c] != 0 and not is_loose(rows, mode, c):
-            held = not (opens(rows, c) and is_wide(flow, c, last))
+            held = not is_wide(flow, c, last)
             for i in own_directions(rows, c):
                 held = held and stays(rows, space, mode, i, N, last, fired, slack)
             force = 2 if held else 1

@@ -255,12 +255,12 @@ def hold_still(flow: Flow, mode: Array, part: int) -> bool:
         if cones[RESTS, c] == 0.0:
             continue
         block = directions_of(rows, c)
-        if len(block) > 1 and rows.alone[c] == 1:
-            return False
         for link in range(rows.first_link[c], rows.first_link[block[len(block) - 1] + 1]):
             cones[LEAST_SHARE, link] = -W[rows.friction[link, 2], 0]
             cones[MOST_SHARE, link] = W[rows.friction[link, 3], 0]
-        if len(block) == 1:
+        if rows.alone[c] == 1:
+            if len(block) > 1:
+                return False
             cones[LEAST_ALONE, c] = -max(W[rows.plus[c], 0], 0.0)
             cones[MOST_ALONE, c] = max(W[rows.minus[c], 0], 0.0)
     scale = put_wanted(rows, space, part)

@@ -244,8 +244,6 @@ def is_apart(flow: Flow, c: int, last: float, span: float) -> bool:
     gap is no faster than they are."""
     rows = flow.rows
     space = flow.space
-    if not opens(rows, c):
-        return False
     if not is_wide(flow, c, last):
         return False
     drift = abs(space.W[rows.u[c], 0])
@@ -255,7 +253,9 @@ def is_apart(flow: Flow, c: int, last: float, span: float) -> bool:
 
 @compiled()
 def is_wide(flow: Flow, c: int, last: float) -> bool:
-    """Whether the gap of a contact is more than what a step, or rounding, makes of it."""
+    """Whether a contact has a gap that is more than what a step, or rounding, makes of it."""
+    if not opens(flow.rows, c):
+        return False
     closed = max(touching(flow, c, last), FIRED * gap_size(flow.rows, flow.space, c))
     return bool(abs(flow.space.W[flow.rows.gaps[c], 0]) > closed)
 

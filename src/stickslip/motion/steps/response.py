@@ -132,9 +132,10 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
     for probe in range(-1, 2 * planes):
         if probe >= 0 and not begins_flat(flow, probe // 2):
             continue
-        bent = probe >= 0 and rows.planes[probe // 2, FORMULA] >= 0
+        row = AIMS * (probe // 2) + N_ + probe % 2
+        before = aims[row, 0] if probe >= 0 else 0.0
         if probe >= 0:
-            aims[AIMS * (probe // 2) + N_ + probe % 2, 0] = 1.0
+            aims[row, 0] = 1.0
         place_aims(flow, table, FEWEST_ORDERS)
         status = plain_coefficients(machine, flow, at, FEWEST_ORDERS, table)
         if status != OK:
@@ -147,7 +148,7 @@ def respond(machine: Machine, flow: Flow, at: Instant, table: Array) -> int:
                 else:
                     answer[2 * p + i, probe] = rate - aims[AIMS * p + BX + i, 0]
         if probe >= 0:
-            aims[AIMS * (probe // 2) + N_ + probe % 2, 0] = 1.0 if bent and probe % 2 == 0 else 0.0
+            aims[row, 0] = before
     return OK
 
 

@@ -43,6 +43,7 @@ _VALUE, _X, _Y, _Z, _XX, _XY, _XZ, _YY, _YZ, _ZZ, _MIDDLE = range(11)
 PER_FORMULA = 13
 _ANGLES = 32  # in which the forces of a formula are compared with S
 _MOST_TURNS = 32  # of Newton's method between them
+_HALVINGS = 50  # of the way into a set
 
 
 @compiled()
@@ -468,3 +469,62 @@ def largest_over(
             break
         angle = after
     return most
+
+
+@compiled(brief=True)
+def holds_all(flow: Flow, c: int, radius: float, a: float, b: float) -> bool:
+    """Whether the set of a contact has all forces up to a size inside.
+
+    Parameters
+    ----------
+    flow : Flow
+    c : int
+        The contact, by its first direction.
+    radius : float
+        Of the set.
+    a, b : float
+        The sizes in both directions, beside the middle.
+    """
+    if formula_of(flow.rows, c) < 0:
+        return math.hypot(a, b) < radius
+    corners = 0
+    for i in range(4):
+        x, y = a if i % 2 == 0 else -a, b if i < 2 else -b
+        corners += 1 if force_outside(flow, c, radius, x, y) < 0.0 else 0
+    return corners == 4
+
+
+@compiled(brief=True)
+def part_to_set(flow: Flow, c: int, radius: float, a: float, b: float, x: float, y: float) -> float:
+    """The least part of the way (x, y) from a force (a, b) into the set of a contact, in which it
+    ends.
+
+    Parameters
+    ----------
+    flow : Flow
+    c : int
+        The contact, by its first direction.
+    radius : float
+        Of the set.
+    a, b, x, y : float
+        Beside the middle.
+    """
+    if formula_of(flow.rows, c) < 0:
+        # |(a, b) + part (x, y)| = s: it is outside at 0, and inside at 1
+        outside = a * a + b * b - radius**2
+        if not outside > 0.0:
+            return 0.0
+        inwards = -(a * x + b * y)
+        root = inwards * inwards - (x * x + y * y) * outside
+        below = inwards + math.sqrt(max(root, 0.0))
+        return outside / below if below > outside else 1.0
+    if not force_outside(flow, c, radius, a, b) > 0.0:
+        return 0.0
+    low, high = 0.0, 1.0
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        if force_outside(flow, c, radius, a + middle * x, b + middle * y) > 0.0:
+            low = middle
+        else:
+            high = middle
+    return high

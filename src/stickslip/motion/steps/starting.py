@@ -25,7 +25,6 @@ from stickslip.motion.steps.arrays import (
     AHEAD,
     AIM,
     AIM_SPEED,
-    ASIDE,
     DIMENSION,
     EPSILON,
     FEWEST_ORDERS,
@@ -160,44 +159,80 @@ def aim_prescribed(flow: Flow, mode: Array, table: Array) -> bool:
     clock = rows.sizes[DIMENSION]
     late = _LATE * INSTANT * abs(table[clock, 0]) / table[clock, 1]
     for plane in rows.planes:
-        c, aim = plane[LEAD], plane[AIM]
+        c = plane[LEAD]
         if not 1 <= mode[c] <= 2 or not is_prescribed(rows, c):
             continue
-        if len(directions_of(rows, c)) > 2:
-            continue  # is not declared
-        x, y = table[plane[AHEAD]], table[plane[ASIDE]]
-        still = _LATE * ROUNDING * whole_speed(rows, mag, c) + late * math.hypot(x[1], y[1])
-        if not math.hypot(x[0], y[0]) <= still:
+        still = _LATE * ROUNDING * whole_speed(rows, mag, c)
+        still += late * length_at(rows, plane, table, 1)
+        if not length_at(rows, plane, table, 0) <= still:
             continue
         largest = 0.0
         for k in range(1, last + 1):
-            largest = max(largest, math.hypot(x[k], y[k]))
+            largest = max(largest, length_at(rows, plane, table, k))
         first = 1
-        while first < last and math.hypot(x[first], y[first]) <= NEGLIGIBLE * largest:
+        while first < last and length_at(rows, plane, table, first) <= NEGLIGIBLE * largest:
             first += 1
-        n, m, speed = table[aim], table[aim + 1], table[aim + 2]
-        size = math.hypot(x[first], y[first])
-        for k in range(last + 1):
-            n[k] = m[k] = speed[k] = 0.0
-        # n·w = ρ and n·n = 1, order by order
-        for k in range(last + 1 - first if size > 0.0 else 0):
-            u, v = x[first + k], y[first + k]
-            square = 0.0
-            for j in range(1, k):
-                u -= speed[first + j] * n[k - j]
-                v -= speed[first + j] * m[k - j]
-                square += n[j] * n[k - j] + m[j] * m[k - j]
-            if k == 0:
-                n[0], m[0], speed[first] = u / size, v / size, size
-                continue
-            # (u, v) = ρ₀ nₖ + ρₖ n₀, and n₀·nₖ is what is left of n·n = 1
-            along = -0.5 * square
-            speed[first + k] = n[0] * u + m[0] * v - size * along
-            n[k] = (u - speed[first + k] * n[0]) / size
-            m[k] = (v - speed[first + k] * m[0]) / size
+        aim_along(rows, plane, table, first)
         set_mode(rows, mode, c, DIRECTION_GIVEN)
         found = True
     return found
+
+
+@compiled()
+def length_at(rows: Rows, plane: Array, table: Array, k: int) -> float:
+    """The length of order k of Au, over all directions of a contact."""
+    size = 0.0
+    for i in range(len(directions_of(rows, plane[LEAD]))):
+        size = math.hypot(size, table[plane[AHEAD] + i, k])
+    return size
+
+
+@compiled()
+def aim_along(rows: Rows, plane: Array, table: Array, first: int) -> None:
+    """Fill in the direction and the speed of one of these slips, from n·w = ρ and n·n = 1.
+
+    Parameters
+    ----------
+    rows : Rows
+    plane : array of int
+        Its row of `Rows.planes`.
+    table : array
+        Coefficients.
+    first : int
+        The first order of Au that is not zero.
+    """
+    aim, ahead = plane[AIM], plane[AHEAD]
+    width = len(directions_of(rows, plane[LEAD]))
+    speed = table[plane[AIM_SPEED]]
+    size = length_at(rows, plane, table, first)
+    for k in range(table.shape[1]):
+        speed[k] = 0.0
+        for i in range(width):
+            table[aim + i, k] = 0.0
+    for k in range(table.shape[1] - first if size > 0.0 else 0):
+        if k == 0:
+            speed[first] = size
+            for i in range(width):
+                table[aim + i, 0] = table[ahead + i, first] / size
+            continue
+        square = 0.0
+        for j in range(1, k):
+            product = 0.0
+            for i in range(width):
+                product += table[aim + i, j] * table[aim + i, k - j]
+            square += product
+        forward = 0.0
+        for i in range(width):
+            left = table[ahead + i, first + k]
+            for j in range(1, k):
+                left -= speed[first + j] * table[aim + i, k - j]
+            table[aim + i, k] = left
+            forward += table[aim + i, 0] * left
+        # left = ρ₀ nₖ + ρₖ n₀, and n₀·nₖ is what is left of n·n = 1
+        speed[first + k] = forward + 0.5 * size * square
+        for i in range(width):
+            left = table[aim + i, k] - speed[first + k] * table[aim + i, 0]
+            table[aim + i, k] = left / size
 
 
 @compiled()
