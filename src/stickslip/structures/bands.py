@@ -19,8 +19,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.structures.fronts import Eliminated, factored_in_fronts
 
-WIDEST = 96
-"""Of a band that is eliminated as one: half its width."""
+_WIDEST = 96  # of a band that is eliminated as one: half its width
 _TOGETHER = 32  # unknowns, at least, of a block of a matrix that has pivots of both signs
 
 
@@ -34,13 +33,13 @@ def order_in_band(matrix: Any) -> tuple[Array, int] | None:
     """
     from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-    if np.max(np.diff(matrix.indptr), initial=0) > 2 * WIDEST + 1:
+    if np.max(np.diff(matrix.indptr), initial=0) > 2 * _WIDEST + 1:
         return None
     order = np.asarray(reverse_cuthill_mckee(matrix.T, symmetric_mode=True), dtype=np.int64)
     rank = _ranks(order)
     columns = np.repeat(rank, np.diff(matrix.indptr))
     width = int(np.max(np.abs(rank[matrix.indices] - columns), initial=0))
-    return (order, width) if width <= WIDEST else None
+    return (order, width) if width <= _WIDEST else None
 
 
 @dataclass(frozen=True)
