@@ -258,7 +258,7 @@ def calls() -> Iterator[tuple[str, Call]]:
                 "parameter": "omega",
                 "span": (1.2, 1.21),
                 "levels": None,
-                "coordinate": None,
+                "of": None,
                 "drive": None,
                 "parameters": {"F_c": 0.3},
                 "initial": None,

@@ -105,3 +105,14 @@ def test_modes_of_a_block_and_of_equal_frequencies() -> None:
         exact = sl.eigh(stiffness.toarray(), heavy.toarray(), eigvals_only=True)[:30]
         np.testing.assert_allclose(squares, exact, rtol=1e-11)
         np.testing.assert_allclose(modes.T @ (heavy @ modes), np.eye(30), atol=1e-9)
+
+
+@pytest.mark.parametrize(("long", "wide", "count"), [(900, 5, 30), (40, 12, 60), (600, 1, 25)])
+def test_modes_of_a_strip(long: int, wide: int, count: int) -> None:
+    """Its frequencies are close where it is long: the iteration goes on with a nearer shift, or
+    with the best of its vectors."""
+    squares, modes = lowest_modes(grid(long, wide), sp.csc_array(sp.eye_array(long * wide)), count)
+    parts = [1.4 - 0.4 * np.cos(np.pi * np.arange(1, m + 1) / (m + 1)) for m in (long, wide)]
+    exact = np.sort(np.multiply.outer(*parts), axis=None)[:count]
+    np.testing.assert_allclose(squares, exact, rtol=1e-9)
+    np.testing.assert_allclose(modes.T @ modes, np.eye(count), atol=1e-9)

@@ -196,7 +196,7 @@ def test_responses_are_those_of_formulas() -> None:
         if name in second.dataset:
             np.testing.assert_allclose(first[name], second[name], rtol=1e-7)
     with pytest.raises(ss.DeclarationError, match=r"there is no u\[9\]"):
-        ss.frequency_response(body, "omega", (0.9, 1.2), coordinate="u[9]")
+        ss.frequency_response(body, "omega", (0.9, 1.2), of="u[9]")
 
 
 def test_one_mode_with_one_contact_is_the_scalar_oscillator() -> None:

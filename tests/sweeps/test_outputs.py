@@ -135,9 +135,7 @@ def test_an_output_that_is_the_same_for_all_cycles_hides_no_line() -> None:
     ("given", "message"),
     [
         ({"of": "z"}, "of: there is no 'z'"),
-        ({"coordinate": "z"}, "coordinate: there is no 'z'"),
         ({"of": "x - z"}, "z"),
-        ({"of": "x", "coordinate": "y"}, "another name of 'of'"),
         ({"of": "apartt"}, "apart"),
     ],
 )

@@ -234,7 +234,7 @@ def test_a_stored_response_is_the_same(tmp_path: Path) -> None:
         ({"levels": {"F": [0.1], "c": [0.1]}}, "levels: F, c cannot be a level"),
         ({"levels": {"F": [0.0]}}, "drive: the force on x has no wave"),
         ({"drive": "z"}, "drive: z has no wave"),
-        ({"coordinate": "y"}, "coordinate: there is no 'y'"),
+        ({"of": "y"}, "of: there is no 'y'"),
         ({"points": 1}, "points: 1 is not a number of points"),
         ({"system": catalogue.belt_block(), "parameter": "V"}, "belt_block: nothing drives it"),
         ({"system": dragged(), "parameter": "V"}, "V: whatever it is, the drives have the period"),

@@ -18,6 +18,8 @@ _ALIKE = 1e-9  # of the diagonal: by how much files with nine digits may differ 
 _SINGULAR = 1e-12  # pivots of a matrix with unit diagonal that may be rounding
 _MOST_MEMORY = 2**30  # bytes of full matrices that are made of sparse ones
 _COINCIDE = 1e-9  # of squares of frequencies: gaps in which no value has room
+_APART = 0.05  # of the lowest ω²: how far below it a shift is
+_SPREAD = 10.0  # times the lowest ω², in which so many lie that a shift pays
 _FULL = 400  # unknowns below which full matrices are faster
 
 
@@ -167,7 +169,8 @@ class Factored:
     least : float
         Its smallest pivot, as a part of the diagonal.
     blocks : array of int, optional
-        Of a sparse one, the block of each unknown in the order of elimination.
+        Of a sparse one, the block of each unknown in the order of elimination; None of one in a
+        narrow band, whose order is found at once.
     """
 
     solve: Callable[[Array], Array]
@@ -199,14 +202,19 @@ def factored(matrix: Symmetric, solving: bool = True, blocks: Array | None = Non
     if is_sparse(matrix):
         from scipy.sparse import diags_array
 
+        from stickslip.structures.bands import factored_in_band, order_in_band
         from stickslip.structures.dissection import dissected
         from stickslip.structures.fronts import factored_in_fronts
 
         by = diags_array(scale)
         scaled = (by @ matrix @ by).tocsc()
         scaled.eliminate_zeros()
-        blocks = dissected(scaled) if blocks is None else blocks
-        found = factored_in_fronts(scaled, blocks, solving)
+        thin = order_in_band(scaled) if blocks is None else None
+        if thin is not None:
+            found = factored_in_band(scaled, *thin)
+        else:
+            blocks = dissected(scaled) if blocks is None else blocks
+            found = factored_in_fronts(scaled, blocks, solving)
         solve, negative, least = found.solve, found.negative, found.least
     else:
         from scipy.linalg import ldl, solve_triangular
@@ -279,14 +287,31 @@ def rounding(stiffness: Symmetric, mass: Symmetric) -> float:
 def _shifted(
     stiffness: Symmetric, mass: Symmetric, count: int, factor: Factored | None
 ) -> tuple[Array, Array]:
-    """Lanczos' iteration with (K + s M)⁻¹ M, s > 0 where there are rigid modes."""
+    """Lanczos' iteration with (K + s M)⁻¹ M, s > 0 where there are rigid modes, and s < 0 where
+    another factor costs little and many frequencies are close."""
     from stickslip.structures.lanczos import vectors_of_largest
 
-    factor = factor or factored(stiffness)
+    factor, shift = factor or factored(stiffness), 0.0
     if factor.singular or factor.negative:
         shift = 1e-10 * float(np.max(stiffness.diagonal() / mass.diagonal()))
         factor = factored(stiffness + shift * mass)
-    modes = vectors_of_largest(factor.solve, mass, min(count + 2, stiffness.shape[0] - 1))
+
+    def nearer(values: Array) -> Callable[[Array], Array] | None:
+        nonlocal shift
+        low, high = 1.0 / values[0] - shift, 1.0 / values[-1] - shift
+        near = low - _APART * (low + shift)
+        if high - low > _SPREAD * (low + shift):
+            return None
+        closer = factored(stiffness - near * mass)
+        if closer.negative or closer.singular:
+            return None
+        shift = -near
+        return closer.solve
+
+    wanted = min(count + 2, stiffness.shape[0] - 1)
+    modes = vectors_of_largest(
+        factor.solve, mass, wanted, None if factor.blocks is not None else nearer
+    )
     heavy = np.einsum("ij,ij->j", modes, mass @ modes)
     squares = np.einsum("ij,ij->j", modes, stiffness @ modes) / heavy
     order = np.argsort(squares)

@@ -70,7 +70,6 @@ def frequency_response(
     *,
     levels: Mapping[str, Any] | Sequence[str] | None = None,
     of: str | None = None,
-    coordinate: str | None = None,
     drive: str | None = None,
     parameters: Mapping[str, float] | None = None,
     initial: Mapping[str, float] | None = None,
@@ -94,8 +93,6 @@ def frequency_response(
         Whose response it is: a coordinate, an unknown of a structure, such as ``"u[tip]"``, an
         output, or a formula of what results show, such as ``"u[tip] - u[root]"`` or
         ``"friction_damper"``; by default the first inertial coordinate, or the first one.
-    coordinate : str, optional
-        Another name of `of`.
     drive : str, optional
         Relative to which phases are measured: a drive of the system, or a formula of ``t``. By
         default its only drive, or the force on the coordinate; of anything but a coordinate or an
@@ -130,9 +127,7 @@ def frequency_response(
     level, values = _levels(system, parameter, levels)
     if not isinstance(points, int) or points < 2:
         raise DeclarationError("points", f"{points!r} is not a number of points", "Give at least 2")
-    if of and coordinate:
-        raise DeclarationError("coordinate", "it is another name of 'of'", "Give one of the two")
-    with_output, followed = _followed(system, of or coordinate, "of" if of else "coordinate")
+    with_output, followed = _followed(system, of)
     text, formula = read_drive(with_output, followed, drive)
     levels_given = [{level: value} for value in values] or [{}]
     wanted = [
@@ -157,7 +152,7 @@ def frequency_response(
     return _response(system, fixed, level, found, ended)
 
 
-def _followed(system: System, of: str | None, where: str) -> tuple[System, str]:
+def _followed(system: System, of: str | None) -> tuple[System, str]:
     """The name whose response it is, and the system with a formula as an output of that name.
 
     Raises
@@ -168,7 +163,7 @@ def _followed(system: System, of: str | None, where: str) -> tuple[System, str]:
     of = of or _first(system)
     if of in system.followed:
         return system, of
-    read_formula(system, of, where)
+    read_formula(system, of, "of")
     taken = {*system.outputs, *system.declaration.results.names}
     taken |= system.declaration.results.definitions.keys()
     name = next(n for n in (f"response_{i}" for i in count(1)) if n not in taken)

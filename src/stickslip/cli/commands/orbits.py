@@ -225,7 +225,6 @@ def response_command(
         str | None,
         typer.Option(
             "--of",
-            "--coordinate",
             metavar="FORMULA",
             help="Whose response it is: a coordinate, an output, 'u[tip]' or 'u[tip] - u[root]'.",
         ),
