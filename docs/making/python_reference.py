@@ -17,7 +17,7 @@ GROUPS: Mapping[str, str] = {
     "Declare a system": "System Parameter Inertial Viscous RateIndependent Internal Contact "
     "Unilateral Bilateral Structure ModalDamping ProportionalDamping Jump Output Condition Samples "
     "load laws catalogue",
-    "Motions": "simulate simulate_many Trajectory Ensemble EventCatalogue Outcome vector_field "
+    "Motions": "simulate simulate_many Stepper StepperState Trajectory Ensemble EventCatalogue Outcome vector_field "
     "VectorField",
     "Rest, cycles, branches": "equilibria Equilibria Equilibrium EquilibriumSet find_cycle Cycle "
     "continue_equilibrium continue_cycle Branch SpecialPoint StepControl hopf_curve fold_curve "

@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from stickslip.motion.outcome import Outcome
     from stickslip.motion.simulate import simulate
     from stickslip.motion.simulate_many import Ensemble, simulate_many
+    from stickslip.motion.stepper import Stepper, StepperState
     from stickslip.motion.trajectory import Trajectory
     from stickslip.orbits.branches.cycle_branch import continue_cycle
     from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
@@ -150,6 +151,8 @@ __all__ = [
     "Settings",
     "SpecialPoint",
     "StepControl",
+    "Stepper",
+    "StepperState",
     "StickslipError",
     "Structure",
     "SupportFormula",
@@ -214,6 +217,7 @@ _HOMES = {
     "Outcome": "motion.outcome",
     "simulate": "motion.simulate",
     **dict.fromkeys(["Ensemble", "simulate_many"], "motion.simulate_many"),
+    **dict.fromkeys(["Stepper", "StepperState"], "motion.stepper"),
     "Trajectory": "motion.trajectory",
     "EventCatalogue": "motion.event_catalogue",
     "Evolution": "rate_independent.evolution.evolution",

@@ -101,6 +101,11 @@ class Knots:
         parts = {name: np.concatenate([getattr(p, name) for p in pieces]) for name in names}
         return cls(**parts, origin=pieces[0].origin)
 
+    def copied(self) -> Knots:
+        """Knots of their own, where others share their memory."""
+        parts = (self.clock, self.state, self.mode, self.region, self.cause)
+        return Knots(*(part.copy() for part in parts), origin=self.origin)
+
     def first(self, count: int) -> Knots:
         """The first ones."""
         parts = (self.clock, self.state, self.mode, self.region, self.cause)
