@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from stickslip.fitting.recording import Recording
     from stickslip.model import laws
     from stickslip.model.entries.samples import Samples
+    from stickslip.model.entries.tables import Table
     from stickslip.model.system import (
         Bilateral,
         Condition,
@@ -154,6 +155,7 @@ __all__ = [
     "SupportFormula",
     "SupportFunction",
     "System",
+    "Table",
     "Trajectory",
     "Unilateral",
     "VectorField",
@@ -259,6 +261,7 @@ _HOMES = {
     "fit": "fitting.making",
     **dict.fromkeys(["FitProblem", "fit_problem"], "fitting.problem"),
     "Recording": "fitting.recording",
+    "Table": "model.entries.tables",
     **dict.fromkeys(
         ["AveragingStudy", "averaging_study"], "rate_independent.evolution.averaging_study"
     ),

@@ -369,7 +369,7 @@ class _Solver:
             region=self.region,
             rates=[*velocities, *accelerations, *damped, *slid, *laws],
             contacts=contacts,
-            kinks=[self.fix(g) for g in eq.kinks],
+            kinks=[self.fix(in_own_piece(g)) for g in eq.kinks],
             constraints=self.constraints(contacts),
             leaps=[self.fix(e) - ex.sym(x) for j in eq.jumps for x, e in j.values.items()],
             energy=self.fix(eq.energy),

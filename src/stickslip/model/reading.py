@@ -118,6 +118,7 @@ class DeclarationReader:
         if not (is_finite(start) and is_finite(stop) and start < stop):
             raise DeclarationError("span", "not a time span", "Write [start, end] with start < end")
         names.functions("functions", system.functions)
+        names.tables(system.tables)
         names.functions("drives", system.drives, clock="t")
         result.given = measured_drives(system.drives)
         result.check_span(start, stop)
@@ -156,6 +157,10 @@ class DeclarationReader:
         )
         for name in self.declared:
             self.anywhere.check(name)
+        for name, table in system.tables.items():
+            where = entry_key("tables", name)
+            for i, text in table.formulas.items():
+                self.static.parse(text, f"{where}, values[{i}]")
         for name in system.drives:
             result.drives[name] = self.clock.parse(name, f"drives.{name}")
         result.potential = self.place.parse(system.potential, "potential")

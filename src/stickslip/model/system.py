@@ -16,6 +16,7 @@ from stickslip.kept import cached_property
 from stickslip.model.entries.declared import (
     AnyOutput,
     AnyStructure,
+    AnyTable,
     Bilateral,
     Condition,
     Contact,
@@ -80,6 +81,8 @@ class System:
     parameters : mapping of str to Parameter
     functions : mapping of str to formula
         Functions used in formulas, such as ``{"H_R(psi)": "clip(...)"}``.
+    tables : mapping of str to Table
+        Measured curves and surfaces, functions in formulas by their names.
     drives : mapping of str to formula or Samples
         Given functions of time, such as ``{"ell": "V*t"}``, or measured ones.
     coordinates : mapping of str to Coordinate
@@ -132,6 +135,7 @@ class System:
     source: str = ""
     parameters: Mapping[str, Parameter] = field(default_factory=dict[str, Parameter])
     functions: Mapping[str, Formula] = field(default_factory=dict[str, Formula])
+    tables: Mapping[str, AnyTable] = field(default_factory=dict[str, "AnyTable"])
     drives: Mapping[str, Drive] = field(default_factory=dict[str, Drive])
     coordinates: Mapping[str, Coordinate] = field(default_factory=dict[str, Coordinate])
     structures: Mapping[str, AnyStructure] = field(default_factory=dict[str, "AnyStructure"])
@@ -324,13 +328,15 @@ class System:
         return hash((self.name, repr(self)))
 
     @validated
-    def configure(self, given: Mapping[str, Drive]) -> System:
-        """The same system with other parameter values (numbers) and free functions (formulas).
+    def configure(self, given: Mapping[str, Drive | AnyTable]) -> System:
+        """The same system with other parameter values (numbers), free functions (formulas) and
+        tables.
 
         Parameters
         ----------
         given : mapping of str to float or str
-            A parameter's name with its value, or the name of a function or drive with its formula.
+            A parameter's name with its value, the name of a function or drive with its formula, or
+            that of a table with another one.
 
         Raises
         ------
@@ -339,7 +345,7 @@ class System:
         """
         from stickslip.model.names import reconfigured
 
-        return reconfigured(self, given, ("functions", "drives"))
+        return reconfigured(self, given, ("functions", "tables", "drives"))
 
     def with_parameters(self, **values: float) -> System:
         """The same system with other default values of its parameters."""

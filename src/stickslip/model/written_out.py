@@ -374,6 +374,7 @@ class _WrittenOut:
         system = self.system
         names = DeclaredNames()
         names.functions("functions", system.functions)
+        names.tables(system.tables)
         names.functions("drives", system.drives, clock="t")
         names.outputs(system.declared_outputs)
         known = ["t", *system.parameters, *system.coordinates, *system.internal]
@@ -467,7 +468,7 @@ class _WrittenOut:
         system = self.system
         drives: Mapping[str, Drive] = system.drives
         declared = {parse_signature(f, f)[0] for f in (*self.functions, *drives)}
-        parts = {*self.coordinates, *self.internal, *system.outputs}
+        parts = {*self.coordinates, *self.internal, *system.tables, *system.outputs}
         if bare in {*system.parameters, *parts, *declared}:
             raise DeclarationError(
                 where, f"its law needs the name '{bare}', which is taken", "Rename one of the two"

@@ -7,6 +7,7 @@ from stickslip.equations.codegen.draft import Draft, order_0
 from stickslip.equations.codegen.planes import plane_rows
 from stickslip.model.declaration import DryContact
 from stickslip.model.entries.keys import NORMAL
+from stickslip.model.entries.polynomials import in_own_piece
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.scalars import added, element
@@ -75,6 +76,7 @@ def _kinks(draft: Draft) -> None:
             continue
         if draft.constants.is_constant(guard):  # of which only the sign matters, however large
             guard = ex.select(guard, ex.ONE, -ex.ONE)
+        guard = in_own_piece(guard)
         kinks.append(tape.row(guard))
         draft.note(3 * draft.nc + j, draft.size(guard))
 

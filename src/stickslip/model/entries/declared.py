@@ -18,6 +18,7 @@ from stickslip.symbolic.formulas import TimeFunction, formula_text
 if TYPE_CHECKING:
     from stickslip.rate_independent.sets.potential import Dissipation
     from stickslip.structures.coordinates import InModes
+    from stickslip.model.entries.tables import Table
     from stickslip.structures.structure import Structure
 
 
@@ -39,6 +40,8 @@ CROSSINGS = {"falling": -1, "both": 0, "rising": 1}
 """The sign of its rate where it does."""
 AnyStructure: TypeAlias = "Structure | InModes"
 """A structure, or in a system that is written out what is left of it."""
+AnyTable: TypeAlias = "Table"
+"""A measured curve or surface."""
 AnyOutput: TypeAlias = "Output | Formula"
 """An output, or its formula."""
 ImpactLaw = str
