@@ -32,7 +32,7 @@ def provide_table(
     ends: Any,
     period: float,
     near: float,
-    covered: Mapping[str, tuple[float, float]],
+    undefined: Mapping[str, tuple[float, float]],
 ) -> Provider:
     """Let machine code call functions by their names.
 
@@ -53,8 +53,9 @@ def provide_table(
         After which all repeats; 0 if nothing does.
     near : float
         Relative rounding error of x, or of the breaks if these are larger.
-    covered : mapping of str to (float, float)
-        By side, outside of which x is not a number, if nothing repeats.
+    undefined : mapping of str to (float, float)
+        By side, below which a function is not a number in its first piece, and above which in its
+        last one, if nothing repeats.
 
     Returns
     -------
@@ -63,7 +64,7 @@ def provide_table(
     """
 
     def make() -> Code:
-        text = _assembly(names, breaks, coefficients, ends, period, near, covered)
+        text = _assembly(names, breaks, coefficients, ends, period, near, undefined)
         find_functions(["floor"])
         return loaded([emitted(module_of(text, processor(), STRAIGHT), processor(), LOOPS)])
 
@@ -77,7 +78,7 @@ def _assembly(
     ends: Any,
     period: float,
     near: float,
-    covered: Mapping[str, tuple[float, float]],
+    undefined: Mapping[str, tuple[float, float]],
 ) -> str:
     """The functions as LLVM assembly: `find` looks for the piece around x, first where it would be
     if all were of one length, then by bisection."""
@@ -130,7 +131,7 @@ done:
 }}"""
     sides = {side for side, _ in names.values()}
     places = [
-        _place(side, m, (first, last), period, near, table, covered[side])
+        _place(side, m, (first, last), period, near, table, undefined[side])
         for side in sorted(sides)
     ]
     values = [
@@ -147,12 +148,12 @@ def _place(
     period: float,
     near: float,
     table: str,
-    covered: tuple[float, float],
+    undefined: tuple[float, float],
 ) -> str:
     """Which piece stands for x on a side, and x in it: without whole periods, but beyond the ends
     of the table where the piece is.
 
-    Outside of what is covered x is not a number, if nothing repeats.
+    Where a function is undefined x is not a number, if nothing repeats.
     """
     first, last = ends
     largest = max(abs(first), abs(last))
@@ -164,10 +165,7 @@ def _place(
   %gone = fmul double %turns, {operand(period)}
   %x = fsub double %given, %gone""")
     else:
-        lines.append(f"""  %late = fcmp ole double %given, {operand(covered[1] + near * largest)}
-  %early = fcmp oge double %given, {operand(covered[0] - near * largest)}
-  %within = and i1 %late, %early
-  %x = select i1 %within, double %given, double 0x7FF8000000000000""")
+        lines.append("  %x = fadd double %given, 0.0")
     lines.append(f"""  %i = call i64 @find(double %x)
   %at = getelementptr double, ptr {table}, i64 %i
   %low = load double, ptr %at
@@ -207,7 +205,14 @@ def _place(
   %k1 = select i1 %past, i64 {inner}, i64 %k
   %ahead = icmp slt i64 %k, 0
   %k2 = select i1 %ahead, i64 {min(1, m - 1)}, i64 %k1
-  %x2 = fadd double %x, 0.0""")
+  %first = icmp eq i64 %k2, 0
+  %early = fcmp olt double %x, {operand(undefined[0])}
+  %under = and i1 %first, %early
+  %last = icmp eq i64 %k2, {m - 1}
+  %late = fcmp ogt double %x, {operand(undefined[1])}
+  %over = and i1 %last, %late
+  %nowhere = or i1 %under, %over
+  %x2 = select i1 %nowhere, double 0x7FF8000000000000, double %x""")
     lines.append(f"""  %atk = getelementptr double, ptr {table}, i64 %k2
   %start = load double, ptr %atk
   %u = fsub double %x2, %start

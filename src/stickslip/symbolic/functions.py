@@ -135,11 +135,6 @@ class Function:
         """Whether it says so of a function with kinks in between."""
         return False
 
-    @property
-    def bounded(self) -> bool:
-        """Whether it says so of a function that is undefined beyond some place."""
-        return False
-
     def joins(self, above: Expr, below: Expr) -> bool:
         """Whether it is a guard at which two branches are known to agree."""
         return False

@@ -32,6 +32,7 @@ SIDES = ("even", "odd", "gate")
 NEAR_SAMPLE = 16.0 * 2.3e-16  # part of the largest time within which a time is that of a sample
 
 INTEGRAL = "integral_"  # what the name of an integral begins with
+_END = 1e-9  # part of the largest break within which a place is at an end of a table
 _ROUNDED = 4e-16  # error of a polynomial for each of its terms, beside their moduli
 
 LIVING: WeakValueDictionary[str, PiecewisePolynomial] = WeakValueDictionary()
@@ -81,6 +82,13 @@ class PiecewisePolynomial:
         if self.covered is None:
             return float(self.breaks[0]), float(self.breaks[-1])
         return (-math.inf, math.inf) if _is_gate(side) else self.covered
+
+    def undefined(self, side: str) -> Interval:
+        """Below which the first piece of a side is undefined, and above which the last one: a
+        motion that has come to that end is in that piece, whichever way it is rounded."""
+        first, last = self.ends(side)
+        reach = _END * self.largest if self.both_ways else -NEAR_SAMPLE * self.largest
+        return first + reach, last - reach
 
     @cached_property
     def smoothness(self) -> int:
@@ -135,9 +143,8 @@ class PiecewisePolynomial:
         near = self.near(x)
         if self.period > 0.0:
             x = x - np.floor((x - b[0]) / self.period) * self.period
-        else:
-            first, last = self.ends(side)
-            x = np.where((x <= last + near) & (x >= first - near), x, np.nan)
+        elif not self.both_ways:
+            x = np.where((x <= b[-1] + near) & (x >= b[0] - near), x, np.nan)
         i = np.clip(np.searchsorted(b, x, side="right") - 1, 0, m - 1)
         if side == "gate":
             k = np.where(b[i + 1] - x <= near, i + 1, i)
@@ -152,6 +159,10 @@ class PiecewisePolynomial:
         else:
             inner = m - 1 if side == "gate" else max(m - 2, 0)
             k = np.where(k == m, inner, np.where(k < 0, min(1, m - 1), k))
+        if self.both_ways:
+            first, last = self.ends(side)
+            beyond = ((k == 0) & (x < first - near)) | ((k == m - 1) & (x > last + near))
+            x = np.where(beyond, np.nan, x)
         return k, x - b[k]
 
     def values(self, x: Array, side: str, order: int) -> Array:
@@ -197,9 +208,9 @@ class PiecewisePolynomial:
                 FUNCTIONS[row.name] = row
                 called[row.name] = side, self.factors(side, order)
         weakref.finalize(self, _remove, self.name, list(called)).atexit = False
-        ends = {side: self.ends(side) for side in self._sides}
+        beyond = {side: self.undefined(side) for side in self._sides}
         return provide_table(
-            called, self.breaks, self.coefficients, self.gates, self.period, NEAR_SAMPLE, ends
+            called, self.breaks, self.coefficients, self.gates, self.period, NEAR_SAMPLE, beyond
         )
 
     def bounds(self, a: Interval, side: str, order: int) -> Interval:
@@ -282,6 +293,12 @@ class PiecewisePolynomial:
 
 def _is_gate(side: str) -> bool:
     return side.endswith("gate")
+
+
+def is_bounded(guard: Expr) -> bool:
+    """Whether it is the gate of a table that is undefined beyond one of its knots."""
+    row = FUNCTIONS.get(guard.op)
+    return isinstance(row, TableRow) and row.sampled and row.pieces.bounded
 
 
 def in_own_piece(guard: Expr) -> Expr:
@@ -376,11 +393,6 @@ class TableRow(Function):
         if name.startswith(INTEGRAL) and order > 0:
             name, order = name.removeprefix(INTEGRAL), order - 1
         return f"{'d_' * order}{name}" if name else ""
-
-    @property
-    def bounded(self) -> bool:
-        """Whether the function is undefined on one side of it."""
-        return self.pieces.bounded
 
     @property
     def kinked(self) -> bool:
