@@ -17,6 +17,7 @@ from functools import cache
 from math import gcd
 from typing import TYPE_CHECKING
 
+from stickslip.model.entries.tables import Table
 from stickslip.symbolic.formulas import TimeFunction, builtins, parse_signature, syntax_of
 from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.pieces import STRUCTURES

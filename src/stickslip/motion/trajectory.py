@@ -15,6 +15,7 @@ from stickslip.certificates import Certificate
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.kept import cached_property
 from stickslip.model.quantities import FORCES, contact_key, forces_of, of_modes, quantity
+from stickslip.model.entries.polynomials import beyond_an_end, is_bounded
 from stickslip.model.system import System
 from stickslip.motion.certify import certify_trajectory
 from stickslip.motion.outcome import Outcome
@@ -98,7 +99,22 @@ class Trajectory(Result):
         label = self.outcome.label
         if self.outcome in (Outcome.JUMPS_MEET, Outcome.JUMPS_ON):
             label = f"{label} ({listed(self._jumps_at_the_end())})"
+        if self.outcome is Outcome.OUTSIDE_TABLE:
+            label = ": ".join([label, *self._ends_of_tables()[:1]])
         return f"{label} at t = {self.knots.time[-1]:.9g}: {self.outcome.message}"
+
+    @property
+    def begins_outside_a_table(self) -> bool:
+        """Whether it did not begin, since a table has no value at its start."""
+        return len(self.knots.clock) == 1 and bool(self._ends_of_tables())
+
+    def _ends_of_tables(self) -> list[str]:
+        """Tables that are at an end, or beyond it, where the motion ends, and what they are asked
+        for."""
+        equations = self._problem.compiled.equations
+        values = {**self.parameters, **self.final, "t": float(self.knots.time[-1])}
+        guards = (ex.substitute(g, equations.speeds) for g in equations.kinks if is_bounded(g))
+        return [said for guard in guards if (said := beyond_an_end(guard, values))]
 
     def _jumps_at_the_end(self) -> list[str]:
         """Jumps whose guards are zero at the end of the motion, as far as they are known."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 import weakref
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 from weakref import WeakValueDictionary
@@ -57,9 +58,10 @@ class PiecewisePolynomial:
     covered : (float, float) or None
         Outside of which a table has no values. Its first and its last piece go on for ever, its
         gates too. None: samples, of which nothing is known outside the breaks.
-    kinked, bounded : bool
-        Of knots: whether they are those of a function with kinks, and of one that is undefined on
-        one side of some of them.
+    kinked : bool
+        Of knots: whether they are those of a function with kinks.
+    bounded : (float, float) or None
+        Of knots: outside of which the function is undefined, if it is somewhere.
     """
 
     name: str
@@ -70,7 +72,7 @@ class PiecewisePolynomial:
     called: str = ""
     covered: Interval | None = None
     kinked: bool = False
-    bounded: bool = False
+    bounded: Interval | None = None
 
     @property
     def both_ways(self) -> bool:
@@ -298,7 +300,30 @@ def _is_gate(side: str) -> bool:
 def is_bounded(guard: Expr) -> bool:
     """Whether it is the gate of a table that is undefined beyond one of its knots."""
     row = FUNCTIONS.get(guard.op)
-    return isinstance(row, TableRow) and row.sampled and row.pieces.bounded
+    return isinstance(row, TableRow) and row.sampled and row.pieces.bounded is not None
+
+
+def beyond_an_end(guard: Expr, values: Mapping[str, float]) -> str:
+    """What is said where the argument of the gate of a table is at an end, or beyond it; nothing
+    elsewhere.
+
+    Parameters
+    ----------
+    guard : Expr
+    values : mapping of str to float
+        Of all names that the guard depends on.
+    """
+    row = FUNCTIONS.get(guard.op)
+    ends = row.pieces.bounded if isinstance(row, TableRow) and row.sampled else None
+    if ends is None or not guard.symbols <= values.keys():
+        return ""
+    assert isinstance(row, TableRow)
+    x = ex.evaluate(guard.args[0], values)
+    near = _END * row.pieces.largest
+    if ends[0] + near < x < ends[1] - near:
+        return ""
+    end = f"begins at {ends[0]:.9g}" if x <= ends[0] + near else f"ends at {ends[1]:.9g}"
+    return f"{row.called}({ex.to_text(guard.args[0])}) at {x:.9g}, where the table {end}"
 
 
 def in_own_piece(guard: Expr) -> Expr:

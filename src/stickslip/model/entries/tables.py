@@ -433,7 +433,8 @@ class Table:
         breaks = _breaks(self.axes[axis], open_ends)
         pairs = list(zip(self.outside, open_ends, strict=True))
         ends = [side != "linear" and not is_open for side, is_open in pairs]
-        bounded = any(side == "refused" and not is_open for side, is_open in pairs)
+        covered = self._covered(axis, open_ends)
+        bounded = None if covered == (-math.inf, math.inf) else covered
         zero = np.zeros((len(breaks) - 1, 1))
         kinked = self.kind == "linear" or any(ends)
 
