@@ -15,6 +15,7 @@ from stickslip.errors import DeclarationError
 from stickslip.kept import made_once
 from stickslip.model.declaration import DryContact
 from stickslip.model.entries.declared import Kind
+from stickslip.model.entries.polynomials import in_own_piece
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 

@@ -155,12 +155,11 @@ class DeclarationReader:
         self.anywhere = self.scope(
             self.state, self.rates, {"speed": ex.sym("speed")}, why="Use t, coordinates and rates"
         )
+        for name, table in system.tables.items():
+            for i, text in table.formulas.items():
+                self.static.parse(text, f"{entry_key('tables', name)}, values[{i}]")
         for name in self.declared:
             self.anywhere.check(name)
-        for name, table in system.tables.items():
-            where = entry_key("tables", name)
-            for i, text in table.formulas.items():
-                self.static.parse(text, f"{where}, values[{i}]")
         for name in system.drives:
             result.drives[name] = self.clock.parse(name, f"drives.{name}")
         result.potential = self.place.parse(system.potential, "potential")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 
     from stickslip.motion.event_catalogue import EventCatalogue
 
+_SPEED = re.compile(r"speed:\d+")
 GRID = 1000  # points of the dataset between knots
 
 
@@ -100,7 +102,8 @@ class Trajectory(Result):
         if self.outcome in (Outcome.JUMPS_MEET, Outcome.JUMPS_ON):
             label = f"{label} ({listed(self._jumps_at_the_end())})"
         if self.outcome is Outcome.OUTSIDE_TABLE:
-            label = ": ".join([label, *self._ends_of_tables()[:1]])
+            said = self._ends_of_tables()
+            label = f"{label} ({said[0]})" if said else label
         return f"{label} at t = {self.knots.time[-1]:.9g}: {self.outcome.message}"
 
     @property
@@ -113,8 +116,12 @@ class Trajectory(Result):
         for."""
         equations = self._problem.compiled.equations
         values = {**self.parameters, **self.final, "t": float(self.knots.time[-1])}
-        guards = (ex.substitute(g, equations.speeds) for g in equations.kinks if is_bounded(g))
-        return [said for guard in guards if (said := beyond_an_end(guard, values))]
+        found = list[str]()
+        for guard in filter(is_bounded, equations.kinks):
+            if said := beyond_an_end(ex.substitute(guard, equations.speeds), values):
+                name = _SPEED.sub("speed", ex.to_text(guard.args[0]))
+                found.append(f"{name} = {said}")
+        return found
 
     def _jumps_at_the_end(self) -> list[str]:
         """Jumps whose guards are zero at the end of the motion, as far as they are known."""

@@ -305,13 +305,7 @@ def is_bounded(guard: Expr) -> bool:
 
 def beyond_an_end(guard: Expr, values: Mapping[str, float]) -> str:
     """What is said where the argument of the gate of a table is at an end, or beyond it; nothing
-    elsewhere.
-
-    Parameters
-    ----------
-    guard : Expr
-    values : mapping of str to float
-        Of all names that the guard depends on.
+    elsewhere, or where it depends on names without a value.
     """
     row = FUNCTIONS.get(guard.op)
     ends = row.pieces.bounded if isinstance(row, TableRow) and row.sampled else None
@@ -323,7 +317,7 @@ def beyond_an_end(guard: Expr, values: Mapping[str, float]) -> str:
     if ends[0] + near < x < ends[1] - near:
         return ""
     end = f"begins at {ends[0]:.9g}" if x <= ends[0] + near else f"ends at {ends[1]:.9g}"
-    return f"{row.called}({ex.to_text(guard.args[0])}) at {x:.9g}, where the table {end}"
+    return f"{x:.9g}, and '{row.called}' {end}"
 
 
 def in_own_piece(guard: Expr) -> Expr:
