@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from stickslip.fitting.comparing import compare_systems as compare
     from stickslip.fitting.fit import Fit
     from stickslip.fitting.making import fit
+    from stickslip.fitting.points.fit_law import LawFit, fit_law
     from stickslip.fitting.problem import FitProblem, fit_problem
     from stickslip.fitting.recording import Recording
     from stickslip.model import laws
@@ -134,6 +135,7 @@ __all__ = [
     "Internal",
     "Intersection",
     "Jump",
+    "LawFit",
     "Map",
     "ModalDamping",
     "Outcome",
@@ -176,6 +178,7 @@ __all__ = [
     "figures",
     "find_cycle",
     "fit",
+    "fit_law",
     "fit_problem",
     "fold_curve",
     "frequency_response",
@@ -259,6 +262,7 @@ _HOMES = {
     "compare": "fitting.comparing:compare_systems",
     "Fit": "fitting.fit",
     "fit": "fitting.making",
+    **dict.fromkeys(["LawFit", "fit_law"], "fitting.points.fit_law"),
     **dict.fromkeys(["FitProblem", "fit_problem"], "fitting.problem"),
     "Recording": "fitting.recording",
     "Table": "model.entries.tables",
@@ -315,6 +319,7 @@ _KINDS = {
     "fit": "Fit",
     "frequency response": "FrequencyResponse",
     "gait study": "GaitStudy",
+    "law fit": "LawFit",
     "play": "Play",
     "ring-down": "RingDown",
     "sweep": "Map",
@@ -332,7 +337,7 @@ def open(path: str | Path) -> Any:
     Returns
     -------
     Trajectory, EventCatalogue, Ensemble, History, Play, AveragingStudy, Equilibria, Cycle, Branch,
-    GaitStudy, FrequencyResponse, RingDown, Backbone, Fit, Comparison, Band, Map or Basin
+    GaitStudy, FrequencyResponse, RingDown, Backbone, Fit, LawFit, Comparison, Band, Map or Basin
         As it was stored; nothing is computed again until it is asked for.
 
     Raises
