@@ -26,10 +26,12 @@ if TYPE_CHECKING:
     from stickslip.fitting.comparing import compare_systems as compare
     from stickslip.fitting.fit import Fit
     from stickslip.fitting.making import fit
+    from stickslip.fitting.points.fit_law import LawFit, fit_law
     from stickslip.fitting.problem import FitProblem, fit_problem
     from stickslip.fitting.recording import Recording
     from stickslip.model import laws
     from stickslip.model.entries.samples import Samples
+    from stickslip.model.entries.tables import Table
     from stickslip.model.system import (
         Bilateral,
         Condition,
@@ -135,6 +137,7 @@ __all__ = [
     "Internal",
     "Intersection",
     "Jump",
+    "LawFit",
     "Map",
     "ModalDamping",
     "Outcome",
@@ -158,6 +161,7 @@ __all__ = [
     "SupportFormula",
     "SupportFunction",
     "System",
+    "Table",
     "Trajectory",
     "Unilateral",
     "VectorField",
@@ -179,6 +183,7 @@ __all__ = [
     "figures",
     "find_cycle",
     "fit",
+    "fit_law",
     "fit_problem",
     "fold_curve",
     "frequency_response",
@@ -264,8 +269,10 @@ _HOMES = {
     "compare": "fitting.comparing:compare_systems",
     "Fit": "fitting.fit",
     "fit": "fitting.making",
+    **dict.fromkeys(["LawFit", "fit_law"], "fitting.points.fit_law"),
     **dict.fromkeys(["FitProblem", "fit_problem"], "fitting.problem"),
     "Recording": "fitting.recording",
+    "Table": "model.entries.tables",
     **dict.fromkeys(
         ["AveragingStudy", "averaging_study"], "rate_independent.evolution.averaging_study"
     ),
@@ -319,6 +326,7 @@ _KINDS = {
     "fit": "Fit",
     "frequency response": "FrequencyResponse",
     "gait study": "GaitStudy",
+    "law fit": "LawFit",
     "play": "Play",
     "ring-down": "RingDown",
     "sweep": "Map",
@@ -336,7 +344,7 @@ def open(path: str | Path) -> Any:
     Returns
     -------
     Trajectory, EventCatalogue, Ensemble, History, Play, AveragingStudy, Equilibria, Cycle, Branch,
-    GaitStudy, FrequencyResponse, RingDown, Backbone, Fit, Comparison, Band, Map or Basin
+    GaitStudy, FrequencyResponse, RingDown, Backbone, Fit, LawFit, Comparison, Band, Map or Basin
         As it was stored; nothing is computed again until it is asked for.
 
     Raises

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from stickslip import catalogue
 from stickslip.errors import DeclarationError
+from stickslip.model.entries.tables import Table
 from stickslip.model.system import (
     Bilateral,
     Condition,
@@ -57,6 +58,10 @@ EVERYTHING = System(
         "n": Parameter(-1.5e300),
     },
     functions={"H(s)": "max(s, 0)", "two(p, q)": "p*q", "half": 0.5, "one": 1, "one_text": "1"},
+    tables={
+        "mu": Table([0, 0.1, 1], [0.4, "n/5", 0.3], "cubic", ("refused", "constant")),
+        "nu": Table(([0, 1], [0, 2, 3]), [[1, 2, 3], [4, 5, 6]], outside="linear"),
+    },
     drives={"ell": "sin(t)", "level": 2.0},
     coordinates={
         "x": Inertial("m", "place", drag="d_x**3", force="0.1*m"),

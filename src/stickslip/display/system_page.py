@@ -12,6 +12,7 @@ from stickslip.display.mathml import MathmlWriter, math
 from stickslip.display.symbols import is_word, symbol_parts, unicode_symbol, unicode_unit
 from stickslip.display.tree import NOUGHT, Name
 from stickslip.model.entries.samples import Samples
+from stickslip.model.entries.tables import Table
 from stickslip.page import Html
 
 if TYPE_CHECKING:
@@ -203,6 +204,23 @@ def _section(title: str, lines: list[str]) -> Html:
     """Formulas below each other."""
     shown = "".join(f'<div style="{_INDENT}">{math(line)}</div>' for line in lines)
     return Html(f"<p>{page.text(title)}</p>{shown}" if lines else "")
+
+
+def table_page(table: Table, picture: str) -> str:
+    """A table: how many points, what is between and outside of them, and what it looks like."""
+    source = table.source
+    axes = [f"{len(a):,}, {a[0]:.9g} to {a[-1]:.9g}" for a in table.axes]
+    rows = [
+        *(("points", text) for text in axes),
+        ("between them", table.kind),
+        ("outside", " and ".join(dict.fromkeys(table.outside))),
+    ]
+    if table.formulas:
+        rows.append(("values that are formulas", ", ".join(table.formulas.values())))
+    if source:
+        of = source["of"] if isinstance(source["of"], str) else " and ".join(source["of"])
+        rows.append(("file", f"{source['file']}, {source['value']} over {of}"))
+    return page.whole(page.headline("Table"), Html(picture), page.tabled(rows))
 
 
 def samples_page(samples: Samples, picture: Html) -> str:

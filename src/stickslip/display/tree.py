@@ -17,6 +17,7 @@ from functools import cache
 from math import gcd
 from typing import TYPE_CHECKING
 
+from stickslip.model.entries.tables import Table
 from stickslip.symbolic.formulas import TimeFunction, builtins, parse_signature, syntax_of
 from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.pieces import STRUCTURES
@@ -378,10 +379,12 @@ class Reader:
         if system is not None:
             declared |= {**system.functions, **system.drives}
             declared |= {name: o.formula for name, o in system.outputs.items()}
-        self._sources: dict[str, tuple[tuple[str, ...], Drive]] = {}
+        self._sources: dict[str, tuple[tuple[str, ...], Drive | Table]] = {}
         for key, text in declared.items():
             name, arguments = parse_signature(key, key)
             self._sources[name] = (arguments, text)
+        for name, table in {}.items() if system is None else system.tables.items():
+            self._sources[name] = (table.arguments, table)
         self._parameters = frozenset(() if system is None else system.parameters)
         self._bodies: dict[str, Node] = {}
         self._read: dict[str, Node] = {}
@@ -391,9 +394,9 @@ class Reader:
             name: (arguments, self._body(name)) for name, (arguments, _) in self._sources.items()
         }
 
-    def read(self, text: Drive) -> Node:
+    def read(self, text: Drive | Table) -> Node:
         """Tree of a formula that the declaration has accepted."""
-        if isinstance(text, TimeFunction):
+        if isinstance(text, TimeFunction | Table):
             return InWords(str(text))
         if not isinstance(text, str):
             return Number(Fraction(repr(float(text))))

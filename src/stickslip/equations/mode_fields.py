@@ -15,6 +15,7 @@ from stickslip.errors import DeclarationError
 from stickslip.kept import made_once
 from stickslip.model.declaration import DryContact
 from stickslip.model.entries.declared import Kind
+from stickslip.model.entries.polynomials import in_own_piece
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 
@@ -369,7 +370,7 @@ class _Solver:
             region=self.region,
             rates=[*velocities, *accelerations, *damped, *slid, *laws],
             contacts=contacts,
-            kinks=[self.fix(g) for g in eq.kinks],
+            kinks=[self.fix(in_own_piece(g)) for g in eq.kinks],
             constraints=self.constraints(contacts),
             leaps=[self.fix(e) - ex.sym(x) for j in eq.jumps for x, e in j.values.items()],
             energy=self.fix(eq.energy),

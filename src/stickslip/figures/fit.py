@@ -15,12 +15,14 @@ from stickslip.figures.drawing.style import (
     legend_above,
     new_figure,
     paper_style,
+    root_of,
 )
 from stickslip.model.entries.units import unit_label
 
 if TYPE_CHECKING:
     from stickslip.fitting.comparing import Comparison
     from stickslip.fitting.fit import Fit
+    from stickslip.fitting.points.fit_law import LawFit
 
 _DATA = "#6E6E6E"
 _MOST = 3  # recordings, and columns, that are drawn
@@ -150,3 +152,28 @@ def _with_unit(name: str, unit: str) -> str:
     """A name as the data have it, with its unit."""
     label = unit_label(unit)
     return name.replace("_", " ") + (f"  [{label}]" if label else "")
+
+
+def plot_law_fit(fit: LawFit, ax: Axes | None = None) -> Figure:
+    """Points and law over the speed, and the residuals below; in given axes without these."""
+    v, F = fit.speeds, fit.forces
+    with paper_style():
+        below = None
+        if ax is None:
+            figure = new_figure(6.4, 4.2)
+            ax, below = figure.subplots(2, 1, height_ratios=[2.4, 1.0], sharex=True)
+        ax.axhline(0.0, color=STICK_LINE, linewidth=0.8)
+        ax.plot(v, F, "o", color=_DATA, markeredgewidth=0, markersize=3.8, label="data")
+        for own in (v[v < 0.0], v[v > 0.0]):
+            if len(own):
+                fine = np.linspace(own[0], own[-1], _LINE)
+                label = fit.law.title if own[-1] == v[-1] else None
+                ax.plot(fine, fit.at(fine), color=LINES[0], linewidth=1.4, zorder=3, label=label)
+        ax.set_ylabel("friction force  [N]")
+        legend_above(ax)
+        if below is not None:
+            below.axhline(0.0, color=STICK_LINE, linewidth=0.8)
+            below.plot(v, F - fit.at(v), "o", color=LINES[0], markeredgewidth=0, markersize=3.8)
+            below.set_ylabel("residual")
+        (ax if below is None else below).set_xlabel("speed  [m/s]")
+        return root_of(ax)

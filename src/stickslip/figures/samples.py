@@ -1,4 +1,4 @@
-"""The picture of samples: a measured function of time."""
+"""Pictures of samples, a measured function of time, and of tables, measured curves and surfaces."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ from stickslip.figures.drawing.style import BLUE, VERMILION, new_figure, paper_s
 
 if TYPE_CHECKING:
     from stickslip.model.entries.samples import Samples
+    from stickslip.model.entries.tables import Table
 
 _DOTTED = 200  # samples that are shown as dots, too
+_BEYOND = 0.1  # part of a table's range that is drawn outside of it
+_LEVELS, _FINE_GRID = 16, 200  # of a surface
 _FINE = 4000  # places between samples at which a curve is drawn
 
 
@@ -47,3 +50,50 @@ def plot_samples(samples: Samples, ax: Axes | None = None) -> Figure:
         ax.set_ylabel(source.get("value", "value"))
         ax.margins(x=0.01)
         return root_of(ax)
+
+
+def plot_table(table: Table, ax: Axes | None = None) -> Figure:
+    """Values over the points, with what is between them and, where it is something, outside.
+
+    Parameters
+    ----------
+    table : Table
+    ax : matplotlib.axes.Axes, optional
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+    """
+    source = table.source
+    names = source.get("of", ["x", "y"] if len(table.axes) > 1 else "x")
+    with paper_style():
+        ax = new_figure(6.4, 2.8).add_subplot() if ax is None else ax
+        if len(table.axes) > 1:
+            _draw_surface(table, ax)
+            ax.set_xlabel(names[0])
+            ax.set_ylabel(names[1])
+            return root_of(ax)
+        (points,) = table.axes
+        fine = np.union1d(points, np.linspace(points[0], points[-1], _FINE))
+        ax.plot(fine, table(fine), color=BLUE)
+        reach = _BEYOND * (points[-1] - points[0])
+        for side, end, way in zip(table.outside, points[[0, -1]], (-1.0, 1.0), strict=True):
+            if side != "refused":
+                beyond = end + way * np.linspace(0.0, reach, _FINE)
+                ax.plot(beyond, table(beyond), color=BLUE, linestyle="--", linewidth=1.0)
+        if len(points) <= _DOTTED:
+            ax.plot(points, table.values, "o", color=VERMILION, markersize=3.5)
+        ax.set_xlabel(names)
+        ax.set_ylabel(source.get("value", "value"))
+        return root_of(ax)
+
+
+def _draw_surface(table: Table, ax: Axes) -> None:
+    """Levels of a surface, and the places where it is known."""
+    x, y = (np.union1d(a, np.linspace(a[0], a[-1], _FINE_GRID)) for a in table.axes)
+    levels = ax.contourf(x, y, table(x[:, None], y[None, :]).T, levels=_LEVELS)
+    bar = root_of(ax).colorbar(levels, ax=ax)
+    bar.set_label(table.source.get("value", "value"))
+    known = np.meshgrid(*table.axes)
+    if known[0].size <= _DOTTED:
+        ax.plot(*known, "o", color=VERMILION, markersize=2.5, linestyle="none")

@@ -32,6 +32,7 @@ def provide_table(
     ends: Any,
     period: float,
     near: float,
+    undefined: Mapping[str, tuple[float, float]],
 ) -> Provider:
     """Let machine code call functions by their names.
 
@@ -39,8 +40,8 @@ def provide_table(
     ----------
     names : mapping of str to (str, sequence of float)
         By name: the side ("even" or "odd": the nearest piece of that parity is continued; "gate":
-        the piece that begins within a rounding
-        error, or the one around), and factors of the coefficients
+        the piece that begins within a rounding error, or the one around; "own": that one; "evengate" or "oddgate":
+        the gate of the nearest piece of that parity), and factors of the coefficients
         (u⁰, u¹, ... of what is left after as many derivatives as there are factors missing).
     breaks : array, shape (m + 1,)
         Ends of the pieces, increasing.
@@ -52,6 +53,9 @@ def provide_table(
         After which all repeats; 0 if nothing does.
     near : float
         Relative rounding error of x, or of the breaks if these are larger.
+    undefined : mapping of str to (float, float)
+        By side, below which a function is not a number in its first piece, and above which in its
+        last one, if nothing repeats.
 
     Returns
     -------
@@ -60,7 +64,7 @@ def provide_table(
     """
 
     def make() -> Code:
-        text = _assembly(names, breaks, coefficients, ends, period, near)
+        text = _assembly(names, breaks, coefficients, ends, period, near, undefined)
         find_functions(["floor"])
         return loaded([emitted(module_of(text, processor(), STRAIGHT), processor(), LOOPS)])
 
@@ -74,6 +78,7 @@ def _assembly(
     ends: Any,
     period: float,
     near: float,
+    undefined: Mapping[str, tuple[float, float]],
 ) -> str:
     """The functions as LLVM assembly: `find` looks for the piece around x, first where it would be
     if all were of one length, then by bisection."""
@@ -125,21 +130,30 @@ done:
   ret i64 %lo
 }}"""
     sides = {side for side, _ in names.values()}
-    places = [_place(side, m, (first, last), period, near, table) for side in sorted(sides)]
+    places = [
+        _place(side, m, (first, last), period, near, table, undefined[side])
+        for side in sorted(sides)
+    ]
     values = [
-        _value(name, side, factors, ends if side == "gate" else coefficients, table)
+        _value(name, side, factors, ends if side.endswith("gate") else coefficients, table)
         for name, (side, factors) in names.items()
     ]
     return "\n".join([finding, *places, *values])
 
 
 def _place(
-    side: str, m: int, ends: tuple[float, float], period: float, near: float, table: str
+    side: str,
+    m: int,
+    ends: tuple[float, float],
+    period: float,
+    near: float,
+    table: str,
+    undefined: tuple[float, float],
 ) -> str:
     """Which piece stands for x on a side, and x in it: without whole periods, but beyond the ends
     of the table where the piece is.
 
-    Outside a table that does not repeat x is not a number.
+    Where a function is undefined x is not a number, if nothing repeats.
     """
     first, last = ends
     largest = max(abs(first), abs(last))
@@ -151,10 +165,7 @@ def _place(
   %gone = fmul double %turns, {operand(period)}
   %x = fsub double %given, %gone""")
     else:
-        lines.append(f"""  %late = fcmp ole double %given, {operand(last + near * largest)}
-  %early = fcmp oge double %given, {operand(first - near * largest)}
-  %within = and i1 %late, %early
-  %x = select i1 %within, double %given, double 0x7FF8000000000000""")
+        lines.append("  %x = fadd double %given, 0.0")
     lines.append(f"""  %i = call i64 @find(double %x)
   %at = getelementptr double, ptr {table}, i64 %i
   %low = load double, ptr %at
@@ -171,9 +182,11 @@ def _place(
   %known = fmul double %counted, {operand(near)}
   %begins = fcmp ole double %right, %known
   %k = select i1 %begins, i64 %next, i64 %i""")
+    elif side == "own":
+        lines.append("  %k = add i64 %i, 0")
     else:
         lines.append(f"""  %parity = urem i64 %i, 2
-  %own = icmp eq i64 %parity, {0 if side == "even" else 1}
+  %own = icmp eq i64 %parity, {0 if side.startswith("even") else 1}
   %nearer = fcmp olt double %left, %right
   %other = select i1 %nearer, i64 %before, i64 %next
   %k = select i1 %own, i64 %i, i64 %other""")
@@ -192,7 +205,14 @@ def _place(
   %k1 = select i1 %past, i64 {inner}, i64 %k
   %ahead = icmp slt i64 %k, 0
   %k2 = select i1 %ahead, i64 {min(1, m - 1)}, i64 %k1
-  %x2 = fadd double %x, 0.0""")
+  %first = icmp eq i64 %k2, 0
+  %early = fcmp olt double %x, {operand(undefined[0])}
+  %under = and i1 %first, %early
+  %last = icmp eq i64 %k2, {m - 1}
+  %late = fcmp ogt double %x, {operand(undefined[1])}
+  %over = and i1 %last, %late
+  %nowhere = or i1 %under, %over
+  %x2 = select i1 %nowhere, double 0x7FF8000000000000, double %x""")
     lines.append(f"""  %atk = getelementptr double, ptr {table}, i64 %k2
   %start = load double, ptr %atk
   %u = fsub double %x2, %start

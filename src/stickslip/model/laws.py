@@ -18,7 +18,12 @@ from typing import Any
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.model.system import Formula, Inertial, Internal, LawContact, Parameter, System
 
-_SHARES = {"F_c": (0.3, 0.4, 0.3), "k": (0.6, 0.3, 0.1)}  # of the elements of an example
+_SHARES = {
+    "F_c": (0.3, 0.4, 0.3),
+    "k": (0.6, 0.3, 0.1),
+    "F": (1.4, 1.15, 0.9, 1.0, 1.2),
+}  # of the elements, or the points, of an example
+_SPEEDS = (0.0, 0.1, 0.4, 1.0, 2.0)  # of these points, in its largest speed
 
 
 @dataclass(frozen=True)
@@ -52,6 +57,9 @@ class FrictionLaw:
         Values of internal variables at the start, formulas of the law's parameters; others are 0.
     several : tuple of str
         Parameters that are lists, an entry for each element.
+    points : (str, str) or ()
+        Those that are the speeds and the forces of points of the sliding force, which `kinetic`
+        calls ``curve``.
     stroke : (float, float)
         Amplitude and angular frequency of the motion in its picture.
     """
@@ -71,6 +79,7 @@ class FrictionLaw:
     increasing: bool = False
     start: Mapping[str, str] = field(default_factory=dict[str, str])
     several: tuple[str, ...] = ()
+    points: tuple[str, ...] = ()
     stroke: tuple[float, float] = (1.0, 1.0)
 
     def __call__(
@@ -160,7 +169,9 @@ class FrictionLaw:
     def _by_name(self) -> dict[str, Formula | tuple[Formula, ...]]:
         """Its parameters, called by their names; some elements share what is a list."""
         return {
-            name: tuple(f"{share}*{name}" for share in _SHARES[name])
+            name: _SPEEDS
+            if name in self.points[:1]
+            else tuple(f"{share}*{name}" for share in _SHARES[name])
             if name in self.several
             else int(p.default)
             if name == "elements"
@@ -169,7 +180,8 @@ class FrictionLaw:
         }
 
     def _example(self, values: Mapping[str, float] | None, **parts: Any) -> System:
-        own = {name: p for name, p in self.known().items() if name != "elements"}
+        plain = {"elements", *self.points[:1]}  # numbers, no parameters
+        own = {name: p for name, p in self.known().items() if name not in plain}
         parameters = {**parts.pop("parameters", {}), **own}
         system = System(
             self.name,
@@ -357,6 +369,26 @@ iwan: FrictionLaw = FrictionLaw(
     functions={"phi": "F_c/k*(2 + chi)/(1 + chi)"},
     stiffness="k/elements",
     threshold="k/elements*phi*((i - 1/2)/elements)**(1/(1 + chi))",
+)
+
+table: FrictionLaw = FrictionLaw(
+    "table",
+    "Points of the sliding force over the speed",
+    "a measurement",
+    "Between the points (v, F) the force is that of a table, whose kind may be given (linear, pchip, "
+    "cubic); slower than the slowest it is the force there, faster than the fastest it is not "
+    "known, unless outside says what it is. Points at negative speeds are those of sliding back, "
+    "with negative forces. At rest it holds N F_s, of which a list gives forward and backward.",
+    parameters={
+        "F_s": _F_S,
+        "v": Parameter(1.0, "m/s", "speeds of the points, a list"),
+        "F": Parameter(1.0, "N", "forces there, a list"),
+    },
+    options={"N": Parameter(1.0, "", "factor of all forces, such as a normal force", "[0, inf)")},
+    threshold="N*F_s",
+    kinetic="N*curve(speed)",
+    several=("v", "F"),
+    points=("v", "F"),
 )
 
 

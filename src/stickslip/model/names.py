@@ -6,7 +6,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.model.entries.units import check_unit
@@ -19,6 +19,9 @@ from stickslip.symbolic.formulas import (
     is_finite,
     parse_signature,
 )
+
+if TYPE_CHECKING:
+    from stickslip.model.entries.tables import Table
 
 _INTERVAL = re.compile(r"\s*([\[(])\s*(\S+?)\s*,\s*(\S+?)\s*([\])])\s*\Z")
 _M = TypeVar("_M")
@@ -115,6 +118,15 @@ class DeclaredNames:
             if by:
                 self._derivatives[f"d_{name}"] = Definition(where, arguments, text, by)
 
+    def tables(self, entries: Mapping[str, Table]) -> None:
+        """Read tables: functions by their names, with the slopes and integrals of curves."""
+        for name, table in entries.items():
+            where = entry_key("tables", name)
+            self.claim(name, where)
+            for called, text in table.functions(name).items():
+                known = self.definitions if called == name else self._derivatives
+                known[called] = Definition(where, table.arguments, text)
+
     def outputs(self, entries: Mapping[str, Output]) -> None:
         """Read outputs: formulas with a name, as functions without arguments are."""
         self.functions("outputs", {name: output.formula for name, output in entries.items()})
@@ -152,7 +164,7 @@ def check_covered(drives: Mapping[str, TimeFunction], start: float, stop: float)
             )
 
 
-def reconfigured(model: _M, given: Mapping[str, Drive], sections: tuple[str, ...]) -> _M:
+def reconfigured(model: _M, given: Mapping[str, Drive | Table], sections: tuple[str, ...]) -> _M:
     """The same model with other values of its parameters and other functions.
 
     Parameters

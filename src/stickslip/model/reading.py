@@ -118,6 +118,7 @@ class DeclarationReader:
         if not (is_finite(start) and is_finite(stop) and start < stop):
             raise DeclarationError("span", "not a time span", "Write [start, end] with start < end")
         names.functions("functions", system.functions)
+        names.tables(system.tables)
         names.functions("drives", system.drives, clock="t")
         result.given = measured_drives(system.drives)
         result.check_span(start, stop)
@@ -154,6 +155,9 @@ class DeclarationReader:
         self.anywhere = self.scope(
             self.state, self.rates, {"speed": ex.sym("speed")}, why="Use t, coordinates and rates"
         )
+        for name, table in system.tables.items():
+            for i, text in table.formulas.items():
+                self.static.parse(text, f"{entry_key('tables', name)}, values[{i}]")
         for name in self.declared:
             self.anywhere.check(name)
         for name in system.drives:

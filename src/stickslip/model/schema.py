@@ -73,6 +73,11 @@ _EXPECTED = {
         "a structure",
         'Give ss.Structure(mass, stiffness); in a model file {mass = "M.mtx", stiffness = "K.mtx"}',
     ),
+    "AnyTable": (
+        "a table",
+        "Give ss.Table(points, values); in a model file "
+        '{file = "mu.csv", of = "speed", value = "mu"}',
+    ),
     "Output": (
         "a formula",
         'Write it in quotes, like "x1 - x2", or {formula = "x1 - x2", unit = "m"}',
@@ -144,6 +149,11 @@ def _check_kind(value: Any, kind: str, where: str) -> None:
 
         if not isinstance(value, Structure | InModes):
             raise wrong_kind(value, "AnyStructure", where)
+    elif kind == "AnyTable":
+        from stickslip.model.entries.tables import Table
+
+        if not isinstance(value, Table):
+            raise wrong_kind(value, kind, where)
     elif kind in _CLASSES:
         if not isinstance(value, _CLASSES[kind]):
             raise wrong_kind(value, kind if kind in _EXPECTED else "table", where)

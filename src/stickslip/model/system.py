@@ -16,6 +16,7 @@ from stickslip.arguments import validated
 from stickslip.kept import cached_property
 from stickslip.model.entries.declared import (
     AnyStructure,
+    AnyTable,
     Bilateral,
     Condition,
     Contact,
@@ -81,6 +82,8 @@ class System:
         Such as ``{"k": ss.Parameter(2.0, "N/m"), "c": 0.1}``.
     functions : mapping of str to formula
         Functions used in formulas, such as ``{"H_R(psi)": "clip(...)"}``.
+    tables : mapping of str to Table
+        Measured curves and surfaces, functions in formulas by their names.
     drives : mapping of str to formula or Samples
         Given functions of time, such as ``{"ell": "V*t"}``, or measured ones.
     coordinates : mapping of str to Coordinate
@@ -133,6 +136,7 @@ class System:
     source: str = ""
     parameters: Entries[Parameter] = Entries(Parameter, Real)  # noqa: RUF009 (a descriptor)
     functions: Mapping[str, Formula] = field(default_factory=dict[str, Formula])
+    tables: Mapping[str, AnyTable] = field(default_factory=dict[str, "AnyTable"])
     drives: Mapping[str, Drive] = field(default_factory=dict[str, Drive])
     coordinates: Mapping[str, Coordinate] = field(default_factory=dict[str, Coordinate])
     structures: Mapping[str, AnyStructure] = field(default_factory=dict[str, "AnyStructure"])
@@ -319,13 +323,15 @@ class System:
         return hash((self.name, repr(self)))
 
     @validated
-    def configure(self, given: Mapping[str, Drive]) -> System:
-        """The same system with other parameter values (numbers) and free functions (formulas).
+    def configure(self, given: Mapping[str, Drive | AnyTable]) -> System:
+        """The same system with other parameter values (numbers), free functions (formulas) and
+        tables.
 
         Parameters
         ----------
         given : mapping of str to float or str
-            A parameter's name with its value, or the name of a function or drive with its formula.
+            A parameter's name with its value, the name of a function or drive with its formula, or
+            that of a table with another one.
 
         Raises
         ------
@@ -334,7 +340,7 @@ class System:
         """
         from stickslip.model.names import reconfigured
 
-        return reconfigured(self, given, ("functions", "drives"))
+        return reconfigured(self, given, ("functions", "tables", "drives"))
 
     def with_parameters(self, **values: float) -> System:
         """The same system with other default values of its parameters."""

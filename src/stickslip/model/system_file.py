@@ -69,6 +69,14 @@ def drive_entry(value: Any, where: str, folder: Path) -> Any:
     )
 
 
+def _table(value: Any, where: str, folder: Path) -> Any:
+    """A table of its points, or of a file."""
+    from stickslip.model.entries.tables import Table
+
+    name = where.rpartition(".")[2].strip("'")
+    return Table.from_plain(toml.mapping(value, where), where, folder, name=name)
+
+
 def plain_or(kind: type[Any], value: Any, where: str, folder: Path) -> Any:
     """A plain value as it stands; an entry from its table."""
     return toml.entry(kind, value, where) if isinstance(value, dict) else value
@@ -96,6 +104,7 @@ _SYSTEMS = toml.Language(
     ),
     sections={
         "parameters": partial(plain_or, Parameter),
+        "tables": _table,
         "drives": drive_entry,
         "coordinates": _coordinate,
         "structures": _structure,

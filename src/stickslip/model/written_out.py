@@ -18,6 +18,7 @@ from stickslip.errors import DeclarationError, suggestion
 from stickslip.kept import cached_property
 from stickslip.model.entries.declared import Kind
 from stickslip.model.entries.keys import key_of, normal_force
+from stickslip.model.entries.tables import Table, curves_of
 from stickslip.model.entries.units import check_unit
 from stickslip.model.names import DeclaredNames, parse_range
 from stickslip.model.schema import check_shape, entry_key, wrong_kind
@@ -55,6 +56,7 @@ if TYPE_CHECKING:
 
 _WORD = re.compile(r"(?<![\w.])[A-Za-z]\w*")  # a name in a formula, not the e of 1e5
 _MOST_ELEMENTS = 1000
+_OF_CURVES = ("kind", "outside")  # what laws of points have besides parameters
 _HELD = 1e-9  # of the coordinates: by how much a constraint may be violated at the start, at most
 _Part = TypeVar("_Part")
 
@@ -112,6 +114,7 @@ class _WrittenOut:
     def __init__(self, system: System) -> None:
         self.system = system
         self.functions: dict[str, Formula] = dict(system.functions)
+        self.tables: dict[str, Table] = dict(system.tables)
         self.coordinates: dict[str, Coordinate] = dict(system.coordinates)
         self.internal: dict[str, Internal] = dict(system.internal)
         self.contacts: dict[str, AnyContact] = {}
@@ -144,6 +147,7 @@ class _WrittenOut:
         return replace(
             self.system,
             functions=self.functions,
+            tables=self.tables,
             coordinates=self.coordinates,
             internal=self.internal,
             contacts=self.contacts,
@@ -169,7 +173,7 @@ class _WrittenOut:
         law = by_name(contact.law, f"{where}.law")
         known = law.known()
         for given in contact.values:
-            if given not in known:
+            if given not in known and not (law.points and given in _OF_CURVES):
                 raise DeclarationError(
                     f"{where}.{given}",
                     f"'{law.name}' has no such parameter",
@@ -199,6 +203,9 @@ class _WrittenOut:
         slopes = self.slopes(contact, where)
         if law.stiffness:
             self.sliders(name, contact, law, words, slopes)
+            return
+        if law.points:
+            self.measured(name, contact, law, words)
             return
         for own, parameter in known.items():
             value = contact.values.get(own, parameter.default)
@@ -374,6 +381,7 @@ class _WrittenOut:
         system = self.system
         names = DeclaredNames()
         names.functions("functions", system.functions)
+        names.tables(system.tables)
         names.functions("drives", system.drives, clock="t")
         names.outputs(system.outputs)
         known = ["t", *system.parameters, *system.coordinates, *system.internal]
@@ -467,7 +475,7 @@ class _WrittenOut:
         system = self.system
         drives: Mapping[str, Drive] = system.drives
         declared = {parse_signature(f, f)[0] for f in (*self.functions, *drives)}
-        parts = {*self.coordinates, *self.internal, *system.outputs}
+        parts = {*self.coordinates, *self.internal, *self.tables, *system.outputs}
         if bare in {*system.parameters, *parts, *declared}:
             raise DeclarationError(
                 where, f"its law needs the name '{bare}', which is taken", "Rename one of the two"
@@ -548,6 +556,50 @@ class _WrittenOut:
                 f"({_renamed(law.stiffness, each)})/2*({way} - {slider})**2"
             )
             self.start(slider, slopes)
+
+    def measured(
+        self, name: str, contact: LawContact, law: FrictionLaw, words: dict[str, str]
+    ) -> None:
+        """A contact whose sliding force is given by points: a table, or one for each way."""
+        where = entry_key("contacts", name)
+        curves = curves_of(contact.values, law.points, where)
+        static = contact.values["F_s"]
+        both = static if isinstance(static, tuple) else (static,)
+        if len(both) > 2:
+            raise DeclarationError(
+                f"{where}.F_s",
+                f"{len(both)} values, and there are two ways",
+                "Give one, or forward and backward",
+            )
+        sides = list[dict[str, str]]()
+        ways = max(len(both), len(curves))
+        for way in range(ways):
+            end = "_back" if way else ""
+            own = {**words, "curve": f"curve{end if len(curves) > 1 else ''}_{key_of(name)}"}
+            strength = both[way % len(both)]
+            place = f"{where}.F_s[{way}]" if len(both) > 1 else f"{where}.F_s"
+            for part, value, at in (
+                ("F_s", strength, place),
+                ("N", contact.values.get("N", law.options["N"].default), f"{where}.N"),
+            ):
+                if way and (part == "N" or len(both) == 1):
+                    own[part] = sides[0][part]
+                elif self.is_pressed(value):
+                    own[part] = f"({value})"
+                else:
+                    label = words[part].replace(part, f"{part}{end}", 1)
+                    own[part] = self.define(at, label, value, law.known()[part].range)
+            sides.append(own)
+        for curve, own in zip(curves, sides, strict=False):
+            self.take(self.tables, own["curve"], curve, where)
+            self.origins[f"tables.{own['curve']}"] = f"{where}.F"
+        parts = [
+            tuple(_renamed(text, own) for own in sides) for text in (law.threshold, law.kinetic)
+        ]
+        threshold, kinetic = (part if ways > 1 else part[0] for part in parts)
+        self.contacts[name] = Contact(
+            contact.direction, threshold, contact.surface_speed, kinetic, contact.unit
+        )
 
     def how_many(self, values: Mapping[str, object], law: FrictionLaw, where: str) -> int:
         """The number of elements: that of the lists, or a whole number."""

@@ -47,6 +47,12 @@ class Outcome(Ended):
         "A formula has no finite value here (log or sqrt of a negative number, asin beyond 1, "
         "overflow)",
     )
+    OUTSIDE_TABLE = (
+        24,
+        "outside of a table",
+        "A table has no values beyond its ends. Measure further, or say what it is there: "
+        'outside = "constant" or "linear"',
+    )
     TIME_UP = (
         23,
         "time limit reached",

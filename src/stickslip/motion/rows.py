@@ -12,6 +12,7 @@ from stickslip.equations.codegen.layout import INVERSES, Layout
 from stickslip.equations.codegen.program import pack
 from stickslip.equations.coupling import somewhere
 from stickslip.kept import made_once
+from stickslip.model.entries.polynomials import is_bounded
 from stickslip.motion.steps.arrays import (
     ADMISSIBLE,
     ADMISSIBLE_SIZE,
@@ -60,6 +61,7 @@ def _rows(equations: MotionEquations, layout: Layout) -> Rows:
             [not guard.symbols & state for guard in equations.kinks],
             dtype=np.int64,
         ),
+        np.array([is_bounded(guard) for guard in equations.kinks], dtype=np.int64),
         _vanishing(equations, layout),
         np.array([c in dropping for c in range(len(u))], dtype=np.int64),
         pack(layout),

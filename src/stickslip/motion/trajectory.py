@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -15,6 +16,7 @@ from stickslip.certificates import Certificate
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.kept import cached_property
 from stickslip.model.quantities import FORCES, contact_key, forces_of, of_modes, quantity
+from stickslip.model.entries.polynomials import beyond_an_end, is_bounded
 from stickslip.model.system import System
 from stickslip.motion.certify import certify_trajectory
 from stickslip.motion.outcome import Outcome
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
 
     from stickslip.motion.event_catalogue import EventCatalogue
 
+_SPEED = re.compile(r"speed:\d+")
 GRID = 1000  # points of the dataset between knots
 
 
@@ -98,7 +101,27 @@ class Trajectory(Result):
         label = self.outcome.label
         if self.outcome in (Outcome.JUMPS_MEET, Outcome.JUMPS_ON):
             label = f"{label} ({listed(self._jumps_at_the_end())})"
+        if self.outcome is Outcome.OUTSIDE_TABLE:
+            said = self._ends_of_tables()
+            label = f"{label} ({said[0]})" if said else label
         return f"{label} at t = {self.knots.time[-1]:.9g}: {self.outcome.message}"
+
+    @property
+    def begins_outside_a_table(self) -> bool:
+        """Whether it did not begin, since a table has no value at its start."""
+        return len(self.knots.clock) == 1 and bool(self._ends_of_tables())
+
+    def _ends_of_tables(self) -> list[str]:
+        """Tables that are at an end, or beyond it, where the motion ends, and what they are asked
+        for."""
+        equations = self._problem.compiled.equations
+        values = {**self.parameters, **self.final, "t": float(self.knots.time[-1])}
+        found = list[str]()
+        for guard in filter(is_bounded, equations.kinks):
+            if said := beyond_an_end(ex.substitute(guard, equations.speeds), values):
+                name = _SPEED.sub("speed", ex.to_text(guard.args[0]))
+                found.append(f"{name} = {said}")
+        return found
 
     def _jumps_at_the_end(self) -> list[str]:
         """Jumps whose guards are zero at the end of the motion, as far as they are known."""

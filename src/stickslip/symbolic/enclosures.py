@@ -328,6 +328,8 @@ def _linear(e: Expr) -> tuple[float, dict[Expr, float]]:
 def joins(guard: Expr, above: Expr, below: Expr) -> bool:
     """Whether two branches are seen to agree wherever their guard is 0, so that there is no
     jump."""
+    if guard.op in FUNCTIONS and FUNCTIONS[guard.op].joins(above, below):
+        return True
     difference = above - below
     if difference.op == "num":
         return number(difference) == 0.0

@@ -752,11 +752,25 @@ def _text(e: Expr, known: Mapping[Expr, tuple[str, int]]) -> tuple[str, int]:
     if (call := spelled(e)) is not None:
         return f"{call[0]}({', '.join(map(to_text, call[1]))})", 5
     if e.op == "select":
+        if (name := _called(e)) is not None:
+            return f"{name}({known[e.args[1].args[0]][0]})", 5
         guard, above, below = (inner(a) for a in e.args)
         return f"piecewise({guard} {'>' if e.strict else '>='} 0, {above}, {below})", 5
+    if name := FUNCTIONS[e.op].called:
+        return f"{name}({known[e.args[0]][0]})", 5
     if typed := FUNCTIONS[e.op].typed:
         return f"({_ARGUMENT_OF_ROW.sub(inner(e.args[0], 5), typed)})", 5
     return f"{e.op}({inner(e.args[0])})", 5
+
+
+def _called(e: Expr) -> str | None:
+    """How formulas call a select between the pieces of a table."""
+    guard, above, below = e.args
+    rows = [FUNCTIONS.get(x.op) for x in (guard, above, below)]
+    if None in rows or not guard.args == above.args == below.args:
+        return None
+    gate, one, other = rows
+    return one.called if gate.sampled and one.called and one.called == other.called else None
 
 
 def _times(c: float, product: str) -> str:

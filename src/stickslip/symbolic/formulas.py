@@ -16,7 +16,7 @@ import re
 import threading
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from numbers import Real
 from typing import Any, TypeGuard
@@ -103,6 +103,20 @@ class TimeFunction(ABC):
     @abstractmethod
     def span(self) -> tuple[float, float]:
         """The first and the last time of which it does."""
+
+
+class TableFunction(ABC):
+    """A function of one or two arguments that is not a formula: a table."""
+
+    @abstractmethod
+    def at(self, arguments: Sequence[Expr], read: Callable[[object], Expr]) -> Expr:
+        """Its value as an expression of others; `read` reads formulas that stand in it.
+
+        Raises
+        ------
+        ZeroDivisionError
+            If it has no value there.
+        """
 
 
 class Indexed(ABC):
@@ -342,6 +356,8 @@ class _Reader:
             return self.tree(text)
         if isinstance(text, TimeFunction):
             return text.at(self.name("t"))
+        if isinstance(text, TableFunction):
+            return self.tabulated(text)
         if is_finite(text):
             return ex.num(float(text))
         if isinstance(text, Real) and not isinstance(text, bool):
@@ -379,6 +395,13 @@ class _Reader:
             raise self.fail(
                 f"'{short(text)}' has no value ({error})", "Correct the formula"
             ) from None
+
+    def tabulated(self, table: TableFunction) -> Expr:
+        """A table at the arguments of its definition; formulas in it know none of these."""
+        try:
+            return table.at([*self.bound.values()], _Reader(self.scope, self.where, {}).read)
+        except ZeroDivisionError as error:
+            raise self.fail(str(error), "Widen the table, or say what is outside of it") from None
 
     def tree(self, expression: Expr) -> Expr:
         """An expression whose names mean what they mean in a text."""

@@ -126,6 +126,20 @@ class Function:
         return False
 
     @property
+    def called(self) -> str:
+        """How formulas call it, if they do and it is not its name."""
+        return ""
+
+    @property
+    def kinked(self) -> bool:
+        """Whether it says so of a function with kinks in between."""
+        return False
+
+    def joins(self, above: Expr, below: Expr) -> bool:
+        """Whether it is a guard at which two branches are known to agree."""
+        return False
+
+    @property
     def fixed(self) -> tuple[float, float] | None:
         """A place, and the value that a monotone function has there without rounding."""
         return (0.0, 0.0) if self.parity == "odd" and self.poles is None else self.exactly

@@ -245,6 +245,14 @@ def unwrapped(guard: Expr) -> Expr:
     return ex.rewrite(guard, plain)
 
 
+def boundary(guard: Expr) -> str:
+    """What a person calls the place where a guard is zero."""
+    row = FUNCTIONS.get(guard.op)
+    if row is not None and row.sampled and row.called:
+        return f"{ex.to_text(guard.args[0])} at a knot of {row.called}"
+    return f"{ex.to_text(unwrapped(guard))} = 0"
+
+
 @lru_cache(maxsize=4096)
 def periodic_form(e: Expr) -> Expr:
     """The same function but for its values at jumps, such that what repeats in it is seen: whole

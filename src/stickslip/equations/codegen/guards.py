@@ -7,9 +7,10 @@ from stickslip.equations.codegen.draft import Draft, order_0
 from stickslip.equations.codegen.planes import plane_rows
 from stickslip.model.declaration import DryContact
 from stickslip.model.entries.keys import NORMAL
+from stickslip.model.entries.polynomials import in_own_piece
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.scalars import added, element
+from stickslip.symbolic.scalars import added, element, numeral
 from stickslip.symbolic.tape import Instruction, Op
 
 
@@ -75,7 +76,10 @@ def _kinks(draft: Draft) -> None:
             continue
         if draft.constants.is_constant(guard):  # of which only the sign matters, however large
             guard = ex.select(guard, ex.ONE, -ex.ONE)
-        kinks.append(tape.row(guard))
+        kinks.append(tape.row(in_own_piece(guard)))
+        if in_own_piece(guard) is not guard:  # as of a difference to a knot, which is as large
+            draft.note(3 * draft.nc + j, numeral(2.0) * draft.size(guard.args[0]))
+            continue
         draft.note(3 * draft.nc + j, draft.size(guard))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from os import PathLike
 from pathlib import Path
 from stat import S_ISDIR, S_ISREG
@@ -29,6 +29,27 @@ def columns_of(
     ------
     DeclarationError
     """
+    columns, rows, wanted = chosen_columns(
+        file, lambda names, where: _chosen(names, time, value, name, where)
+    )
+    return columns[0], columns[1], rows, (wanted[0], wanted[1])
+
+
+def chosen_columns(
+    file: str | PathLike[str], choose: Callable[[list[str], str], Sequence[str]]
+) -> tuple[Array, Any, tuple[str, ...]]:
+    """Columns of a text file, in which line of it each row stands, and how they are called.
+
+    Parameters
+    ----------
+    file : path
+    choose : callable
+        The names of all columns, and the line in which they stand -> those that are wanted.
+
+    Raises
+    ------
+    DeclarationError
+    """
     where = file_named(file)
     lines = lines_of(file)
     numbers = [i for i, line in enumerate(lines) if line.strip() and not line.startswith("#")]
@@ -37,10 +58,10 @@ def columns_of(
     heading = lines[numbers[0]]
     separator = separator_of(heading)
     names = [cell.strip() for cell in cells_in(heading, separator)]
-    wanted = _chosen(names, time, value, name, f"{where}, line {numbers[0] + 1}")
+    wanted = tuple(choose(names, f"{where}, line {numbers[0] + 1}"))
     places = [names.index(column) for column in wanted]
     rows = numbers[1:]
-    columns = np.empty((2, len(rows)))
+    columns = np.empty((len(wanted), len(rows)))
     for k, i in enumerate(rows):
         cells = cells_in(lines[i], separator)
         check_cells(cells, names, f"{where}, line {i + 1}")
@@ -54,7 +75,47 @@ def columns_of(
                     f"'{short(cell)}' is not a number" if cell else "there is no value",
                     DECIMAL_POINTS if "," in cell else "Leave the row out, or fill it",
                 ) from None
-    return columns[0], columns[1], np.array(rows) + 1, wanted
+    return columns, np.array(rows) + 1, wanted
+
+
+def table_columns(of: Sequence[str], value: str, own: str) -> Callable[[list[str], str], list[str]]:
+    """Which columns have the arguments of a table and its values, as :func:`chosen_columns` asks.
+
+    Parameters
+    ----------
+    of : sequence of str
+        Columns of the arguments; none: the first one.
+    value : str
+        If it is empty, that called like the table, or "value", or the only other one.
+    own : str
+        How the table is called.
+    """
+
+    def choose(names: list[str], where: str) -> list[str]:
+        for name in (*of, value):
+            if name and name not in names:
+                known = suggestion(name, names, "'")
+                raise DeclarationError(where, f"there is no column '{short(name)}'", known)
+        if not (of and value) and all(map(_is_number, names)):
+            raise DeclarationError(
+                where,
+                "there are numbers where names of columns should be",
+                "Let it begin with: speed,mu",
+            )
+        arguments = list(of) or names[:1]
+        others = [name for name in names if name not in arguments]
+        last = value or next((name for name in (own, "value") if name and name in others), "")
+        if not last and len(others) == 1:
+            last = others[0]
+        if not last:
+            raise DeclarationError(
+                where,
+                f"which column has the values is not clear: there are {short(', '.join(names))}",
+                'Say it, as in {file = "mu.csv", of = "speed", value = "mu"}',
+            )
+        return [*arguments, last]
+
+    return choose
 
 
 DECIMAL_POINTS = "Save the file with decimal points, like 0.5"

@@ -17,6 +17,7 @@ from stickslip.symbolic.formulas import TimeFunction, formula_text
 if TYPE_CHECKING:
     from stickslip.rate_independent.sets.potential import Dissipation
     from stickslip.structures.coordinates import InModes
+    from stickslip.model.entries.tables import Table
     from stickslip.structures.structure import Structure
 
 
@@ -38,6 +39,8 @@ CROSSINGS = {"falling": -1, "both": 0, "rising": 1}
 """The sign of its rate where it does."""
 AnyStructure: TypeAlias = "Structure | InModes"
 """A structure, or in a system that is written out what is left of it."""
+AnyTable: TypeAlias = "Table"
+"""A measured curve or surface."""
 ImpactLaw = str
 """What contacts do that close at once: one of :data:`IMPACT_LAWS`."""
 IMPACT_LAWS = ("together", "in turn")

@@ -1,11 +1,19 @@
-"""Polynomials between samples, and the rows that they have in the table of functions."""
+"""Polynomials between samples or the knots of a table, and the rows that they have in the table of
+functions.
+
+What depends on time has one gate, since time goes forward. The argument of a table goes both ways.
+Its gate has two rows more: in the region of even pieces it is that of the nearest even piece, which
+is one polynomial up to the middle of both neighbours, and likewise in the other one. So a series
+that begins at a knot holds on whichever side of it the motion goes on.
+"""
 
 from __future__ import annotations
 
 import math
 import weakref
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -21,7 +29,12 @@ if TYPE_CHECKING:
     from stickslip.symbolic.intervals import Interval
 
 
+SIDES = ("even", "odd", "gate")
 NEAR_SAMPLE = 16.0 * 2.3e-16  # part of the largest time within which a time is that of a sample
+
+INTEGRAL = "integral_"  # what the name of an integral begins with
+_END = 1e-9  # part of the largest break within which a place is at an end of a table
+_ROUNDED = 4e-16  # error of a polynomial for each of its terms, beside their moduli
 
 LIVING: WeakValueDictionary[str, PiecewisePolynomial] = WeakValueDictionary()
 
@@ -37,12 +50,63 @@ class PiecewisePolynomial:
     coefficients : array, shape (m, d + 1)
         Of the powers of what is left of a place from the beginning of its piece.
     period : float
+    sides : tuple of str
+        Which rows there are: values of "even" and "odd" pieces, and the "gate"; or those of the
+        piece around a place, its "own", of what never comes to the end of one.
+    called : str
+        How formulas call it, if they do: of a table.
+    covered : (float, float) or None
+        Outside of which a table has no values. Its first and its last piece go on for ever, its
+        gates too. None: samples, of which nothing is known outside the breaks.
+    kinked : bool
+        Of knots: whether they are those of a function with kinks.
+    bounded : (float, float) or None
+        Of knots: outside of which the function is undefined, if it is somewhere.
     """
 
     name: str
     breaks: Array
     coefficients: Array
     period: float
+    sides: tuple[str, ...] = SIDES
+    called: str = ""
+    covered: Interval | None = None
+    kinked: bool = False
+    bounded: Interval | None = None
+
+    @property
+    def both_ways(self) -> bool:
+        """Whether its argument may go back."""
+        return self.covered is not None
+
+    def ends(self, side: str) -> Interval:
+        """Outside of which a side is undefined, but for rounding."""
+        if self.covered is None:
+            return float(self.breaks[0]), float(self.breaks[-1])
+        return (-math.inf, math.inf) if _is_gate(side) else self.covered
+
+    def undefined(self, side: str) -> Interval:
+        """Below which the first piece of a side is undefined, and above which the last one: a
+        motion that has come to that end is in that piece, whichever way it is rounded."""
+        first, last = self.ends(side)
+        reach = _END * self.largest if self.both_ways else -NEAR_SAMPLE * self.largest
+        return first + reach, last - reach
+
+    @cached_property
+    def smoothness(self) -> int:
+        """How many derivatives are continuous, but for rounding; −1 if it jumps."""
+        length = np.diff(self.breaks)[:-1]
+        for order in range(self.coefficients.shape[1]):
+            factors = self.factors("even", order)
+            terms = [
+                self.coefficients[:, order + j] * (factors[j] * np.append(length, 1.0) ** j)
+                for j in range(len(factors))
+            ]
+            end, size = sum(terms)[:-1], sum(map(np.abs, terms))
+            slack = _ROUNDED * np.maximum(size[:-1], size[1:])
+            if np.any(np.abs(end - terms[0][1:]) > slack):
+                return order - 1
+        return self.coefficients.shape[1]
 
     @cached_property
     def largest(self) -> float:
@@ -61,7 +125,10 @@ class PiecewisePolynomial:
         length = np.diff(self.breaks)
         sense = np.where(np.arange(len(length)) % 2 == 0, 1.0, -1.0)
         gates = np.stack([np.zeros(len(length)), sense, -sense / length], axis=1)
-        if self.period == 0.0:
+        if self.both_ways:
+            gates[0] = length[0], -1.0, 0.0
+            gates[-1] = 0.0, sense[-1], 0.0
+        elif self.period == 0.0:
             gates[0] = 1.0, -1.0 / length[0], 0.0  # (r − t)/(r − l)
             gates[-1] = 0.0, sense[-1], 0.0
             if len(length) == 1:
@@ -70,7 +137,7 @@ class PiecewisePolynomial:
 
     def table(self, side: str) -> Array:
         """The coefficients on a side: of the gates, or the values."""
-        return self.gates if side == "gate" else self.coefficients
+        return self.gates if _is_gate(side) else self.coefficients
 
     def place(self, x: Array, side: str) -> tuple[Array, Array]:
         """Which piece stands for x on a side, and what is left of x from its beginning."""
@@ -78,20 +145,26 @@ class PiecewisePolynomial:
         near = self.near(x)
         if self.period > 0.0:
             x = x - np.floor((x - b[0]) / self.period) * self.period
-        else:
+        elif not self.both_ways:
             x = np.where((x <= b[-1] + near) & (x >= b[0] - near), x, np.nan)
         i = np.clip(np.searchsorted(b, x, side="right") - 1, 0, m - 1)
         if side == "gate":
             k = np.where(b[i + 1] - x <= near, i + 1, i)
+        elif side == "own":
+            k = i
         else:
             other = np.where(x - b[i] < b[i + 1] - x, i - 1, i + 1)
-            k = np.where(i % 2 == (0 if side == "even" else 1), i, other)
+            k = np.where(i % 2 == (0 if side.startswith("even") else 1), i, other)
         if self.period > 0.0:
             x = np.where(k == m, x - self.period, np.where(k < 0, x + self.period, x))
             k = k % m
         else:
             inner = m - 1 if side == "gate" else max(m - 2, 0)
             k = np.where(k == m, inner, np.where(k < 0, min(1, m - 1), k))
+        if self.both_ways:
+            first, last = self.ends(side)
+            beyond = ((k == 0) & (x < first - near)) | ((k == m - 1) & (x > last + near))
+            x = np.where(beyond, np.nan, x)
         return k, x - b[k]
 
     def values(self, x: Array, side: str, order: int) -> Array:
@@ -113,7 +186,12 @@ class PiecewisePolynomial:
     def rows(self) -> dict[str, str]:
         """By side the name of the row of the table of functions, which is put there."""
         _ = self._provider
-        return {side: self.row_name(side, 0) for side in ("even", "odd", "gate")}
+        return {side: self.row_name(side, 0) for side in self._sides}
+
+    @property
+    def _sides(self) -> list[str]:
+        more = ["evengate", "oddgate"] if self.both_ways and "gate" in self.sides else []
+        return [*self.sides, *more]
 
     def row_name(self, side: str, order: int) -> str:
         """Name of a derivative on a side."""
@@ -126,14 +204,15 @@ class PiecewisePolynomial:
         from stickslip.machine_code.tabulated import provide_table
 
         called = {}
-        for side in ("even", "odd", "gate"):
+        for side in self._sides:
             for order in range(self.table(side).shape[1]):
                 row = TableRow(pieces=self, side=side, order=order)
                 FUNCTIONS[row.name] = row
                 called[row.name] = side, self.factors(side, order)
         weakref.finalize(self, _remove, self.name, list(called)).atexit = False
+        beyond = {side: self.undefined(side) for side in self._sides}
         return provide_table(
-            called, self.breaks, self.coefficients, self.gates, self.period, NEAR_SAMPLE
+            called, self.breaks, self.coefficients, self.gates, self.period, NEAR_SAMPLE, beyond
         )
 
     def bounds(self, a: Interval, side: str, order: int) -> Interval:
@@ -169,18 +248,28 @@ class PiecewisePolynomial:
 
     def _on_piece(self, k: int, low: float, high: float, side: str, order: int) -> Interval:
         """Bounds on a part of one piece, by its ends and where its slope vanishes."""
-        start, end = float(self.breaks[k]), float(self.breaks[k + 1])
-        x, y = (min(max(place, start), end) - start for place in (low, high))
-        c = derived(self.table(side)[k], order)
+        origin = start = float(self.breaks[k])
+        end = float(self.breaks[k + 1])
+        if self.both_ways:
+            first, last = self.ends(side)
+            start = first if k == 0 else start
+            end = last if k == len(self.breaks) - 2 else end
+        x, y = (min(max(place, start), end) - origin for place in (low, high))
+        c = np.trim_zeros(derived(self.table(side)[k], order), "b")
+        if len(c) < 2:
+            return (float(c[0]), float(c[0])) if len(c) else (0.0, 0.0)
+        if math.isinf(x) or math.isinf(y):
+            ends = sorted(float(c[0] + c[1] * u) for u in (x, y))
+            return (ends[0], ends[1]) if len(c) == 2 else (-math.inf, math.inf)
         turning = [float(r.real) for r in np.roots(derived(c, 1)[::-1]) if x < r.real < y]
         values = [float(np.polynomial.polynomial.polyval(u, c)) for u in (x, y, *turning)]
         size = sum(abs(float(a)) * max(abs(x), abs(y)) ** n for n, a in enumerate(c))
-        slack = 1e-15 * size
+        slack = _ROUNDED * len(c) * size
         return min(values) - slack, max(values) + slack
 
     def _extremes(self, side: str, order: int) -> tuple[Array, Array]:
         """Bounds on every piece, by Bernstein coefficients."""
-        key = side == "gate", order
+        key = _is_gate(side), order
         if key not in self._known:
             table = self.table(side)
             factors = self.factors(side, order)
@@ -194,7 +283,7 @@ class PiecewisePolynomial:
                 )
                 for i in range(d + 1)
             ]
-            slack = 1e-15 * sum(np.abs(part) for part in scaled)
+            slack = _ROUNDED * (d + 1) * sum(np.abs(part) for part in scaled)
             low = np.minimum.reduce(ends) - slack
             self._known[key] = low, np.maximum.reduce(ends) + slack
         return self._known[key]
@@ -202,6 +291,44 @@ class PiecewisePolynomial:
     @cached_property
     def _known(self) -> dict[tuple[bool, int], tuple[Array, Array]]:
         return {}
+
+
+def _is_gate(side: str) -> bool:
+    return side.endswith("gate")
+
+
+def is_bounded(guard: Expr) -> bool:
+    """Whether it is the gate of a table that is undefined beyond one of its knots."""
+    row = FUNCTIONS.get(guard.op)
+    return isinstance(row, TableRow) and row.sampled and row.pieces.bounded is not None
+
+
+def beyond_an_end(guard: Expr, values: Mapping[str, float]) -> str:
+    """What is said where the argument of the gate of a table is at an end, or beyond it; nothing
+    elsewhere, or where it depends on names without a value.
+    """
+    row = FUNCTIONS.get(guard.op)
+    ends = row.pieces.bounded if isinstance(row, TableRow) and row.sampled else None
+    if ends is None or not guard.symbols <= values.keys():
+        return ""
+    assert isinstance(row, TableRow)
+    x = ex.evaluate(guard.args[0], values)
+    near = _END * row.pieces.largest
+    if ends[0] + near < x < ends[1] - near:
+        return ""
+    end = f"begins at {ends[0]:.9g}" if x <= ends[0] + near else f"ends at {ends[1]:.9g}"
+    return f"{x:.9g}, and '{row.called}' {end}"
+
+
+def in_own_piece(guard: Expr) -> Expr:
+    """The guard of a select; if it is the gate of a table, such that it is in each region that of
+    the pieces of that region."""
+    row = FUNCTIONS.get(guard.op)
+    if not isinstance(row, TableRow) or not row.sampled or not row.pieces.both_ways:
+        return guard
+    rows = row.pieces.rows()
+    (x,) = guard.args
+    return ex.select(guard, ex.call(rows["evengate"], x), ex.call(rows["oddgate"], x))
 
 
 def _remove(name: str, rows: list[str]) -> None:
@@ -225,12 +352,10 @@ class TableRow(Function):
     """A derivative of a table on one side, as a row of the table of functions."""
 
     def __init__(self, pieces: PiecewisePolynomial, side: str, order: int) -> None:
-        least, largest = pieces._extremes(side, order)
         super().__init__(
             name=pieces.row_name(side, order),
             value=lambda x: float(self.pieces.values(np.array(x), side, order)),
             derivative="",
-            limits=(float(least.min()), float(largest.max())),
             period=pieces.period,
             within=f"{pieces.period!r}*wrap(x/{pieces.period!r})" if pieces.period else "",
             typed=f"{pieces.name}(x)",
@@ -279,6 +404,33 @@ class TableRow(Function):
     def sampled(self) -> bool:
         """Whether it is a gate."""
         return self.side == "gate"
+
+    @property
+    def called(self) -> str:
+        """How formulas call the table, its derivative or its integral."""
+        name, order = self.pieces.called, self.order
+        if name.startswith(INTEGRAL) and order > 0:
+            name, order = name.removeprefix(INTEGRAL), order - 1
+        return f"{'d_' * order}{name}" if name else ""
+
+    @property
+    def kinked(self) -> bool:
+        """Whether it is the gate of a function with kinks."""
+        return self.sampled and self.pieces.kinked
+
+    def joins(self, above: Expr, below: Expr) -> bool:
+        """Whether it is a gate at which two branches agree."""
+        if not self.sampled:
+            return False
+        rows = [FUNCTIONS.get(e.op) for e in (above, below)]
+        if not all(isinstance(row, TableRow) for row in rows) or above.args != below.args:
+            return False
+        one, other = cast("list[TableRow]", rows)
+        return (
+            (one.table, one.order) == (other.table, other.order)
+            and one.order <= one.pieces.smoothness
+            and np.array_equal(one.pieces.breaks, self.pieces.breaks)
+        )
 
     @property
     def jumps(self) -> bool:

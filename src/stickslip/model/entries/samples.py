@@ -147,7 +147,7 @@ class Samples(TimeFunction):
         t, y, rows, (time, value) = columns_of(file, time, value, name)
         try:
             checked(t, y, str(file))
-        except _At as error:
+        except WrongRow as error:
             raise error.in_file(str(file), int(rows[error.index]), (time, value)) from None
         source = {"file": str(file), "time": time, "value": value}
         return cls(t, y, kind, periodic, where=str(file), source=source)
@@ -352,18 +352,19 @@ def _pieces(samples: Samples, name: str) -> PiecewisePolynomial:
 # -- reading ---------------------------------------------------------------------------------------
 
 
-class _At(DeclarationError):
-    """A mistake in one row of samples.
+class WrongRow(DeclarationError):
+    """A mistake in one row of samples, or of a table.
 
     Attributes
     ----------
     index : int
     column : int
-        0 for times, 1 for values.
+        0 for times or other arguments, 1 for values.
     """
 
-    def __init__(self, where: str, index: int, column: int, reason: str, remedy: str) -> None:
-        name = ("times", "values")[column]
+    def __init__(
+        self, where: str, name: str, index: int, column: int, reason: str, remedy: str
+    ) -> None:
         super().__init__(f"{where}, {name}[{index}]", reason, remedy)
         self.index = index
         self.column = column
@@ -374,45 +375,65 @@ class _At(DeclarationError):
         return DeclarationError(place, self.reason, self.remedy)
 
 
-def checked(times: Any, values: Any, where: str) -> tuple[Array, Array]:
-    """Times and values as arrays of their own.
+def checked(times: Any, values: Any, where: str, argument: str = "time") -> tuple[Array, Array]:
+    """Times and values as arrays of their own; `argument` is what the times are, if they are
+    others.
 
     Raises
     ------
     DeclarationError
     """
-    t, y = (_numbers(part, f"{where}, {n}") for part, n in ((times, "times"), (values, "values")))
+    several = f"{argument}s"
+    t, y = (_numbers(part, f"{where}, {n}") for part, n in ((times, several), (values, "values")))
     if t.ndim != 1 or y.ndim != 1 or len(t) != len(y) or len(t) < 2:
         raise DeclarationError(
             where,
-            f"{t.size} times and {y.size} values",
-            "Give as many times as values, at least 2 of each, in a row",
+            f"{t.size} {several} and {y.size} values",
+            f"Give as many {several} as values, at least 2 of each, in a row",
         )
     for column, part in enumerate((t, y)):
         finite = np.isfinite(part)
         if not finite.all():
             k = int(np.argmin(finite))
-            raise _At(
-                where, k, column, f"{part[k]} is not a number", "Leave the row out, or fill it"
+            name = (several, "values")[column]
+            raise WrongRow(
+                where,
+                name,
+                k,
+                column,
+                f"{part[k]} is not a number",
+                "Leave the row out, or fill it",
             )
+    check_increasing(t, where, argument)
+    return t, y
+
+
+def check_increasing(t: Array, where: str, argument: str) -> None:
+    """Refuse times, or other arguments, that do not increase.
+
+    Raises
+    ------
+    DeclarationError
+    """
+    several = f"{argument}s"
     later = np.diff(t) > 0.0
     if not later.all():
         k = int(np.argmin(later)) + 1
         same = t[k] == t[k - 1]
         what = "stands twice" if same else f"comes after {t[k - 1]:.9g}"
-        remedy = "Keep one of the two rows" if same else "Sort the rows by time"
-        raise _At(where, k, 0, f"the time {t[k]:.9g} {what}", remedy)
+        remedy = "Keep one of the two rows" if same else f"Sort the rows by {argument}"
+        raise WrongRow(where, several, k, 0, f"the {argument} {t[k]:.9g} {what}", remedy)
     close = np.diff(t) > _FINEST * np.max(np.abs(t))
     if not close.all():
         k = int(np.argmin(close)) + 1
-        raise _At(
+        raise WrongRow(
             where,
+            several,
             k,
             0,
-            f"the times {t[k - 1]!r} and {t[k]!r} are too close to be told apart",
-            "Count time from the first sample",
+            f"the {several} {t[k - 1]!r} and {t[k]!r} are too close to be told apart",
+            f"Count {argument} from the first sample",
         )
-    return t, y
 
 
 def _unpacked(text: object, where: str) -> tuple[Array, Array]:

@@ -64,6 +64,7 @@ from stickslip.motion.steps.arrays import (
     STARTED,
     TAKEN,
     TINY,
+    OUTSIDE_TABLE,
     UNDEFINED,
     Flow,
     FlowOfMany,
@@ -309,12 +310,15 @@ def give_up(
         Steps recorded so far.
     """
     rows = flow.rows
+    cause = lane.counters[CAUSE]
     if status in (NAN, INDEFINITE):
         if task.recording and lane.counters[CAUSE] < 0 and count > 1:
             # The last step has left the domain of a formula: its end is not a state of the motion.
             count -= 1
             lane.clock[NOW] = task.record.time[count - 1]
             copy(task.record.state[count - 1], lane.y)
+        if status == NAN and 0 <= cause < len(rows.kinks) and rows.bounded[cause] == 1:
+            return OUTSIDE_TABLE, count
         return (UNDEFINED if status == NAN else NO_INERTIA), count
     if has_gaps(rows):
         return (NO_ACCELERATION if is_paradox(machine, flow, lane) else NO_MODE), count

@@ -19,7 +19,13 @@ from stickslip.arrays import Array
 from stickslip.equations.codegen.series import INDEFINITE, SINGULAR
 from stickslip.motion.modes.guards import scan
 from stickslip.motion.modes.mode_series import keeps, make_series, unit_for
-from stickslip.motion.modes.pivots import flip_apart, hold_or_slide, let_carry, set_regions
+from stickslip.motion.modes.pivots import (
+    flip_apart,
+    flip_at_ends,
+    hold_or_slide,
+    let_carry,
+    set_regions,
+)
 from stickslip.motion.modes.surfaces import begin_at_rest
 from stickslip.motion.steps.arrays import (
     ASTRAY,
@@ -114,6 +120,10 @@ def settle_mode(
         lost = status in (NAN, OVERFLOW, INDEFINITE) and total == 0 and pivots <= nk + 1
         if lost and set_regions(rows, space.W, space.mag, lane.reg):
             continue
+        if lost and pivots == 1 and lane.counters[CAUSE] < 0:
+            # It may begin at the end of a table.
+            if flip_at_ends(rows, space.W, space.mag, lane.reg):
+                continue
         rescaled, unit = unit_for(status, h, room, space.W[n, 1])
         if status in (NAN, INDEFINITE) or (rescaled and units == MOST_UNITS):
             return (INDEFINITE if status == INDEFINITE else NAN), 0.0, 0.0, 0

@@ -286,6 +286,19 @@ def may_be_carried(rows: Rows, J: Array, space: Space, mode: Array) -> bool:
 
 
 @compiled()
+def flip_at_ends(rows: Rows, W: Array, mag: Array, reg: Array) -> bool:
+    """Put knots of tables that end at one of them onto the other side, where a motion is at one;
+    whether one is."""
+    changed = False
+    for j in range(len(reg)):
+        at_knot = abs(W[rows.kinks[j], 0]) <= FIRED * kink_terms(rows, mag, j)
+        if rows.bounded[j] == 1 and at_knot:
+            reg[j] = 1 - reg[j]
+            changed = True
+    return changed
+
+
+@compiled()
 def set_regions(rows: Rows, W: Array, mag: Array, reg: Array) -> bool:
     """Put kinks onto the sides where their guards clearly are; whether one was not."""
     changed = False

@@ -16,7 +16,7 @@ from stickslip.model.system import System
 from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN, Knots
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.functions import FUNCTIONS
-from stickslip.symbolic.pieces import unwrapped
+from stickslip.symbolic.pieces import boundary
 
 if TYPE_CHECKING:
     import pandas
@@ -171,10 +171,11 @@ class Switches:
 
     @property
     def crossed(self) -> Array:
-        """Changes of the regions of all kinks but those of samples, and those that are guards of
-        jumps alone."""
+        """Changes of the regions of all kinks but those of samples and smooth tables, and those
+        that are guards of jumps alone."""
         equations = self.equations
-        sampled = {g for g in equations.kinks if g.op in FUNCTIONS and FUNCTIONS[g.op].sampled}
+        rows = {g: FUNCTIONS[g.op] for g in equations.kinks if g.op in FUNCTIONS}
+        sampled = {g for g, row in rows.items() if row.sampled and not row.kinked}
         left_out = sampled | equations.guards_alone
         counted = [guard not in left_out for guard in equations.kinks]
         return np.diff(self.knots.region, axis=0) * np.array(counted, int)
@@ -208,7 +209,7 @@ class Switches:
         switched, joined = self.switched
         changes = np.hstack([switched, self.crossed, self.jumped])
         knot, which = np.nonzero(changes)
-        names = [*self.columns] + [f"{ex.to_text(unwrapped(g))} = 0" for g in equations.kinks]
+        names = [*self.columns] + [boundary(g) for g in equations.kinks]
         names += self.system.jumps
         # The names of the modes −1, 0, 1, of what can open, then those of the regions 0, 1, and of
         # the sides of a jump; last, of a slip in a plane.

@@ -30,6 +30,7 @@ CREATES_ENERGY = 19
 JUMPS_MEET = 20
 JUMPS_ON = 21
 NO_MODE = 22
+OUTSIDE_TABLE = 24
 FULL = 100
 # What may be said of a candidate mode; or of the step that led to it: that it does not solve the
 # equations.
@@ -120,6 +121,8 @@ class Rows(NamedTuple):
         and the direction TOWARDS which it does then (−1, 0: always).
     timed : array of int
         1 for each kink that comes at a time, whatever the state.
+    bounded : array of int
+        1 for each knot of a table that is undefined beyond one of its knots.
     vanishing : array of int
         Part of the state that is zero where a kink is, −1 for other kinks: there powers of it have
         few derivatives.
@@ -210,6 +213,7 @@ class Rows(NamedTuple):
     noise: IntVector
     doubtful: IntMatrix
     timed: IntVector
+    bounded: IntVector
     vanishing: IntVector
     drops: IntVector
     program: Program

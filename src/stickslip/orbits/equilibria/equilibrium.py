@@ -17,7 +17,7 @@ from stickslip.model.quantities import quantity
 from stickslip.model.system import System
 from stickslip.results import Completion, Result, restored_certificate, shortened
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.pieces import unwrapped
+from stickslip.symbolic.pieces import boundary
 
 if TYPE_CHECKING:
     import pandas
@@ -466,7 +466,7 @@ def describe_guard(equations: MotionEquations, guard: Guard, mode: Mode) -> str:
     """What happens where a guard vanishes."""
     kinks = len(equations.kinks)
     if guard.switch < kinks:
-        return f"{ex.to_text(unwrapped(equations.kinks[guard.switch]))} = 0"
+        return boundary(equations.kinks[guard.switch])
     contact = guard.switch - kinks
     name = equations.labels[contact]
     if equations.contacts[contact].opens:

@@ -1,0 +1,1 @@
+"""Friction laws beside points of force over speed."""

@@ -1,0 +1,876 @@
+"""Tables: measured curves and surfaces, as functions of any variables of formulas.
+
+Between two knots a curve is a polynomial, and so is a surface in a cell of its grid. As a function
+of time that is given by samples it is a select between the nearest even and the nearest odd piece
+(:mod:`stickslip.model.entries.polynomials`), so that what a formula costs does not depend on how
+many knots there are, and a motion stops exactly at each of them. In a cell of a surface, which one
+it is is one number, that of its column and that of its row together, and coefficients are looked up
+by it.
+
+Where an argument is seen to stay on one side of an end of a table, as ``abs(v)`` is of 0, nothing
+changes at that end, and no event is looked for.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import zlib
+from base64 import b64decode, b64encode
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from stickslip.arguments import validated
+from stickslip.arrays import Array
+from stickslip.errors import DeclarationError, short, suggestion
+from stickslip.kept import cached_property
+from stickslip.model.entries.columns import chosen_columns, table_columns
+from stickslip.model.entries.polynomials import INTEGRAL, LIVING, PiecewisePolynomial, derived
+from stickslip.model.entries.samples import WrongRow, check_increasing, checked
+from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.formulas import TableFunction, is_finite
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+TableKind = Literal["linear", "pchip", "cubic"]
+Outside = Literal["refused", "constant", "linear"]
+Read = Callable[[object], Expr]
+TABLE_KINDS: tuple[TableKind, ...] = ("linear", "pchip", "cubic")
+OUTSIDE: tuple[Outside, ...] = ("refused", "constant", "linear")
+_LISTED = 50  # numbers that a model file lists
+_STORED = 200_000  # … and that it holds
+_MOST_FORMULAS = 100  # values that are formulas
+_NOT_NEGATIVE = {"speed": (0.0, math.inf)}
+
+
+class Table:
+    """A curve, or a surface, that is known at some places.
+
+    Parameters
+    ----------
+    points : array, shape (m,), or pair of arrays, shapes (m,) and (n,)
+        Where it is known: increasing, at least two; of a surface the two axes of a grid.
+    values : array, shape (m,) or (m, n)
+        Of a curve, they may be formulas of the system's parameters, unless it is monotone.
+    kind : {"linear", "pchip", "cubic"}
+        What it is in between: straight lines, of a surface bilinear; the monotone cubic of Fritsch
+        and Carlson, a curve with a continuous slope; or the cubic spline, not-a-knot at its ends,
+        of a surface in both directions. As ``PchipInterpolator``, ``CubicSpline`` and
+        ``RectBivariateSpline(..., s=0)`` of SciPy.
+    outside : {"refused", "constant", "linear"} or pair of these
+        What it is outside of the points: nothing, so that a motion that comes there ends with the
+        outcome *outside of a table*; the value at the end; or the straight line on which it ends. A
+        pair gives this below and above. By default nothing: what was not measured is not known.
+    where : str
+        How errors call it.
+    source : mapping, optional
+        The ``file``, and the names of its columns ``of`` and ``value``.
+
+    Raises
+    ------
+    DeclarationError
+        If points do not increase, a value is not finite, or there are too few.
+
+    Notes
+    -----
+    A table ``mu`` of a system is a function in its formulas, ``mu(abs(d_x))``. Of a curve, formulas
+    know the slope as ``d_mu(x)`` and the integral as ``integral_mu(x)``, exactly: the energy of a
+    spring with the force ``F(x)`` is ``integral_F(x)``. It is 0 at 0, or at the end of the table
+    that is nearest to 0.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> mu = ss.Table([0.0, 0.1, 1.0], [0.4, 0.3, 0.25], outside="constant")
+    >>> mu(0.05)
+    0.35
+    """
+
+    @validated
+    def __init__(
+        self,
+        points: Any,
+        values: Any,
+        kind: TableKind = "linear",
+        outside: Outside | tuple[Outside, Outside] = "refused",
+        *,
+        where: str = "table",
+        source: Mapping[str, Any] | None = None,
+    ) -> None:
+        _check_word(kind, TABLE_KINDS, f"{where}, kind")
+        sides = outside if isinstance(outside, tuple | list) else (outside, outside)
+        for side in sides:
+            _check_word(side, OUTSIDE, f"{where}, outside")
+        self.kind: TableKind = kind
+        self.outside: tuple[Outside, Outside] = (sides[0], sides[1])
+        self.source: dict[str, Any] = dict(source or {})
+        self.formulas: dict[int, str] = {}
+        self.axes: tuple[Array, ...]
+        if _is_grid(points):
+            self.axes, self.values = _checked_grid(points, values, where)
+            if kind == "pchip":
+                raise DeclarationError(
+                    f"{where}, kind",
+                    "a surface is not monotone in one way",
+                    'Write "linear" or "cubic"',
+                )
+        else:
+            numbers, self.formulas = _split(values)
+            t, self.values = checked(points, numbers, where, "point")
+            self.axes = (t,)
+            self._check_formulas(where)
+        for part in (*self.axes, self.values):
+            part.flags.writeable = False
+        self._made: dict[tuple[Any, ...], PiecewisePolynomial] = {}
+
+    def _check_formulas(self, where: str) -> None:
+        if self.formulas and self.kind == "pchip":
+            raise DeclarationError(
+                f"{where}, kind",
+                "a monotone curve is not linear in its values, which are formulas here",
+                'Write "linear" or "cubic", or give numbers',
+            )
+        if len(self.formulas) > _MOST_FORMULAS:
+            raise DeclarationError(
+                f"{where}, values",
+                f"{len(self.formulas)} of them are formulas (at most {_MOST_FORMULAS})",
+                "Give numbers, or fewer points",
+            )
+
+    @classmethod
+    @validated
+    def read(
+        cls,
+        file: str | PathLike[str],
+        of: str | tuple[str, str] = "",
+        value: str = "",
+        kind: TableKind = "linear",
+        outside: Outside | tuple[Outside, Outside] = "refused",
+        *,
+        name: str = "",
+    ) -> Table:
+        """A table of columns of a text file.
+
+        Parameters
+        ----------
+        file : path
+            Columns that commas, semicolons, tabs or blanks separate, with a line of names. Lines
+            that begin with # are left out. Of a surface each row is a place of the grid, in any
+            order.
+        of : str or pair of str
+            The column of the points, by default the first one; of a surface two columns.
+        value : str
+            The column of the values: by default that called by the `name`, or ``value``, or else
+            the only other one.
+        kind, outside
+            As of :class:`Table`.
+        name : str
+            How formulas call it.
+
+        Raises
+        ------
+        DeclarationError
+            If it cannot be read, has no such columns, or something in them is wrong; the message
+            names the row, the column and the remedy.
+        """
+        arguments = (of,) if isinstance(of, str) and of else tuple(of)
+        columns, rows, wanted = chosen_columns(file, table_columns(arguments, value, name))
+        *names, last = wanted
+        source = {"file": str(file), "of": names if len(names) > 1 else names[0], "value": last}
+        if len(names) > 1:
+            axes, grid = _grid_of(columns, rows, names, str(file))
+            return cls(axes, grid, kind, outside, where=str(file), source=source)
+        try:
+            checked(columns[0], columns[1], str(file), "point")
+        except WrongRow as error:
+            raise error.in_file(str(file), int(rows[error.index]), (names[0], last)) from None
+        return cls(columns[0], columns[1], kind, outside, where=str(file), source=source)
+
+    # -- what it is --------------------------------------------------------------------------------
+
+    def __repr__(self) -> str:
+        return f"<Table {self.digest}: {self}>"
+
+    def __str__(self) -> str:
+        count = " x ".join(f"{len(axis):,}" for axis in self.axes)
+        ranges = ", ".join(f"{axis[0]:.6g} to {axis[-1]:.6g}" for axis in self.axes)
+        below, above = self.outside
+        beyond = below if below == above else f"{below} below, {above} above"
+        return f"{count} points from {ranges}, {self.kind}, outside {beyond}"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Table) and other.digest == self.digest
+
+    def __hash__(self) -> int:
+        return hash(self.digest)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _again, (self.points, self.given, self.kind, self.outside, self.source)
+
+    def plot(self, ax: Axes | None = None) -> Figure:
+        """The values over the points, with what is between them; a surface as levels.
+
+        Parameters
+        ----------
+        ax : matplotlib.axes.Axes, optional
+            Draw into these axes of a figure of yours.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        from stickslip.figures.samples import plot_table
+
+        return plot_table(self, ax)
+
+    def _repr_html_(self) -> str:
+        from stickslip import page
+        from stickslip.display.system_page import table_page
+
+        return table_page(self, "" if self.formulas else page.drawn(self.plot))
+
+    @property
+    def points(self) -> Any:
+        """Where it is known: an array, or a pair of them."""
+        return self.axes if len(self.axes) > 1 else self.axes[0]
+
+    @property
+    def given(self) -> Any:
+        """Its values, numbers and formulas."""
+        if not self.formulas:
+            return self.values
+        return [self.formulas.get(i, float(v)) for i, v in enumerate(self.values)]
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """What its arguments are called where formulas are read."""
+        return ("x", "y")[: len(self.axes)]
+
+    @cached_property
+    def digest(self) -> str:
+        """A name for its content."""
+        content = hashlib.sha256(f"{self.kind} {self.outside} {self.formulas}".encode())
+        for part in (*self.axes, self.values):
+            content.update(np.ascontiguousarray(part).data)
+        return content.hexdigest()[:16]
+
+    def plain(self) -> dict[str, Any]:
+        """What a model file says of it: few numbers as lists, many as one text (Base64 of
+        compressed floating-point numbers), very many by their file and digest."""
+        found: dict[str, Any] = {"kind": self.kind} if self.kind != "linear" else {}
+        below, above = self.outside
+        if below != above:
+            found["outside"] = [below, above]
+        elif below != "refused":
+            found["outside"] = below
+        size = self.values.size + sum(map(len, self.axes))
+        if size <= 2 * _LISTED or self.formulas:
+            points = [axis.tolist() for axis in self.axes]
+            values = self.given if self.formulas else self.values.tolist()
+            return {"points": points if len(points) > 1 else points[0], "values": values, **found}
+        if size <= 2 * _STORED:
+            content = np.concatenate([*self.axes, self.values.ravel()]).astype("<f8").tobytes()
+            shape = list(self.values.shape)
+            return {"packed": b64encode(zlib.compress(content)).decode(), "shape": shape, **found}
+        return {**self.source, **found, "digest": self.digest}
+
+    @classmethod
+    def from_plain(
+        cls, table: Mapping[str, Any], where: str, folder: Path = Path(), name: str = ""
+    ) -> Table:
+        """A table of what a model file says.
+
+        Parameters
+        ----------
+        table : mapping
+            With ``file`` (relative to the folder), ``of`` and ``value``; or ``points`` and
+            ``values``; or ``packed`` and ``shape``. With ``kind`` and ``outside``.
+        where : str
+            The key, for messages.
+        folder : path
+        name : str
+            How formulas call it.
+
+        Raises
+        ------
+        DeclarationError
+        """
+        ways = (("file", "of", "value"), ("points", "values"), ("packed", "shape"), ("digest",))
+        way = next((w for w in ways if w[0] in table), None)
+        if way is None:
+            raise DeclarationError(
+                where,
+                "it does not say where its points are",
+                'Write it like {file = "mu.csv", of = "speed", value = "mu"}',
+            )
+        known = {*way, "kind", "outside", "digest"}
+        for key in table:
+            if key not in known:
+                raise DeclarationError(f"{where}.{key}", "unknown key", suggestion(key, known))
+        outside = table.get("outside", "refused")
+        options = (
+            table.get("kind", "linear"),
+            tuple(outside) if isinstance(outside, list) else outside,
+        )
+        if way[0] == "file":
+            of, value = table.get("of", ""), table.get("value", "")
+            of = tuple(of) if isinstance(of, list) else of
+            names = (table["file"], value, *(of if isinstance(of, tuple) else (of,)))
+            if not all(isinstance(part, str) for part in names) or len(names) > 4:
+                raise DeclarationError(
+                    where, "a column is no text", 'Write it like of = "speed", or of = ["x", "y"]'
+                )
+            found = cls.read(folder / table["file"], of, value, *options, name=name)
+        elif way[0] == "points":
+            found = cls(table["points"], table.get("values", ()), *options, where=where)
+        elif way[0] == "packed":
+            points, values = _unpacked(table, where)
+            found = cls(points, values, *options, where=where)
+        else:
+            raise DeclarationError(
+                where,
+                "these points are so many that they were not stored",
+                "Read them from a file, so that it can be found again",
+            )
+        if table.get("digest", found.digest) != found.digest:
+            raise DeclarationError(where, "the file has changed since", "Bring back what it was")
+        return found
+
+    # -- as a function -----------------------------------------------------------------------------
+
+    def __call__(self, *places: ArrayLike) -> Any:
+        """Values at places; NaN outside, where that is refused.
+
+        Parameters
+        ----------
+        *places : array
+            One, or two of a surface, which are broadcast against each other.
+
+        Raises
+        ------
+        DeclarationError
+            If values are formulas, or the number of arguments is wrong.
+        """
+        if self.formulas:
+            raise DeclarationError(
+                "table", "its values are formulas", "Ask a system, by system.evaluate"
+            )
+        if len(places) != len(self.axes):
+            raise DeclarationError(
+                "table", f"it has {len(self.axes)} argument(s), not {len(places)}", "Give so many"
+            )
+        at = np.broadcast_arrays(*(np.asarray(place, float) for place in places))
+        found = self._evaluated(*at)
+        return found if found.ndim else float(found)
+
+    def _evaluated(self, *at: Array) -> Array:
+        if len(self.axes) == 1:
+            pieces = self.pieces("table", (False, False))
+            k, u = self._column(0, at[0])
+            return _horner([c[k] for c in pieces.coefficients.T], u)
+        (i, u), (j, w) = (self._column(axis, place) for axis, place in enumerate(at))
+        c = self._cells((False, False), (False, False))[i, j]
+        rows = [_horner([c[..., a, b] for b in range(c.shape[-1])], w) for a in range(c.shape[-2])]
+        return _horner(rows, u)
+
+    def _column(self, axis: int, place: Array) -> tuple[Array, Array]:
+        """Which piece along an axis a place is in, and how far; not a number where refused."""
+        knots = self.axes[axis]
+        breaks = _breaks(knots, (False, False))
+        k = np.clip(np.searchsorted(breaks, place, side="right") - 1, 0, len(breaks) - 2)
+        low, high = self._covered(axis, (False, False))
+        return k, np.where((place >= low) & (place <= high), place - breaks[k], np.nan)
+
+    def functions(self, name: str) -> dict[str, TableFunction]:
+        """What formulas may call of it: itself, and of a curve its slope and its integral."""
+        if len(self.axes) > 1:
+            return {name: _Surface(self, name)}
+        return {
+            name: _Curve(self, name, name),
+            f"d_{name}": _Curve(self, name, name, slope=True),
+            f"{INTEGRAL}{name}": _Curve(self, name, f"{INTEGRAL}{name}"),
+        }
+
+    # -- pieces ------------------------------------------------------------------------------------
+
+    def pieces(
+        self, called: str, open_ends: tuple[bool, bool], which: int | None = None
+    ) -> PiecewisePolynomial:
+        """The polynomials of a curve.
+
+        Parameters
+        ----------
+        called : str
+            How formulas call it; its integral, if that begins so.
+        open_ends : (bool, bool)
+            Whether no argument comes to the lower end, and to the upper one.
+        which : int, optional
+            The curve that is 1 at that point and 0 at all others, instead of its numbers.
+        """
+
+        def make(name: str) -> PiecewisePolynomial:
+            values = self.values if which is None else np.eye(len(self.values))[which]
+            breaks, c = _extended(self.axes[0], values, self.kind, self.outside, open_ends)
+            if called.startswith(INTEGRAL):
+                c = _integrated(breaks, c, open_ends)
+            covered = self._covered(0, open_ends)
+            return PiecewisePolynomial(
+                name, breaks, c, 0.0, sides=("even", "odd"), called=called, covered=covered
+            )
+
+        return self._kept(called, open_ends, "values" if which is None else which, make)
+
+    def knots(self, name: str, axis: int, open_ends: tuple[bool, bool]) -> PiecewisePolynomial:
+        """The gate between pieces along an axis."""
+        breaks = _breaks(self.axes[axis], open_ends)
+        pairs = list(zip(self.outside, open_ends, strict=True))
+        ends = [side != "linear" and not is_open for side, is_open in pairs]
+        covered = self._covered(axis, open_ends)
+        bounded = None if covered == (-math.inf, math.inf) else covered
+        zero = np.zeros((len(breaks) - 1, 1))
+        kinked = self.kind == "linear" or any(ends)
+
+        def make(label: str) -> PiecewisePolynomial:
+            return PiecewisePolynomial(
+                label,
+                breaks,
+                zero,
+                0.0,
+                sides=("gate",),
+                called=name,
+                covered=(-math.inf, math.inf),
+                kinked=kinked,
+                bounded=bounded,
+            )
+
+        return self._kept(name, open_ends, f"knots{axis}", make)
+
+    def rows_of_cells(
+        self, name: str, axis: int, open_ends: tuple[bool, bool]
+    ) -> tuple[PiecewisePolynomial, PiecewisePolynomial]:
+        """Along an axis of a surface: the number of the piece, and how far a place is in it."""
+        breaks = _breaks(self.axes[axis], open_ends)
+        count = len(breaks) - 1
+        covered = self._covered(axis, open_ends)
+        tables = {
+            "number": np.arange(float(count))[:, None],
+            "within": np.tile([0.0, 1.0], (count, 1)),
+        }
+        number, within = (
+            self._kept(
+                name,
+                open_ends,
+                f"{what}{axis}",
+                lambda label, c=c: PiecewisePolynomial(
+                    label, breaks, c, 0.0, sides=("even", "odd"), covered=covered
+                ),
+            )
+            for what, c in tables.items()
+        )
+        return number, within
+
+    def coefficients_of_cells(
+        self, name: str, open_x: tuple[bool, bool], open_y: tuple[bool, bool]
+    ) -> tuple[int, dict[tuple[int, int], PiecewisePolynomial]]:
+        """How many columns a surface has, and by powers of both places in a cell its coefficients,
+        functions of the number of the cell."""
+        cells = self._cells(open_x, open_y)
+        columns, rows, high, wide = cells.shape
+        breaks = np.arange(columns * rows + 1) - 0.5
+
+        def make(label: str, a: int, b: int) -> PiecewisePolynomial:
+            # cells column by column, then row by row
+            c = np.ascontiguousarray(cells[:, :, a, b].T.reshape(-1, 1))
+            return PiecewisePolynomial(
+                label, breaks, c, 0.0, sides=("own",), covered=(-math.inf, math.inf)
+            )
+
+        return columns, {
+            (a, b): self._kept(
+                name, (*open_x, *open_y), f"c{a}{b}", lambda label, a=a, b=b: make(label, a, b)
+            )
+            for a in range(high)
+            for b in range(wide)
+        }
+
+    def _cells(self, open_x: tuple[bool, bool], open_y: tuple[bool, bool]) -> Array:
+        """Coefficients of cells, shape (columns, rows, powers, powers)."""
+        x, y = self.axes
+        _, c = _extended(x, self.values, self.kind, self.outside, open_x)
+        _, cells = _extended(y, np.moveaxis(c, -1, 0), self.kind, self.outside, open_y)
+        # (rows, powers of y, columns, powers of x)
+        return np.ascontiguousarray(cells.transpose(2, 0, 3, 1))
+
+    def _covered(self, axis: int, open_ends: tuple[bool, bool]) -> tuple[float, float]:
+        ends = float(self.axes[axis][0]), float(self.axes[axis][-1])
+        free = [
+            is_open or side != "refused"
+            for side, is_open in zip(self.outside, open_ends, strict=True)
+        ]
+        return (-math.inf if free[0] else ends[0]), (math.inf if free[1] else ends[1])
+
+    def _kept(
+        self,
+        called: str,
+        open_ends: tuple[bool, ...],
+        what: int | str,
+        make: Callable[[str], PiecewisePolynomial],
+    ) -> PiecewisePolynomial:
+        """Pieces that equal tables share, as long as one of these exists."""
+        key = called, open_ends, what
+        if key not in self._made:
+            ends = "".join("01"[is_open] for is_open in open_ends)
+            name = f"table_{called}_{self.digest}_{ends}_{what}"
+            found = LIVING.get(name)
+            if found is None:
+                found = LIVING[name] = make(name)
+            self._made[key] = found
+        return self._made[key]
+
+
+@dataclass(frozen=True)
+class _Curve(TableFunction):
+    """A curve, its slope or its integral in formulas."""
+
+    table: Table
+    name: str
+    called: str
+    slope: bool = False
+
+    def at(self, arguments: Sequence[Expr], read: Read) -> Expr:
+        """Its value as an expression of its argument."""
+        (x,) = arguments
+        table = self.table
+        open_ends = _open_ends(x, table.axes[0], table, self.name)
+        knots = table.knots(self.name, 0, open_ends)
+        parts = [(self.part(x, knots, table.pieces(self.called, open_ends)), ex.ONE)]
+        if table.formulas:
+            if not table.values.any():
+                parts = []
+            for i, text in table.formulas.items():
+                pieces = table.pieces(self.called, open_ends, i)
+                parts.append((self.part(x, knots, pieces), read(text)))
+        return ex.add(*((part * value, 1.0) for part, value in parts))
+
+    def part(self, x: Expr, knots: PiecewisePolynomial, pieces: PiecewisePolynomial) -> Expr:
+        """One of the curves that it is the sum of."""
+        order = 1 if self.slope else 0
+        if order >= pieces.coefficients.shape[1]:
+            return ex.ZERO
+        _ = pieces.rows()
+        even, odd = (ex.call(pieces.row_name(side, order), x) for side in ("even", "odd"))
+        return even if len(knots.breaks) == 2 else ex.select(_gate(knots, x), even, odd)
+
+
+@dataclass(frozen=True)
+class _Surface(TableFunction):
+    """A surface in formulas."""
+
+    table: Table
+    name: str
+
+    def at(self, arguments: Sequence[Expr], read: Read) -> Expr:
+        """Its value as an expression of its arguments."""
+        table, name = self.table, self.name
+        ends = [
+            _open_ends(x, axis, table, name) for x, axis in zip(arguments, table.axes, strict=True)
+        ]
+        places = list[tuple[Expr, Expr]]()
+        for axis, (x, open_ends) in enumerate(zip(arguments, ends, strict=True)):
+            knots = table.knots(name, axis, open_ends)
+            sides = [
+                [ex.call(pieces.rows()[side], x) for side in ("even", "odd")]
+                for pieces in table.rows_of_cells(name, axis, open_ends)
+            ]
+            number, within = (
+                even if len(knots.breaks) == 2 else ex.select(_gate(knots, x), even, odd)
+                for even, odd in sides
+            )
+            places.append((number, within))
+        (i, u), (j, w) = places
+        columns, tables = table.coefficients_of_cells(name, ends[0], ends[1])
+        cell = i + float(columns) * j
+        terms = [
+            (ex.call(pieces.rows()["own"], cell) * u**a * w**b, 1.0)
+            for (a, b), pieces in tables.items()
+        ]
+        return ex.add(*terms)
+
+
+def _gate(knots: PiecewisePolynomial, x: Expr) -> Expr:
+    return ex.call(knots.rows()["gate"], x)
+
+
+def _open_ends(x: Expr, knots: Array, table: Table, name: str) -> tuple[bool, bool]:
+    """Whether an argument is seen to come to neither end of a table, by its formula.
+
+    Raises
+    ------
+    ZeroDivisionError
+        If it is a number at which the table has no value.
+    """
+    from stickslip.symbolic.enclosures import bounds
+
+    low, high = bounds(x, _NOT_NEGATIVE)
+    first, last = float(knots[0]), float(knots[-1])
+    for beyond, side in ((high < first, table.outside[0]), (low > last, table.outside[1])):
+        if beyond and side == "refused":
+            raise ZeroDivisionError(
+                f"the table '{name}' is known from {first:.9g} to {last:.9g}, not at "
+                f"{short(ex.to_text(x))}"
+            )
+    return low >= first, high <= last
+
+
+# -- what is between points ------------------------------------------------------------------------
+
+
+def _breaks(knots: Array, open_ends: tuple[bool, bool]) -> Array:
+    """Ends of pieces, with one more on each side unless it is open."""
+    pad = (knots[-1] - knots[0]) / (len(knots) - 1)
+    low = [] if open_ends[0] else [knots[0] - pad]
+    high = [] if open_ends[1] else [knots[-1] + pad]
+    return np.concatenate([low, knots, high])
+
+
+def _between(knots: Array, values: Array, kind: str) -> Array:
+    """Coefficients of the pieces between knots, shape (pieces, powers, ...)."""
+    length = np.diff(knots).reshape(-1, *(1,) * (values.ndim - 1))
+    if kind == "linear" or len(knots) == 2:
+        return np.stack([values[:-1], np.diff(values, axis=0) / length], axis=1)
+    from scipy.interpolate import CubicSpline, PchipInterpolator
+
+    found = PchipInterpolator if kind == "pchip" else CubicSpline
+    return np.moveaxis(found(knots, values).c[::-1], 0, 1)
+
+
+def _extended(
+    knots: Array,
+    values: Array,
+    kind: str,
+    outside: tuple[str, str],
+    open_ends: tuple[bool, bool],
+) -> tuple[Array, Array]:
+    """Breaks, and coefficients of all pieces, shape (pieces, powers, ...)."""
+    c = _between(knots, values, kind)
+    breaks = _breaks(knots, open_ends)
+    parts = [c]
+    if not open_ends[0]:
+        slope = c[0, 1] if outside[0] == "linear" else 0.0 * c[0, 1]
+        first = np.zeros_like(c[:1])
+        first[0, 0], first[0, 1] = c[0, 0] - slope * (breaks[1] - breaks[0]), slope
+        parts.insert(0, first)
+    if not open_ends[1]:
+        u = knots[-1] - knots[-2]
+        slope = sum((k * c[-1, k] * u ** (k - 1) for k in range(1, c.shape[1])), 0.0 * c[-1, 0])
+        last = np.zeros_like(c[:1])
+        last[0, 0] = values[-1]
+        last[0, 1] = slope if outside[1] == "linear" else 0.0 * slope
+        parts.append(last)
+    return breaks, np.ascontiguousarray(np.concatenate(parts))
+
+
+def _integrated(breaks: Array, c: Array, open_ends: tuple[bool, bool]) -> Array:
+    """Coefficients of the integral, which is 0 at 0 or at the end of the points nearest to it."""
+    found = np.concatenate([np.zeros((len(c), 1)), c / np.arange(1.0, c.shape[1] + 1.0)], axis=1)
+    length = np.diff(breaks)
+    found[1:, 0] = np.cumsum([_value(piece, u) for piece, u in zip(found, length, strict=True)])[
+        :-1
+    ]
+    first = breaks[0] if open_ends[0] else breaks[1]
+    last = breaks[-1] if open_ends[1] else breaks[-2]
+    origin = min(max(0.0, float(first)), float(last))
+    k = min(max(int(np.searchsorted(breaks, origin, side="right")) - 1, 0), len(c) - 1)
+    found[:, 0] -= _value(found[k], origin - breaks[k])
+    return np.ascontiguousarray(found)
+
+
+def _value(c: Array, u: float) -> float:
+    return float(np.polynomial.polynomial.polyval(u, c))
+
+
+def _horner(coefficients: Sequence[Array], u: Array) -> Array:
+    total = 0.0 * u
+    for c in reversed(coefficients):
+        total = total * u + c
+    return total
+
+
+# -- reading ---------------------------------------------------------------------------------------
+
+
+def _again(points: Any, values: Any, kind: Any, outside: Any, source: Any) -> Table:
+    """A table that another process reads."""
+    return Table(points, values, kind, outside, source=source)
+
+
+def _check_word(word: object, known: Sequence[str], where: str) -> None:
+    if word not in known:
+        reason = f"there is no '{short(str(word))}'"
+        raise DeclarationError(where, reason, suggestion(str(word), known, '"'))
+
+
+def _is_grid(points: Any) -> bool:
+    """Whether points are two axes: a pair of arrays, not of numbers."""
+    pair = isinstance(points, tuple | list) and len(cast("Sequence[Any]", points)) == 2
+    return pair and all(np.ndim(axis) == 1 for axis in points)
+
+
+def _checked_grid(points: Any, values: Any, where: str) -> tuple[tuple[Array, ...], Array]:
+    axes: list[Array] = []
+    for i, axis in enumerate(points):
+        t, _ = checked(axis, np.zeros(len(axis)), f"{where}, axis {i + 1}", "point")
+        axes.append(t)
+    try:
+        grid = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        raise DeclarationError(
+            f"{where}, values", "not all of them are numbers", "Give numbers"
+        ) from None
+    shape = tuple(map(len, axes))
+    if grid.shape != shape:
+        raise DeclarationError(
+            f"{where}, values",
+            f"they have the shape {grid.shape}, and the axes have {shape[0]} and {shape[1]} points",
+            "Give a row of values for each point of the first axis",
+        )
+    if not np.isfinite(grid).all():
+        i, j = map(int, np.argwhere(~np.isfinite(grid))[0])
+        raise DeclarationError(
+            f"{where}, values[{i}][{j}]", f"{grid[i, j]} is not a number", "Measure it, or fill it"
+        )
+    return tuple(axes), grid
+
+
+def _grid_of(
+    columns: Array, rows: Any, names: Sequence[str], where: str
+) -> tuple[tuple[Array, Array], Array]:
+    """Axes and values of a surface whose places stand in rows of a file."""
+    for column, name in enumerate(names):
+        wrong = ~np.isfinite(columns[column])
+        if wrong.any():
+            k = int(np.argmax(wrong))
+            raise DeclarationError(
+                f"{where}, line {rows[k]}, column '{short(name)}'",
+                f"{columns[column, k]} is not a number",
+                "Leave the row out, or fill it",
+            )
+    axes, places = zip(
+        *(np.unique(column, return_inverse=True) for column in columns[:2]), strict=True
+    )
+    for axis, name in zip(axes, names, strict=True):
+        check_increasing(axis, f"{where}, column '{short(name)}'", "point")
+    grid = np.full(tuple(map(len, axes)), np.nan)
+    seen = np.full(grid.shape, -1)
+    for k, (i, j) in enumerate(zip(*places, strict=True)):
+        place = f"{names[0]} = {axes[0][i]:.9g}, {names[1]} = {axes[1][j]:.9g}"
+        if seen[i, j] >= 0:
+            raise DeclarationError(
+                f"{where}, line {rows[k]}",
+                f"{place} stands in line {rows[seen[i, j]]} already",
+                "Keep one of the two rows",
+            )
+        seen[i, j] = k
+        grid[i, j] = columns[2, k]
+        if not math.isfinite(grid[i, j]):
+            raise DeclarationError(
+                f"{where}, line {rows[k]}", f"the value at {place} is not a number", "Fill it"
+            )
+    if (seen < 0).any():
+        i, j = map(int, np.argwhere(seen < 0)[0])
+        raise DeclarationError(
+            where,
+            f"there is no row for {names[0]} = {axes[0][i]:.9g}, {names[1]} = {axes[1][j]:.9g}",
+            "A surface needs a value at every place of its grid",
+        )
+    return (axes[0], axes[1]), grid
+
+
+def _split(values: Any) -> tuple[Any, dict[int, str]]:
+    """Values with 0 in place of formulas, and the formulas by their places."""
+    if not isinstance(values, tuple | list):
+        return values, {}
+    given = cast("Sequence[object]", values)
+    found = {i: v for i, v in enumerate(given) if isinstance(v, str | Expr)}
+    texts = {i: ex.to_text(v) if isinstance(v, Expr) else str(v) for i, v in found.items()}
+    return [0.0 if i in texts else v for i, v in enumerate(given)], texts
+
+
+def _unpacked(table: Mapping[str, Any], where: str) -> tuple[Any, Array]:
+    """Points and values of a packed text."""
+    try:
+        shape = tuple(int(n) for n in table.get("shape", ()))
+        content = zlib.decompressobj().decompress(
+            b64decode(str(table["packed"]), validate=True), 64 * _STORED
+        )
+        numbers = np.frombuffer(content, "<f8").astype(float)
+        *axes, values = np.split(numbers, np.cumsum(shape))
+        return (tuple(axes) if len(axes) > 1 else axes[0]), values.reshape(shape)
+    except (ValueError, TypeError, IndexError, zlib.error):
+        raise DeclarationError(
+            where, "the packed table is damaged", "Write the file once more"
+        ) from None
+
+
+def curves_of(values: Mapping[str, Any], points: Sequence[str], where: str) -> list[Table]:
+    """The sliding force over the speed that points of a friction law give: one curve, or one for
+    each way if some speeds are negative.
+
+    Parameters
+    ----------
+    values : mapping
+        Of the law, with lists of speeds and forces, and a ``kind`` and what is ``outside``.
+    points : (str, str)
+        What speeds and forces are called in them.
+    where : str
+        The key of the contact, for messages.
+
+    Raises
+    ------
+    DeclarationError
+    """
+    v, F = (values[name] for name in points)
+    for name, part in zip(points, (v, F), strict=True):
+        if not isinstance(part, tuple):
+            raise DeclarationError(
+                f"{where}.{name}", "expected a list", f"Write it like {name} = [0.0, 0.1, 1.0]"
+            )
+    for i, speed in enumerate(v):
+        if not is_finite(speed):
+            raise DeclarationError(f"{where}.{points[0]}[{i}]", "not a number", "Give numbers")
+    if len(v) != len(F):
+        reason = f"{len(v)} speeds and {len(F)} forces"
+        raise DeclarationError(f"{where}.{points[1]}", reason, "Give as many of both")
+    outside = values.get("outside", ("constant", "refused"))
+    options = values.get("kind", "linear"), outside
+    if v and min(v) >= 0.0:
+        return [Table(v, F, *options, where=where)]
+    pairs = list(zip(map(float, v), F, strict=True))
+    check_increasing(np.array([speed for speed, _ in pairs]), where, "speed")
+    forward = [pair for pair in pairs if pair[0] > 0.0]
+    back = [(-speed, _opposite(force)) for speed, force in reversed(pairs) if speed < 0.0]
+    if len(forward) + len(back) < len(pairs):
+        raise DeclarationError(
+            f"{where}.{points[0]}",
+            "between sliding forward and back the force at speed 0 is that of rest",
+            "Leave that point out, and give F_s",
+        )
+    for side, name in ((forward, "positive"), (back, "negative")):
+        if len(side) < 2:
+            raise DeclarationError(
+                f"{where}.{points[0]}", f"fewer than two {name} speeds", "Measure both ways"
+            )
+    return [Table(*zip(*side, strict=True), *options, where=where) for side in (forward, back)]
+
+
+def _opposite(force: Any) -> Any:
+    return f"-({force})" if isinstance(force, str) else -force
