@@ -115,13 +115,15 @@ class Trajectory(Result):
 
     @property
     def warnings(self) -> list[str]:
-        """Conditions of the declaration that these parameters do not meet."""
+        """Conditions of the declaration that these parameters do not meet, and records that drive
+        the system for longer than the motion lasts."""
         conditions = self.system.declaration.conditions
-        return [
+        failed = [
             f"{self.system.conditions[name].formula} fails: {reason}"
             for name, condition in conditions.items()
             if (reason := condition.fails(self.parameters))
         ]
+        return failed + self.system.left_out(*self.t_span)
 
     # -- names and rows ----------------------------------------------------------------------------
 

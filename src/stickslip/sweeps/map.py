@@ -134,6 +134,11 @@ class Map(Result):
         }
 
     @cached_property
+    def warnings(self) -> list[str]:
+        """Records that drive the system for longer than its span, which is what is measured."""
+        return self.system.left_out(*self.system.span)
+
+    @cached_property
     def certificate(self) -> Certificate:
         """How many of the computed points are not certified, and how far the worst is from it.
 
@@ -141,7 +146,8 @@ class Map(Result):
         say.
         """
         bad = sum(self.lacking.values())
-        notes = (f"{self.computed - bad:,} of {self.computed:,} points are certified",)
+        done = f"{self.computed - bad:,} of {self.computed:,} points are certified"
+        notes = (done, *self.warnings)
         return Certificate((Residual("points not certified", float(bad), 0.0),), notes=notes)
 
     def facts(self) -> dict[str, Any]:
@@ -155,6 +161,7 @@ class Map(Result):
             "computed": self.computed,
             "outcomes": {Outcome.from_code(c).label: n for c, n in self._counted().items()},
             "lacking": self.lacking,
+            "warnings": self.warnings,
         }
 
     def _counted(self) -> dict[int, int]:
@@ -175,6 +182,7 @@ class Map(Result):
         rows.append(("certified", f"{self.computed - sum(self.lacking.values()):,}"))
         lacks = [f"{name}: {count:,}" for name, count in self.lacking.items()]
         rows += [("  lacking", ", ".join(lacks))] if lacks else []
+        rows += [("warning", warning) for warning in self.warnings]
         return [*rows, *self._outside(), *self._missing()]
 
     def _outside(self) -> list[tuple[str, str]]:

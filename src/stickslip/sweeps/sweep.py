@@ -20,6 +20,7 @@ from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import pose
+from stickslip.motion.simulate import with_span
 from stickslip.orbits.settling.engine.tables import DEVICE_LANES
 from stickslip.progress import PATIENCE, watched
 from stickslip.stopping.scopes import check_limit
@@ -97,6 +98,7 @@ def sweep(
     out: str | Path | None = None,
     *,
     initial: Mapping[str, float] | None = None,
+    span: tuple[float, float] | None = None,
     settings: Settings | None = None,
     seed: int = 0,
     carry: str | None = None,
@@ -127,6 +129,9 @@ def sweep(
         map is in memory.
     initial : mapping of str to float, optional
         Initial values at all points.
+    span : (float, float), optional
+        Time span in place of that of the system: motions begin with it, are given up after 100
+        times as long, and end with it where drives are samples that end.
     settings : Settings, optional
         How a motion settles, and the accuracy.
     seed : int
@@ -177,7 +182,7 @@ def sweep(
     StickslipError
         If the store cannot be written, is damaged, or holds another map.
     """
-    plan = make_plan(system, over, measure, initial, settings, seed, carry)
+    plan = make_plan(with_span(system, span), over, measure, initial, settings, seed, carry)
     _check_carry(plan, adaptive, device)
     check_limit(time_limit)
     pool = _pool(scheduler, workers, device, time_limit)

@@ -17,6 +17,7 @@ from stickslip.cli.common.present import (
     Model,
     ParameterOptions,
     TimeLimitOfEach,
+    Until,
     folder_of,
 )
 from stickslip.cli.common.report import print_summary
@@ -57,6 +58,7 @@ def sweep_command(
     ] = None,
     settings: ParameterOptions = None,
     initial: Initial = None,
+    until: Until = None,
     rtol: Annotated[float, typer.Option("--rtol", help="Accuracy of the motions.")] = 1e-10,
     tolerance: Annotated[
         float,
@@ -139,7 +141,7 @@ def sweep_command(
     from stickslip import sweep as compute
     from stickslip.sweeps.work.chunk import Settings as MapSettings
 
-    system = load_model(model, settings or [])
+    system = load_model(model, settings or [], until)
     start = numbers(assignments(initial or [], "--initial"), "--initial")
     path = out or folder_of(system.name).with_suffix(".zarr")
     try:
