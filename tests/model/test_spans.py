@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import stickslip as ss
@@ -38,6 +38,7 @@ def driven(drives: dict[str, Any], **more: Any) -> ss.System:
     )
 
 
+@settings(deadline=None)
 @given(st.lists(SPANS, min_size=1, max_size=3))
 def test_the_default_span_is_what_all_records_cover(spans: list[tuple[float, float]]) -> None:
     drives = {f"a_{i}": record(span) for i, span in enumerate(spans)}
@@ -58,6 +59,7 @@ def test_the_default_span_is_what_all_records_cover(spans: list[tuple[float, flo
     assert formulas.configure(again).configure(dict.fromkeys(again, "0")).span == (1.0, 2.0)
 
 
+@settings(deadline=None)
 @given(SPANS, st.floats(0.0, 0.9), st.floats(0.1, 1.0))
 def test_what_a_motion_leaves_out_is_said(
     known: tuple[float, float], begin: float, part: float

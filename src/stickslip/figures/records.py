@@ -136,7 +136,7 @@ def _lines(
         bad = uncertified(data.isel(where), name)
         bad = data[name].isel(where).copy(data=bad).transpose(along, records).values[order]
         doubtful = doubtful or bool(np.any(bad))
-        for column, wrong in zip(values.T, bad.T, strict=True):
+        for column, wrong in zip(values.T, bad.T, strict=True) if np.any(bad) else ():
             axes.plot(x[wrong], column[wrong], "o", mfc="white", mec=VERMILION, ms=4, zorder=3)
         marks.append(Line2D([], [], color=colour, lw=2.2, label=said or "median"))
     thin: dict[str, Any] = {"color": STICK_LINE if len(levels) > 1 else BLUE, "lw": 0.8}

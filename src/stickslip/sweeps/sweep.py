@@ -249,6 +249,8 @@ def make_plan(
     start = {name: float(value) for name, value in given.items()}
     settings = settings or Settings()
     pose(system, None, settings.rtol, settings.atol)  # refuses what no motion can be computed with
+    if carry is not None and driven is not None:
+        raise DeclarationError("carry", "each record begins anew", "Leave it out")
     if known_for_a_time(system):
         system.declaration.check_span(*system.span)
         if carry is not None:
@@ -257,8 +259,6 @@ def make_plan(
                 f"the samples that drive {system.name} end, and no motion settles",
                 "Let the samples be periodic",
             )
-    if carry is not None and driven is not None:
-        raise DeclarationError("carry", "each record begins anew", "Leave it out")
     axes, carried = read_carry(system, axes, carry)
     measures = read_measures(system, measure)
     return Plan(system, axes, measures, start, settings, seed, carry=carried, driven=driven)

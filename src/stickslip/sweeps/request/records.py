@@ -351,9 +351,7 @@ def _drive(part: str, declared: Mapping[str, str], system: str) -> str:
     known = ", ".join(declared) or "none"
     if not part:
         reason = f"{system} has {len(declared)} drives, and which is recorded is not said"
-        raise DeclarationError(
-            "records", reason, f"Name it: Records.read(folder, drives=...): {known}"
-        )
+        raise DeclarationError("records", reason, f"Name one with drives=, --drive: {known}")
     raise DeclarationError(
         f"records.{short(part)}", f"{system} has no such drive", suggestion(part, declared)
     )
@@ -396,12 +394,12 @@ def _files(folder: Path, pattern: str) -> list[Path]:
         reason = f"it cannot be read ({getattr(error, 'strerror', None) or error})"
         raise DeclarationError(str(folder), reason, "Check its name and its rights") from None
     if not chosen:
-        what = (
-            f"no file is called like '{short(pattern)}'" if pattern else "there is no record in it"
-        )
+        if pattern:
+            reason = f"none of its {len(there)} files is called like '{short(pattern)}'"
+            raise DeclarationError(str(folder), reason, "Write it like *_h1.csv")
         known = ", ".join((*_TABLES, *(ending.upper() for ending in ENDINGS)))
-        remedy = f"There are {len(there)} files" if pattern else f"Records end with {known}"
-        raise DeclarationError(str(folder), what, remedy)
+        reason = "there is no record in it"
+        raise DeclarationError(str(folder), reason, f"Names of records end with {known}")
     return chosen
 
 
