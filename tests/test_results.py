@@ -38,6 +38,11 @@ OSCILLATOR = ss.catalogue.forced_oscillator()
 UNDRIVEN = ss.catalogue.jenkins_oscillator(force=0)
 
 
+QUAKES = ss.Records(
+    {f"{T} s": ss.Samples([0, 1, 1 + T, 9], [0, -1, 0, 0], kind="hold") for T in (0.2, 0.4, 0.5)}
+)
+
+
 def record(friction: float) -> dict[str, np.ndarray]:
     t = np.linspace(0.0, 20.0, 80)
     x = ss.simulate(OSCILLATOR, (0.0, 20.0), parameters={"F_c": friction}).at(t)["x"]
@@ -70,6 +75,11 @@ MAKERS: dict[str, Callable[[], Result]] = {
     "backbone": lambda: ss.backbone(UNDRIVEN, (0.4, 0.8), points=2),
     "map": lambda: ss.sweep(TOY, {"P": [1.1, 1.2], "delta": [0.05, 0.1]}, ["speed", "period"]),
     "line": lambda: ss.sweep(TOY, {"P": [1.1, 1.2]}, ["speed"], initial={"psi": 0.8}),
+    "fragility": lambda: ss.sweep(
+        ss.catalogue.sliding_base(),
+        {"record": QUAKES, "scale": [4.0, 6.0, 8.0], "mu": [0.2, 0.3]},
+        ["shift"],
+    ).fragility("shift", 0.5),
     "fit": lambda: fitted(0.3),
     "comparison": lambda: ss.compare(
         [OSCILLATOR, OSCILLATOR.with_parameters(k=0.9)], record(0.3), {"F_c": (0.1, 0.9)}, starts=1
@@ -95,6 +105,7 @@ QUANTITY = {
     "backbone": "damping",
     "map": "speed",
     "line": "speed",
+    "fragility": "share",
     "fit": "estimate",
     "comparison": "aicc",
     "band": "period",

@@ -96,8 +96,10 @@ if TYPE_CHECKING:
     from stickslip.structures.structure import Structure
     from stickslip.sweeps.adaptive import Adaptive
     from stickslip.sweeps.basin import basin
+    from stickslip.sweeps.fragility import Fragility
     from stickslip.sweeps.lines import frequency_response
     from stickslip.sweeps.map import Basin, Map
+    from stickslip.sweeps.request.records import Records
     from stickslip.sweeps.response import FrequencyResponse
     from stickslip.sweeps.sweep import sweep
 
@@ -128,6 +130,7 @@ __all__ = [
     "EvolutionModel",
     "Fit",
     "FitProblem",
+    "Fragility",
     "FrequencyResponse",
     "GaitStudy",
     "GroupNorm",
@@ -149,6 +152,7 @@ __all__ = [
     "ProportionalDamping",
     "RateIndependent",
     "Recording",
+    "Records",
     "RingDown",
     "Samples",
     "Settings",
@@ -255,6 +259,8 @@ _HOMES = {
     "StepControl": "orbits.continuation.arclength",
     "Intersection": "rate_independent.averaging.semi_infinite",
     **dict.fromkeys(["Basin", "Map"], "sweeps.map"),
+    "Fragility": "sweeps.fragility",
+    "Records": "sweeps.request.records",
     "sweep": "sweeps.sweep",
     "FrequencyResponse": "sweeps.response",
     "frequency_response": "sweeps.lines",
@@ -324,6 +330,7 @@ _KINDS = {
     "event catalogue": "EventCatalogue",
     "evolution": "History",
     "fit": "Fit",
+    "fragility": "Fragility",
     "frequency response": "FrequencyResponse",
     "gait study": "GaitStudy",
     "law fit": "LawFit",
@@ -344,7 +351,8 @@ def open(path: str | Path) -> Any:
     Returns
     -------
     Trajectory, EventCatalogue, Ensemble, History, Play, AveragingStudy, Equilibria, Cycle, Branch,
-    GaitStudy, FrequencyResponse, RingDown, Backbone, Fit, LawFit, Comparison, Band, Map or Basin
+    GaitStudy, FrequencyResponse, RingDown, Backbone, Fit, LawFit, Comparison, Band, Map, Fragility
+    or Basin
         As it was stored; nothing is computed again until it is asked for.
 
     Raises

@@ -94,7 +94,6 @@ def test_every_command_that_sets_takes_files(folder: Path, command: str) -> None
         ("t,a", ["0,0", "1", "12,0"], "line 3, column 'a': there is no value. Leave the row"),
         ("t,a", ["0,0", "2,1", "1,0"], "line 4, column 't': the time 1 comes after 2. Sort"),
         ("t,a", ["0,0", "1,1", "1,0"], "line 4, column 't': the time 1 stands twice. Keep one"),
-        ("t,a", ["0,0", "5,1"], "the samples cover 0 ... 5, the time span is 0 ... 10. Shorten"),
         ("0,0", ["1,0"], "line 1: there are numbers where names of columns should be. Let it"),
         ("t,x,y", ["0,0,0"], "which column has the values is not clear: there are t, x, y. Say it"),
         ("x,y", ["0,0"], "which column has the times is not clear: there are x, y. Say it"),
@@ -117,11 +116,32 @@ def test_what_is_no_file(folder: Path) -> None:
     assert "'base.csv' is not a number" in refused("run", "sliding_base", "--initial", "x=base.csv")
 
 
-def test_until_is_what_samples_have_to_cover(folder: Path) -> None:
+def test_the_span_is_that_of_the_samples_unless_it_is_given(folder: Path) -> None:
     write(folder / "short.csv", "t,a", t[:201], SHAKEN[:201])
-    given = ("sliding_base", "--set", "a=short.csv")
-    assert "the samples cover 0 ... 4" in refused("run", *given)
-    assert stickslip("run", *given, "--until", "4").exit_code == 0
+    for given, end in (("base", 10.0), ("short", 4.0)):
+        run = ("run", "sliding_base", "--set", f"a={given}.csv", "--out", "o")
+        assert stickslip(*run).exit_code == 0
+        assert ss.open(folder / "o" / "trajectory.nc").t_span == (0.0, end)
+        until = f"{end + 1.0:g}"
+        words = f"the samples cover 0 ... {end:g}, the time span is 0 ... {until}. Shorten"
+        assert words in refused(*run, "--until", until)
+        found = stickslip(*run, "--until", "3")
+        assert found.exit_code == 0
+        lines = " ".join(found.output.split())
+        words = f"record 'a' runs to {end:g} s, the motion ends at 3 s"
+        assert lines.count(words) == 2 and f"warning: {words}" in found.stderr
+    assert "--until: the time span begins at 0, and would end at 0. Let it" in refused(
+        *run, "--until", "0"
+    )
+
+
+def test_until_ends_the_motions_of_maps(folder: Path) -> None:
+    sweep = ("sweep", "sliding_base", "--set", "a=base.csv", "--over", "mu=0.1,0.2")
+    assert stickslip(*sweep, "--measure", "duration", "--out", "m.zarr").exit_code == 0
+    assert ss.open("m.zarr")["duration"].values.tolist() == [10.0, 10.0]
+    found = stickslip(*sweep, "--measure", "duration", "--out", "n.zarr", "--until", "6")
+    assert "record 'a' runs to 10 s, the motion ends at 6 s" in " ".join(found.output.split())
+    assert ss.open("n.zarr")["duration"].values.tolist() == [6.0, 6.0]
 
 
 # -- evolutions ------------------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 """The block on a belt with static above kinetic friction."""
 
-from stickslip.model.system import Condition, Contact, Inertial, Parameter, System
+from stickslip.model.system import Condition, Contact, DefaultSpan, Inertial, Parameter, System
 
 
 def belt_block(**given: float | str) -> System:
@@ -39,7 +39,7 @@ def belt_block(**given: float | str) -> System:
                 "d_x", threshold="F_s", surface_speed="belt", kinetic="F_k", unit="N"
             )
         },
-        span=(0, 50),
+        span=DefaultSpan((0, 50)),
         time_unit="s",
         conditions={
             "stick-slip": Condition(

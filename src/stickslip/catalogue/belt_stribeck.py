@@ -1,7 +1,7 @@
 """The block on a belt with Stribeck's curve."""
 
 from stickslip.model import laws
-from stickslip.model.system import Condition, Inertial, Parameter, System
+from stickslip.model.system import Condition, DefaultSpan, Inertial, Parameter, System
 
 
 def belt_stribeck(**given: float | str) -> System:
@@ -44,7 +44,7 @@ def belt_stribeck(**given: float | str) -> System:
                 "d_x", surface_speed="belt", unit="N", F_s="F_s", F_c="F_c", v_s="v_s"
             )
         },
-        span=(0, 50),
+        span=DefaultSpan((0, 50)),
         time_unit="s",
         conditions={
             "falling": Condition("F_s > F_c", "friction does not fall with the speed"),

@@ -3,7 +3,7 @@
 from itertools import pairwise
 
 from stickslip.errors import DeclarationError
-from stickslip.model.system import Condition, Contact, Inertial, Parameter, System
+from stickslip.model.system import Condition, Contact, DefaultSpan, Inertial, Parameter, System
 from stickslip.symbolic.formulas import is_finite
 
 _MOST = 20_000
@@ -62,7 +62,7 @@ def block_chain(N: float = 3, **given: float | str) -> System:
         },
         # Blocks that start alike would move as one.
         initial={x: 0.2 * (i * i % 5) for i, x in enumerate(blocks)},
-        span=(0, 100),
+        span=DefaultSpan((0, 100)),
         time_unit="s",
         conditions={
             "stick-slip": Condition(

@@ -1,6 +1,6 @@
 """A ball that bounces on a plate."""
 
-from stickslip.model.system import Inertial, Parameter, System, Unilateral
+from stickslip.model.system import DefaultSpan, Inertial, Parameter, System, Unilateral
 
 
 def bouncing_ball(**given: float | str) -> System:
@@ -36,6 +36,6 @@ def bouncing_ball(**given: float | str) -> System:
         potential="m*g*y",
         contacts={"plate": Unilateral("y - plate", restitution="e", unit="N")},
         initial={"y": 1.0},
-        span=(0, 5),
+        span=DefaultSpan((0, 5)),
         time_unit="s",
     ).configure(given)

@@ -5,7 +5,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
 from stickslip.model import laws
-from stickslip.model.system import Parameter, System
+from stickslip.model.system import DefaultSpan, Parameter, System
 from stickslip.structures.damping import ModalDamping
 from stickslip.structures.structure import Structure
 from stickslip.symbolic.formulas import is_finite
@@ -62,7 +62,7 @@ def cantilever(n: float = 8, **given: float | str) -> System:
         structures={"u": beam},
         forces={"u[tip]": "force"},
         contacts={"damper": laws.jenkins("d_u[rub]", unit="N", F_c="F_c", k="k_d")},
-        span=(0, 1),
+        span=DefaultSpan((0, 1)),
         time_unit="s",
         facts={
             "omega_free": repr(float(beam.frequencies[0])),

@@ -1,6 +1,6 @@
 """The harmonically forced oscillator with dry friction, Den Hartog 1931."""
 
-from stickslip.model.system import Condition, Contact, Inertial, Parameter, System
+from stickslip.model.system import Condition, Contact, DefaultSpan, Inertial, Parameter, System
 
 
 def forced_oscillator(**given: float | str) -> System:
@@ -42,7 +42,7 @@ def forced_oscillator(**given: float | str) -> System:
         kinetic="m/2*d_x**2",
         potential="k/2*x**2 - force*x",
         contacts={"friction": Contact("d_x", threshold="F_c", unit="N")},
-        span=(0, 100),
+        span=DefaultSpan((0, 100)),
         time_unit="s",
         conditions={
             "motion": Condition(

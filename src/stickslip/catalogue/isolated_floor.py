@@ -1,6 +1,6 @@
 """A floor on sliding bearings, shaken in two directions."""
 
-from stickslip.model.system import Condition, Contact, Inertial, Parameter, System
+from stickslip.model.system import Condition, Contact, DefaultSpan, Inertial, Parameter, System
 from stickslip.symbolic.formulas import TimeFunction
 
 
@@ -47,7 +47,7 @@ def isolated_floor(**given: float | str | TimeFunction) -> System:
         kinetic="m/2*(d_x**2 + d_y**2)",
         potential="m*g/(2*R)*(x**2 + y**2)",
         contacts={"bearings": Contact(("d_x", "d_y"), threshold="mu*m*g", unit="N")},
-        span=(0, 15),
+        span=DefaultSpan((0, 15)),
         time_unit="s",
         conditions={"friction": Condition("mu > 0", "nothing holds the floor")},
         facts={"period": "2*pi*sqrt(R/g)", "largest_offset": "mu*R"},

@@ -1,7 +1,7 @@
 """The forced oscillator with a joint of many sliders."""
 
 from stickslip.model import laws
-from stickslip.model.system import Inertial, Parameter, System
+from stickslip.model.system import DefaultSpan, Inertial, Parameter, System
 
 
 def iwan_oscillator(**given: float | str) -> System:
@@ -44,7 +44,7 @@ def iwan_oscillator(**given: float | str) -> System:
         potential="k/2*x**2 - force*x",
         viscous="c/2*d_x**2",
         contacts={"joint": laws.iwan("d_x", unit="N", F_c="F_c", k="k_j", chi="chi", elements=6)},
-        span=(0, 60),
+        span=DefaultSpan((0, 60)),
         time_unit="s",
         facts={
             "full_slip": "F_c/k_j*(2 + chi)/(1 + chi)",

@@ -1,7 +1,7 @@
 """The forced oscillator with a dry damper behind a spring."""
 
 from stickslip.model import laws
-from stickslip.model.system import Condition, Inertial, Parameter, System
+from stickslip.model.system import Condition, DefaultSpan, Inertial, Parameter, System
 
 
 def jenkins_oscillator(**given: float | str) -> System:
@@ -41,7 +41,7 @@ def jenkins_oscillator(**given: float | str) -> System:
         potential="k/2*x**2 - force*x",
         viscous="c/2*d_x**2",
         contacts={"damper": laws.jenkins("d_x", unit="N", F_c="F_c", k="k_d")},
-        span=(0, 80),
+        span=DefaultSpan((0, 80)),
         time_unit="s",
         functions={"A_0": "P/sqrt((k + k_d - m*omega**2)**2 + (c*omega)**2)"},
         conditions={"slip": Condition("k_d*A_0 > F_c", "the damper never slides")},

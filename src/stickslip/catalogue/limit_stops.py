@@ -2,7 +2,7 @@
 
 from math import pi
 
-from stickslip.model.system import Contact, Inertial, Parameter, System, Unilateral
+from stickslip.model.system import Contact, DefaultSpan, Inertial, Parameter, System, Unilateral
 
 
 def limit_stops(**given: float | str) -> System:
@@ -49,6 +49,6 @@ def limit_stops(**given: float | str) -> System:
             "left stop": Unilateral("x - left", restitution="e", unit="N"),
             "right stop": Unilateral("right - x", restitution="e", unit="N"),
         },
-        span=(0, 0.02),
+        span=DefaultSpan((0, 0.02)),
         time_unit="s",
     ).configure(given)

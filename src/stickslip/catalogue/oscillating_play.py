@@ -1,6 +1,6 @@
 """The play operator with an oscillating threshold, [M] section 2.2."""
 
-from stickslip.model.system import Contact, Parameter, RateIndependent, System
+from stickslip.model.system import Contact, DefaultSpan, Parameter, RateIndependent, System
 
 
 def oscillating_play(**given: float | str) -> System:
@@ -28,5 +28,5 @@ def oscillating_play(**given: float | str) -> System:
         coordinates={"z": RateIndependent(meaning="position")},
         potential="z**2/2 - ell*z",
         contacts={"friction": Contact("d_z", threshold="rho(t/epsilon)")},
-        span=(0, 5),
+        span=DefaultSpan((0, 5)),
     ).configure(given)

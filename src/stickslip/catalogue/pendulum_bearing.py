@@ -1,6 +1,6 @@
 """A mass in a dish that is shaken: a friction pendulum bearing without small angles."""
 
-from stickslip.model.system import Condition, Inertial, Parameter, System, Unilateral
+from stickslip.model.system import Condition, DefaultSpan, Inertial, Parameter, System, Unilateral
 from stickslip.symbolic.formulas import TimeFunction
 
 
@@ -60,7 +60,7 @@ def pendulum_bearing(**given: float | str | TimeFunction) -> System:
                 unit="N",
             )
         },
-        span=(0, 15),
+        span=DefaultSpan((0, 15)),
         time_unit="s",
         conditions={"friction": Condition("mu > 0", "nothing holds the mass")},
         facts={"period": "2*pi*sqrt(R/g)", "steepest_rest": "atan(mu)"},

@@ -1,6 +1,6 @@
 """The plate compactor, [M] figure 1.1(A)."""
 
-from stickslip.model.system import Condition, Contact, Inertial, Parameter, System
+from stickslip.model.system import Condition, Contact, DefaultSpan, Inertial, Parameter, System
 
 
 def plate_compactor(**given: float | str) -> System:
@@ -40,7 +40,7 @@ def plate_compactor(**given: float | str) -> System:
         kinetic="m/2*d_x**2",
         potential="k/2*(x - pull)**2",
         contacts={"ground": Contact("d_x", threshold="mu*max(m*g + F*cos(Omega*t), 0)", unit="N")},
-        span=(0, 4),
+        span=DefaultSpan((0, 4)),
         time_unit="s",
         conditions={
             "ground contact": Condition(

@@ -1,6 +1,6 @@
 """The Prandtl-Tomlinson model."""
 
-from stickslip.model.system import Condition, Parameter, System, Viscous
+from stickslip.model.system import Condition, DefaultSpan, Parameter, System, Viscous
 
 
 def prandtl_tomlinson(**given: float | str) -> System:
@@ -41,7 +41,7 @@ def prandtl_tomlinson(**given: float | str) -> System:
         coordinates={"x": Viscous("nm", "position of the tip")},
         potential="k/2*(x - X)**2 - V_0*cos(2*pi*x/a)",
         viscous="nu/2*d_x**2",
-        span=(0, 4),
+        span=DefaultSpan((0, 4)),
         time_unit="s",
         conditions={"jumps": Condition("eta > 1", "the tip follows its support without jumps")},
         facts={

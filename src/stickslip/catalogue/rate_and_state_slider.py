@@ -1,6 +1,6 @@
 """The spring slider with rate-and-state friction and radiation damping, quasi-static."""
 
-from stickslip.model.system import Condition, Internal, Parameter, System, Viscous
+from stickslip.model.system import Condition, DefaultSpan, Internal, Parameter, System, Viscous
 
 
 def rate_and_state_slider(**given: float | str) -> System:
@@ -48,7 +48,7 @@ def rate_and_state_slider(**given: float | str) -> System:
         internal={"theta": Internal("evolution(d_x*theta/D_c)", "s", "state of the fault")},
         potential="k/2*(load - x)**2",
         initial={"theta": 8e6},
-        span=(0, 2e9),
+        span=DefaultSpan((0, 2e9)),
         time_unit="s",
         conditions={
             "earthquakes": Condition(

@@ -1,6 +1,6 @@
 """A block on a shaken base, Newmark 1965."""
 
-from stickslip.model.system import Condition, Contact, Inertial, Parameter, System
+from stickslip.model.system import Condition, Contact, DefaultSpan, Inertial, Parameter, System
 from stickslip.symbolic.formulas import TimeFunction
 
 
@@ -38,7 +38,7 @@ def sliding_base(**given: float | str | TimeFunction) -> System:
         kinetic="m/2*d_x**2",
         contacts={"base": Contact("d_x", threshold="mu*m*g", unit="N")},
         translation={"x": 1},
-        span=(0, 10),
+        span=DefaultSpan((0, 10)),
         time_unit="s",
         conditions={"friction": Condition("mu > 0", "nothing holds the block")},
         facts={"yield_acceleration": "mu*g"},

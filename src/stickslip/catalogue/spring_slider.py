@@ -1,6 +1,14 @@
 """The spring slider with state-dependent friction, [M] (3.1)-(3.3)."""
 
-from stickslip.model.system import Contact, Formula, Internal, Parameter, System, Viscous
+from stickslip.model.system import (
+    Contact,
+    DefaultSpan,
+    Formula,
+    Internal,
+    Parameter,
+    System,
+    Viscous,
+)
 
 
 def spring_slider(**given: float | str) -> System:
@@ -54,6 +62,6 @@ def spring_slider(**given: float | str) -> System:
         viscous="nu/2*d_U**2",
         contacts={"block": Contact("d_U", threshold="mu(alpha)", surface_speed="shear")},
         initial={"U": 0.5, "alpha": 1.0},
-        span=(0, 50),
+        span=DefaultSpan((0, 50)),
         facts=facts if steady else {},
     ).configure(given)

@@ -1,7 +1,7 @@
 """The inertia drive: a slider that a sawtooth carries one way."""
 
 from stickslip.model import laws
-from stickslip.model.system import Condition, Inertial, Parameter, System
+from stickslip.model.system import Condition, DefaultSpan, Inertial, Parameter, System
 
 
 def stick_slip_actuator(**given: float | str) -> System:
@@ -37,7 +37,7 @@ def stick_slip_actuator(**given: float | str) -> System:
         kinetic="m/2*d_x**2",
         contacts={"rod contact": laws.coulomb("d_x", surface_speed="rod", unit="N", F_c="F_c")},
         translation={"x": 1},
-        span=(0, 0.01),
+        span=DefaultSpan((0, 0.01)),
         time_unit="s",
         conditions={
             "slip": Condition(

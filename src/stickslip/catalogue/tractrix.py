@@ -1,6 +1,13 @@
 """A body without mass that is dragged over a table by a spring."""
 
-from stickslip.model.system import Condition, Contact, Parameter, RateIndependent, System
+from stickslip.model.system import (
+    Condition,
+    Contact,
+    DefaultSpan,
+    Parameter,
+    RateIndependent,
+    System,
+)
 
 
 def tractrix(**given: float | str) -> System:
@@ -35,7 +42,7 @@ def tractrix(**given: float | str) -> System:
         potential="k/2*((x - p_x)**2 + (y - p_y)**2)",
         contacts={"table": Contact(("d_x", "d_y"), threshold="F_c", unit="N")},
         initial={"y": 0.1},
-        span=(0, 5),
+        span=DefaultSpan((0, 5)),
         time_unit="s",
         conditions={"spring": Condition("k > 0", "nothing drags the body")},
         facts={"length": "F_c/k"},

@@ -1,6 +1,6 @@
 """A block on a turntable, held by a spring."""
 
-from stickslip.model.system import Condition, Contact, Inertial, Parameter, System
+from stickslip.model.system import Condition, Contact, DefaultSpan, Inertial, Parameter, System
 
 
 def turntable(**given: float | str) -> System:
@@ -52,7 +52,7 @@ def turntable(**given: float | str) -> System:
             )
         },
         initial={"x": 0.1, "d_y": 0.1},
-        span=(0, 20),
+        span=DefaultSpan((0, 20)),
         time_unit="s",
         conditions={
             "carried": Condition("s > m*Omega_0**2*R", "it does not stick at the start"),

@@ -1,6 +1,6 @@
 """Two faults with rate-and-state friction that load each other, Abe and Kato 2013."""
 
-from stickslip.model.system import Internal, Parameter, System, Viscous
+from stickslip.model.system import DefaultSpan, Internal, Parameter, System, Viscous
 
 
 def two_block_rate_and_state(**given: float | str) -> System:
@@ -65,7 +65,7 @@ def two_block_rate_and_state(**given: float | str) -> System:
             " + k_12/2*(x_1 - x_2)**2"
         ),
         initial={"theta_1": 8e6, "theta_2": 4e6},
-        span=(0, 4e9),
+        span=DefaultSpan((0, 4e9)),
         time_unit="s",
         facts={f"critical_stiffness_{i}": f"((b_{i} - a_{i})*sigma - eta*V)/D_c" for i in blocks},
     ).configure(given)

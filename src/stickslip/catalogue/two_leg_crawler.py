@@ -1,6 +1,13 @@
 """The two-leg crawler with directional friction."""
 
-from stickslip.model.system import Condition, Contact, Parameter, RateIndependent, System
+from stickslip.model.system import (
+    Condition,
+    Contact,
+    DefaultSpan,
+    Parameter,
+    RateIndependent,
+    System,
+)
 
 
 def two_leg_crawler(**given: float | str) -> System:
@@ -48,7 +55,7 @@ def two_leg_crawler(**given: float | str) -> System:
             "front leg": Contact("d_x_2", threshold=("f_plus", "f_minus"), unit="N"),
         },
         translation={"x_1": 1, "x_2": 1},
-        span=(0, 40),
+        span=DefaultSpan((0, 40)),
         time_unit="s",
         conditions={
             "step": Condition(

@@ -1,6 +1,6 @@
 """A velocity-step experiment on rate-and-state friction, as a friction apparatus makes it."""
 
-from stickslip.model.system import Condition, Internal, Parameter, System
+from stickslip.model.system import Condition, DefaultSpan, Internal, Parameter, System
 
 
 def velocity_step(**given: float | str) -> System:
@@ -56,7 +56,7 @@ def velocity_step(**given: float | str) -> System:
             ),
         },
         initial={"mu": 0.6, "phi": 0.0},
-        span=(0, 60),
+        span=DefaultSpan((0, 60)),
         time_unit="s",
         conditions={
             "steady sliding": Condition(

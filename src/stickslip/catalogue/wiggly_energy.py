@@ -1,6 +1,6 @@
 """Rate-independent friction that arises from a wiggly energy, Mielke 2012."""
 
-from stickslip.model.system import Condition, Parameter, System, Viscous
+from stickslip.model.system import Condition, DefaultSpan, Parameter, System, Viscous
 
 
 def wiggly_energy(**given: float | str) -> System:
@@ -33,7 +33,7 @@ def wiggly_energy(**given: float | str) -> System:
         coordinates={"z": Viscous(meaning="position")},
         potential="z**2/2 + rho*epsilon*sin(z/epsilon) - ell*z",
         viscous="epsilon**gamma/2*d_z**2",
-        span=(0, 5),
+        span=DefaultSpan((0, 5)),
         conditions={
             "wells": Condition("rho > epsilon", "the energy is convex: there are no wells")
         },

@@ -10,7 +10,7 @@ import typer
 
 from stickslip import __version__
 from stickslip.cli.added import add_commands
-from stickslip.cli.commands import evolving, exploring, fitting, orbits, sweeping
+from stickslip.cli.commands import evolving, exploring, fitting, orbits, shaking, sweeping
 from stickslip.cli.common.ending import NOT_CERTIFIED, guarded
 from stickslip.cli.common.present import Model, Out, ParameterOptions
 from stickslip.results import Summary, certificate_rows
@@ -191,6 +191,7 @@ for _name, _command in {
     "basin": orbits.basin_command,
     "fit": fitting.fit_command,
     "sweep": sweeping.sweep_command,
+    "records": shaking.records_command,
     "plot": sweeping.plot_command,
     "export": sweeping.export_command,
     "explore": exploring.explore_command,

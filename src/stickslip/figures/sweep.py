@@ -37,6 +37,7 @@ from stickslip.sweeps.request.axes import SAMPLES
 from stickslip.sweeps.request.carry import DIRECTION
 from stickslip.sweeps.request.measures import LACKING, how_carried, measures_of
 from stickslip.sweeps.request.plan import INTERPOLATED, NOT_COMPUTED
+from stickslip.sweeps.request.records import record_axis
 
 if TYPE_CHECKING:
     import xarray
@@ -82,6 +83,10 @@ def plot_sweep(
         If there is no such measure, or there are more than three axes.
     """
     names = _chosen(data, measures)
+    if record_axis(data) and "outcome" not in names:
+        from stickslip.figures.records import plot_records
+
+        return plot_records(data, names, ax)
     dimensions = list(data["outcome"].dims)
     lined = _over_levels(data, names)
     if ax is not None and (lined or len(dimensions) <= 2):
@@ -120,13 +125,13 @@ def _lines(data: xarray.Dataset, names: list[str]) -> Figure:
         return _dots(data, names, along[:2])
     parts, keys = _lines_of(data)
     figure = new_figure(6.4, 0.9 + (3.0 if keys else 2.2) * len(names))
-    figure.suptitle(_title(data), x=0.01, ha="left", fontsize=13)
+    figure.suptitle(map_title(data), x=0.01, ha="left", fontsize=13)
     panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     for axes, name in zip(panels, names, strict=True):
         for part, style in parts:
             _line(axes, part, _codes(data, names), name, along[0], **style)
     _scale(panels[-1], data, along[0], "x")
-    panels[-1].set_xlabel(_axis_text(data, along[:1]))
+    panels[-1].set_xlabel(axis_text(data, along[:1]))
     if marks := [*keys, *_gap_marks(data, names)]:
         legend_above(panels[0], marks, right=not keys)
     return figure
@@ -213,13 +218,13 @@ def _line(
     line = "none" if scattered else linestyle
     values = np.where(computed, data[name].values[order], np.nan)
     axes.plot(x[order], values, color=color, marker=marker, linestyle=line)
-    bad = _uncertified(data, name)[order]
+    bad = uncertified(data, name)[order]
     axes.plot(x[order][bad], values[bad], "o", mfc="white", mec=VERMILION, ms=5, zorder=3)
     below = axes.get_xaxis_transform()
     for colour, here in _gaps(data, codes, name).items():
         level = np.full(np.count_nonzero(here), 0.03)
         axes.plot(x[here], level, "|", color=colour, ms=8, mew=2, transform=below)
-    axes.set_ylabel(_label(data, name, 26))
+    axes.set_ylabel(measure_label(data, name, 26))
 
 
 def _gap_marks(data: xarray.Dataset, names: list[str]) -> list[Line2D]:
@@ -240,7 +245,7 @@ def _draw_into(axes: Axes, data: xarray.Dataset, names: list[str]) -> None:
     for part, style in parts:
         _line(axes, part, _codes(data, names[:1]), names[0], along[0], **style)
     _scale(axes, data, along[0], "x")
-    axes.set_xlabel(_axis_text(data, along))
+    axes.set_xlabel(axis_text(data, along))
     if keys:
         legend_above(axes, keys)
     if marks := _gap_marks(data, names[:1]):
@@ -271,9 +276,9 @@ def _dots(data: xarray.Dataset, names: list[str], along: list[str]) -> Figure:
         dots = axes.scatter(
             x[shown], y[shown], c=data[name].values[shown], s=size, cmap="viridis", lw=0
         )
-        bad = _uncertified(data, name)
+        bad = uncertified(data, name)
         axes.plot(x[bad], y[bad], "o", mfc="none", mec=VERMILION, ms=math.sqrt(size) + 2)
-        figure.colorbar(dots, ax=axes, label=_label(data, name))
+        figure.colorbar(dots, ax=axes, label=measure_label(data, name))
         _frame(axes, data, along[0], along[1])
     marks = [
         Line2D([], [], linestyle="none", marker=".", ms=6, color=colour, label=text)
@@ -357,7 +362,7 @@ def draw_map(
             shade = np.where(here[turned], 1.0, np.nan)
             axes.pcolormesh(*edges, shade.T, cmap=ListedColormap([colour]), rasterized=True)
         # What is certified sets the scale; anything else may be beyond it.
-        sure = computed & ~_uncertified(data, name)[turned] & np.isfinite(values)
+        sure = computed & ~uncertified(data, name)[turned] & np.isfinite(values)
         low, high = limits or _limits(values[sure if np.any(sure) else computed])
         mesh = axes.pcolormesh(
             *edges, np.where(computed, values, np.nan).T, vmin=low, vmax=high, rasterized=True
@@ -365,8 +370,8 @@ def draw_map(
         if bar:
             least, most = np.nanmin(values, initial=low), np.nanmax(values, initial=high)
             beyond = _EXTEND[bool(least < low), bool(most > high)]
-            axes.figure.colorbar(mesh, ax=axes, label=_label(data, name), extend=beyond)
-    bad = _uncertified(data, name)[turned]
+            axes.figure.colorbar(mesh, ax=axes, label=measure_label(data, name), extend=beyond)
+    bad = uncertified(data, name)[turned]
     if np.any(bad) and min(bad.shape) > 1:
         style: dict[str, Any] = {"levels": [0.5, 1.5], "colors": "none", "hatches": [_HATCH]}
         axes.contourf(x[rows], y[columns], bad.T.astype(float), **style)
@@ -397,7 +402,7 @@ def _panels(data: xarray.Dataset, names: list[str]) -> tuple[Figure, list[Axes]]
     columns = min(len(names), 3 if len(names) != 4 else 2)
     rows = -(-len(names) // columns)
     figure = new_figure(_WIDTH * columns, _HEIGHT * rows + 0.4)
-    figure.suptitle(_title(data), x=0.01, ha="left", fontsize=13)
+    figure.suptitle(map_title(data), x=0.01, ha="left", fontsize=13)
     grid = figure.subplots(rows, columns, squeeze=False).reshape(-1)
     for spare in grid[len(names) :]:
         spare.remove()
@@ -471,7 +476,7 @@ def _words(codes: xarray.DataArray) -> dict[int, str]:
 
 def _lacking(data: xarray.Dataset, names: list[str]) -> str:
     """What the points that are shown without a certificate lack; empty if there are none."""
-    bad = np.any([_uncertified(data, name) for name in names], axis=0)
+    bad = np.any([uncertified(data, name) for name in names], axis=0)
     if not np.any(bad):
         return ""
     if "lacking" not in data:
@@ -493,7 +498,7 @@ def _coordinates(data: xarray.Dataset, dimension: str) -> list[str]:
     return sorted(names, key=lambda name: f"_{dimension}_".find(f"_{name}_"))
 
 
-def _uncertified(data: xarray.Dataset, name: str) -> Array:
+def uncertified(data: xarray.Dataset, name: str) -> Array:
     """Where something is shown that has no certificate."""
     certified = data["certificate"].values <= data["certificate"].attrs["tolerance"]
     if "lacking" in data:  # maps of the first format have none
@@ -521,8 +526,8 @@ def _edges(values: Array, log: bool) -> Array:
 
 
 def _frame(axes: Axes, data: xarray.Dataset, first: str, second: str) -> None:
-    axes.set_xlabel(_axis_text(data, [first]))
-    axes.set_ylabel(_axis_text(data, [second]))
+    axes.set_xlabel(axis_text(data, [first]))
+    axes.set_ylabel(axis_text(data, [second]))
     _scale(axes, data, first, "x")
     _scale(axes, data, second, "y")
 
@@ -532,7 +537,7 @@ def _scale(axes: Axes, data: xarray.Dataset, name: str, direction: str) -> None:
         getattr(axes, f"set_{direction}scale")("log")
 
 
-def _title(data: xarray.Dataset) -> str:
+def map_title(data: xarray.Dataset) -> str:
     """Of what it is a map, and how the state was carried."""
     along = how_carried(data)
     title = str(data.attrs["title"])
@@ -548,13 +553,16 @@ def _unit(data: xarray.Dataset, name: str) -> str:
     return "" if unit == "1" else unit
 
 
-def _axis_text(data: xarray.Dataset, names: list[str]) -> str:
+def axis_text(data: xarray.Dataset, names: list[str]) -> str:
+    """Meaning, symbols and unit of what an axis shows."""
     meaning = str(data[names[0]].attrs.get("long_name", ""))
     label = axis_label(names, _unit(data, names[0]))
+    if names[0] in meaning.split():  # a word already, not a symbol
+        return meaning + label.removeprefix(axis_label(names, ""))
     return f"{meaning} {label}" if meaning and meaning != names[0] and len(meaning) <= 40 else label
 
 
-def _label(data: xarray.Dataset, name: str, width: int = 60) -> str:
+def measure_label(data: xarray.Dataset, name: str, width: int = 60) -> str:
     """Meaning and unit of a measure, on two lines if it is long."""
     meaning = str(data[name].attrs.get("long_name", name))
     unit = unit_label(_unit(data, name))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from stickslip.errors import DeclarationError, short, suggestion
-from stickslip.model.entries.units import check_unit
+from stickslip.model.entries.units import check_unit, with_unit
 from stickslip.model.schema import entry_key
 from stickslip.model.system import Drive, Output, Parameter
 from stickslip.symbolic.formulas import (
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 _INTERVAL = re.compile(r"\s*([\[(])\s*(\S+?)\s*,\s*(\S+?)\s*([\])])\s*\Z")
 _M = TypeVar("_M")
+_NEAR = 1e-9  # part of a record that is no more than rounding of its ends
 
 
 @dataclass(frozen=True)
@@ -162,6 +163,33 @@ def check_covered(drives: Mapping[str, TimeFunction], start: float, stop: float)
                 f"... {stop:.9g}",
                 "Shorten the span, give more samples, or let them be periodic",
             )
+
+
+def parts_left_out(
+    drives: Mapping[str, TimeFunction], start: float, stop: float, unit: str
+) -> list[str]:
+    """What a motion over a time span leaves out of records that drive it, in words.
+
+    Parameters
+    ----------
+    drives : mapping of str to TimeFunction
+    start, stop : float
+    unit : str
+        Of the time.
+    """
+    found: list[str] = []
+    for name, drive in drives.items():
+        if not drive.ends:
+            continue
+        first, last = drive.span
+        near = _NEAR * (last - first)
+        if first < start - near:
+            begins, begun = (with_unit(t, unit) for t in (first, start))
+            found.append(f"record '{name}' begins at {begins}, the motion at {begun}")
+        if last > stop + near:
+            runs, stops = (with_unit(t, unit) for t in (last, stop))
+            found.append(f"record '{name}' runs to {runs}, the motion ends at {stops}")
+    return found
 
 
 def reconfigured(model: _M, given: Mapping[str, Drive | Table], sections: tuple[str, ...]) -> _M:

@@ -47,23 +47,38 @@ Coordinate = Inertial | Viscous | RateIndependent
 AnyContact = Contact | Unilateral | Bilateral | LawContact
 
 
-class _NotGiven(tuple[float, float]):
-    """A time span that stands because none was given."""
+class DefaultSpan(tuple[float, float]):
+    """A time span that stands because none was given: where drives are records that end, it becomes
+    what all of them cover.
+
+    Attributes
+    ----------
+    otherwise : (float, float)
+        What it is where no drive ends.
+    """
+
+    otherwise: tuple[float, float]
+
+    def __new__(
+        cls, span: tuple[float, float], otherwise: tuple[float, float] | None = None
+    ) -> DefaultSpan:
+        made = super().__new__(cls, span)
+        made.otherwise = otherwise or span
+        return made
+
+    def under(self, drives: Any) -> DefaultSpan:
+        """The span under some drives."""
+        # What is no mapping is refused with the rest of the declaration.
+        table = cast("Mapping[str, Any]", drives if isinstance(drives, Mapping) else {})
+        ending = [d for d in table.values() if isinstance(d, TimeFunction) and d.ends]
+        if not ending:
+            return DefaultSpan(self.otherwise)
+        start, stop = max(d.span[0] for d in ending), min(d.span[1] for d in ending)
+        # What does not overlap covers no span, and is refused with this one.
+        return DefaultSpan((start, stop) if start < stop else self.otherwise, self.otherwise)
 
 
-_SPAN = _NotGiven((0.0, 100.0))
-
-
-def _known(drives: Any) -> _NotGiven:
-    """The part of the span that stands if none is given of which all drives say something."""
-    start, stop = _SPAN
-    # What is no mapping is refused with the rest of the declaration.
-    if not isinstance(drives, Mapping):
-        return _SPAN
-    for drive in cast(Mapping[str, Any], drives).values():
-        if isinstance(drive, TimeFunction) and not drive.covers(start, stop):
-            start, stop = max(start, drive.span[0]), min(stop, drive.span[1])
-    return _NotGiven((start, stop)) if start < stop else _SPAN
+_SPAN = DefaultSpan((0.0, 100.0))
 
 
 @dataclass(frozen=True)
@@ -113,8 +128,8 @@ class System:
         Default initial values of coordinates, rates of inertial coordinates, internal variables,
         unknowns of structures and their rates (else 0).
     span : (float, float)
-        Default time span; if it is left out, from 0 to 100, or for as long as all samples that
-        drive the system are known.
+        Default time span; if it is left out, from 0 to 100, or, where drives are samples that end,
+        what all of these cover. A :class:`DefaultSpan` is left out, too.
     time_unit : str
     conditions : mapping of str to Condition
         What is known to be necessary, by name.
@@ -157,10 +172,11 @@ class System:
     outputs: Entries[Output] = Entries(Output, (str, Real))  # noqa: RUF009 (a descriptor)
 
     def __post_init__(self) -> None:
-        given = not isinstance(self.span, _NotGiven)
+        # A tuple is what remains of it where declarations are plain data.
+        default = self.span if isinstance(self.span, DefaultSpan) else None
         hold_plain(self)
-        if not given:
-            object.__setattr__(self, "span", _known(self.drives))
+        if default is not None:
+            object.__setattr__(self, "span", default.under(self.drives))
         _ = self.declaration
         for doubt in self.doubts:
             warnings.warn(f"{self.name}: {doubt}", stacklevel=3)
@@ -390,6 +406,12 @@ class System:
 
             given = start_of(structures, given, "values")
         return self.declaration.value(expression, {**self.values, **given})
+
+    def left_out(self, start: float, end: float) -> list[str]:
+        """What a motion over a time span leaves out of the records that drive it, in words."""
+        from stickslip.model.names import parts_left_out
+
+        return parts_left_out(self.declaration.given, start, end, self.time_unit)
 
     def heading(self) -> dict[str, Any]:
         """What a summary of its results says of it: its name and its given functions."""

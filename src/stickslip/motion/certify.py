@@ -39,7 +39,10 @@ def certify_trajectory(trajectory: Trajectory) -> Certificate:
     values = [float(v) if np.isfinite(v) else np.inf for v in trajectory.audit.residuals]
     outcome = "" if trajectory.outcome.ok else trajectory.outcome.label
     return Certificate(
-        tuple(within(tolerance, zip(NAMES, values, strict=True))), outcome, _unverified(trajectory)
+        tuple(within(tolerance, zip(NAMES, values, strict=True))),
+        outcome,
+        _unverified(trajectory),
+        tuple(trajectory.system.left_out(*trajectory.t_span)),
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -124,19 +125,28 @@ def check_positive(**given: object) -> None:
             )
 
 
-def check_span(span: object) -> tuple[float, float]:
+def check_span(span: object, where: str = "t_span") -> tuple[float, float]:
     """Refuse a time span that is none."""
     try:
         start, end = (float(s) for s in span)  # type: ignore[union-attr]
     except (TypeError, ValueError, OverflowError):
-        raise DeclarationError(
-            "t_span", f"{span!r} is not a time span", "Give (start, end)"
-        ) from None
+        raise DeclarationError(where, f"{span!r} is not a time span", "Give (start, end)") from None
     if not (math.isfinite(start) and math.isfinite(end) and start < end):
         raise DeclarationError(
-            "t_span", f"({start:g}, {end:g}) is not a time span", "Give start < end, both finite"
+            where, f"({start:g}, {end:g}) is not a time span", "Give start < end, both finite"
         )
     return start, end
+
+
+def with_span(system: System, span: tuple[float, float] | None) -> System:
+    """The same system over another time span, if one is given.
+
+    Raises
+    ------
+    DeclarationError
+        If it is none, or a drive says nothing of a part of it.
+    """
+    return system if span is None else replace(system, span=check_span(span, "span"))
 
 
 def run_loop(

@@ -101,17 +101,23 @@ class Ensemble(Result):
     def certificate(self) -> Certificate:
         """Final states alone cannot be audited: `simulate` certifies a motion."""
         unaudited = Residual("motions not audited", float(len(self)), 0.0)
-        return Certificate((unaudited,))
+        return Certificate((unaudited,), notes=tuple(self.warnings))
 
     def facts(self) -> dict[str, Any]:
         """What fits on a page, as plain data."""
         ended = {outcome.label: number for outcome, number in self.counts.items()}
-        return {**self.system.heading(), "motions": len(self), "ended": ended}
+        found = {**self.system.heading(), "motions": len(self), "ended": ended}
+        return {**found, "warnings": self.warnings}
 
     def rows(self) -> list[tuple[str, str]]:
         """What fits on a page, in words."""
         ended = [(f"  {outcome.label}", str(number)) for outcome, number in self.counts.items()]
-        return [("motions", str(len(self))), *ended]
+        return [("motions", str(len(self))), *ended, *(("warning", w) for w in self.warnings)]
+
+    @property
+    def warnings(self) -> list[str]:
+        """Records that drive the system for longer than the motions last."""
+        return list(map(str, json.loads(self.dataset.attrs.get("warnings", "[]"))))
 
     def overview(self, ax: Axes | None = None) -> Figure:
         """The final coordinates of all motions."""
@@ -221,9 +227,9 @@ def simulate_many(
         "kinks": ("trajectory", now.counters[:, CROSSED]),
         "steps": ("trajectory", now.counters[:, TAKEN]),
     }
-    dataset = xr.Dataset(
-        data, attrs={"title": system.title or system.name, "source": system.source}
-    )
+    about = {"title": system.title or system.name, "source": system.source}
+    about["warnings"] = json.dumps(system.left_out(start, end))
+    dataset = xr.Dataset(data, attrs=about)
     fixed = {name: value for name, value in system.values.items() if name not in given_parameters}
     return Ensemble(system, fixed, dataset)
 

@@ -15,8 +15,8 @@ from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.kept import cached_property
-from stickslip.model.quantities import FORCES, contact_key, forces_of, of_modes, quantity
 from stickslip.model.entries.polynomials import beyond_an_end, is_bounded
+from stickslip.model.quantities import FORCES, contact_key, forces_of, of_modes, quantity
 from stickslip.model.system import System
 from stickslip.motion.certify import certify_trajectory
 from stickslip.motion.outcome import Outcome
@@ -138,13 +138,15 @@ class Trajectory(Result):
 
     @property
     def warnings(self) -> list[str]:
-        """Conditions of the declaration that these parameters do not meet."""
+        """Conditions of the declaration that these parameters do not meet, and records that drive
+        the system for longer than the motion lasts."""
         conditions = self.system.declaration.conditions
-        return [
+        failed = [
             f"{self.system.conditions[name].formula} fails: {reason}"
             for name, condition in conditions.items()
             if (reason := condition.fails(self.parameters))
         ]
+        return failed + self.system.left_out(*self.t_span)
 
     # -- names and rows ----------------------------------------------------------------------------
 

@@ -25,7 +25,7 @@ from stickslip.model.quantities import drift_units, quantity
 from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
-from stickslip.motion.simulate import simulate
+from stickslip.motion.simulate import simulate, with_span
 from stickslip.orbits.cycles.cycle import Cycle, find_cycle
 from stickslip.orbits.cycles.nearness import NearCycle, NearPoint
 from stickslip.orbits.equilibria.equilibrium import Equilibrium
@@ -129,6 +129,7 @@ def basin(
     *,
     initial: Mapping[str, float] | None = None,
     parameters: Mapping[str, float] | None = None,
+    span: tuple[float, float] | None = None,
     settings: Settings | None = None,
     workers: int | None = None,
     time_limit: float | None = None,
@@ -147,6 +148,9 @@ def basin(
         friction cannot hold there starts at the nearest place at which it can.
     parameters : mapping of str to float, optional
         Values that replace the defaults.
+    span : (float, float), optional
+        Time span in place of that of the system: motions begin with it, and are given up after 100
+        times as long.
     settings : Settings, optional
         How a motion settles, and the accuracy.
     workers : int, optional
@@ -176,6 +180,7 @@ def basin(
 
     settings = settings or Settings()
     check_limit(time_limit)
+    system = with_span(system, span)
     if known_for_a_time(system):
         raise DeclarationError(
             "basin",

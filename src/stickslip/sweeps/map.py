@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from stickslip.sweeps.fragility import Fragility
+
 # labels of motions that are on no attractor, with what is counted of them
 _NOWHERE = {-1: "stopped", -2: "not_settled", -3: "undamped"}
 
@@ -134,6 +136,14 @@ class Map(Result):
         }
 
     @cached_property
+    def warnings(self) -> list[str]:
+        """Records that drive the system for longer than what is measured lasts."""
+        of_records = self.dataset.attrs.get(f"{PREFIX}left_out")
+        if of_records is not None:
+            return list(map(str, json.loads(of_records)))
+        return self.system.left_out(*self.system.span)
+
+    @cached_property
     def certificate(self) -> Certificate:
         """How many of the computed points are not certified, and how far the worst is from it.
 
@@ -141,7 +151,8 @@ class Map(Result):
         say.
         """
         bad = sum(self.lacking.values())
-        notes = (f"{self.computed - bad:,} of {self.computed:,} points are certified",)
+        done = f"{self.computed - bad:,} of {self.computed:,} points are certified"
+        notes = (done, *self.warnings)
         return Certificate((Residual("points not certified", float(bad), 0.0),), notes=notes)
 
     def facts(self) -> dict[str, Any]:
@@ -155,6 +166,7 @@ class Map(Result):
             "computed": self.computed,
             "outcomes": {Outcome.from_code(c).label: n for c, n in self._counted().items()},
             "lacking": self.lacking,
+            "warnings": self.warnings,
         }
 
     def _counted(self) -> dict[int, int]:
@@ -175,6 +187,7 @@ class Map(Result):
         rows.append(("certified", f"{self.computed - sum(self.lacking.values()):,}"))
         lacks = [f"{name}: {count:,}" for name, count in self.lacking.items()]
         rows += [("  lacking", ", ".join(lacks))] if lacks else []
+        rows += [("warning", warning) for warning in self.warnings]
         return [*rows, *self._outside(), *self._missing()]
 
     def _outside(self) -> list[tuple[str, str]]:
@@ -207,6 +220,34 @@ class Map(Result):
             why = [f"{count:,} {words[c].replace('_', ' ')}" for c, count in found if c]
             rows += [(f"missing {name.removesuffix('_missing')}", ", ".join(why))] if why else []
         return rows
+
+    @validated
+    def fragility(self, measure: str, limit: float, over: str | None = None) -> Fragility:
+        """How many of the records of the map take the system beyond a limit, over how much they are
+        scaled.
+
+        Parameters
+        ----------
+        measure : str
+            What is compared with the limit: a measure of the map, such as ``"high:x"``, or the name
+            of a formula of these (``"slip = abs(shift)"``).
+        limit : float
+            In the unit of the measure.
+        over : str, optional
+            Axis over which the shares are taken; by default ``scale``, or the only other axis.
+
+        Returns
+        -------
+        Fragility
+
+        Raises
+        ------
+        DeclarationError
+            If no axis is of records, or there is no such measure or axis.
+        """
+        from stickslip.sweeps.fragility import fragility_of
+
+        return fragility_of(self, measure, limit, over)
 
     def plot(self, *quantities: str, ax: Axes | None = None) -> Figure:
         """Lines over one axis, a map over two, small multiples over three; beside an axis with at

@@ -13,10 +13,10 @@ import json
 import os
 import shutil
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from stickslip.sweeps import damage
 from stickslip.sweeps.damage import Chunk
 from stickslip.sweeps.request.axes import Axis, Grid, make_grid
 from stickslip.sweeps.request.carry import Carry
-from stickslip.sweeps.request.plan import FORMAT, KIND, NOT_COMPUTED, Part, Plan
+from stickslip.sweeps.request.plan import FORMAT, KIND, LABELS, NOT_COMPUTED, Part, Plan
 
 if TYPE_CHECKING:
     import xarray
@@ -217,8 +217,13 @@ class MapStore:
 
 
 def _plain(data: xarray.Dataset) -> xarray.Dataset:
-    """Without checksums, which are those of files."""
+    """Without checksums, which are those of files, and with the names of records."""
     data.attrs = {key: value for key, value in data.attrs.items() if key not in (LAYOUT, TABLE)}
+    for name, coordinate in data.coords.items():
+        if LABELS in coordinate.attrs:
+            attributes = {k: v for k, v in coordinate.attrs.items() if k != LABELS}
+            labels = np.array(coordinate.attrs[LABELS], dtype=object)
+            data = data.assign_coords({name: (coordinate.dims, labels, attributes)})
     return data
 
 
@@ -432,8 +437,10 @@ def stored_plan(path: Path) -> tuple[dict[str, str], tuple[Axis, ...]]:
         readable(path, parts, FORMAT)
         axes = []
         for declared in json.loads(parts["axes"]):
-            values = np.array([_array(group, name)[:] for name in declared["names"]])
-            axes.append(Axis(tuple(declared["names"]), values, declared["spacing"]))
+            arrays = [_array(group, name) for name in declared["names"]]
+            labels = cast("Sequence[str]", arrays[0].attrs.get(LABELS, ()))
+            values = np.array([array[:] for array in arrays])
+            axes.append(Axis(tuple(declared["names"]), values, declared["spacing"], tuple(labels)))
     except StickslipError:
         raise
     except Exception as error:  # of a damaged store without checksums, zarr says anything
@@ -453,7 +460,9 @@ def _extended(plan: Plan, held: Plan, path: Path) -> Plan:
     for k, (new, old) in enumerate(zip(plan.axes, held.axes, strict=True)):
         found = new.positions(old)
         if np.any(found < 0):
-            lost = ", ".join(f"{v:g}" for v in old.values[:, np.argmin(found)])
+            place = int(np.argmin(found))
+            lost = ", ".join(f"{v:g}" for v in old.values[:, place])
+            lost = old.labels[place] if old.labels else lost
             raise StickslipError(
                 f"{path}: the value {','.join(old.names)} = {lost} of the stored map is not among "
                 "the new ones."
@@ -463,7 +472,7 @@ def _extended(plan: Plan, held: Plan, path: Path) -> Plan:
             _check_goes_on(plan.carry, found, len(new), path)
         values = new.values.copy()
         values[:, found] = old.values
-        axes.append(Axis(new.names, values, new.spacing))
+        axes.append(replace(new, values=values))
     return replace(plan, axes=tuple(axes))
 
 

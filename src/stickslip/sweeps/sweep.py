@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -20,6 +20,7 @@ from stickslip.model.declaration import check_initial
 from stickslip.model.system import System
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import pose
+from stickslip.motion.simulate import check_span, with_span
 from stickslip.orbits.settling.engine.tables import DEVICE_LANES
 from stickslip.progress import PATIENCE, watched
 from stickslip.stopping.scopes import check_limit
@@ -29,6 +30,7 @@ from stickslip.sweeps.request.axes import read_axes
 from stickslip.sweeps.request.carry import read_carry
 from stickslip.sweeps.request.measures import known_for_a_time
 from stickslip.sweeps.request.plan import Plan
+from stickslip.sweeps.request.records import Driven, Under, read_records
 from stickslip.sweeps.request.user_measures import read_measures
 from stickslip.sweeps.store import Chunk, MapStore, create, opened
 from stickslip.sweeps.work.carrying import LinesToDo, Runs
@@ -82,11 +84,14 @@ class Batch:
         Values of what varies at all of them.
     runs : Runs, optional
         In which order, if they carry the state.
+    under : Under, optional
+        The record that drives all of them.
     """
 
     pieces: list[tuple[Chunk, Array]]
     columns: dict[str, Array]
     runs: Runs | None = None
+    under: Under | None = None
 
 
 @validated
@@ -97,6 +102,7 @@ def sweep(
     out: str | Path | None = None,
     *,
     initial: Mapping[str, float] | None = None,
+    span: tuple[float, float] | None = None,
     settings: Settings | None = None,
     seed: int = 0,
     carry: str | None = None,
@@ -117,7 +123,9 @@ def sweep(
     system : System
     over : mapping of str to axis
         What varies: ``{"P": "0.8:1.6:400", "delta": "log:0.01:0.2:300"}``, or arrays of values
-        (:mod:`stickslip.sweeps.request.axes` says all that is understood).
+        (:mod:`stickslip.sweeps.request.axes` says all that is understood). An axis may be records
+        that drive the system one after the other, ``{"record": ss.Records.read("quakes")}``; an
+        axis ``scale`` multiplies them then, and each motion lasts as long as its record.
     measure : sequence of str or callable
         Named measures, formulas ``"name = formula"`` of them, functions of a Trajectory. They are
         those of what a motion settles on; where drives are samples that end, those of the motion
@@ -127,6 +135,9 @@ def sweep(
         map is in memory.
     initial : mapping of str to float, optional
         Initial values at all points.
+    span : (float, float), optional
+        Time span in place of that of the system: motions begin with it, are given up after 100
+        times as long, and end with it where drives are samples that end.
     settings : Settings, optional
         How a motion settles, and the accuracy.
     seed : int
@@ -177,7 +188,7 @@ def sweep(
     StickslipError
         If the store cannot be written, is damaged, or holds another map.
     """
-    plan = make_plan(system, over, measure, initial, settings, seed, carry)
+    plan = make_plan(system, over, measure, initial, settings, seed, carry, span)
     _check_carry(plan, adaptive, device)
     check_limit(time_limit)
     pool = _pool(scheduler, workers, device, time_limit)
@@ -207,12 +218,13 @@ def make_plan(
     settings: Settings | None = None,
     seed: int = 0,
     carry: str | None = None,
+    span: tuple[float, float] | None = None,
 ) -> Plan:
     """Everything that is asked for, checked.
 
     Parameters
     ----------
-    system, over, measure, initial, settings, seed, carry
+    system, over, measure, initial, settings, seed, carry, span
         As for :func:`sweep`.
 
     Raises
@@ -225,6 +237,8 @@ def make_plan(
     if not isinstance(system, System):
         reason = f"expected a System, got {type(system).__name__}"
         raise DeclarationError("system", reason, "Use ss.load or ss.catalogue")
+    driven = read_records(system, over, None if span is None else check_span(span, "span"))
+    system = with_span(system, span) if driven is None else driven.first
     axes = read_axes(system, over, seed)
     varied = [name for axis in axes for name in axis.names]
     given = system.started(initial or {})
@@ -235,6 +249,8 @@ def make_plan(
     start = {name: float(value) for name, value in given.items()}
     settings = settings or Settings()
     pose(system, None, settings.rtol, settings.atol)  # refuses what no motion can be computed with
+    if carry is not None and driven is not None:
+        raise DeclarationError("carry", "each record begins anew", "Leave it out")
     if known_for_a_time(system):
         system.declaration.check_span(*system.span)
         if carry is not None:
@@ -245,7 +261,7 @@ def make_plan(
             )
     axes, carried = read_carry(system, axes, carry)
     measures = read_measures(system, measure)
-    return Plan(system, axes, measures, start, settings, seed, carry=carried)
+    return Plan(system, axes, measures, start, settings, seed, carry=carried, driven=driven)
 
 
 def _check_carry(plan: Plan, adaptive: Adaptive | None, device: str) -> None:
@@ -345,6 +361,9 @@ def _fill(
 def _tasks(store: MapStore, points: Array | None, together: int) -> Iterator[Batch]:
     """Chunks with points that are missing, so many that there are at least so many points in a
     task."""
+    if store.plan.driven is not None:
+        yield from _of_records(store, points, store.plan.driven)
+        return
     grid = store.grid
     pieces = list[tuple[Chunk, Array]]()
     count = 0
@@ -361,6 +380,18 @@ def _tasks(store: MapStore, points: Array | None, together: int) -> Iterator[Bat
             count = 0
 
 
+def _of_records(store: MapStore, points: Array | None, driven: Driven) -> Iterator[Batch]:
+    """Chunks with points that are missing; each is of one record."""
+    grid = store.grid
+    (name,) = (axis.names[0] for axis in grid.axes if axis.labels)
+    for chunk in grid.chunks():
+        inside = store.missing(chunk, points)
+        if len(inside):
+            columns = grid.columns(grid.region(chunk), inside)
+            under = driven.under(float(columns[name][0]))
+            yield Batch([(chunk, inside)], columns, under=under)
+
+
 def _of_lines(lines: LinesToDo) -> Iterator[Batch | None]:
     """Chunks of lines, each once what it needs is there; None: there is none at the moment."""
     grid = lines.grid
@@ -373,6 +404,8 @@ def _of_lines(lines: LinesToDo) -> Iterator[Batch | None]:
 
 
 def _work(work: Work, task: Batch) -> dict[str, Array]:
+    if task.under is not None:
+        work = replace(work, under=task.under)
     return compute(work, task.columns, task.runs)
 
 

@@ -104,6 +104,11 @@ class TimeFunction(ABC):
     def span(self) -> tuple[float, float]:
         """The first and the last time of which it does."""
 
+    @property
+    def ends(self) -> bool:
+        """Whether there is a time after which it says nothing."""
+        return not self.covers(0.0, math.inf)
+
 
 class TableFunction(ABC):
     """A function of one or two arguments that is not a formula: a table."""

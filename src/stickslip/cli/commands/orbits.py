@@ -20,6 +20,7 @@ from stickslip.cli.common.present import (
     ShowProgress,
     TimeLimit,
     TimeLimitOfEach,
+    Until,
     folder_of,
     present,
 )
@@ -42,9 +43,7 @@ def run_command(
     model: Model,
     settings: ParameterOptions = None,
     initial: Initial = None,
-    until: Annotated[
-        float | None, typer.Option("--until", metavar="T", help="End of the time span.")
-    ] = None,
+    until: Until = None,
     rtol: Annotated[float, typer.Option("--rtol", help="Accuracy of the whole motion.")] = 1e-10,
     time_limit: TimeLimit = None,
     out: Out = None,
@@ -61,11 +60,10 @@ def run_command(
 
     system = load_model(model, settings or [], until)
     start = given(initial)
-    span = (system.span[0], system.span[1] if until is None else until)
 
     def work(progress: ShowProgress) -> Trajectory:
         limits: dict[str, Any] = {"rtol": rtol, "time_limit": time_limit}
-        return simulate(system, span, initial=start, progress=progress, **limits)
+        return simulate(system, initial=start, progress=progress, **limits)
 
     present("moving", out or folder_of(system.name), MOTION_FILES, work, json_)
 
@@ -123,6 +121,7 @@ def cycle_command(
     model: Model,
     settings: ParameterOptions = None,
     initial: Initial = None,
+    until: Until = None,
     time_limit: TimeLimit = None,
     out: Out = None,
     json_: Json = False,
@@ -135,7 +134,7 @@ def cycle_command(
     """
     from stickslip import Cycle, find_cycle
 
-    system = load_model(model, settings or [])
+    system = load_model(model, settings or [], until)
     start = given(initial)
 
     def work(progress: ShowProgress) -> Cycle:
@@ -153,6 +152,7 @@ def branch_command(
     ],
     settings: ParameterOptions = None,
     initial: Initial = None,
+    until: Until = None,
     cycles: Annotated[
         bool,
         typer.Option(
@@ -179,7 +179,7 @@ def branch_command(
         raise DeclarationError("--over", f"{len(ranges)} parameters vary", "A branch has one")
     parameter, (low, high) = next(iter(ranges.items()))
     start = given(initial)
-    system = load_model(model, settings or [])
+    system = load_model(model, settings or [], until)
     checked_range(system, parameter, (low, high))
     inside = low <= system.values[parameter] <= high
     at = {} if inside else {parameter: 0.5 * (low + high)}
@@ -315,9 +315,7 @@ def ring_down_command(
     ] = None,
     settings: ParameterOptions = None,
     initial: Initial = None,
-    until: Annotated[
-        float | None, typer.Option("--until", metavar="T", help="End of the time span.")
-    ] = None,
+    until: Until = None,
     rtol: Annotated[float, typer.Option("--rtol", help="Accuracy of the whole motion.")] = 1e-10,
     time_limit: TimeLimit = None,
     out: Out = None,
@@ -336,12 +334,10 @@ def ring_down_command(
 
     system = load_model(model, settings or [], until)
     start = given(initial)
-    span = (system.span[0], system.span[1] if until is None else until)
 
     def work(progress: ShowProgress) -> RingDown:
         return ring_down(
             system,
-            span,
             initial=start,
             coordinate=coordinate,
             rtol=rtol,
@@ -416,6 +412,7 @@ def basin_command(
     ],
     settings: ParameterOptions = None,
     initial: Initial = None,
+    until: Until = None,
     time_limit: TimeLimitOfEach = None,
     out: Out = None,
     json_: Json = False,
@@ -435,7 +432,7 @@ def basin_command(
             "--over", f"{len(over)} initial values vary", "A map needs two, with --over each"
         )
     start = given(initial)
-    system = load_model(model, settings or [])
+    system = load_model(model, settings or [], until)
 
     def work(progress: ShowProgress) -> Basin:
         return find(system, over, initial=start, progress=progress, time_limit=time_limit)

@@ -17,6 +17,7 @@ from stickslip.cli.common.present import (
     Model,
     ParameterOptions,
     TimeLimitOfEach,
+    Until,
     folder_of,
 )
 from stickslip.cli.common.report import print_summary
@@ -24,8 +25,37 @@ from stickslip.errors import DeclarationError
 from stickslip.storage import named
 
 if TYPE_CHECKING:
+    from stickslip import Map
     from stickslip.sweeps.adaptive import Adaptive
     from stickslip.sweeps.sweep import Progress
+
+ShowPoints = Callable[["Progress"], None] | None
+Workers = Annotated[
+    int | None, typer.Option("--workers", help="Threads or processes.  [default: cores]")
+]
+Processes = Annotated[bool, typer.Option("--processes", help="Processes in place of threads.")]
+Scheduler = Annotated[
+    str | None,
+    typer.Option("--scheduler", metavar="ADDRESS", help="Use the Dask cluster at this address."),
+]
+LocalCluster = Annotated[bool, typer.Option("--local-cluster", help="Start a Dask cluster here.")]
+Extend = Annotated[
+    bool, typer.Option("--extend", help="Add points to a map over some of these values.")
+]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a stored map.")]
+Repair = Annotated[bool, typer.Option("--repair", help="Compute damaged chunks again.")]
+Rtol = Annotated[float, typer.Option("--rtol", help="Accuracy of the motions.")]
+MeasureOptions = Annotated[
+    list[str],
+    typer.Option(
+        "--measure",
+        metavar="MEASURE",
+        help="period, amplitude, speed, stick_fraction, energy_per_cycle, peak_force, "
+        "switches, harmonic, relative_phase, energy_per_distance, cost_of_transport:m*g ..., "
+        "also of one part as in amplitude:psi; 'name = formula' of these; "
+        "file.py:function; may be repeated.",
+    ),
+]
 
 
 def sweep_command(
@@ -40,24 +70,15 @@ def sweep_command(
             "'P,delta=sobol:1024; 0.8:1.6; 0.01:0.2'; may be repeated.",
         ),
     ],
-    measure: Annotated[
-        list[str],
-        typer.Option(
-            "--measure",
-            metavar="MEASURE",
-            help="period, amplitude, speed, stick_fraction, energy_per_cycle, peak_force, "
-            "switches, harmonic, relative_phase, energy_per_distance, cost_of_transport:m*g ..., "
-            "also of one part as in amplitude:psi; 'name = formula' of these; "
-            "file.py:function; may be repeated.",
-        ),
-    ],
+    measure: MeasureOptions,
     out: Annotated[
         Path | None,
         typer.Option("--out", metavar="STORE", help="The map.  [default: out/NAME.zarr]"),
     ] = None,
     settings: ParameterOptions = None,
     initial: Initial = None,
-    rtol: Annotated[float, typer.Option("--rtol", help="Accuracy of the motions.")] = 1e-10,
+    until: Until = None,
+    rtol: Rtol = 1e-10,
     tolerance: Annotated[
         float,
         typer.Option("--tolerance", help="What may be missing to the cycle of a settled motion."),
@@ -101,32 +122,19 @@ def sweep_command(
             help="Change, relative to the range of a measure, that --adaptive refines.",
         ),
     ] = 0.05,
-    workers: Annotated[
-        int | None, typer.Option("--workers", help="Threads or processes.  [default: cores]")
-    ] = None,
-    processes: Annotated[
-        bool, typer.Option("--processes", help="Processes in place of threads.")
-    ] = False,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            "--scheduler", metavar="ADDRESS", help="Use the Dask cluster at this address."
-        ),
-    ] = None,
-    local_cluster: Annotated[
-        bool, typer.Option("--local-cluster", help="Start a Dask cluster here.")
-    ] = False,
+    workers: Workers = None,
+    processes: Processes = False,
+    scheduler: Scheduler = None,
+    local_cluster: LocalCluster = False,
     device: Annotated[
         str,
         typer.Option(
             "--device", metavar="cpu|gpu", help="Where the compiled loops run; gpu: a CUDA device."
         ),
     ] = "cpu",
-    extend: Annotated[
-        bool, typer.Option("--extend", help="Add points to a map over some of these values.")
-    ] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a stored map.")] = False,
-    repair: Annotated[bool, typer.Option("--repair", help="Compute damaged chunks again.")] = False,
+    extend: Extend = False,
+    overwrite: Overwrite = False,
+    repair: Repair = False,
     time_limit: TimeLimitOfEach = None,
 ) -> None:
     """Measure a system over parameters and initial values.
@@ -139,47 +147,67 @@ def sweep_command(
     from stickslip import sweep as compute
     from stickslip.sweeps.work.chunk import Settings as MapSettings
 
-    system = load_model(model, settings or [])
+    system = load_model(model, settings or [], until)
     start = numbers(assignments(initial or [], "--initial"), "--initial")
     path = out or folder_of(system.name).with_suffix(".zarr")
-    try:
-        with (
-            _workers(scheduler, local_cluster, processes, workers) as who,
-            _progress(str(path)) as progress,
-        ):
-            found = compute(
-                system,
-                over,
-                measure,
-                path,
-                initial=start,
-                settings=MapSettings(
-                    tolerance=tolerance, max_time=max_time, longest_cycle=longest_cycle, rtol=rtol
-                ),
-                seed=seed,
-                carry=carry,
-                adaptive=_adaptive(adaptive, contrast),
-                scheduler=who,
-                workers=workers,
-                device=device,
-                extend=extend,
-                overwrite=overwrite,
-                repair=repair,
-                time_limit=time_limit,
-                progress=progress,
-            )
-    except KeyboardInterrupt:
-        finish(
-            f"interrupted; what was computed is in {path}; the same command goes on",
-            EXIT_INTERRUPTED,
+    settled = MapSettings(
+        tolerance=tolerance, max_time=max_time, longest_cycle=longest_cycle, rtol=rtol
+    )
+
+    def work(who: str, progress: ShowPoints) -> Map:
+        return compute(
+            system,
+            over,
+            measure,
+            path,
+            initial=start,
+            settings=settled,
+            seed=seed,
+            carry=carry,
+            adaptive=_adaptive(adaptive, contrast),
+            scheduler=who,
+            workers=workers,
+            device=device,
+            extend=extend,
+            overwrite=overwrite,
+            repair=repair,
+            time_limit=time_limit,
+            progress=progress,
         )
-    summary = found.summary()
+
+    who = workers_of(scheduler, local_cluster, processes, workers)
+    found = computed_map(path, who, work)
+    print_summary(found.summary(), more=[("written", str(path))])
+    if not found.outcome.ok:
+        raise typer.Exit(NOT_CERTIFIED)
+
+
+def computed_map(
+    path: Path,
+    who: contextlib.AbstractContextManager[str],
+    work: Callable[[str, ShowPoints], Map],
+) -> Map:
+    """A map, with a bar while it is computed; where it is interrupted, the command ends.
+
+    Parameters
+    ----------
+    path : Path
+        Its store.
+    who : context manager
+        Of the scheduler that does the work.
+    work : callable
+        Takes the scheduler and who is told of progress.
+    """
+    try:
+        with who as scheduler, _progress(str(path)) as progress:
+            found = work(scheduler, progress)
+    except KeyboardInterrupt:
+        text = f"interrupted; what was computed is in {path}; the same command goes on"
+        finish(text, EXIT_INTERRUPTED)
     if found.outcome.interrupted:
         done = f"{found.computed:,} of {found.dataset['outcome'].size:,} points are in {path}"
         finish(f"interrupted; {done}; the same command goes on", EXIT_INTERRUPTED)
-    print_summary(summary, more=[("written", str(path))])
-    if not found.outcome.ok:
-        raise typer.Exit(NOT_CERTIFIED)
+    return found
 
 
 def plot_command(
@@ -277,7 +305,7 @@ def _adaptive(names: list[str] | None, contrast: float) -> Adaptive | None:
 
 
 @contextlib.contextmanager
-def _workers(
+def workers_of(
     address: str | None, local_cluster: bool, processes: bool, workers: int | None
 ) -> Iterator[str]:
     """Who does the work, as the name of a scheduler."""

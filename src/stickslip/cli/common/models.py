@@ -13,7 +13,7 @@ from stickslip import catalogue, load
 from stickslip.errors import DeclarationError, short
 from stickslip.model import toml
 from stickslip.model.names import measured_drives
-from stickslip.model.system import Drive, Formula, System
+from stickslip.model.system import DefaultSpan, Drive, Formula, System
 from stickslip.structures.names import is_entry
 from stickslip.symbolic.expressions import is_number, number
 from stickslip.symbolic.formulas import Scope
@@ -29,7 +29,8 @@ def load_model(model: str, settings: Iterable[str], until: float | None = None) 
     model : str
     settings : iterable of str
     until : float, optional
-        End of its time span, which samples have to cover then.
+        End of its time span, which samples have to cover then. By default a span that is declared
+        stands, and any other is that of the samples.
 
     Raises
     ------
@@ -45,9 +46,15 @@ def load_model(model: str, settings: Iterable[str], until: float | None = None) 
         system = load(model).configure(others)
     else:
         system = catalogue.get(model)
-    if until is not None and samples and until > system.span[0]:
-        system = replace(system, span=(system.span[0], until))
-    return system.configure(samples)
+    if until is None:
+        return system.configure(samples)
+    if isinstance(system.span, DefaultSpan):
+        system = system.configure(samples)
+    start, _ = system.span
+    if not until > start:
+        reason = f"the time span begins at {start:g}, and would end at {until:g}"
+        raise DeclarationError("--until", reason, "Let it end later")
+    return replace(system, span=(start, until)).configure(samples)
 
 
 def references(model: str) -> list[str]:

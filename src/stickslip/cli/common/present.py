@@ -56,6 +56,10 @@ Initial = Annotated[
         "--initial", metavar="NAME=VALUE", help="Initial value, such as psi=0.8; may be repeated."
     ),
 ]
+Until = Annotated[
+    float | None,
+    typer.Option("--until", metavar="T", help="End of the time span.  [default: the model's]"),
+]
 Out = Annotated[
     Path | None,
     typer.Option("--out", metavar="DIR", help="Folder for the results.  [default: out/NAME]"),

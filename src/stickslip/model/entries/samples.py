@@ -32,6 +32,7 @@ from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.kept import cached_property
 from stickslip.model.entries.columns import columns_of
 from stickslip.model.entries.polynomials import LIVING, NEAR_SAMPLE, PiecewisePolynomial, derived
+from stickslip.model.entries.strong_motion import is_strong_motion, strong_motion_of
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import TimeFunction
@@ -128,8 +129,9 @@ class Samples(TimeFunction):
         Parameters
         ----------
         file : path
-            Columns that commas, semicolons, tabs or blanks separate, with a line of names. Lines
-            that begin with # are left out.
+            Columns that commas, semicolons, tabs or blanks separate, with a line of names; lines
+            that begin with # are left out. Or a record of strong motion in the format of PEER, with
+            the ending .AT2, .VT2 or .DT2, whose times are counted from 0.
         time, value : str
             Names of the columns. By default the times are in the column called ``time`` or ``t``,
             the values in that called by the `name`, or ``value``, or else in the only other one.
@@ -144,6 +146,9 @@ class Samples(TimeFunction):
             If it cannot be read, has no such columns, or something in them is wrong; the message
             names the row, the column and the remedy.
         """
+        if is_strong_motion(file):
+            t, y = strong_motion_of(file)
+            return cls(t, y, kind, periodic, where=str(file), source={"file": str(file)})
         t, y, rows, (time, value) = columns_of(file, time, value, name)
         try:
             checked(t, y, str(file))

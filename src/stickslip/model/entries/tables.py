@@ -31,7 +31,7 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.kept import cached_property
 from stickslip.model.entries.columns import chosen_columns, table_columns
-from stickslip.model.entries.polynomials import INTEGRAL, LIVING, PiecewisePolynomial, derived
+from stickslip.model.entries.polynomials import INTEGRAL, LIVING, PiecewisePolynomial
 from stickslip.model.entries.samples import WrongRow, check_increasing, checked
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr

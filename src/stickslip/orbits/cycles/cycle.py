@@ -31,6 +31,7 @@ from stickslip.motion.audit.observers import Sums
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN
+from stickslip.motion.simulate import with_span
 from stickslip.orbits.continuation.branch import SpecialPoint
 from stickslip.orbits.cycles import measure, over_period
 from stickslip.orbits.cycles.certificate import certify_cycle
@@ -560,6 +561,7 @@ def find_cycle(
     start: Trajectory | Cycle | SpecialPoint | Mapping[str, float] | ArrayLike | None = None,
     *,
     parameters: Mapping[str, float] | None = None,
+    span: tuple[float, float] | None = None,
     time_limit: float | None = None,
 ) -> Cycle:
     """The cycle near a motion, a state, another cycle or a Hopf point.
@@ -576,6 +578,9 @@ def find_cycle(
     parameters : mapping of str to float, optional
         Values that replace the defaults, or those of `start`. At a Hopf point the value of the
         branch's parameter tells which of the cycles is meant; by default a small one.
+    span : (float, float), optional
+        Time span in place of that of the system, for a start at a state: the motion from there
+        begins with it, and is given up after 100 times as long.
     time_limit : float, optional
         Seconds of wall-clock time that it may take.
 
@@ -592,6 +597,10 @@ def find_cycle(
         the cycles come in a family without a translation. The message says what was tried and what
         came nearest. A :class:`stickslip.errors.TimeLimitError`, which is one, if the time is up.
     """
+    if span is not None and isinstance(start, SpecialPoint | Result):
+        reason = "a motion, a cycle or a Hopf point has a time of its own"
+        raise DeclarationError("span", reason, "Give it with a state, or leave it out")
+    system = with_span(system, span)
     with limited(time_limit, f"a cycle of {system.name}"):
         return _found(system, start, parameters)
 

@@ -27,6 +27,7 @@ import numpy as np
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short
 from stickslip.model.system import System
+from stickslip.sweeps.request.records import Records
 from stickslip.symbolic.expressions import is_number, number
 from stickslip.symbolic.formulas import Scope
 
@@ -50,11 +51,14 @@ class Axis:
     values : array, shape (names, points)
     spacing : str
         One of ``linear``, ``log``, ``list`` and the kinds of samples.
+    labels : tuple of str
+        Of records, their names; their values say which they are, and nothing else.
     """
 
     names: tuple[str, ...]
     values: Array
     spacing: str
+    labels: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return self.values.shape[1]
@@ -68,7 +72,8 @@ class Axis:
     def ordered(self) -> bool:
         """Whether neighbours on the axis are neighbours in its values."""
         steps = np.diff(self.values[0])
-        return len(self.names) == 1 and bool(np.all(steps > 0.0) or np.all(steps < 0.0))
+        alone = len(self.names) == 1 and not self.labels
+        return alone and bool(np.all(steps > 0.0) or np.all(steps < 0.0))
 
     def positions(self, other: Axis) -> Array:
         """Where the values of another axis of the same names stand on this one; −1 for those that
@@ -109,7 +114,7 @@ def read_axes(
     system : System
     over : mapping or sequence of str
         By name (or by several names, ``"P,Q"``): a text as above, or values (for several names one
-        column each). A sequence holds texts ``NAME=VALUES``.
+        column each); by any name that is free, records. A sequence holds texts ``NAME=VALUES``.
     seed : int
         Of the samples.
 
@@ -119,7 +124,7 @@ def read_axes(
         If a text is not an axis, a name is unknown or used twice, or a value is not admissible.
     """
     if not isinstance(over, Mapping):
-        over = dict(_split(text) for text in _once(over))
+        over = axes_of_texts(over)
     if not over:
         raise DeclarationError(
             "over", "there is nothing to vary", "Name a parameter, as in P=0.8:1.6:400"
@@ -137,6 +142,17 @@ def read_axes(
             "over", f"the map has more than {_MOST_POINTS:,} points", "Give fewer values"
         )
     return axes
+
+
+def axes_of_texts(texts: Sequence[str]) -> dict[str, str]:
+    """Axes by name, of texts ``NAME=VALUES``.
+
+    Raises
+    ------
+    DeclarationError
+        If a text is none, or a name is given twice.
+    """
+    return dict(_split(text) for text in _once(texts))
 
 
 def _once(texts: Sequence[str]) -> Sequence[str]:
@@ -159,6 +175,10 @@ def _axis(key: str, given: Any, seed: int) -> Axis:
     where = f"over.{','.join(names)}"
     if isinstance(given, str):
         return _from_text(names, given, where, seed)
+    if isinstance(given, Records):
+        if len(names) > 1:
+            raise DeclarationError(where, "records have one name", "Write {'record': records}")
+        return Axis(names, given.numbers, "list", tuple(given))
     if isinstance(given, tuple) and len(given) == 3 and type(given[2]) is int:
         low, high, number = given
         raise DeclarationError(
@@ -301,7 +321,13 @@ def _table(names: tuple[str, ...], values: Array, spacing: str, where: str) -> A
 def _check_values(system: System, axis: Axis) -> None:
     """Refuse names that cannot vary and values outside a parameter's range."""
     declaration = system.declaration
+    taken = {*system.parameters, *declaration.state, *system.drives}
+    if axis.labels and (name := axis.names[0]) in taken:
+        remedy = "Call the axis something else, such as record"
+        raise DeclarationError(f"over.{name}", f"{system.name} has something called so", remedy)
     for name, column in zip(axis.names, axis.values, strict=True):
+        if axis.labels:
+            continue
         if name in system.parameters:
             # the admissible set is an interval
             for value in (float(np.min(column)), float(np.max(column))):
@@ -394,7 +420,8 @@ _PARTS = 64  # chunks that a map of medium size is divided into
 
 
 def make_grid(axes: Sequence[Axis], lines: Sequence[int] = ()) -> Grid:
-    """The grid of some axes; its chunks are as even in all directions as they can be.
+    """The grid of some axes; its chunks are as even in all directions as they can be, and each is
+    of one record.
 
     Parameters
     ----------
@@ -405,7 +432,7 @@ def make_grid(axes: Sequence[Axis], lines: Sequence[int] = ()) -> Grid:
     """
     chunk = [len(axis) for axis in axes]
     target = min(_CHUNK_POINTS, max(FEWEST, math.prod(chunk) // _PARTS))
-    for k in lines[1:]:
+    for k in [*lines[1:], *(k for k, axis in enumerate(axes) if axis.labels)]:
         chunk[k] = 1
     while math.prod(chunk) > target:
         others = [k for k in range(len(chunk)) if k not in lines and chunk[k] > 1]

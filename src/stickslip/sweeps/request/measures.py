@@ -195,7 +195,7 @@ _BEYOND_CYCLES = ("amplitude", "speed", "low", "high", "shift", "state", "mean")
 def known_for_a_time(system: System) -> bool:
     """Whether a drive of the system is known for a time only, so that nothing settles: measured is
     the motion over the declared span then."""
-    return any(not drive.covers(0.0, np.inf) for drive in system.declaration.given.values())
+    return any(drive.ends for drive in system.declaration.given.values())
 
 
 def needs_close_look(system: System, measures: Sequence[str]) -> bool:

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from stickslip.errors import some
 from stickslip.model.entries.declared import Kind
 from stickslip.model.quantities import described, quantity
 from stickslip.model.system import System
@@ -18,6 +19,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.sweeps.request.axes import Axis
 from stickslip.sweeps.request.carry import CARRIED, DIRECTION, Carry, direction_attributes
 from stickslip.sweeps.request.measures import LACKING, certified_below
+from stickslip.sweeps.request.records import Driven
 from stickslip.sweeps.request.user_measures import REASONS, Measure, variable
 
 NOT_COMPUTED = -1
@@ -26,6 +28,7 @@ INTERPOLATED = -2
 
 KIND = "sweep"
 FORMAT = 2
+LABELS = "labels"  # attribute of an axis with the names of records
 
 
 class Part(Enum):
@@ -34,6 +37,7 @@ class Part(Enum):
     MODEL = "model"
     SETTINGS = "settings"
     CARRY = "carry"
+    SPAN = "span"
     INITIAL = "initial"
     MEASURES = "measures"
     VERSION = "version"
@@ -68,6 +72,8 @@ class Plan:
         friction cannot hold starts at the nearest place at which it can.
     carry : Carry, optional
         Along which axis points begin where the one before has ended.
+    driven : Driven, optional
+        Records that are an axis; the system is that under the first of them.
     """
 
     system: System
@@ -78,6 +84,12 @@ class Plan:
     seed: int
     section: bool = False
     carry: Carry | None = None
+    driven: Driven | None = None
+
+    @property
+    def model(self) -> str:
+        """The model file of the system, or of what records drive."""
+        return (self.driven.base if self.driven else self.system).to_toml()
 
     def parts(self) -> dict[str, str]:
         """Everything but the values of the axes, as texts for a file."""
@@ -87,7 +99,7 @@ class Plan:
             "kind": KIND,
             "format": str(FORMAT),
             "version": __version__,
-            "model": self.system.to_toml(),
+            "model": self.model,
             "parameters": json.dumps(self.system.values),
             "axes": json.dumps(
                 [{"names": axis.names, "spacing": axis.spacing} for axis in self.axes]
@@ -97,6 +109,8 @@ class Plan:
             "settings": json.dumps(asdict(self.settings), sort_keys=True),
             "seed": str(self.seed),
             **({} if self.carry is None else {"carry": self.carry.text}),
+            **({} if self.driven is None else {"span": json.dumps(self.driven.span)}),
+            **({} if self.driven is None else {"left_out": json.dumps(self.driven.left_out())}),
         }
 
     def difference(self, parts: Mapping[str, str], axes: tuple[Axis, ...]) -> Difference | None:
@@ -120,6 +134,10 @@ class Plan:
             change = _first_difference(json.loads(parts[part.value]), json.loads(own[part.value]))
             if change:
                 return Difference(part, f"with {what} ({change})")
+        spans = [json.loads(part.get("span", "null")) for part in (parts, own)]
+        if spans[0] != spans[1]:
+            there, here = (span or "that of each record" for span in spans)
+            return Difference(Part.SPAN, f"over another time span ({there} there, {here} here)")
         carries = [part.get("carry", "") for part in (parts, own)]
         if carries[0] != carries[1]:
             there, here = (f"along {text}" if text else "not at all" for text in carries)
@@ -154,7 +172,7 @@ class Plan:
             name: (
                 axis.dimension,
                 axis.values[row],
-                {**_varied(self.system, name), "spacing": axis.spacing},
+                {**_varied(self.system, name, axis), "spacing": axis.spacing},
             )
             for axis in self.axes
             for row, name in enumerate(axis.names)
@@ -231,8 +249,11 @@ def _flags(labels: Mapping[int, str]) -> dict[str, Any]:
     }
 
 
-def _varied(system: System, name: str) -> dict[str, Any]:
-    """Unit and meaning of a parameter, of an initial value, or of the direction of a sweep."""
+def _varied(system: System, name: str, axis: Axis) -> dict[str, Any]:
+    """Unit and meaning of a parameter, of an initial value, of records, or of the direction of a
+    sweep."""
+    if axis.labels:
+        return {"long_name": name.replace("_", " "), LABELS: list(axis.labels)}
     if name == DIRECTION and name not in {*system.parameters, *system.declaration.state}:
         return direction_attributes()
     found = quantity(system, name)
@@ -259,4 +280,6 @@ def _first_difference(there: Any, here: Any, where: str = "") -> str:
 
 def _range(axis: Axis) -> str:
     values = axis.values[0]
+    if axis.labels:
+        return f"{len(axis)}: {some(list(axis.labels), 6)}"
     return f"{len(axis)} from {values[0]:g} to {values[-1]:g}"

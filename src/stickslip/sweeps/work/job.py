@@ -15,6 +15,7 @@ from stickslip.errors import DeclarationError
 from stickslip.model.system import System
 from stickslip.sweeps.request.measures import OWN
 from stickslip.sweeps.request.plan import Plan
+from stickslip.sweeps.request.records import Under
 from stickslip.sweeps.request.user_measures import (
     FormulaMeasure,
     FunctionMeasure,
@@ -47,6 +48,8 @@ class Work:
         See :class:`stickslip.sweeps.request.plan.Plan`; whether points carry the state.
     time_limit : float, optional
         Seconds of wall-clock time that each point may take.
+    under : Under, optional
+        The record that drives the system, of a chunk.
     """
 
     model: str
@@ -57,13 +60,14 @@ class Work:
     section: bool = False
     carries: bool = False
     time_limit: float | None = None
+    under: Under | None = None
 
 
 def work_of(plan: Plan, device: str = "cpu", time_limit: float | None = None) -> Work:
     """The work that a plan asks for at its points."""
     asked = tuple(asked_again(measure) for measure in plan.measures)
     initial = tuple(plan.initial.items())
-    model = plan.system.to_toml()
+    model = plan.model
     carries = plan.carry is not None
     return Work(model, asked, initial, plan.settings, device, plan.section, carries, time_limit)
 
@@ -89,6 +93,8 @@ def _prepared(work: Work) -> tuple[System, tuple[Measure, ...]]:
     from stickslip.model.system_file import loads
 
     system = loads(work.model)
+    if work.under is not None:
+        system = work.under.of(system)
     return system, read_measures(system, work.asked)
 
 

@@ -1,0 +1,198 @@
+"""The command ``records``: a system under many records."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from stickslip.cli.commands.sweeping import (
+    Extend,
+    LocalCluster,
+    MeasureOptions,
+    Overwrite,
+    Processes,
+    Repair,
+    Rtol,
+    Scheduler,
+    ShowPoints,
+    Workers,
+    computed_map,
+    workers_of,
+)
+from stickslip.cli.common.ending import NOT_CERTIFIED
+from stickslip.cli.common.models import assignments, load_model, numbers
+from stickslip.cli.common.present import (
+    Files,
+    Initial,
+    Json,
+    Model,
+    ParameterOptions,
+    ShowProgress,
+    TimeLimitOfEach,
+    folder_of,
+    present,
+)
+from stickslip.cli.common.report import print_summary
+from stickslip.errors import DeclarationError, short
+
+if TYPE_CHECKING:
+    from stickslip import Fragility, Map
+
+FRAGILITY = Files("fragility.nc", {"fragility.csv": lambda found: found.table})
+
+
+def records_command(
+    model: Model,
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FOLDER", help="Of records: tables (.csv, ...) or PEER files (.AT2, ...)."
+        ),
+    ],
+    measure: MeasureOptions,
+    scale: Annotated[
+        str | None,
+        typer.Option(
+            "--scale",
+            metavar="VALUES",
+            help="What the records are multiplied by, such as 0.2:2:10, or 1,2,5.",
+        ),
+    ] = None,
+    over: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--over",
+            metavar="NAME=VALUES",
+            help="What else varies, such as mu=0.1,0.2; may be repeated.",
+        ),
+    ] = None,
+    limit: Annotated[
+        str | None,
+        typer.Option(
+            "--limit",
+            metavar="MEASURE=VALUE",
+            help="Say how many records exceed it, such as slip=0.05.",
+        ),
+    ] = None,
+    drive: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--drive",
+            metavar="NAME",
+            help="What is recorded; of several, each a column.  [default: the only one]",
+        ),
+    ] = None,
+    time: Annotated[str, typer.Option("--time", metavar="NAME", help="Column of the times.")] = "",
+    value: Annotated[
+        str, typer.Option("--value", metavar="NAME", help="Column of the values.")
+    ] = "",
+    kind: Annotated[
+        str,
+        typer.Option(
+            "--kind",
+            metavar="linear|cubic|hold",
+            help="What is between two samples.",
+        ),
+    ] = "linear",
+    factor: Annotated[
+        float, typer.Option("--factor", help="All values are multiplied by it, such as 9.81.")
+    ] = 1.0,
+    peak: Annotated[
+        float | None,
+        typer.Option("--peak", help="Each record is scaled to this largest absolute value."),
+    ] = None,
+    pattern: Annotated[
+        str, typer.Option("--pattern", metavar="NAME", help="Of the files, such as '*_h1.csv'.")
+    ] = "",
+    gaps: Annotated[bool, typer.Option("--gaps", help="Records may have gaps.")] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="STORE", help="The map.  [default: out/NAME-records.zarr]"),
+    ] = None,
+    settings: ParameterOptions = None,
+    initial: Initial = None,
+    until: Annotated[
+        float | None,
+        typer.Option("--until", metavar="T", help="End of all.  [default: that of each record]"),
+    ] = None,
+    rtol: Rtol = 1e-10,
+    workers: Workers = None,
+    processes: Processes = False,
+    scheduler: Scheduler = None,
+    local_cluster: LocalCluster = False,
+    extend: Extend = False,
+    overwrite: Overwrite = False,
+    repair: Repair = False,
+    time_limit: TimeLimitOfEach = None,
+    json_: Json = False,
+) -> None:
+    """Measure a system under every record of a folder, at many scales, and over parameters.
+
+    Each motion lasts as long as its record. Writes a Zarr store, record by record; the same command
+    takes up what was interrupted, and --extend adds records. With --limit, also the share of
+    records that exceed it: fragility.nc, fragility.csv, summary.json and overview.png into the
+    folder of that name beside the store.
+
+    Exit code: 0 complete (and certified, with --limit), 1 not, 2 wrong input, 130 interrupted (what
+    was computed is kept).
+    """
+    from stickslip import Records, Settings
+    from stickslip import sweep as compute
+    from stickslip.sweeps.request.axes import axes_of_texts
+
+    system = load_model(model, settings or [])
+    start = numbers(assignments(initial or [], "--initial"), "--initial")
+    exceeded = None if limit is None else _limit(limit)
+    given: dict[str, Any] = {"kind": kind, "factor": factor, "peak": peak, "pattern": pattern}
+    records = Records.read(folder, drive or (), time=time, value=value, gaps=gaps, **given)
+    axes: dict[str, Any] = {"record": records}
+    axes |= {} if scale is None else {"scale": scale}
+    for name, values in axes_of_texts(over or []).items():
+        if name in axes:
+            raise DeclarationError(f"--over {short(name)}", "it varies already", "Give it once")
+        axes[name] = values
+    path = out or folder_of(system.name, "records").with_suffix(".zarr")
+    span = None if until is None else (float(system.span[0]), until)
+
+    def work(who: str, progress: ShowPoints) -> Map:
+        return compute(
+            system,
+            axes,
+            measure,
+            path,
+            initial=start,
+            span=span,
+            settings=Settings(rtol=rtol),
+            scheduler=who,
+            workers=workers,
+            extend=extend,
+            overwrite=overwrite,
+            repair=repair,
+            time_limit=time_limit,
+            progress=progress,
+        )
+
+    found = computed_map(path, workers_of(scheduler, local_cluster, processes, workers), work)
+    if exceeded is None:
+        print_summary(found.summary(), json_, [("written", str(path))])
+        raise typer.Exit(0 if found.outcome.ok else NOT_CERTIFIED)
+
+    def fragility(progress: ShowProgress) -> Fragility:
+        return found.fragility(*exceeded)
+
+    if not json_:
+        print_summary(found.summary(), more=[("written", str(path))])
+    beside = path.with_name(f"{path.stem}-fragility")
+    present("fragility", beside, FRAGILITY, fragility, json_)
+
+
+def _limit(text: str) -> tuple[str, float]:
+    """The measure and the value of MEASURE=VALUE."""
+    name, _, value = text.rpartition("=")
+    try:
+        return name.strip(), float(value)
+    except ValueError:
+        reason = "not of the form MEASURE=VALUE"
+        raise DeclarationError(f"--limit {short(text)}", reason, "Like --limit slip=0.05") from None

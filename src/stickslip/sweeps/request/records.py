@@ -1,0 +1,466 @@
+"""Records that drive a system one after the other: an axis of a map.
+
+What is drawn over is how much the records are scaled, and what is asked is how many of them exceed
+a limit: an incremental dynamic analysis (D. Vamvatsikos, C. A. Cornell, *Earthq. Eng. Struct. Dyn.*
+31 (2002) 491-514).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from stickslip.arguments import validated
+from stickslip.arrays import Array
+from stickslip.errors import DeclarationError, short, suggestion
+from stickslip.kept import cached_property
+from stickslip.model.entries.samples import SampleKind, Samples
+from stickslip.model.entries.strong_motion import ENDINGS
+from stickslip.model.entries.units import with_unit
+from stickslip.model.names import check_covered, parts_left_out
+from stickslip.model.schema import entry_key
+from stickslip.model.system import Parameter, System
+from stickslip.symbolic.formulas import parse_signature
+
+if TYPE_CHECKING:
+    import xarray
+
+SCALE = "scale"
+"""What an axis is called that multiplies records, where the system has no such parameter."""
+_RECORDED = "_recorded"  # what follows the name of a drive in that of its record, if it is scaled
+_TABLES = (".csv", ".tsv", ".txt", ".dat")
+_EVEN = 0.9  # part of the steps of a record that are alike where it is one of even steps
+_ALIKE = 0.01  # relative
+_GAP = 1.5  # steps, from which on something is missing
+
+
+class Records(Mapping[str, Mapping[str, Samples]]):
+    """Records, by name: what drives a system is one of them after the other.
+
+    Parameters
+    ----------
+    records : mapping of str to Samples, or to mapping of str to Samples
+        By name: the record of the only drive of a system, or those of several drives by their
+        names, such as two components of a ground motion.
+
+    Raises
+    ------
+    DeclarationError
+        If there are none, two are the same, or they drive different things.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> pulses = {f"{T} s": ss.Samples([0, T, 9], [1, 0, 0], kind="hold") for T in (0.2, 0.4)}
+    >>> ss.Records(pulses)
+    <Records: 2, '0.2 s' to '0.4 s', 9 long>
+    """
+
+    @validated
+    def __init__(self, records: Mapping[str, Any]) -> None:
+        self._records: dict[str, dict[str, Samples]] = {}
+        for name, given in records.items():
+            parts = given if isinstance(given, Mapping) else {"": given}
+            for drive, samples in parts.items():
+                if not isinstance(samples, Samples):
+                    reason = f"expected Samples, got {type(samples).__name__}"
+                    where = f"records.{short(str(name))}" + (f".{drive}" if drive else "")
+                    raise DeclarationError(where, reason, "Write ss.Samples(times, values)")
+            self._records[str(name)] = dict(parts)
+        if not self._records or not all(self._records.values()):
+            raise DeclarationError("records", "there are none", "Give at least one")
+        self._check()
+
+    @classmethod
+    @validated
+    def read(
+        cls,
+        folder: str | PathLike[str],
+        drives: str | Sequence[str] = (),
+        *,
+        time: str = "",
+        value: str = "",
+        kind: SampleKind = "linear",
+        factor: float = 1.0,
+        peak: float | None = None,
+        pattern: str = "",
+        gaps: bool = False,
+    ) -> Records:
+        """The records in the files of a folder, by the names of the files, in alphabetical order.
+
+        Parameters
+        ----------
+        folder : path
+        drives : str or sequence of str, optional
+            What the records drive; by default the only drive of the system. Of several, each file
+            has a column for each, called by its name.
+        time, value, kind
+            As of :meth:`Samples.read`, which reads the files.
+        factor : float
+            By which all values are multiplied, such as 9.81 where they are in parts of g and the
+            system counts in m/s².
+        peak : float, optional
+            Each record is multiplied by what makes this its largest absolute value (of its
+            components, where it has several); a scale of a map is the peak then.
+        pattern : str
+            Of the names of the files, such as ``"*_h1.csv"``; by default all tables (.csv, .tsv,
+            .txt, .dat) and all records in the format of PEER (.AT2, .VT2, .DT2).
+        gaps : bool
+            Whether a record may have gaps: times at which samples are missing where all others are
+            evenly spaced. It is straight between its samples, there too.
+
+        Raises
+        ------
+        DeclarationError
+            If there is no such folder, or no record in it, or one of them is wrong: empty, without
+            the columns, with values that are no numbers, times that do not increase, or gaps. The
+            message names the file, the row and the remedy.
+        """
+        if not math.isfinite(factor) or factor == 0.0:
+            raise DeclarationError("factor", f"{factor!r} is no factor", "Give a number but 0")
+        if peak is not None and not (0.0 < peak < math.inf and factor == 1.0):
+            reason = (
+                f"{peak!r} is no positive number" if factor == 1.0 else "a factor is given, too"
+            )
+            raise DeclarationError("peak", reason, "Give a positive number, and no factor")
+        names = (drives,) if isinstance(drives, str) else tuple(drives)
+        if len(names) > 1 and value:
+            raise DeclarationError("value", "several drives have a column each", "Leave it out")
+        found: dict[str, dict[str, Samples]] = {}
+        files = _files(Path(folder), pattern)
+        stems = [file.stem for file in files]
+        for file in files:
+            name = file.stem if stems.count(file.stem) == 1 else file.name
+            parts = {
+                drive: _read(file, time, value if len(names) < 2 else drive, kind, drive, gaps)
+                for drive in names or ("",)
+            }
+            found[name] = _scaled(parts, factor, peak, str(file))
+        return cls(found)
+
+    def __getitem__(self, name: str) -> Mapping[str, Samples]:
+        return self._records[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._records)
+
+    def __len__(self) -> int:
+        return len(self._records)
+
+    def __hash__(self) -> int:
+        return hash(self.digests)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Records) and self._records == other._records
+
+    def __repr__(self) -> str:
+        names = list(self)
+        ends = dict.fromkeys(f"{length:g}" for length in (min(self.durations), max(self.durations)))
+        between = " to ".join(dict.fromkeys(f"'{name}'" for name in (names[0], names[-1])))
+        return f"<Records: {len(self)}, {between}, {' to '.join(ends)} long>"
+
+    @property
+    def drives(self) -> tuple[str, ...]:
+        """What they drive; one that is empty is the only drive of a system."""
+        return tuple(next(iter(self._records.values())))
+
+    @property
+    def durations(self) -> list[float]:
+        """How long each is."""
+        return [stop - start for start, stop in map(_span, self._records.values())]
+
+    @cached_property
+    def digests(self) -> tuple[str, ...]:
+        """A name for the content of each."""
+        found: list[str] = []
+        for parts in self._records.values():
+            content = "".join(samples.digest for samples in parts.values())
+            found.append(hashlib.sha256(content.encode()).hexdigest())
+        return tuple(found)
+
+    @cached_property
+    def numbers(self) -> Array:
+        """Where each stands on an axis: a number between 0 and 1 that is made of its content, so
+        that a map knows it again wherever it stands; shape (1, records)."""
+        return np.array([[int(digest[:13], 16) / 16.0**13 for digest in self.digests]])
+
+    def _check(self) -> None:
+        """Refuse records that are not alike, or the same."""
+        names = list(self)
+        first = self.drives
+        for name, parts in self._records.items():
+            if tuple(parts) != first:
+                there, here = (", ".join(p) or "the only drive" for p in (first, parts))
+                reason = f"it is for {here}, and '{names[0]}' for {there}"
+                raise DeclarationError(f"records.{short(name)}", reason, "Give the same to each")
+            if len({samples.ends for samples in parts.values()}) > 1 or (
+                _ends(parts) != _ends(self._records[names[0]])
+            ):
+                reason = "some of the records repeat, and some end"
+                raise DeclarationError(f"records.{short(name)}", reason, "Give either kind")
+            _span(parts, name)
+        for i, digest in enumerate(self.digests):
+            if digest in self.digests[:i]:
+                again = names[self.digests.index(digest)]
+                reason = f"it is the same as '{again}'"
+                raise DeclarationError(f"records.{short(names[i])}", reason, "Give each once")
+
+
+class Under(NamedTuple):
+    """What a record makes of a system.
+
+    Attributes
+    ----------
+    drives : tuple of (str, Samples)
+        By the keys of the system.
+    span : (float, float)
+    """
+
+    drives: tuple[tuple[str, Samples], ...]
+    span: tuple[float, float]
+
+    def of(self, base: System) -> System:
+        """The system under the record."""
+        return replace(base, drives={**base.drives, **dict(self.drives)}, span=self.span)
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """A system that records drive, one after the other.
+
+    Attributes
+    ----------
+    base : System
+        With a factor of the records, if that varies.
+    records : Records
+    keys : dict of str to str
+        Under which drive of the base each part of a record stands.
+    span : (float, float), optional
+        Of all motions; by default each lasts as long as its record.
+    """
+
+    base: System
+    records: Records
+    keys: Mapping[str, str]
+    span: tuple[float, float] | None = None
+
+    def under(self, number: float) -> Under:
+        """What the record with a number on the axis makes of the system."""
+        place = int(np.argmin(np.abs(self.records.numbers[0] - number)))
+        return self._under(list(self.records)[place])
+
+    def _under(self, name: str) -> Under:
+        parts = self.records[name]
+        span = self.span or (_span(parts) if _ends(parts) else self.base.span)
+        drives = tuple((self.keys[part], samples) for part, samples in parts.items())
+        return Under(drives, span)
+
+    @property
+    def first(self) -> System:
+        """The system under the first record."""
+        return self._under(next(iter(self.records))).of(self.base)
+
+    def check(self) -> None:
+        """Refuse a span that a record does not cover.
+
+        Raises
+        ------
+        DeclarationError
+        """
+        for name, parts in self.records.items() if self.span else ():
+            try:
+                check_covered({part or name: s for part, s in parts.items()}, *self.span or (0, 0))
+            except DeclarationError as error:
+                remedy = "Shorten the span, or give longer records"
+                raise DeclarationError(f"records.{short(name)}", error.reason, remedy) from None
+
+    def left_out(self) -> list[str]:
+        """What motions over the given span leave out of the records, in words."""
+        if self.span is None:
+            return []
+        cut = [
+            name
+            for name, parts in self.records.items()
+            if parts_left_out({name: next(iter(parts.values()))}, *self.span, "")
+        ]
+        if not cut:
+            return []
+        longest = max((_span(self.records[name])[1], name) for name in cut)
+        runs, begun, ends = (with_unit(t, self.base.time_unit) for t in (longest[0], *self.span))
+        count = f"{len(cut)} of {len(self.records)} records are longer than the motions"
+        return [f"{count}, from {begun} to {ends}: '{longest[1]}' runs to {runs}"]
+
+
+def record_axis(data: xarray.Dataset) -> str:
+    """The axis of records of a map; empty if there is none."""
+    dimensions = map(str, data["outcome"].dims)
+    return next((d for d in dimensions if d in data.coords and data[d].dtype.kind in "OUT"), "")
+
+
+def read_records(
+    system: System,
+    over: Mapping[str, Any] | Sequence[str],
+    span: tuple[float, float] | None,
+) -> Driven | None:
+    """What is said of records among the axes of a map; None if there are none.
+
+    Parameters
+    ----------
+    system : System
+    over : mapping or sequence
+        The axes.
+    span : (float, float), optional
+        Of all motions.
+
+    Raises
+    ------
+    DeclarationError
+        If there are two axes of records, or no such drive.
+    """
+    given = over if isinstance(over, Mapping) else {}
+    axes = [(key, records) for key, records in given.items() if isinstance(records, Records)]
+    if not axes:
+        return None
+    if len(axes) > 1:
+        names = " and ".join(str(key) for key, _ in axes)
+        raise DeclarationError("over", f"{names} are records", "Put them into one axis")
+    ((_, records),) = axes
+    declared = {parse_signature(key, "drives")[0]: key for key in system.drives}
+    keys = {part: _drive(part, declared, system.name) for part in records.drives}
+    base = system
+    if SCALE in over and SCALE not in {*system.parameters, *system.declaration.state}:
+        base, keys = _with_scale(system, keys)
+    driven = Driven(base, records, keys, span)
+    driven.check()
+    return driven
+
+
+def _drive(part: str, declared: Mapping[str, str], system: str) -> str:
+    """The key of the drive that a part of a record stands for."""
+    if part in declared:
+        return declared[part]
+    if not part and len(declared) == 1:
+        return next(iter(declared.values()))
+    known = ", ".join(declared) or "none"
+    if not part:
+        reason = f"{system} has {len(declared)} drives, and which is recorded is not said"
+        raise DeclarationError("records", reason, f"Name one with drives=, --drive: {known}")
+    raise DeclarationError(
+        f"records.{short(part)}", f"{system} has no such drive", suggestion(part, declared)
+    )
+
+
+def _with_scale(system: System, keys: Mapping[str, str]) -> tuple[System, dict[str, str]]:
+    """The system with a parameter that multiplies what its drives are, and where these stand."""
+    drives: dict[str, Any] = {}
+    moved: dict[str, str] = {}
+    for key, drive in system.drives.items():
+        parts = [part for part, own in keys.items() if own == key]
+        if not parts:
+            drives[key] = drive
+            continue
+        name = parse_signature(key, "drives")[0]
+        recorded = f"{name}{_RECORDED}"
+        if recorded in system.drives:
+            where = entry_key("drives", recorded)
+            raise DeclarationError(where, "a scaled record is called so", "Give it another name")
+        drives[key] = f"{SCALE}*{recorded}"
+        drives[recorded] = drive
+        moved |= dict.fromkeys(parts, recorded)
+    parameter = Parameter(1.0, "1", "scale of the records")
+    return replace(system, parameters={**system.parameters, SCALE: parameter}, drives=drives), moved
+
+
+# -- reading ---------------------------------------------------------------------------------------
+
+
+def _files(folder: Path, pattern: str) -> list[Path]:
+    """The records of a folder."""
+    try:
+        there = sorted(path for path in folder.iterdir() if path.is_file())
+        chosen = [path for path in there if _is_record(path, pattern)]
+    except NotADirectoryError:
+        raise DeclarationError(str(folder), "this is no folder", "Name one of records") from None
+    except FileNotFoundError:
+        raise DeclarationError(str(folder), "there is no such folder", "Check the path") from None
+    except (OSError, ValueError) as error:
+        reason = f"it cannot be read ({getattr(error, 'strerror', None) or error})"
+        raise DeclarationError(str(folder), reason, "Check its name and its rights") from None
+    if not chosen:
+        if pattern:
+            reason = f"none of its {len(there)} files is called like '{short(pattern)}'"
+            raise DeclarationError(str(folder), reason, "Write it like *_h1.csv")
+        known = ", ".join((*_TABLES, *(ending.upper() for ending in ENDINGS)))
+        reason = "there is no record in it"
+        raise DeclarationError(str(folder), reason, f"Names of records end with {known}")
+    return chosen
+
+
+def _is_record(path: Path, pattern: str) -> bool:
+    if pattern:
+        return path.match(pattern)
+    return path.suffix.lower() in (*_TABLES, *ENDINGS) and not path.name.startswith(".")
+
+
+def _read(file: Path, time: str, value: str, kind: SampleKind, drive: str, gaps: bool) -> Samples:
+    """One record of a file."""
+    samples = Samples.read(file, time, value, kind, name=drive)
+    if not gaps:
+        _check_gaps(samples.times, str(file))
+    return samples
+
+
+def _check_gaps(times: Array, where: str) -> None:
+    """Refuse a record of even steps in which samples are missing."""
+    steps = np.diff(times)
+    step = float(np.median(steps))
+    wide = np.flatnonzero(steps > _GAP * step)
+    even = np.mean(np.abs(steps - step) <= _ALIKE * step)
+    if not len(wide) or even < _EVEN:
+        return
+    k = int(wide[0])
+    more = f", and {len(wide) - 1} more gaps" if len(wide) > 1 else ""
+    raise DeclarationError(
+        where,
+        f"samples are {step:.6g} apart, and there is none between {times[k]:.9g} and "
+        f"{times[k + 1]:.9g}{more}",
+        "Fill the gap, or allow it: gaps=True, --gaps",
+    )
+
+
+def _scaled(
+    parts: Mapping[str, Samples], factor: float, peak: float | None, where: str
+) -> dict[str, Samples]:
+    """The parts of a record with other values."""
+    if peak is not None:
+        largest = max(float(np.max(np.abs(samples.values))) for samples in parts.values())
+        if largest == 0.0:
+            raise DeclarationError(where, "all values are 0, and have no peak", "Leave it out")
+        factor = peak / largest
+    if factor == 1.0:
+        return dict(parts)
+    return {
+        name: Samples(s.times, factor * s.values, s.kind, s.periodic, where=where)
+        for name, s in parts.items()
+    }
+
+
+def _ends(parts: Mapping[str, Samples]) -> bool:
+    return any(samples.ends for samples in parts.values())
+
+
+def _span(parts: Mapping[str, Samples], name: str = "") -> tuple[float, float]:
+    """What all parts of a record cover."""
+    start = max(samples.span[0] for samples in parts.values())
+    stop = min(samples.span[1] for samples in parts.values())
+    if not start < stop:
+        reason = "no time is covered by all that it drives"
+        raise DeclarationError(f"records.{short(name)}", reason, "Give what is of the same time")
+    return start, stop
