@@ -49,7 +49,7 @@ _MEMBERS = {
     "FrictionLaw": r"ss\.laws\.by_name",
     "LawContact": r"ss\.laws\.\w+\(\"",
 }
-_PAGES = ("by-example", "tutorials/gaits", "extending")
+_PAGES = ("by-example", "tutorials/gaits", "extending", "how-to/data", "how-to/controllers")
 
 
 def groups() -> dict[str, list[str]]:
