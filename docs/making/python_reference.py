@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 FOLDER = "reference/python"
 GROUPS: Mapping[str, str] = {
     "Declare a system": "System Parameter Inertial Viscous RateIndependent Internal Contact "
-    "Unilateral Bilateral Structure ModalDamping ProportionalDamping Jump Output Condition Samples "
+    "Sampled Unilateral Bilateral Structure ModalDamping ProportionalDamping Jump Output Condition Samples noise "
     "load laws catalogue",
     "Motions": "simulate simulate_many Stepper StepperState Trajectory Ensemble EventCatalogue Outcome vector_field "
     "VectorField",
@@ -49,7 +49,7 @@ _MEMBERS = {
     "FrictionLaw": r"ss\.laws\.by_name",
     "LawContact": r"ss\.laws\.\w+\(\"",
 }
-_PAGES = ("by-example", "tutorials/gaits", "extending", "how-to/data", "how-to/controllers")
+_PAGES = ("by-example", "tutorials/gaits", "extending", "how-to/data", "how-to/controllers", "tutorials/controllers")
 
 
 def groups() -> dict[str, list[str]]:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from stickslip.fitting.problem import FitProblem, fit_problem
     from stickslip.fitting.recording import Recording
     from stickslip.model import laws
+    from stickslip.model.entries.noise import noise
     from stickslip.model.entries.samples import Samples
     from stickslip.model.entries.tables import Table
     from stickslip.model.system import (
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
         Output,
         Parameter,
         RateIndependent,
+        Sampled,
         System,
         Unilateral,
         Viscous,
@@ -154,6 +156,7 @@ __all__ = [
     "Recording",
     "Records",
     "RingDown",
+    "Sampled",
     "Samples",
     "Settings",
     "SpecialPoint",
@@ -196,6 +199,7 @@ __all__ = [
     "laws",
     "load",
     "load_evolution",
+    "noise",
     "open",
     "play",
     "prandtl_ishlinskii",
@@ -267,6 +271,7 @@ _HOMES = {
     "Play": "rate_independent.play.operator",
     "play": "rate_independent.play.operator",
     "prandtl_ishlinskii": "rate_independent.play.clamp",
+    "noise": "model.entries.noise",
     "Samples": "model.entries.samples",
     **dict.fromkeys(["ModalDamping", "ProportionalDamping"], "structures.damping"),
     "Structure": "structures.structure",
@@ -307,6 +312,7 @@ _HOMES = {
             "Output",
             "Parameter",
             "RateIndependent",
+            "Sampled",
             "System",
             "Unilateral",
             "Viscous",

@@ -12,9 +12,9 @@ from stickslip.errors import DeclarationError, short
 from stickslip.model.entries.declared import CROSSINGS, IMPACT_LAWS
 from stickslip.model.system import (
     AnyContact,
+    AnyInternal,
     Condition,
     Coordinate,
-    Internal,
     Jump,
     LawContact,
     Output,
@@ -96,7 +96,7 @@ _EXPECTED = {
 _CLASSES = {
     "Parameter": Parameter,
     "Coordinate": Coordinate,
-    "Internal": Internal,
+    "AnyInternal": AnyInternal,
     "AnyContact": AnyContact,
     "Jump": Jump,
     "Condition": Condition,

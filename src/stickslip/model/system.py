@@ -31,6 +31,7 @@ from stickslip.model.entries.declared import (
     Output,
     Parameter,
     RateIndependent,
+    Sampled,
     Side,
     Unilateral,
     Viscous,
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
     from stickslip.structures.coordinates import InModes
 
 Coordinate = Inertial | Viscous | RateIndependent
+AnyInternal = Internal | Sampled
 AnyContact = Contact | Unilateral | Bilateral | LawContact
 
 
@@ -108,7 +110,7 @@ class System:
         ``u[tip]`` and rates ``d_u[tip]``.
     forces : mapping of str to formula
         Non-potential forces on unknowns of structures, such as ``{"u[tip]": "F*cos(omega*t)"}``.
-    internal : mapping of str to Internal
+    internal : mapping of str to Internal or Sampled
     kinetic, potential, viscous : formula
         Kinetic energy T(q, q̇, t), at most quadratic in the rates of inertial coordinates; potential
         Φ(t, x, α); the quadratic viscous part of the dissipation potential.
@@ -156,7 +158,7 @@ class System:
     coordinates: Mapping[str, Coordinate] = field(default_factory=dict[str, Coordinate])
     structures: Mapping[str, AnyStructure] = field(default_factory=dict[str, "AnyStructure"])
     forces: Mapping[str, Formula] = field(default_factory=dict[str, Formula])
-    internal: Mapping[str, Internal] = field(default_factory=dict[str, Internal])
+    internal: Mapping[str, AnyInternal] = field(default_factory=dict[str, AnyInternal])
     kinetic: Formula = 0.0
     potential: Formula = 0.0
     viscous: Formula = 0.0

@@ -28,6 +28,7 @@ from stickslip.model.system import (
     Output,
     Parameter,
     RateIndependent,
+    Sampled,
     System,
     Unilateral,
     Viscous,
@@ -82,6 +83,12 @@ def plain_or(kind: type[Any], value: Any, where: str, folder: Path) -> Any:
     return toml.entry(kind, value, where) if isinstance(value, dict) else value
 
 
+def _internal(value: Any, where: str, folder: Path) -> Any:
+    """An internal variable with a law for its rate; with a period, one that is sampled."""
+    table = toml.mapping(value, where)
+    return toml.entry(Sampled if "period" in table else Internal, table, where)
+
+
 def _structure(value: Any, where: str, folder: Path) -> Any:
     """A structure of files, or of a packed text."""
     from stickslip.structures.files import from_plain
@@ -108,7 +115,7 @@ _SYSTEMS = toml.Language(
         "drives": drive_entry,
         "coordinates": _coordinate,
         "structures": _structure,
-        "internal": partial(toml.entry, Internal),
+        "internal": _internal,
         "contacts": _contact,
         "jumps": partial(toml.entry, Jump),
         "conditions": partial(toml.entry, Condition),

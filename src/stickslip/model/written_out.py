@@ -32,8 +32,10 @@ from stickslip.model.system import (
     Formula,
     Inertial,
     Internal,
+    Jump,
     LawContact,
     RateIndependent,
+    Sampled,
     Side,
     System,
     Unilateral,
@@ -73,7 +75,8 @@ def write_out(system: System) -> System:
     check_shape(system)
     short_hand = (LawContact, Bilateral, Unilateral)
     long = any(isinstance(contact, short_hand) for contact in system.contacts.values())
-    if not (long or system.structures or system.forces):
+    sampled = {n: a for n, a in system.internal.items() if isinstance(a, Sampled)}
+    if not (long or sampled or system.structures or system.forces):
         return system
     work = _WrittenOut(system)
     for name, contact in system.contacts.items():
@@ -86,7 +89,8 @@ def write_out(system: System) -> System:
     for name, structure in system.structures.items():
         work.structure(name, structure)
     work.start_structures()
-    if work.contacts == system.contacts and work.structures == system.structures:
+    work.samplers(sampled)
+    if not sampled and work.contacts == system.contacts and work.structures == system.structures:
         return system
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # its doubts are those of the system, which says them
@@ -94,7 +98,8 @@ def write_out(system: System) -> System:
             plain = work.result()
         except DeclarationError as error:
             raise work.as_declared(error) from None
-    for where, name, text in work.ranges:
+    work.check_sampled(plain)
+    for where, name, text in (*work.ranges, *work.quotients):
         plain.declaration.limit(where, name, parse_range(text, where))
     plain.declaration.check_limits(system.values)
     return plain
@@ -116,7 +121,12 @@ class _WrittenOut:
         self.functions: dict[str, Formula] = dict(system.functions)
         self.tables: dict[str, Table] = dict(system.tables)
         self.coordinates: dict[str, Coordinate] = dict(system.coordinates)
-        self.internal: dict[str, Internal] = dict(system.internal)
+        self.internal: dict[str, Internal] = {
+            name: part if isinstance(part, Internal) else Internal(0.0, part.unit, part.meaning)
+            for name, part in system.internal.items()
+        }
+        self.jumps = dict(system.jumps)
+        self.quotients: list[tuple[str, str, str]] = []
         self.contacts: dict[str, AnyContact] = {}
         self.energies: dict[str, list[Formula]] = {
             name: [getattr(system, name)] for name in ("kinetic", "potential", "viscous")
@@ -150,6 +160,7 @@ class _WrittenOut:
             tables=self.tables,
             coordinates=self.coordinates,
             internal=self.internal,
+            jumps=self.jumps,
             contacts=self.contacts,
             structures=self.structures,
             forces={},
@@ -157,6 +168,72 @@ class _WrittenOut:
             translation=self.translation,
             **joined,
         )
+
+    def samplers(self, sampled: Mapping[str, Sampled]) -> None:
+        """Write out what is sampled: variables at rest, and jumps at even times in which all that
+        is sampled then gets new values at once."""
+        groups: dict[tuple[str, ...], dict[str, Sampled]] = {}
+        acting: dict[tuple[str, ...], dict[str, Sampled]] = {}
+        for name, part in sampled.items():
+            where = entry_key("internal", name)
+            check_unit(part.unit, f"{where}.unit")
+            if isinstance(part.period, float | int):
+                parse_range("(0, inf)", where).check(float(part.period), f"{where}.period")
+            period, offset, delay = map(str, (part.period, part.offset, part.delay))
+            self.quotients.append((f"{where}.period", period, "(0, inf)"))
+            self.quotients.append((f"{where}.delay", f"({delay})/({period})", "[0, 1)"))
+            self.quotients.append((f"{where}.quantum", str(part.quantum), "[0, inf)"))
+            groups.setdefault((period, offset), {})[name] = part
+            if not _is_nothing(part.delay):
+                acting.setdefault((period, offset, delay), {})[name] = part
+                later = Internal(0.0, part.unit, f"next value of {part.meaning or name}")
+                self.take(self.internal, f"{name}_next", later, f"{where}.delay")
+                self.initial.setdefault(f"{name}_next", self.initial.get(name, 0.0))
+        for (period, offset), parts in groups.items():
+            to = {n if _is_nothing(p.delay) else f"{n}_next": _rounded(p) for n, p in parts.items()}
+            self._sample("sample", parts, f"({offset})", period, to)
+        for (period, offset, delay), parts in acting.items():
+            to = {name: f"{name}_next" for name in parts}
+            self._sample("output", parts, f"({offset}) - ({delay})", period, to)
+
+    def check_sampled(self, plain: System) -> None:
+        """Refuse a period, a delay or a quantum that is not one of parameters alone, and a period
+        within which nothing would ever be sampled."""
+        span = self.system.span
+        for where, text, _ in self.quotients:
+            formula = plain.declaration.scope.parse(text, where)
+            if others := sorted(formula.symbols - set(self.system.parameters)):
+                raise DeclarationError(
+                    where, f"it depends on '{others[0]}'", "Use numbers and parameters only"
+                )
+            if where.endswith(".period"):
+                period = ex.evaluate(formula, self.system.values)
+                if period > span[1] - span[0]:
+                    raise DeclarationError(
+                        where,
+                        f"{period:g} is longer than the span ({span[0]:g}, {span[1]:g}), in which "
+                        "it would not be sampled",
+                        "Give a longer span, or a shorter period",
+                    )
+
+    def _sample(
+        self,
+        verb: str,
+        parts: Mapping[str, Sampled],
+        since: str,
+        period: str,
+        to: Mapping[str, Formula],
+    ) -> None:
+        """Add a jump at even times."""
+        label = f"{verb} {', '.join(parts)}"
+        if label in self.jumps:
+            where = entry_key("internal", next(iter(parts)))
+            raise DeclarationError(where, f"it needs the name '{label}' of a jump", "Rename that")
+        self.jumps[label] = Jump(f"sin(pi*(t - {since})/({period}))", to)
+        place = entry_key("jumps", label)
+        for name, part in zip(to, parts, strict=True):
+            self.origins[f"{place}.to.{name}"] = f"{entry_key('internal', part)}.law"
+        self.origins[place] = f"{entry_key('internal', next(iter(parts)))}.period"
 
     def as_declared(self, error: DeclarationError) -> DeclarationError:
         """An error of the plain system, said of what was declared."""
@@ -642,3 +719,14 @@ class _WrittenOut:
 def _renamed(text: str, words: Mapping[str, str]) -> str:
     """A formula of a law with the names that its own have in the system."""
     return _WORD.sub(lambda match: words.get(match[0], match[0]), text)
+
+
+def _is_nothing(formula: Formula) -> bool:
+    return str(formula).strip() in ("0", "0.0")
+
+
+def _rounded(part: Sampled) -> str:
+    """The law of what is sampled, rounded to its quantum."""
+    if _is_nothing(part.quantum):
+        return str(part.law)
+    return f"({part.quantum})*floor(({part.law})/({part.quantum}) + 0.5)"

@@ -155,6 +155,44 @@ class Internal:
 
 
 @dataclass(frozen=True)
+class Sampled:
+    """A variable that is computed anew at even times and held between them: what a digital
+    controller puts out, or remembers.
+
+    It is computed at the times offset + k·period that come after the start of a motion; until then
+    it has its initial value. All that is sampled at the same times is computed at once, from the
+    values before.
+
+    Attributes
+    ----------
+    period : str or float
+        Time between samples, positive.
+    law : str or float
+        Its new value: a formula of time, of the state, and of whatever is sampled, itself included.
+    delay : str or float
+        Time after which the new value acts, less than the period. What is computed and does not act
+        yet is a variable with ``_next`` behind the name. For a delay of a whole period sample it
+        again: ``{"G": Sampled(T, "k*x"), "F": Sampled(T, "G")}``.
+    quantum : str or float
+        Its values are rounded to multiples of that, as a converter does; 0 for none.
+    offset : str or float
+        A time at which it is sampled.
+    unit, meaning : str
+    """
+
+    period: Formula
+    law: Formula
+    delay: Formula = 0.0
+    quantum: Formula = 0.0
+    offset: Formula = 0.0
+    unit: str = ""
+    meaning: str = ""
+
+    def __post_init__(self) -> None:
+        hold_plain(self)
+
+
+@dataclass(frozen=True)
 class Output:
     """A quantity that results show: a formula of the motion.
 

@@ -209,7 +209,7 @@ class Switches:
         changes = np.hstack([switched, self.crossed, self.jumped])
         knot, which = np.nonzero(changes)
         names = [*self.columns] + [boundary(g) for g in equations.kinks]
-        names += self.system.jumps
+        names += [jump.name for jump in equations.jumps]
         # The names of the modes −1, 0, 1, of what can open, then those of the regions 0, 1, and of
         # the sides of a jump; last, of a slip in a plane.
         words = [MODE_NAMES[mode] for mode in (-1, 0, 1)]
