@@ -110,3 +110,48 @@ def test_what_has_no_contact_in_a_plane_says_so() -> None:
     puck = ss.simulate(ss.catalogue.puck())
     with pytest.raises(ss.DeclarationError, match="no contact 'tabel' in a plane"):
         ss.figures.force_in_plane(axes, puck, "tabel")
+
+
+def block(mu: float) -> ss.System:
+    """A block on three legs that is pushed at its centre of mass."""
+    legs = {"front": (0.5, 0.4), "beside": (0.5, -0.4), "back": (-0.6, 0.0)}
+    return ss.System(
+        name="block",
+        parameters={"h": ss.Parameter(0.6), "mu": ss.Parameter(mu)},
+        coordinates={"x": ss.Inertial(force="4*t")}
+        | {name: ss.Inertial() for name in ("y", "z", "a", "b", "turn")},
+        kinetic="(d_x**2 + d_y**2 + d_z**2)/2 + 0.1*(d_a**2 + d_b**2)/2 + 0.15*d_turn**2/2",
+        potential="9.81*z",
+        contacts={
+            name: ss.Unilateral(
+                f"z + {y}*a - {x}*b",
+                (f"d_x - {y}*d_turn - h*d_b", f"d_y + {x}*d_turn + h*d_a"),
+                "mu",
+            )
+            for name, (x, y) in legs.items()
+        },
+        span=(0, 2),
+    )
+
+
+def test_pictures_show_forces_that_legs_can_hold() -> None:
+    """Three legs share a push: what is drawn of each stays within its threshold."""
+    motion = ss.simulate(block(0.9))
+    times = np.linspace(0.0, 2.0, 41)
+    names = [f"{kind}_back_{i}" for kind in ("friction", "threshold") for i in (1, 2)]
+    seen = motion.trace(names, times, np.zeros(41, int))
+    size = np.hypot(seen["friction_back_1"], seen["friction_back_2"])
+    assert np.all(size <= seen["threshold_back_1"] * (1.0 + 1e-9))
+    np.testing.assert_allclose(size, np.hypot(*(motion.at(times)[n] for n in names[:2])), atol=1e-9)
+
+
+@pytest.mark.parametrize("mu", [0.4, 0.9])
+def test_a_path_has_no_rounding_errors(mu: float) -> None:
+    """A block slides straight, or tips about legs that rest, and no scale is that of errors."""
+    motion = ss.simulate(block(mu), (0, 2.5))
+    paths = [axes for axes in axes_of(motion) if "turn" in axes.get_ylabel() and axes.get_xlabel()]
+    assert len(paths) == 3
+    for axes in paths:
+        assert "10^" not in axes.get_xlabel() + axes.get_ylabel()
+        _, y = drawn(axes, "slip" if mu < 0.5 else "stick")
+        assert np.nanmax(np.abs(y), initial=0.0) == 0.0

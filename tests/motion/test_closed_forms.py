@@ -172,7 +172,7 @@ def test_closed_forms_solve_the_linear_equations(name: str) -> None:
         tau = 0.4 * min(float(T.shortest[g]), 1.0) + 0.1
         waves = np.stack([np.cos(omega * t), np.sin(omega * t)], axis=1).reshape(-1)
         s = np.concatenate([rng.normal(size=n), [1.0, t], waves])
-        nb, ng = T.counts[g]
+        nb, ng = T.counts[g, :2]
         turned = (T.R[g, :nb] @ s) * np.expm1(T.exponent[g, :nb] * tau)
         spun = np.exp(1j * omega * t) * np.expm1(1j * omega * tau)
         change = (
@@ -280,3 +280,39 @@ def test_a_million_radians_are_certified() -> None:
     assert motion.certificate.ok, motion.certificate.describe()
     rate, at = 1e5, 0.6e-10
     assert motion.final["x"] == pytest.approx(at * (1.0 - math.cos(rate * 10.0)), abs=1e-8 * at)
+
+
+def rod(push: float, axis: float = 1.0) -> ss.System:
+    """A rod of twelve masses that moves in a plane, with a pad at its end."""
+    n = 12
+    names = [f"{q}{i}" for q in "xy" for i in range(n)]
+    stiff = [f"1e4*({q}{i} - {f'{q}{i - 1}' if i else '0'})**2" for q in "xy" for i in range(n)]
+    return ss.System(
+        name="rod",
+        coordinates={name: ss.Inertial(force=f"-0.1*d_{name}") for name in names},
+        kinetic="/2 + ".join(f"d_{name}**2" for name in names) + "/2",
+        potential=f"{' + '.join(stiff)} - {push}*(x5*cos(2*t) + 0.4*y4*sin(2*t))",
+        contacts={"pad": ss.Contact(("d_x11", "d_y11"), 1.5, axes=(1, axis))},
+        span=(0, 6),
+    )
+
+
+def test_rest_in_a_plane_has_a_closed_form() -> None:
+    """A pad that holds leaves the rest of a stiff rod to its closed form, at once."""
+    flown, stepped = (ss.simulate(rod(0.3, 0.5), flow=flow) for flow in ("auto", "taylor"))
+    assert len(flown.knots.time) == 2
+    assert len(stepped.knots.time) > 100
+    assert flown.n_switches == stepped.n_switches == 0
+    for name, value in stepped.final.items():
+        assert flown.final[name] == pytest.approx(value, abs=1e-12)
+
+
+@pytest.mark.parametrize("push", [1.0, 1.4, 1.7, 2.2])
+def test_no_slip_in_a_plane_is_missed(push: float) -> None:
+    """Near its threshold a pad slips whether closed forms are used or not."""
+    flown, stepped = (ss.simulate(rod(push, 0.5), flow=flow) for flow in ("auto", "taylor"))
+    assert (stepped.n_switches > 0) == (push > 1.2)
+    assert flown.n_switches == stepped.n_switches
+    np.testing.assert_allclose(flown.events["time"], stepped.events["time"], rtol=1e-10)
+    for name, value in stepped.final.items():
+        assert flown.final[name] == pytest.approx(value, abs=1e-10)

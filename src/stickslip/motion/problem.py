@@ -20,6 +20,8 @@ from stickslip.motion.affine.forms import MOST_SWITCHES, make_closed_forms, make
 from stickslip.motion.rows import layout_rows
 from stickslip.motion.steps.arrays import (
     DIMENSION,
+    FORMULA,
+    MASSIVE,
     Constants,
     Flow,
     Machine,
@@ -54,6 +56,8 @@ class _Bench(threading.local):
 _CURVE_SLOTS = 8  # the same along a curve, where each problem has its own
 _MOST_STATES = 400  # of a motion in closed form; it costs their third power for each mode
 _MOST_STATES_OF_MANY = 24  # where many motions have closed forms of their own
+# beside friction in a plane, where a rest alone has a closed form, which has to pay for its making
+_FEW_BESIDE_PLANES = 12
 
 
 @dataclass(frozen=True)
@@ -190,11 +194,14 @@ class Problem:
         # Modes of large structures are far apart, and need it; but not in all lanes of a map.
         most = _MOST_STATES if groups == 1 else _MOST_STATES_OF_MANY
         small = contacts + kinks <= MOST_SWITCHES and n <= most and layout.frequencies <= 6
-        # closed forms know none of these
-        alone = not (layout.gaps or layout.planes or layout.prescribed)
+        # closed forms know none of these, and rest in a plane of what holds by itself; so no faces
+        alone = not (layout.gaps or layout.prescribed or layout.together)
+        alone = alone and all(p[MASSIVE] == 1 and p[FORMULA] < 0 for p in layout.planes)
+        small = small and (n > _FEW_BESIDE_PLANES or not layout.planes)
         slots = slots if small and self.exact and alone else 0
-        doubtful = len(self.rows.doubtful)
-        return make_closed_forms(groups, slots, n, contacts, kinks, doubtful, layout.frequencies)
+        doubtful, planes = len(self.rows.doubtful), len(layout.planes)
+        waves = layout.frequencies
+        return make_closed_forms(groups, slots, n, contacts, kinks, doubtful, waves, planes)
 
     def space(self) -> Space:
         """New work space for the Taylor steps."""

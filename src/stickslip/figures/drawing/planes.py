@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from stickslip.motion.trajectory import Trajectory
 
 _SAME = 1e-3  # part of a threshold by which it may change and still be drawn as one line
+_ROUNDING = 1e-13  # part of the largest terms of a sum that is none of it
 _ROUND = 181  # points of an ellipse
 _FINE = 1441  # and of what a formula makes
 _SPHERE = 4001  # directions of a face
@@ -199,13 +200,26 @@ class InPlane:
         return np.hypot(*scaled), self.bounds(values)[0] / self.axes[0]
 
     def place(self, values: Mapping[str, Array]) -> tuple[Array, Array]:
-        """Where the contact is: both components of its path."""
+        """Where the contact is: both components of its path, without rounding errors of their
+        terms, which are all that is left of it where the contact sticks."""
         assert self.directions is not None
-        first, second = (
+        places = [
             np.sum([w * values[x] for x, w in weights.items()], axis=0)
             for weights in self.directions
-        )
+        ]
+        first, second = (np.where(np.abs(p) > self._rounding, p, 0.0) for p in places)
         return first, second
+
+    @cached_property
+    def _rounding(self) -> float:
+        """What the sums of a place cannot tell from nothing, in either component."""
+        assert self.directions is not None
+        motion = self.trajectory
+        state = dict(zip(motion.system.declaration.state, motion.knots.state.T, strict=True))
+        return _ROUNDING * max(
+            sum(abs(w) * float(np.max(np.abs(state[x]))) for x, w in weights.items() if x in state)
+            for weights in self.directions
+        )
 
     def place_labels(self) -> tuple[str, str]:
         """What is written at the axes of the path."""

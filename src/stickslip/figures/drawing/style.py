@@ -164,6 +164,7 @@ def powers_in_labels(figure: Figure) -> None:
     """Powers of ten of very large and very small numbers stand with the unit, as in x [10⁻⁶ m], not
     at the end of the axis, where they may hit something."""
     for axes in figure.axes:
+        axes.apply_aspect()  # which may widen what is seen
         for axis in (axes.xaxis, axes.yaxis):
             largest = float(np.max(np.abs(axis.get_view_interval())))
             if (

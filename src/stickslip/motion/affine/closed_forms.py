@@ -18,19 +18,23 @@ from stickslip.motion.affine.eigenvalues import decompose, modulus
 from stickslip.motion.affine.forms import (
     AFFINE,
     EXPONENTS,
+    FACETS,
     FEW_COMPONENTS,
     GERM_ORDERS,
     GUARDS,
+    SEARCHED,
     SLIDES,
     SMOOTH,
     STICKS,
     ClosedForms,
     Making,
 )
-from stickslip.motion.affine.matrices import linearise
+from stickslip.motion.affine.matrices import facet_row, linearise
 from stickslip.motion.steps.arrays import (
+    DIMENSION,
     EPSILON,
     INERTIAL,
+    LEAD,
     ON_INERTIAL,
     ON_VISCOUS,
     SLIPPING,
@@ -38,6 +42,7 @@ from stickslip.motion.steps.arrays import (
     Flow,
     Machine,
     Rows,
+    directions_of,
     flow_of,
 )
 from stickslip.translator import compiled
@@ -522,6 +527,8 @@ def fill_guards(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array, r
         g += 1
     for c in range(nc):
         switch[g] = nk + 2 * c
+        if rows.plane[c] >= 0:
+            continue
         if mode[c] != 0:
             combine(G[g], F[u + c], float(mode[c]), F[0], 0.0)
             g += 1
@@ -536,6 +543,9 @@ def fill_guards(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array, r
             combine(G[g], F[n + 4 * nc + nk + d], 1.0, F[0], 0.0)
             switch[g] = nk + 2 * nc + d
             g += 1
+    T.counts[slot, SEARCHED] = g
+    for p in range(len(rows.planes)):
+        g = put_facets(T, w, slot, rows, p, g)
     T.counts[slot, GUARDS] = g
     for j in range(ns):
         felt = False
@@ -558,6 +568,51 @@ def fill_guards(T: ClosedForms, w: Making, slot: int, rows: Rows, mode: Array, r
             for j in range(ns):
                 total += abs(S[i, j]) * size[j]
             after[i] = total
+
+
+@compiled()
+def put_facets(T: ClosedForms, w: Making, slot: int, rows: Rows, p: int, g: int) -> int:
+    """Store sides of a polygon within the disc of forces that a contact holds at rest in a plane: ρ
+    s − m·A⁻¹λ with unit vectors m and the cosine ρ of half the angle between two. Beyond them,
+    Taylor steps follow the guard itself. Returns how many guards there are.
+
+    Parameters
+    ----------
+    T : ClosedForms
+        Filled.
+    w : Making
+    slot : int
+    rows : Rows
+    p : int
+        The plane.
+    g : int
+        How many guards there are so far.
+    """
+    F = w.probes.F
+    n, nc = rows.sizes[DIMENSION], len(rows.u)
+    held = facet_row(rows, p)
+    block = directions_of(rows, rows.planes[p, LEAD])
+    for k in range(FACETS):
+        angle = 2.0 * math.pi * k / FACETS
+        row = T.G[slot, g]
+        combine(row, F[held], math.cos(math.pi / FACETS), F[0], 0.0)
+        for i in range(len(block)):
+            c = block[i]
+            along = math.cos(angle) if i == 0 else math.sin(angle)
+            axis = ratio_of(F[held + 1 + i], F[n + c])
+            combine(row, row, 1.0, F[n + nc + c], -along / axis)
+        T.switch[slot, g] = len(rows.kinks) + 2 * nc + len(rows.doubtful) + p
+        g += 1
+    return g
+
+
+@compiled()
+def ratio_of(x: Array, y: Array) -> float:
+    """x in parts of y, one of which is a multiple of the other."""
+    most = 0
+    for j in range(len(y)):
+        most = j if abs(y[j]) > abs(y[most]) else most
+    return float(x[most] / y[most])
 
 
 @compiled()

@@ -21,6 +21,7 @@ from stickslip.motion.affine.forms import (
     EXPONENTS,
     GERM_ORDERS,
     GUARDS,
+    SEARCHED,
     SLIDES,
     STICKS,
     ClosedForms,
@@ -347,6 +348,8 @@ def sort_guards(form: ClosedForms, f: Flight, omega: Array) -> int:
             c2 = form.c2[g]
         if form.decays[g] == 1 and c0 > reach and c1 >= 0.0 and c2 >= 0.0:
             continue  # what is in motion can never bring it down
+        if g >= form.counts[SEARCHED]:
+            return UNKNOWN
         floor = ROUNDING * (terms + reach)
         if f.orders[g] == 0 and f.value[g] <= floor:
             return UNKNOWN

@@ -30,10 +30,12 @@ STICKS = 2
 GERM_ORDERS = 6
 FEW_COMPONENTS = 4
 """Components of a state of which none is moved at so high an order that it is lost."""
+FACETS = 16
+"""Guards of a contact that sticks in a plane: sides of a polygon within its forces."""
 # contacts and kinks of a system with closed forms: the number of a mode fits into 64 bits up to 39
 MOST_SWITCHES = 30
 # Columns of ClosedForms.counts.
-EXPONENTS, GUARDS = range(2)
+EXPONENTS, GUARDS, SEARCHED = range(3)
 
 
 class ClosedForms(NamedTuple):
@@ -47,8 +49,9 @@ class ClosedForms(NamedTuple):
     ----------
     status, key, own : arrays of int
         UNKNOWN, AFFINE or SMOOTH (not affine), the number of the mode, and that of the slot itself.
-    counts : array of int, shape (·, 2)
-        Numbers of EXPONENTS and of GUARDS.
+    counts : array of int, shape (·, 3)
+        Numbers of EXPONENTS and of GUARDS, and how many of these are SEARCHED: no flight goes on
+        where the others may fall.
     pace : array
         Time, a power of two, near the shortest of the mode.
     S : array
@@ -124,7 +127,14 @@ class ClosedForms(NamedTuple):
 
 
 def make_closed_forms(
-    groups: int, slots: int, n: int, contacts: int, kinks: int, doubtful: int, waves: int
+    groups: int,
+    slots: int,
+    n: int,
+    contacts: int,
+    kinks: int,
+    doubtful: int,
+    waves: int,
+    planes: int = 0,
 ) -> ClosedForms:
     """Empty storage of closed forms.
 
@@ -138,8 +148,10 @@ def make_closed_forms(
         Rows that must not become negative.
     waves : int
         Frequencies of the drives.
+    planes : int
+        Contacts in a plane.
     """
-    guards = kinks + 2 * contacts + doubtful
+    guards = kinks + 2 * contacts + doubtful + FACETS * planes
     m = groups * slots
     ns = n + 2 + 2 * waves
     z = np.zeros
@@ -150,7 +162,7 @@ def make_closed_forms(
         status=z(m, i),
         key=z(m, i),
         own=np.arange(m),
-        counts=z((m, 2), i),
+        counts=z((m, 3), i),
         pace=np.ones(m),
         S=z((m, ns, ns)),
         exponent=z((m, n), c),
@@ -340,7 +352,7 @@ def make_flight(rows: Rows, waves: int, timed: bool) -> Flight:
     n = int(rows.sizes[DIMENSION])
     contacts, kinks = len(rows.u), len(rows.kinks)
     ns = n + 2 + 2 * waves
-    guards = kinks + 2 * contacts + len(rows.doubtful) + 1
+    guards = kinks + 2 * contacts + len(rows.doubtful) + FACETS * len(rows.planes) + 1
     return Flight(
         v=z((orders, ns)),
         size=z((orders, ns)),

@@ -17,24 +17,28 @@ from stickslip.arrays import Array, Matrix, Vector
 from stickslip.motion.affine.structure import is_affine
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
+    AHEAD,
     COORDINATES,
     DIMENSION,
     DOUBTED,
     EPSILON,
     FIRST_ROW,
     INERTIAL,
+    LEAD,
     MEMBERS,
     OK,
     ON_INERTIAL,
     PART,
     RATE_INDEPENDENT,
     SEAT,
+    STATIC,
     VISCOUS,
     Flow,
     Instant,
     Machine,
     Rows,
     Space,
+    directions_of,
     own_inverse,
 )
 from stickslip.motion.steps.starting import coefficients
@@ -52,8 +56,9 @@ _SWEEPS = 30
 class Probes(NamedTuple):
     """A mode as matrices, and work space to find them.
 
-    Rows are the rates of the state, then u, λ, s⁺ and s⁻ of all contacts, guards, and what must not
-    become negative; columns are s = (x, 1, t, cos ω₁t, sin ω₁t, …).
+    Rows are the rates of the state, then u, λ, s⁺ and s⁻ of all contacts, guards, what must not
+    become negative, and of each contact in a plane s and Au (:func:`facet_row`); columns are s =
+    (x, 1, t, cos ω₁t, sin ω₁t, …).
 
     Attributes
     ----------
@@ -88,7 +93,7 @@ def make_probes(rows: Rows, waves: int, timed: bool) -> Probes:
     n, nq = int(rows.sizes[DIMENSION]), int(rows.sizes[INERTIAL])
     nc = len(rows.u)
     drives = 2 + 2 * waves
-    values = n + 4 * nc + len(rows.kinks) + len(rows.doubtful)
+    values = n + 4 * nc + len(rows.kinks) + len(rows.doubtful) + 3 * len(rows.planes)
     # Many times spread over slow and fast periods keep the fit of the drives well conditioned.
     several = [(0.6180339887498949 * k) % 1.0 for k in range(1, 6 * drives)]
     later = np.array([0.0, *(several if waves else [1.0] * timed)])
@@ -106,6 +111,13 @@ def make_probes(rows: Rows, waves: int, timed: bool) -> Probes:
         axes=z((drives, drives)),
         lengths=z(drives),
     )
+
+
+@compiled()
+def facet_row(rows: Rows, p: int) -> int:
+    """The first of the rows of a contact in a plane, behind all others."""
+    others = rows.sizes[DIMENSION] + 4 * len(rows.u) + len(rows.kinks) + len(rows.doubtful)
+    return int(others + 3 * p)
 
 
 @compiled()
@@ -258,6 +270,12 @@ def read_values(rows: Rows, space: Space, out: Array) -> None:
         out[n + 4 * nc + j] = W[rows.kinks[j], 0]
     for d in range(len(rows.doubtful)):
         out[n + 4 * nc + nk + d] = W[rows.doubtful[d, DOUBTED], 0]
+    for p in range(len(rows.planes)):
+        plane = rows.planes[p]
+        row = facet_row(rows, p)
+        out[row] = W[plane[STATIC], 0]
+        for i in range(len(directions_of(rows, plane[LEAD]))):
+            out[row + 1 + i] = W[plane[AHEAD] + i, 0]
     for i in range(nq + sizes[VISCOUS] + sizes[RATE_INDEPENDENT]):
         out[nq + i] = settle_zero(float(out[nq + i]), mag[3 * nc + nk + i])
 

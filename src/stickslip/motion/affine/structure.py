@@ -40,7 +40,17 @@ from stickslip.motion.discs.tables import (
     WITHIN,
     factor,
 )
-from stickslip.motion.steps.arrays import DIMENSION, Flow
+from stickslip.motion.steps.arrays import (
+    ADMISSIBLE,
+    AHEAD,
+    DIMENSION,
+    LEAD,
+    SLIPS,
+    STATIC,
+    Flow,
+    Rows,
+    directions_of,
+)
 from stickslip.translator import compiled
 
 # Bits, but for the first.
@@ -78,10 +88,24 @@ def is_affine(flow: Flow, mode: Array, reg: Array) -> bool:
     for r in p.rates:
         found |= kinds[r]
     for r in rows.watched:
-        found |= kinds[r]
+        found |= kinds[r] if not guards_disc(rows, r) else _NOTHING
+    for plane in rows.planes:
+        found |= kinds[plane[STATIC]]
+        for i in range(len(directions_of(rows, plane[LEAD]))):
+            found |= kinds[plane[AHEAD] + i]
     for d in range(len(rows.doubtful)):
         found |= kinds[rows.doubtful[d, 0]]
     return found & _OTHER == 0
+
+
+@compiled()
+def guards_disc(rows: Rows, r: int) -> bool:
+    """Whether a row is the guard of a contact in a plane: it is a square, and sides of a polygon
+    are asked instead (:func:`stickslip.motion.affine.closed_forms.put_facets`)."""
+    found = False
+    for plane in rows.planes:
+        found = found or plane[ADMISSIBLE] == r or plane[SLIPS] == r
+    return bool(found)
 
 
 @compiled()

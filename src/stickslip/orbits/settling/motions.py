@@ -444,7 +444,8 @@ def make_rules(problem: Problem, settings: Settings, closely: bool) -> Rules:
         timed=layout.timed and not Repetition(problem.compiled.equations).plain,
         leaping=len(layout.state) <= _MOST_STATES,
         closed=closed,
-        framed=closed and layout.timed,
+        # a frame is asked of all modes, and slips in a plane have no closed form
+        framed=closed and layout.timed and not layout.planes,
     )
 
 
