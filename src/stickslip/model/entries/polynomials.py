@@ -268,7 +268,8 @@ class PiecewisePolynomial:
         return min(values) - slack, max(values) + slack
 
     def _extremes(self, side: str, order: int) -> tuple[Array, Array]:
-        """Bounds on every piece, by Bernstein coefficients."""
+        """Bounds on every piece: up to degree three by its ends and where its slope vanishes, else
+        by Bernstein coefficients."""
         key = _is_gate(side), order
         if key not in self._known:
             table = self.table(side)
@@ -276,7 +277,7 @@ class PiecewisePolynomial:
             length = np.diff(self.breaks)
             d = len(factors) - 1
             scaled = [table[:, order + j] * (factors[j] * length**j) for j in range(d + 1)]
-            ends = [
+            ends = _turning_values(scaled) if d in (2, 3) else [
                 sum(
                     (math.comb(i, j) / math.comb(d, j) * scaled[j] for j in range(1, i + 1)),
                     scaled[0],
@@ -339,6 +340,17 @@ def _remove(name: str, rows: list[str]) -> None:
         for row in rows:
             FUNCTIONS.pop(row, None)
         withdraw(rows)
+
+
+def _turning_values(c: list[Array]) -> list[Array]:
+    """Values of polynomials of degree two or three between 0 and 1 at both ends, and where their
+    slopes vanish in between."""
+    c0, c1, c2, c3 = (*c, 0.0 * c[0])[:4]
+    a, b = 3.0 * c3, 2.0 * c2
+    with np.errstate(all="ignore"):
+        q = -0.5 * (b + np.copysign(np.sqrt(np.maximum(b * b - 4.0 * a * c1, 0.0)), b))
+        places = [np.clip(np.nan_to_num(s, posinf=0.0, neginf=0.0), 0.0, 1.0) for s in (q / a, c1 / q)]
+    return [((c3 * s + c2) * s + c1) * s + c0 for s in (0.0, 1.0, *places)]
 
 
 def derived(c: Array, order: int) -> Array:

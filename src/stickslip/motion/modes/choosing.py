@@ -19,7 +19,14 @@ from stickslip.arrays import Array
 from stickslip.equations.codegen.series import INDEFINITE, SINGULAR
 from stickslip.motion.modes.guards import scan
 from stickslip.motion.modes.mode_series import keeps, make_series, unit_for
-from stickslip.motion.modes.pivots import flip_apart, flip_at_ends, hold_or_slide, let_carry, set_regions
+from stickslip.motion.modes.pivots import (
+    flip_apart,
+    flip_at_ends,
+    hold_or_slide,
+    let_carry,
+    set_regions,
+    watches_nothing,
+)
 from stickslip.motion.modes.surfaces import begin_at_rest
 from stickslip.motion.steps.arrays import (
     ASTRAY,
@@ -110,6 +117,8 @@ def settle_mode(
         known = pivots == 1 and status != SINGULAR
         if known and promised > 0.0 and not keeps(flow, space.W, lane.y, lane.seen, promised):
             return ASTRAY, 0.0, 0.0, 0
+        if status == OK and len(rows.bounded) > 0 and watches_nothing(rows, space.W):
+            status = NAN
         # A formula may end where its region ends.
         lost = status in (NAN, OVERFLOW, INDEFINITE) and total == 0 and pivots <= nk + 1
         if lost and set_regions(rows, space.W, space.mag, lane.reg):
