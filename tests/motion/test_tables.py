@@ -77,8 +77,8 @@ def test_random_springs(kind: Any, seed: int) -> None:
 @given(seed=st.integers(0, 10_000))
 def test_random_sliding_forces_and_drags(kind: Any, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    points = np.concatenate([[0.0], np.cumsum(rng.uniform(0.05, 0.6, 7))])
-    values = 0.4 + 0.2 * rng.uniform(-1, 1, 8)
+    points = np.concatenate([[0.0], np.cumsum(rng.uniform(0.2, 0.6, 7))])
+    values = 0.4 + 0.06 * rng.uniform(-1, 1, 8)
     mu = ss.Table(points, values, kind, outside="constant")
     formula = f"piecewise(s > ({points[-1]!r}), {values[-1]!r}, {typed(mu)})"
     for parts in (

@@ -13,6 +13,7 @@ import math
 import weakref
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, cast
 from weakref import WeakValueDictionary
 
@@ -40,6 +41,47 @@ LIVING: WeakValueDictionary[str, PiecewisePolynomial] = WeakValueDictionary()
 
 
 @dataclass(frozen=True, eq=False)
+class Surface:
+    """What the values of a surface lie in, cell by cell.
+
+    Attributes
+    ----------
+    breaks : pair of arrays, shapes (columns + 1,) and (rows + 1,)
+        Of the cells; the outer ones have no end.
+    low, high : array, shape (columns, rows)
+        Infinite where it is not bounded.
+    terms : int
+        Of its polynomials.
+    """
+
+    breaks: tuple[Array, Array]
+    low: Array
+    high: Array
+    terms: int
+
+    def bounds(self, x: Interval, y: Interval) -> Interval:
+        """Least and largest value in a box; of arrays of such, too."""
+        ends = [np.broadcast_arrays(*(np.asarray(end, float) for end in a)) for a in (x, y)]
+        shape = np.broadcast_shapes(*(np.shape(a[0]) for a in ends))
+        found = np.empty((2, *shape))
+        for place in np.ndindex(*shape):
+            cells = tuple(
+                self._cells(axis, *(float(np.broadcast_to(end, shape)[place]) for end in a))
+                for axis, a in enumerate(ends)
+            )
+            found[(0, *place)] = self.low[cells].min()
+            found[(1, *place)] = self.high[cells].max()
+        return (found[0], found[1]) if shape else (float(found[0]), float(found[1]))
+
+    def _cells(self, axis: int, low: float, high: float) -> slice:
+        inner = self.breaks[axis][1:-1]
+        if math.isnan(low) or math.isnan(high):
+            return slice(None)
+        first = int(np.searchsorted(inner, low, side="left"))
+        return slice(first, int(np.searchsorted(inner, high, side="right")) + 1)
+
+
+@dataclass(frozen=True, eq=False)
 class PiecewisePolynomial:
     """A function piece by piece.
 
@@ -58,6 +100,9 @@ class PiecewisePolynomial:
     covered : (float, float) or None
         Outside of which a table has no values. Its first and its last piece go on for ever, its
         gates too. None: samples, of which nothing is known outside the breaks.
+    surface : Surface or None
+        Of the knots along the second axis of a surface, of its constant terms, and of the numbers
+        of its pieces along the first axis.
     kinked : bool
         Of knots: whether they are those of a function with kinks.
     bounded : (float, float) or None
@@ -71,6 +116,7 @@ class PiecewisePolynomial:
     sides: tuple[str, ...] = SIDES
     called: str = ""
     covered: Interval | None = None
+    surface: Surface | None = None
     kinked: bool = False
     bounded: Interval | None = None
 
@@ -321,6 +367,20 @@ def beyond_an_end(guard: Expr, values: Mapping[str, float]) -> str:
     return f"{x:.9g}, and '{row.called}' {end}"
 
 
+@lru_cache(maxsize=4096)
+def _first_argument(e: Expr, surface: Surface) -> Expr | None:
+    """The first argument of a surface, if an expression is its value and no derivative."""
+    terms = e.args[1].terms if len(e.args[1].terms) == surface.terms else ()
+    for term, _ in terms:
+        row = FUNCTIONS.get(term.op)
+        if isinstance(row, TableRow) and row.pieces.surface is surface:
+            for n in ex.walk(term.args):
+                part = FUNCTIONS.get(n.op)
+                if isinstance(part, TableRow) and part.pieces.surface is surface:
+                    return n.args[0]
+    return None
+
+
 def in_own_piece(guard: Expr) -> Expr:
     """The guard of a select; if it is the gate of a table, such that it is in each region that of
     the pieces of that region."""
@@ -424,6 +484,12 @@ class TableRow(Function):
         if name.startswith(INTEGRAL) and order > 0:
             name, order = name.removeprefix(INTEGRAL), order - 1
         return f"{'d_' * order}{name}" if name else ""
+
+    def enclosed_select(self, e: Expr, values: Mapping[Expr, Interval]) -> Interval | None:
+        """What a surface lies in, from the intervals of its arguments."""
+        surface = self.pieces.surface if self.sampled else None
+        x = None if surface is None else _first_argument(e, surface)
+        return None if x is None else surface.bounds(values[x], values[e.args[0].args[0]])
 
     @property
     def kinked(self) -> bool:

@@ -31,7 +31,12 @@ from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.kept import cached_property
 from stickslip.model.entries.columns import chosen_columns, table_columns
-from stickslip.model.entries.polynomials import INTEGRAL, LIVING, PiecewisePolynomial, derived
+from stickslip.model.entries.polynomials import (
+    INTEGRAL,
+    LIVING,
+    PiecewisePolynomial,
+    Surface,
+)
 from stickslip.model.entries.samples import WrongRow, check_increasing, checked
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
@@ -49,6 +54,9 @@ OUTSIDE: tuple[Outside, ...] = ("refused", "constant", "linear")
 _LISTED = 50  # numbers that a model file lists
 _STORED = 200_000  # … and that it holds
 _MOST_FORMULAS = 100  # values that are formulas
+_EVERYWHERE = (-math.inf, math.inf)
+_PARITIES = ("even", "odd")
+_SLACK = 1e-14  # rounding errors of Bernstein coefficients of a cell
 _NOT_NEGATIVE = {"speed": (0.0, math.inf)}
 
 
@@ -431,12 +439,9 @@ class Table:
     def knots(self, name: str, axis: int, open_ends: tuple[bool, bool]) -> PiecewisePolynomial:
         """The gate between pieces along an axis."""
         breaks = _breaks(self.axes[axis], open_ends)
-        pairs = list(zip(self.outside, open_ends, strict=True))
-        ends = [side != "linear" and not is_open for side, is_open in pairs]
         covered = self._covered(axis, open_ends)
-        bounded = None if covered == (-math.inf, math.inf) else covered
+        bounded = None if covered == _EVERYWHERE else covered
         zero = np.zeros((len(breaks) - 1, 1))
-        kinked = self.kind == "linear" or any(ends)
 
         def make(label: str) -> PiecewisePolynomial:
             return PiecewisePolynomial(
@@ -446,36 +451,33 @@ class Table:
                 0.0,
                 sides=("gate",),
                 called=name,
-                covered=(-math.inf, math.inf),
-                kinked=kinked,
+                covered=_EVERYWHERE,
+                surface=self.surface if axis == 1 else None,
+                kinked=self.kind == "linear",
                 bounded=bounded,
             )
 
         return self._kept(name, open_ends, f"knots{axis}", make)
 
-    def rows_of_cells(
+    def places_in_cells(
         self, name: str, axis: int, open_ends: tuple[bool, bool]
     ) -> tuple[PiecewisePolynomial, PiecewisePolynomial]:
         """Along an axis of a surface: the number of the piece, and how far a place is in it."""
         breaks = _breaks(self.axes[axis], open_ends)
         count = len(breaks) - 1
         covered = self._covered(axis, open_ends)
-        tables = {
-            "number": np.arange(float(count))[:, None],
-            "within": np.tile([0.0, 1.0], (count, 1)),
-        }
-        number, within = (
-            self._kept(
-                name,
-                open_ends,
-                f"{what}{axis}",
-                lambda label, c=c: PiecewisePolynomial(
-                    label, breaks, c, 0.0, sides=("even", "odd"), covered=covered
-                ),
+        surface = self.surface if axis == 0 else None
+
+        def make(label: str, c: Array, of: Surface | None) -> PiecewisePolynomial:
+            return PiecewisePolynomial(
+                label, breaks, c, 0.0, sides=("even", "odd"), covered=covered, surface=of
             )
-            for what, c in tables.items()
+
+        numbers, within = np.arange(float(count))[:, None], np.tile([0.0, 1.0], (count, 1))
+        return (
+            self._kept(name, open_ends, f"number{axis}", lambda s: make(s, numbers, surface)),
+            self._kept(name, open_ends, f"within{axis}", lambda s: make(s, within, None)),
         )
-        return number, within
 
     def coefficients_of_cells(
         self, name: str, open_x: tuple[bool, bool], open_y: tuple[bool, bool]
@@ -489,8 +491,9 @@ class Table:
         def make(label: str, a: int, b: int) -> PiecewisePolynomial:
             # cells column by column, then row by row
             c = np.ascontiguousarray(cells[:, :, a, b].T.reshape(-1, 1))
+            of = self.surface if a == b == 0 else None
             return PiecewisePolynomial(
-                label, breaks, c, 0.0, sides=("own",), covered=(-math.inf, math.inf)
+                label, breaks, c, 0.0, sides=("own",), covered=_EVERYWHERE, surface=of
             )
 
         return columns, {
@@ -500,6 +503,52 @@ class Table:
             for a in range(high)
             for b in range(wide)
         }
+
+    def section(
+        self, name: str, axis: int, value: float, open_ends: tuple[bool, bool]
+    ) -> PiecewisePolynomial:
+        """The curve over the other axis at a place along one of them."""
+        other = 1 - axis
+        ends = ((False, False), open_ends) if axis == 0 else (open_ends, (False, False))
+
+        def make(label: str) -> PiecewisePolynomial:
+            k, u = self._column(axis, np.array(value))
+            # (pieces of the other axis, powers of this one, powers of the other one)
+            cells = self._cells(*ends)
+            own = cells[int(k)] if axis == 0 else cells[:, int(k)].transpose(0, 2, 1)
+            c = np.ascontiguousarray(np.einsum("jab,a->jb", own, float(u) ** np.arange(own.shape[1])))
+            breaks = _breaks(self.axes[other], open_ends)
+            covered = self._covered(other, open_ends)
+            return PiecewisePolynomial(
+                label, breaks, c, 0.0, sides=("even", "odd"), covered=covered
+            )
+
+        place = np.float64(value).tobytes().hex()
+        return self._kept(name, open_ends, f"at{axis}_{place}", make)
+
+    @cached_property
+    def surface(self) -> Surface:
+        """What is known of its values cell by cell, by Bernstein coefficients."""
+        closed = (False, False)
+        cells = self._cells(closed, closed)
+        breaks = tuple(_breaks(axis, closed) for axis in self.axes)
+        c = cells
+        for axis, powers in enumerate((2, 3)):
+            length = np.diff(breaks[axis]).reshape((-1, 1, 1, 1) if axis == 0 else (1, -1, 1, 1))
+            d = c.shape[powers] - 1
+            shape = [1, 1, 1, 1]
+            shape[powers] = d + 1
+            c = c * length ** np.arange(d + 1.0).reshape(shape)
+            matrix = [[math.comb(i, j) / math.comb(d, j) for j in range(d + 1)] for i in range(d + 1)]
+            c = np.moveaxis(np.tensordot(matrix, c, (1, powers)), 0, powers)
+        slack = _SLACK * np.abs(c).max(axis=(2, 3))
+        low, high = c.min(axis=(2, 3)) - slack, c.max(axis=(2, 3)) + slack
+        for axis in range(2):
+            for side, end in zip(self.outside, (0, -1), strict=True):
+                if side == "linear":
+                    at = (end, slice(None)) if axis == 0 else (slice(None), end)
+                    low[at], high[at] = -math.inf, math.inf
+        return Surface((breaks[0], breaks[1]), low, high, cells.shape[2] * cells.shape[3])
 
     def _cells(self, open_x: tuple[bool, bool], open_y: tuple[bool, bool]) -> Array:
         """Coefficients of cells, shape (columns, rows, powers, powers)."""
@@ -567,7 +616,7 @@ class _Curve(TableFunction):
             return ex.ZERO
         _ = pieces.rows()
         even, odd = (ex.call(pieces.row_name(side, order), x) for side in ("even", "odd"))
-        return even if len(knots.breaks) == 2 else ex.select(_gate(knots, x), even, odd)
+        return _by_piece(knots, x, even, odd)
 
 
 @dataclass(frozen=True)
@@ -583,30 +632,44 @@ class _Surface(TableFunction):
         ends = [
             _open_ends(x, axis, table, name) for x, axis in zip(arguments, table.axes, strict=True)
         ]
-        places = list[tuple[Expr, Expr]]()
-        for axis, (x, open_ends) in enumerate(zip(arguments, ends, strict=True)):
-            knots = table.knots(name, axis, open_ends)
-            sides = [
-                [ex.call(pieces.rows()[side], x) for side in ("even", "odd")]
-                for pieces in table.rows_of_cells(name, axis, open_ends)
-            ]
-            number, within = (
-                even if len(knots.breaks) == 2 else ex.select(_gate(knots, x), even, odd)
-                for even, odd in sides
-            )
-            places.append((number, within))
-        (i, u), (j, w) = places
+        fixed = [axis for axis, x in enumerate(arguments) if x.op == "num"]
+        if len(fixed) == 2:
+            return ex.num(table(*map(ex.number, arguments)))
+        gates = [table.knots(name, axis, ends[axis]) for axis in range(2)]
+        if fixed:
+            (axis,) = fixed
+            other = 1 - axis
+            x = arguments[other]
+            pieces = table.section(name, axis, ex.number(arguments[axis]), ends[other])
+            return _by_piece(gates[other], x, *(ex.call(pieces.rows()[s], x) for s in _PARITIES))
+        x, y = arguments
+        number, within = (
+            _by_piece(gates[0], x, *(ex.call(pieces.rows()[side], x) for side in _PARITIES))
+            for pieces in table.places_in_cells(name, 0, ends[0])
+        )
+        row, above = (pieces.rows() for pieces in table.places_in_cells(name, 1, ends[1]))
         columns, tables = table.coefficients_of_cells(name, ends[0], ends[1])
-        cell = i + float(columns) * j
-        terms = [
-            (ex.call(pieces.rows()["own"], cell) * u**a * w**b, 1.0)
-            for (a, b), pieces in tables.items()
-        ]
-        return ex.add(*terms)
+        sides = list[Expr]()
+        for side in _PARITIES:
+            cell = number + float(columns) * ex.call(row[side], y)
+            w = ex.call(above[side], y)
+            sides.append(
+                ex.add(
+                    *(
+                        (ex.call(pieces.rows()["own"], cell) * within**a * w**b, 1.0)
+                        for (a, b), pieces in tables.items()
+                    )
+                )
+            )
+        # The outer select is what sums of which it is a term keep together.
+        return _by_piece(gates[1], y, *sides)
 
 
-def _gate(knots: PiecewisePolynomial, x: Expr) -> Expr:
-    return ex.call(knots.rows()["gate"], x)
+def _by_piece(knots: PiecewisePolynomial, x: Expr, even: Expr, odd: Expr) -> Expr:
+    """One thing in even pieces, another in odd ones; the first if there is one piece."""
+    if len(knots.breaks) == 2:
+        return even
+    return ex.select(ex.call(knots.rows()["gate"], x), even, odd)
 
 
 def _open_ends(x: Expr, knots: Array, table: Table, name: str) -> tuple[bool, bool]:
