@@ -26,7 +26,9 @@ def typed(table: ss.Table, name: str = "s") -> str:
         " + ".join(f"({a!r})*({name} - ({x!r}))**{k}" for k, a in enumerate(own[::-1].tolist()))
         for own, x in zip(c.T, points.tolist(), strict=False)
     ]
-    conditions = [f"{name} < ({x!r}), {p}" for x, p in zip(points[1:-1].tolist(), parts)]
+    conditions = [
+        f"{name} < ({x!r}), {p}" for x, p in zip(points[1:-1].tolist(), parts, strict=False)
+    ]
     return f"piecewise({', '.join(conditions)}, {parts[-1]})" if conditions else parts[0]
 
 

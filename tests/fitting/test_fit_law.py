@@ -66,7 +66,10 @@ def test_intervals_are_those_of_least_squares() -> None:
 def test_points_of_every_form(tmp_path: Path) -> None:
     v, F = V[30:], forces("coulomb", V[30:])
     file = tmp_path / "points.csv"
-    file.write_text("speed;force\n" + "\n".join(f"{a!r};{b!r}" for a, b in zip(v.tolist(), F.tolist(), strict=True)))
+    file.write_text(
+        "speed;force\n"
+        + "\n".join(f"{a!r};{b!r}" for a, b in zip(v.tolist(), F.tolist(), strict=True))
+    )
     ways: list[Any] = [(v, F), np.column_stack([v, F]), {"v": v, "F": F}, file]
     for points in ways:
         found = ss.fit_law(points, "coulomb", starts=1)
@@ -103,7 +106,9 @@ def test_a_law_that_does_not_fit_is_noticed() -> None:
     found = ss.fit_law((V, forces("stribeck", V)), "coulomb", starts=2)
     assert found.statistics.weight < 0.5
     assert any("correlated" in note for note in found.notes)
-    fixed = ss.fit_law((V, forces("coulomb", V)), "static_kinetic", parameters={"F_s": 3.0}, starts=2)
+    fixed = ss.fit_law(
+        (V, forces("coulomb", V)), "static_kinetic", parameters={"F_s": 3.0}, starts=2
+    )
     assert fixed.names == ["F_c", "b"]
 
 
@@ -135,7 +140,10 @@ def test_values_of_a_table_are_fitted_with_a_motion() -> None:
     from tests.tables import belt
 
     system = belt(
-        parameters={"a": ss.Parameter(0.3, range="(0, 0.45)"), "b": ss.Parameter(0.2, range="(0, 1)")},
+        parameters={
+            "a": ss.Parameter(0.3, range="(0, 0.45)"),
+            "b": ss.Parameter(0.2, range="(0, 1)"),
+        },
         tables={"mu": ss.Table([0.0, 0.1, 0.6, 3.0], [0.44, "a", "b", 0.3])},
     )
     truth = {"a": 0.33, "b": 0.24}

@@ -17,6 +17,7 @@ from scipy.interpolate import (
     RectBivariateSpline,
     RegularGridInterpolator,
 )
+from tests.tables import belt, spring
 
 import stickslip as ss
 from stickslip.errors import DeclarationError
@@ -27,7 +28,6 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.boxes import enclosures, slopes
 from stickslip.symbolic.enclosures import bounds
 from stickslip.symbolic.functions import FUNCTIONS
-from tests.tables import belt, spring
 
 _FUNCTION = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)
 

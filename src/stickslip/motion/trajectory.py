@@ -15,8 +15,8 @@ from stickslip.arrays import Array
 from stickslip.certificates import Certificate
 from stickslip.errors import DeclarationError, StickslipError
 from stickslip.kept import cached_property
-from stickslip.model.quantities import FORCES, contact_key, forces_of, of_modes, quantity
 from stickslip.model.entries.polynomials import beyond_an_end, is_bounded
+from stickslip.model.quantities import FORCES, contact_key, forces_of, of_modes, quantity
 from stickslip.model.system import System
 from stickslip.motion.certify import certify_trajectory
 from stickslip.motion.outcome import Outcome

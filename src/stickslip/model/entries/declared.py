@@ -16,9 +16,9 @@ from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import TimeFunction, formula_text
 
 if TYPE_CHECKING:
+    from stickslip.model.entries.tables import Table
     from stickslip.rate_independent.sets.potential import Dissipation
     from stickslip.structures.coordinates import InModes
-    from stickslip.model.entries.tables import Table
     from stickslip.structures.structure import Structure
 
 

@@ -148,7 +148,7 @@ class PiecewisePolynomial:
                 self.coefficients[:, order + j] * (factors[j] * np.append(length, 1.0) ** j)
                 for j in range(len(factors))
             ]
-            end, size = sum(terms)[:-1], sum(map(np.abs, terms))
+            end, size = np.sum(terms, axis=0)[:-1], np.sum(np.abs(terms), axis=0)
             slack = _ROUNDED * np.maximum(size[:-1], size[1:])
             if np.any(np.abs(end - terms[0][1:]) > slack):
                 return order - 1
@@ -323,13 +323,17 @@ class PiecewisePolynomial:
             length = np.diff(self.breaks)
             d = len(factors) - 1
             scaled = [table[:, order + j] * (factors[j] * length**j) for j in range(d + 1)]
-            ends = _turning_values(scaled) if d in (2, 3) else [
-                sum(
-                    (math.comb(i, j) / math.comb(d, j) * scaled[j] for j in range(1, i + 1)),
-                    scaled[0],
-                )
-                for i in range(d + 1)
-            ]
+            ends = (
+                _turning_values(scaled)
+                if d in (2, 3)
+                else [
+                    sum(
+                        (math.comb(i, j) / math.comb(d, j) * scaled[j] for j in range(1, i + 1)),
+                        scaled[0],
+                    )
+                    for i in range(d + 1)
+                ]
+            )
             slack = _ROUNDED * (d + 1) * sum(np.abs(part) for part in scaled)
             low = np.minimum.reduce(ends) - slack
             self._known[key] = low, np.maximum.reduce(ends) + slack
@@ -409,7 +413,9 @@ def _turning_values(c: list[Array]) -> list[Array]:
     a, b = 3.0 * c3, 2.0 * c2
     with np.errstate(all="ignore"):
         q = -0.5 * (b + np.copysign(np.sqrt(np.maximum(b * b - 4.0 * a * c1, 0.0)), b))
-        places = [np.clip(np.nan_to_num(s, posinf=0.0, neginf=0.0), 0.0, 1.0) for s in (q / a, c1 / q)]
+        places = [
+            np.clip(np.nan_to_num(s, posinf=0.0, neginf=0.0), 0.0, 1.0) for s in (q / a, c1 / q)
+        ]
     return [((c3 * s + c2) * s + c1) * s + c0 for s in (0.0, 1.0, *places)]
 
 
@@ -488,8 +494,9 @@ class TableRow(Function):
     def enclosed_select(self, e: Expr, values: Mapping[Expr, Interval]) -> Interval | None:
         """What a surface lies in, from the intervals of its arguments."""
         surface = self.pieces.surface if self.sampled else None
-        x = None if surface is None else _first_argument(e, surface)
-        return None if x is None else surface.bounds(values[x], values[e.args[0].args[0]])
+        if surface is None or (x := _first_argument(e, surface)) is None:
+            return None
+        return surface.bounds(values[x], values[e.args[0].args[0]])
 
     @property
     def kinked(self) -> bool:

@@ -397,7 +397,12 @@ def checked(times: Any, values: Any, where: str, argument: str = "time") -> tupl
             k = int(np.argmin(finite))
             name = (several, "values")[column]
             raise WrongRow(
-                where, name, k, column, f"{part[k]} is not a number", "Leave the row out, or fill it"
+                where,
+                name,
+                k,
+                column,
+                f"{part[k]} is not a number",
+                "Leave the row out, or fill it",
             )
     check_increasing(t, where, argument)
     return t, y

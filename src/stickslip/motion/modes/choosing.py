@@ -123,10 +123,9 @@ def settle_mode(
         lost = status in (NAN, OVERFLOW, INDEFINITE) and total == 0 and pivots <= nk + 1
         if lost and set_regions(rows, space.W, space.mag, lane.reg):
             continue
-        if lost and pivots == 1 and lane.counters[CAUSE] < 0:
-            # It may begin at the end of a table.
-            if flip_at_ends(rows, space.W, space.mag, lane.reg):
-                continue
+        begins = lost and pivots == 1 and lane.counters[CAUSE] < 0  # maybe at the end of a table
+        if begins and flip_at_ends(rows, space.W, space.mag, lane.reg):
+            continue
         rescaled, unit = unit_for(status, h, room, space.W[n, 1])
         if status in (NAN, INDEFINITE) or (rescaled and units == MOST_UNITS):
             return (INDEFINITE if status == INDEFINITE else NAN), 0.0, 0.0, 0

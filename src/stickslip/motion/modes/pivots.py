@@ -289,10 +289,10 @@ def may_be_carried(rows: Rows, J: Array, space: Space, mode: Array) -> bool:
 @compiled()
 def watches_nothing(rows: Rows, W: Array) -> bool:
     """Whether a row that bounds the step is undefined, such as a threshold beyond a table."""
+    found = False
     for row in rows.watched:
-        if W[row, 0] != W[row, 0]:
-            return True
-    return False
+        found = found or W[row, 0] != W[row, 0]
+    return found
 
 
 @compiled()

@@ -14,7 +14,6 @@ from stickslip.model.entries.keys import JOINED, normal_force
 from stickslip.model.quantities import contact_key
 from stickslip.model.system import System
 from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN, Knots
-from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.pieces import boundary
 

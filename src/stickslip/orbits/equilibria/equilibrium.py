@@ -16,7 +16,6 @@ from stickslip.model.entries.keys import NORMAL
 from stickslip.model.quantities import quantity
 from stickslip.model.system import System
 from stickslip.results import Completion, Result, restored_certificate, shortened
-from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.pieces import boundary
 
 if TYPE_CHECKING:
