@@ -16,7 +16,7 @@ FOLDER = "reference/python"
 GROUPS: Mapping[str, str] = {
     "Declare a system": "System Parameter Inertial Viscous RateIndependent Internal Contact "
     "Unilateral Bilateral Structure ModalDamping ProportionalDamping Jump Output Condition Samples "
-    "load laws catalogue",
+    "Table load laws catalogue",
     "Motions": "simulate simulate_many Trajectory Ensemble EventCatalogue Outcome vector_field "
     "VectorField",
     "Rest, cycles, branches": "equilibria Equilibria Equilibrium EquilibriumSet find_cycle Cycle "
@@ -25,7 +25,7 @@ GROUPS: Mapping[str, str] = {
     "ring_down RingDown backbone Backbone",
     "Gaits": "gait_study GaitStudy walking_threshold sliding_threshold HysteresisOperator",
     "Maps": "sweep Map basin Basin Settings Adaptive",
-    "Data": "fit Fit fit_problem FitProblem Recording compare Comparison Band",
+    "Data": "fit Fit fit_law LawFit fit_problem FitProblem Recording compare Comparison Band",
     "Friction that oscillates": "Evolution EvolutionModel load_evolution evolve History "
     "averaging_study AveragingStudy play Play prandtl_ishlinskii Dissipation WeightedL1 GroupNorm "
     "Ellipsoid Polytope SupportFormula SupportFunction Product Intersection",

@@ -335,3 +335,16 @@ def test_the_unit_is_anybodys() -> None:
     """What a table says is in no unit that is known."""
     system = belt(tables={"mu": ss.Table([0, 5], [0.4, 0.3])})
     assert system.doubts == []
+
+
+def test_at_the_command_line(tmp_path: Path) -> None:
+    from stickslip.cli.common.models import load_model
+
+    table = ss.Table([0, 1], [1, 2])
+    (tmp_path / "m.toml").write_text(spring("integral_F(x)", tables={"F": table}).to_toml())
+    (tmp_path / "F.csv").write_text("x,F\n0,2\n3,4\n")
+    setting = f'F={{file = "{tmp_path / "F.csv"}", of = "x", kind = "pchip"}}'
+    system = load_model(str(tmp_path / "m.toml"), [setting])
+    assert system.tables["F"] == ss.Table([0, 3], [2, 4], "pchip")
+    with pytest.raises(DeclarationError, match=r"tables\.F: expected a table"):
+        load_model(str(tmp_path / "m.toml"), ["F=x**2"])

@@ -73,7 +73,7 @@ def _value(c: Array, u: float) -> float:
     return float(np.polynomial.polynomial.polyval(u, c))
 
 
-def horner(coefficients: Sequence[Array], u: Array) -> Array:
+def power_series(coefficients: Sequence[Array], u: Array) -> Array:
     total = 0.0 * u
     for c in reversed(coefficients):
         total = total * u + c

@@ -42,9 +42,9 @@ from stickslip.model.entries.grids import (
 )
 from stickslip.model.entries.interpolation import (
     ends_of_pieces,
-    horner,
     integrated,
     pieces_of_curve,
+    power_series,
 )
 from stickslip.model.entries.polynomials import (
     INTEGRAL,
@@ -398,11 +398,13 @@ class Table:
         if len(self.axes) == 1:
             pieces = self.pieces("table", (False, False))
             k, u = self._column(0, at[0])
-            return horner([c[k] for c in pieces.coefficients.T], u)
+            return power_series([c[k] for c in pieces.coefficients.T], u)
         (i, u), (j, w) = (self._column(axis, place) for axis, place in enumerate(at))
         c = self._cells((False, False), (False, False))[i, j]
-        rows = [horner([c[..., a, b] for b in range(c.shape[-1])], w) for a in range(c.shape[-2])]
-        return horner(rows, u)
+        rows = [
+            power_series([c[..., a, b] for b in range(c.shape[-1])], w) for a in range(c.shape[-2])
+        ]
+        return power_series(rows, u)
 
     def _column(self, axis: int, place: Array) -> tuple[Array, Array]:
         """Which piece along an axis a place is in, and how far; not a number where refused."""
