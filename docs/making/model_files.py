@@ -8,6 +8,7 @@ from typing import Any
 from making import docstrings, markdown
 from stickslip.model import schema, system
 from stickslip.model.entries.samples import Samples
+from stickslip.model.entries.tables import Table
 from stickslip.rate_independent.evolution.model import EvolutionModel
 from stickslip.structures.structure import Structure
 
@@ -39,6 +40,15 @@ _SAMPLES = {
     "values": "the values themselves",
     "kind": '`"linear"`, `"cubic"` or `"hold"`: what is between the samples',
     "periodic": "`true` if they repeat",
+}
+_TABLES = {
+    "file": "text file with columns; relative to the model file",
+    "of": "name of the column of points (else the first one); of a surface two names",
+    "value": "name of the column of values (else that of the table, or `value`)",
+    "points": "the points themselves, in place of a file; of a surface two lists",
+    "values": "the values themselves: numbers, or formulas of parameters",
+    "kind": '`"linear"`, `"pchip"` or `"cubic"`: what is between the points',
+    "outside": '`"refused"`, `"constant"` or `"linear"`, or a pair of these for below and above',
 }
 _STRUCTURES = {
     "mass": "file of the matrix, relative to the model file: `.mtx`, `.npz`, `.npy` or `.mat`; "
@@ -92,11 +102,14 @@ def pages() -> dict[str, str]:
             parts.append(markdown.table(head, keys(cls)))
     structures = [[markdown.code(key), text] for key, text in _STRUCTURES.items()]
     samples = [[markdown.code(key), text] for key, text in _SAMPLES.items()]
+    tables = [[markdown.code(key), text] for key, text in _TABLES.items()]
     page = markdown.filled(
         "model-files",
         system=markdown.table(head, keys(system.System)),
         entries="\n".join(parts),
         samples_are=docstrings.first_sentence(Samples),
+        tables_are=docstrings.first_sentence(Table),
+        tables=markdown.table(["key", "meaning"], tables),
         structures_are=docstrings.first_sentence(Structure),
         structures=markdown.table(["key", "meaning"], structures),
         samples=markdown.table(["key", "meaning"], samples),

@@ -14,10 +14,11 @@ from making import docstrings, markdown, sessions
 ROOT = Path(__file__).parents[2]
 FOLDER = "reference/python"
 GROUPS: Mapping[str, str] = {
-    "Declare a system": "System Parameter Inertial Viscous RateIndependent Internal Contact "
-    "Sampled Unilateral Bilateral Structure ModalDamping ProportionalDamping Jump Output Condition Samples noise "
-    "load laws catalogue",
-    "Motions": "simulate simulate_many Stepper StepperState Trajectory Ensemble EventCatalogue Outcome vector_field "
+    "Declare a system": "System Parameter Inertial Viscous RateIndependent Internal Sampled Contact "
+    "Unilateral Bilateral Structure ModalDamping ProportionalDamping Jump Output Condition Samples "
+    "noise Table load laws catalogue",
+    "Motions": "simulate simulate_many Stepper StepperState Trajectory Ensemble EventCatalogue "
+    "Outcome vector_field "
     "VectorField",
     "Rest, cycles, branches": "equilibria Equilibria Equilibrium EquilibriumSet find_cycle Cycle "
     "continue_equilibrium continue_cycle Branch SpecialPoint StepControl hopf_curve fold_curve "
@@ -25,12 +26,12 @@ GROUPS: Mapping[str, str] = {
     "ring_down RingDown backbone Backbone",
     "Gaits": "gait_study GaitStudy walking_threshold sliding_threshold HysteresisOperator",
     "Maps": "sweep Map basin Basin Settings Adaptive",
-    "Data": "fit Fit fit_problem FitProblem Recording compare Comparison Band",
+    "Data": "fit Fit fit_law LawFit fit_problem FitProblem Recording compare Comparison Band",
     "Friction that oscillates": "Evolution EvolutionModel load_evolution evolve History "
     "averaging_study AveragingStudy play Play prandtl_ishlinskii Dissipation WeightedL1 GroupNorm "
     "Ellipsoid Polytope SupportFormula SupportFunction Product Intersection",
-    "Files, errors, pictures": "open export StickslipError DeclarationError ConvergenceError figures "
-    "style explore",
+    "Files, errors, pictures": "open export StickslipError DeclarationError ConvergenceError "
+    "figures style explore",
 }
 """What belongs together; a name that stands nowhere here has a page all the same."""
 # What results hold.
@@ -49,7 +50,14 @@ _MEMBERS = {
     "FrictionLaw": r"ss\.laws\.by_name",
     "LawContact": r"ss\.laws\.\w+\(\"",
 }
-_PAGES = ("by-example", "tutorials/gaits", "extending", "how-to/data", "how-to/controllers", "tutorials/controllers")
+_PAGES = (
+    "by-example",
+    "tutorials/gaits",
+    "extending",
+    "how-to/data",
+    "how-to/controllers",
+    "tutorials/controllers",
+)
 
 
 def groups() -> dict[str, list[str]]:

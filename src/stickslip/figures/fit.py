@@ -158,22 +158,22 @@ def plot_law_fit(fit: LawFit, ax: Axes | None = None) -> Figure:
     """Points and law over the speed, and the residuals below; in given axes without these."""
     v, F = fit.speeds, fit.forces
     with paper_style():
-        below = None
-        if ax is None:
-            figure = new_figure(6.4, 4.2)
-            ax, below = figure.subplots(2, 1, height_ratios=[2.4, 1.0], sharex=True)
-        ax.axhline(0.0, color=STICK_LINE, linewidth=0.8)
-        ax.plot(v, F, "o", color=_DATA, markeredgewidth=0, markersize=3.8, label="data")
-        for own in (v[v < 0.0], v[v > 0.0]):
-            if len(own):
-                fine = np.linspace(own[0], own[-1], _LINE)
-                label = fit.law.title if own[-1] == v[-1] else None
-                ax.plot(fine, fit.at(fine), color=LINES[0], linewidth=1.4, zorder=3, label=label)
-        ax.set_ylabel("friction force  [N]")
-        legend_above(ax)
+        own, below = ax, None
+        if own is None:
+            pair = new_figure(6.4, 4.2).subplots(2, 1, height_ratios=[2.4, 1.0], sharex=True)
+            own, below = pair[0], pair[1]
+        own.axhline(0.0, color=STICK_LINE, linewidth=0.8)
+        own.plot(v, F, "o", color=_DATA, markeredgewidth=0, markersize=3.8, label="data")
+        for side in (v[v < 0.0], v[v > 0.0]):
+            if len(side):
+                fine = np.linspace(side[0], side[-1], _LINE)
+                label = fit.law.title if side[-1] == v[-1] else None
+                own.plot(fine, fit.at(fine), color=LINES[0], linewidth=1.4, zorder=3, label=label)
+        own.set_ylabel("friction force  [N]")
+        legend_above(own)
         if below is not None:
             below.axhline(0.0, color=STICK_LINE, linewidth=0.8)
             below.plot(v, F - fit.at(v), "o", color=LINES[0], markeredgewidth=0, markersize=3.8)
             below.set_ylabel("residual")
-        (ax if below is None else below).set_xlabel("speed  [m/s]")
-        return root_of(ax)
+        (own if below is None else below).set_xlabel("speed  [m/s]")
+        return root_of(own)

@@ -73,7 +73,7 @@ def plot_table(table: Table, ax: Axes | None = None) -> Figure:
             ax.set_xlabel(names[0])
             ax.set_ylabel(names[1])
             return root_of(ax)
-        (points,) = table.axes
+        points = table.points
         fine = np.union1d(points, np.linspace(points[0], points[-1], _FINE))
         ax.plot(fine, table(fine), color=BLUE)
         reach = _BEYOND * (points[-1] - points[0])

@@ -40,9 +40,10 @@ def provide_table(
     ----------
     names : mapping of str to (str, sequence of float)
         By name: the side ("even" or "odd": the nearest piece of that parity is continued; "gate":
-        the piece that begins within a rounding error, or the one around; "own": that one; "evengate" or "oddgate":
-        the gate of the nearest piece of that parity), and factors of the coefficients
-        (u⁰, u¹, ... of what is left after as many derivatives as there are factors missing).
+        the piece that begins within a rounding error, or the one around; "own": that one;
+        "evengate" or "oddgate": the gate of the nearest piece of that parity), and factors of the
+        coefficients (u⁰, u¹, ... of what is left after as many derivatives as there are factors
+        missing).
     breaks : array, shape (m + 1,)
         Ends of the pieces, increasing.
     coefficients : array, shape (m, d + 1)

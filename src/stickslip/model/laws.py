@@ -375,10 +375,10 @@ table: FrictionLaw = FrictionLaw(
     "table",
     "Points of the sliding force over the speed",
     "a measurement",
-    "Between the points (v, F) the force is that of a table, whose kind may be given (linear, pchip, "
-    "cubic); slower than the slowest it is the force there, faster than the fastest it is not "
-    "known, unless outside says what it is. Points at negative speeds are those of sliding back, "
-    "with negative forces. At rest it holds N F_s, of which a list gives forward and backward.",
+    "Between the points (v, F) the force is that of a table, whose kind may be given (linear, "
+    "pchip, cubic); slower than the slowest it is the force there, faster than the fastest it is "
+    "not known, unless outside says what it is. Points at negative speeds are those of sliding "
+    "back, with negative forces. At rest it holds N F_s; a list gives F_s forward and backward.",
     parameters={
         "F_s": _F_S,
         "v": Parameter(1.0, "m/s", "speeds of the points, a list"),

@@ -147,7 +147,7 @@ class DeclaredNames:
         return self.definitions | derivatives
 
 
-def measured_drives(drives: Mapping[str, Drive]) -> dict[str, TimeFunction]:
+def measured_drives(drives: Mapping[str, Drive | Table]) -> dict[str, TimeFunction]:
     """Those of the drives that are no formulas."""
     return {name: drive for name, drive in drives.items() if isinstance(drive, TimeFunction)}
 

@@ -18,7 +18,8 @@ from stickslip.errors import DeclarationError, suggestion
 from stickslip.kept import cached_property
 from stickslip.model.entries.declared import Kind
 from stickslip.model.entries.keys import key_of, normal_force
-from stickslip.model.entries.tables import Table, curves_of
+from stickslip.model.entries.sliding_points import sliding_curves
+from stickslip.model.entries.tables import Table
 from stickslip.model.entries.units import check_unit
 from stickslip.model.names import DeclaredNames, parse_range
 from stickslip.model.schema import check_shape, entry_key, wrong_kind
@@ -639,43 +640,44 @@ class _WrittenOut:
     ) -> None:
         """A contact whose sliding force is given by points: a table, or one for each way."""
         where = entry_key("contacts", name)
-        curves = curves_of(contact.values, law.points, where)
+        curves = sliding_curves(contact.values, law.points, where)
         static = contact.values["F_s"]
-        both = static if isinstance(static, tuple) else (static,)
-        if len(both) > 2:
+        held = static if isinstance(static, tuple) else (static,)
+        if len(held) > 2:
             raise DeclarationError(
                 f"{where}.F_s",
-                f"{len(both)} values, and there are two ways",
+                f"{len(held)} values, and there are two ways",
                 "Give one, or forward and backward",
             )
-        sides = list[dict[str, str]]()
-        ways = max(len(both), len(curves))
-        for way in range(ways):
-            end = "_back" if way else ""
-            own = {**words, "curve": f"curve{end if len(curves) > 1 else ''}_{key_of(name)}"}
-            strength = both[way % len(both)]
-            place = f"{where}.F_s[{way}]" if len(both) > 1 else f"{where}.F_s"
-            for part, value, at in (
-                ("F_s", strength, place),
-                ("N", contact.values.get("N", law.options["N"].default), f"{where}.N"),
-            ):
-                if way and (part == "N" or len(both) == 1):
-                    own[part] = sides[0][part]
-                elif self.is_pressed(value):
-                    own[part] = f"({value})"
-                else:
-                    label = words[part].replace(part, f"{part}{end}", 1)
-                    own[part] = self.define(at, label, value, law.known()[part].range)
-            sides.append(own)
-        for curve, own in zip(curves, sides, strict=False):
-            self.take(self.tables, own["curve"], curve, where)
-            self.origins[f"tables.{own['curve']}"] = f"{where}.F"
-        parts = [
-            tuple(_renamed(text, own) for own in sides) for text in (law.threshold, law.kinetic)
-        ]
-        threshold, kinetic = (part if ways > 1 else part[0] for part in parts)
+        factor = contact.values.get("N", law.options["N"].default)
+        words = {**words, "N": self.strength(f"{where}.N", words["N"], factor, law)}
+        threshold, kinetic = list[str](), list[str]()
+        for way, end in enumerate(("", "_back")):
+            if way < len(held):
+                place = f"{where}.F_s[{way}]" if len(held) > 1 else f"{where}.F_s"
+                label = f"F_s{end}_{key_of(name)}"
+                words["F_s"] = self.strength(place, label, held[way], law)
+            if way < len(curves):
+                words["curve"] = f"curve{end}_{key_of(name)}"
+                self.take(self.tables, words["curve"], curves[way], where)
+                self.origins[f"tables.{words['curve']}"] = f"{where}.F"
+            threshold.append(_renamed(law.threshold, words))
+            kinetic.append(_renamed(law.kinetic, words))
+        both = len(held) > 1 or len(curves) > 1
         self.contacts[name] = Contact(
-            contact.direction, threshold, contact.surface_speed, kinetic, contact.unit
+            contact.direction,
+            (threshold[0], threshold[1]) if both else threshold[0],
+            contact.surface_speed,
+            (kinetic[0], kinetic[1]) if both else kinetic[0],
+            contact.unit,
+        )
+
+    def strength(self, where: str, name: str, value: object, law: FrictionLaw) -> str:
+        """What a force of a law of points, or its factor, is called; a normal force as it is."""
+        if self.is_pressed(value):
+            return f"({value})"  # no function may use a normal force
+        return self.define(
+            where, name, value, law.known()["N" if name.startswith("N_") else "F_s"].range
         )
 
     def how_many(self, values: Mapping[str, object], law: FrictionLaw, where: str) -> int:

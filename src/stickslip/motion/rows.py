@@ -47,6 +47,7 @@ def _rows(equations: MotionEquations, layout: Layout) -> Rows:
     dropping = ({i for i, *_ in layout.kinetic} - pulled) | _carried(equations, layout)
     state = frozenset(layout.state)
     watched = np.array(list(noise), dtype=np.int64)
+    bounded = [is_bounded(guard) for guard in equations.kinks]
     return Rows(
         sizes,
         u,
@@ -61,7 +62,7 @@ def _rows(equations: MotionEquations, layout: Layout) -> Rows:
             [not guard.symbols & state for guard in equations.kinks],
             dtype=np.int64,
         ),
-        np.array([is_bounded(guard) for guard in equations.kinks], dtype=np.int64),
+        np.array(bounded if any(bounded) else [], dtype=np.int64),
         _vanishing(equations, layout),
         np.array([c in dropping for c in range(len(u))], dtype=np.int64),
         pack(layout),

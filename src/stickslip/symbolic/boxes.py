@@ -139,7 +139,7 @@ def chord_values(expressions: list[Expr], u: Any) -> Array:
     return evaluator(expressions, names)(np.broadcast_to(u, (len(names), *np.shape(u))))
 
 
-def table(expressions: list[Expr], u: Array) -> Array:
+def value_rows(expressions: list[Expr], u: Array) -> Array:
     """Values of expressions in one name at places of shape (m,), one row each: shape (m,
     expressions)."""
     return np.ascontiguousarray(chord_values(expressions, u).T)

@@ -126,7 +126,13 @@ class Enclosure:
             case "pow":
                 return of.varying_power(*(known[a] for a in e.args))
             case "select":
-                return self._select(e, ())
+                found = self._select(e, ())
+                row = FUNCTIONS.get(e.args[0].op)
+                closer = None if row is None else row.enclosed_select(e, known)
+                if closer is None:
+                    return found
+                ops = of.ops
+                return ops.maximum(found[0], closer[0]), ops.minimum(found[1], closer[1])
             case _:
                 return of_function(FUNCTIONS[e.op], known[e.args[0]], of)
 

@@ -766,11 +766,11 @@ def _text(e: Expr, known: Mapping[Expr, tuple[str, int]]) -> tuple[str, int]:
 def _called(e: Expr) -> str | None:
     """How formulas call a select between the pieces of a table."""
     guard, above, below = e.args
-    rows = [FUNCTIONS.get(x.op) for x in (guard, above, below)]
-    if None in rows or not guard.args == above.args == below.args:
+    gate, one, other = (FUNCTIONS.get(x.op) for x in (guard, above, below))
+    if gate is None or one is None or other is None or not gate.sampled:
         return None
-    gate, one, other = rows
-    return one.called if gate.sampled and one.called and one.called == other.called else None
+    alike = guard.args == above.args == below.args and one.called == other.called
+    return one.called or None if alike else None
 
 
 def _times(c: float, product: str) -> str:

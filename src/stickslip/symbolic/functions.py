@@ -17,7 +17,7 @@ their own. Whatever is not of this table is structure, not a function: sums and 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Any, Literal
@@ -138,6 +138,11 @@ class Function:
     def joins(self, above: Expr, below: Expr) -> bool:
         """Whether it is a guard at which two branches are known to agree."""
         return False
+
+    def enclosed_select(self, e: Expr, values: Mapping[Expr, Interval]) -> Interval | None:
+        """What a select of which it is the guard lies in, where that is known better than from its
+        branches; `values` are the intervals of all that is in it."""
+        return None
 
     @property
     def fixed(self) -> tuple[float, float] | None:

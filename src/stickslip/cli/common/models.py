@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from stickslip import catalogue, load
 from stickslip.errors import DeclarationError, short
@@ -17,6 +18,9 @@ from stickslip.model.system import DefaultSpan, Drive, Formula, System
 from stickslip.structures.names import is_entry
 from stickslip.symbolic.expressions import is_number, number
 from stickslip.symbolic.formulas import Scope
+
+if TYPE_CHECKING:
+    from stickslip.model.entries.tables import Table
 
 _FILE = re.compile(r"[^*+()^<>]*\.(?![eE]\d)[A-Za-z]\w*\Z")  # no formula looks like that
 
@@ -74,9 +78,10 @@ def references(model: str) -> list[str]:
     return [system.source] if system.source else []
 
 
-def settings_of(texts: Iterable[str]) -> dict[str, Drive]:
+def settings_of(texts: Iterable[str]) -> dict[str, Drive | Table]:
     """What ``--set`` gives: numbers, formulas, and samples from files, as in ``a=base.csv`` or
-    ``a={file = "base.csv", time = "t", value = "a", kind = "cubic"}``."""
+    ``a={file = "base.csv", time = "t", value = "a", kind = "cubic"}``; and tables, as in
+    ``mu={file = "mu.csv", of = "speed"}``."""
     return {
         name: _samples(name, value) if isinstance(value, str) and _is_file(value) else value
         for name, value in assignments(texts, "--set").items()
@@ -136,9 +141,11 @@ def _is_file(text: str) -> bool:
     return text.startswith("{") or bool(_FILE.match(text)) or Path(text).is_file()
 
 
-def _samples(name: str, text: str) -> Drive:
-    """Samples of a drive, with the names of the columns or without."""
+def _samples(name: str, text: str) -> Drive | Table:
+    """Samples of a drive, with the names of the columns or without; a table, if it says of what its
+    values are."""
     from stickslip.model.entries.samples import Samples
+    from stickslip.model.entries.tables import Table
 
     where = f"--set {name}"
     table: object = {"file": text}
@@ -150,7 +157,9 @@ def _samples(name: str, text: str) -> Drive:
             raise DeclarationError(
                 where, f"'{short(text)}' is not a table", f"Write it like --set '{name}={form}'"
             ) from None
-    return Samples.from_plain(toml.mapping(table, where), where, name=name)
+    given = toml.mapping(table, where)
+    kind = Table if {"of", "points"} & given.keys() else Samples
+    return kind.from_plain(given, where, name=name)
 
 
 def _value(text: str) -> Formula:

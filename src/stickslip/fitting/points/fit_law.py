@@ -24,7 +24,7 @@ from stickslip.fitting.fit import Fit
 from stickslip.fitting.making import fit
 from stickslip.fitting.problem import Loss
 from stickslip.fitting.unknowns import FreeRange
-from stickslip.model.entries.columns import chosen_columns, table_columns
+from stickslip.model.entries.columns import argument_columns, chosen_columns
 from stickslip.model.entries.samples import Samples
 from stickslip.model.laws import FrictionLaw, by_name
 from stickslip.model.system import Formula, Internal, LawContact, Parameter, System
@@ -252,7 +252,7 @@ def _read(points: Any) -> tuple[Array, Array]:
 
 def _columns(points: Any) -> tuple[Array, Array]:
     if isinstance(points, str | PathLike):
-        columns, *_ = chosen_columns(points, table_columns((), "", "F"))
+        columns, *_ = chosen_columns(points, argument_columns((), "", "F"))
         return columns[0], columns[1]
     if isinstance(points, Mapping) or hasattr(points, "columns"):
         table = cast("Mapping[str, Any]", points)

@@ -78,7 +78,9 @@ def chosen_columns(
     return columns, np.array(rows) + 1, wanted
 
 
-def table_columns(of: Sequence[str], value: str, own: str) -> Callable[[list[str], str], list[str]]:
+def argument_columns(
+    of: Sequence[str], value: str, own: str
+) -> Callable[[list[str], str], list[str]]:
     """Which columns have the arguments of a table and its values, as :func:`chosen_columns` asks.
 
     Parameters

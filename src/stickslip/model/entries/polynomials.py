@@ -13,6 +13,7 @@ import math
 import weakref
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, cast
 from weakref import WeakValueDictionary
 
@@ -40,6 +41,47 @@ LIVING: WeakValueDictionary[str, PiecewisePolynomial] = WeakValueDictionary()
 
 
 @dataclass(frozen=True, eq=False)
+class Surface:
+    """What the values of a surface lie in, cell by cell.
+
+    Attributes
+    ----------
+    breaks : pair of arrays, shapes (columns + 1,) and (rows + 1,)
+        Of the cells; the outer ones have no end.
+    low, high : array, shape (columns, rows)
+        Infinite where it is not bounded.
+    terms : int
+        Of its polynomials.
+    """
+
+    breaks: tuple[Array, Array]
+    low: Array
+    high: Array
+    terms: int
+
+    def bounds(self, x: Interval, y: Interval) -> Interval:
+        """Least and largest value in a box; of arrays of such, too."""
+        ends = [np.broadcast_arrays(*(np.asarray(end, float) for end in a)) for a in (x, y)]
+        shape = np.broadcast_shapes(*(np.shape(a[0]) for a in ends))
+        found = np.empty((2, *shape))
+        for place in np.ndindex(*shape):
+            cells = tuple(
+                self._cells(axis, *(float(np.broadcast_to(end, shape)[place]) for end in a))
+                for axis, a in enumerate(ends)
+            )
+            found[(0, *place)] = self.low[cells].min()
+            found[(1, *place)] = self.high[cells].max()
+        return (found[0], found[1]) if shape else (float(found[0]), float(found[1]))
+
+    def _cells(self, axis: int, low: float, high: float) -> slice:
+        inner = self.breaks[axis][1:-1]
+        if math.isnan(low) or math.isnan(high):
+            return slice(None)
+        first = int(np.searchsorted(inner, low, side="left"))
+        return slice(first, int(np.searchsorted(inner, high, side="right")) + 1)
+
+
+@dataclass(frozen=True, eq=False)
 class PiecewisePolynomial:
     """A function piece by piece.
 
@@ -58,6 +100,9 @@ class PiecewisePolynomial:
     covered : (float, float) or None
         Outside of which a table has no values. Its first and its last piece go on for ever, its
         gates too. None: samples, of which nothing is known outside the breaks.
+    surface : Surface or None
+        Of the knots along the second axis of a surface, of its constant terms, and of the numbers
+        of its pieces along the first axis.
     kinked : bool
         Of knots: whether they are those of a function with kinks.
     bounded : (float, float) or None
@@ -71,6 +116,7 @@ class PiecewisePolynomial:
     sides: tuple[str, ...] = SIDES
     called: str = ""
     covered: Interval | None = None
+    surface: Surface | None = None
     kinked: bool = False
     bounded: Interval | None = None
 
@@ -102,7 +148,7 @@ class PiecewisePolynomial:
                 self.coefficients[:, order + j] * (factors[j] * np.append(length, 1.0) ** j)
                 for j in range(len(factors))
             ]
-            end, size = sum(terms)[:-1], sum(map(np.abs, terms))
+            end, size = np.sum(terms, axis=0)[:-1], np.sum(np.abs(terms), axis=0)
             slack = _ROUNDED * np.maximum(size[:-1], size[1:])
             if np.any(np.abs(end - terms[0][1:]) > slack):
                 return order - 1
@@ -268,7 +314,8 @@ class PiecewisePolynomial:
         return min(values) - slack, max(values) + slack
 
     def _extremes(self, side: str, order: int) -> tuple[Array, Array]:
-        """Bounds on every piece, by Bernstein coefficients."""
+        """Bounds on every piece: up to degree three by its ends and where its slope vanishes, else
+        by Bernstein coefficients."""
         key = _is_gate(side), order
         if key not in self._known:
             table = self.table(side)
@@ -276,13 +323,17 @@ class PiecewisePolynomial:
             length = np.diff(self.breaks)
             d = len(factors) - 1
             scaled = [table[:, order + j] * (factors[j] * length**j) for j in range(d + 1)]
-            ends = [
-                sum(
-                    (math.comb(i, j) / math.comb(d, j) * scaled[j] for j in range(1, i + 1)),
-                    scaled[0],
-                )
-                for i in range(d + 1)
-            ]
+            ends = (
+                _turning_values(scaled)
+                if d in (2, 3)
+                else [
+                    sum(
+                        (math.comb(i, j) / math.comb(d, j) * scaled[j] for j in range(1, i + 1)),
+                        scaled[0],
+                    )
+                    for i in range(d + 1)
+                ]
+            )
             slack = _ROUNDED * (d + 1) * sum(np.abs(part) for part in scaled)
             low = np.minimum.reduce(ends) - slack
             self._known[key] = low, np.maximum.reduce(ends) + slack
@@ -320,6 +371,20 @@ def beyond_an_end(guard: Expr, values: Mapping[str, float]) -> str:
     return f"{x:.9g}, and '{row.called}' {end}"
 
 
+@lru_cache(maxsize=4096)
+def _first_argument(e: Expr, surface: Surface) -> Expr | None:
+    """The first argument of a surface, if an expression is its value and no derivative."""
+    terms = e.args[1].terms if len(e.args[1].terms) == surface.terms else ()
+    for term, _ in terms:
+        row = FUNCTIONS.get(term.op)
+        if isinstance(row, TableRow) and row.pieces.surface is surface:
+            for n in ex.walk(term.args):
+                part = FUNCTIONS.get(n.op)
+                if isinstance(part, TableRow) and part.pieces.surface is surface:
+                    return n.args[0]
+    return None
+
+
 def in_own_piece(guard: Expr) -> Expr:
     """The guard of a select; if it is the gate of a table, such that it is in each region that of
     the pieces of that region."""
@@ -339,6 +404,19 @@ def _remove(name: str, rows: list[str]) -> None:
         for row in rows:
             FUNCTIONS.pop(row, None)
         withdraw(rows)
+
+
+def _turning_values(c: list[Array]) -> list[Array]:
+    """Values of polynomials of degree two or three between 0 and 1 at both ends, and where their
+    slopes vanish in between."""
+    c0, c1, c2, c3 = (*c, 0.0 * c[0])[:4]
+    a, b = 3.0 * c3, 2.0 * c2
+    with np.errstate(all="ignore"):
+        q = -0.5 * (b + np.copysign(np.sqrt(np.maximum(b * b - 4.0 * a * c1, 0.0)), b))
+        places = [
+            np.clip(np.nan_to_num(s, posinf=0.0, neginf=0.0), 0.0, 1.0) for s in (q / a, c1 / q)
+        ]
+    return [((c3 * s + c2) * s + c1) * s + c0 for s in (0.0, 1.0, *places)]
 
 
 def derived(c: Array, order: int) -> Array:
@@ -412,6 +490,13 @@ class TableRow(Function):
         if name.startswith(INTEGRAL) and order > 0:
             name, order = name.removeprefix(INTEGRAL), order - 1
         return f"{'d_' * order}{name}" if name else ""
+
+    def enclosed_select(self, e: Expr, values: Mapping[Expr, Interval]) -> Interval | None:
+        """What a surface lies in, from the intervals of its arguments."""
+        surface = self.pieces.surface if self.sampled else None
+        if surface is None or (x := _first_argument(e, surface)) is None:
+            return None
+        return surface.bounds(values[x], values[e.args[0].args[0]])
 
     @property
     def kinked(self) -> bool:

@@ -16,12 +16,12 @@ from __future__ import annotations
 import hashlib
 import math
 import zlib
-from base64 import b64decode, b64encode
+from base64 import b64encode
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,12 +30,32 @@ from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.kept import cached_property
-from stickslip.model.entries.columns import chosen_columns, table_columns
-from stickslip.model.entries.polynomials import INTEGRAL, LIVING, PiecewisePolynomial
-from stickslip.model.entries.samples import WrongRow, check_increasing, checked
+from stickslip.model.entries.columns import argument_columns, chosen_columns
+from stickslip.model.entries.grids import (
+    MOST_STORED,
+    check_word,
+    checked_grid,
+    grid_in_rows,
+    is_grid,
+    unpacked_table,
+    without_formulas,
+)
+from stickslip.model.entries.interpolation import (
+    ends_of_pieces,
+    integrated,
+    pieces_of_curve,
+    power_series,
+)
+from stickslip.model.entries.polynomials import (
+    INTEGRAL,
+    LIVING,
+    PiecewisePolynomial,
+    Surface,
+)
+from stickslip.model.entries.samples import WrongRow, checked
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
-from stickslip.symbolic.formulas import TableFunction, is_finite
+from stickslip.symbolic.formulas import TableFunction
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,8 +67,10 @@ Read = Callable[[object], Expr]
 TABLE_KINDS: tuple[TableKind, ...] = ("linear", "pchip", "cubic")
 OUTSIDE: tuple[Outside, ...] = ("refused", "constant", "linear")
 _LISTED = 50  # numbers that a model file lists
-_STORED = 200_000  # … and that it holds
 _MOST_FORMULAS = 100  # values that are formulas
+_EVERYWHERE = (-math.inf, math.inf)
+_PARITIES = ("even", "odd")
+_SLACK = 1e-14  # rounding errors of Bernstein coefficients of a cell
 _NOT_NEGATIVE = {"speed": (0.0, math.inf)}
 
 
@@ -106,17 +128,17 @@ class Table:
         where: str = "table",
         source: Mapping[str, Any] | None = None,
     ) -> None:
-        _check_word(kind, TABLE_KINDS, f"{where}, kind")
+        check_word(kind, TABLE_KINDS, f"{where}, kind")
         sides = outside if isinstance(outside, tuple | list) else (outside, outside)
         for side in sides:
-            _check_word(side, OUTSIDE, f"{where}, outside")
+            check_word(side, OUTSIDE, f"{where}, outside")
         self.kind: TableKind = kind
         self.outside: tuple[Outside, Outside] = (sides[0], sides[1])
         self.source: dict[str, Any] = dict(source or {})
         self.formulas: dict[int, str] = {}
         self.axes: tuple[Array, ...]
-        if _is_grid(points):
-            self.axes, self.values = _checked_grid(points, values, where)
+        if is_grid(points):
+            self.axes, self.values = checked_grid(points, values, where)
             if kind == "pchip":
                 raise DeclarationError(
                     f"{where}, kind",
@@ -124,7 +146,7 @@ class Table:
                     'Write "linear" or "cubic"',
                 )
         else:
-            numbers, self.formulas = _split(values)
+            numbers, self.formulas = without_formulas(values)
             t, self.values = checked(points, numbers, where, "point")
             self.axes = (t,)
             self._check_formulas(where)
@@ -183,11 +205,11 @@ class Table:
             names the row, the column and the remedy.
         """
         arguments = (of,) if isinstance(of, str) and of else tuple(of)
-        columns, rows, wanted = chosen_columns(file, table_columns(arguments, value, name))
+        columns, rows, wanted = chosen_columns(file, argument_columns(arguments, value, name))
         *names, last = wanted
         source = {"file": str(file), "of": names if len(names) > 1 else names[0], "value": last}
         if len(names) > 1:
-            axes, grid = _grid_of(columns, rows, names, str(file))
+            axes, grid = grid_in_rows(columns, rows, names, str(file))
             return cls(axes, grid, kind, outside, where=str(file), source=source)
         try:
             checked(columns[0], columns[1], str(file), "point")
@@ -241,7 +263,7 @@ class Table:
     @property
     def points(self) -> Any:
         """Where it is known: an array, or a pair of them."""
-        return self.axes if len(self.axes) > 1 else self.axes[0]
+        return self.axes if len(self.axes) > 1 else next(iter(self.axes))
 
     @property
     def given(self) -> Any:
@@ -277,7 +299,7 @@ class Table:
             points = [axis.tolist() for axis in self.axes]
             values = self.given if self.formulas else self.values.tolist()
             return {"points": points if len(points) > 1 else points[0], "values": values, **found}
-        if size <= 2 * _STORED:
+        if size <= 2 * MOST_STORED:
             content = np.concatenate([*self.axes, self.values.ravel()]).astype("<f8").tobytes()
             shape = list(self.values.shape)
             return {"packed": b64encode(zlib.compress(content)).decode(), "shape": shape, **found}
@@ -333,7 +355,7 @@ class Table:
         elif way[0] == "points":
             found = cls(table["points"], table.get("values", ()), *options, where=where)
         elif way[0] == "packed":
-            points, values = _unpacked(table, where)
+            points, values = unpacked_table(table, where)
             found = cls(points, values, *options, where=where)
         else:
             raise DeclarationError(
@@ -376,16 +398,18 @@ class Table:
         if len(self.axes) == 1:
             pieces = self.pieces("table", (False, False))
             k, u = self._column(0, at[0])
-            return _horner([c[k] for c in pieces.coefficients.T], u)
+            return power_series([c[k] for c in pieces.coefficients.T], u)
         (i, u), (j, w) = (self._column(axis, place) for axis, place in enumerate(at))
         c = self._cells((False, False), (False, False))[i, j]
-        rows = [_horner([c[..., a, b] for b in range(c.shape[-1])], w) for a in range(c.shape[-2])]
-        return _horner(rows, u)
+        rows = [
+            power_series([c[..., a, b] for b in range(c.shape[-1])], w) for a in range(c.shape[-2])
+        ]
+        return power_series(rows, u)
 
     def _column(self, axis: int, place: Array) -> tuple[Array, Array]:
         """Which piece along an axis a place is in, and how far; not a number where refused."""
         knots = self.axes[axis]
-        breaks = _breaks(knots, (False, False))
+        breaks = ends_of_pieces(knots, (False, False))
         k = np.clip(np.searchsorted(breaks, place, side="right") - 1, 0, len(breaks) - 2)
         low, high = self._covered(axis, (False, False))
         return k, np.where((place >= low) & (place <= high), place - breaks[k], np.nan)
@@ -419,9 +443,9 @@ class Table:
 
         def make(name: str) -> PiecewisePolynomial:
             values = self.values if which is None else np.eye(len(self.values))[which]
-            breaks, c = _extended(self.axes[0], values, self.kind, self.outside, open_ends)
+            breaks, c = pieces_of_curve(self.axes[0], values, self.kind, self.outside, open_ends)
             if called.startswith(INTEGRAL):
-                c = _integrated(breaks, c, open_ends)
+                c = integrated(breaks, c, open_ends)
             covered = self._covered(0, open_ends)
             return PiecewisePolynomial(
                 name, breaks, c, 0.0, sides=("even", "odd"), called=called, covered=covered
@@ -431,13 +455,10 @@ class Table:
 
     def knots(self, name: str, axis: int, open_ends: tuple[bool, bool]) -> PiecewisePolynomial:
         """The gate between pieces along an axis."""
-        breaks = _breaks(self.axes[axis], open_ends)
-        pairs = list(zip(self.outside, open_ends, strict=True))
-        ends = [side != "linear" and not is_open for side, is_open in pairs]
+        breaks = ends_of_pieces(self.axes[axis], open_ends)
         covered = self._covered(axis, open_ends)
-        bounded = None if covered == (-math.inf, math.inf) else covered
+        bounded = None if covered == _EVERYWHERE else covered
         zero = np.zeros((len(breaks) - 1, 1))
-        kinked = self.kind == "linear" or any(ends)
 
         def make(label: str) -> PiecewisePolynomial:
             return PiecewisePolynomial(
@@ -447,36 +468,33 @@ class Table:
                 0.0,
                 sides=("gate",),
                 called=name,
-                covered=(-math.inf, math.inf),
-                kinked=kinked,
+                covered=_EVERYWHERE,
+                surface=self.surface if axis == 1 else None,
+                kinked=self.kind == "linear",
                 bounded=bounded,
             )
 
         return self._kept(name, open_ends, f"knots{axis}", make)
 
-    def rows_of_cells(
+    def places_in_cells(
         self, name: str, axis: int, open_ends: tuple[bool, bool]
     ) -> tuple[PiecewisePolynomial, PiecewisePolynomial]:
         """Along an axis of a surface: the number of the piece, and how far a place is in it."""
-        breaks = _breaks(self.axes[axis], open_ends)
+        breaks = ends_of_pieces(self.axes[axis], open_ends)
         count = len(breaks) - 1
         covered = self._covered(axis, open_ends)
-        tables = {
-            "number": np.arange(float(count))[:, None],
-            "within": np.tile([0.0, 1.0], (count, 1)),
-        }
-        number, within = (
-            self._kept(
-                name,
-                open_ends,
-                f"{what}{axis}",
-                lambda label, c=c: PiecewisePolynomial(
-                    label, breaks, c, 0.0, sides=("even", "odd"), covered=covered
-                ),
+        surface = self.surface if axis == 0 else None
+
+        def make(label: str, c: Array, of: Surface | None) -> PiecewisePolynomial:
+            return PiecewisePolynomial(
+                label, breaks, c, 0.0, sides=("even", "odd"), covered=covered, surface=of
             )
-            for what, c in tables.items()
+
+        numbers, within = np.arange(float(count))[:, None], np.tile([0.0, 1.0], (count, 1))
+        return (
+            self._kept(name, open_ends, f"number{axis}", lambda s: make(s, numbers, surface)),
+            self._kept(name, open_ends, f"within{axis}", lambda s: make(s, within, None)),
         )
-        return number, within
 
     def coefficients_of_cells(
         self, name: str, open_x: tuple[bool, bool], open_y: tuple[bool, bool]
@@ -490,8 +508,9 @@ class Table:
         def make(label: str, a: int, b: int) -> PiecewisePolynomial:
             # cells column by column, then row by row
             c = np.ascontiguousarray(cells[:, :, a, b].T.reshape(-1, 1))
+            of = self.surface if a == b == 0 else None
             return PiecewisePolynomial(
-                label, breaks, c, 0.0, sides=("own",), covered=(-math.inf, math.inf)
+                label, breaks, c, 0.0, sides=("own",), covered=_EVERYWHERE, surface=of
             )
 
         return columns, {
@@ -502,11 +521,61 @@ class Table:
             for b in range(wide)
         }
 
+    def section(
+        self, name: str, axis: int, value: float, open_ends: tuple[bool, bool]
+    ) -> PiecewisePolynomial:
+        """The curve over the other axis at a place along one of them."""
+        other = 1 - axis
+        ends = ((False, False), open_ends) if axis == 0 else (open_ends, (False, False))
+
+        def make(label: str) -> PiecewisePolynomial:
+            k, u = self._column(axis, np.array(value))
+            # (pieces of the other axis, powers of this one, powers of the other one)
+            cells = self._cells(*ends)
+            own = cells[int(k)] if axis == 0 else cells[:, int(k)].transpose(0, 2, 1)
+            c = np.ascontiguousarray(
+                np.einsum("jab,a->jb", own, float(u) ** np.arange(own.shape[1]))
+            )
+            breaks = ends_of_pieces(self.axes[other], open_ends)
+            covered = self._covered(other, open_ends)
+            return PiecewisePolynomial(
+                label, breaks, c, 0.0, sides=("even", "odd"), covered=covered
+            )
+
+        place = np.float64(value).tobytes().hex()
+        return self._kept(name, open_ends, f"at{axis}_{place}", make)
+
+    @cached_property
+    def surface(self) -> Surface:
+        """What is known of its values cell by cell, by Bernstein coefficients."""
+        closed = (False, False)
+        cells = self._cells(closed, closed)
+        breaks = tuple(ends_of_pieces(axis, closed) for axis in self.axes)
+        c = cells
+        for axis, powers in enumerate((2, 3)):
+            length = np.diff(breaks[axis]).reshape((-1, 1, 1, 1) if axis == 0 else (1, -1, 1, 1))
+            d = c.shape[powers] - 1
+            shape = [1, 1, 1, 1]
+            shape[powers] = d + 1
+            c = c * length ** np.arange(d + 1.0).reshape(shape)
+            matrix = [
+                [math.comb(i, j) / math.comb(d, j) for j in range(d + 1)] for i in range(d + 1)
+            ]
+            c = np.moveaxis(np.tensordot(matrix, c, (1, powers)), 0, powers)
+        slack = _SLACK * np.abs(c).max(axis=(2, 3))
+        low, high = c.min(axis=(2, 3)) - slack, c.max(axis=(2, 3)) + slack
+        for axis in range(2):
+            for side, end in zip(self.outside, (0, -1), strict=True):
+                if side == "linear":
+                    at = (end, slice(None)) if axis == 0 else (slice(None), end)
+                    low[at], high[at] = -math.inf, math.inf
+        return Surface((breaks[0], breaks[1]), low, high, cells.shape[2] * cells.shape[3])
+
     def _cells(self, open_x: tuple[bool, bool], open_y: tuple[bool, bool]) -> Array:
         """Coefficients of cells, shape (columns, rows, powers, powers)."""
         x, y = self.axes
-        _, c = _extended(x, self.values, self.kind, self.outside, open_x)
-        _, cells = _extended(y, np.moveaxis(c, -1, 0), self.kind, self.outside, open_y)
+        _, c = pieces_of_curve(x, self.values, self.kind, self.outside, open_x)
+        _, cells = pieces_of_curve(y, np.moveaxis(c, -1, 0), self.kind, self.outside, open_y)
         # (rows, powers of y, columns, powers of x)
         return np.ascontiguousarray(cells.transpose(2, 0, 3, 1))
 
@@ -568,7 +637,7 @@ class _Curve(TableFunction):
             return ex.ZERO
         _ = pieces.rows()
         even, odd = (ex.call(pieces.row_name(side, order), x) for side in ("even", "odd"))
-        return even if len(knots.breaks) == 2 else ex.select(_gate(knots, x), even, odd)
+        return _by_piece(knots, x, even, odd)
 
 
 @dataclass(frozen=True)
@@ -584,30 +653,44 @@ class _Surface(TableFunction):
         ends = [
             _open_ends(x, axis, table, name) for x, axis in zip(arguments, table.axes, strict=True)
         ]
-        places = list[tuple[Expr, Expr]]()
-        for axis, (x, open_ends) in enumerate(zip(arguments, ends, strict=True)):
-            knots = table.knots(name, axis, open_ends)
-            sides = [
-                [ex.call(pieces.rows()[side], x) for side in ("even", "odd")]
-                for pieces in table.rows_of_cells(name, axis, open_ends)
-            ]
-            number, within = (
-                even if len(knots.breaks) == 2 else ex.select(_gate(knots, x), even, odd)
-                for even, odd in sides
-            )
-            places.append((number, within))
-        (i, u), (j, w) = places
+        fixed = [axis for axis, x in enumerate(arguments) if x.op == "num"]
+        if len(fixed) == 2:
+            return ex.num(table(*map(ex.number, arguments)))
+        gates = [table.knots(name, axis, ends[axis]) for axis in range(2)]
+        if fixed:
+            (axis,) = fixed
+            other = 1 - axis
+            x = arguments[other]
+            pieces = table.section(name, axis, ex.number(arguments[axis]), ends[other])
+            return _by_piece(gates[other], x, *(ex.call(pieces.rows()[s], x) for s in _PARITIES))
+        x, y = arguments
+        number, within = (
+            _by_piece(gates[0], x, *(ex.call(pieces.rows()[side], x) for side in _PARITIES))
+            for pieces in table.places_in_cells(name, 0, ends[0])
+        )
+        row, above = (pieces.rows() for pieces in table.places_in_cells(name, 1, ends[1]))
         columns, tables = table.coefficients_of_cells(name, ends[0], ends[1])
-        cell = i + float(columns) * j
-        terms = [
-            (ex.call(pieces.rows()["own"], cell) * u**a * w**b, 1.0)
-            for (a, b), pieces in tables.items()
-        ]
-        return ex.add(*terms)
+        sides = list[Expr]()
+        for side in _PARITIES:
+            cell = number + float(columns) * ex.call(row[side], y)
+            w = ex.call(above[side], y)
+            sides.append(
+                ex.add(
+                    *(
+                        (ex.call(pieces.rows()["own"], cell) * within**a * w**b, 1.0)
+                        for (a, b), pieces in tables.items()
+                    )
+                )
+            )
+        # The outer select is what sums of which it is a term keep together.
+        return _by_piece(gates[1], y, *sides)
 
 
-def _gate(knots: PiecewisePolynomial, x: Expr) -> Expr:
-    return ex.call(knots.rows()["gate"], x)
+def _by_piece(knots: PiecewisePolynomial, x: Expr, even: Expr, odd: Expr) -> Expr:
+    """One thing in even pieces, another in odd ones; the first if there is one piece."""
+    if len(knots.breaks) == 2:
+        return even
+    return ex.select(ex.call(knots.rows()["gate"], x), even, odd)
 
 
 def _open_ends(x: Expr, knots: Array, table: Table, name: str) -> tuple[bool, bool]:
@@ -631,246 +714,9 @@ def _open_ends(x: Expr, knots: Array, table: Table, name: str) -> tuple[bool, bo
     return low >= first, high <= last
 
 
-# -- what is between points ------------------------------------------------------------------------
-
-
-def _breaks(knots: Array, open_ends: tuple[bool, bool]) -> Array:
-    """Ends of pieces, with one more on each side unless it is open."""
-    pad = (knots[-1] - knots[0]) / (len(knots) - 1)
-    low = [] if open_ends[0] else [knots[0] - pad]
-    high = [] if open_ends[1] else [knots[-1] + pad]
-    return np.concatenate([low, knots, high])
-
-
-def _between(knots: Array, values: Array, kind: str) -> Array:
-    """Coefficients of the pieces between knots, shape (pieces, powers, ...)."""
-    length = np.diff(knots).reshape(-1, *(1,) * (values.ndim - 1))
-    if kind == "linear" or len(knots) == 2:
-        return np.stack([values[:-1], np.diff(values, axis=0) / length], axis=1)
-    from scipy.interpolate import CubicSpline, PchipInterpolator
-
-    found = PchipInterpolator if kind == "pchip" else CubicSpline
-    return np.moveaxis(found(knots, values).c[::-1], 0, 1)
-
-
-def _extended(
-    knots: Array,
-    values: Array,
-    kind: str,
-    outside: tuple[str, str],
-    open_ends: tuple[bool, bool],
-) -> tuple[Array, Array]:
-    """Breaks, and coefficients of all pieces, shape (pieces, powers, ...)."""
-    c = _between(knots, values, kind)
-    breaks = _breaks(knots, open_ends)
-    parts = [c]
-    if not open_ends[0]:
-        slope = c[0, 1] if outside[0] == "linear" else 0.0 * c[0, 1]
-        first = np.zeros_like(c[:1])
-        first[0, 0], first[0, 1] = c[0, 0] - slope * (breaks[1] - breaks[0]), slope
-        parts.insert(0, first)
-    if not open_ends[1]:
-        u = knots[-1] - knots[-2]
-        slope = sum((k * c[-1, k] * u ** (k - 1) for k in range(1, c.shape[1])), 0.0 * c[-1, 0])
-        last = np.zeros_like(c[:1])
-        last[0, 0] = values[-1]
-        last[0, 1] = slope if outside[1] == "linear" else 0.0 * slope
-        parts.append(last)
-    return breaks, np.ascontiguousarray(np.concatenate(parts))
-
-
-def _integrated(breaks: Array, c: Array, open_ends: tuple[bool, bool]) -> Array:
-    """Coefficients of the integral, which is 0 at 0 or at the end of the points nearest to it."""
-    found = np.concatenate([np.zeros((len(c), 1)), c / np.arange(1.0, c.shape[1] + 1.0)], axis=1)
-    length = np.diff(breaks)
-    found[1:, 0] = np.cumsum([_value(piece, u) for piece, u in zip(found, length, strict=True)])[
-        :-1
-    ]
-    first = breaks[0] if open_ends[0] else breaks[1]
-    last = breaks[-1] if open_ends[1] else breaks[-2]
-    origin = min(max(0.0, float(first)), float(last))
-    k = min(max(int(np.searchsorted(breaks, origin, side="right")) - 1, 0), len(c) - 1)
-    found[:, 0] -= _value(found[k], origin - breaks[k])
-    return np.ascontiguousarray(found)
-
-
-def _value(c: Array, u: float) -> float:
-    return float(np.polynomial.polynomial.polyval(u, c))
-
-
-def _horner(coefficients: Sequence[Array], u: Array) -> Array:
-    total = 0.0 * u
-    for c in reversed(coefficients):
-        total = total * u + c
-    return total
-
-
 # -- reading ---------------------------------------------------------------------------------------
 
 
 def _again(points: Any, values: Any, kind: Any, outside: Any, source: Any) -> Table:
     """A table that another process reads."""
     return Table(points, values, kind, outside, source=source)
-
-
-def _check_word(word: object, known: Sequence[str], where: str) -> None:
-    if word not in known:
-        reason = f"there is no '{short(str(word))}'"
-        raise DeclarationError(where, reason, suggestion(str(word), known, '"'))
-
-
-def _is_grid(points: Any) -> bool:
-    """Whether points are two axes: a pair of arrays, not of numbers."""
-    pair = isinstance(points, tuple | list) and len(cast("Sequence[Any]", points)) == 2
-    return pair and all(np.ndim(axis) == 1 for axis in points)
-
-
-def _checked_grid(points: Any, values: Any, where: str) -> tuple[tuple[Array, ...], Array]:
-    axes: list[Array] = []
-    for i, axis in enumerate(points):
-        t, _ = checked(axis, np.zeros(len(axis)), f"{where}, axis {i + 1}", "point")
-        axes.append(t)
-    try:
-        grid = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise DeclarationError(
-            f"{where}, values", "not all of them are numbers", "Give numbers"
-        ) from None
-    shape = tuple(map(len, axes))
-    if grid.shape != shape:
-        raise DeclarationError(
-            f"{where}, values",
-            f"they have the shape {grid.shape}, and the axes have {shape[0]} and {shape[1]} points",
-            "Give a row of values for each point of the first axis",
-        )
-    if not np.isfinite(grid).all():
-        i, j = map(int, np.argwhere(~np.isfinite(grid))[0])
-        raise DeclarationError(
-            f"{where}, values[{i}][{j}]", f"{grid[i, j]} is not a number", "Measure it, or fill it"
-        )
-    return tuple(axes), grid
-
-
-def _grid_of(
-    columns: Array, rows: Any, names: Sequence[str], where: str
-) -> tuple[tuple[Array, Array], Array]:
-    """Axes and values of a surface whose places stand in rows of a file."""
-    for column, name in enumerate(names):
-        wrong = ~np.isfinite(columns[column])
-        if wrong.any():
-            k = int(np.argmax(wrong))
-            raise DeclarationError(
-                f"{where}, line {rows[k]}, column '{short(name)}'",
-                f"{columns[column, k]} is not a number",
-                "Leave the row out, or fill it",
-            )
-    axes, places = zip(
-        *(np.unique(column, return_inverse=True) for column in columns[:2]), strict=True
-    )
-    for axis, name in zip(axes, names, strict=True):
-        check_increasing(axis, f"{where}, column '{short(name)}'", "point")
-    grid = np.full(tuple(map(len, axes)), np.nan)
-    seen = np.full(grid.shape, -1)
-    for k, (i, j) in enumerate(zip(*places, strict=True)):
-        place = f"{names[0]} = {axes[0][i]:.9g}, {names[1]} = {axes[1][j]:.9g}"
-        if seen[i, j] >= 0:
-            raise DeclarationError(
-                f"{where}, line {rows[k]}",
-                f"{place} stands in line {rows[seen[i, j]]} already",
-                "Keep one of the two rows",
-            )
-        seen[i, j] = k
-        grid[i, j] = columns[2, k]
-        if not math.isfinite(grid[i, j]):
-            raise DeclarationError(
-                f"{where}, line {rows[k]}", f"the value at {place} is not a number", "Fill it"
-            )
-    if (seen < 0).any():
-        i, j = map(int, np.argwhere(seen < 0)[0])
-        raise DeclarationError(
-            where,
-            f"there is no row for {names[0]} = {axes[0][i]:.9g}, {names[1]} = {axes[1][j]:.9g}",
-            "A surface needs a value at every place of its grid",
-        )
-    return (axes[0], axes[1]), grid
-
-
-def _split(values: Any) -> tuple[Any, dict[int, str]]:
-    """Values with 0 in place of formulas, and the formulas by their places."""
-    if not isinstance(values, tuple | list):
-        return values, {}
-    given = cast("Sequence[object]", values)
-    found = {i: v for i, v in enumerate(given) if isinstance(v, str | Expr)}
-    texts = {i: ex.to_text(v) if isinstance(v, Expr) else str(v) for i, v in found.items()}
-    return [0.0 if i in texts else v for i, v in enumerate(given)], texts
-
-
-def _unpacked(table: Mapping[str, Any], where: str) -> tuple[Any, Array]:
-    """Points and values of a packed text."""
-    try:
-        shape = tuple(int(n) for n in table.get("shape", ()))
-        content = zlib.decompressobj().decompress(
-            b64decode(str(table["packed"]), validate=True), 64 * _STORED
-        )
-        numbers = np.frombuffer(content, "<f8").astype(float)
-        *axes, values = np.split(numbers, np.cumsum(shape))
-        return (tuple(axes) if len(axes) > 1 else axes[0]), values.reshape(shape)
-    except (ValueError, TypeError, IndexError, zlib.error):
-        raise DeclarationError(
-            where, "the packed table is damaged", "Write the file once more"
-        ) from None
-
-
-def curves_of(values: Mapping[str, Any], points: Sequence[str], where: str) -> list[Table]:
-    """The sliding force over the speed that points of a friction law give: one curve, or one for
-    each way if some speeds are negative.
-
-    Parameters
-    ----------
-    values : mapping
-        Of the law, with lists of speeds and forces, and a ``kind`` and what is ``outside``.
-    points : (str, str)
-        What speeds and forces are called in them.
-    where : str
-        The key of the contact, for messages.
-
-    Raises
-    ------
-    DeclarationError
-    """
-    v, F = (values[name] for name in points)
-    for name, part in zip(points, (v, F), strict=True):
-        if not isinstance(part, tuple):
-            raise DeclarationError(
-                f"{where}.{name}", "expected a list", f"Write it like {name} = [0.0, 0.1, 1.0]"
-            )
-    for i, speed in enumerate(v):
-        if not is_finite(speed):
-            raise DeclarationError(f"{where}.{points[0]}[{i}]", "not a number", "Give numbers")
-    if len(v) != len(F):
-        reason = f"{len(v)} speeds and {len(F)} forces"
-        raise DeclarationError(f"{where}.{points[1]}", reason, "Give as many of both")
-    outside = values.get("outside", ("constant", "refused"))
-    options = values.get("kind", "linear"), outside
-    if v and min(v) >= 0.0:
-        return [Table(v, F, *options, where=where)]
-    pairs = list(zip(map(float, v), F, strict=True))
-    check_increasing(np.array([speed for speed, _ in pairs]), where, "speed")
-    forward = [pair for pair in pairs if pair[0] > 0.0]
-    back = [(-speed, _opposite(force)) for speed, force in reversed(pairs) if speed < 0.0]
-    if len(forward) + len(back) < len(pairs):
-        raise DeclarationError(
-            f"{where}.{points[0]}",
-            "between sliding forward and back the force at speed 0 is that of rest",
-            "Leave that point out, and give F_s",
-        )
-    for side, name in ((forward, "positive"), (back, "negative")):
-        if len(side) < 2:
-            raise DeclarationError(
-                f"{where}.{points[0]}", f"fewer than two {name} speeds", "Measure both ways"
-            )
-    return [Table(*zip(*side, strict=True), *options, where=where) for side in (forward, back)]
-
-
-def _opposite(force: Any) -> Any:
-    return f"-({force})" if isinstance(force, str) else -force

@@ -317,7 +317,7 @@ def give_up(
             count -= 1
             lane.clock[NOW] = task.record.time[count - 1]
             copy(task.record.state[count - 1], lane.y)
-        if status == NAN and 0 <= cause < len(rows.kinks) and rows.bounded[cause] == 1:
+        if status == NAN and 0 <= cause < len(rows.bounded) and rows.bounded[cause] == 1:
             return OUTSIDE_TABLE, count
         return (UNDEFINED if status == NAN else NO_INERTIA), count
     if has_gaps(rows):

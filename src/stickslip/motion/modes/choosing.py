@@ -25,6 +25,7 @@ from stickslip.motion.modes.pivots import (
     hold_or_slide,
     let_carry,
     set_regions,
+    watches_nothing,
 )
 from stickslip.motion.modes.surfaces import begin_at_rest
 from stickslip.motion.steps.arrays import (
@@ -116,14 +117,15 @@ def settle_mode(
         known = pivots == 1 and status != SINGULAR
         if known and promised > 0.0 and not keeps(flow, space.W, lane.y, lane.seen, promised):
             return ASTRAY, 0.0, 0.0, 0
+        if status == OK and len(rows.bounded) > 0 and watches_nothing(rows, space.W):
+            status = NAN
         # A formula may end where its region ends.
         lost = status in (NAN, OVERFLOW, INDEFINITE) and total == 0 and pivots <= nk + 1
         if lost and set_regions(rows, space.W, space.mag, lane.reg):
             continue
-        if lost and pivots == 1 and lane.counters[CAUSE] < 0:
-            # It may begin at the end of a table.
-            if flip_at_ends(rows, space.W, space.mag, lane.reg):
-                continue
+        begins = lost and pivots == 1 and lane.counters[CAUSE] < 0  # maybe at the end of a table
+        if begins and flip_at_ends(rows, space.W, space.mag, lane.reg):
+            continue
         rescaled, unit = unit_for(status, h, room, space.W[n, 1])
         if status in (NAN, INDEFINITE) or (rescaled and units == MOST_UNITS):
             return (INDEFINITE if status == INDEFINITE else NAN), 0.0, 0.0, 0

@@ -286,11 +286,20 @@ def may_be_carried(rows: Rows, J: Array, space: Space, mode: Array) -> bool:
 
 
 @compiled()
+def watches_nothing(rows: Rows, W: Array) -> bool:
+    """Whether a row that bounds the step is undefined, such as a threshold beyond a table."""
+    found = False
+    for row in rows.watched:
+        found = found or W[row, 0] != W[row, 0]
+    return found
+
+
+@compiled()
 def flip_at_ends(rows: Rows, W: Array, mag: Array, reg: Array) -> bool:
     """Put knots of tables that end at one of them onto the other side, where a motion is at one;
     whether one is."""
     changed = False
-    for j in range(len(reg)):
+    for j in range(len(rows.bounded)):
         at_knot = abs(W[rows.kinks[j], 0]) <= FIRED * kink_terms(rows, mag, j)
         if rows.bounded[j] == 1 and at_knot:
             reg[j] = 1 - reg[j]

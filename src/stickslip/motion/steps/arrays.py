@@ -122,7 +122,8 @@ class Rows(NamedTuple):
     timed : array of int
         1 for each kink that comes at a time, whatever the state.
     bounded : array of int
-        1 for each knot of a table that is undefined beyond one of its knots.
+        1 for each knot of a table that is undefined beyond one of its knots; empty if there are
+        none.
     vanishing : array of int
         Part of the state that is zero where a kink is, −1 for other kinks: there powers of it have
         few derivatives.

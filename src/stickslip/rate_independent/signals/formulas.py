@@ -11,7 +11,7 @@ from stickslip.rate_independent.signals import chebyshev as ch
 from stickslip.rate_independent.signals.panels import Panels, Source, finite_source, fitted
 from stickslip.rate_independent.signals.signal import Minima, Signal, Variable, finite, wrapped
 from stickslip.symbolic import expressions as ex
-from stickslip.symbolic.boxes import Chord, chord_values, deviations, slopes, table
+from stickslip.symbolic.boxes import Chord, chord_values, deviations, slopes, value_rows
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.extrema import least
 from stickslip.symbolic.formulas import formula_text
@@ -88,7 +88,7 @@ class Formulas(Signal):
         return np.array([float(v) for v in chord_values(self.expressions, u)]).reshape(self.shape)
 
     def unwrapped(self, places: Array) -> Array:
-        rows = table(self.expressions, places)
+        rows = value_rows(self.expressions, places)
         if not np.isfinite(rows).all():
             k = int(np.argmin(np.isfinite(rows).all(axis=1)))
             self.checked(rows[k].reshape(self.shape), float(places[k]))
@@ -105,7 +105,7 @@ class Formulas(Signal):
         return [ex.derivative(e, self.clock.name) for e in self.expressions]
 
     def slope(self, places: Array) -> Array:
-        return table(self._slopes, places).reshape(len(places), *self.shape)
+        return value_rows(self._slopes, places).reshape(len(places), *self.shape)
 
     def bent(self, low: Array, high: Array) -> Array:
         name = self.clock.name
@@ -138,7 +138,7 @@ class Formulas(Signal):
                 # Where a search by bounds ends, a smooth minimum is known to 1e-8: the best number
                 # nearby.
                 near = wrapped(minimum.place + _NEARBY)
-                values = table([e], near)[:, 0]
+                values = value_rows([e], near)[:, 0]
                 k = int(np.argmin(values))
                 known[e] = float(values[k]), float(near[k]), min(minimum.floor, float(values[k]))
         values, phases, floors = np.transpose([known[e] for e in self.expressions])

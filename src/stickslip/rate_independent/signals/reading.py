@@ -13,17 +13,17 @@ from stickslip.model.entries.samples import Samples
 from stickslip.rate_independent.signals.formulas import Constant, Formulas
 from stickslip.rate_independent.signals.function import CallableSignal
 from stickslip.rate_independent.signals.samples import (
+    LinearTable,
     MeasuredSignal,
     MonotoneTable,
     SignalColumns,
-    Table,
 )
 from stickslip.rate_independent.signals.signal import OF_PHASE, Signal, Variable, fitting
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Scope
 
-INTERPOLATIONS: dict[str, type[Table]] = {"linear": Table, "monotone": MonotoneTable}
+INTERPOLATIONS: dict[str, type[LinearTable]] = {"linear": LinearTable, "monotone": MonotoneTable}
 """What samples mean between them: straight lines, or monotone cubics (PCHIP)."""
 
 

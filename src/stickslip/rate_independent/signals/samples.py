@@ -18,7 +18,7 @@ from stickslip.rate_independent.signals.signal import Signal, Variable, finite, 
 from stickslip.symbolic.boxes import Chord
 
 
-class Table(Signal):
+class LinearTable(Signal):
     """A table, with straight lines between its rows.
 
     Parameters
@@ -122,7 +122,7 @@ class Table(Signal):
         return np.stack([0.5 * (y[:-1] + y[1:]), 0.5 * np.diff(y)])
 
 
-class MonotoneTable(Table):
+class MonotoneTable(LinearTable):
     """A table, with monotone cubics (PCHIP) between its rows."""
 
     @cached_property
