@@ -24,7 +24,7 @@ GROUPS: Mapping[str, str] = {
     "stick_onset_curve frequency_response FrequencyResponse "
     "ring_down RingDown backbone Backbone",
     "Gaits": "gait_study GaitStudy walking_threshold sliding_threshold HysteresisOperator",
-    "Maps": "sweep Map basin Basin Settings Adaptive",
+    "Maps": "sweep Map basin Basin Records Fragility Settings Adaptive",
     "Data": "fit Fit fit_problem FitProblem Recording compare Comparison Band",
     "Friction that oscillates": "Evolution EvolutionModel load_evolution evolve History "
     "averaging_study AveragingStudy play Play prandtl_ishlinskii Dissipation WeightedL1 GroupNorm "
