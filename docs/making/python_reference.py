@@ -14,9 +14,9 @@ from making import docstrings, markdown, sessions
 ROOT = Path(__file__).parents[2]
 FOLDER = "reference/python"
 GROUPS: Mapping[str, str] = {
-    "Declare a system": "System Parameter Inertial Viscous RateIndependent Internal Sampled Contact "
-    "Unilateral Bilateral Structure ModalDamping ProportionalDamping Jump Output Condition Samples "
-    "noise Table load laws catalogue",
+    "Declare a system": "System Parameter Inertial Viscous RateIndependent Internal Sampled "
+    "Contact Unilateral Bilateral Structure ModalDamping ProportionalDamping Jump Output Condition "
+    "Samples noise Table load laws catalogue",
     "Motions": "simulate simulate_many Stepper StepperState Trajectory Ensemble EventCatalogue "
     "Outcome vector_field "
     "VectorField",
@@ -25,7 +25,7 @@ GROUPS: Mapping[str, str] = {
     "stick_onset_curve frequency_response FrequencyResponse "
     "ring_down RingDown backbone Backbone",
     "Gaits": "gait_study GaitStudy walking_threshold sliding_threshold HysteresisOperator",
-    "Maps": "sweep Map basin Basin Settings Adaptive",
+    "Maps": "sweep Map basin Basin Records Fragility Settings Adaptive",
     "Data": "fit Fit fit_law LawFit fit_problem FitProblem Recording compare Comparison Band",
     "Friction that oscillates": "Evolution EvolutionModel load_evolution evolve History "
     "averaging_study AveragingStudy play Play prandtl_ishlinskii Dissipation WeightedL1 GroupNorm "

@@ -45,6 +45,8 @@ WORDS: Mapping[str, str] = {
     "continuation, bifurcation, Hopf",
     "how-to/maps": "parameter map, two parameters, parameter study, parameter sweep, "
     "basin of attraction, basin",
+    "how-to/many-records": "accelerograms, ground motion, earthquake records, PEER, AT2, "
+    "fragility, incremental dynamic analysis, IDA, many records",
     "how-to/gpu": "GPU, CUDA",
     "how-to/own-measure": "own measure, custom measure",
     "how-to/sensitivities": "derivatives, sensitivity, gradients",

@@ -16,8 +16,9 @@ from typer.testing import CliRunner, Result
 import stickslip as ss
 from stickslip.cli.app import app
 from stickslip.errors import DeclarationError
-from stickslip.figures.sweep import measures_of, plot_sweep
+from stickslip.figures.sweep import plot_sweep
 from stickslip.sweeps.adaptive import Adaptive
+from stickslip.sweeps.request.measures import measures_of
 from stickslip.sweeps.sweep import Map, Progress, sweep
 from sweeps import stand_in
 

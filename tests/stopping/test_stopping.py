@@ -161,6 +161,86 @@ def test_a_point_that_takes_too_long_stops_no_other(tmp_path: Path) -> None:
     assert max(seen) == 2
 
 
+def test_measuring_again_is_part_of_the_time_of_a_point(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is measured in the motion of a period once more ends with the limit, too, and the point
+    is tried again."""
+    given: list[Any] = []
+    whole = ss.simulate
+
+    def slow(system: ss.System, span: Any, *, time_limit: Any, **more: Any) -> ss.Trajectory:
+        given.append(time_limit)
+        motion = whole(system, span, **more)
+        motion.outcome = ss.Outcome.TIME_UP
+        return motion
+
+    monkeypatch.setattr("stickslip.motion.simulate.simulate", slow)
+    system = ss.catalogue.forced_oscillator()
+    over = {"omega": [0.4, 0.5]}
+    found = ss.sweep(system, over, ["harmonic:x", "amplitude"], time_limit=60.0, workers=1)
+    assert given == [60.0, 60.0]
+    assert found["outcome"].values.tolist() == [ss.Outcome.TIME_UP.code] * 2
+    assert np.isnan(found["harmonic:x"].values).all() and np.isnan(found["amplitude"].values).all()
+    assert found.outcome is Completion.TIME_UP
+
+
+def test_auditing_a_motion_under_a_record_is_part_of_its_time() -> None:
+    """The audit takes several times as long as the motion; with the limit, neither goes on."""
+    t = np.linspace(0.0, 1500.0, 150_001)
+    noise = np.random.default_rng(0).standard_normal(len(t))
+    block = ss.catalogue.sliding_base(a=ss.Samples(t, noise))
+    ss.sweep(block, {"mu": [0.1]}, ["shift"], span=(0.0, 1.0))
+    began = time.monotonic()
+    found = ss.sweep(block, {"mu": [0.1, 0.2]}, ["shift"], time_limit=0.5, workers=1)
+    assert time.monotonic() - began < 6.0
+    assert found["outcome"].values.tolist() == [ss.Outcome.TIME_UP.code] * 2
+    assert np.isnan(found["shift"].values).all()
+
+
+def chain(blocks: int) -> ss.System:
+    """Blocks with rate-and-state friction, coupled and pulled for 63 years."""
+    pair = ss.catalogue.two_block_rate_and_state()
+    names = ("D_c", "mu_0", "v_0", "sigma", "eta", "V")
+    number = range(blocks)
+    drag = "sigma*friction(d_x_{0}, theta_{0}, 0.01, 0.0{1}) + eta*d_x_{0}"
+    return ss.System(
+        "chain",
+        parameters={name: pair.parameters[name] for name in names},
+        functions=pair.functions,
+        drives=pair.drives,
+        coordinates={f"x_{i}": ss.Viscous(drag=drag.format(i, 15 + i % 4)) for i in number},
+        internal={f"theta_{i}": ss.Internal(f"evolution(d_x_{i}*theta_{i}/D_c)") for i in number},
+        potential=" + ".join(
+            [f"5e6*(pull + sigma*mu_0/1e7 - x_{i})**2" for i in number]
+            + [f"2.5e6*(x_{i} - x_{i + 1})**2" for i in number[1:-1]]
+        ),
+        initial={f"theta_{i}": 4e6 + 1e5 * i**2 for i in number},
+        span=(0.0, 2e9),
+    )
+
+
+def test_a_long_chain_ends_with_its_limit_wherever_it_is() -> None:
+    """2e9 s of a rate-and-state chain, which take minutes: a motion, many, a map, a basin, a
+    cycle."""
+    system = chain(12)
+    ss.simulate(system, (0.0, 1.0))
+    asked: dict[str, Callable[[], Any]] = {
+        "motion": lambda: ss.simulate(system, time_limit=0.5),
+        "many": lambda: ss.simulate_many(system, parameters={"V": [1e-9, 2e-9]}, time_limit=0.5),
+        "map": lambda: ss.sweep(system, {"V": [1e-9]}, ["mean:x_0", "period"], time_limit=0.5),
+        "basin": lambda: ss.basin(system, {"x_0": "0:1:2"}, time_limit=0.5),
+    }
+    for name, call in asked.items():
+        began = time.monotonic()
+        found = call()
+        assert time.monotonic() - began < 12.0, name
+        if name != "basin":  # which counts them as stopped
+            assert found.outcome.label == "time limit reached", name
+    began = time.monotonic()
+    with pytest.raises(TimeLimitError):
+        ss.find_cycle(system, time_limit=0.5)
+    assert time.monotonic() - began < 12.0
+
+
 def test_a_line_of_points_goes_on_from_before_the_one_that_takes_too_long() -> None:
     found = ss.sweep(
         ENDLESS, {"Q": [0.0, 0.5]}, ["amplitude"], settings=PATIENT, carry="Q", time_limit=0.2

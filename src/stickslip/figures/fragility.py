@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from stickslip.errors import DeclarationError
+from stickslip.figures.drawing.maps import axis_text
 from stickslip.figures.drawing.style import (
     legend_above,
     level_colours,
@@ -17,7 +18,6 @@ from stickslip.figures.drawing.style import (
     root_of,
     symbol,
 )
-from stickslip.figures.sweep import axis_text
 
 if TYPE_CHECKING:
     import xarray

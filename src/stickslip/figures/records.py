@@ -15,6 +15,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from stickslip.errors import DeclarationError
+from stickslip.figures.drawing.maps import (
+    axis_text,
+    axis_unit,
+    chosen_measures,
+    map_title,
+    measure_label,
+    uncertified,
+)
 from stickslip.figures.drawing.style import (
     BLUE,
     STICK_LINE,
@@ -26,7 +34,6 @@ from stickslip.figures.drawing.style import (
     paper_style,
     root_of,
 )
-from stickslip.figures.sweep import axis_text, map_title, measure_label, uncertified
 from stickslip.model.entries.units import with_unit
 from stickslip.sweeps.request.records import SCALE, record_axis
 
@@ -42,7 +49,9 @@ _FAR = 1.6  # times what most lines take, from which on a few leave the picture
 _PAD = 0.1  # of what most lines take, beyond them
 
 
-def plot_records(data: xarray.Dataset, names: Sequence[str], ax: Axes | None = None) -> Figure:
+def plot_records(
+    data: xarray.Dataset, measures: Sequence[str] | None = None, ax: Axes | None = None
+) -> Figure:
     """Measures of many records over their scale, or another axis: thin lines of all records, a
     thick one of their median, and a band from 16 % to 84 % of them; lines of a few that are far
     beyond leave the picture. Without such an axis, a dot for each record.
@@ -51,16 +60,17 @@ def plot_records(data: xarray.Dataset, names: Sequence[str], ax: Axes | None = N
     ----------
     data : xarray.Dataset
         Of a :class:`stickslip.Map` with an axis of records.
-    names : sequence of str
-        Measures.
+    measures : sequence of str, optional
+        What is shown; by default all measures.
     ax : matplotlib.axes.Axes, optional
         Draw the first of them into these axes.
 
     Raises
     ------
     DeclarationError
-        If what else varies has too many values for lines.
+        If there is no such measure, or what else varies has too many values for lines.
     """
+    names = chosen_measures(data, measures)
     along = _along(data)
     levels = _levels(data, along)
     draw = _dots if along is None else _lines
@@ -96,17 +106,12 @@ def _levels(data: xarray.Dataset, along: str | None) -> list[tuple[str, dict[str
     for place in places:
         where = dict(zip(others, place, strict=True))
         said = [
-            f"{axis_label([d], '')} = {with_unit(float(data[d][i]), _unit(data, d), 4)}"
+            f"{axis_label([d], '')} = {with_unit(float(data[d][i]), axis_unit(data, d), 4)}"
             for d, i in where.items()
             if d in data.coords
         ]
         found.append((", ".join(said), where))
     return found
-
-
-def _unit(data: xarray.Dataset, name: str) -> str:
-    unit = str(data[name].attrs.get("units", ""))
-    return "" if unit == "1" else unit
 
 
 def _lines(

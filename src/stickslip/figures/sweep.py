@@ -16,7 +16,15 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from stickslip.arrays import Array
-from stickslip.errors import DeclarationError, short
+from stickslip.errors import DeclarationError
+from stickslip.figures.drawing.maps import (
+    axis_text,
+    axis_unit,
+    chosen_measures,
+    map_title,
+    measure_label,
+    uncertified,
+)
 from stickslip.figures.drawing.style import (
     BLUE,
     GREEN,
@@ -35,9 +43,8 @@ from stickslip.model.entries.units import unit_label, with_unit
 from stickslip.motion.outcome import Outcome
 from stickslip.sweeps.request.axes import SAMPLES
 from stickslip.sweeps.request.carry import DIRECTION
-from stickslip.sweeps.request.measures import LACKING, how_carried, measures_of
+from stickslip.sweeps.request.measures import LACKING
 from stickslip.sweeps.request.plan import INTERPOLATED, NOT_COMPUTED
-from stickslip.sweeps.request.records import record_axis
 
 if TYPE_CHECKING:
     import xarray
@@ -82,11 +89,7 @@ def plot_sweep(
     DeclarationError
         If there is no such measure, or there are more than three axes.
     """
-    names = _chosen(data, measures)
-    if record_axis(data) and "outcome" not in names:
-        from stickslip.figures.records import plot_records
-
-        return plot_records(data, names, ax)
+    names = chosen_measures(data, measures)
     dimensions = list(data["outcome"].dims)
     lined = _over_levels(data, names)
     if ax is not None and (lined or len(dimensions) <= 2):
@@ -103,16 +106,6 @@ def plot_sweep(
     raise DeclarationError(
         "plot", f"a map over {count} axes has no picture", "Choose values of some: data.sel(P=1)"
     )
-
-
-def _chosen(data: xarray.Dataset, measures: Sequence[str] | None) -> list[str]:
-    known = [*measures_of(data), "outcome"]
-    for name in measures or []:
-        if name not in known:
-            raise DeclarationError(
-                "measure", f"the map has no '{short(name)}'", f"It has {', '.join(known)}"
-            )
-    return list(measures) if measures else known[:-1]
 
 
 # -- one axis --------------------------------------------------------------------------------------
@@ -177,7 +170,7 @@ def _lines_of(data: xarray.Dataset) -> tuple[list[tuple[Any, dict[str, Any]]], l
         name = _coordinates(data, level)[0]
         symbol = axis_label([name], "")
         for value, colour in zip(data[name].values.tolist(), colours, strict=True):
-            text = f"{symbol} = {with_unit(value, _unit(data, name), 4)}"
+            text = f"{symbol} = {with_unit(value, axis_unit(data, name), 4)}"
             marks.append(Line2D([], [], color=colour, label=text))
     if twice:
         both = [STICK_LINE] * 2 if level is not None else [BLUE, VERMILION]
@@ -313,7 +306,7 @@ def _multiples(data: xarray.Dataset, names: list[str]) -> Figure:
     for axes, index in zip(panels, picked, strict=True):
         part = data.isel({third: int(index)})
         draw_map(axes, part, name, limits, bar=bool(index == picked[-1]))
-        unit = unit_label(_unit(data, along[0]))
+        unit = unit_label(axis_unit(data, along[0]))
         value = float(part[along[0]])
         if third == DIRECTION:
             axes.set_title("up" if value > 0.0 else "down")
@@ -498,14 +491,6 @@ def _coordinates(data: xarray.Dataset, dimension: str) -> list[str]:
     return sorted(names, key=lambda name: f"_{dimension}_".find(f"_{name}_"))
 
 
-def uncertified(data: xarray.Dataset, name: str) -> Array:
-    """Where something is shown that has no certificate."""
-    certified = data["certificate"].values <= data["certificate"].attrs["tolerance"]
-    if "lacking" in data:  # maps of the first format have none
-        certified = data["lacking"].values == LACKING.index("nothing")
-    return (data["outcome"].values != NOT_COMPUTED) & ~np.isnan(data[name].values) & ~certified
-
-
 def _limits(values: Array) -> tuple[float, float]:
     finite = values[np.isfinite(values)]
     low, high = (float(np.min(finite)), float(np.max(finite))) if len(finite) else (0.0, 1.0)
@@ -535,39 +520,3 @@ def _frame(axes: Axes, data: xarray.Dataset, first: str, second: str) -> None:
 def _scale(axes: Axes, data: xarray.Dataset, name: str, direction: str) -> None:
     if data[name].attrs.get("spacing") == "log":
         getattr(axes, f"set_{direction}scale")("log")
-
-
-def map_title(data: xarray.Dataset) -> str:
-    """Of what it is a map, and how the state was carried."""
-    along = how_carried(data)
-    title = str(data.attrs["title"])
-    if not along:
-        return title
-    names, _, way = along.partition(" ")
-    text = f"{title}\nstate carried along {axis_label(names.split(','), '')}"
-    return f"{text}, {way}" if way else text
-
-
-def _unit(data: xarray.Dataset, name: str) -> str:
-    unit = str(data[name].attrs.get("units", ""))
-    return "" if unit == "1" else unit
-
-
-def axis_text(data: xarray.Dataset, names: list[str]) -> str:
-    """Meaning, symbols and unit of what an axis shows."""
-    meaning = str(data[names[0]].attrs.get("long_name", ""))
-    label = axis_label(names, _unit(data, names[0]))
-    if names[0] in meaning.split():  # a word already, not a symbol
-        return meaning + label.removeprefix(axis_label(names, ""))
-    return f"{meaning} {label}" if meaning and meaning != names[0] and len(meaning) <= 40 else label
-
-
-def measure_label(data: xarray.Dataset, name: str, width: int = 60) -> str:
-    """Meaning and unit of a measure, on two lines if it is long."""
-    meaning = str(data[name].attrs.get("long_name", name))
-    unit = unit_label(_unit(data, name))
-    text = f"{meaning}  [{unit}]" if unit else meaning
-    if len(meaning) <= width:
-        return text
-    words = text.split(" ")
-    return " ".join(words[: len(words) // 2]) + "\n" + " ".join(words[len(words) // 2 :])

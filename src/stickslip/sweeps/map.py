@@ -22,6 +22,7 @@ from stickslip.results import Completion, Result, shortened
 from stickslip.storage import PREFIX
 from stickslip.sweeps.request.measures import LACKING, how_carried, measures_of
 from stickslip.sweeps.request.plan import FORMAT, INTERPOLATED, KIND, NOT_COMPUTED
+from stickslip.sweeps.request.records import record_axis
 from stickslip.sweeps.store import read_map
 
 if TYPE_CHECKING:
@@ -265,8 +266,11 @@ class Map(Result):
         DeclarationError
             If there is no such measure, or there are more than three axes.
         """
+        from stickslip.figures.records import plot_records
         from stickslip.figures.sweep import plot_sweep
 
+        if record_axis(self.dataset) and "outcome" not in quantities:
+            return plot_records(self.dataset, quantities or None, ax)
         return plot_sweep(self.dataset, quantities or None, ax)
 
     def overview(self, ax: Axes | None = None) -> Figure:

@@ -292,9 +292,10 @@ def measured_again(
     observed: Observed,
     measures: Sequence[str],
     settings: Settings,
+    time_limit: float | None = None,
 ) -> dict[str, Array]:
     """Values of those measures that need the motion of the period itself; NaN for what has none,
-    and no harmonic where there is rest.
+    and no harmonic where there is rest. A motion that takes too long has the outcome of one.
 
     Parameters
     ----------
@@ -303,6 +304,8 @@ def measured_again(
     observed : Observed
     measures : sequence of str
     settings : Settings
+    time_limit : float, optional
+        Seconds of wall-clock time that each may take.
     """
     from stickslip.motion.simulate import simulate
 
@@ -327,7 +330,10 @@ def measured_again(
             parameters=dict(zip(system.parameters, table[i].tolist(), strict=True)),
             rtol=settings.rtol,
             atol=settings.atol,
+            time_limit=time_limit,
         )
+        if motion.outcome is Outcome.TIME_UP:
+            observed.outcome[i] = motion.outcome.code
         repeats = observed.outcome[i] == Outcome.PERIODIC.code
         for m, name, rule, of in wanted:
             suits = cycles[i] or name in _BEYOND_CYCLES

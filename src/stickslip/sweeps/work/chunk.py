@@ -24,6 +24,7 @@ from stickslip.motion.starts import put_on_contacts
 from stickslip.orbits.fields.stable_set import excess, settle_friction
 from stickslip.orbits.settling.engine.tables import ENERGY, LAW, MOTION, make_found
 from stickslip.orbits.settling.motions import POINT_SLOTS, Block, Here, Observed, Settings
+from stickslip.stopping.scopes import TimeUp, watching
 from stickslip.sweeps.request.measures import (
     certified_below,
     known_for_a_time,
@@ -93,8 +94,8 @@ def measure_chunk(
     closely = needs_close_look(system, measures)
     if known_for_a_time(system):
         seen = _over_the_span(problem, table, states, settings, time_limit)
-        found = measured(problem, seen, measures, certified_below(settings))
-        return found | measured_again(problem, table, seen, measures, settings)
+        again = measured_again(problem, table, seen, measures, settings, time_limit)
+        return measured(problem, seen, measures, certified_below(settings)) | again
     exponents = "lyapunov" in measures
     if device == "gpu":
         from stickslip.sweeps.work.device import OnDevice, lanes_on_device
@@ -109,11 +110,11 @@ def measure_chunk(
     blocks = [slice(i, i + lanes) for i in range(0, count, lanes)]
     motions = (Block(problem, table[b], states[b], settings, closely, shared) for b in blocks)
     found = [block.run(loops, exponents, time_limit) for block in motions]
-    parts = [
-        measured(problem, observed, measures, certified_below(settings))
-        | measured_again(problem, table[b], observed, measures, settings)
-        for b, observed in zip(blocks, found, strict=True)
-    ]
+    parts = list[dict[str, Array]]()
+    for b, observed in zip(blocks, found, strict=True):
+        # First: a motion that takes too long in it has no other measures either.
+        again = measured_again(problem, table[b], observed, measures, settings, time_limit)
+        parts.append(measured(problem, observed, measures, certified_below(settings)) | again)
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
@@ -141,17 +142,24 @@ def _over_the_span(
     found = make_found(len(states), len(names), len(problem.rows.u))
     outcome = np.full(len(states), Outcome.OUTSIDE.code)
     for i in np.flatnonzero(beyond == 0.0):
-        motion = simulate(
-            system,
-            initial=dict(zip(names, states[i].tolist(), strict=True)),
-            parameters=dict(zip(system.parameters, table[i].tolist(), strict=True)),
-            rtol=settings.rtol,
-            atol=settings.atol,
-            max_events=settings.max_events,
-            time_limit=time_limit,
-        )
+        with watching(time_limit) as scope:
+            try:
+                motion = simulate(
+                    system,
+                    initial=dict(zip(names, states[i].tolist(), strict=True)),
+                    parameters=dict(zip(system.parameters, table[i].tolist(), strict=True)),
+                    rtol=settings.rtol,
+                    atol=settings.atol,
+                    max_events=settings.max_events,
+                )
+                sums = motion.audit.sums
+            except TimeUp as up:
+                if not scope.ends(up):
+                    raise
+                outcome[i] = Outcome.TIME_UP.code
+                continue
         outcome[i] = motion.outcome.code
-        for whole, own in zip(found.sums, motion.audit.sums, strict=True):
+        for whole, own in zip(found.sums, sums, strict=True):
             whole[i] = own
         found.shift[i] = motion.knots.state[-1] - motion.knots.state[0]
         balance, law, equations, rounding = motion.audit.residuals
