@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     from stickslip.fitting.problem import FitProblem, fit_problem
     from stickslip.fitting.recording import Recording
     from stickslip.model import laws
-    from stickslip.model.entries.noise import noise
-    from stickslip.model.entries.samples import Samples
+    from stickslip.model.entries.samples import Samples, noise
     from stickslip.model.entries.tables import Table
     from stickslip.model.system import (
         Bilateral,
@@ -271,8 +270,7 @@ _HOMES = {
     "Play": "rate_independent.play.operator",
     "play": "rate_independent.play.operator",
     "prandtl_ishlinskii": "rate_independent.play.clamp",
-    "noise": "model.entries.noise",
-    "Samples": "model.entries.samples",
+    **dict.fromkeys(["Samples", "noise"], "model.entries.samples"),
     **dict.fromkeys(["ModalDamping", "ProportionalDamping"], "structures.damping"),
     "Structure": "structures.structure",
     "Band": "fitting.band",

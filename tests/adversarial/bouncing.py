@@ -480,7 +480,8 @@ class Follower:
                         at = float(root)
                     if at < first:
                         first, which = at, int(g)
-                graze = self.grazes(dense, last, s) if which < 0 else None
+                # Where a slip ends, a gap may have closed just before, and turned there.
+                graze = self.grazes(dense, last, min(first, s))
                 if graze is not None:
                     first, which = graze
                 if which >= 0:
@@ -532,15 +533,23 @@ class Follower:
             def value(x: float, gap: Any = gap) -> float:
                 return float(gap(x, path(x)[:d]))
 
-            if value(begin) < little or not closes(begin) < 0.0 < closes(end):
+            if value(begin) < little or not closes(begin) < 0.0:
                 continue
-            turn: Any = brentq(closes, begin, end, xtol=1e-15, rtol=np.float64(1e-14))
+            turn: Any = end
+            if closes(end) > 0.0:
+                turn = brentq(closes, begin, end, xtol=1e-15, rtol=np.float64(1e-14))
+            elif not self.turns(touch, end, path(end)):
+                continue
             if abs(value(turn)) < little:
                 raise NoAnswer("it grazes")
             if value(turn) < 0.0:
                 root: Any = brentq(value, begin, turn, xtol=1e-15, rtol=np.float64(1e-14))
                 return float(root), 2 * i
         return None
+
+    def turns(self, touch: Touch, t: float, y: Array) -> bool:
+        """Whether a gap stands still, but for errors."""
+        return abs(self.gap_speed(touch, t, y)) < self.slow()
 
     def mode_after(self, guard: int) -> None:
         """Put what has reached its boundary exactly there."""

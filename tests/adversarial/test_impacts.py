@@ -48,3 +48,8 @@ def test_the_reference_knows_a_closed_form() -> None:
     flown = 0.5 * first
     assert path.states[0, 1] == pytest.approx(speed * flown - n["g"] / 2 * flown**2, rel=1e-9)
     assert path.states[1, 1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_gap_that_closes_just_before_a_slip_ends() -> None:
+    """The reference met the end of the slip first, where the bead turns within the stop."""
+    assert impacts.judge(impacts.draw("bead on a turning hoop", 357)).kind == AGREED

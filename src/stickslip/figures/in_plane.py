@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from stickslip.errors import DeclarationError, suggestion
 from stickslip.figures.drawing.planes import InPlane, PlaneCurves
-from stickslip.figures.drawing.sampling import Sampled
+from stickslip.figures.drawing.sampling import SampledMotion
 from stickslip.figures.drawing.style import paper_style
 from stickslip.figures.drawing.thinning import FEW
 
@@ -105,7 +105,7 @@ def force_in_plane(axes: Axes, motion: Trajectory, contact: str = "") -> None:
 def _collected(plane: InPlane) -> PlaneCurves:
     """All that is drawn of one contact."""
     motion = plane.trajectory
-    sampled = Sampled(motion)
+    sampled = SampledMotion(motion)
     curves = PlaneCurves([plane], sampled, sampled.count <= FEW)
     sticks = {plane.key: motion.modes[plane.key]}
     for _, steps, values in sampled.sampled([*motion.system.declaration.state, *plane.traced]):

@@ -22,7 +22,7 @@ from matplotlib.ticker import MaxNLocator
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.figures.drawing.planes import InPlane, PlaneCurves
-from stickslip.figures.drawing.sampling import Sampled
+from stickslip.figures.drawing.sampling import SampledMotion
 from stickslip.figures.drawing.style import (
     BAND,
     BLUE,
@@ -133,7 +133,7 @@ class _Overview:
             for key in map(contact_key, self.system.constraints)
             if key in self.contacts and not self.rubs(key)
         ]
-        self.motion = Sampled(trajectory, t)
+        self.motion = SampledMotion(trajectory, t)
         part = slice(self.motion.first, self.motion.first + self.motion.steps)
         modes = {key: mode[part] for key, mode in trajectory.modes.items()}
         self.modes = {key: modes[key] for key in self.contacts}

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from stickslip.arrays import Array
-from stickslip.figures.drawing.sampling import Sampled
+from stickslip.figures.drawing.sampling import SampledMotion
 from stickslip.figures.drawing.style import (
     BAND,
     BLUE,
@@ -256,7 +256,7 @@ class PlaneCurves:
     Parameters
     ----------
     planes : sequence of InPlane
-    sampled : Sampled
+    sampled : SampledMotion
         Where the motion is looked at.
     whole : bool
         Whether everything is drawn as it is.
@@ -271,7 +271,7 @@ class PlaneCurves:
         Least and largest half axes of the set of forces.
     """
 
-    def __init__(self, planes: Sequence[InPlane], sampled: Sampled, whole: bool) -> None:
+    def __init__(self, planes: Sequence[InPlane], sampled: SampledMotion, whole: bool) -> None:
         self.planes = list(planes)
         self.path = {
             p.key: Curve(whole, *p.place(sampled.at_knots)) for p in planes if p.directions
@@ -371,7 +371,7 @@ def _broken(x: Array, y: Array, rests: Array, joined: Array) -> tuple[Array, Arr
     )
 
 
-def _box(plane: InPlane, sampled: Sampled) -> tuple[Array, Array]:
+def _box(plane: InPlane, sampled: SampledMotion) -> tuple[Array, Array]:
     """Corners of a rectangle that is about as large as the forces."""
     motion = plane.trajectory
     some = np.unique(np.linspace(0, sampled.steps - 1, 200).astype(int))

@@ -44,7 +44,7 @@ def checked_window(trajectory: Trajectory, t: tuple[float, float]) -> tuple[floa
     return low, high
 
 
-class Sampled:
+class SampledMotion:
     """Times at which a motion is looked at: on each step, both ends included, and nowhere far
     apart."""
 

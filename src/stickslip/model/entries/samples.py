@@ -46,6 +46,7 @@ SampleKind = Literal["linear", "cubic", "hold"]
 SAMPLE_KINDS: tuple[SampleKind, ...] = ("linear", "cubic", "hold")
 _LISTED = 50  # samples that a model file lists
 _STORED = 200_000  # … and that it holds
+_MOST_NOISE = 50_000_000  # samples
 _FINEST = 1e-12  # part of the largest time that two samples are apart at least
 
 
@@ -319,6 +320,69 @@ class Samples(TimeFunction):
         rows = self.pieces.rows()
         even, odd, gate = (rows[side] for side in ("even", "odd", "gate"))
         return ex.select(ex.call(gate, t), ex.call(even, t), ex.call(odd, t))
+
+
+@validated
+def noise(
+    span: tuple[float, float],
+    period: float,
+    deviation: float = 1.0,
+    *,
+    seed: int,
+    kind: SampleKind = "linear",
+) -> Samples:
+    """Noise for a drive: independent normal numbers at even times, and samples of them in between.
+
+    It is not white: a motion with dry friction has no meaning under white noise that does not
+    depend on how it is discretised. Its spectrum is that of `kind`, flat up to about a quarter of
+    1/period, and the motion under it is as exact as under any record. Halve the period, and divide
+    the deviation by √2, to see what depends on it.
+
+    Parameters
+    ----------
+    span : (float, float)
+        It covers all of it.
+    period : float
+        Time between the samples.
+    deviation : float
+        Standard deviation of the samples.
+    seed : int
+        Of NumPy's generator: equal seeds give equal noise, on every machine.
+    kind : {"linear", "cubic", "hold"}
+        What it is between the samples.
+
+    Returns
+    -------
+    Samples
+
+    Raises
+    ------
+    DeclarationError
+        If an argument is out of range.
+
+    Examples
+    --------
+    >>> import stickslip as ss
+    >>> noise = ss.noise((0.0, 100.0), 0.01, 0.2, seed=1)
+    >>> len(noise.times), noise.span
+    (10001, (0.0, 100.0))
+    """
+    start, end = span
+    if not (np.isfinite([start, end]).all() and start < end):
+        raise DeclarationError("span", f"({start:g}, {end:g}) is empty", "Give (start, end)")
+    if not 0.0 < period < np.inf:
+        raise DeclarationError("period", f"it is {period:g}", "Give a positive number")
+    if not 0.0 <= deviation < np.inf:
+        raise DeclarationError("deviation", f"it is {deviation:g}", "Give a number that is not < 0")
+    if not seed >= 0:
+        raise DeclarationError("seed", f"it is {seed}", "Give a whole number that is not < 0")
+    steps = np.ceil((end - start) / period * (1.0 - 1e-12))
+    if steps > _MOST_NOISE:
+        reason = f"this makes {steps:.3g} samples (at most {_MOST_NOISE:,})"
+        raise DeclarationError("period", reason, "Give a longer one, or a shorter span")
+    times = start + period * np.arange(int(max(steps, 1.0)) + 1)
+    values = deviation * np.random.default_rng(seed).standard_normal(len(times))
+    return Samples(times, values, kind, where="noise")
 
 
 def _again(t: Array, y: Array, kind: SampleKind, periodic: bool, source: dict[str, str]) -> Samples:
