@@ -67,7 +67,9 @@ def test_rows_stay_in_their_discs(t: float, radius: float) -> None:
     spread_state(space.W, p.order, space.reaches, p.rows.watched[:n], space.discs)
     program = p.rows.program
     inverses = (space.Rq, space.Rz, space.B)
-    tape = DiscTape(program, k.K, space.W, space.discs, *inverses, space.balls)
+    tape = DiscTape(
+        program, k.K, space.W, space.discs, *inverses, space.balls, space.reaches, p.order
+    )
     spread(tape, none, none, 0, len(program.code))
     # An analytic function strays most on the circle; the position is the polynomial that stands in
     # the table.

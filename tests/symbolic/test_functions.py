@@ -300,7 +300,8 @@ def test_series_and_discs_of_machine_code() -> None:
     space.discs[n, :2] = radius, 0.0
     spread_state(space.W, p.order, space.reaches, p.rows.watched[:n], space.discs)
     program = p.rows.program
-    tape = DiscTape(program, K, space.W, space.discs, *inverses, space.B, space.balls)
+    places = (space.W, space.discs, *inverses, space.B, space.balls, space.reaches)
+    tape = DiscTape(program, K, *places, p.order)
     spread(tape, none, none, 0, len(program.code))
     circle = [radius * mp.expjpi(mp.mpf(k) / 16) for k in range(32)]
     for i, name in enumerate([*ADDED, "erf"]):

@@ -102,7 +102,7 @@ def enclose(
     """
     rows = flow.rows
     space = flow.space
-    tape = tape_of(flow)
+    tape = tape_of(flow, N)
     n = rows.sizes[DIMENSION]
     powers = space.reaches
     unit = space.W[n, 1]

@@ -116,7 +116,8 @@ def sample_law(
     for j in range(len(rows.kinks)):
         value = V[rows.kinks[j], 0] if reg[j] == 1 else -V[rows.kinks[j], 0]
         samples[samples_of(rows, len(rows.u)) + j, g] = value
-        tally.kinks[j, REACHED] = most(tally.kinks[j, REACHED], abs(value))
+        size = max(abs(value), CANCELLED_PART * kink_terms(rows, space.mag, j))
+        tally.kinks[j, REACHED] = most(tally.kinks[j, REACHED], size)
 
 
 @compiled()

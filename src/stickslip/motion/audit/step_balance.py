@@ -123,7 +123,14 @@ def audit_steps(
         Whether what :class:`stickslip.motion.audit.observers.Sums` say beyond times and switches is
         asked for, too.
     accounts : Accounts
+
+    Notes
+    -----
+    How large parts of the state become is known before: what is far from all that moves, as the end
+    of a chain is, begins with next to nothing.
     """
+    for i in range(len(ends.time)):
+        note_largest(ends.state[i], accounts.tally)
     for i in range(len(ends.time)):
         if is_stopped(flow.space):
             return
@@ -136,6 +143,21 @@ def audit_steps(
             or jump_after(flow.rows, ends.cause[i], starts.region[i]) >= 0
         ):
             audit_start(machine, flow, starts, ends, i, accounts)
+
+
+@compiled()
+def note_largest(y: Array, tally: Tally) -> None:
+    """Count the sizes of parts of the state that a knot has.
+
+    Parameters
+    ----------
+    y : array
+        The state.
+    tally : Tally
+        Receives the largest.
+    """
+    for r in range(len(y)):
+        tally.state[LARGEST, r] = most(tally.state[LARGEST, r], abs(y[r]))
 
 
 @compiled()

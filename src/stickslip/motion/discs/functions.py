@@ -38,8 +38,10 @@ def add_terms(tape: DiscTape, i: int) -> None:
     K = tape.K
     W = tape.W
     discs = tape.discs
+    n = len(p.rates)
     ball = 0.0
     off = 0.0
+    known, own = 0, 0.0
     row = p.code[i, RESULT]
     first = p.code[i, FIRST]
     last = p.code[i, FIRST] + p.code[i, SECOND]
@@ -47,8 +49,16 @@ def add_terms(tape: DiscTape, i: int) -> None:
         source = p.term_row[j]
         if source >= 0:
             size = abs(factor(p, K, j))
-            ball += size * discs[source, BALL] if size > 0.0 else 0.0
+            part = size * discs[source, BALL] if size > 0.0 else 0.0
             off += size * discs[source, OFF] if size > 0.0 else 0.0
+            if source <= n:
+                known += 1
+                own += part
+            else:
+                ball += part
+    if known > 1 and not abs(W[row, 0]) > ball + own + off:
+        own = min(own, reach_of_form(tape, i))
+    ball += own
     near = 0.0
     if not abs(W[row, 0]) > ball + off:
         # One term may be larger than all others together.
@@ -59,6 +69,32 @@ def add_terms(tape: DiscTape, i: int) -> None:
                     others -= largest_term(tape, k) if k != j else 0.0
                 near = max(near, others if others > 0.0 else 0.0)
     store(W, discs, row, ball, off, near)
+
+
+@compiled()
+def reach_of_form(tape: DiscTape, i: int) -> float:
+    """How far those terms of a linear combination stray together that are parts of the state, and
+    time: polynomials. What cancels there, as the modes of a structure do at an unknown that is at
+    rest, cancels here, too.
+
+    Parameters
+    ----------
+    tape : DiscTape
+    i : int
+        The instruction.
+    """
+    p = tape.program
+    first = p.code[i, FIRST]
+    last = p.code[i, FIRST] + p.code[i, SECOND]
+    total = 0.0
+    for k in range(1, tape.order + 1):
+        value = 0.0
+        for j in range(first, last):
+            source = p.term_row[j]
+            if 0 <= source <= len(p.rates):
+                value += factor(p, tape.K, j) * tape.W[source, k]
+        total += abs(value) * tape.powers[k]
+    return total
 
 
 @compiled()

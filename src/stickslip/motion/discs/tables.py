@@ -40,6 +40,10 @@ class DiscTape(NamedTuple):
         Inverses of the linear problems.
     balls : array
         Work space of :func:`solve_rate_discs`.
+    powers : array
+        Of the radius of the discs, in the unit of time of the coefficients.
+    order : int
+        Of the polynomials that parts of the state are.
     """
 
     program: Program
@@ -50,6 +54,8 @@ class DiscTape(NamedTuple):
     Rz: Array
     B: Array
     balls: Array
+    powers: Array
+    order: int
 
 
 @compiled()

@@ -573,10 +573,17 @@ def leads(rows: Rows, c: int) -> bool:
 
 
 @compiled()
-def tape_of(flow: Flow) -> DiscTape:
-    """The tape of a system, at the instant of which the series are in the work space."""
-    s = flow.space
-    return DiscTape(flow.rows.program, flow.k.K, s.W, s.discs, s.Rq, s.Rz, s.B, s.balls)
+def tape_of(flow: Flow, N: int) -> DiscTape:
+    """The tape of a system, at the instant of which the series are in the work space.
+
+    Parameters
+    ----------
+    flow : Flow
+    N : int
+        Order of the polynomials that parts of the state are.
+    """
+    p, s = flow.rows.program, flow.space
+    return DiscTape(p, flow.k.K, s.W, s.discs, s.Rq, s.Rz, s.B, s.balls, s.reaches, N)
 
 
 @compiled()

@@ -437,8 +437,8 @@ def unseen_within(
     W = flow.space.W
     discs = flow.space.discs
     powers = flow.space.reaches
-    tape = tape_of(flow)
     N = flow.order
+    tape = tape_of(flow, N)
     n = flow.rows.sizes[DIMENSION]
     fill_powers(powers, around * h / W[n, 1])
     discs[n, BALL] = around * h

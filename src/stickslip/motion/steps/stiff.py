@@ -329,6 +329,6 @@ def between_nodes(flow: Flow, start: Instant, h: float, step: float, seen: Array
     discs[n, OFF] = 0.0
     spread_state(W, flow.order, powers, flow.rows.watched[:n], discs)
     spread_given(flow, start.mode, flow.order)
-    spread(tape_of(flow), start.mode, start.reg, 0, len(flow.rows.program.code))
+    spread(tape_of(flow, flow.order), start.mode, start.reg, 0, len(flow.rows.program.code))
     fill_powers(powers, step / W[n, 1])
     return hidden(flow, start.mode, h, HIDDEN_PARTS[tables_of(flow.order)], seen)

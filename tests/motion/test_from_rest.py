@@ -1,0 +1,82 @@
+"""Bodies that begin at rest and are driven at one place: elsewhere what their modes do cancels, to
+rounding errors at first, and what is far away has hardly begun to move."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import stickslip as ss
+from bodies import chain, typed
+
+SEEDS = range(6)
+
+
+def random_chain(rng: np.random.Generator, n: int) -> tuple[Any, Any, Any]:
+    """Mass, stiffness and damping of unequal masses between springs, held at both ends."""
+    k = rng.uniform(0.5, 3.0, n + 1)
+    stiffness = np.diag(k[:-1] + k[1:]) - np.diag(k[1:-1], 1) - np.diag(k[1:-1], -1)
+    return np.diag(rng.uniform(0.5, 2.0, n)), stiffness, 0.01 * stiffness
+
+
+def lugre(rate: str) -> dict[str, Any]:
+    law = ss.laws.lugre(rate, F_c=1, F_s=1.5, v_s=0.1, sigma_0=100, sigma_1=1)
+    return {"contacts": {"c": law}}
+
+
+def dahl(rate: str) -> dict[str, Any]:
+    return {"contacts": {"c": ss.laws.dahl(rate, F_c=0.5, k=20.0)}}
+
+
+def certified(system: ss.System) -> ss.Trajectory:
+    motion = ss.simulate(system)
+    assert motion.outcome.ok, motion.message
+    assert motion.certificate.ok, motion.certificate.verdict
+    return motion
+
+
+@pytest.mark.parametrize("law", [lugre, dahl])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_laws_in_which_the_modulus_of_a_rate_stands(seed: int, law: Any) -> None:
+    """A structure, whose unknowns are sums of modes, moves as formulas do."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 6))
+    rub, tip = map(int, rng.choice(n, 2, replace=False))
+    matrices = random_chain(rng, n)
+    force = f"{rng.uniform(0.5, 3.0):.3f}*cos({rng.uniform(0.5, 3.0):.3f}*t)"
+    body = {"structures": {"u": ss.Structure(*matrices)}, "forces": {f"u[{tip}]": force}}
+    moved = certified(ss.System("s", **body, **law(f"d_u[{rub}]"), span=(0.0, 12.0)))
+    other = certified(typed(*matrices, {tip: force}, **law(f"d_q{rub}"), span=(0.0, 12.0)))
+    times = np.linspace(0.0, 12.0, 25)
+    found, right = moved.at(times)[f"u[{rub}]"], other.at(times)[f"q{rub}"]
+    np.testing.assert_allclose(found, right, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_drag_and_a_stop_at_what_friction_holds(seed: int) -> None:
+    """Where an unknown stays is nothing but rounding errors of its modes, and so is the side of a
+    kink on which it is."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 6))
+    rub, tip = map(int, rng.choice(n, 2, replace=False))
+    load = f"-0.3*abs(d_u[{rub}])*d_u[{rub}] + 0.1*max(u[{rub}], 0)"
+    system = ss.System(
+        "s",
+        structures={"u": ss.Structure(*random_chain(rng, n))},
+        forces={f"u[{tip}]": "0.5*cos(2.7*t)", f"u[{rub}]": load},
+        contacts={"c": ss.Contact(f"d_u[{rub}]", 0.2 if seed % 2 else 5.0)},
+        span=(0.0, 12.0),
+    )
+    certified(system)
+
+
+@pytest.mark.parametrize("n", [30, 45])
+@pytest.mark.parametrize("rub", [0, -1])
+def test_the_far_end_of_a_long_chain(n: int, rub: int) -> None:
+    """It begins like a high power of time, and is measured against what it becomes."""
+    mass, stiffness = chain(n)
+    contacts = {"c": ss.Contact(f"d_q{rub % n}", 0.5, kinetic=0.3)}
+    force = {n - 1: "5*cos(0.4*t)"}
+    certified(typed(mass, stiffness, 0.01 * mass, force, contacts=contacts, span=(0.0, 100.0)))
