@@ -23,10 +23,17 @@ PROPERTIES = frozenset({"MASSIVE", "BENDS", "FORMULA", "SEAT"})
 """Columns of `Rows.planes` and `Rows.homes` of which the same is true."""
 DIRECTIONS = frozenset({"directions_of", "own_directions"})
 LISTS = frozenset({"planes", "openings"})
-ASKED = {"motion": 999, "orbits": 999}
-"""How many questions there may be, by room."""
-
-Functions = dict[str, ast.FunctionDef]
+ASKED = {
+    "motion/admissible": 16,
+    "motion/affine": 1,
+    "motion/audit": 31,
+    "motion/engine": 8,
+    "motion/modes": 38,
+    "motion/steps": 12,
+    "orbits/fields": 6,
+    "orbits/settling": 1,
+}
+"""How many questions there are, by room, beside those at home."""
 
 
 def is_compiled(node: ast.AST) -> bool:
@@ -132,7 +139,7 @@ def questions_in(texts: dict[str, str]) -> Counter[str]:
     return Counter({path: sum(len(reader.asks(f)) for f in own) for path, own in functions.items()})
 
 
-def compiled_files() -> dict[str, str]:
+def texts() -> dict[str, str]:
     """The texts of all files of the library, by their paths."""
     return {
         path.relative_to(SOURCE).as_posix(): path.read_text(encoding="utf-8")
@@ -141,10 +148,11 @@ def compiled_files() -> dict[str, str]:
 
 
 def test_kinds_of_contacts_are_seldom_asked_for() -> None:
-    asked = questions_in(compiled_files())
+    asked = questions_in(texts())
     rooms = Counter[str]()
     for path, count in asked.items():
-        rooms[path.split("/")[0]] += 0 if path in HOMES else count
+        rooms["/".join(path.split("/")[:2])] += 0 if path in HOMES else count
+    # Who asks less lowers the number.
     assert +rooms == Counter(ASKED)
 
 

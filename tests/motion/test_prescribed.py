@@ -201,3 +201,40 @@ def test_it_is_shown_and_written() -> None:
     text = str(system.equations())
     assert "pad:   u = ξ̇(t)" in text
     assert "λ = −(2 + sin(t)) sgn(u)" in text
+
+
+@pytest.mark.parametrize("face", ["ellipsoid", "disc"])
+def test_a_face_begins_from_rest(face: str) -> None:
+    """All three directions of a face, sliding and turning as given, begin at once."""
+    axes = (1.0, 1.0, 0.3)
+    directions = ("d_X", "d_Y", "d_P")
+    contact = (
+        ss.Contact(directions, 1.0, axes=axes)
+        if face == "ellipsoid"
+        else ss.Contact(directions, dissipation="disc(v1, v2, v3)")
+    )
+    system = ss.System(
+        name="face",
+        coordinates={"x": ss.Inertial()},
+        kinetic="d_x**2/2",
+        drives={"X": "t**3", "Y": "0.7*t**2", "P": "t**2"},
+        contacts={"pad": contact},
+        span=(0, 3),
+    )
+    motion = ss.simulate(system)
+    assert motion.certificate.ok, motion.certificate
+    t = np.array([1e-3, 0.1, 0.7, 2.9])
+    found = motion.at(t)
+    forces = np.stack([found[f"friction_pad_{i}"] for i in (1, 2, 3)])
+    u = np.stack([3 * t**2, 1.4 * t, 2 * t])
+    if face == "ellipsoid":
+        scaled = np.array(axes)[:, None] * u
+        exact = -np.array(axes)[:, None] * scaled / np.linalg.norm(scaled, axis=0)
+        np.testing.assert_allclose(forces, exact, atol=1e-12)
+    else:
+        # the mean speed of points of the disc
+        r = np.sqrt((np.arange(400) + 0.5) / 400)[:, None]
+        angle = np.linspace(0, 2 * np.pi, 400, endpoint=False)
+        x, y = r * np.cos(angle), r * np.sin(angle)
+        mean = [np.mean(np.hypot(a - w * y, b + w * x)) for a, b, w in u.T]
+        np.testing.assert_allclose(-np.sum(forces * u, axis=0), mean, rtol=1e-4)

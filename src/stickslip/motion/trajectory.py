@@ -375,7 +375,7 @@ class Trajectory(Result):
         index : array of int, shape (n,)
             Number of the step that each time belongs to; ascending, as are the times in one step.
         """
-        from stickslip.motion.between.dense import make_scratch
+        from stickslip.motion.between.dense import make_scratch, shared_forces
         from stickslip.motion.between.formulas import Along
         from stickslip.motion.between.trace import TOLERANCE, trace_rows
 
@@ -392,7 +392,7 @@ class Trajectory(Result):
             values = self.trace([*dict.fromkeys([*others, *modes])], times, index)
             return values | of_modes(forms, values)
         p, k = self._problem, self.knots
-        shown = p.compiled.layout.without_series
+        shown = p.compiled.layout.without_series | shared_forces(p.rows)
         followed = [name for name in names if self._rows[name] not in shown]
         wanted = np.array([self._rows[name] for name in followed], dtype=np.int64)
         out = np.empty((len(wanted), len(times)))

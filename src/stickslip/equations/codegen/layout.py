@@ -124,14 +124,8 @@ class Layout:
 
     @cached_property
     def without_series(self) -> frozenset[int]:
-        """Rows that are known at single times only, such as forces that contacts share: series have
-        the least that rest needs, which one of them may not hold."""
-        return frozenset(
-            [
-                *(row for i in self.shown for row in rows_made(i)),
-                *(self.force[c] for c in self.together),
-            ]
-        )
+        """Rows that are known at single times only."""
+        return frozenset(row for i in self.shown for row in rows_made(i))
 
     @property
     def columns_behind(self) -> int:

@@ -275,7 +275,7 @@ def read_values(rows: Rows, space: Space, out: Array) -> None:
         row = facet_row(rows, p)
         out[row] = W[plane[STATIC], 0]
         for i in range(len(directions_of(rows, plane[LEAD]))):
-            out[row + 1 + i] = W[plane[AHEAD] + i, 0]
+            out[row + 1 + i] = W[plane[AHEAD + i], 0]
     for i in range(nq + sizes[VISCOUS] + sizes[RATE_INDEPENDENT]):
         out[nq + i] = settle_zero(float(out[nq + i]), mag[3 * nc + nk + i])
 

@@ -92,7 +92,7 @@ def is_affine(flow: Flow, mode: Array, reg: Array) -> bool:
     for plane in rows.planes:
         found |= kinds[plane[STATIC]]
         for i in range(len(directions_of(rows, plane[LEAD]))):
-            found |= kinds[plane[AHEAD] + i]
+            found |= kinds[plane[AHEAD + i]]
     for d in range(len(rows.doubtful)):
         found |= kinds[rows.doubtful[d, 0]]
     return found & _OTHER == 0

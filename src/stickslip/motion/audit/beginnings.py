@@ -74,10 +74,11 @@ def judge_beginning(
     rows = flow.rows
     nc = len(rows.u)
     slips = starts.mode[i]
+    quiet = is_quiet(starts, i)
     asked = False
     for c in range(nc):
-        asked = asked or (not resting(slips[c]) and may_stick_again(rows, c))
-    if not asked or (is_quiet(starts, i) and len(rows.planes) == 0):
+        asked = asked or (not resting(slips[c]) and may_stick_again(rows, c, quiet))
+    if not asked:
         return
     mode = flow.space.touched[:nc]
     reg = flow.space.touched[nc:]
@@ -94,16 +95,15 @@ def judge_beginning(
 
 @compiled()
 def is_quiet(starts: Record, i: int) -> bool:
-    """Whether a step goes on with what the one before did: no event is recorded there. On a line no
-    slip begins then; in a plane one may turn round."""
+    """Whether a step goes on with what the one before did: no event is recorded there."""
     return bool(i > 0 and starts.cause[i] < 0)
 
 
 @compiled()
-def may_stick_again(rows: Rows, c: int) -> bool:
+def may_stick_again(rows: Rows, c: int, quiet: bool) -> bool:
     """Whether a contact that slips, or is open, may be held by more than its force, or from another
-    side."""
-    return bool(rows.drops[c] == 1 or rows.plane[c] >= 0 or adheres(rows, c))
+    side. In a plane a slip may turn round at any time; others begin with an event."""
+    return bool(rows.plane[c] >= 0 or (not quiet and (rows.drops[c] == 1 or adheres(rows, c))))
 
 
 @compiled()
@@ -151,22 +151,21 @@ def hold_beginnings(
             carried = i > 0 and starts.mode[i - 1, c] == 2
             set_mode(rows, at.mode, c, 2 if carried else 0)
     for c in rows.frictional:
-        # On a line no slip begins without an event; in a plane one may turn round.
-        goes_on = quiet and rows.plane[c] < 0
-        if goes_on or resting(slips[c]) or not has_friction(rows, slips, c):
+        again = may_stick_again(rows, c, quiet)
+        if (quiet and not again) or resting(slips[c]) or not has_friction(rows, slips, c):
             continue
         # All rests before the start.
         before = starts.mode[i - 1, c] if i > 0 else 0
         if c < rows.sizes[ON_INERTIAL]:
             # What keeps its threshold, and its side, may be carried by others and never slip.
             begins = is_still(rows, space, c, tally.law[c, LARGEST_SPEED])
-            begins = begins and (may_stick_again(rows, c) or before != slips[c])
+            begins = begins and (again or before != slips[c])
         else:
             # A jump may tear away what has no mass.
             torn = i > 0 and jump_after(rows, starts.cause[i], starts.region[i - 1]) >= 0
             begins = not quiet and not torn and resting(before)
         if begins:
-            asked = asked or may_stick_again(rows, c)
+            asked = asked or again
             set_mode(rows, at.mode, c, before if resting(before) else 0)
     if asked and quiet:
         asked = release_what_stays(machine, flow, at, ends, slips, i)

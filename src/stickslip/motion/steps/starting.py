@@ -183,7 +183,7 @@ def length_at(rows: Rows, plane: Array, table: Array, k: int) -> float:
     """The length of order k of Au, over all directions of a contact."""
     size = 0.0
     for i in range(len(directions_of(rows, plane[LEAD]))):
-        size = math.hypot(size, table[plane[AHEAD] + i, k])
+        size = math.hypot(size, table[plane[AHEAD + i], k])
     return size
 
 
@@ -201,7 +201,7 @@ def aim_along(rows: Rows, plane: Array, table: Array, first: int) -> None:
     first : int
         The first order of Au that is not zero.
     """
-    aim, ahead = plane[AIM], plane[AHEAD]
+    aim = plane[AIM]
     width = len(directions_of(rows, plane[LEAD]))
     speed = table[plane[AIM_SPEED]]
     size = length_at(rows, plane, table, first)
@@ -213,7 +213,7 @@ def aim_along(rows: Rows, plane: Array, table: Array, first: int) -> None:
         if k == 0:
             speed[first] = size
             for i in range(width):
-                table[aim + i, 0] = table[ahead + i, first] / size
+                table[aim + i, 0] = table[plane[AHEAD + i], first] / size
             continue
         square = 0.0
         for j in range(1, k):
@@ -223,7 +223,7 @@ def aim_along(rows: Rows, plane: Array, table: Array, first: int) -> None:
             square += product
         forward = 0.0
         for i in range(width):
-            left = table[ahead + i, first + k]
+            left = table[plane[AHEAD + i], first + k]
             for j in range(1, k):
                 left -= speed[first + j] * table[aim + i, k - j]
             table[aim + i, k] = left
