@@ -70,6 +70,11 @@ MAKERS: dict[str, Callable[[], Result]] = {
     "map": lambda: ss.sweep(TOY, {"P": [1.1, 1.2], "delta": [0.05, 0.1]}, ["speed", "period"]),
     "line": lambda: ss.sweep(TOY, {"P": [1.1, 1.2]}, ["speed"], initial={"psi": 0.8}),
     "fit": lambda: fitted(0.3),
+    "law fit": lambda: ss.fit_law(
+        (np.arange(1.0, 9.0), 0.5 + 0.01 * np.random.default_rng(0).standard_normal(8)),
+        ss.laws.coulomb,
+        starts=1,
+    ),
     "comparison": lambda: ss.compare(
         [OSCILLATOR, OSCILLATOR.with_parameters(k=0.9)], record(0.3), {"F_c": (0.1, 0.9)}, starts=1
     ),
@@ -95,6 +100,7 @@ QUANTITY = {
     "map": "speed",
     "line": "speed",
     "fit": "estimate",
+    "law fit": "estimate",
     "comparison": "aicc",
     "band": "period",
     "basin": "period",
