@@ -81,6 +81,11 @@ MAKERS: dict[str, Callable[[], Result]] = {
         ["shift"],
     ).fragility("shift", 0.5),
     "fit": lambda: fitted(0.3),
+    "law fit": lambda: ss.fit_law(
+        (np.arange(1.0, 9.0), 0.5 + 0.01 * np.random.default_rng(0).standard_normal(8)),
+        ss.laws.coulomb,
+        starts=1,
+    ),
     "comparison": lambda: ss.compare(
         [OSCILLATOR, OSCILLATOR.with_parameters(k=0.9)], record(0.3), {"F_c": (0.1, 0.9)}, starts=1
     ),
@@ -107,6 +112,7 @@ QUANTITY = {
     "line": "speed",
     "fragility": "share",
     "fit": "estimate",
+    "law fit": "estimate",
     "comparison": "aicc",
     "band": "period",
     "basin": "period",

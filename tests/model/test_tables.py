@@ -17,7 +17,7 @@ from scipy.interpolate import (
     RectBivariateSpline,
     RegularGridInterpolator,
 )
-from tests.tables import belt, spring
+from tests.tables import spring
 
 import stickslip as ss
 from stickslip.errors import DeclarationError
@@ -332,8 +332,16 @@ def test_wrong_declarations() -> None:
 
 
 def test_the_unit_is_anybodys() -> None:
-    """What a table says is in no unit that is known."""
-    system = belt(tables={"mu": ss.Table([0, 5], [0.4, 0.3])})
+    """What a table says is in no unit that is known, and neither is what it is asked."""
+    system = ss.System(
+        "spring",
+        parameters={"k": ss.Parameter(2.0, "N/m"), "a": ss.Parameter(0.5, "m")},
+        tables={"F": ss.Table([-9, 9], [-1, 1])},
+        coordinates={"x": ss.Inertial("m", force="a*F(x + a)")},
+        kinetic="d_x**2/2",
+        potential="k/2*x**2 + a*integral_F(x + a)",
+        time_unit="s",
+    )
     assert system.doubts == []
 
 

@@ -15,14 +15,15 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache
 from math import gcd
+from numbers import Real
 from typing import TYPE_CHECKING
 
-from stickslip.model.entries.tables import Table
-from stickslip.symbolic.formulas import TimeFunction, builtins, parse_signature, syntax_of
+from stickslip.symbolic.formulas import builtins, parse_signature, syntax_of
 from stickslip.symbolic.functions import FUNCTIONS
 from stickslip.symbolic.pieces import STRUCTURES
 
 if TYPE_CHECKING:
+    from stickslip.model.entries.tables import Table
     from stickslip.model.system import Drive, System
 
 
@@ -396,10 +397,10 @@ class Reader:
 
     def read(self, text: Drive | Table) -> Node:
         """Tree of a formula that the declaration has accepted."""
-        if isinstance(text, TimeFunction | Table):
-            return InWords(str(text))
-        if not isinstance(text, str):
+        if isinstance(text, Real):
             return Number(Fraction(repr(float(text))))
+        if not isinstance(text, str):  # samples, or a table
+            return InWords(str(text))
         if text not in self._read:
             self._read[text] = self._visit(syntax_of(text.strip().replace("\n", " ")))
         return self._read[text]

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 Loss = Literal["linear", "soft_l1", "huber", "cauchy"]
 RTOL = 1e-9
+_SQUARED = 1e150  # residuals whose squares can be added up
 _LEAST = 4  # rows of a part of a recording
 
 
@@ -128,7 +129,8 @@ class FitProblem:
     # -- what optimisers and samplers ask for ------------------------------------------------------
 
     def residuals(self, p: Any) -> Array:
-        """(motion − data)/sigma; infinite where there is no such motion (:meth:`reason`).
+        """(motion − data)/sigma; infinite where there is no such motion (:meth:`reason`), or their
+        squares would be.
 
         Parameters
         ----------
@@ -146,7 +148,8 @@ class FitProblem:
         found = self.evaluate(p)
         if found.reason:
             return np.full(len(self.data), np.inf)
-        return (found.values - self.data) / self.sigma
+        r = (found.values - self.data) / self.sigma
+        return r if np.max(np.abs(r), initial=0.0) < _SQUARED else np.full(len(r), np.inf)
 
     def reason(self, p: Any) -> str:
         """Why there is no motion for some values; empty if there is one."""

@@ -183,6 +183,8 @@ class _Check:
                 return _NUMBER if all(self.of(part) == _NUMBER for part in e.args) else None
             case "select":
                 return self.common([(part, 1.0) for part in e.args[1:]])
+            case _ if FUNCTIONS[e.op].tabulated:
+                return None
             case _:
                 self.argument(e)
                 return _NUMBER

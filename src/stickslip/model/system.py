@@ -417,7 +417,7 @@ class System:
 
     def heading(self) -> dict[str, Any]:
         """What a summary of its results says of it: its name and its given functions."""
-        given = {**self.functions, **self.drives}
+        given = {**self.functions, **self.drives} | {k: str(t) for k, t in self.tables.items()}
         shown = {k: str(f) if isinstance(f, TimeFunction) else f for k, f in given.items()}
         return {"model": self.name, "functions": shown}
 

@@ -18,8 +18,6 @@ from stickslip.errors import DeclarationError, suggestion
 from stickslip.kept import cached_property
 from stickslip.model.entries.declared import Kind
 from stickslip.model.entries.keys import key_of, normal_force
-from stickslip.model.entries.sliding_points import sliding_curves
-from stickslip.model.entries.tables import Table
 from stickslip.model.entries.units import check_unit
 from stickslip.model.names import DeclaredNames, parse_range
 from stickslip.model.schema import check_shape, entry_key, wrong_kind
@@ -55,6 +53,7 @@ from stickslip.symbolic.formulas import (
 )
 
 if TYPE_CHECKING:
+    from stickslip.model.entries.tables import Table
     from stickslip.model.laws import FrictionLaw
 
 _WORD = re.compile(r"(?<![\w.])[A-Za-z]\w*")  # a name in a formula, not the e of 1e5
@@ -639,6 +638,8 @@ class _WrittenOut:
         self, name: str, contact: LawContact, law: FrictionLaw, words: dict[str, str]
     ) -> None:
         """A contact whose sliding force is given by points: a table, or one for each way."""
+        from stickslip.model.entries.sliding_points import sliding_curves
+
         where = entry_key("contacts", name)
         curves = sliding_curves(contact.values, law.points, where)
         static = contact.values["F_s"]

@@ -121,6 +121,11 @@ class Function:
         return self.poles is not None
 
     @property
+    def tabulated(self) -> bool:
+        """Whether its values were measured, and may be in any unit, of what is in any unit."""
+        return False
+
+    @property
     def sampled(self) -> bool:
         """Whether it says in which piece of a table a place is."""
         return False

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -22,6 +22,7 @@ from stickslip.results import Completion, Summary, certificate_rows, listed
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from stickslip.model.system import Drive
     from stickslip.rate_independent.dissipation import Average, Dissipation
     from stickslip.rate_independent.evolution.history import History
     from stickslip.rate_independent.evolution.model import EvolutionModel
@@ -121,7 +122,8 @@ def configured(
     given = settings_of(settings or [])
     samples = measured_drives(given)
     others = {name: value for name, value in given.items() if name not in samples}
-    model = load_evolution(file).configure(others)
+    # What is neither a formula nor samples is refused there.
+    model = load_evolution(file).configure(cast("dict[str, Drive]", others))
     if until is not None:
         model = with_option("--until", model, span=(model.span[0], until))
     return model.configure(samples)  # which have to cover that

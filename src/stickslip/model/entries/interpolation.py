@@ -35,7 +35,18 @@ def pieces_of_curve(
     outside: tuple[str, str],
     open_ends: tuple[bool, bool],
 ) -> tuple[Array, Array]:
-    """Breaks, and coefficients of all pieces, shape (pieces, powers, ...)."""
+    """Breaks, and coefficients of all pieces, shape (pieces, powers, ...).
+
+    Parameters
+    ----------
+    knots : array, shape (m,)
+    values : array, shape (m, ...)
+    kind : {"linear", "pchip", "cubic"}
+    outside : pair of {"refused", "constant", "linear"}
+        What is below and above; what is refused is written as a constant.
+    open_ends : (bool, bool)
+        Whether there is no piece below, and above: the first and the last one go on.
+    """
     c = _between(knots, values, kind)
     breaks = ends_of_pieces(knots, open_ends)
     parts = [c]

@@ -479,6 +479,11 @@ class TableRow(Function):
         return self.slope
 
     @property
+    def tabulated(self) -> bool:
+        """Always."""
+        return True
+
+    @property
     def sampled(self) -> bool:
         """Whether it is a gate."""
         return self.side == "gate"
