@@ -142,3 +142,47 @@ def test_a_span_is_given_to_whatever_looks_for_what_settles() -> None:
     ):
         with pytest.raises(DeclarationError, match=r"span: .* is not a time span"):
             call()
+
+
+T = np.linspace(0.0, 8.0, 81)
+LOAD = 3.0 * np.sin(T)
+CUT = "load runs to 8, the motion ends at 5"
+PULLED = """
+name = "pull"
+drives.ell = {times = [0, 4, 8], values = [0, 3, 0]}
+A = 1
+load = "ell"
+dissipation = {kind = "weighted l1", weights = [1]}
+"""
+
+
+@pytest.mark.parametrize("load", [ss.Samples(T, LOAD), (T, LOAD)])
+def test_plays_and_evolutions_say_it_too(load: Any, tmp_path: Any) -> None:
+    friction = ss.WeightedL1([1.0])
+    given: Any = (T, LOAD[:, None])
+    problem = ss.Evolution([[1.0]], given, friction, [0.0], epsilon=0.5, span=(0.0, 5.0))
+    whole = ss.Evolution([[1.0]], given, friction, [0.0], epsilon=0.5)
+    assert whole.span == (0.0, 8.0)
+    cut: list[Any] = [
+        ss.play(load, 1.0, (0.0, 5.0), initial=0.0),
+        ss.evolve(problem),
+        ss.evolve(whole, (0.0, 5.0)),
+    ]
+    for result in cut:
+        assert CUT in result.certificate.notes and CUT in str(result.summary())
+        result.save(tmp_path / "it.nc")
+        assert ss.open(tmp_path / "it.nc").warnings == [CUT]
+    for result in (ss.play(load, 1.0, (0.0, 8.0), initial=0.0), ss.evolve(whole)):
+        assert result.warnings == [] and "runs to" not in str(result.summary())
+    positive: Any = ss.Samples(T, 1.0 + LOAD**2) if isinstance(load, ss.Samples) else (T, LOAD**2)
+    late = ss.play(1.0, positive, (2.0, 8.0), initial=1.0)
+    assert late.warnings == ["threshold begins at 0, the motion at 2"]
+
+
+def test_the_span_of_a_model_of_an_evolution(tmp_path: Any) -> None:
+    (tmp_path / "pull.toml").write_text(PULLED)
+    model = ss.load_evolution(tmp_path / "pull.toml")
+    assert model.span == (0.0, 8.0)
+    assert model.configure({"ell": "sin(t)"}).span == (0.0, 1.0)
+    (tmp_path / "pull.toml").write_text(PULLED + "span = [0, 5]\n")
+    assert ss.load_evolution(tmp_path / "pull.toml").span == (0.0, 5.0)

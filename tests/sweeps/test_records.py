@@ -173,6 +173,20 @@ def vars_of(system: ss.System) -> dict[str, Any]:
     return {name: getattr(system, name) for name in (*names, "translation", "time_unit")}
 
 
+def test_records_that_repeat_settle() -> None:
+    """What is measured is what the motion settles on, as under any periodic drive."""
+    waves = {
+        f"{T} s": ss.Samples([0.0, T / 4, 3 * T / 4, T], [0.0, 3.0, -3.0, 0.0], periodic=True)
+        for T in (1.0, 2.0)
+    }
+    over = {"wave": ss.Records(waves), "scale,mu": "0.5,1,2; 0.1,0.1,0.2"}
+    found = ss.sweep(BLOCK, over, ["period"])
+    assert found["period"].dims == ("wave", "scale_mu")
+    np.testing.assert_allclose(found["period"].values[:, 1:], [[1.0] * 2, [2.0] * 2], rtol=1e-9)
+    alone = BLOCK.configure({"a": waves["2.0 s"]})
+    assert found.system.span == (0, 10) == alone.span
+
+
 # -- fragility -------------------------------------------------------------------------------------
 
 

@@ -8,7 +8,7 @@ def sliding_base(**given: float | str | TimeFunction) -> System:
     """Block on a base that is shaken; it slides where friction is too weak to carry it along.
 
     The acceleration is a synthetic one, three sines under an envelope; ``a=ss.Samples(...)`` takes
-    a measured one.
+    a measured one, and the motion then lasts as long as that.
 
     Parameters
     ----------

@@ -119,7 +119,10 @@ def evolve(
                 show((march.state.t - problem.span[0]) / march.length)
     except KeyboardInterrupt:
         pass  # the outcome of a march that has not ended is "interrupted"
-    data = record.dataset(problem).assign_attrs(least_energy=march.least)
+    left_out = problem.ell.left_out(problem.span[0], float(nodes[-1]) if len(nodes) else state.t)
+    data = record.dataset(problem).assign_attrs(
+        least_energy=march.least, **({"left_out": "; ".join(left_out)} if left_out else {})
+    )
     return History(
         data, march.outcome, march.detail, tolerance, kkt, earlier + time.perf_counter() - began
     )

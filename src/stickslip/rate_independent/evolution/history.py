@@ -165,8 +165,15 @@ class History(Result):
             looked,
             *([doubt] if doubt else []),
             f"error of z about {error:.1e} in the energy norm",
+            *self.warnings,
         )
         return Certificate(residuals, outcome, notes=notes)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What of the load is known, and left out."""
+        said = self.dataset.attrs.get("left_out")
+        return [str(said)] if said else []
 
     # -- what it says of itself --------------------------------------------------------------------
 
@@ -190,6 +197,7 @@ class History(Result):
             "steps": self.steps,
             "final": self.final.tolist(),
             "dissipated": float(self.dataset["dissipated"][-1]),
+            "warnings": self.warnings,
         }
 
     def rows(self) -> list[tuple[str, str]]:
@@ -201,6 +209,7 @@ class History(Result):
             ("steps", str(self.steps)),
             ("final state", listed([f"{x:.6g}" for x in self.final])),
             ("dissipated", f"{float(self.dataset['dissipated'][-1]):.6g}"),
+            *(("warning", text) for text in self.warnings),
         ]
 
     def overview(self, ax: Axes | None = None) -> Figure:

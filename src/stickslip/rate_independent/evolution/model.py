@@ -14,7 +14,7 @@ from stickslip.model import toml
 from stickslip.model.entries.declared import Entries
 from stickslip.model.names import DeclaredNames, check_covered, measured_drives, reconfigured
 from stickslip.model.schema import check_shape
-from stickslip.model.system import Drive, Formula, Parameter, hold_plain
+from stickslip.model.system import DefaultSpan, Drive, Formula, Parameter, hold_plain
 from stickslip.rate_independent.dissipation import Dissipation
 from stickslip.rate_independent.evolution.evolution import Evolution, UnstableStart
 from stickslip.rate_independent.signals.reading import read
@@ -28,6 +28,9 @@ _PHASE = "s"
 _MOST_SHOWN = 8  # components of a state in a message
 FormulaTable = Any
 """A formula, or lists of formulas: a vector, or the rows of a matrix."""
+
+
+_SPAN = DefaultSpan((0.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,7 @@ class EvolutionModel:
     epsilon : formula
         Period of the dissipation in the units of time.
     span : (formula, formula)
+        By default from 0 to 1, or, where drives are samples that end, what all of these cover.
     steps : int or None
         Steps of equal length; adaptive if None.
 
@@ -76,11 +80,14 @@ class EvolutionModel:
     dissipation: Mapping[str, Any] = field(default_factory=dict[str, Any])
     initial: FormulaTable = ()
     epsilon: Formula = 1.0
-    span: tuple[Formula, Formula] = (0.0, 1.0)
+    span: tuple[Formula, Formula] = _SPAN
     steps: int | None = None
 
     def __post_init__(self) -> None:
+        default = self.span if isinstance(self.span, DefaultSpan) else None
         hold_plain(self)
+        if default is not None:
+            object.__setattr__(self, "span", default.under(self.drives))
         check_shape(self)
         if not self.name.strip():
             raise DeclarationError("name", "the model has no name", "Give it a short name")

@@ -527,8 +527,24 @@ class Play(Result):
             else "load and thresholds bounded everywhere"
         )
         return Certificate(
-            (*within(tolerance, measured_of), Residual("samples", float(samples))), notes=(looked,)
+            (*within(tolerance, measured_of), Residual("samples", float(samples))),
+            notes=(looked, *self.warnings),
         )
+
+    @cached_property
+    def warnings(self) -> list[str]:
+        """What of load and thresholds is known, and left out."""
+        given = {"load": self.declared["load"]}
+        given |= _parts(self.declared["threshold"]) if self.declared["epsilon"] is None else {}
+        tables = {
+            where: part
+            for where, part in given.items()
+            if isinstance(part, Samples | Signal) or is_table(part)
+        }
+        between = self.declared["interpolation"]
+        found = [read(part, w, OF_TIME, (), between) for w, part in tables.items()]
+        span = float(self.time[0]), float(self.time[-1])
+        return [text for signal in found for text in signal.left_out(*span)]
 
     # -- data and picture --------------------------------------------------------------------------
 
@@ -593,6 +609,7 @@ class Play(Result):
             "switches": self.n_switches,
             "final": [self.final],
             "dissipated": self.dissipated,
+            "warnings": self.warnings,
         }
 
     def rows(self) -> list[tuple[str, str]]:
@@ -603,6 +620,7 @@ class Play(Result):
             ("switches", str(self.n_switches)),
             ("final state", f"{self.final:.6g}"),
             ("dissipated", f"{self.dissipated:.6g}"),
+            *(("warning", text) for text in self.warnings),
         ]
 
     def overview(self, ax: Axes | None = None) -> Figure:

@@ -16,6 +16,7 @@ from stickslip.symbolic.boxes import Chord
 
 NARROWEST_STRETCH = 2.0**-50  # width of a stretch of phases that is rounding
 SAMPLE_PHASES = tuple((k * 0.6180339887498949) % 1.0 for k in range(8))
+_ROUNDED = 1e-9  # part of a span that is no more than rounding of its ends
 
 
 class Variable(NamedTuple):
@@ -234,6 +235,19 @@ class Signal(ABC):
                 f" only, but the span is {start:.9g} ... {end:.9g}",
                 "Give samples over all of it, or a shorter span",
             )
+
+    def left_out(self, start: float, end: float) -> list[str]:
+        """What is known of it before or after a time span, in words."""
+        first, last = self.span
+        if self.clock.periodic or not np.isfinite(last - first):
+            return []
+        near = _ROUNDED * (last - first)
+        found: list[str] = []
+        if first < start - near:
+            found.append(f"{self.where} begins at {first:.9g}, the motion at {start:.9g}")
+        if last > end + near:
+            found.append(f"{self.where} runs to {last:.9g}, the motion ends at {end:.9g}")
+        return found
 
     def check_period(self) -> None:
         """Refuse a function of the phase that does not close up after one period.

@@ -335,7 +335,8 @@ def read_records(
     declared = {parse_signature(key, "drives")[0]: key for key in system.drives}
     keys = {part: _drive(part, declared, system.name) for part in records.drives}
     base = system
-    if SCALE in over and SCALE not in {*system.parameters, *system.declaration.state}:
+    varied = {name.strip() for key in given for name in str(key).split(",")}
+    if SCALE in varied and SCALE not in {*system.parameters, *system.declaration.state}:
         base, keys = _with_scale(system, keys)
     driven = Driven(base, records, keys, span)
     driven.check()
