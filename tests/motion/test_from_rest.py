@@ -79,4 +79,4 @@ def test_the_far_end_of_a_long_chain(n: int, rub: int) -> None:
     mass, stiffness = chain(n)
     contacts = {"c": ss.Contact(f"d_q{rub % n}", 0.5, kinetic=0.3)}
     force = {n - 1: "5*cos(0.4*t)"}
-    certified(typed(mass, stiffness, 0.01 * mass, force, contacts=contacts, span=(0.0, 100.0)))
+    certified(typed(mass, stiffness, 0.01 * stiffness, force, contacts=contacts, span=(0.0, 100.0)))
