@@ -65,6 +65,11 @@ def _known(drives: Any) -> _NotGiven:
     return _NotGiven((start, stop)) if start < stop else _SPAN
 
 
+def is_span_given(span: tuple[float, float]) -> bool:
+    """Whether the time span of a system is one that a user gave."""
+    return not isinstance(span, _NotGiven)
+
+
 @dataclass(frozen=True)
 class System:
     """A system declared by its energy and its dissipation potential.
@@ -152,7 +157,7 @@ class System:
     outputs: Mapping[str, AnyOutput] = field(default_factory=dict[str, "AnyOutput"])
 
     def __post_init__(self) -> None:
-        given = not isinstance(self.span, _NotGiven)
+        given = is_span_given(self.span)
         hold_plain(self)
         object.__setattr__(self, "outputs", as_outputs(self.outputs))
         if not given:
