@@ -53,7 +53,7 @@ from stickslip.translator import compiled
 LEAST_SIZE = 1e-250  # what is smaller is nothing
 # part of the largest place, or velocity, below which others are nothing, too: what is far from all
 # that moves begins like a high power of time
-FAINT = 1e-20
+FAINT = 1e-30
 _MOST_FAINT = 8  # steps that are tried for those
 _SHORT = 2.0**-30  # shortest step, in units of time of the coefficients
 _LONG = 2.0**10  # longest one
