@@ -79,4 +79,29 @@ def test_the_far_end_of_a_long_chain(n: int, rub: int) -> None:
     mass, stiffness = chain(n)
     contacts = {"c": ss.Contact(f"d_q{rub % n}", 0.5, kinetic=0.3)}
     force = {n - 1: "5*cos(0.4*t)"}
-    certified(typed(mass, stiffness, 0.01 * mass, force, contacts=contacts, span=(0.0, 100.0)))
+    certified(typed(mass, stiffness, 0.01 * stiffness, force, contacts=contacts, span=(0.0, 100.0)))
+
+
+@pytest.mark.parametrize("small", [1e-10, 1e-20, 1e-30])
+def test_units_that_are_far_apart(small: float) -> None:
+    """What is small beside another coordinate, and knows nothing of it, moves as it does alone."""
+
+    def system(others: dict[str, str]) -> ss.System:
+        return ss.System(
+            "s",
+            coordinates={x: ss.Inertial() for x in ("x", *others)},
+            kinetic=" + ".join(f"d_{x}**2/2" for x in ("x", *others)),
+            potential=" + ".join(["x**2/2", *others.values()]),
+            viscous="0.01*d_x**2/2",
+            contacts={
+                "c": ss.Contact(
+                    "d_x", 0.1 * small, 0.3 * small, kinetic=f"{0.05 * small}*(1 + exp(-speed))"
+                )
+            },
+            initial={"x": small, **dict.fromkeys(others, 100.0)},
+            span=(0.0, 30.0),
+        )
+
+    alone, beside = certified(system({})), certified(system({"y": "y**2/2 + 1e-5*y**4"}))
+    assert beside.final["x"] == pytest.approx(alone.final["x"], abs=1e-9 * small)
+    assert beside.n_switches == alone.n_switches

@@ -83,6 +83,11 @@ class DefaultSpan(tuple[float, float]):
 _SPAN = DefaultSpan((0.0, 100.0))
 
 
+def is_span_given(span: tuple[float, float]) -> bool:
+    """Whether the time span of a system is one that a user gave."""
+    return not isinstance(span, DefaultSpan)
+
+
 @dataclass(frozen=True)
 class System:
     """A system declared by its energy and its dissipation potential.

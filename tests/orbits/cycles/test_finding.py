@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from properties.families import linear_family
 from stickslip import Contact, Inertial, Parameter, RateIndependent, System, catalogue, simulate
 from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
+from stickslip.orbits.cycles import finding
 from stickslip.orbits.cycles.cycle import Cycle, find_cycle
 from stickslip.symbolic import expressions as ex
 from systems import distance, oscillator
@@ -336,3 +338,30 @@ def test_a_cycle_under_a_load_and_a_drive_is_moved_along() -> None:
         check(moved)
         assert moved.dissipated == pytest.approx(alone.dissipated, rel=1e-9)
         assert moved.drift == pytest.approx(alone.drift, rel=1e-9)
+
+
+@pytest.mark.parametrize("omega", [1.1, 110.0, 1e4])
+def test_the_first_look_at_a_driven_system(omega: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes some periods of the drive, unless a time span is given."""
+    looked: list[float] = []
+    follow = finding.follow_freely
+
+    def spy(problem: Any, begin: float, end: float, state: Any) -> Any:
+        looked.append(end - begin)
+        return follow(problem, begin, end, state)
+
+    monkeypatch.setattr(finding, "follow_freely", spy)
+    parts: dict[str, Any] = {
+        "coordinates": {"x": Inertial(force=f"2*cos({omega!r}*t)")},
+        "kinetic": f"(d_x/{omega!r})**2/2",
+        "viscous": f"0.2/{omega!r}*d_x**2/2",
+        "potential": "x**2",
+        "contacts": {"c": Contact("d_x", 0.3)},
+    }
+    period = 2 * np.pi / omega
+    cycle = find_cycle(System("s", **parts))
+    assert cycle.certificate.ok and cycle.period == pytest.approx(period, rel=1e-12)
+    assert looked[0] <= 101 * period
+    looked.clear()
+    find_cycle(System("s", **parts, span=(0.0, 7 * period)))
+    assert looked[0] == pytest.approx(7 * period)

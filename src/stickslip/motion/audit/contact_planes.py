@@ -56,6 +56,7 @@ from stickslip.motion.steps.sets import (
     whole_rate,
     whole_speed,
 )
+from stickslip.motion.steps.step_size import FAINT
 from stickslip.translator import compiled
 
 
@@ -243,13 +244,20 @@ def judge_plane(rows: Rows, space: Space, mode: Array, c: int, factor: float, ta
 def share_sizes(rows: Rows, state: Array) -> None:
     """Give the coordinates that a contact in a plane moves, and their velocities, one size, and so
     the modes of a structure: they are components of vectors, and a turn of the axes does not
-    matter.
+    matter. None is smaller than next to nothing of the largest place, or velocity.
 
     Parameters
     ----------
     state : array, shape (4, n)
         As of :class:`Tally`; what forces make is as large as the largest then.
     """
+    nq = rows.sizes[INERTIAL]
+    for first in (0, nq):
+        largest = 0.0
+        for r in range(first, first + nq):
+            largest = max(largest, state[LARGEST, r])
+        for r in range(first, first + nq):
+            state[SWAY, r] = max(state[SWAY, r], FAINT * largest / REST_PART)
     for b in range(len(rows.bodies)):
         for first in (0, rows.sizes[INERTIAL]):
             begin = first + rows.bodies[b, 0]

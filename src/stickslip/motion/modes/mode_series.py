@@ -48,7 +48,7 @@ from stickslip.motion.steps.arrays import (
 )
 from stickslip.motion.steps.sets import whole_rate, whole_speed
 from stickslip.motion.steps.starting import coefficients
-from stickslip.motion.steps.step_size import COARSER, LEAST_SIZE, better, step_size, suits
+from stickslip.motion.steps.step_size import COARSER, FAINT, LEAST_SIZE, better, step_size, suits
 from stickslip.translator import compiled
 
 _PAST = 1.0625  # of the time to a kink: the end of the step in which it comes
@@ -318,10 +318,16 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
     late = INSTANT * abs(table[len(y), 0]) / h  # the end is a rounded time
     vague = vagueness(flow, table, y, h)
     shared, until = 0.0, 0
+    nq = rows.sizes[INERTIAL]
+    faint = 0.0
     for i in range(len(y)):
         if i >= until:
             shared, until = size_of_body(rows, y, promise, i)
-        own = max(abs(y[i]) + abs(promise[i]), shared)
+        if i in (0, nq):
+            faint = FAINT * largest_of_kind(y, promise, i, nq)
+        if i >= 2 * nq:
+            faint = 0.0
+        own = max(abs(y[i]) + abs(promise[i]), max(shared, faint))
         size = LEAST_SIZE + own + flow.atol * seen[i]
         rounding = (ROUNDING + vague) * mag[rows.noise[i]] * h if rows.noise[i] >= 0 else 0.0
         rounding += late * abs(promise[i])
@@ -332,6 +338,23 @@ def keeps(flow: Flow, table: Array, y: Array, seen: Array, h: float) -> bool:
         if abs(table[rate, 0] * h - promise[i]) > tol * size + rounding:
             return False
     return True
+
+
+@compiled()
+def largest_of_kind(y: Array, promise: Array, first: int, count: int) -> float:
+    """The largest of places, or of velocities.
+
+    Parameters
+    ----------
+    y, promise : arrays
+        Values, and by how much they change.
+    first, count : int
+        The first of them, and their number.
+    """
+    largest = 0.0
+    for r in range(first, first + count):
+        largest = max(largest, abs(y[r]) + abs(promise[r]))
+    return largest
 
 
 @compiled()

@@ -51,6 +51,10 @@ from stickslip.motion.steps.starting import coefficients
 from stickslip.translator import compiled
 
 LEAST_SIZE = 1e-250  # what is smaller is nothing
+# part of the largest place, or velocity, below which others are nothing, too: what is far from all
+# that moves begins like a high power of time
+FAINT = 1e-30
+_MOST_FAINT = 8  # steps that are tried for those
 _SHORT = 2.0**-30  # shortest step, in units of time of the coefficients
 _LONG = 2.0**10  # longest one
 COARSER = 2.0**-16  # of a unit of time in which coefficients overflow
@@ -88,6 +92,10 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
     middle = 0.0
     low = 0.0
     h = np.inf
+    nq = flow.rows.sizes[INERTIAL]
+    far = FAINT * largest_within(W, 0, nq, 1, last / unit)
+    slow = FAINT * largest_within(W, nq, nq, 1, last / unit)
+    begins = False
     for i in range(len(rows)):
         r = rows[i]
         if is_silent(flow.rows, W, r):
@@ -101,6 +109,8 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
             other = companion(flow.rows, r)
             value, slope = max(value, abs(W[other, 0])), max(slope, abs(W[other, 1]))
         size = LEAST_SIZE + value + slope * (last / unit) + flow.atol * max(value, seen[i])
+        if i < 2 * nq:
+            size += far if i < nq else slow
         if noise[i] >= 0:
             # What cancels in a rate is known to rounding only.
             size += EPSILON / tol * mag[noise[i]] * (last if i < n else 1.0)
@@ -116,8 +126,12 @@ def step_size(flow: Flow, N: int, seen: Array, last: float) -> float:
                 top = max(top, abs(W[r, N]) * size)
             else:
                 low = max(low, abs(W[r, N - 2]) * size)
+        elif i < 2 * nq:
+            begins = True
         else:
             h = min(h, first_step(W[r], N if i < n else N - 1, tol))
+    if begins:
+        h = min(h, step_from_rest(W, nq, N, tol, seen))
     # One root is enough where it meets the other conditions, too; edge = tol/h^(N−1).
     edge = tol / h ** (N - 1) if h < np.inf else 0.0
     if low > 0.0 and not low <= edge * h:
@@ -190,6 +204,72 @@ def first_step(c: Array, N: int, tol: float) -> float:
     for k in range(N - 1, N + 1):
         if c[k] != 0.0 and c[j] != 0.0 and k > j:
             h = min(h, abs(c[j] / c[k] * tol) ** (1.0 / (k - j)))
+    return h
+
+
+@compiled()
+def largest_within(W: Array, first: int, count: int, N: int, x: float) -> float:
+    """The largest that polynomials may become.
+
+    Parameters
+    ----------
+    W : array
+        Their coefficients.
+    first, count : int
+        The first of them, and their number.
+    N : int
+        Their order.
+    x : float
+        Time, in the unit of that of the coefficients.
+    """
+    largest = 0.0
+    for r in range(first, first + count):
+        value = 0.0
+        for k in range(N, -1, -1):
+            value = value * x + abs(W[r, k])
+        largest = max(largest, value)
+    return largest
+
+
+@compiled()
+def step_from_rest(W: Array, nq: int, N: int, tol: float, seen: Array) -> float:
+    """Step of places and velocities that have been nothing so far: beside the first terms of each,
+    or beside next to nothing of the largest, its last terms are small.
+
+    Parameters
+    ----------
+    W : array
+        Coefficients of the state.
+    nq : int
+        Number of places, and of velocities.
+    N : int
+        Order of the coefficients.
+    tol : float
+        Local tolerance.
+    seen : array
+        Largest modulus so far of each row that bounds the steps.
+    """
+    h = 0.0
+    for r in range(2 * nq):
+        if not seen[r] > 0.0 and W[r, 0] == 0.0:
+            h = max(h, first_step(W[r], N, tol))
+    for _ in range(_MOST_FAINT):
+        if not h < np.inf:
+            break
+        fits = h
+        for kind in range(2):
+            floor = tol * FAINT * largest_within(W, kind * nq, nq, N, h)
+            for r in range(kind * nq, (kind + 1) * nq):
+                if seen[r] > 0.0 or W[r, 0] != 0.0:
+                    continue
+                own = first_step(W[r], N, tol)
+                if own < fits:
+                    for k in range(N - 1, N + 1):
+                        if W[r, k] != 0.0:
+                            fits = min(fits, max(own, (floor / abs(W[r, k])) ** (1.0 / k)))
+        if fits == h:
+            break
+        h = fits
     return h
 
 
@@ -508,8 +588,14 @@ def hidden(flow: Flow, mode: Array, h: float, part: float, seen: Array) -> float
     tol = flow.tol
     atol = flow.atol
     worst = 0.0
+    nq = rows.sizes[INERTIAL]
+    x = h / W[n, 1]
+    far = FAINT * largest_within(W, 0, nq, N, x)
+    slow = FAINT * largest_within(W, nq, nq, N, x)
     for r in range(n):
         own = LEAST_SIZE + abs(W[r, 0]) + reach(W[r], N, powers)
+        if r < 2 * nq:
+            own += far if r < nq else slow
         size = own + atol * seen[r]
         if rows.noise[r] >= 0:
             size += EPSILON / tol * mag[rows.noise[r]] * h

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.errors import ConvergenceError, StickslipError, some
+from stickslip.errors import ConvergenceError, DeclarationError, StickslipError, some
+from stickslip.model.system import is_span_given
 from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem, pose
 from stickslip.orbits.cycles.lyapunov import Exponent, largest_exponent
@@ -61,6 +62,7 @@ _COLLAPSED = 1e-4
 _REPELS = 1e-6  # no motion settles on a cycle with a multiplier this far outside the unit circle
 _LOOK = 0.01  # of the span: in which the velocity of a steady motion is seen
 _STEADY = 1e-10  # of the state: a smaller change is none
+_TURNS = 100.0  # periods of a drive that are looked at first, where no time span is given
 _DIES_OUT = 1e-2  # a motion whose extent has fallen to this part dies out
 
 
@@ -223,6 +225,19 @@ def _at_rest(
     )
 
 
+def _first_look(problem: Problem) -> float:
+    """How long a motion is looked at first: for the time span of its system, or, if none is given,
+    for some periods of what drives it."""
+    begin, end = problem.system.span
+    if is_span_given(problem.system.span):
+        return end - begin
+    try:
+        drives = clock(problem.system, problem.compiled.equations, problem.parameters)
+        return min(end - begin, _TURNS * drives.period(problem.parameters))
+    except DeclarationError:  # nothing drives it, or nothing that repeats
+        return end - begin
+
+
 class _Search:
     """The cycle beside a state, or that the motion from there settles on."""
 
@@ -231,7 +246,7 @@ class _Search:
         self.state = state
         self.time = time
         self.pieces = Pieces(problem.compiled.equations)
-        self.span = problem.system.span[1] - problem.system.span[0]
+        self.span = _first_look(problem)
         self.failure: ConvergenceError | None = None
 
     def run(self, beside: bool) -> Closed:
