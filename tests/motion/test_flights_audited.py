@@ -15,7 +15,7 @@ import stickslip as ss
 from stickslip.arrays import Array
 from stickslip.motion.affine.forms import ClosedForms
 from stickslip.motion.audit.accounts import Accounts, make_accounts
-from stickslip.motion.audit.in_flight import LOST, WHOLE, audit_motion, make_aloft
+from stickslip.motion.audit.in_flight import WHOLE, WITHOUT_EXTREMES, audit_motion, make_aloft
 from stickslip.motion.audit.step_balance import audit_steps
 from stickslip.motion.record.audited import audited
 from stickslip.motion.record.knots import Knots
@@ -70,7 +70,7 @@ def as_a_whole(m: ss.Trajectory, knots: Knots, forms: ClosedForms | None = None)
     forms = p.closed_forms if forms is None else forms
     aloft = make_aloft(forms, p.shared_flight, p.rows, p.has_quadratic_powers)
     audit_motion(p.machine, p.flow(retracing=True), aloft, m._seen, *halves(knots), accounts)
-    return Followed(accounts, int(aloft.checked[WHOLE]), int(aloft.checked[LOST]))
+    return Followed(accounts, int(aloft.checked[WHOLE]), int(aloft.checked[WITHOUT_EXTREMES]))
 
 
 def piece_by_piece(m: ss.Trajectory, knots: Knots) -> Accounts:

@@ -122,7 +122,7 @@ _MOST_PARTS = 256  # of a flight, in which waves of the drives turn a few radian
 _LARGE = 2.0**200  # a state so large that what does not depend on it is nothing beside it
 _FEW = 8  # components of which all extremes are found
 _LEFT = 1e-15  # part of a component of ∫ x xᵀ that is rounding
-WHOLE, LOST = range(2)
+WHOLE, WITHOUT_EXTREMES = range(2)
 """Slots of :attr:`Aloft.checked`."""
 _UNKNOWN, _KNOWN, _REFUSED = range(3)
 _DOUBTED, _CHECKED, _UNRESOLVED = range(3)
@@ -139,7 +139,7 @@ class Aloft(NamedTuple):
         Of the motion.
     flight : Flight
     checked : array of int, shape (2,)
-        How many steps were checked as a WHOLE, and in how many of them extremes are LOST.
+        How many steps were checked as a WHOLE, and how many of these are WITHOUT_EXTREMES.
     state : array of int, shape (slots,)
         UNKNOWN, KNOWN, or REFUSED: nothing here follows such a mode.
     right : array of complex, shape (slots, rows, exponents)
@@ -328,7 +328,7 @@ def audit_motion(
             if found == _DOUBTED:
                 audit_step(machine, flow, seen, starts, ends, True, i, accounts)
             aloft.checked[WHOLE] += 1 if found != _DOUBTED else 0
-            aloft.checked[LOST] += 1 if found == _UNRESOLVED else 0
+            aloft.checked[WITHOUT_EXTREMES] += 1 if found == _UNRESOLVED else 0
         elif (
             may_collide(flow.rows, ends.cause[i])
             or jump_after(flow.rows, ends.cause[i], starts.region[i]) >= 0
@@ -418,7 +418,16 @@ def audit_flight(
 
 @compiled()
 def candidate(rows: Rows, a: Aloft, mode: Array, reg: Array, h: float) -> int:
-    """The closed form that may be that of a step, if the step is long; else −1."""
+    """The closed form that may be that of a step, if the step is long; else −1.
+
+    Parameters
+    ----------
+    rows : Rows
+    a : Aloft
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+    h : float
+        Length of the step.
+    """
     if len(a.state) == 0 or any_share(rows) or len(rows.openings) + len(rows.planes) > 0:
         return -1
     for c in range(len(mode)):
@@ -856,11 +865,11 @@ def signal_of(
         if other >= 0:
             z += turn * a.right[s.slot, other, j]
         a.z[j] = z * a.begin[j]
-    return summed(a, form, s)
+    return sum_in_work(a, form, s)
 
 
 @compiled()
-def summed(a: Aloft, form: ClosedForms, s: Stretch) -> ModalSum:
+def sum_in_work(a: Aloft, form: ClosedForms, s: Stretch) -> ModalSum:
     """The signal in the work space."""
     return ModalSum(
         a.line,
@@ -1031,7 +1040,7 @@ def add_contacts(
             a.line[g] = a.states[r, g]
         for j in range(s.exponents):
             a.z[j] = form.a[first + r, j] * a.begin[j]
-        signal = summed(a, form, s)
+        signal = sum_in_work(a, form, s)
         low, high, all_of = widen_by_sum(signal, sums.low[r], sums.high[r], ROUNDING * a.size[r])
         sums.low[r], sums.high[r] = low, high
         found = found and all_of

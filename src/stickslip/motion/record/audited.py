@@ -116,7 +116,7 @@ def follow_again(problem: Problem, knots: Knots, seen: Array) -> tuple[Accounts,
         As of :func:`audited`.
     """
     from stickslip.motion.audit.accounts import make_accounts
-    from stickslip.motion.audit.in_flight import LOST, WHOLE, audit_motion, make_aloft
+    from stickslip.motion.audit.in_flight import WHOLE, WITHOUT_EXTREMES, audit_motion, make_aloft
 
     def measured() -> tuple[Accounts, int, int]:
         accounts = make_accounts(len(knots.time) - 1, problem.rows)
@@ -125,7 +125,7 @@ def follow_again(problem: Problem, knots: Knots, seen: Array) -> tuple[Accounts,
         aloft = make_aloft(problem.closed_forms, problem.shared_flight, problem.rows, quadratic)
         given = problem.machine, flow, aloft, seen, *_starts_and_ends(knots)
         audit_motion(*given, accounts)
-        return accounts, int(aloft.checked[WHOLE]), int(aloft.checked[LOST])
+        return accounts, int(aloft.checked[WHOLE]), int(aloft.checked[WITHOUT_EXTREMES])
 
     return unbroken(measured)
 
