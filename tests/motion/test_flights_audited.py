@@ -129,9 +129,9 @@ def scale(*where: int | slice, by: complex) -> Callable[[Array], None]:
 
 EVERY = slice(None)
 FAULTS: dict[str, Callable[[int], Callable[[ClosedForms], ClosedForms]]] = {
-    "amplitude": lambda j: changed("R", scale(EVERY, j, by=1.0 + 1e-6)),
-    "shape": lambda j: changed("a", scale(EVERY, slice(-15, None, 2), j, by=1.0 + 1e-6)),
-    "phase": lambda j: changed("R", scale(EVERY, j, by=complex(1.0, 1e-6))),
+    "amplitude": lambda _: changed("R", scale(EVERY, by=1.0 + 1e-6)),
+    "shape": lambda _: changed("a", scale(EVERY, slice(-15, None, 2), by=1.0 + 1e-6)),
+    "phase": lambda _: changed("R", scale(EVERY, by=complex(1.0, 1e-6))),
     "frequency": lambda j: changed("exponent", scale(EVERY, j, by=1.0 + 1e-6)),
     "rate": lambda j: changed("exponent", scale(EVERY, j, by=complex(1.0, 1e-6))),
     "missing mode": lambda j: changed("a", scale(EVERY, EVERY, j, by=0.0)),

@@ -120,6 +120,7 @@ _LONG = 150.0  # shortest times of a mode in a flight from which on it is checke
 _ACTING = 4.0  # shortest times that a Taylor series would last
 _MOST_PARTS = 256  # of a flight, in which waves of the drives turn a few radians
 _LARGE = 2.0**200  # a state so large that what does not depend on it is nothing beside it
+_ALLOWED = 5e-10  # of its size: what a component may be off; twice that is not certified
 _FEW = 8  # components of which all extremes are found
 _LEFT = 1e-15  # part of a component of ∫ x xᵀ that is rounding
 WHOLE, WITHOUT_EXTREMES = range(2)
@@ -169,8 +170,12 @@ class Aloft(NamedTuple):
     bound, size, rest, made : arrays, shape (n,)
         By how much a flight may be off; sizes of the state; and, of residuals of q, what is in no
         eigenvector, and how large it is itself.
-    drift : array, shape (exponents,)
-        What is in each.
+    still : array, shape (2, n)
+        These at the first node.
+    drift, turns : arrays, shape (exponents,)
+        By how much residuals of q in eigenvectors differ from what they are first, and vary.
+    first, last : arrays of complex, shape (exponents,)
+        What they are at the first node, and were at the last one.
     moments : array of complex, shape (COUNT, exponents)
     legendre : array of complex, shape (COUNT,)
     pairs : array of complex, shape (2, exponents, exponents)
@@ -211,7 +216,11 @@ class Aloft(NamedTuple):
     size: Vector
     rest: Vector
     made: Vector
+    still: Matrix
     drift: Vector
+    turns: Vector
+    first: ComplexVector
+    last: ComplexVector
     moments: ComplexMatrix
     legendre: ComplexVector
     pairs: ComplexArray3
@@ -269,7 +278,11 @@ def make_aloft(forms: ClosedForms, flight: Flight, rows: Rows, trusted: bool) ->
         size=z(n),
         rest=z(n),
         made=z(n),
+        still=z((2, n)),
         drift=z(b),
+        turns=z(b),
+        first=z(b, c),
+        last=z(b, c),
         moments=z((COUNT, b), c),
         legendre=z(COUNT, c),
         pairs=z((2, b, b), c),
@@ -563,7 +576,7 @@ def begin_flight(flow: Flow, a: Aloft, form: ClosedForms, start: Instant, h: flo
         a.size[r] = abs(start.y[r])
         a.rest[r] = a.made[r] = 0.0
     for j in range(form.counts[EXPONENTS]):
-        a.drift[j] = 0.0
+        a.drift[j] = a.turns[j] = 0.0
     fastest = 0.0
     for frequency in omega:
         fastest = max(fastest, frequency)
@@ -664,7 +677,7 @@ def is_flown(
             for r in range(n):
                 a.size[r] = max(a.size[r], abs(a.x[r]))
                 a.x[r] = slow_rate(a, tau, omega, r) - space.V[rows.program.rates[r], 0]
-            note_residual(a, form, s)
+            note_residual(a, form, s, part + g == 0)
     put_bounds(a, form, s)
     put_state(a, form, s, s.h, omega, a.x)
     for r in range(n):
@@ -679,14 +692,15 @@ def is_flown(
     for r in range(n):
         size = a.size[r] + REST_PART * impulse(rows, space.mag, r, s.acting)
         off = a.bound[r] + abs(a.x[r] - ends.state[i, r])
-        if not off <= NEGLIGIBLE_PART * size:
+        if not off <= _ALLOWED * size:
             return False
     return True
 
 
 @compiled()
-def note_residual(a: Aloft, form: ClosedForms, s: Stretch) -> None:
-    """Keep how large the residual of q is, which is in `x`."""
+def note_residual(a: Aloft, form: ClosedForms, s: Stretch, begins: bool) -> None:
+    """Keep how large the residual of q is, which is in `x`, and by how much it differs from that at
+    the first node, where the flight `begins`."""
     n = len(a.x)
     first = len(form.c2) - n
     for k in range(s.exponents):
@@ -696,14 +710,20 @@ def note_residual(a: Aloft, form: ClosedForms, s: Stretch) -> None:
             re += form.R[k, r].real * a.x[r]
             im += form.R[k, r].imag * a.x[r]
         a.z[k] = complex(re, im)
-        a.drift[k] = most(a.drift[k], LEBESGUE * modulus_of(a.z[k]))
+        if begins:
+            a.first[k] = a.last[k] = a.z[k]
+        a.drift[k] = most(a.drift[k], LEBESGUE * modulus_of(a.z[k] - a.first[k]))
+        a.turns[k] += LEBESGUE * modulus_of(a.z[k] - a.last[k])
+        a.last[k] = a.z[k]
     for r in range(n):
         rest = a.x[r]
         for k in range(s.exponents):
             z, w = form.a[first + r, k], a.z[k]
             rest -= z.real * w.real - z.imag * w.imag
-        a.rest[r] = most(a.rest[r], LEBESGUE * abs(rest))
-        a.made[r] = most(a.made[r], LEBESGUE * abs(a.x[r]))
+        if begins:
+            a.still[0, r], a.still[1, r] = rest, a.x[r]
+        a.rest[r] = most(a.rest[r], abs(a.still[0, r]) + LEBESGUE * abs(rest - a.still[0, r]))
+        a.made[r] = most(a.made[r], abs(a.still[1, r]) + LEBESGUE * abs(a.x[r] - a.still[1, r]))
 
 
 @compiled()
@@ -733,8 +753,10 @@ def put_bounds(a: Aloft, form: ClosedForms, s: Stretch) -> None:
         lam = form.exponent[k]
         if lam == 0.0j:
             continue
-        turns = (2.0 + 16.0 * s.parts) / modulus_of(lam)
-        made = a.drift[k] * a.growth[k] * min(s.h, turns)
+        # by parts: what is constant counts for one turn
+        size = modulus_of(a.first[k]) + a.drift[k]
+        once = (2.0 * size + a.turns[k]) / modulus_of(lam)
+        made = a.growth[k] * min(s.h * size, once)
         for j in range(s.exponents):
             size = modulus_of(a.r[j])
             if size > 0.0:
@@ -832,7 +854,7 @@ def follow_part(
         sample_residuals(rows, space, piece, a.x, g, i, accounts.steps, accounts.tally)
         for r in range(n):
             size = a.size[r] + REST_PART * impulse(rows, space.mag, r, s.acting)
-            if not s.acting * abs(space.samples[r, g]) <= NEGLIGIBLE_PART * size:
+            if not s.acting * abs(space.samples[r, g]) <= _ALLOWED * size:
                 return np.nan, np.nan, np.nan
         sample_law(rows, space, at.mode, at.reg, s.acting, g, accounts.tally)
     return spent, fed, flows

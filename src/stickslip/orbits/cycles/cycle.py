@@ -160,10 +160,10 @@ class Cycle(Result):
         sums = self.trajectory.audit.sums
         ends = zip(map(float, sums.low), map(float, sums.high), strict=True)
         found = dict(zip(self.system.declaration.state, ends, strict=True))
-        return found | self.visible_extrema
+        return found | self._visible_extrema
 
     @cached_property
-    def visible_extrema(self) -> dict[str, tuple[float, float]]:
+    def _visible_extrema(self) -> dict[str, tuple[float, float]]:
         """The same but for modes of structures, of which it takes long where some are fast."""
         audit = self.trajectory.audit
         modes = modes_of_structures(self.trajectory)
