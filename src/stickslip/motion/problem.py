@@ -203,6 +203,14 @@ class Problem:
         waves = layout.frequencies
         return make_closed_forms(groups, slots, n, contacts, kinks, doubtful, waves, planes)
 
+    @property
+    def has_quadratic_powers(self) -> bool:
+        """Whether dissipated and supplied power are quadratic where rates and forces are affine."""
+        from stickslip.equations.powers import are_powers_quadratic
+
+        equations = self.compiled.equations
+        return made_once(equations, "powers", lambda: are_powers_quadratic(equations))
+
     def space(self) -> Space:
         """New work space for the Taylor steps."""
         layout = self.compiled.layout

@@ -55,7 +55,7 @@ def states_in_flights(
         if slot is None or not lengths[i] > _LONG * T.shortest[slot]:
             continue
         own = index == i
-        begin = float(knots.clock[i]) + problem.origin
+        begin = float(knots.clock[i])  # of which the drives are functions, here as in flights
         tau = clock[own] - knots.clock[i]
         waves: AnyArray = np.exp(1j * omega * begin)
         s = np.concatenate(

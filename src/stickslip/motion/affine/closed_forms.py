@@ -13,8 +13,7 @@ import math
 import numpy as np
 
 from stickslip.arrays import Array
-from stickslip.equations.codegen.series import invert
-from stickslip.motion.affine.eigenvalues import decompose, modulus
+from stickslip.motion.affine.eigenvalues import decompose, invert_basis, modulus, refine_vectors
 from stickslip.motion.affine.forms import (
     AFFINE,
     EXPONENTS,
@@ -266,7 +265,7 @@ def add_part(T: ClosedForms, w: Making, slot: int, count: int, blocks: int) -> i
     X = p.Q
     V = w.V
     L = w.L
-    largest = 0.0
+    largest, smallest = 0.0, np.inf
     for j in range(count):
         p.x[j] = p.values[j]
         largest = max(largest, modulus(p.values[j]))
@@ -284,12 +283,14 @@ def add_part(T: ClosedForms, w: Making, slot: int, count: int, blocks: int) -> i
                 p.vectors[i, j] = complex(z.real, 0.0)
                 p.vectors[i, j + 1] = complex(z.imag, 0.0)
         p.values[j] = value
-        # The inverse is that of a real basis: real and imaginary parts of the vectors of a pair.
-        for i in range(count):
-            z = p.vectors[i, j]
-            p.H[i, j] = p.vectors[i, j - 1].imag if value.imag < 0.0 else z.real
-    if not invert(p.H, count, X):
+        if value != 0.0j:
+            smallest = min(smallest, modulus(value))
+    if not invert_basis(p, count):
         return -1
+    if largest > _STIFF * smallest:
+        refine_vectors(p, w.probes.F, w.members, count)
+        if not invert_basis(p, count):
+            return -1
     for j in range(count):
         value = p.values[j]
         if value.imag < 0.0:

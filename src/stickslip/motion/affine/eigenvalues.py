@@ -14,11 +14,13 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array, ComplexMatrix, ComplexVector, Matrix, Vector
+from stickslip.equations.codegen.series import invert
 from stickslip.motion.steps.arrays import EPSILON
 from stickslip.translator import compiled
 
 _MOST_STEPS = 60  # Francis steps until an eigenvalue or two are found
 _STALLED = 10  # steps after which other shifts are tried
+_SMALL_CHANGE = 1e-3  # of an eigenvector, that is made once
 _WORTH = 0.95  # of the norms of row and column: what balancing has to gain
 
 
@@ -359,3 +361,89 @@ def find_vector(p: Eigenproblem, n: int, k: int, least: float) -> None:
         size += z.real * z.real + z.imag * z.imag
     for i in range(n):
         p.vectors[i, k] /= math.sqrt(size)
+
+
+@compiled()
+def invert_basis(p: Eigenproblem, count: int) -> bool:
+    """Invert a real basis, real and imaginary parts of the vectors of a pair; False if it is none.
+
+    Parameters
+    ----------
+    p : Eigenproblem
+        With eigenvalues and eigenvectors; receives the inverse in `Q`.
+    count : int
+        How many there are.
+    """
+    for j in range(count):
+        for i in range(count):
+            z = p.vectors[i, j]
+            p.H[i, j] = p.vectors[i, j - 1].imag if p.values[j].imag < 0.0 else z.real
+    return bool(invert(p.H, count, p.Q))
+
+
+@compiled()
+def refine_vectors(p: Eigenproblem, F: Array, members: Array, count: int) -> None:
+    """Correct eigenvalues and eigenvectors by what their residuals are in eigenvectors.
+
+    Where some modes are much faster than others, rounding errors of the iteration are those of the
+    fastest, and slow modes have parts of fast ones that residuals, row by row, tell.
+
+    Parameters
+    ----------
+    p : Eigenproblem
+        With the inverse of the basis.
+    F : array
+        Has the matrix,
+    members : array of int
+        in these rows and columns.
+    count : int
+        How many there are.
+    """
+    X, V = p.Q, p.vectors
+    for j in range(count):
+        lam = p.values[j]
+        if lam.imag < 0.0:
+            continue
+        for i in range(count):
+            off = -lam * V[i, j]
+            for m in range(count):
+                off += F[members[i], members[m]] * V[m, j]
+            p.T[0, i] = off
+            p.Z[i, j] = V[i, j]
+        p.T[1, j] = lam
+        for k in range(count):
+            value = p.values[k]
+            re = complex(0.0, 0.0)
+            im = complex(0.0, 0.0)
+            first = k - 1 if value.imag < 0.0 else k
+            for i in range(count):
+                re += X[first, i] * p.T[0, i]
+                if value.imag != 0.0:
+                    im += X[first + 1, i] * p.T[0, i]
+            part = re
+            if value.imag != 0.0:
+                part = 0.5 * re + (0.5j if value.imag < 0.0 else -0.5j) * im
+            if k == j:
+                p.T[1, j] = lam + part
+                continue
+            away = value - lam
+            # What is nearly one eigenvalue is left together.
+            if part != 0.0j and modulus(part) <= _SMALL_CHANGE * modulus(away):
+                part = part / away
+                for i in range(count):
+                    p.Z[i, j] = p.Z[i, j] - part * V[i, k]
+    for j in range(count):
+        lam = p.values[j]
+        if lam.imag < 0.0:
+            continue
+        new = p.T[1, j]
+        p.values[j] = complex(
+            new.real if lam.real != 0.0 else 0.0, new.imag if lam.imag != 0.0 else 0.0
+        )
+        for i in range(count):
+            z = p.Z[i, j]
+            V[i, j] = z if lam.imag != 0.0 else complex(z.real, 0.0)
+            if lam.imag != 0.0:
+                V[i, j + 1] = z.conjugate()
+        if lam.imag != 0.0:
+            p.values[j + 1] = p.values[j].conjugate()

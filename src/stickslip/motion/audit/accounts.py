@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Matrix, Vector
-from stickslip.motion.audit.nodes import most
+from stickslip.motion.affine.nodes import most
 from stickslip.motion.audit.observers import Sums, make_sums
 from stickslip.motion.steps.arrays import DIMENSION, ON_INERTIAL, Rows, Space, own_inverse
 from stickslip.motion.steps.sets import force_terms, is_rate_independent, rate_terms

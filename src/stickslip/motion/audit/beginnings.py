@@ -14,9 +14,9 @@ from stickslip.arrays import Array
 from stickslip.motion.admissible.cones import FORCE_SIZE, RESTS
 from stickslip.motion.admissible.leaving import spare_part
 from stickslip.motion.admissible.sharing import ON_ITS_OWN, any_share, find_shared, press_themselves
+from stickslip.motion.affine.nodes import most
 from stickslip.motion.audit.accounts import EXCESS, LARGEST_FORCE, LARGEST_SPEED, Tally
 from stickslip.motion.audit.forces import HOLDS, RUBS, may_have_others, widest_room
-from stickslip.motion.audit.nodes import most
 from stickslip.motion.audit.step_ends import jump_after
 from stickslip.motion.modes.guards import resting
 from stickslip.motion.modes.inverses import resolve

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.motion.affine.nodes import LEBESGUE, NARROW, WIDE
 from stickslip.motion.audit.accounts import (
     CANCELLED_PART,
     LARGEST,
@@ -29,7 +30,6 @@ from stickslip.motion.audit.accounts import (
     REST_PART,
     Tally,
 )
-from stickslip.motion.audit.nodes import LEBESGUE, NARROW, WIDE
 from stickslip.motion.discs.spreading import spread, spread_state
 from stickslip.motion.discs.tables import BALL, OFF, SLOPE
 from stickslip.motion.steps.arrays import (

@@ -10,6 +10,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.motion.admissible.sharing import ON_ITS_OWN
+from stickslip.motion.affine.nodes import COUNT, LEBESGUE, largest_of, least_on_nodes, most
 from stickslip.motion.audit.accounts import (
     BACKWARDS,
     CANCELLED_PART,
@@ -28,7 +29,6 @@ from stickslip.motion.audit.accounts import (
     samples_of,
 )
 from stickslip.motion.audit.between_nodes import strays
-from stickslip.motion.audit.nodes import COUNT, LEBESGUE, largest_of, least_on_nodes, most
 from stickslip.motion.discs.tables import BALL, OFF
 from stickslip.motion.modes.guards import resting
 from stickslip.motion.steps.arrays import (

@@ -41,6 +41,14 @@ from stickslip.motion.admissible.cones import (
 from stickslip.motion.admissible.impacts_law import put_part
 from stickslip.motion.admissible.leaving import lacking_part
 from stickslip.motion.admissible.sharing import ON_ITS_OWN, held_at, is_first, sticks_in
+from stickslip.motion.affine.nodes import (
+    COUNT,
+    GAUSS_NODES,
+    largest_of,
+    least_on_nodes,
+    most,
+    to_control_points,
+)
 from stickslip.motion.audit.accounts import (
     EXCESS,
     LARGEST_FORCE,
@@ -53,14 +61,6 @@ from stickslip.motion.audit.accounts import (
 )
 from stickslip.motion.audit.between_nodes import StepPiece, strays
 from stickslip.motion.audit.contact_planes import blurred_by_turns
-from stickslip.motion.audit.nodes import (
-    COUNT,
-    GAUSS_NODES,
-    largest_of,
-    least_on_nodes,
-    most,
-    to_control_points,
-)
 from stickslip.motion.modes.guards import resting
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (

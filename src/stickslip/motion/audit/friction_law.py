@@ -10,6 +10,7 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.motion.admissible.sharing import ON_ITS_OWN
+from stickslip.motion.affine.nodes import largest_of, least_on_nodes, most
 from stickslip.motion.audit.accounts import (
     BACKWARDS,
     BEYOND,
@@ -31,7 +32,6 @@ from stickslip.motion.audit.accounts import (
 )
 from stickslip.motion.audit.between_nodes import StepPiece, strays
 from stickslip.motion.audit.contact_planes import blurred_by_turns, judge_plane, sample_plane
-from stickslip.motion.audit.nodes import largest_of, least_on_nodes, most
 from stickslip.motion.modes.guards import resting
 from stickslip.motion.steps.arrays import (
     DIMENSION,

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from stickslip.arrays import Array, IntVector, Vector
-from stickslip.motion.audit.nodes import GAUSS_NODES, GAUSS_WEIGHTS
+from stickslip.motion.affine.nodes import GAUSS_NODES, GAUSS_WEIGHTS
 from stickslip.motion.modes.guards import resting, stands
 from stickslip.motion.steps.arrays import Rows, directions_of
 from stickslip.motion.steps.roots import halve, horner, lowest

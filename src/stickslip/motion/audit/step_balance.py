@@ -20,6 +20,7 @@ import numpy as np
 from stickslip.arrays import Array, Vector
 from stickslip.machine_code.functions import entry_point
 from stickslip.motion.admissible.sharing import any_share, find_shared
+from stickslip.motion.affine.nodes import COUNT, GAUSS_NODES, GAUSS_WEIGHTS, LEBESGUE, most
 from stickslip.motion.audit.accounts import (
     BACKWARDS,
     BEYOND,
@@ -61,7 +62,6 @@ from stickslip.motion.audit.forces import (
     try_other_forces,
 )
 from stickslip.motion.audit.friction_law import judge_law, sample_law
-from stickslip.motion.audit.nodes import COUNT, GAUSS_NODES, GAUSS_WEIGHTS, LEBESGUE, most
 from stickslip.motion.audit.observers import add_step, count_times
 from stickslip.motion.audit.step_ends import (
     audit_start,

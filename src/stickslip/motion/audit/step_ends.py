@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.motion.affine.nodes import most
 from stickslip.motion.audit.accounts import (
     CREEP,
     FED,
@@ -29,7 +30,6 @@ from stickslip.motion.audit.impulses import (
     explain_in_turn,
     explain_jump,
 )
-from stickslip.motion.audit.nodes import most
 from stickslip.motion.engine.jumps import fired_jump, make_jump
 from stickslip.motion.modes.guards import may_collide
 from stickslip.motion.steps.arrays import (

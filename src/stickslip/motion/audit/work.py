@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from stickslip.arrays import Array, IntVector, Matrix, Vector
 from stickslip.machine_code.functions import entry_point
+from stickslip.motion.affine.nodes import COUNT, GAUSS_NODES, GAUSS_WEIGHTS
 from stickslip.motion.audit.accounts import FED, SPENT
 from stickslip.motion.audit.between_nodes import StepPiece
-from stickslip.motion.audit.nodes import COUNT, GAUSS_NODES, GAUSS_WEIGHTS
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
     CONTACTS,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from stickslip.motion.audit.accounts import Accounts
     from stickslip.motion.audit.observers import Sums
     from stickslip.motion.problem import Problem
+    from stickslip.motion.steps.arrays import Record
 
 
 _BEFORE, _AFTER = slice(None, -1), slice(1, None)
@@ -33,8 +36,13 @@ class Audit:
         Time after each knot that is not verified.
     largest : array, shape (n,)
         Largest modulus of each component.
-    sums : Sums
-        Extremes, times in stick, forces and work of the contacts.
+    shares : Sums
+        Times in stick, forces and work of the contacts; extremes, too, but in long flights these
+        are those at some nodes.
+    known : array of bool, shape (n,)
+        Of which components these extremes are exact.
+    exact : callable, optional
+        Finds those of all, where they are not.
     """
 
     energy: Array
@@ -43,7 +51,14 @@ class Audit:
     residuals: Array
     open: Array
     largest: Array
-    sums: Sums
+    shares: Sums
+    known: Array
+    exact: Callable[[], Sums] | None
+
+    @cached_property
+    def sums(self) -> Sums:
+        """Extremes, times in stick, forces and work of the contacts."""
+        return self.shares if self.exact is None else self.exact()
 
 
 def audited(problem: Problem, knots: Knots, seen: Array, energy: Array) -> Audit:
@@ -59,9 +74,12 @@ def audited(problem: Problem, knots: Knots, seen: Array, energy: Array) -> Audit
         At the knots.
     """
     from stickslip.motion.audit.accounts import FED_IN_ALL, LARGEST
+    from stickslip.motion.audit.in_flight import extremes_known
     from stickslip.motion.audit.step_balance import judge
 
-    steps, tally, sums = follow_again(problem, knots, seen)
+    (steps, tally, sums), whole, lost = follow_again(problem, knots, seen)
+    known = extremes_known(problem.rows) if whole else np.ones(knots.state.shape[1], dtype=bool)
+    exact = None if np.all(known) and not lost else partial(sums_of, problem, knots, seen)
     work = np.vstack([np.zeros((1, 2)), np.cumsum(steps.work, axis=0)])
     balance = energy - energy[0] + work[:, 0] - work[:, 1]
     flow = max(
@@ -80,12 +98,15 @@ def audited(problem: Problem, knots: Knots, seen: Array, energy: Array) -> Audit
         residuals,
         np.append(steps.open, 0.0),
         tally.state[LARGEST],
-        sums,
+        exact() if exact and lost else sums,
+        known if not lost else np.ones_like(known),
+        None if lost else exact,
     )
 
 
-def follow_again(problem: Problem, knots: Knots, seen: Array) -> Accounts:
-    """Follow a motion again from knot to knot, and check it.
+def follow_again(problem: Problem, knots: Knots, seen: Array) -> tuple[Accounts, int, int]:
+    """Follow a motion again from knot to knot, and check it; also, how many steps are checked as a
+    whole, and in how many of them extremes are not found.
 
     Parameters
     ----------
@@ -95,18 +116,46 @@ def follow_again(problem: Problem, knots: Knots, seen: Array) -> Accounts:
         As of :func:`audited`.
     """
     from stickslip.motion.audit.accounts import make_accounts
+    from stickslip.motion.audit.in_flight import WHOLE, WITHOUT_EXTREMES, audit_motion, make_aloft
+
+    def measured() -> tuple[Accounts, int, int]:
+        accounts = make_accounts(len(knots.time) - 1, problem.rows)
+        flow = problem.flow(retracing=True)
+        quadratic = problem.has_quadratic_powers
+        aloft = make_aloft(problem.closed_forms, problem.shared_flight, problem.rows, quadratic)
+        given = problem.machine, flow, aloft, seen, *_starts_and_ends(knots)
+        audit_motion(*given, accounts)
+        return accounts, int(aloft.checked[WHOLE]), int(aloft.checked[WITHOUT_EXTREMES])
+
+    return unbroken(measured)
+
+
+def sums_of(problem: Problem, knots: Knots, seen: Array) -> Sums:
+    """What a motion amounts to, piece by piece.
+
+    Parameters
+    ----------
+    problem, knots, seen
+        As of :func:`audited`.
+    """
+    from stickslip.motion.audit.accounts import make_accounts
     from stickslip.motion.audit.step_balance import audit_steps
+
+    def measured() -> Sums:
+        accounts = make_accounts(len(knots.time) - 1, problem.rows)
+        flow = problem.flow(retracing=True)
+        given = problem.machine, flow, seen, *_starts_and_ends(knots)
+        audit_steps(*given, True, accounts)
+        return accounts.sums
+
+    return unbroken(measured)
+
+
+def _starts_and_ends(knots: Knots) -> tuple[Record, Record]:
     from stickslip.motion.steps.arrays import Record
 
     starts, ends = (Record(*(part[own] for part in knots.record)) for own in (_BEFORE, _AFTER))
-
-    def measured() -> Accounts:
-        accounts = make_accounts(len(ends.time), problem.rows)
-        flow = problem.flow(retracing=True)
-        audit_steps(problem.machine, flow, seen, starts, ends, True, accounts)
-        return accounts
-
-    return unbroken(measured)
+    return starts, ends
 
 
 def work_in_steps(problem: Problem, knots: Knots, seen: Array, step: Array, times: Array) -> Array:

@@ -216,9 +216,8 @@ class _Follower:
     def _values(self, cycle: Cycle) -> dict[str, float]:
         """What is known of a cycle at once."""
         values = {"period": cycle.period}
-        for name in cycle.state:
-            low, high = cycle.extrema[name]
-            values |= {name: cycle.state[name], f"min_{name}": low, f"max_{name}": high}
+        for (name, value), (low, high) in zip(cycle.state.items(), cycle.ranges, strict=True):
+            values |= {name: value, f"min_{name}": float(low), f"max_{name}": float(high)}
         return {**values, self.parameter: cycle.parameters[self.parameter]}
 
     def _onward(

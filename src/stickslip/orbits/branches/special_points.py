@@ -541,10 +541,12 @@ def dataset(parameters: Iterable[str], cycles: list[Cycle], steps: Array) -> xar
     for name in system.declaration.state:
         what = quantity(system, name)
         data[name] = column(name, (c.state[name] for c in cycles), **what)
-        data[f"min_{name}"] = column(name, (c.extrema[name][0] for c in cycles), **what)
-        data[f"max_{name}"] = column(name, (c.extrema[name][1] for c in cycles), **what)
+        if name in cycles[0]._visible_extrema:
+            ends = np.array([c._visible_extrema[name] for c in cycles])
+            data[f"min_{name}"] = column(name, ends[:, 0], **what)
+            data[f"max_{name}"] = column(name, ends[:, 1], **what)
     for name in system.followed:
-        half = (0.5 * (c.extrema[name][1] - c.extrema[name][0]) for c in cycles)
+        half = (0.5 * float(np.ptp(c._visible_extrema[name])) for c in cycles)
         data[f"amplitude_{name}"] = column(name, half, **described(system, f"amplitude:{name}"))
     if cycles[0].closed.shooting.symmetry.driven:
         data |= _harmonics(system, cycles)

@@ -40,6 +40,7 @@ from stickslip.orbits.cycles.finding import from_cycle, from_motion, from_state
 from stickslip.orbits.cycles.measure import ContactShare, Phase
 from stickslip.orbits.return_map.damped_newton import Closed
 from stickslip.orbits.return_map.mode_sequence import nearest_change
+from stickslip.orbits.return_map.recurrence import modes_of_structures
 from stickslip.results import Result, listed, restored_certificate
 from stickslip.stopping.scopes import limited
 
@@ -157,14 +158,30 @@ class Cycle(Result):
     def extrema(self) -> dict[str, tuple[float, float]]:
         """Least and largest value of each component of the state, of unknowns of structures and of
         outputs."""
-        ends = zip(map(float, self._sums.low), map(float, self._sums.high), strict=True)
+        sums = self.trajectory.audit.sums
+        ends = zip(map(float, sums.low), map(float, sums.high), strict=True)
         found = dict(zip(self.system.declaration.state, ends, strict=True))
+        return found | self._visible_extrema
+
+    @cached_property
+    def _visible_extrema(self) -> dict[str, tuple[float, float]]:
+        """The same but for modes of structures, of which it takes long where some are fast."""
+        audit = self.trajectory.audit
+        modes = modes_of_structures(self.trajectory)
+        own = np.ones(len(audit.known), dtype=bool)
+        for part in modes:
+            own[part] = False
+        sums = audit.shares if np.all(audit.known[own]) else audit.sums
+        names = self.system.declaration.state
+        found = {names[i]: (float(sums.low[i]), float(sums.high[i])) for i in np.flatnonzero(own)}
         return found | over_period.extrema(self.trajectory)
 
     @cached_property
     def ranges(self) -> Array:
-        """Least and largest value of each component of the state, shape (n, 2)."""
-        return np.array([self.extrema[name] for name in self.system.declaration.state])
+        """Least and largest value of each component of the state, shape (n, 2); of modes of
+        structures these are those of samples."""
+        sums = self.trajectory.audit.shares
+        return np.column_stack([sums.low, sums.high])
 
     @cached_property
     def harmonic(self) -> dict[str, complex]:
@@ -253,10 +270,10 @@ class Cycle(Result):
         """By how much the motion fails to close, relative to its size."""
         return self.closed.shooting.miss(self.closed.orbit)
 
-    @cached_property
+    @property
     def _sums(self) -> Sums:
-        """What the period amounts to."""
-        return self.trajectory.audit.sums
+        """What contacts do in the period."""
+        return self.trajectory.audit.shares
 
     @property
     def title(self) -> str:

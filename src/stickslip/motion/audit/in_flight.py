@@ -1,0 +1,1106 @@
+"""The audit of motions in closed form: long flights are checked as a whole.
+
+Where rates, forces and guards are affine in the state (:mod:`stickslip.motion.affine.structure`
+proves it), a flight in closed form is a candidate like any other,
+
+    p(τ) = q(τ) + Re Σⱼ vⱼrⱼ exp(λⱼτ),
+
+q a polynomial of degree 2 and waves of the drives. Its residual is as simple,
+
+    p′ − f(p) = (q′ − f(q)) + Re Σⱼ (λⱼ − A)vⱼ rⱼ exp(λⱼτ),
+
+with A vⱼ and f(q) evaluated by the equations, not by the closed form. With ρⱼ = (λⱼ − A)vⱼ and left
+eigenvectors L it moves the end of the flight by at most Σⱼₖ |vₖ| |(L ρⱼ)ₖ rⱼ| |∫ exp(λₖ(h − τ) +
+λⱼτ) dτ|; fast modes are in it with their moduli. Guards are sums of the same exponentials, bounded
+on windows (:mod:`stickslip.motion.affine.modal_sums`). Powers are quadratic: that of q is
+integrated by Gauss quadrature, what is bilinear in q and the exponentials with the moments of
+these, and ∫ P(Re Σ vⱼrⱼ exp) is Σ P(wₖ) with ∫ x xᵀ dτ = Σ wₖwₖᵀ, whose entries are integrals of
+pairs. So all powers are those of the system, too.
+
+What is not clear beyond doubt is left to :mod:`.step_balance`, which follows the flight piece by
+piece.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from stickslip.arrays import (
+    Array,
+    Array3,
+    ComplexArray3,
+    ComplexMatrix,
+    ComplexVector,
+    IntVector,
+    Matrix,
+    Vector,
+)
+from stickslip.machine_code.functions import entry_point
+from stickslip.motion.admissible.sharing import any_share
+from stickslip.motion.affine.flights import amplitudes, find, mode_key, place, scalar_product
+from stickslip.motion.affine.forms import (
+    AFFINE,
+    EXPONENTS,
+    ClosedForms,
+    Flight,
+    form_of,
+)
+from stickslip.motion.affine.modal_sums import (
+    RADIANS,
+    ModalSum,
+    grown_by,
+    largest_of_sum,
+    least_of_sum,
+    modulus_of,
+    put_moments_at_nodes,
+    signal_at,
+    widen_by_sum,
+)
+from stickslip.motion.affine.nodes import COUNT, GAUSS_NODES, GAUSS_WEIGHTS, LEBESGUE, most
+from stickslip.motion.affine.structure import is_affine
+from stickslip.motion.audit.accounts import (
+    BACKWARDS,
+    BEYOND,
+    CREEP,
+    EXCESS,
+    FED,
+    FED_IN_ALL,
+    LARGEST,
+    LARGEST_FORCE,
+    LARGEST_SPEED,
+    NEGLIGIBLE_PART,
+    OFF_THRESHOLD,
+    REACHED,
+    REST_PART,
+    ROUNDING_ERRORS,
+    SPEED_HELD,
+    SPENT,
+    Accounts,
+    Tally,
+)
+from stickslip.motion.audit.beginnings import judge_beginning
+from stickslip.motion.audit.between_nodes import StepPiece
+from stickslip.motion.audit.friction_law import sample_law
+from stickslip.motion.audit.observers import Sums, count_times
+from stickslip.motion.audit.step_balance import audit_step, sample_residuals
+from stickslip.motion.audit.step_ends import (
+    audit_start,
+    close_step,
+    count_jumps,
+    jump_after,
+    may_collide,
+)
+from stickslip.motion.modes.guards import resting
+from stickslip.motion.modes.inverses import resolve
+from stickslip.motion.steps.arrays import (
+    DIMENSION,
+    DISSIPATED,
+    INERTIAL,
+    OK,
+    ROUNDING,
+    SUPPLIED,
+    Flow,
+    Instant,
+    Machine,
+    Record,
+    Rows,
+    is_stopped,
+)
+from stickslip.motion.steps.sets import force_terms, is_rate_independent, kink_terms
+from stickslip.motion.steps.starting import coefficients
+from stickslip.motion.steps.step_size import impulse
+from stickslip.motion.steps.vectors import copy
+from stickslip.translator import compiled
+
+_LONG = 150.0  # shortest times of a mode in a flight from which on it is checked as a whole
+_ACTING = 4.0  # shortest times that a Taylor series would last
+_MOST_PARTS = 256  # of a flight, in which waves of the drives turn a few radians
+_LARGE = 2.0**200  # a state so large that what does not depend on it is nothing beside it
+_ALLOWED = 5e-10  # of its size: what a component may be off; twice that is not certified
+_FEW = 8  # components of which all extremes are found
+_LEFT = 1e-15  # part of a component of ∫ x xᵀ that is rounding
+WHOLE, WITHOUT_EXTREMES = range(2)
+"""Slots of :attr:`Aloft.checked`."""
+_UNKNOWN, _KNOWN, _REFUSED = range(3)
+_DOUBTED, _CHECKED, _UNRESOLVED = range(3)
+
+
+class Aloft(NamedTuple):
+    """Closed forms as candidates, what the equations make of them, and work space.
+
+    Rows of signals are rates, velocities, forces and both thresholds of all contacts, and kinks.
+
+    Attributes
+    ----------
+    forms : ClosedForms
+        Of the motion.
+    flight : Flight
+    checked : array of int, shape (2,)
+        How many steps were checked as a WHOLE, and how many of these are WITHOUT_EXTREMES.
+    state : array of int, shape (slots,)
+        UNKNOWN, KNOWN, or REFUSED: nothing here follows such a mode.
+    right : array of complex, shape (slots, rows, exponents)
+        What the equations make of the eigenvectors.
+    straight, turned : arrays of complex, shape (slots, exponents, exponents)
+        The residuals of eigenvectors, and their conjugates, in eigenvectors.
+    aside : array, shape (slots, n, exponents)
+        Moduli of what of the residuals is in none.
+    base, ramp, bend : arrays, shape (n,)
+        q(0) without waves, its slope, and half its second derivative.
+    swing : array of complex, shape (n, waves)
+        Amplitudes of its waves.
+    spin : array of complex, shape (waves,)
+        Those of the drives at a time.
+    r, begin, z : arrays of complex, shape (exponents,)
+        Amplitudes at the beginning of the flight and of a part, and in a signal.
+    growth : array, shape (exponents,)
+        Largest growth in a flight.
+    slow, states : arrays, shapes (rows, COUNT), (n, COUNT)
+        Rows at q, at the nodes of a part, and q.
+    line, values, points, scratch, stack : arrays
+        Of a signal; see :class:`stickslip.motion.affine.modal_sums.ModalSum`.
+    followed : array of int, shape (n,)
+        1 for each component of which all extremes are found.
+    y, x : arrays, shape (n,)
+        States.
+    bound, size, rest, made : arrays, shape (n,)
+        By how much a flight may be off; sizes of the state; and, of residuals of q, what is in no
+        eigenvector, and how large it is itself.
+    still : array, shape (2, n)
+        These at the first node.
+    drift, turns : arrays, shape (exponents,)
+        By how much residuals of q in eigenvectors differ from what they are first, and vary.
+    first, last : arrays of complex, shape (exponents,)
+        What they are at the first node, and were at the last one.
+    moments : array of complex, shape (COUNT, exponents)
+    legendre : array of complex, shape (COUNT,)
+    pairs : array of complex, shape (2, exponents, exponents)
+        Integrals of exponentials of sums of exponents, and of these with conjugates.
+    paired : array of complex, shape (2, n, exponents)
+    gram : array, shape (n + 1, n)
+        ∫ x xᵀ, and its diagonal.
+    """
+
+    forms: ClosedForms
+    flight: Flight
+    checked: IntVector
+    state: IntVector
+    right: ComplexArray3
+    straight: ComplexArray3
+    turned: ComplexArray3
+    aside: Array3
+    base: Vector
+    ramp: Vector
+    bend: Vector
+    swing: ComplexMatrix
+    spin: ComplexVector
+    r: ComplexVector
+    begin: ComplexVector
+    z: ComplexVector
+    growth: Vector
+    slow: Matrix
+    states: Matrix
+    line: Vector
+    values: Vector
+    points: Vector
+    scratch: Vector
+    stack: Matrix
+    followed: IntVector
+    y: Vector
+    x: Vector
+    bound: Vector
+    size: Vector
+    rest: Vector
+    made: Vector
+    still: Matrix
+    drift: Vector
+    turns: Vector
+    first: ComplexVector
+    last: ComplexVector
+    moments: ComplexMatrix
+    legendre: ComplexVector
+    pairs: ComplexArray3
+    paired: ComplexArray3
+    gram: Matrix
+
+
+def make_aloft(forms: ClosedForms, flight: Flight, rows: Rows, trusted: bool) -> Aloft:
+    """Room for what an audit makes of the closed forms that are there.
+
+    Parameters
+    ----------
+    forms : ClosedForms
+    flight : Flight
+    rows : Rows
+    trusted : bool
+        Whether powers are quadratic; otherwise there are no candidates.
+    """
+    slots = int(forms.used[0]) if trusted and len(forms.status) else 0
+    n, contacts = int(rows.sizes[DIMENSION]), len(rows.u)
+    b = int(np.max(forms.counts[:slots, EXPONENTS], initial=0))
+    waves = forms.b.shape[2]
+    signals = n + 4 * contacts + len(rows.kinks)
+    z = np.zeros
+    c = np.complex128
+    return Aloft(
+        forms=forms,
+        flight=flight,
+        checked=z(2, np.int64),
+        state=z(slots, np.int64),
+        right=z((slots, signals, b), c),
+        straight=z((slots, b, b), c),
+        turned=z((slots, b, b), c),
+        aside=z((slots, n, b)),
+        base=z(n),
+        ramp=z(n),
+        bend=z(n),
+        swing=z((n, waves), c),
+        spin=z(waves, c),
+        r=z(b, c),
+        begin=z(b, c),
+        z=z(b, c),
+        growth=z(b),
+        slow=z((signals, COUNT)),
+        states=z((n, COUNT)),
+        line=z(COUNT),
+        values=z(COUNT),
+        points=z(COUNT),
+        scratch=z(COUNT),
+        stack=z((24, COUNT)),
+        followed=extremes_known(rows).astype(np.int64),
+        y=z(n),
+        x=z(n),
+        bound=z(n),
+        size=z(n),
+        rest=z(n),
+        made=z(n),
+        still=z((2, n)),
+        drift=z(b),
+        turns=z(b),
+        first=z(b, c),
+        last=z(b, c),
+        moments=z((COUNT, b), c),
+        legendre=z(COUNT, c),
+        pairs=z((2, b, b), c),
+        paired=z((2, n, b), c),
+        gram=z((n + 1, n)),
+    )
+
+
+def extremes_known(rows: Rows) -> Array:
+    """Of which components of the state exact extremes are found in long flights: of a few that are
+    no modes of structures, since those of what is fast take longer than the rest of an audit."""
+    known = np.ones(int(rows.sizes[DIMENSION]), dtype=bool)
+    for begin, count in rows.bodies.tolist():
+        for first in (begin, int(rows.sizes[INERTIAL]) + begin):
+            known[first : first + count] = False
+    return known if np.count_nonzero(known) <= _FEW else np.zeros_like(known)
+
+
+class Stretch(NamedTuple):
+    """A flight: its closed form, when it begins, how long it lasts, in how many parts, how many
+    exponentials it has, and how long a Taylor series would last."""
+
+    slot: int
+    t: float
+    h: float
+    parts: int
+    exponents: int
+    acting: float
+
+
+@entry_point()
+def audit_motion(
+    machine: Machine,
+    flow: Flow,
+    aloft: Aloft,
+    seen: Vector,
+    starts: Record,
+    ends: Record,
+    accounts: Accounts,
+) -> None:
+    """Follow steps again, and measure them, long flights as a whole.
+
+    Parameters
+    ----------
+    aloft : Aloft
+    seen, starts, ends, accounts
+        As of :func:`.audit_steps`.
+    """
+    for i in range(len(ends.time)):
+        if is_stopped(flow.space):
+            return
+        length = ends.time[i] - starts.time[i]
+        count_times(flow.rows, starts.mode[i], ends.mode[i], length, accounts.sums)
+        if length > 0.0:
+            found = audit_flight(machine, flow, aloft, starts, ends, i, accounts)
+            if found == _DOUBTED:
+                audit_step(machine, flow, seen, starts, ends, True, i, accounts)
+            aloft.checked[WHOLE] += 1 if found != _DOUBTED else 0
+            aloft.checked[WITHOUT_EXTREMES] += 1 if found == _UNRESOLVED else 0
+        elif (
+            may_collide(flow.rows, ends.cause[i])
+            or jump_after(flow.rows, ends.cause[i], starts.region[i]) >= 0
+        ):
+            audit_start(machine, flow, starts, ends, i, accounts)
+
+
+@compiled()
+def audit_flight(
+    machine: Machine,
+    flow: Flow,
+    a: Aloft,
+    starts: Record,
+    ends: Record,
+    i: int,
+    accounts: Accounts,
+) -> int:
+    """Check the i-th step as a whole, and measure it: CHECKED, or UNRESOLVED where a largest force
+    is not found; DOUBTED if it is not clear beyond doubt, and nothing is added up.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    a : Aloft
+    starts, ends, accounts
+        As of :func:`.audit_steps`.
+    i : int
+    """
+    rows, space = flow.rows, flow.space
+    steps, tally = accounts.steps, accounts.tally
+    nc = len(rows.u)
+    mode = space.touched[:nc]
+    reg = space.touched[nc:]
+    copy(starts.mode[i], mode)
+    copy(starts.region[i], reg)
+    h = ends.time[i] - starts.time[i]
+    slot = candidate(rows, a, mode, reg, h)
+    if slot < 0 or jump_after(rows, ends.cause[i], reg) >= 0:
+        return _DOUBTED
+    form = form_of(a.forms, slot)
+    space.W[rows.sizes[DIMENSION], 1] = 1.0
+    start = Instant(starts.time[i], starts.state[i], mode, reg)
+    if not resolve(rows, flow.k, space, mode):
+        return _DOUBTED
+    if a.state[slot] == _UNKNOWN:
+        known = learn_mode(machine, flow, a, form, slot, start)
+        a.state[slot] = _KNOWN if known else _REFUSED
+    if a.state[slot] != _KNOWN:
+        return _DOUBTED
+    parts = begin_flight(flow, a, form, start, h)
+    stretch = Stretch(
+        slot, start.t, h, parts, form.counts[EXPONENTS], min(h, _ACTING * form.shortest)
+    )
+    if parts > _MOST_PARTS or not is_flown(machine, flow, a, form, stretch, start, ends, i, tally):
+        return _DOUBTED
+    before = tally.total[ROUNDING_ERRORS]
+    spent, fed, flows = 0.0, 0.0, 0.0
+    obeyed, resolved = True, True
+    for part in range(parts):
+        lost, given, more = follow_part(machine, flow, a, form, stretch, part, start, i, accounts)
+        spent, fed, flows = spent + lost, fed + given, flows + more
+        obeyed = lost == lost and obeys(rows, space.mag, a, form, stretch, start, tally)
+        if not obeyed:
+            break
+        resolved = add_contacts(rows, space.mag, a, form, stretch, accounts.sums) and resolved
+    if not obeyed:
+        tally.total[ROUNDING_ERRORS] = before
+        for r in range(len(a.y)):
+            steps.noise[i, r] = 0.0
+        return _DOUBTED
+    lost, given = power_of_pairs(machine, flow, a, form, stretch, start)
+    steps.work[i, SPENT] += spent + lost
+    steps.work[i, FED] += fed + given
+    tally.total[FED_IN_ALL] += flows
+    for r in range(len(a.y)):
+        steps.gap[i, r] += a.bound[r]
+    add_work_of_pairs(rows, a, stretch, accounts.sums)
+    final = Instant(ends.time[i], ends.state[i], mode, reg)
+    put_state(a, form, stretch, h, flow.k.omega, space.trial)
+    coefficients(machine, flow, Instant(final.t, space.trial, mode, reg), 1, space.W)
+    close_step(flow, final, 1, 0.0, start.y, i, steps, tally)
+    count_jumps(machine, flow, final, ends.region[i], i, steps, tally)
+    judge_beginning(machine, flow, starts, ends, i, tally)
+    return _CHECKED if resolved else _UNRESOLVED
+
+
+@compiled()
+def candidate(rows: Rows, a: Aloft, mode: Array, reg: Array, h: float) -> int:
+    """The closed form that may be that of a step, if the step is long; else −1.
+
+    Parameters
+    ----------
+    rows : Rows
+    a : Aloft
+    mode, reg : arrays of int, shapes (contacts,), (kinks,)
+    h : float
+        Length of the step.
+    """
+    if len(a.state) == 0 or any_share(rows) or len(rows.openings) + len(rows.planes) > 0:
+        return -1
+    for c in range(len(mode)):
+        if abs(mode[c]) > 1:
+            return -1
+    T = a.forms
+    slot = find(T.key, T.own, 0, T.used[0], mode_key(mode, reg))
+    if slot < 0 or slot >= len(a.state) or T.status[slot] != AFFINE:
+        return -1
+    return slot if h > _LONG * T.shortest[slot] > 0.0 else -1
+
+
+@compiled()
+def put_rows(rows: Rows, V: Array, table: Array, g: int) -> None:
+    """Put the values of all signals at an instant into a column."""
+    n, nc = rows.sizes[DIMENSION], len(rows.u)
+    for r in range(n):
+        table[r, g] = V[rows.program.rates[r], 0]
+    for c in range(nc):
+        table[n + c, g] = V[rows.u[c], 0]
+        table[n + nc + c, g] = V[rows.force[c], 0]
+        table[n + 2 * nc + c, g] = V[rows.plus[c], 0]
+        table[n + 3 * nc + c, g] = V[rows.minus[c], 0]
+    for j in range(len(rows.kinks)):
+        table[n + 4 * nc + j, g] = V[rows.kinks[j], 0]
+
+
+@compiled()
+def learn_mode(
+    machine: Machine, flow: Flow, a: Aloft, form: ClosedForms, slot: int, at: Instant
+) -> bool:
+    """Evaluate the equations at the eigenvectors of a mode; False if it is not affine.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    a : Aloft
+        Receives what they make of these, and the residuals.
+    form : ClosedForms
+    slot : int
+    at : Instant
+        In the mode.
+    """
+    rows, V = flow.rows, flow.space.V
+    n = rows.sizes[DIMENSION]
+    first = len(form.c2) - n
+    if coefficients(machine, flow, at, 1, flow.space.W) != OK or not is_affine(
+        flow, at.mode, at.reg
+    ):
+        return False
+    here = Instant(at.t, a.y, at.mode, at.reg)
+    right = a.right[slot]
+    for j in range(form.counts[EXPONENTS]):
+        for half in range(2):
+            for r in range(n):
+                z = form.a[first + r, j]
+                a.y[r] = _LARGE * (z.real if half == 0 else z.imag)
+            if coefficients(machine, flow, here, 1, V) != OK:
+                return False
+            put_rows(rows, V, a.slow, 0)
+            for row in range(len(right)):
+                value = a.slow[row, 0] / _LARGE
+                right[row, j] = (
+                    complex(value, 0.0) if half == 0 else complex(right[row, j].real, value)
+                )
+    for j in range(form.counts[EXPONENTS]):
+        put_residual(a, form, slot, j)
+    return True
+
+
+@compiled()
+def put_residual(a: Aloft, form: ClosedForms, slot: int, j: int) -> None:
+    """Put the residual of an eigenvector, in eigenvectors, into the tables."""
+    n = len(a.y)
+    first = len(form.c2) - n
+    count = form.counts[EXPONENTS]
+    lam = form.exponent[j]
+    for k in range(count):
+        own = complex(0.0, 0.0)
+        other = complex(0.0, 0.0)
+        for r in range(n):
+            off = a.right[slot, r, j] - lam * form.a[first + r, j]
+            own += form.R[k, r] * off
+            other += form.R[k, r] * off.conjugate()
+        a.straight[slot, k, j] = own
+        a.turned[slot, k, j] = other
+    for r in range(n):
+        off = a.right[slot, r, j] - lam * form.a[first + r, j]
+        re, im = off.real, off.imag
+        for k in range(count):
+            own, other = a.straight[slot, k, j], a.turned[slot, k, j]
+            z = form.a[first + r, k]
+            re -= 0.5 * (z * (own + other)).real
+            im -= 0.5 * (z * (own - other)).imag
+        a.aside[slot, r, j] = abs(re) + abs(im)
+
+
+@compiled()
+def begin_flight(flow: Flow, a: Aloft, form: ClosedForms, start: Instant, h: float) -> int:
+    """Put the amplitudes of a flight into the work space; returns in how many parts the drives turn
+    a few radians each.
+
+    Parameters
+    ----------
+    flow : Flow
+    a : Aloft
+    form : ClosedForms
+    start : Instant
+    h : float
+        Its length.
+    """
+    omega = flow.k.omega
+    f = a.flight
+    n = len(a.y)
+    first = len(form.c2) - n
+    place(f, start.y, start.t, omega)
+    amplitudes(form, f, omega)
+    for j in range(form.counts[EXPONENTS]):
+        a.r[j] = f.r[j] if form.exponent[j] != 0.0j else complex(0.0, 0.0)
+        a.growth[j] = math.exp(max(form.exponent[j].real * h, 0.0))
+    for r in range(n):
+        row = first + r
+        a.ramp[r] = scalar_product(form.c1[row], f.v[0])
+        a.bend[r] = form.c2[row]
+        total = start.y[r]
+        for j in range(form.counts[EXPONENTS]):
+            total -= (form.a[row, j] * a.r[j]).real
+        for m in range(len(omega)):
+            a.swing[r, m] = form.b[row, m] * f.spin[m]
+            total -= a.swing[r, m].real
+        a.base[r] = total
+        a.size[r] = abs(start.y[r])
+        a.rest[r] = a.made[r] = 0.0
+    for j in range(form.counts[EXPONENTS]):
+        a.drift[j] = a.turns[j] = 0.0
+    fastest = 0.0
+    for frequency in omega:
+        fastest = max(fastest, frequency)
+    return max(1, math.ceil(h * fastest / RADIANS))
+
+
+@compiled()
+def put_slow(a: Aloft, tau: float, omega: Array, y: Array) -> None:
+    """Put q at a time of the flight into a state."""
+    for m in range(len(omega)):
+        a.spin[m] = cmath.exp(1j * omega[m] * tau)
+    for r in range(len(y)):
+        y[r] = a.base[r] + tau * (a.ramp[r] + tau * a.bend[r])
+        for m in range(len(omega)):
+            y[r] += (a.swing[r, m] * a.spin[m]).real
+
+
+@compiled()
+def slow_rate(a: Aloft, tau: float, omega: Array, r: int) -> float:
+    """q′ at a time of the flight, at which the drives are in the work space."""
+    rate = a.ramp[r] + 2.0 * tau * a.bend[r]
+    for m in range(len(omega)):
+        rate += (1j * omega[m] * a.swing[r, m] * a.spin[m]).real
+    return float(rate)
+
+
+@compiled()
+def put_fast(a: Aloft, form: ClosedForms, s: Stretch, tau: float) -> None:
+    """Put the exponentials at a time of the flight into `z`."""
+    for j in range(s.exponents):
+        a.z[j] = a.r[j] * cmath.exp(form.exponent[j] * tau)
+
+
+@compiled()
+def put_state(a: Aloft, form: ClosedForms, s: Stretch, tau: float, omega: Array, y: Array) -> None:
+    """Put p at a time of the flight into a state.
+
+    Parameters
+    ----------
+    a : Aloft
+        Receives the exponentials.
+    form : ClosedForms
+    s : Stretch
+    tau : float
+    omega : array, shape (waves,)
+    y : array, shape (n,)
+    """
+    first = len(form.c2) - len(y)
+    put_slow(a, tau, omega, y)
+    put_fast(a, form, s, tau)
+    for r in range(len(y)):
+        for j in range(s.exponents):
+            z, w = form.a[first + r, j], a.z[j]
+            y[r] += z.real * w.real - z.imag * w.imag
+
+
+@compiled()
+def is_flown(
+    machine: Machine,
+    flow: Flow,
+    a: Aloft,
+    form: ClosedForms,
+    s: Stretch,
+    start: Instant,
+    ends: Record,
+    i: int,
+    tally: Tally,
+) -> bool:
+    """Whether a candidate obeys the equations, and leads to the end of the step; by how much it may
+    be off is left in `bound`.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    a : Aloft
+    form : ClosedForms
+    s : Stretch
+    start : Instant
+    ends : Record
+    i : int
+        The step.
+    tally : Tally
+        Sizes so far.
+    """
+    rows, space, omega = flow.rows, flow.space, flow.k.omega
+    n = len(a.y)
+    nq = rows.sizes[INERTIAL]
+    here = Instant(start.t, a.y, start.mode, start.reg)
+    for part in range(s.parts):
+        for g in range(COUNT):
+            tau = (part + GAUSS_NODES[g]) * (s.h / s.parts)
+            put_state(a, form, s, tau, omega, a.x)
+            put_slow(a, tau, omega, a.y)
+            here = Instant(start.t + tau, a.y, start.mode, start.reg)
+            if coefficients(machine, flow, here, 1, space.V) != OK:
+                return False
+            for r in range(n):
+                a.size[r] = max(a.size[r], abs(a.x[r]))
+                a.x[r] = slow_rate(a, tau, omega, r) - space.V[rows.program.rates[r], 0]
+            note_residual(a, form, s, part + g == 0)
+    put_bounds(a, form, s)
+    put_state(a, form, s, s.h, omega, a.x)
+    for r in range(n):
+        a.size[r] = max(a.size[r], tally.state[LARGEST, r])
+    for body in rows.bodies:
+        for begin in (body[0], nq + body[0]):
+            largest = 0.0
+            for r in range(begin, begin + body[1]):
+                largest = max(largest, a.size[r])
+            for r in range(begin, begin + body[1]):
+                a.size[r] = largest
+    for r in range(n):
+        size = a.size[r] + REST_PART * impulse(rows, space.mag, r, s.acting)
+        off = a.bound[r] + abs(a.x[r] - ends.state[i, r])
+        if not off <= _ALLOWED * size:
+            return False
+    return True
+
+
+@compiled()
+def note_residual(a: Aloft, form: ClosedForms, s: Stretch, begins: bool) -> None:
+    """Keep how large the residual of q is, which is in `x`, and by how much it differs from that at
+    the first node, where the flight `begins`."""
+    n = len(a.x)
+    first = len(form.c2) - n
+    for k in range(s.exponents):
+        re = 0.0
+        im = 0.0
+        for r in range(n):
+            re += form.R[k, r].real * a.x[r]
+            im += form.R[k, r].imag * a.x[r]
+        a.z[k] = complex(re, im)
+        if begins:
+            a.first[k] = a.last[k] = a.z[k]
+        a.drift[k] = most(a.drift[k], LEBESGUE * modulus_of(a.z[k] - a.first[k]))
+        a.turns[k] += LEBESGUE * modulus_of(a.z[k] - a.last[k])
+        a.last[k] = a.z[k]
+    for r in range(n):
+        rest = a.x[r]
+        for k in range(s.exponents):
+            z, w = form.a[first + r, k], a.z[k]
+            rest -= z.real * w.real - z.imag * w.imag
+        if begins:
+            a.still[0, r], a.still[1, r] = rest, a.x[r]
+        a.rest[r] = most(a.rest[r], abs(a.still[0, r]) + LEBESGUE * abs(rest - a.still[0, r]))
+        a.made[r] = most(a.made[r], abs(a.still[1, r]) + LEBESGUE * abs(a.x[r] - a.still[1, r]))
+
+
+@compiled()
+def passed(one: complex, other: complex, h: float) -> float:
+    """Bound of |∫₀ʰ exp(one (h − τ) + other τ) dτ|."""
+    largest = math.exp(max(max(one.real, other.real) * h, 0.0))
+    away = modulus_of(one - other)
+    return largest * (min(h, 2.0 / away) if away > 0.0 else h)
+
+
+@compiled()
+def put_bounds(a: Aloft, form: ClosedForms, s: Stretch) -> None:
+    """Put by how much the end of a flight may be off into `bound`: what its residual makes in it,
+    and, where this is averaged out, in the time of a Taylor step."""
+    n = len(a.bound)
+    first = len(form.c2) - n
+    for r in range(n):
+        a.bound[r] = s.h * a.rest[r] + s.acting * a.made[r]
+    for j in range(s.exponents):
+        size = modulus_of(a.r[j])
+        if size == 0.0:
+            continue
+        for r in range(n):
+            off = modulus_of(a.right[s.slot, r, j] - form.exponent[j] * form.a[first + r, j])
+            a.bound[r] += size * a.growth[j] * (s.h * a.aside[s.slot, r, j] + s.acting * off)
+    for k in range(s.exponents):
+        lam = form.exponent[k]
+        if lam == 0.0j:
+            continue
+        # by parts: what is constant counts for one turn
+        size = modulus_of(a.first[k]) + a.drift[k]
+        once = (2.0 * size + a.turns[k]) / modulus_of(lam)
+        made = a.growth[k] * min(s.h * size, once)
+        for j in range(s.exponents):
+            size = modulus_of(a.r[j])
+            if size > 0.0:
+                other = form.exponent[j]
+                made += 0.5 * size * modulus_of(a.straight[s.slot, k, j]) * passed(lam, other, s.h)
+                made += (
+                    0.5
+                    * size
+                    * modulus_of(a.turned[s.slot, k, j])
+                    * passed(lam, other.conjugate(), s.h)
+                )
+        for r in range(n):
+            a.bound[r] += modulus_of(form.a[first + r, k]) * made
+
+
+@compiled()
+def follow_part(
+    machine: Machine,
+    flow: Flow,
+    a: Aloft,
+    form: ClosedForms,
+    s: Stretch,
+    part: int,
+    at: Instant,
+    i: int,
+    accounts: Accounts,
+) -> tuple[float, float, float]:
+    """Evaluate the law at the nodes of a part of a flight.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    a : Aloft
+        Receives the rows at q.
+    form : ClosedForms
+    s : Stretch
+    part : int
+    at : Instant
+        The beginning of the flight.
+    i : int
+        The step.
+    accounts : Accounts
+        Receives sizes.
+
+    Returns
+    -------
+    lost, given, flows : float
+        Energy that is dissipated, and supplied, without what exponentials do by themselves; and
+        what is supplied in modulus. Not numbers if the equations fail at a node.
+    """
+    rows, space, omega = flow.rows, flow.space, flow.k.omega
+    V, powers, sums = space.V, space.powers, accounts.sums
+    n = len(a.y)
+    first = len(form.c2) - n
+    h = s.h / s.parts
+    begin = part * h
+    for j in range(s.exponents):
+        a.begin[j] = a.r[j] * cmath.exp(form.exponent[j] * begin)
+        put_moments_at_nodes(form.exponent[j] * h, a.moments, j, a.legendre)
+    piece = StepPiece(1, s.t + begin, h, s.acting, 0.0, ROUNDING)
+    spent, fed, flows = 0.0, 0.0, 0.0
+    for g in range(COUNT):
+        weight = h * GAUSS_WEIGHTS[g]
+        tau = begin + h * GAUSS_NODES[g]
+        put_slow(a, tau, omega, a.y)
+        slow = Instant(s.t + tau, a.y, at.mode, at.reg)
+        coefficients(machine, flow, slow, 1, V)
+        put_rows(rows, V, a.slow, g)
+        machine.powers(V, at.reg, flow.k.K, powers)
+        spent, fed = spent + weight * powers[DISSIPATED], fed + weight * powers[SUPPLIED]
+        for r in range(n):
+            a.states[r, g] = a.y[r]
+            total = 0.0
+            for j in range(s.exponents):
+                total += (form.a[first + r, j] * a.begin[j] * a.moments[g, j]).real
+            a.x[r] = h * total
+        for side in (1.0, -1.0):
+            for r in range(n):
+                a.y[r] = a.states[r, g] + side * a.x[r]
+            coefficients(machine, flow, slow, 1, V)
+            machine.powers(V, at.reg, flow.k.K, powers)
+            spent += 0.5 * side * powers[DISSIPATED]
+            fed += 0.5 * side * powers[SUPPLIED]
+        put_state(a, form, s, tau, omega, a.x)
+        for r in range(n):
+            rate = slow_rate(a, tau, omega, r)
+            for j in range(s.exponents):
+                rate += (form.exponent[j] * form.a[first + r, j] * a.z[j]).real
+            space.samples[r, g] = rate
+            sums.low[r], sums.high[r] = min(sums.low[r], a.x[r]), max(sums.high[r], a.x[r])
+        coefficients(machine, flow, Instant(slow.t, a.x, at.mode, at.reg), 1, V)
+        machine.powers(V, at.reg, flow.k.K, powers)
+        flows += weight * abs(powers[SUPPLIED])
+        sample_residuals(rows, space, piece, a.x, g, i, accounts.steps, accounts.tally)
+        for r in range(n):
+            size = a.size[r] + REST_PART * impulse(rows, space.mag, r, s.acting)
+            if not s.acting * abs(space.samples[r, g]) <= _ALLOWED * size:
+                return np.nan, np.nan, np.nan
+        sample_law(rows, space, at.mode, at.reg, s.acting, g, accounts.tally)
+    return spent, fed, flows
+
+
+@compiled()
+def signal_of(
+    a: Aloft, form: ClosedForms, s: Stretch, row: int, sign: float, other: int, turn: float
+) -> ModalSum:
+    """A signal on the part of a flight that is in the work space: a row times a sign, and another
+    one (−1: none).
+
+    Parameters
+    ----------
+    a : Aloft
+    form : ClosedForms
+    s : Stretch
+    row : int
+    sign : float
+    other : int
+    turn : float
+        Sign of the other.
+    """
+    for g in range(COUNT):
+        a.line[g] = sign * a.slow[row, g]
+        if other >= 0:
+            a.line[g] += turn * a.slow[other, g]
+    for j in range(s.exponents):
+        z = sign * a.right[s.slot, row, j]
+        if other >= 0:
+            z += turn * a.right[s.slot, other, j]
+        a.z[j] = z * a.begin[j]
+    return sum_in_work(a, form, s)
+
+
+@compiled()
+def sum_in_work(a: Aloft, form: ClosedForms, s: Stretch) -> ModalSum:
+    """The signal in the work space."""
+    return ModalSum(
+        a.line,
+        a.z[: s.exponents],
+        form.exponent[: s.exponents],
+        s.h / s.parts,
+        a.values,
+        a.points,
+        a.scratch,
+        a.stack,
+    )
+
+
+@compiled()
+def obeys(
+    rows: Rows, mag: Array, a: Aloft, form: ClosedForms, s: Stretch, at: Instant, tally: Tally
+) -> bool:
+    """Whether the law holds on a part of a flight, but for what is negligible, which is kept.
+
+    Parameters
+    ----------
+    rows : Rows
+    mag : array
+        Sizes of terms.
+    a : Aloft
+        With the rows at q.
+    form : ClosedForms
+    s : Stretch
+    at : Instant
+    tally : Tally
+    """
+    law = tally.law
+    n, nc = len(a.y), len(rows.u)
+    for c in rows.frictional:
+        u, force, plus, minus = n + c, n + nc + c, n + 2 * nc + c, n + 3 * nc + c
+        held = NEGLIGIBLE_PART * law[c, LARGEST_FORCE]
+        fast = NEGLIGIBLE_PART * max(law[c, LARGEST_SPEED], REST_PART * law[c, SPEED_HELD])
+        slack, blur = ROUNDING * mag[c], ROUNDING * force_terms(rows, mag, c)
+        if resting(at.mode[c]):
+            low = least_of_sum(signal_of(a, form, s, force, 1.0, plus, 1.0), 1e-2 * held)
+            high = least_of_sum(signal_of(a, form, s, minus, 1.0, force, -1.0), 1e-2 * held)
+            excess = -min(low, high) - blur
+            creep = largest_of_sum(signal_of(a, form, s, u, 1.0, -1, 0.0), a.growth) - slack
+            if not (excess <= held and creep <= fast):
+                return False
+            law[c, EXCESS] = most(law[c, EXCESS], excess)
+            law[c, CREEP] = most(law[c, CREEP], creep)
+            continue
+        way = float(at.mode[c])
+        low = least_of_sum(signal_of(a, form, s, u, way, -1, 0.0), 1e-2 * fast)
+        if not -low - slack <= fast:
+            return False
+        law[c, BACKWARDS] = most(law[c, BACKWARDS], -low - slack)
+        if is_rate_independent(rows, c):
+            side = plus if way > 0.0 else minus
+            off = largest_of_sum(signal_of(a, form, s, force, 1.0, side, way), a.growth) - blur
+            if not off <= held:
+                return False
+            law[c, OFF_THRESHOLD] = most(law[c, OFF_THRESHOLD], off)
+    for j in range(len(rows.kinks)):
+        reached = NEGLIGIBLE_PART * tally.kinks[j, REACHED]
+        way = 1.0 if at.reg[j] == 1 else -1.0
+        low = least_of_sum(signal_of(a, form, s, n + 4 * nc + j, way, -1, 0.0), 1e-2 * reached)
+        beyond = -low - ROUNDING * kink_terms(rows, mag, j)
+        if not beyond <= reached:
+            return False
+        tally.kinks[j, BEYOND] = most(tally.kinks[j, BEYOND], beyond)
+    return True
+
+
+@compiled()
+def power_of_pairs(
+    machine: Machine, flow: Flow, a: Aloft, form: ClosedForms, s: Stretch, at: Instant
+) -> tuple[float, float]:
+    """Energy that the exponentials of a flight dissipate, and are supplied, by themselves.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    a : Aloft
+    form : ClosedForms
+    s : Stretch
+    at : Instant
+        The beginning.
+    """
+    n = len(a.y)
+    first = len(form.c2) - n
+    put_pairs(a, form, s)
+    for k in range(2):
+        for r in range(n):
+            for j in range(s.exponents):
+                pairs = complex(0.0, 0.0)
+                for q in range(s.exponents):
+                    pairs += form.a[first + r, q] * a.r[q] * a.pairs[k, q, j]
+                a.paired[k, r, j] = pairs
+    for r in range(n):
+        for q in range(n):
+            total = 0.0
+            for j in range(s.exponents):
+                z = form.a[first + q, j] * a.r[j]
+                one, other = a.paired[0, r, j], a.paired[1, r, j]
+                total += one.real * z.real - one.imag * z.imag
+                total += other.real * z.real + other.imag * z.imag
+            a.gram[r, q] = 0.5 * total
+    for r in range(n):
+        a.gram[n, r] = a.gram[r, r]
+    spent, fed = 0.0, 0.0
+    here = Instant(at.t, a.y, at.mode, at.reg)
+    for _ in range(n):
+        best, part = 0, 0.0
+        for r in range(n):
+            if a.gram[r, r] > part * a.gram[n, r]:
+                best, part = r, a.gram[r, r] / a.gram[n, r]
+        if not part > _LEFT:
+            break
+        root = math.sqrt(a.gram[best, best])
+        for r in range(n):
+            a.x[r] = a.gram[r, best] / root
+            a.y[r] = _LARGE * a.x[r]
+        for r in range(n):
+            for q in range(n):
+                a.gram[r, q] -= a.x[r] * a.x[q]
+        a.gram[best, best] = 0.0
+        coefficients(machine, flow, here, 1, flow.space.V)
+        machine.powers(flow.space.V, at.reg, flow.k.K, flow.space.powers)
+        spent += flow.space.powers[DISSIPATED] / _LARGE / _LARGE
+        fed += flow.space.powers[SUPPLIED] / _LARGE / _LARGE
+    return spent, fed
+
+
+@compiled()
+def put_pairs(a: Aloft, form: ClosedForms, s: Stretch) -> None:
+    """Put the integrals of products of exponentials over the flight into the work space."""
+    for q in range(s.exponents):
+        for j in range(s.exponents):
+            lam, mu = form.exponent[q], form.exponent[j]
+            a.pairs[0, q, j] = grown_by(lam + mu, s.h)
+            a.pairs[1, q, j] = grown_by(lam + mu.conjugate(), s.h)
+
+
+@compiled()
+def add_contacts(
+    rows: Rows, mag: Array, a: Aloft, form: ClosedForms, s: Stretch, sums: Sums
+) -> bool:
+    """Add what a part of a flight amounts to: extremes, largest forces, impulses, and work but for
+    that of exponentials alone; False if not all extremes are found.
+
+    Parameters
+    ----------
+    rows : Rows
+    mag : array
+        Sizes of terms.
+    a : Aloft
+        With the rows and the state at q.
+    form : ClosedForms
+    s : Stretch
+    sums : Sums
+    """
+    n, nc = len(a.y), len(rows.u)
+    first = len(form.c2) - n
+    h = s.h / s.parts
+    found = True
+    for r in range(n):
+        if a.followed[r] == 0:
+            continue
+        for g in range(COUNT):
+            a.line[g] = a.states[r, g]
+        for j in range(s.exponents):
+            a.z[j] = form.a[first + r, j] * a.begin[j]
+        signal = sum_in_work(a, form, s)
+        low, high, all_of = widen_by_sum(signal, sums.low[r], sums.high[r], ROUNDING * a.size[r])
+        sums.low[r], sums.high[r] = low, high
+        found = found and all_of
+    for c in range(nc):
+        u, force = n + c, n + nc + c
+        signal = signal_of(a, form, s, force, 1.0, -1, 0.0)
+        for end in range(2):
+            sums.peak[c] = max(sums.peak[c], abs(signal_at(signal, end * h)))
+        blur = ROUNDING * force_terms(rows, mag, c)
+        low, high, all_of = widen_by_sum(signal, -sums.peak[c], sums.peak[c], blur)
+        sums.peak[c] = max(sums.peak[c], max(high, -low))
+        found = found and all_of
+        for g in range(COUNT):
+            fast, held = 0.0, 0.0
+            for j in range(s.exponents):
+                moment = h * a.begin[j] * a.moments[g, j]
+                held += (a.right[s.slot, force, j] * moment).real
+                fast += (a.right[s.slot, u, j] * moment).real
+            weight = h * GAUSS_WEIGHTS[g]
+            sums.impulse[c] += weight * a.slow[force, g] + held
+            sums.work[c] -= weight * a.slow[force, g] * a.slow[u, g]
+            sums.work[c] -= a.slow[force, g] * fast + held * a.slow[u, g]
+    return found
+
+
+@compiled()
+def add_work_of_pairs(rows: Rows, a: Aloft, s: Stretch, sums: Sums) -> None:
+    """Add the work of contacts that exponentials do by themselves, with the integrals of their
+    products."""
+    n, nc = len(a.y), len(rows.u)
+    for c in range(nc):
+        total = 0.0
+        for q in range(s.exponents):
+            held = a.right[s.slot, n + nc + c, q] * a.r[q]
+            if held == 0.0j:
+                continue
+            for j in range(s.exponents):
+                fast = a.right[s.slot, n + c, j] * a.r[j]
+                total += (held * fast * a.pairs[0, q, j]).real
+                total += (held * fast.conjugate() * a.pairs[1, q, j]).real
+        sums.work[c] -= 0.5 * total
