@@ -34,6 +34,8 @@ WORDS: Mapping[str, str] = {
     "asymmetric friction",
     "how-to/measured-drive": "measured load, measured drive, recorded signal, "
     "time series, csv input, base excitation",
+    "how-to/tables": "measured curve, lookup table, friction from a table, interpolation, "
+    "surface, fitted friction law",
     "how-to/mechanisms": "double pendulum, pendulum, multibody, constraint, chain of blocks",
     "how-to/outputs": "output, sensor, gauge, relative displacement, story drift, load cell, "
     "difference of two coordinates",
