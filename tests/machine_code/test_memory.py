@@ -111,6 +111,32 @@ def test_samples_that_come_again() -> None:
     assert found[0] == found[1] == found[2]
 
 
+def test_tables_that_come_again_and_are_gone() -> None:
+    """As samples; their rows are in the table of functions as long as they are."""
+
+    def spring(scale: float) -> ss.System:
+        return ss.System(
+            "spring",
+            coordinates={"x": ss.Inertial()},
+            kinetic="d_x**2/2",
+            potential="integral_F(x)",
+            initial={"x": 0.7},
+            tables={"F": ss.Table([-1.0, 0.1, 1.0], [-scale, 0.2, scale])},
+            span=(0.0, 3.0),
+        )
+
+    found = []
+    for _ in range(3):
+        found.append(ss.simulate(spring(1.0)).final["x"])
+        gc.collect()
+        ss.simulate(spring(2.0))
+    assert found[0] == found[1] == found[2]
+    gc.collect()
+    digests = [spring(scale).tables["F"].digest for scale in (1.0, 2.0)]
+    gc.collect()
+    assert not [name for name in FUNCTIONS if any(digest in name for digest in digests)]
+
+
 def test_equal_samples_share_what_is_made_of_them() -> None:
     one, other = (ss.Samples([0.0, 1.0, 2.0], [0.0, 1.5, 0.5]) for _ in range(2))
     assert one.pieces is other.pieces
