@@ -3,6 +3,7 @@ does."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -157,6 +158,59 @@ def test_nothing_slips(tmp_path: Path) -> None:
         ss.simulate(free, (0.0, 1.0)).event_catalogue()
 
 
+def test_what_is_faster_than_a_rate_is_an_event() -> None:
+    """x = cos t, y = 3 sin(t/2): each is an event of its own until they overlap."""
+    system = ss.System(
+        "two oscillators",
+        coordinates={"x": ss.Inertial("m"), "y": ss.Inertial("m")},
+        kinetic="(d_x**2 + d_y**2)/2",
+        potential="x**2/2 + y**2/8",
+        initial={"x": 1.0},
+        span=(0, 20),
+        time_unit="s",
+    )
+    motion = ss.simulate(system)
+    events = motion.event_catalogue(faster_than=0.5)
+    begins = np.pi * (np.arange(6) + 1 / 6)
+    np.testing.assert_allclose(events["start"], begins, rtol=1e-13)
+    np.testing.assert_allclose(events["duration"], 2 * np.pi / 3, rtol=1e-12)
+    np.testing.assert_allclose(events["size"], np.sqrt(3), rtol=1e-12)
+    np.testing.assert_allclose(events["largest_rate"], 1.0, rtol=1e-3)
+    assert set(events["first"].values) == {"x"} and set(events["contacts"].values) == {1}
+    assert events["size"].attrs["units"] == "m" and events["largest_rate"].attrs["units"] == "m/s"
+    assert "while a rate is above 0.5 m/s" in str(events.summary())
+    both = ss.simulate(system, (0.0, 10.0), initial={"x": 1.0, "d_y": 0.51})
+    assert set(both.event_catalogue(faster_than=0.5)["contacts"].values) <= {1, 2}
+
+
+def test_earthquakes_of_rate_and_state_friction(tmp_path: Path) -> None:
+    """The rate is that of the limit where an event begins and ends; stored and read again."""
+    motion = ss.simulate(ss.catalogue.rate_and_state_slider())
+    events = motion.event_catalogue(faster_than=1e-3)
+    assert len(events) == 3 and events.certificate.ok
+    ends = events["start"].values + events["duration"].values
+    for times in (events["start"].values, ends):
+        np.testing.assert_allclose(np.abs(motion.at(times)["d_x"]), 1e-3, rtol=1e-4)
+    events.save(tmp_path / "events.nc")
+    assert ss.open(tmp_path / "events.nc").dataset.identical(events.dataset)
+    for wrong in (0.0, -1.0, np.inf):
+        with pytest.raises(DeclarationError, match="faster_than"):
+            motion.event_catalogue(faster_than=wrong)
+
+
+def test_exponent_of_the_gutenberg_richter_law() -> None:
+    """Of sizes with density ∝ size^(−1 − β), b is 3β/2."""
+    events = ss.simulate(on_a_belt(1.0, 1.7, 2.9), (0.0, 500.0)).event_catalogue(energy=False)
+    uniform = (np.arange(len(events)) + 0.5) / len(events)
+    drawn = events.dataset.assign(size=("event", 2.0 * uniform ** (-1 / 0.6)))
+    catalogue = replace(events, dataset=drawn)
+    b, error = catalogue.b_value(2.0)
+    assert b == pytest.approx(0.9, rel=0.05)
+    assert error == pytest.approx(b / np.sqrt(len(events)))
+    with pytest.raises(DeclarationError, match="least"):
+        catalogue.b_value(1e9)
+
+
 def test_picture() -> None:
     """Sizes over time, and how many are as large; a Poisson process beside many times."""
     few = ss.simulate(on_a_belt(1.0)).event_catalogue(energy=False)
@@ -179,5 +233,9 @@ def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     names = {"catalogue.nc", "catalogue.csv", "summary.json", "overview.png"}
     assert {path.name for path in folder.iterdir()} == names
     assert len(ss.open(folder / "catalogue.nc")) == 8
+    fast = run(
+        app, ["events", "out/belt_block/trajectory.nc", "--faster-than", "0.31", "--out", "fast"]
+    )
+    assert fast.exit_code == 0 and "while a rate is above 0.31 m/s" in fast.output
     again = run(app, ["events", str(folder / "catalogue.nc")])
     assert again.exit_code == 2 and "no motion" in again.output

@@ -5,13 +5,17 @@ An event lasts from the first slip after all contacts have stuck to the next tim
 R. Burridge, L. Knopoff, Bull. Seismol. Soc. Am. 57 (1967) 341-371, and J. M. Carlson, J. S. Langer,
 Phys. Rev. A 40 (1989) 6470-6484, its size is the sum of the slips of all contacts, the moment of an
 earthquake up to a factor.
+
+Friction that depends on rate and state never sticks: there an event lasts as long as some
+coordinate is faster than a given rate.
 """
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -23,6 +27,7 @@ from stickslip.errors import DeclarationError
 from stickslip.model.entries.units import factors, unit_product, unit_text, with_unit
 from stickslip.model.quantities import described_as, energy_unit, quantity, slip_unit
 from stickslip.model.system import System
+from stickslip.motion.simulate import run_loop
 from stickslip.results import Completion, Result, restored_certificate
 from stickslip.symbolic import expressions as ex
 
@@ -35,6 +40,10 @@ if TYPE_CHECKING:
 
 _ROUNDED = 1e-14  # relative, of a time that is a sum
 _EXACT = 1e-13  # relative, to which the way of a surface is known whose speed changes
+_MAGNITUDE = 2.0 / 3.0  # of the logarithm of a moment
+_LOOKS = 33  # at rates in a step
+_MOST_STEPS = 10_000_000  # events of a motion that is followed again
+_HALVINGS = 60  # of a stretch in which a rate passes its limit
 _NODES = 16  # of Gauss's rule on a step, which is a Taylor series there
 
 
@@ -52,7 +61,8 @@ class EventCatalogue(Result):
         Over ``event``: ``start`` and ``duration``; ``interevent`` (time since the start of the one
         before); ``size`` (sum of the slips of all contacts, each from the start of the event to its
         end), ``largest_slip`` and ``contacts`` (how many have slipped), ``first`` (the contact that
-        slipped first); ``energy_released`` (what is dissipated in the event) and ``energy_drop``
+        slipped first), or the same of coordinates, if events are what is faster than a rate;
+        ``energy_released`` (what is dissipated in the event) and ``energy_drop``
         (by how much the energy of the system is less at its end: the same if nothing is supplied
         meanwhile), not a number where they were not asked for.
     span : (float, float)
@@ -86,6 +96,39 @@ class EventCatalogue(Result):
     def along(self) -> str:
         """Dimension of the dataset."""
         return "event"
+
+    def b_value(self, least: float | None = None) -> tuple[float, float]:
+        """The exponent of the Gutenberg-Richter law log₁₀ N(≥ M) = a − b·M, with the magnitude
+        M = ⅔ log₁₀ size, by maximum likelihood (K. Aki, Bull. Earthq. Res. Inst. 43 (1965) 237).
+
+        Parameters
+        ----------
+        least : float, optional
+            Smallest size that is counted; by default the smallest that there is.
+
+        Returns
+        -------
+        (float, float)
+            The exponent and its standard error b/√N.
+
+        Raises
+        ------
+        DeclarationError
+            If fewer than two events are as large, or all are equal.
+        """
+        sizes = self.dataset["size"].values
+        sizes = sizes[sizes > 0.0]
+        first = float(least) if least is not None else float(sizes.min(initial=np.inf))
+        counted = sizes[sizes >= first]
+        excess = _MAGNITUDE * (np.mean(np.log10(counted / first)) if len(counted) else 0.0)
+        if len(counted) < 2 or not excess > 0.0:
+            raise DeclarationError(
+                "least",
+                f"{len(counted)} events are as large, and differ too little",
+                "Give a smaller one, or a longer motion",
+            )
+        b = float(np.log10(np.e) / excess)
+        return b, b / math.sqrt(len(counted))
 
     @property
     def title(self) -> str:
@@ -125,6 +168,8 @@ class EventCatalogue(Result):
         """What fits on a page, in words."""
         start, end = self.span
         rows = [("events", f"{len(self):,}"), ("time", f"{start:g} to {end:g}")]
+        if said := self.dataset.attrs.get("events"):
+            rows.append(("an event", str(said)))
         for name in ("size", "duration", "interevent", "energy_released"):
             values = self.dataset[name].values
             values = values[np.isfinite(values)]
@@ -136,7 +181,8 @@ class EventCatalogue(Result):
             rows.append((name.replace("_", " "), f"{least} to {most}, mean {mean}"))
         if len(self):
             most = int(self.dataset["contacts"].max())
-            rows.append(("contacts", f"up to {most} of {len(self.system.rubbing)} slip"))
+            of = int(self.dataset.attrs.get("count", len(self.system.rubbing)))
+            rows.append((str(self.dataset["contacts"].attrs["long_name"]), f"up to {most} of {of}"))
         return rows
 
     def overview(self, ax: Axes | None = None) -> Figure:
@@ -191,7 +237,8 @@ class EventCatalogue(Result):
             raise DeclarationError("pieces", "there are none", "Give at least one catalogue")
         first = pieces[0]
         for before, piece in pairwise(pieces):
-            if piece.system != first.system or piece.parameters != first.parameters:
+            other = piece.dataset.attrs.get("events") != first.dataset.attrs.get("events")
+            if other or piece.system != first.system or piece.parameters != first.parameters:
                 raise DeclarationError(
                     "pieces", "they are of different systems", "Give pieces of one motion"
                 )
@@ -235,7 +282,9 @@ def catalogue_of(motion: Trajectory, energy: bool = True) -> EventCatalogue:
     system = motion.system
     if not system.rubbing:
         raise DeclarationError(
-            "contacts", f"{system.name} has no dry contacts", "Slip events need one at least"
+            "contacts",
+            f"{system.name} has no dry contacts",
+            "Say from which rate on it is an event: event_catalogue(faster_than=0.01)",
         )
     k = motion.knots
     names, columns = _columns(motion)
@@ -273,6 +322,134 @@ def catalogue_of(motion: Trajectory, energy: bool = True) -> EventCatalogue:
     )
     span = float(k.time[0]), float(k.time[-1])
     return EventCatalogue(system, dict(motion.parameters), data, span, certificate)
+
+
+def fast_events(motion: Trajectory, rate: float) -> EventCatalogue:
+    """The events of a motion in which some coordinate is faster than a rate.
+
+    The rates are looked at in 33 places of each Taylor step, and where they pass the limit between
+    two of them the time is found to rounding.
+
+    Parameters
+    ----------
+    motion : Trajectory
+    rate : float
+
+    Raises
+    ------
+    DeclarationError
+        If the rate is not positive, or there are no coordinates.
+    """
+    import xarray as xr
+
+    if not 0.0 < rate < math.inf:
+        raise DeclarationError("faster_than", f"it is {rate:g}", "Give a positive rate")
+    system = motion.system
+    names = list(system.plain.coordinates)
+    if not names:
+        raise DeclarationError("faster_than", "nothing has a rate", "Declare coordinates")
+    k = motion.knots
+    start, end = _fast_stretches(motion, names, rate)
+    before, after = (motion.at(t + k.origin) for t in (start, end))
+    moved = np.stack([np.abs(after[x] - before[x]) for x in names], axis=-1)
+    within = _fastest_within(motion, names, start, end)
+    rates = np.stack([np.abs(before[f"d_{x}"]) for x in names], axis=-1)
+    fast = within > rate
+    sizes = np.where(fast, moved, 0.0)
+    table = {
+        "start": start + k.origin,
+        "duration": end - start,
+        "interevent": _interevent(start),
+        "size": np.sum(sizes, axis=1),
+        "largest_slip": np.max(sizes, axis=1, initial=0.0),
+        "contacts": np.sum(fast, axis=1),
+        "first": np.array(names, dtype=object)[np.argmax(rates, axis=1)],
+        "energy_drop": before["energy"] - after["energy"],
+        "energy_released": after["dissipated_energy"] - before["dissipated_energy"],
+        "largest_rate": np.max(within, axis=1, initial=0.0),
+    }
+    units = {quantity(system, x)["units"] for x in names}
+    speeds = {quantity(system, f"d_{x}")["units"] for x in names}
+    slip, speed = (found.pop() if len(found) == 1 else None for found in (units, speeds))
+    attributes = _attributes(system) | {
+        "size": described_as("sum of the slips", slip),
+        "largest_slip": described_as("largest slip of a coordinate", slip),
+        "contacts": described_as("coordinates that are fast", "1"),
+        "first": described_as("coordinate that is fast first", None),
+        "largest_rate": described_as("largest rate", speed),
+    }
+    said = f"while a rate is above {with_unit(rate, speed or '1', 6)}"
+    data = xr.Dataset(
+        {name: ("event", values, attributes[name]) for name, values in table.items()},
+        attrs={
+            "title": system.title or system.name,
+            "source": system.source,
+            "events": said,
+            "count": len(names),
+        },
+    )
+    span = float(k.time[0]), float(k.time[-1])
+    return EventCatalogue(system, dict(motion.parameters), data, span, motion.certificate)
+
+
+def _looks(motion: Trajectory, names: Sequence[str]) -> tuple[Array, Array, Array]:
+    """Times since the origin, steps and moduli of rates at the places of all steps that are looked
+    at, both ends among them."""
+    clock = np.union1d(motion.knots.clock, _ends_of_series(motion))
+    places = np.linspace(0.0, 1.0, _LOOKS)
+    times = clock[:-1, None] + np.diff(clock)[:, None] * places
+    steps = np.searchsorted(motion.knots.clock, clock[:-1], side="right") - 1
+    index = np.repeat(steps, _LOOKS)
+    return times.ravel(), index, _rates(motion, names, times.ravel(), index)
+
+
+def _ends_of_series(motion: Trajectory) -> Array:
+    """Times since the origin, between which a series shows how a motion bends: a flight in closed
+    form may be a step of many periods."""
+    problem = replace(motion._problem, exact=False)
+    vars(problem).update(compiled=motion._problem.compiled, machine=motion._problem.machine)
+    k = motion.knots
+    start, end = float(k.time[0]), float(k.time[-1])
+    if not motion._problem.exact or end <= start:
+        return k.clock
+    clock = run_loop(problem, start, end, k.state[0], _MOST_STEPS)[1].clock
+    return clock[clock <= k.clock[-1]]
+
+
+def _rates(motion: Trajectory, names: Sequence[str], clock: Array, index: Array) -> Array:
+    """Moduli of rates at times since the origin, shape (times, names)."""
+    found = motion.trace([f"d_{x}" for x in names], clock + motion.knots.origin, index)
+    return np.abs(np.stack([found[f"d_{x}"] for x in names], axis=-1))
+
+
+def _fast_stretches(motion: Trajectory, names: Sequence[str], rate: float) -> tuple[Array, Array]:
+    """Begins and ends of the stretches in which some rate is above the limit."""
+    clock, index, rates = _looks(motion, names)
+    fast = np.max(rates, axis=1) > rate
+    change = np.flatnonzero(fast[1:] != fast[:-1])
+    low, high = clock[change].copy(), clock[change + 1].copy()
+    before = fast[change]
+    # Where the rate jumps between two steps, both are the same time.
+    own = index[change]
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        now = np.max(_rates(motion, names, middle, own), axis=1, initial=0.0) > rate
+        same = now == before
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    if len(change) and before[0]:  # it had begun before the motion
+        high, before = high[1:], before[1:]
+    count = len(high) // 2 * 2
+    return high[0:count:2], high[1:count:2]
+
+
+def _fastest_within(motion: Trajectory, names: Sequence[str], start: Array, end: Array) -> Array:
+    """Largest moduli of the rates that are seen in each stretch, shape (stretches, names)."""
+    clock, _, rates = _looks(motion, names)
+    first, last = np.searchsorted(clock, start), np.searchsorted(clock, end)
+    found = np.zeros((len(start), len(names)))
+    for i, (a, b) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
+        found[i] = np.max(rates[a:b], axis=0, initial=0.0)
+    return found
 
 
 def _slipping(motion: Trajectory, numbers: list[int]) -> Array:

@@ -506,12 +506,17 @@ class Trajectory(Result):
         return self._switches.events(self._problem.compiled.layout.state)
 
     @validated
-    def event_catalogue(self, *, energy: bool = True) -> EventCatalogue:
+    def event_catalogue(
+        self, *, faster_than: float | None = None, energy: bool = True
+    ) -> EventCatalogue:
         """The slip events, each from the first slip after all contacts have stuck to the next time
         when all do: start, duration, size, energy.
 
         Parameters
         ----------
+        faster_than : float, optional
+            A rate: then an event lasts as long as some coordinate is faster, as for friction that
+            depends on rate and state, which never sticks.
         energy : bool
             Whether energies are measured, and the certificate: that takes a pass through the whole
             motion.
@@ -519,11 +524,11 @@ class Trajectory(Result):
         Raises
         ------
         DeclarationError
-            If no contact is dry.
+            If no contact is dry and no rate is given.
         """
-        from stickslip.motion.event_catalogue import catalogue_of
+        from stickslip.motion.event_catalogue import catalogue_of, fast_events
 
-        return catalogue_of(self, energy)
+        return catalogue_of(self, energy) if faster_than is None else fast_events(self, faster_than)
 
     @validated
     def sensitivity(

@@ -72,12 +72,17 @@ def events_command(
     file: Annotated[
         Path, typer.Argument(metavar="FILE", help="A stored motion, such as trajectory.nc.")
     ],
+    faster_than: Annotated[
+        float | None,
+        typer.Option("--faster-than", metavar="RATE", help="An event is what is faster."),
+    ] = None,
     out: Out = None,
     json_: Json = False,
 ) -> None:
     """List the slip events of a stored motion: start, duration, size, energy.
 
-    An event lasts from the first slip after all contacts have stuck to the next time when all do.
+    An event lasts from the first slip after all contacts have stuck to the next time when all do;
+    with --faster-than, as long as some coordinate is faster.
     Writes catalogue.nc, catalogue.csv, summary.json and overview.png into the folder DIR.
 
     Exit code: 0 listed and certified, 1 not, 2 wrong input.
@@ -91,7 +96,7 @@ def events_command(
         raise DeclarationError(str(file), reason, "Give a file that 'stickslip run' wrote")
 
     def work(progress: ShowProgress) -> EventCatalogue:
-        return motion.event_catalogue()
+        return motion.event_catalogue(faster_than=faster_than)
 
     present("events", out or folder_of(motion.system.name, "events"), EVENT_FILES, work, json_)
 
