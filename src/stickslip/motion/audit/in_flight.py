@@ -291,6 +291,14 @@ def make_aloft(forms: ClosedForms, flight: Flight, rows: Rows, trusted: bool) ->
     )
 
 
+def has_long_flights(forms: ClosedForms, clock: Array) -> bool:
+    """Whether steps between times may be worth being checked as a whole."""
+    slots = int(forms.used[0]) if len(forms.status) else 0
+    shortest = forms.shortest[:slots]
+    shortest = shortest[shortest > 0.0]
+    return bool(len(shortest) and np.max(np.diff(clock), initial=0.0) > _LONG * np.min(shortest))
+
+
 def extremes_known(rows: Rows) -> Array:
     """Of which components of the state exact extremes are found in long flights: of a few that are
     no modes of structures, since those of what is fast take longer than the rest of an audit."""

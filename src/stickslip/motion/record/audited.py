@@ -116,15 +116,27 @@ def follow_again(problem: Problem, knots: Knots, seen: Array) -> tuple[Accounts,
         As of :func:`audited`.
     """
     from stickslip.motion.audit.accounts import make_accounts
-    from stickslip.motion.audit.in_flight import WHOLE, WITHOUT_EXTREMES, audit_motion, make_aloft
+    from stickslip.motion.audit.in_flight import (
+        WHOLE,
+        WITHOUT_EXTREMES,
+        audit_motion,
+        has_long_flights,
+        make_aloft,
+    )
+    from stickslip.motion.audit.step_balance import audit_steps
+
+    forms = problem.closed_forms
+    long = has_long_flights(forms, knots.clock) and problem.has_quadratic_powers
 
     def measured() -> tuple[Accounts, int, int]:
         accounts = make_accounts(len(knots.time) - 1, problem.rows)
         flow = problem.flow(retracing=True)
-        quadratic = problem.has_quadratic_powers
-        aloft = make_aloft(problem.closed_forms, problem.shared_flight, problem.rows, quadratic)
-        given = problem.machine, flow, aloft, seen, *_starts_and_ends(knots)
-        audit_motion(*given, accounts)
+        starts, ends = _starts_and_ends(knots)
+        if not long:
+            audit_steps(problem.machine, flow, seen, starts, ends, True, accounts)
+            return accounts, 0, 0
+        aloft = make_aloft(forms, problem.shared_flight, problem.rows, True)
+        audit_motion(problem.machine, flow, aloft, seen, starts, ends, accounts)
         return accounts, int(aloft.checked[WHOLE]), int(aloft.checked[WITHOUT_EXTREMES])
 
     return unbroken(measured)
