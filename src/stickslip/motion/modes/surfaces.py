@@ -21,6 +21,7 @@ from stickslip.motion.steps.arrays import (
     MASSIVE,
     MEMBERS,
     NOW,
+    NOWHERE,
     OK,
     ON_INERTIAL,
     PART,
@@ -57,17 +58,25 @@ _TOUCHING = 1e-12  # part of its size, and of what it does in a step, below whic
 
 
 @compiled(brief=True)
-def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: float) -> bool:
+def release_or_hold(
+    flow: Flow, at: Instant, last: float, near: float, span: float, kept: int
+) -> bool:
     """Put sticking inertial contacts exactly on the surface speed; one that is not there (it cannot
     jump) slips.
 
     Parameters
     ----------
+    flow : Flow
+        With the values of the rows, and the inverses of the mode.
+    at : Instant
+        Its state is put back, and its mode changed.
     last, near : float
         Length of recent steps, and of the longest step for which slip was denied here: what was
         zero to that is zero to stick, or else neither would go on.
     span : float
         Time that the motion may last.
+    kept : int
+        A contact that is there but for rounding errors, whatever its velocity; or negative.
 
     Returns
     -------
@@ -84,7 +93,7 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
     released = False
     clear(asked)
     for c in range(mq):
-        if mode[c] != 0:
+        if mode[c] != 0 or c == kept:
             continue
         gap = W[rows.u[c], 0]
         gapped = opens(rows, c)
@@ -283,10 +292,10 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     if lane.counters[CAUSE] < 0:
         return
     before = flow.space.touched
-    opened = c >= 0 and rows.beside[c] == 1 and lane.settled[c] == 0
-    asked = opened = opened and has_opened(rows, lane.mode, c)
-    if opened:
-        set_mode(rows, lane.mode, c, 0)
+    opened = just_opened(rows, lane)
+    asked = opened >= 0
+    if asked:
+        set_mode(rows, lane.mode, opened, 0)
     for p in range(len(rows.planes)):
         first = rows.planes[p, LEAD]
         before[first] = lane.mode[first]
@@ -303,13 +312,23 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
         known = known and coefficients(machine, flow, here, 1, flow.space.W) == OK
         if not known or all_on_surface(flow, lane.mode):
             break
-        known = release_or_hold(flow, here, lane.clock[RECENT], 0.0, lane.clock[SPAN])
+        known = release_or_hold(flow, here, lane.clock[RECENT], 0.0, lane.clock[SPAN], opened)
     for p in range(len(rows.planes)):
         first = rows.planes[p, LEAD]
         if before[first] != 0:
             set_mode(rows, lane.mode, first, before[first])
-    if opened:
-        set_mode(rows, lane.mode, c, 1)
+    if opened >= 0:
+        set_mode(rows, lane.mode, opened, 1)
+
+
+@compiled()
+def just_opened(rows: Rows, lane: Lane) -> int:
+    """The contact that has been closed until now and has opened; −1 if that is not what has
+    happened."""
+    c = lane.counters[CAUSE] - len(rows.kinks)
+    if c < 0 or not has_opened(rows, lane.mode, c) or lane.settled[c] != 0:
+        return NOWHERE
+    return int(c)
 
 
 @compiled()
