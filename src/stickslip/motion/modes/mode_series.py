@@ -22,7 +22,6 @@ from stickslip.motion.steps.arrays import (
     MEMBERS,
     NAN,
     NOW,
-    NOWHERE,
     OFF_SURFACE,
     OK,
     ON_INERTIAL,
@@ -150,7 +149,7 @@ def evaluate_mode(
         status = coefficients(machine, flow, at, 1, W)
         if status != OK:
             return status
-        held = release_or_hold(flow, at, last, near, span, NOWHERE)
+        held = release_or_hold(flow, at, last, near, span, False)
         if held and not rest_with_others(machine, flow, at):
             break
     if rows.sizes[RATE_INDEPENDENT] > 0:

@@ -59,7 +59,7 @@ _TOUCHING = 1e-12  # part of its size, and of what it does in a step, below whic
 
 @compiled(brief=True)
 def release_or_hold(
-    flow: Flow, at: Instant, last: float, near: float, span: float, kept: int
+    flow: Flow, at: Instant, last: float, near: float, span: float, sure: bool
 ) -> bool:
     """Put sticking inertial contacts exactly on the surface speed; one that is not there (it cannot
     jump) slips.
@@ -75,8 +75,9 @@ def release_or_hold(
         zero to that is zero to stick, or else neither would go on.
     span : float
         Time that the motion may last.
-    kept : int
-        A contact that is there but for rounding errors, whatever its velocity; or negative.
+    sure : bool
+        Whether what is closed has no velocity but for rounding errors, however large they are
+        beside its terms.
 
     Returns
     -------
@@ -93,7 +94,7 @@ def release_or_hold(
     released = False
     clear(asked)
     for c in range(mq):
-        if mode[c] != 0 or c == kept:
+        if mode[c] != 0:
             continue
         gap = W[rows.u[c], 0]
         gapped = opens(rows, c)
@@ -112,7 +113,8 @@ def release_or_hold(
                 slow += _WIDE * ROUNDING * mag[c]
                 # Towards the end of a slip steps are as short as a rounding error of the time.
                 slow += _WIDE * INSTANT * abs(at.t) * rate if rows.beside[c] == 1 else 0.0
-        if abs(gap) > slow or is_apart(flow, c, last, span):
+        fast = abs(gap) > slow and not (sure and gapped)
+        if fast or is_apart(flow, c, last, span):
             # Contacts of other components hold the same whether this one does or not.
             if asked[rows.homes[c, PART]] == 0:
                 set_mode(rows, mode, c, 1 if gap > 0.0 or gapped else -1)
@@ -282,7 +284,8 @@ def touching(flow: Flow, c: int, last: float) -> float:
 def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     """After an event, put the velocities of contacts in a plane that have just left stick, or may
     leave it now, onto those of their surfaces: a slip begins from nothing, and not from rounding
-    errors. So does what opens beside them.
+    errors. So does what opens, and what opens together with it: where all forces vanish at that
+    instant, nothing else says how small a rounding error is.
 
     What stops one contact moves the others by rounding errors of what it takes away: these become
     small beside themselves, turn by turn, until nothing is left.
@@ -307,12 +310,13 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     if not asked:
         return
     here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
+    recent, span = lane.clock[RECENT], lane.clock[SPAN]
     known = resolve(rows, flow.k, flow.space, lane.mode)
     for _ in range(_MOST_STOPS):
         known = known and coefficients(machine, flow, here, 1, flow.space.W) == OK
         if not known or all_on_surface(flow, lane.mode):
             break
-        known = release_or_hold(flow, here, lane.clock[RECENT], 0.0, lane.clock[SPAN], opened)
+        known = release_or_hold(flow, here, recent, 0.0, span, opened >= 0)
     for p in range(len(rows.planes)):
         first = rows.planes[p, LEAD]
         if before[first] != 0:
