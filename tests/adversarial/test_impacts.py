@@ -53,3 +53,11 @@ def test_the_reference_knows_a_closed_form() -> None:
 def test_a_gap_that_closes_just_before_a_slip_ends() -> None:
     """The reference met the end of the slip first, where the bead turns within the stop."""
     assert impacts.judge(impacts.draw("bead on a turning hoop", 357)).kind == AGREED
+
+
+@pytest.mark.parametrize(
+    ("family", "seed"), [("two masses collide", 80), ("cart against stops", 325)]
+)
+def test_what_opens_where_nothing_but_rounding_errors_moves(family: str, seed: int) -> None:
+    """They made an impact, which the audit did not explain; or no mode went on."""
+    assert impacts.judge(impacts.draw(family, seed)).kind == AGREED

@@ -113,6 +113,7 @@ def explain_jump(
     """
     rows, space = flow.rows, flow.space
     work, found = space.impact, space.explained
+    nq = rows.sizes[INERTIAL]
     mq = rows.sizes[ON_INERTIAL]
     for c in range(mq):
         space.tried[_KEPT, c] = before.mode[c]
@@ -150,7 +151,10 @@ def explain_jump(
     if best < trial - 1:
         fit_impulses(rows, space, before.y, after, cause, best)
     if creates_energy(rows, space):
-        found[RATES_LEFT, 0] = np.inf
+        # Such impulses explain nothing, and of a jump that is a rounding error nothing is asked.
+        for q in range(nq):
+            jump = abs(after[nq + q] - before.y[nq + q])
+            found[RATES_LEFT, q] = max(found[RATES_LEFT, q], jump)
     ask_for_rest(machine, flow, before, after)
 
 

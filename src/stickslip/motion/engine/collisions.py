@@ -331,7 +331,8 @@ def change_in_turn(
     machine: Machine, flow: Flow, before: Instant, last: float, only: int, slack: float
 ) -> bool:
     """Find the change of the rates by impacts in turn, and leave it in the work space; whether
-    there is one.
+    there is one. Where nothing approaches, as when a contact opens from rest, it is zero, if the
+    contact in question counts as closed.
 
     Parameters
     ----------
@@ -351,5 +352,9 @@ def change_in_turn(
     for c in range(rows.sizes[ON_INERTIAL]):
         if only >= 0 and c != only and before.mode[c] != 0:
             space.tried[NEAR, c] = 0
+    if near == 0:
+        for q in range(rows.sizes[INERTIAL]):
+            space.impact[CHANGE, q] = 0.0
+        return only >= 0
     put_restitution(rows, space)
-    return bool(near > 0 and impulses_in_turn(machine, flow, before) == JUMPED)
+    return bool(impulses_in_turn(machine, flow, before) == JUMPED)

@@ -11,6 +11,7 @@ from stickslip.motion.engine.impacts import first_approaching, open_all, size_ga
 from stickslip.motion.engine.jumps import due_jump, fires, make_jump, passed_jumps
 from stickslip.motion.modes.guards import germ, guard_of, may_collide, resting, spell
 from stickslip.motion.modes.pivots import flip, set_regions
+from stickslip.motion.modes.surfaces import just_opened
 from stickslip.motion.steps.arrays import (
     CAUSE,
     CLOSEST,
@@ -367,9 +368,7 @@ def knock(
         if lane.counters[TAKEN] == 0:
             size_gaps(machine, flow, here, lane.clock[SPAN])
         going = due < 0 and (cause >= 0 or lane.counters[TAKEN] > 0)
-        # What leaves beside friction in a plane is put back onto rest with that.
-        opened = cause - len(rows.kinks)
-        opened = opened if opened >= 0 and rows.beside[opened] == 1 else NOWHERE
+        opened = just_opened(rows, lane)
         struck_first = first_approaching(machine, flow, here, last, going, opened)
         if struck_first >= 0:
             if not going:

@@ -149,7 +149,8 @@ def evaluate_mode(
         status = coefficients(machine, flow, at, 1, W)
         if status != OK:
             return status
-        if release_or_hold(flow, at, last, near, span) and not rest_with_others(machine, flow, at):
+        held = release_or_hold(flow, at, last, near, span, False)
+        if held and not rest_with_others(machine, flow, at):
             break
     if rows.sizes[RATE_INDEPENDENT] > 0:
         status = project_rates(machine, flow, at)

@@ -21,6 +21,7 @@ from stickslip.motion.steps.arrays import (
     MASSIVE,
     MEMBERS,
     NOW,
+    NOWHERE,
     OK,
     ON_INERTIAL,
     PART,
@@ -57,17 +58,26 @@ _TOUCHING = 1e-12  # part of its size, and of what it does in a step, below whic
 
 
 @compiled(brief=True)
-def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: float) -> bool:
+def release_or_hold(
+    flow: Flow, at: Instant, last: float, near: float, span: float, sure: bool
+) -> bool:
     """Put sticking inertial contacts exactly on the surface speed; one that is not there (it cannot
     jump) slips.
 
     Parameters
     ----------
+    flow : Flow
+        With the values of the rows, and the inverses of the mode.
+    at : Instant
+        Its state is put back, and its mode changed.
     last, near : float
         Length of recent steps, and of the longest step for which slip was denied here: what was
         zero to that is zero to stick, or else neither would go on.
     span : float
         Time that the motion may last.
+    sure : bool
+        Whether what is closed has no velocity but for rounding errors, however large they are
+        beside its terms.
 
     Returns
     -------
@@ -103,7 +113,8 @@ def release_or_hold(flow: Flow, at: Instant, last: float, near: float, span: flo
                 slow += _WIDE * ROUNDING * mag[c]
                 # Towards the end of a slip steps are as short as a rounding error of the time.
                 slow += _WIDE * INSTANT * abs(at.t) * rate if rows.beside[c] == 1 else 0.0
-        if abs(gap) > slow or is_apart(flow, c, last, span):
+        fast = abs(gap) > slow and not (sure and gapped)
+        if fast or is_apart(flow, c, last, span):
             # Contacts of other components hold the same whether this one does or not.
             if asked[rows.homes[c, PART]] == 0:
                 set_mode(rows, mode, c, 1 if gap > 0.0 or gapped else -1)
@@ -273,7 +284,8 @@ def touching(flow: Flow, c: int, last: float) -> float:
 def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     """After an event, put the velocities of contacts in a plane that have just left stick, or may
     leave it now, onto those of their surfaces: a slip begins from nothing, and not from rounding
-    errors. So does what opens beside them.
+    errors. So does what opens, and what opens together with it: where all forces vanish at that
+    instant, nothing else says how small a rounding error is.
 
     What stops one contact moves the others by rounding errors of what it takes away: these become
     small beside themselves, turn by turn, until nothing is left.
@@ -283,10 +295,10 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     if lane.counters[CAUSE] < 0:
         return
     before = flow.space.touched
-    opened = c >= 0 and rows.beside[c] == 1 and lane.settled[c] == 0
-    asked = opened = opened and has_opened(rows, lane.mode, c)
-    if opened:
-        set_mode(rows, lane.mode, c, 0)
+    opened = just_opened(rows, lane)
+    asked = opened >= 0
+    if asked:
+        set_mode(rows, lane.mode, opened, 0)
     for p in range(len(rows.planes)):
         first = rows.planes[p, LEAD]
         before[first] = lane.mode[first]
@@ -298,18 +310,29 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     if not asked:
         return
     here = Instant(lane.clock[NOW], lane.y, lane.mode, lane.reg)
+    recent, span = lane.clock[RECENT], lane.clock[SPAN]
     known = resolve(rows, flow.k, flow.space, lane.mode)
     for _ in range(_MOST_STOPS):
         known = known and coefficients(machine, flow, here, 1, flow.space.W) == OK
         if not known or all_on_surface(flow, lane.mode):
             break
-        known = release_or_hold(flow, here, lane.clock[RECENT], 0.0, lane.clock[SPAN])
+        known = release_or_hold(flow, here, recent, 0.0, span, opened >= 0)
     for p in range(len(rows.planes)):
         first = rows.planes[p, LEAD]
         if before[first] != 0:
             set_mode(rows, lane.mode, first, before[first])
-    if opened:
-        set_mode(rows, lane.mode, c, 1)
+    if opened >= 0:
+        set_mode(rows, lane.mode, opened, 1)
+
+
+@compiled()
+def just_opened(rows: Rows, lane: Lane) -> int:
+    """The contact that has been closed until now and has opened; −1 if that is not what has
+    happened."""
+    c = lane.counters[CAUSE] - len(rows.kinks)
+    if c < 0 or not has_opened(rows, lane.mode, c) or lane.settled[c] != 0:
+        return NOWHERE
+    return int(c)
 
 
 @compiled()
