@@ -21,7 +21,7 @@ from orbits.examples import (
     mass_on_belt,
     planar,
 )
-from stickslip import catalogue, simulate
+from stickslip import Contact, Parameter, Structure, System, catalogue, simulate
 from stickslip.errors import DeclarationError
 from stickslip.orbits.branches.cycle_branch import continue_cycle
 from stickslip.orbits.branches.equilibrium_branch import continue_equilibrium
@@ -475,3 +475,20 @@ def test_bad_arguments() -> None:
         continue_cycle(cycle, "V", (1.0, 0.5))
     with pytest.raises(DeclarationError, match="expected a Cycle"):
         continue_cycle(cycle.trajectory, "V", (0.1, 1.0))  # type: ignore[arg-type]
+
+
+def test_a_branch_does_not_go_round_for_ever() -> None:
+    """One that comes back to a corner has left the curve at a corner, and is not certified."""
+    n = 6
+    stiffness = 100.0 * (2.0 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+    chain = System(
+        "chain",
+        parameters={"omega": Parameter(4.0)},
+        structures={"u": Structure(np.eye(n), stiffness, 0.05 * np.eye(n) + 0.002 * stiffness)},
+        forces={"u[5]": "5*cos(omega*t)"},
+        contacts={"c": Contact("d_u[2]", 1.0)},
+    )
+    branch = continue_cycle(find_cycle(chain), "omega", (3.9, 4.3), time_limit=60)
+    assert "time limit" not in branch.message
+    corners = [(round(p.value, 7), p.kind, p.note) for p in branch.special]
+    assert len(set(corners)) == len(corners) or not branch.certificate.ok

@@ -147,7 +147,7 @@ def audit_steps(
 
 @compiled()
 def note_largest(y: Array, tally: Tally) -> None:
-    """Count the sizes of parts of the state that a knot has.
+    """Count the sizes of parts of the state that a knot has, if they are finite.
 
     Parameters
     ----------
@@ -157,7 +157,9 @@ def note_largest(y: Array, tally: Tally) -> None:
         Receives the largest.
     """
     for r in range(len(y)):
-        tally.state[LARGEST, r] = most(tally.state[LARGEST, r], abs(y[r]))
+        size = abs(y[r])
+        if size < np.inf:
+            tally.state[LARGEST, r] = max(tally.state[LARGEST, r], size)
 
 
 @compiled()

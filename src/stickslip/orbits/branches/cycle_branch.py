@@ -86,6 +86,7 @@ _CLOSED = Ending(Stop.CLOSED, "the branch is closed")
 CHART_PATIENCE = 64.0  # a step is shortened by this factor before the chart is made anew
 _ENDINGS = ("amplitude", "halving", "growth", "period", "carried")
 # what is not seen to vanish is followed to sizes that are smaller by this factor, …
+_SAME = 1e-6  # of the range, and of the size of a cycle: corners this near are one
 _SMALLER = 0.1
 _TINY = 1e-5  # … down to this part of the state
 _DISTINCT = 1e-9  # sizes that differ by less, relative to each other, are the same
@@ -240,9 +241,15 @@ class _Follower:
         if path.ended.stop is not Stop.LIMIT:
             bent = corner_after(chart, last, start.steps.smallest, self.steps.turn)
             if bent is not None:
+                where = f"{self.parameter} = {bent.cycle.parameters[self.parameter]:.12g}"
+                if self._was_here(stations, bent):
+                    return Ending(
+                        Stop.LOST,
+                        f"it comes back to {where}, where it was before, and would go round for "
+                        "ever: of the corners on the way one leads elsewhere",
+                    )
                 beyond = self._around(stations, chart, bent)
                 if beyond is None:
-                    where = f"{self.parameter} = {bent.cycle.parameters[self.parameter]:.12g}"
                     return Ending(Stop.EVENT, f"{LOSS} at {where}: {bent.what.note}")
                 there = renewed(beyond.chart, beyond.x, beyond.towards)
                 return self._start(*there, self.steps.first)
@@ -316,6 +323,23 @@ class _Follower:
                 self._add(stations, stations[-1].cycle, [what])
                 chart = chart.carrying(held.contact, 0)
         return chart
+
+    def _was_here(self, stations: list[_Station], bent: Corner) -> bool:
+        """Whether the branch has passed a corner before, which then is noted as a special point
+        that has not been solved for."""
+        value = bent.cycle.parameters[self.parameter]
+        near = _SAME * (self.span[1] - self.span[0])
+        for event in [event for station in stations for event in station.events]:
+            if (
+                (event.what.kind, event.what.note) == (bent.what.kind, bent.what.note)
+                and abs(event.value - value) <= near
+                and self.spacing(event.cycle, bent.cycle) <= _SAME
+            ):
+                left = Residual("earlier passages of this corner", 1.0, 0.0)
+                what = replace(bent.what, residuals=(*bent.what.residuals, left))
+                self._add(stations, bent.cycle, [what])
+                return True
+        return False
 
     def _around(self, stations: list[_Station], chart: Chart, bent: Corner) -> BeyondCorner | None:
         """Append a corner and a point beyond it; None if the branch does not go on from there."""
