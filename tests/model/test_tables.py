@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import pickle
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -51,6 +51,7 @@ def test_values_slopes_and_integrals(kind: Any, seed: int, count: int) -> None:
     table = random(seed, count, kind)
     (x,) = table.axes
     inside = np.random.default_rng(seed + 1).uniform(x[0], x[-1], 30)
+    area: list[Any] = []
     if kind == "linear" or count == 2:
         wanted = np.interp(inside, x, table.values)
         steep = (np.diff(table.values) / np.diff(x))[np.searchsorted(x, inside) - 1]
@@ -161,9 +162,9 @@ def test_surfaces(kind: Any) -> None:
 def test_outside() -> None:
     """Nothing, the value at the end, or the line on which it ends; another thing on each side."""
     points, values = [0.0, 1.0, 3.0], [1.0, 2.0, 0.0]
+    sides: list[Any] = ["refused", "constant", "linear", ("constant", "linear")]
     refused, constant, linear, mixed = (
-        ss.Table(points, values, outside=outside)
-        for outside in ("refused", "constant", "linear", ("constant", "linear"))
+        ss.Table(points, values, outside=outside) for outside in sides
     )
     assert np.isnan(refused([-0.1, 3.1])).all() and refused(3.0) == 0.0
     assert constant([-5.0, 9.0]).tolist() == [1.0, 0.0]
@@ -182,7 +183,8 @@ def test_an_argument_that_stays_inside_has_no_event_at_the_end() -> None:
         spring("0", tables={"F": table}).declaration.scope.parse(text, "here")
         for text in ("F(abs(x))", "F(x)")
     )
-    pieces = [FUNCTIONS[e.args[0].op].pieces for e in (inner, outer)]
+    rows: list[Any] = [FUNCTIONS[e.args[0].op] for e in (inner, outer)]
+    pieces = [row.pieces for row in rows]
     assert [len(p.breaks) - 1 for p in pieces] == [2, 3]
 
 
@@ -297,7 +299,7 @@ def test_wrong_files(reason: str, tmp_path: Path) -> None:
     text = FILES[reason]
     if text is not None:
         (tmp_path / "mu.csv").write_text(text)
-    named = () if reason.startswith("there are numbers") else ("v", "mu")
+    named: Any = () if reason.startswith("there are numbers") else ("v", "mu")
     with pytest.raises(DeclarationError) as error:
         ss.Table.read(tmp_path / "mu.csv", *named)
     assert reason in str(error.value) and error.value.remedy
@@ -328,7 +330,7 @@ def test_wrong_declarations() -> None:
         ({"tables": {"F": table}, "force": "F"}, "takes 1 argument"),
     ):
         with pytest.raises(DeclarationError, match=reason):
-            spring("0", **parts)
+            spring("0", **cast(Any, parts))
 
 
 def test_the_unit_is_anybodys() -> None:

@@ -15,7 +15,8 @@ import stickslip as ss
 from stickslip.arrays import Array
 from stickslip.motion.affine.forms import ClosedForms
 from stickslip.motion.audit.accounts import Accounts, make_accounts
-from stickslip.motion.audit.in_flight import WHOLE, WITHOUT_EXTREMES, audit_motion, make_aloft
+from stickslip.motion.audit.flights.aloft import make_aloft
+from stickslip.motion.audit.flights.whole import WHOLE, WITHOUT_EXTREMES, audit_motion
 from stickslip.motion.audit.step_balance import audit_steps
 from stickslip.motion.record.audited import audited
 from stickslip.motion.record.knots import Knots

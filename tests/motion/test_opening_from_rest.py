@@ -4,6 +4,7 @@ zero until then, whatever rounding has made of them."""
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -107,7 +108,7 @@ def test_an_impact_of_rounding_errors(scale: float, right: bool) -> None:
     damped = replace(PUSHED, viscous="0.02*d_x**2")
     motion = ss.simulate(damped, parameters=values, initial=start)
     assert motion.certificate.ok, motion.certificate
-    events = motion.events
+    events: Any = motion.events
     wall = (events["contact"] == "wall") & (events["to"] == "open")
     at = int(np.searchsorted(motion.knots.time, float(events["time"][wall].iloc[0])))
     fields = {

@@ -20,7 +20,7 @@ FALLING = ([0.0, 0.1, 0.3, 1.0, 3.0], [0.45, 0.3, 0.25, 0.28, 0.35])
 
 def switch_times(motion: ss.Trajectory) -> Any:
     """When contacts switch; kinks are events, too."""
-    events = motion.events
+    events: Any = motion.events
     return events["time"][events["contact"].isin(list(motion.system.contacts))].to_numpy()
 
 
@@ -38,9 +38,8 @@ def test_straight_lines_are_the_formula_typed_out() -> None:
     spring."""
     table = ss.Table(*FALLING)
     tables, functions = {"mu": table}, {"mu(s)": typed(table)}
-    one, other = (
-        ss.simulate(belt(**parts)) for parts in ({"tables": tables}, {"functions": functions})
-    )
+    written: list[dict[str, Any]] = [{"tables": tables}, {"functions": functions}]
+    one, other = (ss.simulate(belt(**parts)) for parts in written)
     same(one, other)
     assert len(one.events) == len(other.events) > one.n_switches
     np.testing.assert_allclose(one.events["time"], other.events["time"], rtol=0, atol=1e-12)
@@ -50,7 +49,8 @@ def test_straight_lines_are_the_formula_typed_out() -> None:
         belt("0.8*g(x)", "g(x)", tables={"g": rough}),
         belt("0.8*g(x)", "g(x)", functions={"g(s)": typed(rough)}),
     ]
-    same(*map(ss.simulate, places))
+    rough_one, rough_other = map(ss.simulate, places)
+    same(rough_one, rough_other)
 
 
 @pytest.mark.parametrize("kind", TABLE_KINDS)
@@ -199,8 +199,10 @@ def test_many_knots_cost_no_more_code() -> None:
 
 def test_a_law_of_points() -> None:
     """It is the contact written by hand, for each way."""
-    v, F = [-1.5, -0.2, -0.05, 0.05, 0.3, 2.0], [-0.6, -0.5, -0.7, 0.6, 0.4, 0.5]
-    law = ss.laws.table("d_x", F_s=[0.7, 0.8], v=v, F=F, surface_speed="V", N=1.5)
+    v: Any = [-1.5, -0.2, -0.05, 0.05, 0.3, 2.0]
+    F: Any = [-0.6, -0.5, -0.7, 0.6, 0.4, 0.5]
+    static: Any = [0.7, 0.8]
+    law = ss.laws.table("d_x", F_s=static, v=v, F=F, surface_speed="V", N=1.5)
     parts: dict[str, Any] = {"threshold": (1.05, 1.2)}
     ahead = ss.Table(v[3:], F[3:], outside=("constant", "refused"))
     back = ss.Table([0.05, 0.2, 1.5], [0.7, 0.5, 0.6], outside=("constant", "refused"))

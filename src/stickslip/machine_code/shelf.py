@@ -93,7 +93,7 @@ ENGINE = Library(
         for name in (
             "equations.native.kernels",
             "motion.affine.flights",
-            "motion.audit.in_flight",
+            "motion.audit.flights.whole",
             "motion.audit.step_balance",
             "motion.audit.work",
             "motion.between.dense",

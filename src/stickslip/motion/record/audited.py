@@ -74,7 +74,7 @@ def audited(problem: Problem, knots: Knots, seen: Array, energy: Array) -> Audit
         At the knots.
     """
     from stickslip.motion.audit.accounts import FED_IN_ALL, LARGEST
-    from stickslip.motion.audit.in_flight import extremes_known
+    from stickslip.motion.audit.flights.aloft import extremes_known
     from stickslip.motion.audit.step_balance import judge
 
     (steps, tally, sums), whole, lost = follow_again(problem, knots, seen)
@@ -116,13 +116,8 @@ def follow_again(problem: Problem, knots: Knots, seen: Array) -> tuple[Accounts,
         As of :func:`audited`.
     """
     from stickslip.motion.audit.accounts import make_accounts
-    from stickslip.motion.audit.in_flight import (
-        WHOLE,
-        WITHOUT_EXTREMES,
-        audit_motion,
-        has_long_flights,
-        make_aloft,
-    )
+    from stickslip.motion.audit.flights.aloft import has_long_flights, make_aloft
+    from stickslip.motion.audit.flights.whole import WHOLE, WITHOUT_EXTREMES, audit_motion
     from stickslip.motion.audit.step_balance import audit_steps
 
     forms = problem.closed_forms

@@ -17,26 +17,19 @@ integrated by Gauss quadrature, what is bilinear in q and the exponentials with 
 these, and ∫ P(Re Σ vⱼrⱼ exp) is Σ P(wₖ) with ∫ x xᵀ dτ = Σ wₖwₖᵀ, whose entries are integrals of
 pairs. So all powers are those of the system, too.
 
-What is not clear beyond doubt is left to :mod:`.step_balance`, which follows the flight piece by
-piece.
+What is not clear beyond doubt is left to :mod:`stickslip.motion.audit.step_balance`, which follows
+the flight piece by piece.
 """
 
 from __future__ import annotations
 
 import cmath
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from stickslip.arrays import (
     Array,
-    Array3,
-    ComplexArray3,
-    ComplexMatrix,
-    ComplexVector,
-    IntVector,
-    Matrix,
     Vector,
 )
 from stickslip.machine_code.functions import entry_point
@@ -46,22 +39,18 @@ from stickslip.motion.affine.forms import (
     AFFINE,
     EXPONENTS,
     ClosedForms,
-    Flight,
     form_of,
 )
 from stickslip.motion.affine.modal_sums import (
     RADIANS,
     ModalSum,
-    grown_by,
     largest_of_sum,
     least_of_sum,
-    modulus_of,
     put_moments_at_nodes,
     signal_at,
     widen_by_sum,
 )
-from stickslip.motion.affine.nodes import COUNT, GAUSS_NODES, GAUSS_WEIGHTS, LEBESGUE, most
-from stickslip.motion.affine.structure import is_affine
+from stickslip.motion.affine.nodes import COUNT, GAUSS_NODES, GAUSS_WEIGHTS, most
 from stickslip.motion.audit.accounts import (
     BACKWARDS,
     BEYOND,
@@ -84,6 +73,16 @@ from stickslip.motion.audit.accounts import (
 )
 from stickslip.motion.audit.beginnings import judge_beginning
 from stickslip.motion.audit.between_nodes import StepPiece
+from stickslip.motion.audit.flights.aloft import (
+    LONG_FLIGHT,
+    Aloft,
+    Stretch,
+    put_slow,
+    put_state,
+    slow_rate,
+)
+from stickslip.motion.audit.flights.powers import add_work_of_pairs, power_of_pairs
+from stickslip.motion.audit.flights.residuals import learn_mode, note_residual, put_bounds, put_rows
 from stickslip.motion.audit.friction_law import sample_law
 from stickslip.motion.audit.observers import Sums, count_times
 from stickslip.motion.audit.step_balance import audit_step, sample_residuals
@@ -116,209 +115,13 @@ from stickslip.motion.steps.step_size import impulse
 from stickslip.motion.steps.vectors import copy
 from stickslip.translator import compiled
 
-_LONG = 150.0  # shortest times of a mode in a flight from which on it is checked as a whole
 _ACTING = 4.0  # shortest times that a Taylor series would last
 _MOST_PARTS = 256  # of a flight, in which waves of the drives turn a few radians
-_LARGE = 2.0**200  # a state so large that what does not depend on it is nothing beside it
 _ALLOWED = 5e-10  # of its size: what a component may be off; twice that is not certified
-_FEW = 8  # components of which all extremes are found
-_LEFT = 1e-15  # part of a component of ∫ x xᵀ that is rounding
 WHOLE, WITHOUT_EXTREMES = range(2)
 """Slots of :attr:`Aloft.checked`."""
 _UNKNOWN, _KNOWN, _REFUSED = range(3)
 _DOUBTED, _CHECKED, _UNRESOLVED = range(3)
-
-
-class Aloft(NamedTuple):
-    """Closed forms as candidates, what the equations make of them, and work space.
-
-    Rows of signals are rates, velocities, forces and both thresholds of all contacts, and kinks.
-
-    Attributes
-    ----------
-    forms : ClosedForms
-        Of the motion.
-    flight : Flight
-    checked : array of int, shape (2,)
-        How many steps were checked as a WHOLE, and how many of these are WITHOUT_EXTREMES.
-    state : array of int, shape (slots,)
-        UNKNOWN, KNOWN, or REFUSED: nothing here follows such a mode.
-    right : array of complex, shape (slots, rows, exponents)
-        What the equations make of the eigenvectors.
-    straight, turned : arrays of complex, shape (slots, exponents, exponents)
-        The residuals of eigenvectors, and their conjugates, in eigenvectors.
-    aside : array, shape (slots, n, exponents)
-        Moduli of what of the residuals is in none.
-    base, ramp, bend : arrays, shape (n,)
-        q(0) without waves, its slope, and half its second derivative.
-    swing : array of complex, shape (n, waves)
-        Amplitudes of its waves.
-    spin : array of complex, shape (waves,)
-        Those of the drives at a time.
-    r, begin, z : arrays of complex, shape (exponents,)
-        Amplitudes at the beginning of the flight and of a part, and in a signal.
-    growth : array, shape (exponents,)
-        Largest growth in a flight.
-    slow, states : arrays, shapes (rows, COUNT), (n, COUNT)
-        Rows at q, at the nodes of a part, and q.
-    line, values, points, scratch, stack : arrays
-        Of a signal; see :class:`stickslip.motion.affine.modal_sums.ModalSum`.
-    followed : array of int, shape (n,)
-        1 for each component of which all extremes are found.
-    y, x : arrays, shape (n,)
-        States.
-    bound, size, rest, made : arrays, shape (n,)
-        By how much a flight may be off; sizes of the state; and, of residuals of q, what is in no
-        eigenvector, and how large it is itself.
-    still : array, shape (2, n)
-        These at the first node.
-    drift, turns : arrays, shape (exponents,)
-        By how much residuals of q in eigenvectors differ from what they are first, and vary.
-    first, last : arrays of complex, shape (exponents,)
-        What they are at the first node, and were at the last one.
-    moments : array of complex, shape (COUNT, exponents)
-    legendre : array of complex, shape (COUNT,)
-    pairs : array of complex, shape (2, exponents, exponents)
-        Integrals of exponentials of sums of exponents, and of these with conjugates.
-    paired : array of complex, shape (2, n, exponents)
-    gram : array, shape (n + 1, n)
-        ∫ x xᵀ, and its diagonal.
-    """
-
-    forms: ClosedForms
-    flight: Flight
-    checked: IntVector
-    state: IntVector
-    right: ComplexArray3
-    straight: ComplexArray3
-    turned: ComplexArray3
-    aside: Array3
-    base: Vector
-    ramp: Vector
-    bend: Vector
-    swing: ComplexMatrix
-    spin: ComplexVector
-    r: ComplexVector
-    begin: ComplexVector
-    z: ComplexVector
-    growth: Vector
-    slow: Matrix
-    states: Matrix
-    line: Vector
-    values: Vector
-    points: Vector
-    scratch: Vector
-    stack: Matrix
-    followed: IntVector
-    y: Vector
-    x: Vector
-    bound: Vector
-    size: Vector
-    rest: Vector
-    made: Vector
-    still: Matrix
-    drift: Vector
-    turns: Vector
-    first: ComplexVector
-    last: ComplexVector
-    moments: ComplexMatrix
-    legendre: ComplexVector
-    pairs: ComplexArray3
-    paired: ComplexArray3
-    gram: Matrix
-
-
-def make_aloft(forms: ClosedForms, flight: Flight, rows: Rows, trusted: bool) -> Aloft:
-    """Room for what an audit makes of the closed forms that are there.
-
-    Parameters
-    ----------
-    forms : ClosedForms
-    flight : Flight
-    rows : Rows
-    trusted : bool
-        Whether powers are quadratic; otherwise there are no candidates.
-    """
-    slots = int(forms.used[0]) if trusted and len(forms.status) else 0
-    n, contacts = int(rows.sizes[DIMENSION]), len(rows.u)
-    b = int(np.max(forms.counts[:slots, EXPONENTS], initial=0))
-    waves = forms.b.shape[2]
-    signals = n + 4 * contacts + len(rows.kinks)
-    z = np.zeros
-    c = np.complex128
-    return Aloft(
-        forms=forms,
-        flight=flight,
-        checked=z(2, np.int64),
-        state=z(slots, np.int64),
-        right=z((slots, signals, b), c),
-        straight=z((slots, b, b), c),
-        turned=z((slots, b, b), c),
-        aside=z((slots, n, b)),
-        base=z(n),
-        ramp=z(n),
-        bend=z(n),
-        swing=z((n, waves), c),
-        spin=z(waves, c),
-        r=z(b, c),
-        begin=z(b, c),
-        z=z(b, c),
-        growth=z(b),
-        slow=z((signals, COUNT)),
-        states=z((n, COUNT)),
-        line=z(COUNT),
-        values=z(COUNT),
-        points=z(COUNT),
-        scratch=z(COUNT),
-        stack=z((24, COUNT)),
-        followed=extremes_known(rows).astype(np.int64),
-        y=z(n),
-        x=z(n),
-        bound=z(n),
-        size=z(n),
-        rest=z(n),
-        made=z(n),
-        still=z((2, n)),
-        drift=z(b),
-        turns=z(b),
-        first=z(b, c),
-        last=z(b, c),
-        moments=z((COUNT, b), c),
-        legendre=z(COUNT, c),
-        pairs=z((2, b, b), c),
-        paired=z((2, n, b), c),
-        gram=z((n + 1, n)),
-    )
-
-
-def has_long_flights(forms: ClosedForms, clock: Array) -> bool:
-    """Whether steps between times may be worth being checked as a whole."""
-    slots = int(forms.used[0]) if len(forms.status) else 0
-    shortest = forms.shortest[:slots]
-    shortest = shortest[shortest > 0.0]
-    return bool(len(shortest) and np.max(np.diff(clock), initial=0.0) > _LONG * np.min(shortest))
-
-
-def extremes_known(rows: Rows) -> Array:
-    """Of which components of the state exact extremes are found in long flights: of a few that are
-    no modes of structures, since those of what is fast take longer than the rest of an audit."""
-    known = np.ones(int(rows.sizes[DIMENSION]), dtype=bool)
-    for begin, count in rows.bodies.tolist():
-        for first in (begin, int(rows.sizes[INERTIAL]) + begin):
-            known[first : first + count] = False
-    return known if np.count_nonzero(known) <= _FEW else np.zeros_like(known)
-
-
-class Stretch(NamedTuple):
-    """A flight: its closed form, when it begins, how long it lasts, in how many parts, how many
-    exponentials it has, and how long a Taylor series would last."""
-
-    slot: int
-    t: float
-    h: float
-    parts: int
-    exponents: int
-    acting: float
 
 
 @entry_point()
@@ -458,93 +261,7 @@ def candidate(rows: Rows, a: Aloft, mode: Array, reg: Array, h: float) -> int:
     slot = find(T.key, T.own, 0, T.used[0], mode_key(mode, reg))
     if slot < 0 or slot >= len(a.state) or T.status[slot] != AFFINE:
         return -1
-    return slot if h > _LONG * T.shortest[slot] > 0.0 else -1
-
-
-@compiled()
-def put_rows(rows: Rows, V: Array, table: Array, g: int) -> None:
-    """Put the values of all signals at an instant into a column."""
-    n, nc = rows.sizes[DIMENSION], len(rows.u)
-    for r in range(n):
-        table[r, g] = V[rows.program.rates[r], 0]
-    for c in range(nc):
-        table[n + c, g] = V[rows.u[c], 0]
-        table[n + nc + c, g] = V[rows.force[c], 0]
-        table[n + 2 * nc + c, g] = V[rows.plus[c], 0]
-        table[n + 3 * nc + c, g] = V[rows.minus[c], 0]
-    for j in range(len(rows.kinks)):
-        table[n + 4 * nc + j, g] = V[rows.kinks[j], 0]
-
-
-@compiled()
-def learn_mode(
-    machine: Machine, flow: Flow, a: Aloft, form: ClosedForms, slot: int, at: Instant
-) -> bool:
-    """Evaluate the equations at the eigenvectors of a mode; False if it is not affine.
-
-    Parameters
-    ----------
-    machine : Machine
-    flow : Flow
-    a : Aloft
-        Receives what they make of these, and the residuals.
-    form : ClosedForms
-    slot : int
-    at : Instant
-        In the mode.
-    """
-    rows, V = flow.rows, flow.space.V
-    n = rows.sizes[DIMENSION]
-    first = len(form.c2) - n
-    if coefficients(machine, flow, at, 1, flow.space.W) != OK or not is_affine(
-        flow, at.mode, at.reg
-    ):
-        return False
-    here = Instant(at.t, a.y, at.mode, at.reg)
-    right = a.right[slot]
-    for j in range(form.counts[EXPONENTS]):
-        for half in range(2):
-            for r in range(n):
-                z = form.a[first + r, j]
-                a.y[r] = _LARGE * (z.real if half == 0 else z.imag)
-            if coefficients(machine, flow, here, 1, V) != OK:
-                return False
-            put_rows(rows, V, a.slow, 0)
-            for row in range(len(right)):
-                value = a.slow[row, 0] / _LARGE
-                right[row, j] = (
-                    complex(value, 0.0) if half == 0 else complex(right[row, j].real, value)
-                )
-    for j in range(form.counts[EXPONENTS]):
-        put_residual(a, form, slot, j)
-    return True
-
-
-@compiled()
-def put_residual(a: Aloft, form: ClosedForms, slot: int, j: int) -> None:
-    """Put the residual of an eigenvector, in eigenvectors, into the tables."""
-    n = len(a.y)
-    first = len(form.c2) - n
-    count = form.counts[EXPONENTS]
-    lam = form.exponent[j]
-    for k in range(count):
-        own = complex(0.0, 0.0)
-        other = complex(0.0, 0.0)
-        for r in range(n):
-            off = a.right[slot, r, j] - lam * form.a[first + r, j]
-            own += form.R[k, r] * off
-            other += form.R[k, r] * off.conjugate()
-        a.straight[slot, k, j] = own
-        a.turned[slot, k, j] = other
-    for r in range(n):
-        off = a.right[slot, r, j] - lam * form.a[first + r, j]
-        re, im = off.real, off.imag
-        for k in range(count):
-            own, other = a.straight[slot, k, j], a.turned[slot, k, j]
-            z = form.a[first + r, k]
-            re -= 0.5 * (z * (own + other)).real
-            im -= 0.5 * (z * (own - other)).imag
-        a.aside[slot, r, j] = abs(re) + abs(im)
+    return slot if h > LONG_FLIGHT * T.shortest[slot] > 0.0 else -1
 
 
 @compiled()
@@ -589,56 +306,6 @@ def begin_flight(flow: Flow, a: Aloft, form: ClosedForms, start: Instant, h: flo
     for frequency in omega:
         fastest = max(fastest, frequency)
     return max(1, math.ceil(h * fastest / RADIANS))
-
-
-@compiled()
-def put_slow(a: Aloft, tau: float, omega: Array, y: Array) -> None:
-    """Put q at a time of the flight into a state."""
-    for m in range(len(omega)):
-        a.spin[m] = cmath.exp(1j * omega[m] * tau)
-    for r in range(len(y)):
-        y[r] = a.base[r] + tau * (a.ramp[r] + tau * a.bend[r])
-        for m in range(len(omega)):
-            y[r] += (a.swing[r, m] * a.spin[m]).real
-
-
-@compiled()
-def slow_rate(a: Aloft, tau: float, omega: Array, r: int) -> float:
-    """q′ at a time of the flight, at which the drives are in the work space."""
-    rate = a.ramp[r] + 2.0 * tau * a.bend[r]
-    for m in range(len(omega)):
-        rate += (1j * omega[m] * a.swing[r, m] * a.spin[m]).real
-    return float(rate)
-
-
-@compiled()
-def put_fast(a: Aloft, form: ClosedForms, s: Stretch, tau: float) -> None:
-    """Put the exponentials at a time of the flight into `z`."""
-    for j in range(s.exponents):
-        a.z[j] = a.r[j] * cmath.exp(form.exponent[j] * tau)
-
-
-@compiled()
-def put_state(a: Aloft, form: ClosedForms, s: Stretch, tau: float, omega: Array, y: Array) -> None:
-    """Put p at a time of the flight into a state.
-
-    Parameters
-    ----------
-    a : Aloft
-        Receives the exponentials.
-    form : ClosedForms
-    s : Stretch
-    tau : float
-    omega : array, shape (waves,)
-    y : array, shape (n,)
-    """
-    first = len(form.c2) - len(y)
-    put_slow(a, tau, omega, y)
-    put_fast(a, form, s, tau)
-    for r in range(len(y)):
-        for j in range(s.exponents):
-            z, w = form.a[first + r, j], a.z[j]
-            y[r] += z.real * w.real - z.imag * w.imag
 
 
 @compiled()
@@ -703,81 +370,6 @@ def is_flown(
         if not off <= _ALLOWED * size:
             return False
     return True
-
-
-@compiled()
-def note_residual(a: Aloft, form: ClosedForms, s: Stretch, begins: bool) -> None:
-    """Keep how large the residual of q is, which is in `x`, and by how much it differs from that at
-    the first node, where the flight `begins`."""
-    n = len(a.x)
-    first = len(form.c2) - n
-    for k in range(s.exponents):
-        re = 0.0
-        im = 0.0
-        for r in range(n):
-            re += form.R[k, r].real * a.x[r]
-            im += form.R[k, r].imag * a.x[r]
-        a.z[k] = complex(re, im)
-        if begins:
-            a.first[k] = a.last[k] = a.z[k]
-        a.drift[k] = most(a.drift[k], LEBESGUE * modulus_of(a.z[k] - a.first[k]))
-        a.turns[k] += LEBESGUE * modulus_of(a.z[k] - a.last[k])
-        a.last[k] = a.z[k]
-    for r in range(n):
-        rest = a.x[r]
-        for k in range(s.exponents):
-            z, w = form.a[first + r, k], a.z[k]
-            rest -= z.real * w.real - z.imag * w.imag
-        if begins:
-            a.still[0, r], a.still[1, r] = rest, a.x[r]
-        a.rest[r] = most(a.rest[r], abs(a.still[0, r]) + LEBESGUE * abs(rest - a.still[0, r]))
-        a.made[r] = most(a.made[r], abs(a.still[1, r]) + LEBESGUE * abs(a.x[r] - a.still[1, r]))
-
-
-@compiled()
-def passed(one: complex, other: complex, h: float) -> float:
-    """Bound of |∫₀ʰ exp(one (h − τ) + other τ) dτ|."""
-    largest = math.exp(max(max(one.real, other.real) * h, 0.0))
-    away = modulus_of(one - other)
-    return largest * (min(h, 2.0 / away) if away > 0.0 else h)
-
-
-@compiled()
-def put_bounds(a: Aloft, form: ClosedForms, s: Stretch) -> None:
-    """Put by how much the end of a flight may be off into `bound`: what its residual makes in it,
-    and, where this is averaged out, in the time of a Taylor step."""
-    n = len(a.bound)
-    first = len(form.c2) - n
-    for r in range(n):
-        a.bound[r] = s.h * a.rest[r] + s.acting * a.made[r]
-    for j in range(s.exponents):
-        size = modulus_of(a.r[j])
-        if size == 0.0:
-            continue
-        for r in range(n):
-            off = modulus_of(a.right[s.slot, r, j] - form.exponent[j] * form.a[first + r, j])
-            a.bound[r] += size * a.growth[j] * (s.h * a.aside[s.slot, r, j] + s.acting * off)
-    for k in range(s.exponents):
-        lam = form.exponent[k]
-        if lam == 0.0j:
-            continue
-        # by parts: what is constant counts for one turn
-        size = modulus_of(a.first[k]) + a.drift[k]
-        once = (2.0 * size + a.turns[k]) / modulus_of(lam)
-        made = a.growth[k] * min(s.h * size, once)
-        for j in range(s.exponents):
-            size = modulus_of(a.r[j])
-            if size > 0.0:
-                other = form.exponent[j]
-                made += 0.5 * size * modulus_of(a.straight[s.slot, k, j]) * passed(lam, other, s.h)
-                made += (
-                    0.5
-                    * size
-                    * modulus_of(a.turned[s.slot, k, j])
-                    * passed(lam, other.conjugate(), s.h)
-                )
-        for r in range(n):
-            a.bound[r] += modulus_of(form.a[first + r, k]) * made
 
 
 @compiled()
@@ -971,77 +563,6 @@ def obeys(
 
 
 @compiled()
-def power_of_pairs(
-    machine: Machine, flow: Flow, a: Aloft, form: ClosedForms, s: Stretch, at: Instant
-) -> tuple[float, float]:
-    """Energy that the exponentials of a flight dissipate, and are supplied, by themselves.
-
-    Parameters
-    ----------
-    machine : Machine
-    flow : Flow
-    a : Aloft
-    form : ClosedForms
-    s : Stretch
-    at : Instant
-        The beginning.
-    """
-    n = len(a.y)
-    first = len(form.c2) - n
-    put_pairs(a, form, s)
-    for k in range(2):
-        for r in range(n):
-            for j in range(s.exponents):
-                pairs = complex(0.0, 0.0)
-                for q in range(s.exponents):
-                    pairs += form.a[first + r, q] * a.r[q] * a.pairs[k, q, j]
-                a.paired[k, r, j] = pairs
-    for r in range(n):
-        for q in range(n):
-            total = 0.0
-            for j in range(s.exponents):
-                z = form.a[first + q, j] * a.r[j]
-                one, other = a.paired[0, r, j], a.paired[1, r, j]
-                total += one.real * z.real - one.imag * z.imag
-                total += other.real * z.real + other.imag * z.imag
-            a.gram[r, q] = 0.5 * total
-    for r in range(n):
-        a.gram[n, r] = a.gram[r, r]
-    spent, fed = 0.0, 0.0
-    here = Instant(at.t, a.y, at.mode, at.reg)
-    for _ in range(n):
-        best, part = 0, 0.0
-        for r in range(n):
-            if a.gram[r, r] > part * a.gram[n, r]:
-                best, part = r, a.gram[r, r] / a.gram[n, r]
-        if not part > _LEFT:
-            break
-        root = math.sqrt(a.gram[best, best])
-        for r in range(n):
-            a.x[r] = a.gram[r, best] / root
-            a.y[r] = _LARGE * a.x[r]
-        for r in range(n):
-            for q in range(n):
-                a.gram[r, q] -= a.x[r] * a.x[q]
-        a.gram[best, best] = 0.0
-        coefficients(machine, flow, here, 1, flow.space.V)
-        machine.powers(flow.space.V, at.reg, flow.k.K, flow.space.powers)
-        spent += flow.space.powers[DISSIPATED] / _LARGE / _LARGE
-        fed += flow.space.powers[SUPPLIED] / _LARGE / _LARGE
-    return spent, fed
-
-
-@compiled()
-def put_pairs(a: Aloft, form: ClosedForms, s: Stretch) -> None:
-    """Put the integrals of products of exponentials over the flight into the work space."""
-    for q in range(s.exponents):
-        for j in range(s.exponents):
-            lam, mu = form.exponent[q], form.exponent[j]
-            a.pairs[0, q, j] = grown_by(lam + mu, s.h)
-            a.pairs[1, q, j] = grown_by(lam + mu.conjugate(), s.h)
-
-
-@compiled()
 def add_contacts(
     rows: Rows, mag: Array, a: Aloft, form: ClosedForms, s: Stretch, sums: Sums
 ) -> bool:
@@ -1094,21 +615,3 @@ def add_contacts(
             sums.work[c] -= weight * a.slow[force, g] * a.slow[u, g]
             sums.work[c] -= a.slow[force, g] * fast + held * a.slow[u, g]
     return found
-
-
-@compiled()
-def add_work_of_pairs(rows: Rows, a: Aloft, s: Stretch, sums: Sums) -> None:
-    """Add the work of contacts that exponentials do by themselves, with the integrals of their
-    products."""
-    n, nc = len(a.y), len(rows.u)
-    for c in range(nc):
-        total = 0.0
-        for q in range(s.exponents):
-            held = a.right[s.slot, n + nc + c, q] * a.r[q]
-            if held == 0.0j:
-                continue
-            for j in range(s.exponents):
-                fast = a.right[s.slot, n + c, j] * a.r[j]
-                total += (held * fast * a.pairs[0, q, j]).real
-                total += (held * fast.conjugate() * a.pairs[1, q, j]).real
-        sums.work[c] -= 0.5 * total

@@ -1,0 +1,1 @@
+"""Long flights in closed form, audited as a whole."""

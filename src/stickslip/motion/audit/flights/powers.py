@@ -1,0 +1,115 @@
+"""What powers do in a flight in closed form: integrals of pairs of exponentials."""
+
+from __future__ import annotations
+
+import math
+
+from stickslip.motion.affine.forms import (
+    ClosedForms,
+)
+from stickslip.motion.affine.modal_sums import (
+    grown_by,
+)
+from stickslip.motion.audit.flights.aloft import LARGE_STATE, Aloft, Stretch
+from stickslip.motion.audit.observers import Sums
+from stickslip.motion.steps.arrays import (
+    DISSIPATED,
+    SUPPLIED,
+    Flow,
+    Instant,
+    Machine,
+    Rows,
+)
+from stickslip.motion.steps.starting import coefficients
+from stickslip.translator import compiled
+
+_LEFT = 1e-15  # part of a component of ∫ x xᵀ that is rounding
+
+
+@compiled()
+def power_of_pairs(
+    machine: Machine, flow: Flow, a: Aloft, form: ClosedForms, s: Stretch, at: Instant
+) -> tuple[float, float]:
+    """Energy that the exponentials of a flight dissipate, and are supplied, by themselves.
+
+    Parameters
+    ----------
+    machine : Machine
+    flow : Flow
+    a : Aloft
+    form : ClosedForms
+    s : Stretch
+    at : Instant
+        The beginning.
+    """
+    n = len(a.y)
+    first = len(form.c2) - n
+    put_pairs(a, form, s)
+    for k in range(2):
+        for r in range(n):
+            for j in range(s.exponents):
+                pairs = complex(0.0, 0.0)
+                for q in range(s.exponents):
+                    pairs += form.a[first + r, q] * a.r[q] * a.pairs[k, q, j]
+                a.paired[k, r, j] = pairs
+    for r in range(n):
+        for q in range(n):
+            total = 0.0
+            for j in range(s.exponents):
+                z = form.a[first + q, j] * a.r[j]
+                one, other = a.paired[0, r, j], a.paired[1, r, j]
+                total += one.real * z.real - one.imag * z.imag
+                total += other.real * z.real + other.imag * z.imag
+            a.gram[r, q] = 0.5 * total
+    for r in range(n):
+        a.gram[n, r] = a.gram[r, r]
+    spent, fed = 0.0, 0.0
+    here = Instant(at.t, a.y, at.mode, at.reg)
+    for _ in range(n):
+        best, part = 0, 0.0
+        for r in range(n):
+            if a.gram[r, r] > part * a.gram[n, r]:
+                best, part = r, a.gram[r, r] / a.gram[n, r]
+        if not part > _LEFT:
+            break
+        root = math.sqrt(a.gram[best, best])
+        for r in range(n):
+            a.x[r] = a.gram[r, best] / root
+            a.y[r] = LARGE_STATE * a.x[r]
+        for r in range(n):
+            for q in range(n):
+                a.gram[r, q] -= a.x[r] * a.x[q]
+        a.gram[best, best] = 0.0
+        coefficients(machine, flow, here, 1, flow.space.V)
+        machine.powers(flow.space.V, at.reg, flow.k.K, flow.space.powers)
+        spent += flow.space.powers[DISSIPATED] / LARGE_STATE / LARGE_STATE
+        fed += flow.space.powers[SUPPLIED] / LARGE_STATE / LARGE_STATE
+    return spent, fed
+
+
+@compiled()
+def put_pairs(a: Aloft, form: ClosedForms, s: Stretch) -> None:
+    """Put the integrals of products of exponentials over the flight into the work space."""
+    for q in range(s.exponents):
+        for j in range(s.exponents):
+            lam, mu = form.exponent[q], form.exponent[j]
+            a.pairs[0, q, j] = grown_by(lam + mu, s.h)
+            a.pairs[1, q, j] = grown_by(lam + mu.conjugate(), s.h)
+
+
+@compiled()
+def add_work_of_pairs(rows: Rows, a: Aloft, s: Stretch, sums: Sums) -> None:
+    """Add the work of contacts that exponentials do by themselves, with the integrals of their
+    products."""
+    n, nc = len(a.y), len(rows.u)
+    for c in range(nc):
+        total = 0.0
+        for q in range(s.exponents):
+            held = a.right[s.slot, n + nc + c, q] * a.r[q]
+            if held == 0.0j:
+                continue
+            for j in range(s.exponents):
+                fast = a.right[s.slot, n + c, j] * a.r[j]
+                total += (held * fast * a.pairs[0, q, j]).real
+                total += (held * fast.conjugate() * a.pairs[1, q, j]).real
+        sums.work[c] -= 0.5 * total
