@@ -329,6 +329,8 @@ def test_damaged_chunks_are_found_and_repaired(tmp_path: Path, name: str, how: s
         with contextlib.nullcontext() if name == "outcome" else pytest.warns(match=f"{name}/c/1/0"):
             part = ss.open(store)
         assert not part.outcome.ok and part.computed == int((part["outcome"] >= 0).sum()) < 21 * 15
+        gone = part["outcome"].values < 0
+        assert gone.any() and all(np.isnan(part[n].values[gone]).all() for n in ("speed", "excess"))
         same(sweep(TOY, OVER, MEASURE, store).dataset, exact())
     else:
         with pytest.raises(StickslipError, match=rf"damaged: {name}/c/1/0.*--repair"):

@@ -28,7 +28,7 @@ _LAYOUT = "3"
 
 
 class Faults(NamedTuple):
-    """Chunks that cannot be used, each with the name of its variable.
+    """Chunks that cannot be used, most of them with the name of their variable.
 
     Attributes
     ----------
@@ -36,10 +36,13 @@ class Faults(NamedTuple):
         Those with a wrong checksum.
     missing : list of (str, tuple of int)
         Those that are not there although their points are computed.
+    unfinished : list of tuple of int
+        Chunks of which some variable is there, but not the outcomes, which are written last.
     """
 
     damaged: list[tuple[str, Chunk]]
     missing: list[tuple[str, Chunk]]
+    unfinished: list[Chunk]
 
 
 def files(chunks: Iterable[tuple[str, Chunk]]) -> str:
@@ -129,10 +132,12 @@ def faults(
         Whether a chunk of outcomes, which is sound, has none.
     """
     *others, last = names
-    found = Faults([], [])
+    found = Faults([], [], [])
     told = _tells_places(path)
     for chunk in _chunks(array):
         states = {name: _sound(path, name, chunk, told) for name in names}
+        if states[last] is None and any(states.values()):
+            found.unfinished.append(chunk)
         if states[last] is None or all(states.values()):
             continue
         if states[last] and empty(chunk):

@@ -275,11 +275,15 @@ def read_map(path: Path) -> xarray.Dataset:
     found = damage.faults(path, names, arrays["outcome"], is_empty)
     if found.damaged:
         raise _damaged(path, found.damaged)
+    lost = {*found.unfinished, *(chunk for _, chunk in found.missing)}
+    if lost:
+        for name in names:  # of a point that is not computed nothing else is known, either
+            values = data[name].values.copy()
+            for chunk in lost:
+                if name == "outcome" or np.issubdtype(values.dtype, np.floating):
+                    values[region(chunk)] = NOT_COMPUTED if name == "outcome" else np.nan
+            data[name] = data[name].copy(data=values)
     if found.missing:
-        outcome = data["outcome"].copy(data=data["outcome"].values.copy())
-        for _, chunk in found.missing:
-            outcome.values[region(chunk)] = NOT_COMPUTED
-        data["outcome"] = outcome
         text = f"missing: {damage.files(found.missing)}; their points count as not computed"
         warnings.warn(f"{path}: {text}", stacklevel=3)
     return data
