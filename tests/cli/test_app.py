@@ -183,6 +183,20 @@ def test_a_motion_that_stops_early_is_kept_and_exits_1(tmp_path: Path) -> None:
     assert "'no bounded rate', and obeys the law until then" in " ".join(checked.stdout.split())
 
 
+def test_a_model_that_was_edited_after_a_run_is_noticed(tmp_path: Path) -> None:
+    Path("block.toml").write_text(ss.catalogue.belt_block().to_toml())
+    assert stickslip("run", "block.toml", "--until", "5", "--set", "V=0.2").exit_code == 0
+    given = ("check", "out/belt_block/trajectory.nc", "--model", "block.toml")
+    same = stickslip(*given, "--set", "V=0.2")
+    assert same.exit_code == 0 and "that of block.toml" in same.stdout
+    text = Path("block.toml").read_text()
+    Path("block.toml").write_text(text.replace("m*d_x**2/2", "m*d_x**2"))
+    edited = stickslip(*given, "--set", "V=0.2")
+    assert edited.exit_code == 1
+    assert "stored: kinetic" in edited.stdout and "block.toml: kinetic" in edited.stdout
+    assert json.loads(stickslip(*given, "--json").stdout)["differs"]
+
+
 BAD: dict[str, tuple[list[str], str]] = {
     "unknown system": (["run", "rocking_toi"], "Did you mean 'rocking_toy'?"),
     "dashes": (["show", "rocking-toy"], "Did you mean 'rocking_toy'?"),

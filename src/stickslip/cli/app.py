@@ -126,6 +126,11 @@ def cite(
 @guarded
 def check(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A stored result.")],
+    model: Annotated[
+        str | None,
+        typer.Option("--model", metavar="MODEL", help="The model that it should be of."),
+    ] = None,
+    settings: ParameterOptions = None,
     json_: Annotated[
         bool, typer.Option("--json", help="Print the certificate as JSON and nothing else.")
     ] = False,
@@ -133,7 +138,9 @@ def check(
     """Check a stored result.
 
     The certificate of a motion or a play is recomputed from the stored data alone; other results
-    say what was measured when they were computed. Exit code: 0 certified, 1 not, 2 no result.
+    say what was measured when they were computed. With --model (and --set as it was given then) it
+    is compared with a model that may have been edited since. Exit code: 0 certified, 1 not, or of
+    another model, 2 no result.
     """
     from stickslip import open as open_result
     from stickslip.cli.common.report import print_summary
@@ -141,16 +148,24 @@ def check(
 
     result = open_result(file)
     certificate = result.certificate
+    changed: list[str] = []
+    if model is not None:
+        from stickslip.cli.common.models import differences, load_model
+
+        changed = differences(result, load_model(model, settings or []), model)
     if json_:
-        typer.echo(json.dumps(plain(certificate.to_dict()), indent=2))
+        said = plain(certificate.to_dict()) | ({"differs": changed} if model is not None else {})
+        typer.echo(json.dumps(said, indent=2))
     else:
         rows = (
             ("file", str(file)),
             ("result", f"{result.KIND}, {result.message}"),
             *certificate_rows(certificate),
+            *((f"{model} differs" if i == 0 else "", line) for i, line in enumerate(changed)),
+            *([("model", f"that of {model}")] if model is not None and not changed else []),
         )
-        print_summary(Summary(result.title, rows, {}, certificate.ok))
-    raise typer.Exit(0 if certificate.ok else NOT_CERTIFIED)
+        print_summary(Summary(result.title, rows, {}, certificate.ok and not changed))
+    raise typer.Exit(0 if certificate.ok and not changed else NOT_CERTIFIED)
 
 
 @app.command()

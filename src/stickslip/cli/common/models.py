@@ -21,6 +21,7 @@ from stickslip.symbolic.formulas import Scope
 
 if TYPE_CHECKING:
     from stickslip.model.entries.tables import Table
+    from stickslip.results import Result
 
 _FILE = re.compile(r"[^*+()^<>]*\.(?![eE]\d)[A-Za-z]\w*\Z")  # no formula looks like that
 
@@ -59,6 +60,31 @@ def load_model(model: str, settings: Iterable[str], until: float | None = None) 
         reason = f"the time span begins at {start:g}, and would end at {until:g}"
         raise DeclarationError("--until", reason, "Let it end later")
     return replace(system, span=(start, until)).configure(samples)
+
+
+def differences(result: Result, system: System, model: str) -> list[str]:
+    """Lines of the model file in which the system of a result and another differ.
+
+    Parameters
+    ----------
+    result : Result
+    system : System
+    model : str
+        What the other is called.
+
+    Raises
+    ------
+    DeclarationError
+        If the result is not one of a system.
+    """
+    own = getattr(result, "system", None)
+    if not isinstance(own, System):
+        reason = f"{result.KIND} is not a result of one system"
+        raise DeclarationError("--model", reason, f"Leave {model} out")
+    before, now = (s.to_toml().splitlines() for s in (own, system))
+    lost = [f"stored: {line}" for line in before if line and line not in now]
+    new = [f"{model}: {line}" for line in now if line and line not in before]
+    return [*lost, *new]
 
 
 def references(model: str) -> list[str]:
