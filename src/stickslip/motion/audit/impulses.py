@@ -124,7 +124,7 @@ def explain_jump(
     strikes = approaching(machine, flow, before, last, cause, _NEARBY)
     for c in range(mq):
         work[RESTITUTION, c] = restitution_of(rows, space, c)
-        if rests_at_last(space, c, space.mag[c]):
+        if rests_at_last(rows, space, c, space.mag[c]):
             work[RESTITUTION, c] = 0.0
         work[IMPULSE, c], space.cones[STRONG, c] = 0.0, 0.0
         space.tried[_DONE, c] = _APART
@@ -203,12 +203,14 @@ def explain_in_turn(
 
 
 @compiled(brief=True)
-def rests_at_last(space: Space, c: int, size: float) -> bool:
-    """Whether a contact does not rebound, and would do so with next to no velocity: of infinitely
-    many impacts that follow faster and faster, the last are left out.
+def rests_at_last(rows: Rows, space: Space, c: int, size: float) -> bool:
+    """Whether a contact that can open does not rebound, and would do so with next to no velocity:
+    of infinitely many impacts that follow faster and faster, the last are left out. What rubs may
+    slip instead of being turned back, however slowly.
 
     Parameters
     ----------
+    rows : Rows
     space : Space
     c : int
     size : float
@@ -217,7 +219,7 @@ def rests_at_last(space: Space, c: int, size: float) -> bool:
     rebound = -space.impact[RESTITUTION, c] * space.impact[BEFORE, c]
     after = space.explained[_REACHED, c]
     slow = abs(rebound) <= _SETTLED * (size + space.explained[FASTEST, c])
-    return bool(slow and abs(after) < abs(after - rebound))
+    return bool(opens(rows, c) and slow and abs(after) < abs(after - rebound))
 
 
 @compiled(brief=True)
