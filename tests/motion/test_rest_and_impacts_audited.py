@@ -274,6 +274,34 @@ def part_bounces(part: object) -> bool:
     return isinstance(part, ss.Unilateral) and float(part.restitution) > 0.0
 
 
+def test_the_last_of_infinitely_many_impacts_that_rub() -> None:
+    """Towards their end they change no more than rounding errors of the belt's speed, and still
+    slip, or are turned back by tangential restitution, one as exactly as the other."""
+    rng = np.random.default_rng(3)
+    thrown = ss.System(
+        "thrown on a belt",
+        parameters=parameters("mu", "e", "b", "V"),
+        coordinates={"x": ss.Inertial(), "y": ss.Inertial()},
+        kinetic="(d_x**2 + d_y**2)/2",
+        potential=f"{G}*y",
+        contacts={
+            "floor": ss.Unilateral(
+                "y", "d_x", "mu", surface_speed="V", restitution="e", tangential_restitution="b"
+            )
+        },
+        span=(0.0, 3.0),
+    )
+    for _ in range(120):
+        values = {"mu": rng.uniform(0.0, 1.0), "e": rng.uniform(0.05, 0.8)}
+        values |= {"b": rng.uniform(0.0, 0.9), "V": rng.uniform(-2.0, 2.0)}
+        start = {"y": rng.uniform(0.05, 1.0), "d_x": rng.uniform(-4.0, 4.0)}
+        motion = ss.simulate(thrown, parameters=values, initial=start)
+        assert motion.certificate.ok, (motion.certificate.verdict, values, start)
+        # All impacts may slip, or all be turned back, but not both.
+        others = {"b": values["b"] + 1e-6}, {"mu": values["mu"] * (1 + 1e-6)}
+        assert not all(under(motion, thrown, values | other).certificate.ok for other in others)
+
+
 def test_impacts_of_many_feet() -> None:
     """Rigid tables that are dropped, flat or tilted: impulses of three feet and more are not
     unique, and the audit asks whether there are some."""

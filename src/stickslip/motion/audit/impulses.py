@@ -80,9 +80,10 @@ _APART, _TOUCHING = 0, 1  # of what opens; what rubs sticks (0) or slips (±1)
 _NEARBY = 1e3  # tolerances of a gap below which a contact may take part in an impact
 _CREATED = 1e-9  # part of the energy of an impact that may be a rounding error
 # Part of its size below which a velocity may be zero, and another one, where this explains too
-# little; the size is that of its terms, and at last that of all that have been.
+# little; the size is that of its terms, and then, with either part, that of all that have been: of
+# the last of infinitely many impacts rounding errors are no smaller.
 _SLOW, _SLOWER = 1e-10, 1e-13
-_TRIALS = 3
+_TRIALS, _TRIALS_IN_TURN = 4, 3
 _SETTLED = 1e-9  # the same for velocities with which a contact would rebound, but rests
 _EXPLAINED = 1e-12  # part of a jump that may be left unexplained before another is tried
 
@@ -124,7 +125,7 @@ def explain_jump(
     strikes = approaching(machine, flow, before, last, cause, _NEARBY)
     for c in range(mq):
         work[RESTITUTION, c] = restitution_of(rows, space, c)
-        if rests_at_last(space, c, space.mag[c]):
+        if rests_at_last(rows, space, c, space.mag[c]):
             work[RESTITUTION, c] = 0.0
         work[IMPULSE, c], space.cones[STRONG, c] = 0.0, 0.0
         space.tried[_DONE, c] = _APART
@@ -183,7 +184,7 @@ def explain_in_turn(
         found[RATES_LEFT, q] = np.inf
         largest = max(largest, abs(after[nq + q] - before.y[nq + q]))
     least = np.inf
-    for trial in range(_TRIALS):
+    for trial in range(_TRIALS_IN_TURN):
         for c in range(mq):
             before.mode[c] = int(found[_MOVED, c])
         only = cause if trial == 1 else NOWHERE
@@ -203,12 +204,14 @@ def explain_in_turn(
 
 
 @compiled(brief=True)
-def rests_at_last(space: Space, c: int, size: float) -> bool:
-    """Whether a contact does not rebound, and would do so with next to no velocity: of infinitely
-    many impacts that follow faster and faster, the last are left out.
+def rests_at_last(rows: Rows, space: Space, c: int, size: float) -> bool:
+    """Whether a contact that can open does not rebound, and would do so with next to no velocity:
+    of infinitely many impacts that follow faster and faster, the last are left out. What rubs may
+    slip instead of being turned back, however slowly.
 
     Parameters
     ----------
+    rows : Rows
     space : Space
     c : int
     size : float
@@ -217,7 +220,7 @@ def rests_at_last(space: Space, c: int, size: float) -> bool:
     rebound = -space.impact[RESTITUTION, c] * space.impact[BEFORE, c]
     after = space.explained[_REACHED, c]
     slow = abs(rebound) <= _SETTLED * (size + space.explained[FASTEST, c])
-    return bool(slow and abs(after) < abs(after - rebound))
+    return bool(opens(rows, c) and slow and abs(after) < abs(after - rebound))
 
 
 @compiled(brief=True)
@@ -328,8 +331,8 @@ def put_cones(rows: Rows, space: Space) -> float:
 @compiled(brief=True)
 def is_slow(found: Array, c: int, trial: int) -> bool:
     """Whether γ⁺ + e γ⁻ of a contact may be zero."""
-    size = found[_SIZE, c] + (found[FASTEST, c] if trial == _TRIALS - 1 else 0.0)
-    return bool(abs(found[_MOVED, c]) <= (_SLOWER if trial == 1 else _SLOW) * size)
+    size = found[_SIZE, c] + (found[FASTEST, c] if trial >= _TRIALS // 2 else 0.0)
+    return bool(abs(found[_MOVED, c]) <= (_SLOWER if trial % 2 == 1 else _SLOW) * size)
 
 
 @compiled(brief=True)

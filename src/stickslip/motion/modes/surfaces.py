@@ -297,6 +297,7 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     before = flow.space.touched
     opened = just_opened(rows, lane)
     asked = opened >= 0
+    apart = lane.mode[opened] if asked else 0
     if asked:
         set_mode(rows, lane.mode, opened, 0)
     for p in range(len(rows.planes)):
@@ -322,7 +323,7 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
         if before[first] != 0:
             set_mode(rows, lane.mode, first, before[first])
     if opened >= 0:
-        set_mode(rows, lane.mode, opened, 1)
+        set_mode(rows, lane.mode, opened, apart)
 
 
 @compiled()
