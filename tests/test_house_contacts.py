@@ -26,7 +26,7 @@ LISTS = frozenset({"planes", "openings"})
 ASKED = {
     "motion/admissible": 16,
     "motion/affine": 1,
-    "motion/audit": 31,
+    "motion/audit": 32,
     "motion/engine": 8,
     "motion/modes": 38,
     "motion/steps": 12,

@@ -218,15 +218,10 @@ def test_refused(text: str, says: str) -> None:
         parse(text)
 
 
-def is_of_samples(row: str) -> bool:
-    """Whether a row is that of some samples that were made before."""
-    return row.startswith("samples_")
-
-
 def test_names_are_taken() -> None:
     with pytest.raises(DeclarationError, match="'square' has a fixed meaning"):
         ss.System("s", parameters={"square": ss.Parameter(1.0)}, internal={"a": ss.Internal("a")})
-    made_of = {row for row in FUNCTIONS if FUNCTIONS[row].typed and not is_of_samples(row)}
+    made_of = {row for row in FUNCTIONS if FUNCTIONS[row].typed and not FUNCTIONS[row].sampled}
     assert made_of - STRUCTURES.keys() == {"wrap", "ease"}
     assert builtins().keys() >= STRUCTURES.keys()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from stickslip.equations.derive import MotionEquations
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
+from stickslip.symbolic.functions import FUNCTIONS
 
 _MORE = 3  # degree of what is neither constant, nor affine, nor quadratic
 
@@ -58,6 +59,7 @@ def _degree(
         return min(int(degree), _MORE)
     if e.op == "select":
         return max(known[branch] for branch in e.args[1:])
-    if e.op in ("sin", "cos") and e.symbols <= parameters | {"t"}:
+    row = FUNCTIONS.get(e.op)
+    if row is not None and row.crest is not None and e.symbols <= parameters | {"t"}:
         return 1 if ex.frequency(e) in waves else _MORE
     return _MORE

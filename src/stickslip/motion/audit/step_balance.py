@@ -145,6 +145,15 @@ def audit_steps(
             audit_start(machine, flow, starts, ends, i, accounts)
 
 
+@compiled(brief=True)
+def has_finite_parts(y: Array) -> bool:
+    """Whether all numbers are finite."""
+    total = 0.0
+    for r in range(len(y)):
+        total = total + abs(y[r])
+    return bool(total < np.inf)
+
+
 @compiled()
 def note_largest(y: Array, tally: Tally) -> None:
     """Count the sizes of parts of the state that a knot has, if they are finite.
@@ -210,10 +219,8 @@ def audit_step(
         start = Instant(base, y, mode, reg)
         order, h, series = follow_mode(machine, flow, start, left, last, seen)
         h = min(left, max(h, 1e-12 * left))
-        if ends_there(h, left, base):
-            h = left
-        if not h > 0.0:
-            h = left  # nothing here is a number, which the nodes will show
+        if ends_there(h, left, base) or not (h > 0.0 and has_finite_parts(y)):
+            h = left  # what is not a number is seen at the nodes
         # a closed form may last for many Taylor steps, each of which counts by itself
         if not whole > 0.0:
             whole = h

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from stickslip.arrays import Array
+from stickslip.kept import cached_property
 from stickslip.motion.record.knots import Knots
 from stickslip.stopping.scopes import unbroken
 
