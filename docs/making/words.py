@@ -27,6 +27,9 @@ WORDS: Mapping[str, str] = {
     "underplatform damper, blade, turbine",
     "tutorials/bodies-on-points-faces-and-wheels": "rigid body, coin, curling, disc, skate, wheel, "
     "snake, rod on two points, plate, three legs, spin, ellipsoid, limit surface",
+    "tutorials/controllers": "controller, PID, stiction, sampled data, time delay, quantisation, "
+    "dither, measurement noise",
+    "how-to/controllers": "co-simulation, stepper, step by step, feedback, control loop, Simulink",
     "tutorials/impacts": "impact, bouncing, lift off, restitution, collision with a stop, Zeno",
     "tutorials/gaits": "walking, gait, locomotion, crawling",
     "tutorials/record-to-map": "record to a map",
@@ -55,7 +58,7 @@ WORDS: Mapping[str, str] = {
     "how-to/fit": "fit, fit data, parameter estimation, identification, which law, calibrate",
     "how-to/finite-elements": "finite elements, FEM, membrane",
     "how-to/structures": "structure, beam, matrix, stiffness matrix, modes, Craig-Bampton, Nastran",
-    "how-to/data": "export csv, export data, save, pandas, xarray, netCDF, plot",
+    "how-to/data": "export csv, export data, Parquet, WAV, sound, save, pandas, xarray, netCDF, plot",
     "how-to/explore": "explorer, play in the browser, interactive, slider, GUI",
     "how-to/notebooks": "notebook, jupyter",
     "how-to/outcomes": "motion stopped, outcome, error message, no bounded rate, did not finish",
