@@ -58,7 +58,8 @@ WORDS: Mapping[str, str] = {
     "how-to/fit": "fit, fit data, parameter estimation, identification, which law, calibrate",
     "how-to/finite-elements": "finite elements, FEM, membrane",
     "how-to/structures": "structure, beam, matrix, stiffness matrix, modes, Craig-Bampton, Nastran",
-    "how-to/data": "export csv, export data, Parquet, WAV, sound, save, pandas, xarray, netCDF, plot",
+    "how-to/data": "export csv, export data, Parquet, WAV, sound, save, pandas, xarray, netCDF, "
+    "plot",
     "how-to/explore": "explorer, play in the browser, interactive, slider, GUI",
     "how-to/notebooks": "notebook, jupyter",
     "how-to/outcomes": "motion stopped, outcome, error message, no bounded rate, did not finish",
