@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
+import signal
+import threading
 from dataclasses import replace
 from typing import Any
 
@@ -224,3 +227,14 @@ def test_a_motion_that_ends_is_named_and_kept() -> None:
 def test_bad_input(made: Any, reason: str) -> None:
     with pytest.raises(ss.DeclarationError, match=reason):
         made(SYSTEMS["dry"])
+
+
+def test_control_c_ends_a_long_step_where_it_is() -> None:
+    stepper = ss.Stepper(ss.catalogue.belt_block(), max_events=10**9)
+    asked = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
+    asked.start()
+    with pytest.raises(KeyboardInterrupt):
+        stepper.advance(1e9)
+    asked.join()
+    assert 0.0 < stepper.time < 1e9
+    assert stepper.advance(stepper.time + 1.0).keys() == {"x", "d_x"}

@@ -23,12 +23,13 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.certificates import Certificate, Residual, worst
-from stickslip.errors import DeclarationError
+from stickslip.errors import ConvergenceError, DeclarationError
 from stickslip.model.entries.units import factors, unit_product, unit_text, with_unit
 from stickslip.model.quantities import described_as, energy_unit, quantity, slip_unit
 from stickslip.model.system import System
 from stickslip.motion.simulate import run_loop
 from stickslip.results import Completion, Result, restored_certificate
+from stickslip.stopping.scopes import watching
 from stickslip.symbolic import expressions as ex
 
 if TYPE_CHECKING:
@@ -412,8 +413,14 @@ def _ends_of_series(motion: Trajectory) -> Array:
     start, end = float(k.time[0]), float(k.time[-1])
     if not motion._problem.exact or end <= start:
         return k.clock
-    clock = run_loop(problem, start, end, k.state[0], _MOST_STEPS)[1].clock
-    return clock[clock <= k.clock[-1]]
+    with watching():
+        code, knots, ended = run_loop(problem, start, end, k.state[0], _MOST_STEPS)
+    if ended is not None:
+        raise ended
+    if code != 0 and motion.outcome.ok:
+        reached = f"its Taylor series end at t = {knots.time[-1]:.9g}"
+        raise ConvergenceError("events faster than a rate", reached, "Take the motion up to there")
+    return knots.clock[knots.clock <= k.clock[-1]]
 
 
 def _rates(motion: Trajectory, names: Sequence[str], clock: Array, index: Array) -> Array:

@@ -21,6 +21,7 @@ from stickslip.motion.problem import pose
 from stickslip.motion.record.knots import Knots
 from stickslip.motion.starts import check_contacts, check_stable_start, numbers_of, put_on_contacts
 from stickslip.motion.steps.arrays import CAUSE, FULL, HAPPENED, NOW, SPAN, TAKEN, Constants
+from stickslip.stopping.scopes import watching
 from stickslip.symbolic.formulas import TimeFunction
 
 if TYPE_CHECKING:
@@ -225,7 +226,13 @@ class Stepper:
         clock[SPAN] = end - begin
         counters[CAUSE] = -1
         counters[TAKEN] = counters[HAPPENED] = 0
-        code, pieces, count = self._follow(end - origin)
+        self._last = None  # the room is written to
+        try:
+            with watching():  # Ctrl-C ends a long step, and leaves it where it is
+                code, pieces, count = self._follow(end - origin)
+        except BaseException:
+            self.time = origin + float(clock[NOW])
+            raise
         self.time = end if code == 0 else origin + float(clock[NOW])
         self._last = (begin, pieces, count, code)
         if code != 0:
