@@ -1,4 +1,4 @@
-"""Results as files for other programs, by the ending of the file."""
+"""Results and systems as files for other programs, by the ending of the file."""
 
 from __future__ import annotations
 

@@ -130,7 +130,7 @@ class Stepper:
         system.declaration.check_parameters(values)
         known = {name: _value_of(system, name, values, begin) for name in inputs}
         self._linear = interpolation == "linear"
-        self.system: System = _with_inputs(system, known, self._linear, begin)
+        self.system: System = with_inputs(system, known, self._linear, begin)
         kept = {k: v for k, v in values.items() if k in self.system.parameters and k not in known}
         self._problem = pose(self.system, kept, rtol, atol, origin=begin)
         self._places = {name: i for i, name in enumerate(self.system.parameters)}
@@ -326,8 +326,24 @@ def _value_of(system: System, name: str, values: Mapping[str, float], time: floa
     return float(system.evaluate(name, {**values, "t": time}))
 
 
-def _with_inputs(system: System, inputs: Mapping[str, float], linear: bool, time: float) -> System:
-    """The system with its inputs as parameters, or as straight lines in time."""
+def with_inputs(system: System, inputs: Mapping[str, float], linear: bool, time: float) -> System:
+    """The system with its inputs as parameters, or as straight lines in time.
+
+    Parameters
+    ----------
+    system : System
+    inputs : mapping of str to float
+        Parameters and drives, and the values that they have at first.
+    linear : bool
+        Whether they are straight lines.
+    time : float
+        From which these begin.
+
+    Raises
+    ------
+    DeclarationError
+        If formulas do not make sense any more: they name the rate of a drive.
+    """
     parameters = {n: p for n, p in system.parameters.items() if n not in inputs}
     drives = {n: d for n, d in system.drives.items() if n not in inputs}
     for name, value in inputs.items():
