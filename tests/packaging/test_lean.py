@@ -15,7 +15,7 @@ WITHOUT = """
 import sys
 
 class Absent:
-    names = {"matplotlib", "zarr", "pyamg", "clarabel", "distributed", "sympy", "PIL"}
+    names = {"matplotlib", "zarr", "pyamg", "clarabel", "distributed", "sympy", "PIL", "pythonfmu"}
 
     def find_spec(self, name, path=None, target=None):
         if name.partition(".")[0] in self.names:
@@ -44,6 +44,7 @@ for ask, extra in (
     (lambda: motion.plot(), "plots"),
     (lambda: ss.figures, "plots"),
     (lambda: ss.sweep(block, {"V": [0.1, 0.2]}, ["period"]), "maps"),
+    (lambda: ss.export(block, "block.fmu"), "fmi"),
 ):
     try:
         ask()

@@ -99,7 +99,7 @@ def test_the_wheel_is_complete(wheel: Path) -> None:
     sources = {
         path.relative_to(ROOT / "src").as_posix()
         for path in (ROOT / "src").rglob("*")
-        if path.is_file() and path.suffix in (".py", ".typed", ".html", ".css")
+        if path.is_file() and path.suffix in (".py", ".typed", ".txt", ".html", ".css")
     }
     assert sources <= names
     assert "stickslip/py.typed" in names

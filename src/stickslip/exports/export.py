@@ -2,39 +2,50 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from stickslip.arguments import validated
 from stickslip.errors import DeclarationError, short
+from stickslip.exports.fmu import write_fmu
+from stickslip.exports.numpy_file import write_numpy
 from stickslip.exports.sound import sound_of, write_wav
 from stickslip.exports.tables import exported_table, motion_in, write_csv, write_parquet
+from stickslip.model.system import System
 from stickslip.results import Result
+from stickslip.storage import named
 
 
 @validated
 def export(
-    result: Result,
+    result: Result | System,
     path: str | Path,
     *quantities: str,
     step: float | None = None,
     units: bool = False,
     rate: int = 44100,
     seconds: float = 1.0,
+    inputs: Sequence[str] | None = None,
 ) -> None:
-    """Write a result for other programs: its table, or a quantity of a motion as sound.
+    """Write a result for other programs: its table, or a quantity of a motion as sound; or a
+    system, which other programs then move.
 
     Tables hold numbers that are read back exactly, and words for what stands for a word, such as
     modes and outcomes.
 
     Parameters
     ----------
-    result : Result
-        Any, such as a motion, a cycle, a map or a frequency response.
+    result : Result or System
+        Any result, such as a motion, a cycle, a map or a frequency response.
     path : str or path
-        A file that ends in ``.csv``, in ``.parquet`` (title, units and version are in its metadata)
-        or in ``.wav`` (16 bits, without the mean, as loud as the file can hold).
+        Of a result a file that ends in ``.csv``, in ``.parquet`` (title, units and version are in
+        its metadata) or in ``.wav`` (16 bits, without the mean, as loud as the file can hold). Of a
+        system one that ends in ``.fmu`` (FMI 2 for co-simulation: a
+        :class:`stickslip.Stepper` behind the interface of other simulators) or in ``.py``
+        (right-hand side and events as functions of NumPy, for other integrators).
     *quantities : str
-        Columns beside those of the coordinates, by default all; or what is heard.
+        Columns beside those of the coordinates, or outputs of an FMU, by default all; or what is
+        heard.
     step : float, optional
         Time between rows of a motion or a cycle; by default the times of its dataset, which are
         denser at switches.
@@ -45,12 +56,15 @@ def export(
         lower ones.
     seconds : float
         How long a unit of time sounds.
+    inputs : sequence of str, optional
+        Parameters and drives that are inputs of an FMU, held during its steps; by default all
+        drives but those whose rates are used. Drives that are none run as they are declared.
 
     Raises
     ------
     DeclarationError
-        If a quantity is unknown, the ending of the file is another, or a step or a sound is asked
-        of what is neither a motion nor a cycle.
+        If a quantity is unknown, the ending of the file is another, a step or a sound is asked of
+        what is neither a motion nor a cycle, an input cannot be one, or a system has no such form.
     StickslipError
         If the file cannot be written, or a package is missing; an existing file is replaced only by
         a complete one.
@@ -60,8 +74,13 @@ def export(
     >>> import stickslip as ss
     >>> motion = ss.simulate(ss.catalogue.belt_block())
     >>> ss.export(motion, "block.csv", "x", "d_x", step=0.01)
+    >>> ss.export(ss.catalogue.belt_block(), "block.py")
     """
-    match ending := Path(path).suffix.lower():
+    ending = Path(path).suffix.lower()
+    if isinstance(result, System):
+        _export_system(result, path, ending, quantities, inputs)
+        return
+    match ending:
         case ".csv":
             write_csv(exported_table(result, quantities, step), path, units)
         case ".parquet":
@@ -72,6 +91,32 @@ def export(
                 reason = f"a sound is of one, not of {len(quantities)}"
                 raise DeclarationError("quantities", reason, "Name one, like 'x'")
             write_wav(sound_of(motion, quantities[0], rate, seconds), rate, path)
+        case ".fmu" | ".py":
+            reason = f"'{ending}' is written of a system, and this is {named(result.KIND)}"
+            raise DeclarationError("path", reason, "Export the system")
         case _:
             reason = f"'{short(ending)}' is not the ending of a file that can be written"
             raise DeclarationError("path", reason, "Use .csv, .parquet or .wav")
+
+
+def _export_system(
+    system: System,
+    path: str | Path,
+    ending: str,
+    quantities: Sequence[str],
+    inputs: Sequence[str] | None,
+) -> None:
+    match ending:
+        case ".fmu":
+            write_fmu(system, path, inputs, quantities)
+        case ".py" if quantities or inputs:
+            reason = "a file of Python has all of the state, and drives as they are declared"
+            raise DeclarationError("quantities" if quantities else "inputs", reason, "Leave it out")
+        case ".py":
+            write_numpy(system, path)
+        case ".csv" | ".parquet" | ".wav":
+            reason = f"'{ending}' is written of a result, and this is a system"
+            raise DeclarationError("path", reason, "Simulate it first, or use .fmu or .py")
+        case _:
+            reason = f"'{short(ending)}' is not the ending of a file that can be written"
+            raise DeclarationError("path", reason, "Use .fmu or .py")

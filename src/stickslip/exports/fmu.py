@@ -16,6 +16,12 @@ from stickslip.model.system import System
 
 _SCRIPT = '''"""Loads the model beside this file, by the Python that runs it."""
 
+import ctypes
+
+# With each instance the library of pythonfmu (0.7) gives back a reference to the names of this
+# module that it does not own. This one is for that, and is never given back.
+ctypes.pythonapi.Py_IncRef(ctypes.py_object(globals()))
+
 try:
     from stickslip.exports.fmu_slave import SystemFmu
 except ImportError as error:

@@ -7,11 +7,9 @@ FMU is there: what is wrong is logged, the step is discarded, and what has no va
 
 from __future__ import annotations
 
-import ctypes
 import io
 import json
 import math
-import sys
 from pathlib import Path
 from typing import Any
 from uuid import NAMESPACE_URL, uuid5
@@ -46,7 +44,7 @@ from stickslip.motion.stepper import Stepper, StepperState
 from stickslip.motion.trajectory import Trajectory
 
 _RTOL = 1e-10
-_SMALLEST_RTOL = 1e-14
+_SMALLEST_RTOL = 1e-13  # that motions have
 _STEPS = 500  # of the default experiment
 _OUTPUTS = ("output", "mode")
 _ROUNDING = 1e-9  # of a time, that importers add up
@@ -70,7 +68,6 @@ class SystemFmu(Fmi2Slave):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        _hold_module(type(self))
         self.model: FmuModel = FmuModel.read(Path(self.resources) / RESOURCE)
         system = self.model.system
         self.modelName = self.model.identifier
@@ -116,7 +113,8 @@ class SystemFmu(Fmi2Slave):
     def _declare_certificate(self) -> None:
         def take(value: bool) -> None:
             self._only_before(MEASURED, bool(value) != self._measures)
-            self._measures = bool(value)
+            if self._phase == "before":
+                self._measures = bool(value)
 
         shown: dict[str, Any] = {
             "causality": Fmi2Causality.output,
@@ -151,7 +149,10 @@ class SystemFmu(Fmi2Slave):
 
     def _set(self, v: FmuVariable, value: float) -> None:
         if v.role != "input":
-            self._only_before(v.name, value != self._given.get(v.name, v.value))
+            changed = value != self._given.get(v.name, v.value)
+            self._only_before(v.name, changed)
+            if self._phase != "before":
+                return
             self._stepper = None
         self._given[v.name] = value
         if self._stepper is None or self._motion is None:
@@ -380,15 +381,6 @@ class SystemFmu(Fmi2Slave):
         if units:
             root.insert(1, _unit_definitions(sorted(set(units.values()))))
         return root
-
-
-def _hold_module(model: type) -> None:
-    """Keep the names of the module of a model for ever: with each instance the library of pythonfmu
-    (0.7) gives a reference to them back that is not its own, and they would go before the module
-    does."""
-    module = sys.modules.get(model.__module__)
-    if module is not None:
-        ctypes.pythonapi.Py_IncRef(ctypes.py_object(vars(module)))
 
 
 def _unit_definitions(units: list[str]) -> Element:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -261,17 +261,47 @@ def plot_command(
 
 
 def export_command(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A stored result, or a map.")],
-    out: Annotated[
-        Path,
-        typer.Option("--out", metavar="FILE", help="A file that ends in .csv, .parquet or .wav."),
+    file: Annotated[
+        str,
+        typer.Argument(
+            metavar="FILE|MODEL", help="A stored result, or a map; of a system, its model."
+        ),
     ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="A file that ends in .csv, .parquet or .wav; of a model in .fmu or .py.",
+        ),
+    ] = None,
+    fmi: Annotated[
+        bool, typer.Option("--fmi", help="An FMU of the model, NAME.fmu if --out names none.")
+    ] = False,
+    python: Annotated[
+        bool,
+        typer.Option("--python", help="A file of Python of the model, NAME.py if --out names none."),
+    ] = False,
+    settings: ParameterOptions = None,
+    input_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--input",
+            metavar="NAME",
+            help="Parameter or drive that is an input of the FMU; may be repeated.  "
+            "[default: all drives]",
+        ),
+    ] = None,
+    no_inputs: Annotated[
+        bool, typer.Option("--no-inputs", help="All drives of the FMU run as they are declared.")
+    ] = False,
     quantity: Annotated[
         list[str] | None,
         typer.Option(
             "--quantity",
             metavar="NAME",
-            help="Column beside the coordinates, or what is heard; may be repeated. [default: all]",
+            help="Column beside the coordinates, output of the FMU, or what is heard; may be "
+            "repeated. [default: all]",
         ),
     ] = None,
     step: Annotated[
@@ -289,13 +319,37 @@ def export_command(
     ] = 1.0,
 ) -> None:
     """Write a stored result for other programs: its table as CSV or Parquet, or a quantity of a
-    motion or a cycle as sound."""
+    motion or a cycle as sound; or a model, as an FMU or as a file of Python."""
     from stickslip import export
     from stickslip import open as open_result
 
-    result = open_result(file)
-    export(result, out, *(quantity or ()), step=step, units=units, rate=rate, seconds=seconds)
-    typer.echo(out)
+    place = _place(file, out, {".fmu": fmi, ".py": python})
+    if place.suffix.lower() in (".fmu", ".py"):
+        inputs = [] if no_inputs else input_ or None
+        export(load_model(file, settings or []), place, *(quantity or ()), inputs=inputs)
+    else:
+        for option, given in (("--set", settings), ("--input", input_)):
+            if given:
+                raise DeclarationError(option, "a stored result is what it is", "Leave it out")
+        result = open_result(Path(file))
+        export(result, place, *(quantity or ()), step=step, units=units, rate=rate, seconds=seconds)
+    typer.echo(place)
+
+
+def _place(file: str, out: Path | None, asked: Mapping[str, bool]) -> Path:
+    """The file that is written."""
+    endings = [ending for ending, wanted in asked.items() if wanted]
+    if len(endings) > 1:
+        raise DeclarationError("--python", "--fmi asks for another file", "Give one of them")
+    if out is None:
+        if not endings:
+            remedy = "Give --out FILE; of a model, --fmi or --python"
+            raise DeclarationError("--out", "it is not said what is to be written", remedy)
+        return Path(Path(file).stem + endings[0])
+    if endings and out.suffix.lower() != endings[0]:
+        reason = f"'{out}' does not end in {endings[0]}"
+        raise DeclarationError("--out", reason, f"Call it {out.with_suffix(endings[0])}")
+    return out
 
 
 def _adaptive(names: list[str] | None, contrast: float) -> Adaptive | None:
