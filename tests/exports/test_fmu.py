@@ -33,7 +33,7 @@ def block(force: Any = "1.2*cos(0.7*t)", span: Any = (0.0, 20.0), **others: Any)
     """A mass on dry ground that a force pulls."""
     return ss.System(
         "pulled block",
-        title="Block with a <force> & \"friction\"",
+        title='Block with a <force> & "friction"',
         parameters={"k": ss.Parameter(1.0, "N/m"), "mu": ss.Parameter(0.3, "N", "friction")},
         drives={"F": force},
         coordinates={"x": ss.Inertial("m", "position")},
@@ -120,7 +120,7 @@ class Running:
         """A step is not done, changes nothing, and the log says why."""
         before = self.get("x")
         self.log.clear()
-        with pytest.raises(Exception, match="fmi2DoStep|doStep|discard"):
+        with pytest.raises(Exception, match="discard"):
             self.step(time, size)
         assert reason in " ".join(self.log), self.log
         after = self.get("x")
@@ -156,7 +156,7 @@ def test_an_fmu_moves_as_the_system_does(name: str, tmp_path: Path) -> None:
     for column in shown:
         size = max(1.0, float(np.max(np.abs(same[column]))))
         apart = np.abs(found[column] - same[column])[smooth] / size
-        assert np.max(apart) <= 1e-12 or column[:3] == "dd_" and np.max(apart) <= 1e-9, column
+        assert np.max(apart) <= 1e-12, column
 
 
 def test_inputs_are_held_and_parameters_and_starts_are_set(tmp_path: Path) -> None:
@@ -175,9 +175,7 @@ def test_inputs_are_held_and_parameters_and_starts_are_set(tmp_path: Path) -> No
             assert fmu.get("pull") == pytest.approx(value * fmu.get("d_x"), rel=1e-15)
         last = fmu.get("x")
     drive = ss.Samples([*times, 8.0], [*values, values[-1]], kind="hold")
-    same = ss.simulate(
-        block(drive, (0.0, 8.0)), parameters={"mu": 0.5}, initial={"x": 1.5}
-    )
+    same = ss.simulate(block(drive, (0.0, 8.0)), parameters={"mu": 0.5}, initial={"x": 1.5})
     assert last == pytest.approx(same.final["x"], abs=1e-12)
 
 

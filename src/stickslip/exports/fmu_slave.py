@@ -360,9 +360,7 @@ class SystemFmu(Fmi2Slave):
         root = super().to_xml(model_options or {})
         root.set("variableNamingConvention", "flat")  # such as u[tip]
         units = {v.name: v.unit for v in self.model.variables if v.unit not in ("", "1")}
-        starts = {
-            v.name: repr(v.value) for v in self.model.variables if v.role not in _OUTPUTS
-        }
+        starts = {v.name: repr(v.value) for v in self.model.variables if v.role not in _OUTPUTS}
         unknowns: list[str] = []
         for i, element in enumerate(root.iterfind("ModelVariables/ScalarVariable"), start=1):
             name = element.get("name", "")

@@ -44,8 +44,8 @@ _BUILT_IN = ("abs", "min", "max")
 _TEMPLATE = Path(__file__).with_name("numpy_template.txt")
 _OWN = frozenset(
     "np itertools t y mode p name NamedTuple Block NOTHING parameters initial span STATE CONTACTS "
-    "MOVES N_Q N_Z example kinks solve rhs events first_mode next_mode fits motion inertial viscous internal "
-    "numbers rates z_rates".split()
+    "MOVES N_Q N_Z example kinks solve rhs events first_mode next_mode fits motion inertial viscous "
+    "internal numbers rates z_rates".split()
 )
 
 

@@ -280,7 +280,9 @@ def export_command(
     ] = False,
     python: Annotated[
         bool,
-        typer.Option("--python", help="A file of Python of the model, NAME.py if --out names none."),
+        typer.Option(
+            "--python", help="A file of Python of the model, NAME.py if --out names none."
+        ),
     ] = False,
     settings: ParameterOptions = None,
     input_: Annotated[
