@@ -44,8 +44,8 @@ _BUILT_IN = ("abs", "min", "max")
 _TEMPLATE = Path(__file__).with_name("numpy_template.txt")
 _OWN = frozenset(
     "np itertools t y mode p name NamedTuple Block NOTHING parameters initial span STATE CONTACTS "
-    "MOVES N_Q N_Z example kinks solve rhs events first_mode next_mode fits motion inertial viscous "
-    "internal numbers rates z_rates".split()
+    "MOVES N_Q N_Z example kinks solve rhs events first_mode next_mode fits motion inertial "
+    "viscous internal numbers rates z_rates".split()
 )
 
 
@@ -215,7 +215,8 @@ class _Writer:
     def imports(self) -> list[str]:
         """Lines that import functions that were written."""
         found: list[str] = []
-        for name in sorted({*self.called, *(["sin"] if "square" in self.called else [])}):
+        needed: set[str] = {"sin"} if "square" in self.called else set()
+        for name in sorted(self.called | needed):
             if name in FUNCTIONS and name not in _OPERATIONS:
                 module, _, function = FUNCTIONS[name].arrays.partition(":")
                 found.append(f"from {module} import {function}")
