@@ -56,6 +56,7 @@ _PAGES = (
     "extending",
     "how-to/data",
     "how-to/controllers",
+    "how-to/fmi",
     "tutorials/controllers",
 )
 

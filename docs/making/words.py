@@ -29,7 +29,9 @@ WORDS: Mapping[str, str] = {
     "snake, rod on two points, plate, three legs, spin, ellipsoid, limit surface",
     "tutorials/controllers": "controller, PID, stiction, sampled data, time delay, quantisation, "
     "dither, measurement noise",
-    "how-to/controllers": "co-simulation, stepper, step by step, feedback, control loop, Simulink",
+    "how-to/controllers": "co-simulation, stepper, step by step, feedback, control loop",
+    "how-to/fmi": "FMI, FMU, Simulink, OpenModelica, Modelica, fmpy, export a model, solve_ivp, "
+    "own integrator",
     "tutorials/impacts": "impact, bouncing, lift off, restitution, collision with a stop, Zeno",
     "tutorials/gaits": "walking, gait, locomotion, crawling",
     "tutorials/record-to-map": "record to a map",

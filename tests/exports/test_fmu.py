@@ -22,7 +22,7 @@ from stickslip.cli.app import app
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
     import fmpy
-    from fmpy.fmi2 import FMU2Slave
+    from fmpy import fmi2
     from fmpy.validation import validate_fmu
 
 if platform.system() == "Darwin":
@@ -78,20 +78,21 @@ class Running:
     def __init__(self, path: str, folder: Path, name: str = "one") -> None:
         self.log: list[str] = []
         about = fmpy.read_model_description(path)
+        assert about.coSimulation is not None
         self.references = {v.name: v.valueReference for v in about.modelVariables}
         place = fmpy.extract(path, str(folder / f"of {name}"))
-        self.fmu = FMU2Slave(
+        self.fmu = fmi2.FMU2Slave(
             guid=about.guid,
             unzipDirectory=place,
             modelIdentifier=about.coSimulation.modelIdentifier,
             instanceName=name,
         )
-        self.callbacks = fmpy.fmi2.fmi2CallbackFunctions()
-        self.callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(
+        self.callbacks = fmi2.fmi2CallbackFunctions()
+        self.callbacks.logger = fmi2.fmi2CallbackLoggerTYPE(
             lambda env, name, status, category, message: self.log.append(message.decode())
         )
-        self.callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
-        self.callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
+        self.callbacks.allocateMemory = fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.calloc)
+        self.callbacks.freeMemory = fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.free)
         self.fmu.instantiate(callbacks=self.callbacks, loggingOn=True)
 
     def begin(self, time: float = 0.0, **values: float) -> None:

@@ -96,7 +96,7 @@ def test_another_integrator_finds_the_same_motion(name: str, tmp_path: Path) -> 
         assert value == pytest.approx(final[key], abs=1e-8 * size), key
     # The same switches, at the same times.
     own = motion.events
-    switches = own[own["contact"].isin(set(module.CONTACTS))]
+    switches = own[own["contact"].isin([*module.CONTACTS])]
     assert len(times) == len(modes) > 1
     np.testing.assert_allclose(
         times[1:], np.unique(switches["time"]), atol=1e-6 * (span[1] - span[0])

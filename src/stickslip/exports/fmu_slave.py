@@ -68,13 +68,13 @@ class SystemFmu(Fmi2Slave):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        self.model: FmuModel = FmuModel.read(Path(self.resources) / RESOURCE)
+        self.model: FmuModel = FmuModel.read(Path(str(self.resources)) / RESOURCE)
         system = self.model.system
         self.modelName = self.model.identifier
         self.description = system.title or system.name
         self.guid = uuid5(NAMESPACE_URL, self.model.module)
         start, stop = system.span
-        self.default_experiment = DefaultExperiment(start, stop, (stop - start) / _STEPS, None)
+        self.default_experiment = DefaultExperiment(start, stop, (stop - start) / _STEPS)
         self._begin: float = float(start)
         self._rtol: float = _RTOL
         self._given: dict[str, float] = {}  # parameters, starts and inputs that were set
