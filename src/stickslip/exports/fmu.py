@@ -11,7 +11,7 @@ from pathlib import Path
 
 from stickslip import storage
 from stickslip.errors import need
-from stickslip.exports.fmu_model import RESOURCE, fmu_model
+from stickslip.exports.fmu_model import MODEL_FILE, fmu_model
 from stickslip.model.system import System
 
 _SCRIPT = '''"""Loads the model beside this file, by the Python that runs it."""
@@ -63,7 +63,7 @@ def write_fmu(
     with tempfile.TemporaryDirectory() as folder:
         script = Path(folder) / f"{model.module}.py"
         script.write_text(_SCRIPT.format(version=model.version), encoding="utf-8")
-        resource = Path(folder) / RESOURCE
+        resource = Path(folder) / MODEL_FILE
         resource.write_text(model.to_json(), encoding="utf-8")
         requirements = Path(folder) / "requirements.txt"  # for: pythonfmu deploy
         requirements.write_text(f"stickslip=={model.version}\n", encoding="utf-8")

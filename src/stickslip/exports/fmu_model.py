@@ -19,12 +19,12 @@ from stickslip.motion.stepper import Stepper, with_inputs
 from stickslip.motion.trajectory import Trajectory
 from stickslip.symbolic.expressions import Expr
 
-RESOURCE = "model.json"
-MEASURED = "certificate.measured"
-CERTIFIED = "certificate.ok"
-RESIDUAL = "certificate.residual"
-START = "start."
-UNKNOWN_MODE = -9  # of a motion that has no start
+MODEL_FILE = "model.json"
+CERTIFY = "certificate.measured"
+CERTIFICATE_OK = "certificate.ok"
+CERTIFICATE_RESIDUAL = "certificate.residual"
+AT_START = "start."
+NO_MODE_KNOWN = -9  # of a motion that has no start
 _OF_ONE_STEP = ("dissipated_energy", "supplied_energy")
 
 Role = Literal["parameter", "start", "input", "output", "mode"]
@@ -52,7 +52,7 @@ class FmuVariable:
     @property
     def quantity(self) -> str:
         """What the system calls it."""
-        return self.name.removeprefix(START) if self.role == "start" else self.name
+        return self.name.removeprefix(AT_START) if self.role == "start" else self.name
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ def fmu_model(system: System, inputs: Sequence[str] | None, outputs: Sequence[st
             if name in used and name not in chosen
         ),
         *(
-            FmuVariable(f"{START}{name}", "start", held.start[name], *_start_said(system, name))
+            FmuVariable(f"{AT_START}{name}", "start", held.start[name], *_start_said(system, name))
             for name in held.state
         ),
         *(

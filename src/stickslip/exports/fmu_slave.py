@@ -31,11 +31,11 @@ from pythonfmu.variables import ScalarVariable
 
 from stickslip.errors import ConvergenceError, DeclarationError, StickslipError
 from stickslip.exports.fmu_model import (
-    CERTIFIED,
-    MEASURED,
-    RESIDUAL,
-    RESOURCE,
-    UNKNOWN_MODE,
+    CERTIFICATE_OK,
+    CERTIFICATE_RESIDUAL,
+    CERTIFY,
+    MODEL_FILE,
+    NO_MODE_KNOWN,
     FmuModel,
     FmuVariable,
 )
@@ -68,7 +68,7 @@ class SystemFmu(Fmi2Slave):
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(**kwargs)
-        self.model: FmuModel = FmuModel.read(Path(str(self.resources)) / RESOURCE)
+        self.model: FmuModel = FmuModel.read(Path(str(self.resources)) / MODEL_FILE)
         system = self.model.system
         self.modelName = self.model.identifier
         self.description = system.title or system.name
@@ -112,7 +112,7 @@ class SystemFmu(Fmi2Slave):
 
     def _declare_certificate(self) -> None:
         def take(value: bool) -> None:
-            self._only_before(MEASURED, bool(value) != self._measures)
+            self._only_before(CERTIFY, bool(value) != self._measures)
             if self._phase == "before":
                 self._measures = bool(value)
 
@@ -126,20 +126,20 @@ class SystemFmu(Fmi2Slave):
         )
         for variable in (
             Boolean(
-                MEASURED,
+                CERTIFY,
                 getter=lambda: self._measures,
                 setter=take,
                 description="whether the certificate of every step is measured",
                 **parameter,
             ),
             Boolean(
-                CERTIFIED,
+                CERTIFICATE_OK,
                 getter=lambda: self._measures and self._certified and self._fault is None,
                 description="whether all steps so far are certified",
                 **shown,
             ),
             Real(
-                RESIDUAL,
+                CERTIFICATE_RESIDUAL,
                 getter=lambda: self._residual if self._measures else math.nan,
                 description="largest residual of the certificates of all steps so far",
                 **shown,
@@ -187,7 +187,7 @@ class SystemFmu(Fmi2Slave):
 
     def _mode(self, name: str) -> int:
         value = self._shown[name] if name in self._shown else self._all_shown().get(name)
-        return UNKNOWN_MODE if value is None else int(value)
+        return NO_MODE_KNOWN if value is None else int(value)
 
     def _all_shown(self) -> dict[str, Any]:
         """All quantities at this time; none if the motion has no start."""
