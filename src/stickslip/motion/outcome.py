@@ -56,8 +56,7 @@ class Outcome(Ended):
     TIME_UP = (
         23,
         "time limit reached",
-        "The limit of wall-clock time was reached; what was computed is kept. Raise time_limit to "
-        "go on",
+        "The time limit was reached; what was computed is kept. Raise time_limit to continue",
     )
     INTERRUPTED = (9, "interrupted", "Stopped by the user; what was computed is kept")
     PERIODIC = (10, "periodic", "The motion has settled on a cycle")
