@@ -112,7 +112,8 @@ class Outcome(Ended):
         20,
         "several jumps at once",
         "The guards of two jumps pass through zero at the same time, so that the state jumps in no "
-        "order. Declare one jump that does what both do, or move one of the guards",
+        "order. Declare one jump that does what both do, or move one of the guards. Of two "
+        "sampling periods write one as a multiple of the other, such as 10*T",
     )
     JUMPS_ON = (
         21,
