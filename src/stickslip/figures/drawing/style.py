@@ -34,6 +34,7 @@ from stickslip.model.entries.units import unit_label
 from stickslip.palette import (
     BAND,
     BLUE,
+    EQUILIBRIUM,
     GREEN,
     LINES,
     ORANGE,
@@ -50,6 +51,7 @@ from stickslip.palette import (
 __all__ = [
     "BAND",
     "BLUE",
+    "EQUILIBRIUM",
     "GREEN",
     "LINES",
     "ORANGE",
