@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from stickslip.motion.event_catalogue import EventCatalogue
 
 _MANY = 400  # events that are drawn with stems
-_PAD = 0.05  # of a logarithmic axis beyond the values
+_PAD = 0.06  # of a logarithmic axis beyond the values
 _ENOUGH = 30  # events, or times between them, that are compared with a law
 _BIN = 0.1  # of magnitudes
 _MAGNITUDE = 2.0 / 3.0  # of the logarithm of a size
@@ -155,7 +155,7 @@ def _decades(values: Array) -> tuple[float, float]:
         return 0.1, 10.0
     low, high = np.log10(some.min()), np.log10(some.max())
     if high - low < 1.0:  # whole decades, or no tick would have a plain number
-        return float(10 ** np.floor(low)), float(10 ** (np.floor(high) + 1.0))
+        low, high = np.floor(low), np.floor(high) + 1.0
     pad = _PAD * (high - low)
     return float(10 ** (low - pad)), float(10 ** (high + pad))
 

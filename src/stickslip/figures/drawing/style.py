@@ -27,7 +27,15 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
-from matplotlib.ticker import ScalarFormatter
+from matplotlib.ticker import (
+    AutoLocator,
+    FuncFormatter,
+    LogFormatterSciNotation,
+    LogLocator,
+    MaxNLocator,
+    NullFormatter,
+    ScalarFormatter,
+)
 
 from stickslip.display.symbols import latex_name
 from stickslip.model.entries.units import unit_label
@@ -74,6 +82,7 @@ __all__ = [
 ]
 
 _SMALL, _LARGE = 1e-2, 1e5  # numbers on an axis, from which on powers of ten are said apart
+_LETTER = 0.6  # width of a letter, relative to its size
 _TITLE = 2.0  # points between a legend and the title above it
 _LAID_OUT = 0.95  # part of the width of axes that the layout leaves them at least
 
@@ -108,12 +117,61 @@ def paper_style() -> Iterator[None]:
         yield
 
 
+class _RoomyLocator(MaxNLocator):
+    """Ticks at plain numbers, as few as their labels have room for beside each other.
+
+    Matplotlib's own takes labels of three letters for granted.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(nbins="auto", steps=[1, 2, 2.5, 5, 10])
+
+    def tick_values(self, vmin: float, vmax: float) -> Any:
+        """The ticks between two ends."""
+        axis: Any = self.axis
+        figure = axis.get_figure(root=True)
+        room = axis.axes.get_window_extent().width * 72.0 / figure.dpi
+        size = axis._get_tick_label_size("x")  # as matplotlib's own guess of the room asks for it
+        for most in ("auto", 5, 4, 3, 2, 1):
+            self.set_params(nbins=most)
+            ticks = np.asarray(super().tick_values(vmin, vmax))
+            shown = ticks[(ticks >= vmin) & (ticks <= vmax)]
+            letters = max(map(len, axis.get_major_formatter().format_ticks(ticks)), default=0)
+            if len(shown) < 2 or (letters + 1) * _LETTER * size <= room * np.min(np.diff(shown)) / (
+                vmax - vmin
+            ):
+                break
+        return ticks
+
+
+def _between_decades(axis: Axis) -> None:
+    """Of a logarithmic axis, label powers of ten alone; if there are fewer than two, 1, 2 and 5
+    times these as plain numbers."""
+    axis.set_minor_formatter(NullFormatter())
+    low, high = np.log10(sorted(axis.get_view_interval()))
+    if math.floor(high) - math.ceil(low) < 1:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+
+
 class Picture(Figure):
     """A figure that a notebook shows, also where no backend for notebooks is active.
 
     Where one is, it is shown by that, and not by this: it stands in no list of open figures, and
     IPython asks for a picture once.
     """
+
+    def draw(self, renderer: Any) -> None:
+        """Draw it, with no more numbers at its axes than have room, and powers of ten beside the
+        units."""
+        for axes in self.axes:
+            if type(axes.xaxis.get_major_locator()) is AutoLocator:
+                axes.xaxis.set_major_locator(_RoomyLocator())
+            for axis in (axes.xaxis, axes.yaxis):
+                if type(axis.get_minor_formatter()) is LogFormatterSciNotation:
+                    _between_decades(axis)
+        powers_in_labels(self)
+        super().draw(renderer)
 
     def _repr_png_(self) -> bytes:
         buffer = io.BytesIO()
@@ -171,6 +229,7 @@ def powers_in_labels(figure: Figure) -> None:
             largest = float(np.max(np.abs(axis.get_view_interval())))
             if (
                 type(axis.get_major_formatter()) is not ScalarFormatter
+                or not axis.offsetText.get_visible()  # it has been done
                 or axis.get_scale() != "linear"
                 or not (0.0 < largest <= _SMALL or _LARGE <= largest < np.inf)
             ):
