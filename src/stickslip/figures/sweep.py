@@ -88,7 +88,7 @@ _REGIMES = {
     Outcome.NOT_SETTLED: PURPLE,
     Outcome.FINISHED: SKY,
 }
-_OTHERS = (SKY, "#F0E442", "#8F8F8F", "#5B3A8E", "#6E6E6E", "#B9B9B9", "#A0522D", "#3A3A3A")
+_OTHERS = ("#8F8F8F", "#F0E442", "#5B3A8E", "#B9B9B9", "#A0522D", "#3A3A3A", SKY)
 
 
 def plot_sweep(
