@@ -43,7 +43,7 @@ from stickslip.orbits.settling.engine.tables import (
 from stickslip.orbits.settling.lattice import forms_of, lattice, translations
 from stickslip.orbits.settling.proofs import Prover
 from stickslip.orbits.settling.repetition import Repetition
-from stickslip.orbits.settling.unsettled import CERTAIN_GROWTH, elapsed_of, is_slow
+from stickslip.orbits.settling.unsettled import CERTAIN_GROWTH, elapsed_of, changes_slowly
 from stickslip.stopping.scopes import TimeUp, flagged, heed, watching
 
 POINT_SLOTS = 12  # closed forms of every point
@@ -408,7 +408,7 @@ class Block:
         loops.remember()
         growth = self.found.exponent[late] * (TURNS - SKIPPED) * marks.real[late, DURATION]
         marks.real[:, DURATION] = lasted
-        slow = np.array([is_slow(marks, self.rules, int(i)) for i in late])
+        slow = np.array([changes_slowly(marks, self.rules, int(i)) for i in late])
         # Without a drive neighbours come together at an equilibrium alone, but where all sticks.
         free = (marks.drive[late] == 0.0) & (not self.rules.timed)
         slow |= free & np.isfinite(growth) & (growth < -CERTAIN_GROWTH)

@@ -31,7 +31,7 @@ def elapsed_of(marks: Marks, rules: Rules, saved: Lane) -> Array:
     return saved.clock[:, NOW] + (0.0 if rules.timed else again)
 
 
-def is_slow(marks: Marks, rules: Rules, i: int) -> bool:
+def changes_slowly(marks: Marks, rules: Rules, i: int) -> bool:
     """Whether a motion changes slowly from return to return.
 
     Parameters
