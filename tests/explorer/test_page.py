@@ -536,6 +536,9 @@ def test_a_map_becomes_finer_and_can_be_stopped(screen: Screen) -> None:
     step = (count - 1) // 8
     assert_allclose(got[::step, ::step], found["speed"].transpose("delta", "P"), rtol=1e-12)
     assert "stickslip sweep rocking_toy" in screen.js("explorer.map.found.head.command")
+    colours = screen.js("explorer.model('map_fields').data.color")
+    assert colours[int(np.argmax(values))] == "rgb(253,231,37)"
+    assert screen.js("getComputedStyle(explorer.$('map-bar')).background").count("rgb") >= 5
     screen.press("#map-go")
     screen.until("!explorer.map.busy")
     place = screen.element("section.map .hold")

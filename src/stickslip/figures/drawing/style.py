@@ -129,10 +129,17 @@ class _RoomyLocator(MaxNLocator):
 
     def __init__(self) -> None:
         super().__init__(nbins="auto", steps=[1, 2, 2.5, 5, 10])
+        self._known: tuple[Any, Any] = (None, None)
 
     def tick_values(self, vmin: float, vmax: float) -> Any:
-        """The ticks between two ends."""
+        """The ticks between two ends; matplotlib asks for them dozens of times."""
         axis: Any = self.axis
+        about = vmin, vmax, axis.axes.bbox.bounds, axis.get_major_formatter()
+        if self._known[0] != about:
+            self._known = about, self._chosen(axis, vmin, vmax)
+        return self._known[1]
+
+    def _chosen(self, axis: Any, vmin: float, vmax: float) -> Any:
         ticks = np.empty(0)
         for most in ("auto", 5, 4, 3, 2):
             self.set_params(nbins=most)

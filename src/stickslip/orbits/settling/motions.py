@@ -43,7 +43,7 @@ from stickslip.orbits.settling.engine.tables import (
 from stickslip.orbits.settling.lattice import forms_of, lattice, translations
 from stickslip.orbits.settling.proofs import Prover
 from stickslip.orbits.settling.repetition import Repetition
-from stickslip.orbits.settling.unsettled import CERTAIN_GROWTH, elapsed_of, changes_slowly
+from stickslip.orbits.settling.unsettled import CERTAIN_GROWTH, changes_slowly, elapsed_of
 from stickslip.stopping.scopes import TimeUp, flagged, heed, watching
 
 POINT_SLOTS = 12  # closed forms of every point
