@@ -390,8 +390,7 @@ class Block:
             Whether their exponents are known; else they are measured, in stretches so short that it
             takes no longer than the motion itself.
         limit : float, optional
-            Seconds of wall-clock time that each point may take; one whose exponent takes longer has
-            none.
+            Seconds that each point may take; one whose exponent takes longer has none.
         """
         marks = self.marks
         late = np.flatnonzero(marks.outcome == Outcome.NOT_SETTLED.code)
