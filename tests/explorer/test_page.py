@@ -536,6 +536,13 @@ def test_a_map_becomes_finer_and_can_be_stopped(screen: Screen) -> None:
     step = (count - 1) // 8
     assert_allclose(got[::step, ::step], found["speed"].transpose("delta", "P"), rtol=1e-12)
     assert "stickslip sweep rocking_toy" in screen.js("explorer.map.found.head.command")
+    ends = screen.js(  # colours of the least and the largest value, also taken at once
+        "(() => { const v = Array.from(explorer.map.found.numbers.values).filter(isFinite);"
+        " const c = explorer.model('map_fields').data.color;"
+        " return [Math.min(...v), Math.max(...v)].map((x) => c[v.indexOf(x)]) })()"
+    )
+    assert ends[1] == "rgb(253,231,37)" and ends[0] != ends[1]
+    assert screen.js("getComputedStyle(explorer.$('map-bar')).background").count("rgb") >= 5
     screen.press("#map-go")
     screen.until("!explorer.map.busy")
     place = screen.element("section.map .hold")

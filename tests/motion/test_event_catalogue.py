@@ -12,6 +12,7 @@ from scipy.integrate import quad
 from typer.testing import CliRunner
 
 import stickslip as ss
+from figures.boxes import misread
 from stickslip.cli.app import app
 from stickslip.errors import DeclarationError
 from stickslip.results import Completion
@@ -212,14 +213,56 @@ def test_exponent_of_the_gutenberg_richter_law() -> None:
 
 
 def test_picture() -> None:
-    """Sizes over time, and how many are as large; a Poisson process beside many times."""
+    """Sizes over time and their sum, how many are as large with the law of the b-value, a Poisson
+    process beside many times, and the time after an event."""
     few = ss.simulate(on_a_belt(1.0)).event_catalogue(energy=False)
-    over_time, sizes, times = few.plot().axes
+    over_time, sizes, times, total, after = few.plot().axes
     assert len(np.asarray(sizes.get_lines()[0].get_xydata())) == len(few)
     assert len(times.get_lines()) == 1
     assert over_time.get_xlim() == few.span
+    steps = total.patches[0].get_data()  # type: ignore[attr-defined]
+    np.testing.assert_allclose(np.diff(steps.values), few["size"], rtol=1e-12)
+    np.testing.assert_array_equal(steps.edges[1:-1], few["start"])
+    points = np.asarray(after.get_lines()[0].get_xydata())
+    np.testing.assert_array_equal(points[:, 1], few["interevent"][1:])
+    assert misread(few.plot()) == []
     many = ss.simulate(on_a_belt(1.0, 1.7, 2.9), (0.0, 500.0)).event_catalogue(energy=False)
-    assert [len(axes.get_lines()) for axes in many.plot().axes] == [1, 1, 2]
+    figure = many.plot()
+    assert [len(axes.get_lines()) for axes in figure.axes] == [1, 2, 2, 0, 1]
+    assert misread(figure) == []
+    none = replace(few, dataset=few.dataset.isel(event=slice(0, 0)))
+    (empty,) = none.plot().axes
+    assert [text.get_text() for text in empty.texts] == ["no events"]
+
+
+def test_the_law_in_the_picture_is_that_of_large_events() -> None:
+    """Small events are missing, as in every catalogue; the line is that of the others."""
+    rng = np.random.default_rng(3)
+    events = ss.simulate(on_a_belt(1.0), (0.0, 4000.0)).event_catalogue(energy=False)
+    sizes = 2.0 * rng.uniform(size=len(events)) ** (-1 / 0.6)
+    sizes[:: len(events) // 40] = rng.uniform(0.01, 2.0, len(sizes[:: len(events) // 40]))
+    catalogue = replace(events, dataset=events.dataset.assign(size=events["size"].copy(data=sizes)))
+    law = catalogue.plot().axes[1].get_lines()[1]
+    x, y = (np.asarray(v, float) for v in law.get_data())
+    assert 1.9 < x[0] < 3.0
+    assert -1.5 * np.diff(np.log(y)) / np.diff(np.log(x)) == pytest.approx(0.9, rel=0.2)
+
+
+def test_recurrence() -> None:
+    """0 where events are regular; that of exponential times is 1."""
+    regular = ss.simulate(on_a_belt(1.0)).event_catalogue(energy=False)
+    mean, variation = regular.recurrence()
+    assert mean == pytest.approx(float(np.nanmean(regular["interevent"])))
+    assert variation == pytest.approx(0.0, abs=1e-8)
+    assert ("recurrence", "coefficient of variation") in {
+        (name, text[:24]) for name, text in regular.rows()
+    }
+    with pytest.raises(DeclarationError, match="recurrence"):
+        replace(regular, dataset=regular.dataset.isel(event=slice(0, 2))).recurrence()
+    times = np.random.default_rng(1).exponential(size=20_000)
+    poisson = regular.dataset.isel(event=np.zeros(len(times), int))
+    poisson = poisson.assign(interevent=("event", times))
+    assert replace(regular, dataset=poisson).recurrence()[1] == pytest.approx(1.0, abs=0.03)
 
 
 def test_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -203,7 +203,7 @@ def test_picture() -> None:
     legend = upper.get_legend()
     assert legend is not None
     words = {text.get_text() for text in legend.get_texts()}
-    assert {"stable", "unstable", "fold", "sweep up", "sweep down"} <= words
+    assert {"stable cycle", "unstable cycle", "fold", "sweep up", "sweep down"} <= words
     (axes,) = bent().plot("period").axes
     assert axes.get_ylabel() == "period"
     with pytest.raises(DeclarationError, match="there is no 'speed'"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from stickslip.errors import DeclarationError
+from stickslip.figures.drawing.cells import UNCERTAIN, cell_edges, hatch_cells, hatched_patch
 from stickslip.figures.drawing.style import (
-    STICK_LINE,
     STICK_SHADE,
     axis_label,
     legend_above,
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
 _OPAQUE = 0.7  # large areas in full colour would shout
 _NOWHERE = {-3: ("undamped", "#D8D2C8"), -2: ("not settled", "#FFFFFF"), -1: ("stopped", "#777777")}
-_HATCH = "////"
 
 
 def plot_basin(basin: xarray.Dataset, ax: Axes | None = None) -> Figure:
@@ -70,13 +69,12 @@ def _draw(axes: Axes, basin: xarray.Dataset) -> list[Patch]:
     labels = basin["attractor"]
     across, up = map(str, labels.dims)
     colours = [colour for _, colour in _NOWHERE.values()] + _colours(basin)
+    edges = cell_edges(basin[across].values), cell_edges(basin[up].values)
     axes.pcolormesh(
-        basin[across].values,
-        basin[up].values,
+        *edges,
         labels.values.T,
         cmap=ListedColormap(colours),
         norm=BoundaryNorm(np.arange(-3.5, len(colours) - 3), len(colours)),
-        shading="nearest",
         alpha=_OPAQUE,
         rasterized=True,
     )
@@ -88,9 +86,8 @@ def _draw(axes: Axes, basin: xarray.Dataset) -> list[Patch]:
     ]
     bad = _uncertified(basin)
     if np.any(bad):
-        style: dict[str, Any] = {"levels": [0.5, 1.5], "colors": "none", "hatches": [_HATCH]}
-        axes.contourf(basin[across].values, basin[up].values, bad.T.astype(float), **style)
-        handles.append(Patch(fc="none", ec=STICK_LINE, lw=0.0, hatch=_HATCH, label="not certified"))
+        hatch_cells(axes, edges, bad, UNCERTAIN)
+        handles.append(hatched_patch(UNCERTAIN, "not certified"))
     return handles
 
 

@@ -17,7 +17,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
@@ -572,7 +571,6 @@ class _Overview:
             axes.margins(x=0.05)
             axes.set_box_aspect(0.9)
             axes.set_anchor("N")
-            axes.xaxis.set_major_locator(MaxNLocator(6 if len(self.curves) == 1 else 4))
             legend_above(axes)
 
         return panel

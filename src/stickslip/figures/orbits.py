@@ -8,15 +8,20 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short
 from stickslip.figures.drawing.smooth import PIECES, smooth_curve
 from stickslip.figures.drawing.style import (
+    BAND,
     BLUE,
+    EQUILIBRIUM,
     LINES,
     STICK_LINE,
     UNSTABLE,
@@ -37,6 +42,8 @@ _LETTERS = 26  # of a label beside a panel, in a line
 _WIDE = 100.0  # ratio of the ends of a logarithmic axis, at least
 _LOW = 0.2  # … of whose largest value the median is at most this part
 _MARKERS = "osD^vPX*"
+_THIN, _THICK = 1.1, 2.2  # lines of equilibria and of cycles
+_STRIP = 0.06  # of the axes, that is shaded beside a curve
 _SMOOTH = ("fold", "period doubling", "torus")  # the curve goes on without a corner
 _VANISHING = ("Hopf", "boundary equilibrium")  # there a cycle is a point
 
@@ -51,7 +58,8 @@ def plot_branch(
     """Bifurcation diagram: stable points solid, unstable ones dashed, special points marked and
     named.
 
-    Of cycles the largest and the smallest value is drawn; those that stick are black.
+    Equilibria are thin and grey, cycles thick, those that stick black. Of cycles the largest and
+    the smallest value is drawn.
 
     Parameters
     ----------
@@ -66,7 +74,8 @@ def plot_branch(
         Draw the first of the names into these axes.
 
     A curve in two parameters is drawn in their plane, together with others there: of Hopf points
-    those at which a stable cycle is born are solid, the others dashed.
+    those at which a stable cycle is born are solid, the others dashed. The side on which the
+    equilibrium is stable is shaded.
 
     Raises
     ------
@@ -99,7 +108,7 @@ def _on_page(
     ax: Axes | None,
     height: float,
     columns: int,
-    draw: Callable[[Sequence[Axes]], list[Line2D]],
+    draw: Callable[[Sequence[Axes]], Sequence[Artist]],
     rows: int = 1,
 ) -> Figure:
     """Draw into given axes, or into panels of a new figure, with the legend above."""
@@ -125,7 +134,7 @@ def _known(branch: Branch, names: list[str]) -> list[str]:
     return names
 
 
-def _draw_curves(axes: Axes, curves: list[Branch]) -> list[Line2D]:
+def _draw_curves(axes: Axes, curves: list[Branch]) -> list[Artist]:
     """Curves of special points in the plane of two parameters; the handles of a legend."""
     names = curves[0].parameter, curves[0].second
     for curve in curves:
@@ -133,7 +142,7 @@ def _draw_curves(axes: Axes, curves: list[Branch]) -> list[Line2D]:
             raise DeclarationError(
                 "others", f"a curve over {curve.parameter}", f"Give curves over {', '.join(names)}"
             )
-    handles = []
+    handles = list[Artist]()
     markers = _markers(curves)
     for curve, colour in zip(curves, line_colours(len(curves)), strict=True):
         handles += _draw_curve(axes, curve, names, colour)
@@ -144,7 +153,37 @@ def _draw_curves(axes: Axes, curves: list[Branch]) -> list[Line2D]:
     axes.set_xlabel(axis_label(names[:1], units[0]))
     axes.set_ylabel(axis_label(names[1:], units[1]))
     axes.margins(0.05)
+    shaded = [_shade_stable(axes, curve, names) for curve in curves]
+    if any(shaded):
+        handles.append(Patch(fc=BAND, ec="none", label="equilibrium stable on this side"))
     return handles + [Line2D([], [], **style, label=kind) for kind, style in markers.items()]
+
+
+def _shade_stable(axes: Axes, curve: Branch, names: tuple[str, str]) -> bool:
+    """Shade a strip along a curve of Hopf points, on the side to which their eigenvalues move to
+    the left; nothing where another one is unstable. Whether there is any."""
+    growths = [f"growth_{name}" for name in names]
+    if not all(name in curve.points for name in growths):
+        return False
+    places = np.stack([curve.points[name].values for name in names], axis=1)
+    growth = np.stack([curve.points[name].values for name in growths], axis=1)
+    low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
+    box = axes.get_window_extent()
+    size = np.array([box.width, box.height]) / (high - low)  # pixels for each unit
+    along = np.gradient(places * size, axis=0) if len(places) > 1 else np.zeros_like(places)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    across = np.divide(across, length, out=np.zeros_like(across), where=length > 0.0)
+    towards = -np.sign(np.sum(across * growth / size, axis=1))
+    reach = _STRIP * min(box.width, box.height) / size
+    ends = places + towards[:, None] * across * reach
+    sure = (curve.points["unstable_others"].values == 0) & np.isfinite(towards) & (towards != 0.0)
+    both = sure[1:] & sure[:-1] & (towards[1:] == towards[:-1])
+    strips = np.stack([places[:-1], places[1:], ends[1:], ends[:-1]], axis=1)[both]
+    shade = PolyCollection(list(strips), fc=BAND, ec=BAND, lw=0.5, zorder=0)
+    axes.add_collection(shade, autolim=False)
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    return bool(len(strips))
 
 
 def _draw_curve(axes: Axes, curve: Branch, names: tuple[str, str], colour: str) -> list[Line2D]:
@@ -253,7 +292,8 @@ def _draw(axes: Axes, branch: Branch, name: str, markers: Mapping[str, dict[str,
             # up to the first point of the next stretch
             part = slice(PIECES * first, PIECES * min(last, len(x) - 1) + 1)
             style = _line(stable[first] == 1)
-            axes.plot(*(v[part] for v in drawn), color=_colour(sticks[first]), linestyle=style)
+            kind = _kind(_is_cycles(branch), bool(sticks[first]))
+            axes.plot(*(v[part] for v in drawn), linestyle=style, **kind)
     for point in branch.special:
         style = markers[point.kind]
         for height in _heights(branch, point, name):
@@ -289,8 +329,12 @@ def _line(stable: bool) -> Any:
     return "-" if stable else UNSTABLE
 
 
-def _colour(sticks: int) -> str:
-    return STICK_LINE if sticks else BLUE
+def _kind(cycle: bool, sticks: bool) -> dict[str, Any]:
+    """Colour and width of a line: an equilibrium and a cycle are told apart without colours,
+    too."""
+    if not cycle:
+        return {"color": EQUILIBRIUM, "lw": _THIN}
+    return {"color": STICK_LINE if sticks else BLUE, "lw": _THICK}
 
 
 def _markers(branches: Sequence[Branch]) -> dict[str, dict[str, Any]]:
@@ -313,16 +357,15 @@ def _markers(branches: Sequence[Branch]) -> dict[str, dict[str, Any]]:
 def _legend(branches: Sequence[Branch]) -> list[Line2D]:
     found = {}
     for branch in branches:
-        what = " cycle" if _is_cycles(branch) else " equilibrium" if len(branches) > 1 else ""
+        what = " cycle" if _is_cycles(branch) else " equilibrium"
         for stable, sticks in sorted(
             set(zip(_decided(branch).tolist(), _sticks(branch).tolist(), strict=True))
         )[::-1]:
             text = (
                 ("stable" if stable == 1 else "unstable") + what + (" with stick" if sticks else "")
             )
-            found[text] = Line2D(
-                [], [], color=_colour(sticks), linestyle=_line(stable == 1), label=text
-            )
+            kind = _kind(_is_cycles(branch), bool(sticks))
+            found[text] = Line2D([], [], linestyle=_line(stable == 1), label=text, **kind)
     for kind, style in _markers(branches).items():
         found[kind] = Line2D([], [], **style, label=kind)
     return list(found.values())

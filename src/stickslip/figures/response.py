@@ -239,8 +239,8 @@ def _handles(response: FrequencyResponse, names: Sequence[str]) -> list[Line2D]:
     data = response.dataset
     stable, slips = data["stable"].values, data["slips"].values
     lines = [
-        (np.any((stable != 0) & (slips != 0)), "stable", {}),
-        (np.any(stable == 0), "unstable", {"linestyle": UNSTABLE}),
+        (np.any((stable != 0) & (slips != 0)), "stable cycle", {}),
+        (np.any(stable == 0), "unstable cycle", {"linestyle": UNSTABLE}),
         (np.any(slips == 0), "no contact slips", {"lw": _NEVER_SLIPS}),
         (len(response.levels) > 1 and names[0] != "phase", "largest response", _BACKBONE),
     ]

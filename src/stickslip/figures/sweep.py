@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import cycle
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,6 +18,16 @@ from matplotlib.patches import Patch
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError
+from stickslip.figures.drawing.cells import (
+    COLOURS,
+    HATCHES,
+    UNCERTAIN,
+    cell_edges,
+    doubtful,
+    fill_cells,
+    hatch_cells,
+    hatched_patch,
+)
 from stickslip.figures.drawing.maps import (
     axis_text,
     axis_unit,
@@ -28,7 +39,9 @@ from stickslip.figures.drawing.maps import (
 from stickslip.figures.drawing.style import (
     BLUE,
     GREEN,
-    LINES,
+    ORANGE,
+    PURPLE,
+    SKY,
     STICK_LINE,
     STICK_SHADE,
     VERMILION,
@@ -45,6 +58,7 @@ from stickslip.sweeps.request.axes import SAMPLES
 from stickslip.sweeps.request.carry import DIRECTION
 from stickslip.sweeps.request.measures import LACKING
 from stickslip.sweeps.request.plan import INTERPOLATED, NOT_COMPUTED
+from stickslip.sweeps.request.scales import ColourScale, colour_scale
 
 if TYPE_CHECKING:
     import xarray
@@ -55,7 +69,6 @@ _LETTERS = 9  # of a legend, in an inch
 _MULTIPLES = 6  # maps of a third axis at most; more would be stamps
 _LEVELS = 6  # values of an axis that is too short for a map: a line for each of them
 _DASHES: dict[float, Any] = {1.0: "-", -1.0: (0, (4, 2))}  # lines of a sweep up and of one down
-_HATCH = "////"
 _EXTEND: dict[tuple[bool, bool], Literal["neither", "min", "max", "both"]] = {
     (False, False): "neither",
     (True, False): "min",
@@ -64,6 +77,18 @@ _EXTEND: dict[tuple[bool, bool], Literal["neither", "min", "max", "both"]] = {
 }  # whether there are values below the colours, and above them
 # of points without a value, by reason
 _GREYS = (STICK_SHADE, "#B9B9B9", "#8F8F8F", "#D8D2C8", "#6E6E6E")
+_MARKS = {Outcome.IRREGULAR: "X", Outcome.SLOW: "v", Outcome.NOT_SETTLED: "s"}  # on lines
+# of the outcomes that most maps have; others have the colours that are left, and greys
+_REGIMES = {
+    Outcome.PERIODIC: BLUE,
+    Outcome.STEADY: GREEN,
+    Outcome.AT_REST: STICK_SHADE,
+    Outcome.IRREGULAR: VERMILION,
+    Outcome.SLOW: ORANGE,
+    Outcome.NOT_SETTLED: PURPLE,
+    Outcome.FINISHED: SKY,
+}
+_OTHERS = ("#8F8F8F", "#F0E442", "#5B3A8E", "#B9B9B9", "#A0522D", "#3A3A3A", SKY)
 
 
 def plot_sweep(
@@ -72,8 +97,10 @@ def plot_sweep(
     """The picture of a map.
 
     Points without a certificate are hatched (hollow, on a line), and the legend says what they
-    lack. Grey points were computed, but have no value of the measure; the legend says why, in as
-    many greys. White ones are not computed.
+    lack, or that they are irregular, slow, or have not settled within the limits. Grey points were
+    computed, but have no value of the measure; the legend says why, in as many greys. White ones
+    are not computed. Colours begin at 0 where the measure cannot be negative; where it has both
+    signs, 0 is in the middle.
 
     Parameters
     ----------
@@ -211,8 +238,10 @@ def _line(
     line = "none" if scattered else linestyle
     values = np.where(computed, data[name].values[order], np.nan)
     axes.plot(x[order], values, color=color, marker=marker, linestyle=line)
-    bad = uncertified(data, name)[order]
-    axes.plot(x[order][bad], values[bad], "o", mfc="white", mec=VERMILION, ms=5, zorder=3)
+    for kind, bad in doubtful(data, name).items():
+        here = bad[order]
+        marker = _marker(kind)
+        axes.plot(x[order][here], values[here], marker, mfc="white", mec=VERMILION, ms=5, zorder=3)
     below = axes.get_xaxis_transform()
     for colour, here in _gaps(data, codes, name).items():
         level = np.full(np.count_nonzero(here), 0.03)
@@ -225,7 +254,7 @@ def _gap_marks(data: xarray.Dataset, names: list[str]) -> list[Line2D]:
     style: dict[str, Any] = {"linestyle": "none", "marker": "|", "ms": 8, "mew": 2}
     reasons = _reasons(data, names).items()
     marks = [Line2D([], [], color=colour, label=text, **style) for colour, text in reasons]
-    return marks + _mark(data, names, "white")
+    return marks + _hollow(data, names, "white")
 
 
 def _draw_into(axes: Axes, data: xarray.Dataset, names: list[str]) -> None:
@@ -248,13 +277,16 @@ def _draw_into(axes: Axes, data: xarray.Dataset, names: list[str]) -> None:
         legend_above(axes, marks, right=True)
 
 
-def _mark(data: xarray.Dataset, names: list[str], inside: str) -> list[Line2D]:
-    text = _lacking(data, names)
-    return (
-        [Line2D([], [], linestyle="none", marker="o", mfc=inside, mec=VERMILION, label=text)]
-        if text
-        else []
-    )
+def _marker(hatch: str) -> str:
+    """On a line, what stands for the hatching of cells."""
+    return next((_MARKS[kind] for kind, own in HATCHES.items() if own == hatch), "o")
+
+
+def _hollow(data: xarray.Dataset, names: list[str], inside: str) -> list[Line2D]:
+    """What marks of points without a certificate stand for."""
+    style: dict[str, Any] = {"linestyle": "none", "mfc": inside, "mec": VERMILION, "ms": 5}
+    doubts = _doubts(data, names).items()
+    return [Line2D([], [], marker=_marker(kind), label=text, **style) for kind, text in doubts]
 
 
 def _dots(data: xarray.Dataset, names: list[str], along: list[str]) -> Figure:
@@ -266,18 +298,19 @@ def _dots(data: xarray.Dataset, names: list[str], along: list[str]) -> Figure:
         for colour, here in _gaps(data, _codes(data, names), name).items():
             axes.plot(x[here], y[here], ".", color=colour, ms=6)
         size = max(6.0, min(40.0, 2e4 / max(len(x), 1)))
-        dots = axes.scatter(
-            x[shown], y[shown], c=data[name].values[shown], s=size, cmap="viridis", lw=0
-        )
-        bad = uncertified(data, name)
-        axes.plot(x[bad], y[bad], "o", mfc="none", mec=VERMILION, ms=math.sqrt(size) + 2)
+        scale = colour_scale(name, data[name].values[shown])
+        style: dict[str, Any] = {"cmap": COLOURS[scale.kind], "vmin": scale.low, "vmax": scale.high}
+        dots = axes.scatter(x[shown], y[shown], c=data[name].values[shown], s=size, lw=0, **style)
+        for kind, bad in doubtful(data, name).items():
+            style = {"mfc": "none", "mec": VERMILION, "ms": math.sqrt(size) + 2}
+            axes.plot(x[bad], y[bad], _marker(kind), **style)
         figure.colorbar(dots, ax=axes, label=measure_label(data, name))
         _frame(axes, data, along[0], along[1])
     marks = [
         Line2D([], [], linestyle="none", marker=".", ms=6, color=colour, label=text)
         for colour, text in _reasons(data, names).items()
     ]
-    marks += _mark(data, names, "none")
+    marks += _hollow(data, names, "none")
     if marks:
         figure.legend(handles=marks, loc="outside lower left")
     return figure
@@ -302,10 +335,10 @@ def _multiples(data: xarray.Dataset, names: list[str]) -> Figure:
     name = names[0]
     along = _coordinates(data, third)
     figure, panels = _panels(data, [name] * len(picked))
-    limits = _limits(data[name].values[data["outcome"].values >= 0]) if name != "outcome" else None
+    scale = _scale_of(data, name) if name != "outcome" else None
     for axes, index in zip(panels, picked, strict=True):
         part = data.isel({third: int(index)})
-        draw_map(axes, part, name, limits, bar=bool(index == picked[-1]))
+        draw_map(axes, part, name, scale, bar=bool(index == picked[-1]))
         unit = unit_label(axis_unit(data, along[0]))
         value = float(part[along[0]])
         if third == DIRECTION:
@@ -320,7 +353,7 @@ def draw_map(
     axes: Axes,
     data: xarray.Dataset,
     name: str,
-    limits: tuple[float, float] | None = None,
+    scale: ColourScale | None = None,
     bar: bool = True,
 ) -> None:
     """Draw one measure of a map over two axes, hatched where it is not certified.
@@ -332,62 +365,75 @@ def draw_map(
         A map over two axes.
     name : str
         A measure or ``"outcome"``.
-    limits : (float, float), optional
-        Ends of the colours.
+    scale : ColourScale, optional
+        What the colours stand for; by default that of the values.
     bar : bool
-        Whether the colours get a scale.
+        Whether the colours get a scale beside the map.
     """
     first, second = (_coordinates(data, str(d))[0] for d in data["outcome"].dims)
-    x, y = data[first].values, data[second].values
-    rows, columns = np.argsort(x), np.argsort(y)
+    rows, columns = (np.argsort(data[n].values) for n in (first, second))
     turned = np.ix_(rows, columns)
-    edges = [
-        _edges(data[n].values[o], data[n].attrs.get("spacing") == "log")
+    along, up = (
+        cell_edges(data[n].values[o], data[n].attrs.get("spacing") == "log")
         for n, o in ((first, rows), (second, columns))
-    ]
+    )
+    edges = along, up
     values = data[name].values[turned]
     outcome = data["outcome"].values[turned]
-    computed = outcome != NOT_COMPUTED
     if name == "outcome":
         _draw_outcomes(axes, edges, data, outcome, bar)
     else:
         for colour, here in _gaps(data, _codes(data, [name]), name).items():
             shade = np.where(here[turned], 1.0, np.nan)
             axes.pcolormesh(*edges, shade.T, cmap=ListedColormap([colour]), rasterized=True)
-        # What is certified sets the scale; anything else may be beyond it.
-        sure = computed & ~uncertified(data, name)[turned] & np.isfinite(values)
-        low, high = limits or _limits(values[sure if np.any(sure) else computed])
-        mesh = axes.pcolormesh(
-            *edges, np.where(computed, values, np.nan).T, vmin=low, vmax=high, rasterized=True
-        )
+        scale = scale or _scale_of(data, name)
+        mesh = fill_cells(axes, edges, np.where(outcome != NOT_COMPUTED, values, np.nan), scale)
         if bar:
-            least, most = np.nanmin(values, initial=low), np.nanmax(values, initial=high)
-            beyond = _EXTEND[bool(least < low), bool(most > high)]
+            least = np.nanmin(values, initial=scale.low)
+            most = np.nanmax(values, initial=scale.high)
+            beyond = _EXTEND[bool(least < scale.low), bool(most > scale.high)]
             axes.figure.colorbar(mesh, ax=axes, label=measure_label(data, name), extend=beyond)
-    bad = uncertified(data, name)[turned]
-    if np.any(bad) and min(bad.shape) > 1:
-        style: dict[str, Any] = {"levels": [0.5, 1.5], "colors": "none", "hatches": [_HATCH]}
-        axes.contourf(x[rows], y[columns], bad.T.astype(float), **style)
+    for hatch, here in doubtful(data, name).items():
+        if name != "outcome" or hatch == UNCERTAIN:  # else colours say it
+            hatch_cells(axes, edges, here[turned], hatch)
     _frame(axes, data, first, second)
 
 
+def _scale_of(data: xarray.Dataset, name: str) -> ColourScale:
+    """What is certified sets the scale; anything else may be beyond it."""
+    values = data[name].values
+    computed = data["outcome"].values != NOT_COMPUTED
+    sure = computed & ~uncertified(data, name) & np.isfinite(values)
+    return colour_scale(name, values[sure if np.any(sure) else computed])
+
+
 def _draw_outcomes(
-    axes: Axes, edges: list[Array], data: xarray.Dataset, outcome: Array, bar: bool
+    axes: Axes, edges: tuple[Array, Array], data: xarray.Dataset, outcome: Array, bar: bool
 ) -> None:
     """Outcomes in distinct colours, with their names."""
     words = _words(data["outcome"])
-    found = [int(code) for code in np.unique(outcome) if code >= 0]
-    colours = dict(zip(found, (GREEN, *LINES), strict=False))
+    found = [int(code) for code in np.unique(data["outcome"].values) if code >= 0]
+    found.sort(key=[o.code for o in (*_REGIMES, *Outcome)].index)
+    colours = _outcome_colours(found)
     shown = np.full(outcome.shape, np.nan)
     for i, code in enumerate(found):
         shown[outcome == code] = i
     norm = BoundaryNorm(np.arange(len(found) + 1) - 0.5, len(found))
     mesh = axes.pcolormesh(
-        *edges, shown.T, cmap=ListedColormap(list(colours.values())), norm=norm, rasterized=True
+        *edges, shown.T, cmap=ListedColormap(colours), norm=norm, rasterized=True
     )
     if bar:
         scale = axes.figure.colorbar(mesh, ax=axes, ticks=range(len(found)))
         scale.ax.set_yticklabels([words[code] for code in found])
+        scale.ax.invert_yaxis()
+
+
+def _outcome_colours(codes: Sequence[int]) -> list[str]:
+    """Colours of outcomes: those that are frequent have the same in all maps."""
+    own = {kind.code: colour for kind, colour in _REGIMES.items()}
+    taken = {own[code] for code in codes if code in own}
+    spare = cycle([colour for colour in _OTHERS if colour not in taken])
+    return [own.get(code) or next(spare) for code in codes]
 
 
 def _panels(data: xarray.Dataset, names: list[str]) -> tuple[Figure, list[Axes]]:
@@ -405,12 +451,13 @@ def _panels(data: xarray.Dataset, names: list[str]) -> tuple[Figure, list[Axes]]
 def _legend(figure: Figure, data: xarray.Dataset, names: list[str]) -> None:
     """What hatching and greys stand for, and how much was computed."""
     outcome = data["outcome"].values
-    handles = []
-    if text := _lacking(data, names):
-        handles.append(Patch(fc="none", ec=STICK_LINE, lw=0.0, hatch=_HATCH, label=text))
+    handles = [hatched_patch(kind, text) for kind, text in _doubts(data, names).items()]
     room = int(_LETTERS * figure.get_figwidth())
-    reasons = {colour: fill(text, room) for colour, text in _reasons(data, names).items()}
-    handles += [Patch(fc=colour, ec="none", label=text) for colour, text in reasons.items()]
+    hatched = {kind.code: hatch for kind, hatch in HATCHES.items()}
+    for code, (colour, text) in zip(
+        _codes(data, names), _reasons(data, names).items(), strict=False
+    ):
+        handles.append(hatched_patch(hatched.get(code, ""), fill(text, room), colour))
     if np.any(outcome == NOT_COMPUTED):
         handles.append(Patch(fc="white", ec=STICK_LINE, lw=0.6, label="not computed"))
     if np.any(outcome == INTERPOLATED):
@@ -462,17 +509,29 @@ def _reasons(data: xarray.Dataset, names: list[str]) -> dict[str, str]:
 
 
 def _words(codes: xarray.DataArray) -> dict[int, str]:
-    """Meanings of the codes of a variable."""
+    """Meanings of the codes of outcomes; a store that was begun by an older version does not list
+    all."""
     texts = [text.replace("_", " ") for text in codes.attrs["flag_meanings"].split()]
-    return dict(zip(map(int, codes.attrs["flag_values"]), texts, strict=True))
+    stored = dict(zip(map(int, codes.attrs["flag_values"]), texts, strict=True))
+    return {kind.code: kind.label for kind in Outcome} | stored
 
 
-def _lacking(data: xarray.Dataset, names: list[str]) -> str:
-    """What the points that are shown without a certificate lack; empty if there are none."""
-    bad = np.any([uncertified(data, name) for name in names], axis=0)
-    if not np.any(bad):
-        return ""
-    if "lacking" not in data:
+def _doubts(data: xarray.Dataset, names: list[str]) -> dict[str, str]:
+    """What the hatching of points stands for that are shown without a certificate."""
+    found = dict[str, Array]()
+    for name in names:
+        for hatch, here in doubtful(data, name).items():
+            shown = here & ~np.isnan(data[name].values)
+            if np.any(shown) and (name != "outcome" or hatch == UNCERTAIN):
+                found[hatch] = found.get(hatch, False) | shown
+    words = _words(data["outcome"])
+    texts = {hatch: f"not settled: {words[kind.code]}" for kind, hatch in HATCHES.items()}
+    return {h: texts.get(h) or _lacking(data, here) for h, here in found.items()}
+
+
+def _lacking(data: xarray.Dataset, bad: Array) -> str:
+    """What points lack that are shown without a certificate."""
+    if "lacking" not in data:  # maps of the first format have none
         return "not certified"
     lacked = [
         LACKING[code]
@@ -489,25 +548,6 @@ def _coordinates(data: xarray.Dataset, dimension: str) -> list[str]:
     """Names that vary along a dimension, in the order in which they were given."""
     names = [str(n) for n, c in data.coords.items() if c.dims == (dimension,)]
     return sorted(names, key=lambda name: f"_{dimension}_".find(f"_{name}_"))
-
-
-def _limits(values: Array) -> tuple[float, float]:
-    finite = values[np.isfinite(values)]
-    low, high = (float(np.min(finite)), float(np.max(finite))) if len(finite) else (0.0, 1.0)
-    return (low, high) if high > low else (low - 0.5, low + 0.5)
-
-
-def _edges(values: Array, log: bool) -> Array:
-    """Boundaries of the cells around sorted values, half way to their neighbours."""
-    v = np.log(values) if log else values
-    if len(v) == 1:
-        edges = np.array([v[0] - 0.5, v[0] + 0.5])
-    else:
-        middle = (v[1:] + v[:-1]) / 2
-        edges = np.concatenate(
-            [[v[0] - (middle[0] - v[0])], middle, [v[-1] + (v[-1] - middle[-1])]]
-        )
-    return np.exp(edges) if log else edges
 
 
 def _frame(axes: Axes, data: xarray.Dataset, first: str, second: str) -> None:

@@ -131,6 +131,25 @@ class EventCatalogue(Result):
         b = float(np.log10(np.e) / excess)
         return b, b / math.sqrt(len(counted))
 
+    def recurrence(self) -> tuple[float, float]:
+        """Mean of the times between events, and their coefficient of variation: the standard
+        deviation over the mean, which is 0 for events that come regularly, 1 for a Poisson process,
+        and more for clusters.
+
+        Raises
+        ------
+        DeclarationError
+            If there are fewer than three events.
+        """
+        times = self.dataset["interevent"].values
+        times = times[np.isfinite(times)]
+        if len(times) < 2:
+            raise DeclarationError(
+                "recurrence", f"there are {len(self)} events", "Take a longer motion"
+            )
+        mean = float(np.mean(times))
+        return mean, float(np.std(times, ddof=1)) / mean
+
     @property
     def title(self) -> str:
         """Of what it is the catalogue."""
@@ -180,6 +199,8 @@ class EventCatalogue(Result):
             least, most = (with_unit(float(v), unit, 4) for v in (values.min(), values.max()))
             mean = with_unit(float(values.mean()), unit, 4)
             rows.append((name.replace("_", " "), f"{least} to {most}, mean {mean}"))
+        if len(self) > 2:
+            rows.append(("recurrence", f"coefficient of variation {self.recurrence()[1]:.3g}"))
         if len(self):
             most = int(self.dataset["contacts"].max())
             of = int(self.dataset.attrs.get("count", len(self.system.rubbing)))
@@ -187,8 +208,8 @@ class EventCatalogue(Result):
         return rows
 
     def overview(self, ax: Axes | None = None) -> Figure:
-        """Sizes over time, how many events are as large, and times between events; in given axes
-        how many are as large."""
+        """Sizes over time and their sum, how many events are as large, and times between events;
+        in given axes how many are as large."""
         from stickslip.figures.event_catalogue import plot_catalogue
 
         return plot_catalogue(self, ax)

@@ -63,11 +63,23 @@ class Outcome(Ended):
     STEADY = (11, "steady", "The motion has settled on steady sliding or another equilibrium")
     NOT_SETTLED = (
         12,
-        "not settled",
-        "The limits were reached before the motion repeated itself: it is not periodic, it repeats "
-        "too late (a cycle of more events than are compared), or it nears its cycle too slowly. "
-        "Raise max_time, max_cycles or longest_cycle. Rest that cannot be proved, and a load that "
-        "does not repeat, have not settled either",
+        "budget spent",
+        "The limits were reached before the motion repeated itself, and it is neither seen to be "
+        "irregular nor to drift: it is quasi-periodic, or it repeats too late (a cycle of more "
+        "events than are compared). Raise max_time, max_cycles or longest_cycle. Rest that cannot "
+        "be proved, and a load that does not repeat, have not settled either",
+    )
+    IRREGULAR = (
+        25,
+        "irregular",
+        "The motion has not settled, and its neighbours part: its largest Lyapunov exponent is "
+        "positive. What is measured is that of its last part",
+    )
+    SLOW = (
+        26,
+        "slow",
+        "The motion has not settled: it still drifts, dies down or grows from return to return. "
+        "Raise max_time or max_cycles",
     )
     UNDAMPED = (
         13,

@@ -78,12 +78,17 @@ explorer.$("map-go").addEventListener("click", () => {
   if (explorer.map.busy) { explorer.cancel("map"); stop() } else explorer.map.fill()
 })
 
-// A perceptually even range, between the anchors that the scale below the map shows, too.
-const ANCHORS = [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]]
-const viridis = (share) => {
-  const place = Math.min(Math.max(share, 0), 1) * (ANCHORS.length - 1)
-  const i = Math.min(Math.floor(place), ANCHORS.length - 2)
-  return `rgb(${ANCHORS[i].map((c, k) => Math.round(c + (place - i) * (ANCHORS[i + 1][k] - c))).join(",")})`
+// Ranges by the kind of the scale, as pictures have them: viridis, RdYlBu and twilight, between these anchors.
+const ANCHORS = {
+  "one way": [[68, 1, 84], [59, 82, 139], [33, 145, 140], [94, 201, 98], [253, 231, 37]],
+  "both ways": [[49, 54, 149], [145, 194, 222], [255, 255, 191], [248, 142, 83], [165, 0, 38]],
+  "round": [[226, 217, 226], [98, 118, 186], [47, 20, 54], [178, 88, 77], [226, 217, 226]],
+}
+const coloured = (kind, share) => {
+  const anchors = ANCHORS[kind]
+  const place = Math.min(Math.max(share, 0), 1) * (anchors.length - 1)
+  const i = Math.min(Math.floor(place), anchors.length - 2)
+  return `rgb(${anchors[i].map((c, k) => Math.round(c + (place - i) * (anchors[i + 1][k] - c))).join(",")})`
 }
 
 explorer.map.draw = () => {
@@ -97,19 +102,20 @@ explorer.map.draw = () => {
   if (found === null) { explorer.setQuietly(source, {data}); explorer.map.place(); return }
   const {head, numbers: {x, y, values}} = found
   const n = head.count
-  const [low, high] = explorer.ends(values) ?? [0, 1]
+  const {low, high, kind} = head.scale
   // Every point is the middle of its field; what has no number has none.
   const dx = (x[n - 1] - x[0]) / (n - 1), dy = (y[n - 1] - y[0]) / (n - 1)
   values.forEach((v, k) => {
     if (!isFinite(v)) return
     const [i, j] = [k % n, Math.floor(k / n)]
     data.left.push(x[i] - dx / 2); data.right.push(x[i] + dx / 2); data.bottom.push(y[j] - dy / 2); data.top.push(y[j] + dy / 2)
-    data.color.push(viridis(high > low ? (v - low) / (high - low) : 0.5))
+    data.color.push(coloured(kind, (v - low) / (high - low)))
   })
   explorer.setQuietly(source, {data})
   const plot = explorer.model("map")
   explorer.range(plot.x_range, x[0] - dx / 2, x[n - 1] + dx / 2)
   explorer.range(plot.y_range, y[0] - dy / 2, y[n - 1] + dy / 2)
+  explorer.$("map-bar").style.background = `linear-gradient(90deg, ${ANCHORS[kind].map((c) => `rgb(${c.join(",")})`).join(", ")})`
   explorer.$("map-low").textContent = explorer.number(low, 3)
   explorer.$("map-high").textContent = `${explorer.number(high, 3)} ${head.unit}`
   const outcomes = Object.values(head.outcomes).join(", ")

@@ -31,6 +31,7 @@ def fill_map(request: Request, patience: Patience) -> Iterator[Answer]:
         If an axis or the measure is none.
     """
     from stickslip.motion.outcome import Outcome
+    from stickslip.sweeps.request.scales import colour_scale
     from stickslip.sweeps.request.user_measures import offered_measures
     from stickslip.sweeps.sweep import sweep
 
@@ -61,6 +62,7 @@ def fill_map(request: Request, patience: Patience) -> Iterator[Answer]:
         values = data[measure].transpose(y, x)
         outcome = data["outcome"].transpose(y, x)
         said = values.attrs
+        scale = colour_scale(measure, values.values)
         codes = np.unique(outcome.values)
         head: dict[str, Any] = {
             "part": "map",
@@ -69,6 +71,7 @@ def fill_map(request: Request, patience: Patience) -> Iterator[Answer]:
             "y": y,
             "count": count,
             "measure": measure,
+            "scale": {"low": scale.low, "high": scale.high, "kind": scale.kind},
             "unit": unicode_unit(str(said.get("units", ""))),
             "meaning": str(said.get("long_name", measure)),
             "outcomes": {int(c): Outcome.from_code(int(c)).label for c in codes},

@@ -388,7 +388,6 @@ def _square(axes: Axes, across: str, up: str, alike: bool = True) -> None:
     axes.set_box_aspect(0.9)
     axes.set_anchor("N")
     axes.margins(0.08)
-    axes.xaxis.set_major_locator(MaxNLocator(5))
     axes.yaxis.set_major_locator(MaxNLocator(5))
     axes.set_xlabel(across)
     axes.set_ylabel(up)

@@ -27,13 +27,24 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
-from matplotlib.ticker import ScalarFormatter
+from matplotlib.ticker import (
+    AutoLocator,
+    FuncFormatter,
+    LogFormatterSciNotation,
+    LogLocator,
+    MaxNLocator,
+    NullFormatter,
+    NullLocator,
+    ScalarFormatter,
+)
 
+from stickslip.arrays import Array
 from stickslip.display.symbols import latex_name
 from stickslip.model.entries.units import unit_label
 from stickslip.palette import (
     BAND,
     BLUE,
+    EQUILIBRIUM,
     GREEN,
     LINES,
     ORANGE,
@@ -50,6 +61,7 @@ from stickslip.palette import (
 __all__ = [
     "BAND",
     "BLUE",
+    "EQUILIBRIUM",
     "GREEN",
     "LINES",
     "ORANGE",
@@ -71,7 +83,10 @@ __all__ = [
     "symbol",
 ]
 
+_TOLD = 1e-5  # part of the numbers on an axis that it shows, from which on they stand in full
 _SMALL, _LARGE = 1e-2, 1e5  # numbers on an axis, from which on powers of ten are said apart
+_BETWEEN = (1.0, 2.0, 5.0)  # parts of a power of ten that are labelled
+_LETTER = 0.6  # width of a letter, relative to its size
 _TITLE = 2.0  # points between a legend and the title above it
 _LAID_OUT = 0.95  # part of the width of axes that the layout leaves them at least
 
@@ -106,12 +121,88 @@ def paper_style() -> Iterator[None]:
         yield
 
 
+class _RoomyLocator(MaxNLocator):
+    """Ticks at plain numbers, as few as their labels have room for beside each other.
+
+    Matplotlib's own takes labels of three letters for granted.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(nbins="auto", steps=[1, 2, 2.5, 5, 10])
+        self._known: tuple[Any, Any] = (None, None)
+
+    def tick_values(self, vmin: float, vmax: float) -> Any:
+        """The ticks between two ends; matplotlib asks for them dozens of times."""
+        axis: Any = self.axis
+        about = vmin, vmax, axis.axes.bbox.bounds, axis.get_major_formatter()
+        if self._known[0] != about:
+            self._known = about, self._chosen(axis, vmin, vmax)
+        return self._known[1]
+
+    def _chosen(self, axis: Any, vmin: float, vmax: float) -> Any:
+        ticks = np.empty(0)
+        for most in ("auto", 5, 4, 3, 2):
+            self.set_params(nbins=most)
+            ticks = np.asarray(super().tick_values(vmin, vmax))
+            if axis.axis_name != "x" or _have_room(axis, ticks, vmin, vmax):
+                return ticks
+        seen = ticks[(ticks >= vmin) & (ticks <= vmax)]
+        return next(
+            (seen[::k] for k in range(1, len(seen)) if _have_room(axis, seen[::k], vmin, vmax)),
+            seen[:1],
+        )
+
+
+def _have_room(axis: Any, ticks: Array, low: float, high: float) -> bool:
+    """Whether the labels of ticks across stand apart."""
+    shown = ticks[(ticks >= low) & (ticks <= high)]
+    if len(shown) < 2:
+        return True
+    points = axis.axes.get_window_extent().width * 72.0 / axis.get_figure(root=True).dpi
+    first, last = axis.get_transform().transform([low, high])
+    apart = np.min(np.diff(axis.get_transform().transform(shown))) / (last - first) * points
+    letters = max(map(len, axis.get_major_formatter().format_ticks(ticks)), default=0)
+    # its size, as matplotlib's own guess of the room asks for it
+    return (letters + 1) * _LETTER * axis._get_tick_label_size("x") <= apart
+
+
+def _between_decades(axis: Any) -> None:
+    """Of a logarithmic axis, label powers of ten alone; if there are fewer than two, 1, 2 and 5
+    times these as plain numbers, or whatever numbers there are."""
+    axis.set_minor_formatter(NullFormatter())
+    low, high = sorted(axis.get_view_interval())
+    first, last = np.log10([low, high])
+    if math.floor(last) - math.ceil(first) >= 1:
+        return
+    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    tens = 10.0 ** np.arange(math.floor(first), math.ceil(last) + 1.0)
+    ticks = np.outer(tens, _BETWEEN).ravel()
+    few = np.count_nonzero((ticks >= low) & (ticks <= high)) < 2
+    if few or (axis.axis_name == "x" and not _have_room(axis, ticks, low, high)):
+        axis.set_major_locator(_RoomyLocator())
+        axis.set_minor_locator(NullLocator())
+    else:
+        axis.set_major_locator(LogLocator(subs=_BETWEEN))
+
+
 class Picture(Figure):
     """A figure that a notebook shows, also where no backend for notebooks is active.
 
     Where one is, it is shown by that, and not by this: it stands in no list of open figures, and
     IPython asks for a picture once.
     """
+
+    def draw(self, renderer: Any) -> None:
+        """Draw it, with no more numbers at its axes than have room, and powers of ten beside the
+        units."""
+        for axes in self.axes:
+            if type(axes.xaxis.get_major_locator()) is AutoLocator:
+                axes.xaxis.set_major_locator(_RoomyLocator())
+            for axis in (axes.xaxis, axes.yaxis):
+                if type(axis.get_minor_formatter()) is LogFormatterSciNotation:
+                    _between_decades(axis)
+        powers_in_labels(self)
+        super().draw(renderer)
 
     def _repr_png_(self) -> bytes:
         buffer = io.BytesIO()
@@ -166,9 +257,14 @@ def powers_in_labels(figure: Figure) -> None:
     for axes in figure.axes:
         axes.apply_aspect()  # which may widen what is seen
         for axis in (axes.xaxis, axes.yaxis):
-            largest = float(np.max(np.abs(axis.get_view_interval())))
+            low, high = axis.get_view_interval()
+            largest = max(abs(low), abs(high))
+            formatter = axis.get_major_formatter()
+            if isinstance(formatter, ScalarFormatter) and abs(high - low) >= _TOLD * largest:
+                formatter.set_useOffset(False)
             if (
                 type(axis.get_major_formatter()) is not ScalarFormatter
+                or not axis.offsetText.get_visible()  # it has been done
                 or axis.get_scale() != "linear"
                 or not (0.0 < largest <= _SMALL or _LARGE <= largest < np.inf)
             ):

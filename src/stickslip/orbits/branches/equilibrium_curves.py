@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     import xarray
 
 _STEPS = StepControl(first=0.005, largest=0.02)
+_BESIDE = 1e-4  # part of the range of a parameter, over which eigenvalues are compared
 Numbers = Callable[[Array], dict[str, float]]
 
 
@@ -85,9 +86,11 @@ def hopf_curve(
     Returns
     -------
     Branch
-        With ``frequency`` and ``lyapunov`` at every point. Special points: ``"Bautin"`` (the first
-        Lyapunov coefficient vanishes), ``"Bogdanov-Takens"`` (the frequency does), ``"zero-Hopf"``,
-        ``"boundary equilibrium"``.
+        With ``frequency`` and ``lyapunov`` at every point; how fast the rate of growth of the
+        oscillation rises with each parameter, ``growth_V``, so that the equilibrium is stable where
+        it falls; and ``unstable_others``, how many other eigenvalues are unstable. Special points:
+        ``"Bautin"`` (the first Lyapunov coefficient vanishes), ``"Bogdanov-Takens"`` (the frequency
+        does), ``"zero-Hopf"``, ``"boundary equilibrium"``.
 
     Raises
     ------
@@ -206,6 +209,8 @@ class _Extended:
         Test functions that end the curve.
     least : array
         Least lengths that count in the unknowns; those of the parameters are their ranges.
+    beside : function, optional
+        Of the unknowns: numbers to report of what is beside the curve.
     """
 
     residual: ResidualFunction
@@ -214,6 +219,7 @@ class _Extended:
     numbers: Numbers
     endings: dict[str, str]
     least: Array
+    beside: Numbers | None = None
 
     def units(self, x: Array) -> Array:
         """Lengths that count in the unknowns."""
@@ -392,6 +398,8 @@ class _Curve:
         xs = np.array(points)
         sizes = self.steady.sizes(np.array([self.point(x) for x in points]).T)
         numbers = [problem.numbers(x) for x in points]
+        if problem.beside is not None:
+            numbers = [own | problem.beside(x) for own, x in zip(numbers, points, strict=True)]
         data = {name: ("point", xs[:, i - 2]) for i, name in enumerate(self.spans)}
         data |= {name: ("point", xs[:, i]) for i, name in enumerate(self.steady.field.state)}
         data |= {name: ("point", np.array([row[name] for row in numbers])) for name in numbers[0]}
@@ -423,23 +431,48 @@ def _hopf_problem(curve: _Curve) -> _Extended:
         [curve.y, first, [eigenvalue.imag**2], [steady.values[name] for name in curve.spans]]
     )
 
+    slopes = ResidualFunction(steady.rates, [*steady.field.state, *curve.spans], steady.values)
+
     def numbers(x: Array) -> dict[str, float]:
         if not x[2 * n] > 0.0:
             return {"frequency": 0.0, "lyapunov": np.nan}
         form = hopf(derivatives, x[:n], curve.values(x), steady.invariant)
         return {"frequency": form.frequency, "lyapunov": form.lyapunov}
 
+    def beside(x: Array) -> dict[str, float]:
+        """Along the equilibria with other parameters."""
+        found = _others(steady.eigenvalues(curve.point(x)), x[2 * n])
+        rates = {"unstable_others": float(np.count_nonzero(found.real > 0.0))}
+        linear = slopes(np.append(x[:n], x[-2:]))[1]
+        for j, (name, (low, high)) in enumerate(curve.spans.items()):
+            step = np.zeros(len(x))
+            step[j - 2] = _BESIDE * (high - low)
+            step[:n] = np.linalg.lstsq(linear[:, :n], -linear[:, n + j] * step[j - 2])[0]
+            ends = (_pair(steady.eigenvalues(curve.point(x + s * step)), x[2 * n]) for s in (1, -1))
+            ahead, back = (float(np.mean(pair.real)) for pair in ends)
+            rates[f"growth_{name}"] = (ahead - back) / (2.0 * step[j - 2])
+        return rates
+
     def tests(x: Array) -> dict[str, float]:
-        eigenvalues = steady.eigenvalues(curve.point(x))
-        others = np.argsort(np.abs(eigenvalues**2 + x[2 * n]))[2:]
+        others = _others(steady.eigenvalues(curve.point(x)), x[2 * n])
         return {
             "Bautin": numbers(x)["lyapunov"],
-            "zero-Hopf": float(np.prod(eigenvalues[others]).real),
+            "zero-Hopf": float(np.prod(others).real),
             "Bogdanov-Takens": float(x[2 * n]),
         }
 
     ending = {"Bogdanov-Takens": "Bogdanov-Takens point: the frequency vanishes"}
-    return _Extended(residual, start, tests, numbers, ending, curve.least(start))
+    return _Extended(residual, start, tests, numbers, ending, curve.least(start), beside)
+
+
+def _pair(eigenvalues: Array, kappa: float) -> Array:
+    """The two eigenvalues nearest to ±i√κ."""
+    return eigenvalues[np.argsort(np.abs(eigenvalues**2 + kappa))[:2]]
+
+
+def _others(eigenvalues: Array, kappa: float) -> Array:
+    """All but these."""
+    return eigenvalues[np.argsort(np.abs(eigenvalues**2 + kappa))[2:]]
 
 
 def _fold_problem(curve: _Curve) -> _Extended:

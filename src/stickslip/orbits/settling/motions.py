@@ -23,6 +23,7 @@ from stickslip.motion.problem import Problem
 from stickslip.motion.steps.arrays import NOW, Lane
 from stickslip.orbits.fields.stable_set import excess
 from stickslip.orbits.settling.engine import measuring, settling
+from stickslip.orbits.settling.engine.exponents import SKIPPED, TURNS
 from stickslip.orbits.settling.engine.tables import (
     DONE,
     DURATION,
@@ -42,6 +43,7 @@ from stickslip.orbits.settling.engine.tables import (
 from stickslip.orbits.settling.lattice import forms_of, lattice, translations
 from stickslip.orbits.settling.proofs import Prover
 from stickslip.orbits.settling.repetition import Repetition
+from stickslip.orbits.settling.unsettled import CERTAIN_GROWTH, changes_slowly, elapsed_of
 from stickslip.stopping.scopes import TimeUp, flagged, heed, watching
 
 POINT_SLOTS = 12  # closed forms of every point
@@ -59,7 +61,8 @@ _ENDLESS = np.iinfo(np.int64).max
 _MOST_STATES = 32
 _TURNS = 1024  # marks of a single motion after which Ctrl-C is heard
 ATTRACTORS = (Outcome.AT_REST, Outcome.PERIODIC, Outcome.STEADY, Outcome.UNDAMPED)
-MEASURED = (*ATTRACTORS, Outcome.NOT_SETTLED)
+UNSETTLED = (Outcome.NOT_SETTLED, Outcome.IRREGULAR, Outcome.SLOW)
+MEASURED = (*ATTRACTORS, *UNSETTLED)
 
 
 @dataclass(frozen=True)
@@ -191,6 +194,10 @@ class Loops(Protocol):
         """Bring what was found, and where the motions are, to the host."""
         ...
 
+    def remember(self) -> None:
+        """Bring the marks of all motions to the host."""
+        ...
+
 
 class Block:
     """Points that are worked on together, each with closed forms of its own unless they share their
@@ -303,7 +310,11 @@ class Block:
         self._until_done(loops.settle, loops)
 
     def run(
-        self, where: Callable[[Block], Loops], exponents: bool, time_limit: float | None = None
+        self,
+        where: Callable[[Block], Loops],
+        exponents: bool,
+        time_limit: float | None = None,
+        classed: bool = False,
     ) -> Observed:
         """Follow and measure all points.
 
@@ -315,6 +326,8 @@ class Block:
             Whether Lyapunov exponents are measured.
         time_limit : float, optional
             Seconds of wall-clock time that each point may take.
+        classed : bool
+            Whether it is said of motions that have not settled why.
         """
         marks = self.marks
         loops = where(self)
@@ -324,6 +337,8 @@ class Block:
             marks.numbers[np.isin(marks.outcome, [o.code for o in MEASURED]), PHASE] = MEASURING
             self._in_time(loops.grow_apart, loops, time_limit)
             loops.fetch()
+        if classed:
+            self._class_unsettled(loops, exponents, time_limit)
         self._name_rest()
         return Observed(
             marks.outcome,
@@ -364,6 +379,40 @@ class Block:
                 where.ask()
                 self.prover.prove(self.lanes, self.engine(self.lanes), self.settling)
                 where.answer()
+
+    def _class_unsettled(self, loops: Loops, known: bool, limit: float | None) -> None:
+        """Say of motions that have not settled whether they are irregular or slow.
+
+        Parameters
+        ----------
+        loops : Loops
+        known : bool
+            Whether their exponents are known; else they are measured, in stretches so short that it
+            takes no longer than the motion itself.
+        limit : float, optional
+            Seconds that each point may take; one whose exponent takes longer has none.
+        """
+        marks = self.marks
+        late = np.flatnonzero(marks.outcome == Outcome.NOT_SETTLED.code)
+        if not len(late):
+            return
+        lasted = marks.real[:, DURATION].copy()
+        if not known:
+            spent = elapsed_of(marks, self.rules, self.saved)[late]
+            marks.real[late, DURATION] = np.minimum(lasted[late], spent / (2.0 * TURNS))
+            marks.numbers[late, PHASE] = MEASURING
+            loops.answer()
+            self._in_time(loops.grow_apart, loops, limit)
+            loops.fetch()
+        loops.remember()
+        growth = self.found.exponent[late] * (TURNS - SKIPPED) * marks.real[late, DURATION]
+        marks.real[:, DURATION] = lasted
+        slow = np.array([changes_slowly(marks, self.rules, int(i)) for i in late])
+        # Without a drive neighbours come together at an equilibrium alone, but where all sticks.
+        free = (marks.drive[late] == 0.0) & (not self.rules.timed)
+        slow |= free & np.isfinite(growth) & (growth < -CERTAIN_GROWTH)
+        calm = np.where(slow, Outcome.SLOW.code, Outcome.NOT_SETTLED.code)
+        marks.outcome[late] = np.where(growth > CERTAIN_GROWTH, Outcome.IRREGULAR.code, calm)
 
     def _name_rest(self) -> None:
         """What is where it was after a period of its drive without having moved rests, or slides
@@ -415,6 +464,9 @@ class Here:
         """Everything is here."""
 
     def fetch(self) -> None:
+        """Everything is here."""
+
+    def remember(self) -> None:
         """Everything is here."""
 
 

@@ -142,34 +142,39 @@ def _duration(problem: Problem, o: Observed, of: str) -> Array:
 @dataclass(frozen=True)
 class Named:
     """A measure: its rule, whether steps have to be followed again for it, and what it may be taken
-    of; or its rule for the motion of a period, which of formulas is the only one."""
+    of; or its rule for the motion of a period, which of formulas is the only one. What it can be at
+    least, and at most, where that is known."""
 
     rule: Rule | None
     closely: bool
     of: str = ""
     again: PeriodRule | None = None
+    least: float | None = None
+    most: float | None = None
 
 
 MEASURES = {
-    "period": Named(_period, False),
-    "amplitude": Named(_amplitude, True, "component", one_period.amplitude),
+    "period": Named(_period, False, least=0.0),
+    "amplitude": Named(_amplitude, True, "component", one_period.amplitude, least=0.0),
     "speed": Named(_speed, False, "component", one_period.speed),
-    "stick_fraction": Named(_stick_fraction, False, "contact"),
-    "energy_per_cycle": Named(_energy, True, "contact"),
-    "peak_force": Named(_peak, True, "contact"),
+    "stick_fraction": Named(_stick_fraction, False, "contact", least=0.0, most=1.0),
+    "energy_per_cycle": Named(_energy, True, "contact", least=0.0),
+    "peak_force": Named(_peak, True, "contact", least=0.0),
     "mean_force": Named(_mean, True, "force"),
-    "switches": Named(_switches, False),
+    "switches": Named(_switches, False, least=0.0),
     "lyapunov": Named(_lyapunov, False),
     "low": Named(_low, True, "component", one_period.low),
     "high": Named(_high, True, "component", one_period.high),
     "shift": Named(_shift, False, "component", one_period.shift),
     "state": Named(_state, False, "component", one_period.state),
     "time": Named(_time, False),
-    "duration": Named(_duration, False),
+    "duration": Named(_duration, False, least=0.0),
     "mean": Named(None, False, "quantity", one_period.mean_value),
-    "harmonic": Named(None, False, "quantity", one_period.harmonic),
-    "phase": Named(None, False, "quantity", one_period.phase),
-    "relative_phase": Named(None, False, "quantity", one_period.phase_to_drive),
+    "harmonic": Named(None, False, "quantity", one_period.harmonic, least=0.0),
+    "phase": Named(None, False, "quantity", one_period.phase, least=-np.pi, most=np.pi),
+    "relative_phase": Named(
+        None, False, "quantity", one_period.phase_to_drive, least=-1.5 * np.pi, most=0.5 * np.pi
+    ),
     "energy_per_distance": Named(None, False, "component", one_period.energy_per_distance),
     "cost_of_transport": Named(None, False, "weight", one_period.cost_of_transport),
 }

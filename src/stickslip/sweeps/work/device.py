@@ -221,6 +221,12 @@ class OnDevice:
         self.ask()
         self._fetch(self.block.found, self.found)
 
+    def remember(self) -> None:
+        """Bring the marks of all motions to the host."""
+        here, there = self.block.marks, self.marks
+        for name in ("time", "state", "kind"):
+            self._fetch(getattr(here, name), getattr(there, name))
+
     def _launch(self, number: int, involved: list[tuple[Lanes, Any]]) -> None:
         """Send what the host has changed, let all motions go on, and bring back what the host looks
         at."""

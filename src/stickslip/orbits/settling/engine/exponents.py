@@ -32,8 +32,8 @@ from stickslip.orbits.settling.engine.tables import (
 )
 from stickslip.translator import compiled
 
-_TURNS = 64  # stretches in which the growth of a small change is followed
-_SKIPPED = 32  # of them that are not counted at first
+TURNS = 64  # stretches in which the growth of a small change is followed
+SKIPPED = 32  # of them that are not counted at first
 _CHANGE = 1e-7  # of the size of the motion
 
 
@@ -132,7 +132,7 @@ def grow_apart(
         for r in range(n):
             w.y[i, r] += _CHANGE * size[r] * math.cos(1.0 + r) if r < first or r >= last else 0.0
         total = 0.0
-        for turn in range(_TURNS):
+        for turn in range(TURNS):
             if is_stopped(e.flow.space):
                 return False
             t += stretch
@@ -148,11 +148,11 @@ def grow_apart(
             if apart == 0.0:
                 total = -np.inf
                 break
-            total += math.log(apart / _CHANGE) if turn >= _SKIPPED else 0.0
+            total += math.log(apart / _CHANGE) if turn >= SKIPPED else 0.0
             for r in range(n):
                 w.y[i, r] = s.y[i, r] + (w.y[i, r] - s.y[i, r]) * _CHANGE / apart
         if e.codes[i] == FINISHED and twin.codes[i] == FINISHED:
-            exponent[i] = total / ((_TURNS - _SKIPPED) * stretch)
+            exponent[i] = total / ((TURNS - SKIPPED) * stretch)
             return True
     exponent[i] = np.nan
     return not is_stopped(e.flow.space)
