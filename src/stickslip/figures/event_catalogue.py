@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, NullFormatter
 
 from stickslip.arrays import Array
 from stickslip.figures.drawing.style import (
@@ -60,6 +62,10 @@ def _over_time(axes: Axes, catalogue: EventCatalogue) -> None:
             axes.vlines(start, low, size, color=BLUE, lw=0.8)
         axes.plot(start, size, "o", color=BLUE, ms=4 if len(size) <= _MANY else 2, mew=0.0)
         axes.set_ylim(*_decades(size))
+        _few_numbers(axes.yaxis, size)
+    else:
+        axes.text(0.5, 0.5, "no slip event in this time", transform=axes.transAxes, ha="center", va="center", fontsize=10)
+        axes.set_yticks([])
     axes.set_xlim(*catalogue.span)
     axes.set_xlabel(_label(catalogue, "start"))
     axes.set_ylabel(_label(catalogue, "size"))
@@ -73,6 +79,8 @@ def _at_least(axes: Axes, catalogue: EventCatalogue, name: str) -> None:
     what = "events at least as large" if name == "size" else "times at least as long"
     axes.set_ylabel(what, fontsize=11.0)
     if not len(values):
+        axes.set_xticks([])
+        axes.set_yticks([])
         return
     count = np.arange(len(values), 0, -1)
     axes.loglog(values, count, ".", color=BLUE, ms=5, mew=0.0)
@@ -83,6 +91,7 @@ def _at_least(axes: Axes, catalogue: EventCatalogue, name: str) -> None:
         poisson = len(values) * np.exp(-times / np.mean(values))
         axes.loglog(times, poisson, color=STICK_LINE, lw=0.8, label="Poisson process")
         legend_above(axes, right=True)
+    _few_numbers(axes.xaxis, values)
 
 
 def _decades(values: Array) -> tuple[float, float]:
@@ -95,6 +104,19 @@ def _decades(values: Array) -> tuple[float, float]:
         return float(10 ** np.floor(low)), float(10 ** (np.floor(high) + 1.0))
     pad = _PAD * (high - low)
     return float(10 ** (low - pad)), float(10 ** (high + pad))
+
+
+def _few_numbers(axis: Axis, values: Array) -> None:
+    """Numbers at whole decades, and at 2 and 5 where fewer than two of these are shown: more of
+    them overlap."""
+    low, high = np.log10(_decades(values))
+    plenty = np.floor(high + 1e-9) > np.ceil(low - 1e-9)
+
+    def number(value: float, _: int | None) -> str:
+        digit = round(value / 10 ** np.floor(np.log10(value) + 1e-9))
+        return f"{value:g}" if digit in (2, 5) else ""
+
+    axis.set_minor_formatter(NullFormatter() if plenty else FuncFormatter(number))
 
 
 def _label(catalogue: EventCatalogue, name: str) -> str:
