@@ -142,3 +142,68 @@ def test_a_controlled_carriage_in_a_map_and_its_derivatives() -> None:
     exact = motion.sensitivity(["m"], [1.0], of=["x"], second_opinion=True)
     ours, differences = (float(exact[n].values[0, 0]) for n in ("x", "x_by_differences"))
     assert ours == pytest.approx(differences, rel=1e-6)
+
+
+SLIDER: dict[str, Any] = {
+    "coordinates": {"x": ss.Inertial()},
+    "kinetic": "d_x**2/2",
+    "potential": "-u*x",
+    "contacts": {"rail": ss.Contact("d_x", 0.3)},
+}
+
+
+def cascade(outer: float | str, inner: float | str, offset: float | str = 0.0) -> ss.System:
+    """A fast loop of the speed within a slow one of the place."""
+    internal = {
+        "v": ss.Sampled(outer, "8*(1 - x)", offset=offset),
+        "u": ss.Sampled(inner, "4*(v - d_x)"),
+    }
+    return ss.System("cascade", parameters={"T": 0.01}, internal=internal, **SLIDER)
+
+
+def cascade_by_hand(outer: int, inner: int, offset: int, tick: float, count: int) -> list[float]:
+    """Positions after each tick, with both loops in Python."""
+    plain = ss.System("free", parameters={"u": 0.0}, **SLIDER)
+    stepper = ss.Stepper(plain, inputs=["u"])
+    v = u = 0.0
+    found: list[float] = []
+    for k in range(count):
+        state = stepper.state
+        before = v
+        if k > 0 and (k - offset) % outer == 0:
+            v = 8.0 * (1.0 - state["x"])
+        if k > 0 and k % inner == 0:
+            u = 4.0 * (before - state["d_x"])
+        found.append(stepper.advance((k + 1) * tick, {"u": u})["x"])
+    return found
+
+
+@pytest.mark.parametrize(
+    ("declared", "ticks"),
+    [
+        (("5*T", "T"), (5, 1, 0)),
+        (("5*T", "T", "2*T"), (5, 1, 2)),
+        ((0.05, 0.01), (5, 1, 0)),
+        (("1.5*T", "T"), (3, 2, 0)),
+        (("3*T", "T", "T/2"), (6, 2, 1)),
+    ],
+)
+def test_several_rates(declared: tuple[Any, ...], ticks: tuple[int, int, int]) -> None:
+    """Loops of several rates: what is sampled at the same time is computed from values before."""
+    system = cascade(*declared)
+    tick = 0.01 / ticks[1]
+    motion = ss.simulate(system, (0.0, 1.0))
+    assert motion.certificate.ok, motion.certificate.verdict
+    times = np.arange(1, 1 + round(1.0 / tick)) * tick
+    by_hand = cascade_by_hand(*ticks, tick, len(times))
+    np.testing.assert_allclose(motion.at(times[:-1])["x"], by_hand[:-1], atol=1e-11)
+
+
+def test_periods_whose_ratio_is_not_known() -> None:
+    """Two parameters may have any ratio: where they meet, the remedy is said."""
+    internal = {"v": ss.Sampled("S", "8*(1 - x)"), "u": ss.Sampled("T", "4*(v - d_x)")}
+    parameters = {"T": 0.01, "S": 0.05}
+    found = ss.simulate(
+        ss.System("cascade", parameters=parameters, internal=internal, **SLIDER), (0.0, 1.0)
+    )
+    assert found.outcome is ss.Outcome.JUMPS_MEET and "10*T" in found.message

@@ -18,6 +18,7 @@ from stickslip.errors import DeclarationError, suggestion
 from stickslip.kept import cached_property
 from stickslip.model.entries.declared import Kind
 from stickslip.model.entries.keys import key_of, normal_force
+from stickslip.model.entries.sampling import Sampling, at_once
 from stickslip.model.entries.units import check_unit
 from stickslip.model.names import DeclaredNames, parse_range
 from stickslip.model.schema import check_shape, entry_key, wrong_kind
@@ -189,12 +190,26 @@ class _WrittenOut:
                 later = Internal(0.0, part.unit, f"next value of {part.meaning or name}")
                 self.take(self.internal, f"{name}_next", later, f"{where}.delay")
                 self.initial.setdefault(f"{name}_next", self.initial.get(name, 0.0))
+        samplings: list[Sampling] = []
         for (period, offset), parts in groups.items():
             to = {n if _is_nothing(p.delay) else f"{n}_next": _rounded(p) for n, p in parts.items()}
-            self._sample("sample", parts, f"({offset})", period, to)
+            label = f"sample {', '.join(parts)}"
+            samplings.append(Sampling(label, tuple(parts), offset, period, to))
         for (period, offset, delay), parts in acting.items():
             to = {name: f"{name}_next" for name in parts}
-            self._sample("output", parts, f"({offset}) - ({delay})", period, to)
+            label, later = f"output {', '.join(parts)}", f"({offset}) + ({delay})"
+            samplings.append(Sampling(label, tuple(parts), later, period, to))
+        for sampling in at_once(samplings, self._number):
+            self._sample(sampling)
+
+    def _number(self, text: str) -> float | None:
+        """A formula of parameters that does not depend on them; None of any other."""
+        names = {name: ex.sym(name) for name in self.system.parameters}
+        try:
+            formula = Scope(names).parse(text, "period")
+        except DeclarationError:
+            return None
+        return None if formula.symbols else ex.evaluate(formula, {})
 
     def check_sampled(self, plain: System) -> None:
         """Refuse a period, a delay or a quantum that is not one of parameters alone, and a period
@@ -216,24 +231,18 @@ class _WrittenOut:
                         "Give a longer span, or a shorter period",
                     )
 
-    def _sample(
-        self,
-        verb: str,
-        parts: Mapping[str, Sampled],
-        since: str,
-        period: str,
-        to: Mapping[str, Formula],
-    ) -> None:
+    def _sample(self, sampling: Sampling) -> None:
         """Add a jump at even times."""
-        label = f"{verb} {', '.join(parts)}"
+        label = sampling.label
         if label in self.jumps:
-            where = entry_key("internal", next(iter(parts)))
+            where = entry_key("internal", sampling.names[0])
             raise DeclarationError(where, f"it needs the name '{label}' of a jump", "Rename that")
-        self.jumps[label] = Jump(f"sin(pi*(t - {since})/({period}))", to)
+        self.jumps[label] = Jump(f"sin(pi*{sampling.since})", dict(sampling.to))
         place = entry_key("jumps", label)
-        for name, part in zip(to, parts, strict=True):
-            self.origins[f"{place}.to.{name}"] = f"{entry_key('internal', part)}.law"
-        self.origins[place] = f"{entry_key('internal', next(iter(parts)))}.period"
+        for name in sampling.to:
+            own = name if name in self.system.internal else name.removesuffix("_next")
+            self.origins[f"{place}.to.{name}"] = f"{entry_key('internal', own)}.law"
+        self.origins[place] = f"{entry_key('internal', sampling.names[0])}.period"
 
     def as_declared(self, error: DeclarationError) -> DeclarationError:
         """An error of the plain system, said of what was declared."""

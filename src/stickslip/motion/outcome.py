@@ -56,8 +56,7 @@ class Outcome(Ended):
     TIME_UP = (
         23,
         "time limit reached",
-        "The limit of wall-clock time was reached; what was computed is kept. Raise time_limit to "
-        "go on",
+        "The time limit was reached; what was computed is kept. Raise time_limit to continue",
     )
     INTERRUPTED = (9, "interrupted", "Stopped by the user; what was computed is kept")
     PERIODIC = (10, "periodic", "The motion has settled on a cycle")
@@ -113,7 +112,8 @@ class Outcome(Ended):
         20,
         "several jumps at once",
         "The guards of two jumps pass through zero at the same time, so that the state jumps in no "
-        "order. Declare one jump that does what both do, or move one of the guards",
+        "order. Declare one jump that does what both do, or move one of the guards. Of two "
+        "sampling periods write one as a multiple of the other, such as 10*T",
     )
     JUMPS_ON = (
         21,

@@ -13,7 +13,15 @@ import numpy as np
 
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, TimeLimitError
-from stickslip.stopping.watchman import Heard, expect, expect_no_more, hear, hear_no_more
+from stickslip.stopping.watchman import (
+    Due,
+    Heard,
+    expect,
+    expect_no_more,
+    hear,
+    hear_no_more,
+    thread_clock,
+)
 
 _T = TypeVar("_T")
 
@@ -49,7 +57,9 @@ class Watch:
     keyboard : bool
         Whether the wish is only that Python has a look at its signals.
     until : float
-        When the time is up, by :func:`time.monotonic`.
+        When the time is up, by :func:`time.monotonic`; of processor time at the earliest.
+    firm : bool
+        Whether it is wall-clock time that is limited.
     limit : float
         Seconds that were allowed; infinite without a limit of its own.
     owner : Watch
@@ -58,8 +68,11 @@ class Watch:
         Whether there is one around it.
     """
 
-    def __init__(self, outer: Watch | None, limit: float, wish: Array | None) -> None:
+    def __init__(
+        self, outer: Watch | None, limit: float, wish: Array | None, firm: bool = True
+    ) -> None:
         self.limit = limit
+        self.firm: bool = firm
         self.until: float = time.monotonic() + limit if limit < math.inf else math.inf
         self.owner: Watch = self
         self.keyboard: bool = outer is None and wish is None
@@ -71,7 +84,8 @@ class Watch:
             self.wish, self.keyboard = outer.wish, outer.keyboard
         self.inner: bool = outer is not None
         if outer is not None and outer.until <= self.until:
-            self.until, self.late, self.owner = outer.until, outer.late, outer.owner
+            self.until, self.firm = outer.until, outer.firm
+            self.late, self.owner = outer.late, outer.owner
 
     def ends(self, why: BaseException) -> bool:
         """Whether the computation of this scope is what ends, and not one that it is a part of:
@@ -108,12 +122,19 @@ class watching:
         that Ctrl-C raises.
     around : Watch, optional
         Of the thread that this one works for; by default the innermost one of this thread.
+    processor : bool
+        Whether the limit is one of processor time of this thread, where the system tells that.
     """
 
     def __init__(
-        self, limit: float | None = None, wish: Array | None = None, around: Watch | None = None
+        self,
+        limit: float | None = None,
+        wish: Array | None = None,
+        around: Watch | None = None,
+        processor: bool = False,
     ) -> None:
         self._limit = limit
+        self._processor = processor
         self._wish = wish
         self._around = around
         self._before: Watch | None = None
@@ -123,11 +144,14 @@ class watching:
     def __enter__(self) -> Watch:
         self._before = _here.scope
         outer = self._around or self._before
-        inner = Watch(outer, math.inf if self._limit is None else self._limit, self._wish)
+        limit = math.inf if self._limit is None else self._limit
+        clock = thread_clock() if self._processor else -1
+        inner = Watch(outer, limit, self._wish, firm=clock == -1)
         if outer is None and inner.keyboard:
             self._heard = hear(inner.wish)
         if inner.owner is inner and self._limit is not None:
-            expect(inner.late, inner.until)
+            spent = time.clock_gettime(clock) + self._limit if clock != -1 else 0.0
+            expect(Due(inner.until, inner.late, clock, spent))
             self._expected = inner.late
         # Last: an exception before leaves the scope as it was.
         _here.scope = inner
@@ -188,7 +212,8 @@ def heed() -> bool:
         If there was a wish to stop.
     """
     now = scope()
-    if now.late[0] != 0:
+    # A busy machine may have kept the watchman from raising the flag.
+    if now.late[0] != 0 or (now.firm and time.monotonic() > now.until):
         raise TimeUp(now.owner)
     if now.wish[0] == 0:
         return False

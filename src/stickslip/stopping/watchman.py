@@ -15,6 +15,45 @@ from stickslip.arrays import Array
 _LONGEST = 86_400.0  # seconds that the watchman sleeps at most
 
 
+class Due(NamedTuple):
+    """A flag that is to be raised at a time.
+
+    Attributes
+    ----------
+    until : float
+        When, by :func:`time.monotonic`.
+    late : array of int, shape (1,)
+        The flag.
+    clock : int
+        Of the processor time of a thread, by which more time may be left then; -1: none.
+    spent : float
+        Reading of that clock at which the time is up.
+    """
+
+    until: float
+    late: Array
+    clock: int = -1
+    spent: float = 0.0
+
+    def postponed(self) -> Due | None:
+        """The same at the earliest time at which the thread can have spent its time; None if it
+        has."""
+        if self.clock == -1:
+            return None
+        try:
+            left = self.spent - time.clock_gettime(self.clock)
+        except OSError:  # the thread is gone
+            return None
+        return self._replace(until=time.monotonic() + left) if left > 0.0 else None
+
+
+def thread_clock() -> int:
+    """The clock of the processor time of this thread; -1 where the system has none."""
+    if not hasattr(time, "pthread_getcpuclockid"):
+        return -1
+    return time.pthread_getcpuclockid(threading.get_ident())
+
+
 class _Watchman:
     """Sleeps until a signal has come or a time is up, and raises the flag that stands for it."""
 
@@ -25,7 +64,7 @@ class _Watchman:
         self._rope.setblocking(False)
         # Where a byte wakes it: the number of a signal, or 0.
         self.rope: int = self._rope.fileno()
-        self.due: dict[int, tuple[float, Array]] = {}
+        self.due: dict[int, Due] = {}
         self.keyboard: Array | None = None
         self.others: int = -1  # who else wants to know of signals
         threading.Thread(target=self._watch, name="stickslip watchman", daemon=True).start()
@@ -37,14 +76,19 @@ class _Watchman:
 
     def _watch(self) -> None:
         while True:
-            soonest = min((until for until, _ in list(self.due.values())), default=math.inf)
+            soonest = min((due.until for due in list(self.due.values())), default=math.inf)
             self._bell.settimeout(min(max(soonest - time.monotonic(), 1e-3), _LONGEST))
             with contextlib.suppress(TimeoutError):
                 self._signalled(self._bell.recv(4096))
-            for until, late in list(self.due.values()):
-                if until <= time.monotonic():
-                    late[0] = 1
-                    self.due.pop(id(late), None)
+            for key, due in list(self.due.items()):
+                if due.until > time.monotonic():
+                    continue
+                later = due.postponed()
+                if later is None:
+                    due.late[0] = 1
+                    self.due.pop(key, None)
+                elif key in self.due:
+                    self.due[key] = later
 
     def _signalled(self, numbers: bytes) -> None:
         keyboard = self.keyboard
@@ -81,10 +125,10 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_dismiss)
 
 
-def expect(late: Array, until: float) -> None:
-    """Raise a flag at a time, by :func:`time.monotonic`."""
+def expect(due: Due) -> None:
+    """Raise a flag at its time."""
     watchman = _hired()
-    watchman.due[id(late)] = until, late
+    watchman.due[id(due.late)] = due
     watchman.wake()
 
 

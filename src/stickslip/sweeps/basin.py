@@ -156,7 +156,7 @@ def basin(
     workers : int, optional
         Threads; by default all cores. The result does not depend on it.
     time_limit : float, optional
-        Seconds of wall-clock time that a motion may take; one that takes longer counts as stopped.
+        Seconds of processor time that a motion may take; one that takes longer counts as stopped.
     progress : callable, optional
         Called now and then with the fraction done.
 

@@ -169,9 +169,10 @@ def sweep(
     repair : bool
         Compute damaged chunks again.
     time_limit : float, optional
-        Seconds of wall-clock time that a point may take; one that takes longer has the outcome
-        ``time limit reached``, and is tried again when the map is taken up again (not where points
-        carry the state).
+        Seconds of processor time that a point may take, so that other work on the machine does not
+        matter (of wall-clock time on systems that do not tell processor times of threads); one that
+        takes longer has the outcome ``time limit reached``, and is tried again when the map is
+        resumed (not where points carry the state).
     progress : callable, optional
         Called as points are done.
 

@@ -77,7 +77,7 @@ TimeLimitOfEach = Annotated[
     typer.Option(
         "--time-limit",
         metavar="SECONDS",
-        help="Wall-clock time after which a motion is given up; the others go on.",
+        help="Processor time after which a motion is given up; the others continue.",
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON and nothing else.")]

@@ -160,8 +160,8 @@ class Sampled:
     controller puts out, or remembers.
 
     It is computed at the times offset + k·period that come after the start of a motion; until then
-    it has its initial value. All that is sampled at the same times is computed at once, from the
-    values before.
+    it has its initial value. All that is sampled at the same time is computed at once, from the
+    values before, also with several periods, if their ratio is a number: ``"T"`` and ``"10*T"``.
 
     Attributes
     ----------

@@ -30,9 +30,8 @@ from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.kept import cached_property
-from stickslip.model.entries.columns import columns_of
+from stickslip.model.entries.columns import columns_of, is_strong_motion, strong_motion_of
 from stickslip.model.entries.polynomials import LIVING, NEAR_SAMPLE, PiecewisePolynomial, derived
-from stickslip.model.entries.strong_motion import is_strong_motion, strong_motion_of
 from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import TimeFunction

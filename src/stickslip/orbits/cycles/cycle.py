@@ -301,9 +301,9 @@ class Cycle(Result):
         return self.drift / self.period
 
     @validated
-    def sensitivity(self, names: Sequence[str]) -> xarray.Dataset:
+    def sensitivity(self, names: Sequence[str], of: Sequence[str] | None = None) -> xarray.Dataset:
         """Derivatives of period, drift, speed, extremes, amplitudes and multipliers with respect to
-        parameters.
+        parameters, or those of chosen measures.
 
         All but those of multipliers are exact; see
         :func:`stickslip.orbits.sensitivities.cycle.cycle_sensitivity`.
@@ -311,15 +311,28 @@ class Cycle(Result):
         Parameters
         ----------
         names : sequence of str
+        of : sequence of str, optional
+            Measures by the names that they have in :func:`stickslip.sweep`: ``"period"``,
+            ``"speed:x"``, ``"shift:x"``, ``"state:x"``, ``"low:f"``, ``"high:f"``,
+            ``"amplitude:f"``, ``"mean:f"``, ``"energy_per_cycle"``, ``"energy_per_distance"``,
+            ``"cost_of_transport:m*g"``. f is an output or any formula of what results show.
 
         Raises
         ------
         DeclarationError
-            If there is no such parameter, or the cycle has no derivative.
+            If there is no such parameter or measure, or the cycle has no derivative.
+
+        Examples
+        --------
+        >>> import stickslip as ss
+        >>> cycle = ss.find_cycle(ss.catalogue.prandtl_tomlinson())
+        >>> slopes = cycle.sensitivity(["k"], of=["energy_per_distance", "mean:k*(X - x)"])
+        >>> [f"{float(slopes[name][0]):.6f}" for name in slopes]
+        ['-0.143328', '-0.143328']
         """
         from stickslip.orbits.sensitivities.cycle import cycle_sensitivity
 
-        return cycle_sensitivity(self, names)
+        return cycle_sensitivity(self, names, of=of)
 
     @property
     def stable(self) -> bool:

@@ -18,6 +18,7 @@ from stickslip.motion.record.knots import IS_CLOSED, IS_OPEN
 from stickslip.orbits.cycles.over_period import mean
 from stickslip.orbits.return_map.recurrence import segments
 from stickslip.symbolic import expressions as ex
+from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import Scope
 
 if TYPE_CHECKING:
@@ -141,8 +142,7 @@ def weight(system: System, text: str, values: Mapping[str, float]) -> float:
         If it is not a formula of the parameters, is not positive, or lacks the unit of a force.
     """
     where = f"weight {short(text)}"
-    names = {name: ex.sym(name) for name in system.parameters}
-    formula = Scope(names).parse(text, where)
+    formula = read_weight(system, text)
     unit, force = factors(formula_unit(system, formula)), factors(_force_unit(system))
     if unit and force and not agree(unit, force):
         said = formula_unit(system, formula)
@@ -153,6 +153,18 @@ def weight(system: System, text: str, values: Mapping[str, float]) -> float:
     if not found > 0.0:
         raise DeclarationError(where, f"it is {found:g}", "A weight is positive")
     return found
+
+
+def read_weight(system: System, text: str) -> Expr:
+    """The formula of a weight.
+
+    Raises
+    ------
+    DeclarationError
+        If it is not a formula of the parameters.
+    """
+    names = {name: ex.sym(name) for name in system.parameters}
+    return Scope(names).parse(text, f"weight {short(text)}")
 
 
 def _force_unit(system: System) -> str:

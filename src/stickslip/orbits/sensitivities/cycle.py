@@ -9,22 +9,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from stickslip.arrays import Array
 from stickslip.errors import ConvergenceError, DeclarationError, suggestion
-from stickslip.model.quantities import quantity
-from stickslip.motion.record.knots import Knots
+from stickslip.model.quantities import described, quantity
+from stickslip.model.system import System
 from stickslip.motion.trajectory import Trajectory
 from stickslip.orbits.cycles.finding import from_cycle
 from stickslip.orbits.fields.mode_field import Pieces
-from stickslip.orbits.fields.variational import variation
 from stickslip.orbits.return_map.damped_newton import Closed
 from stickslip.orbits.return_map.slopes import cycle_slope
-from stickslip.orbits.sensitivities.motion import with_knots
+from stickslip.orbits.sensitivities.extremes import Traced, slopes_of_extremes
+from stickslip.orbits.sensitivities.measured import measure_slopes
 
 if TYPE_CHECKING:
     import xarray
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     from stickslip.orbits.cycles.cycle import Cycle
 
 _DIFFERENCE = 1e-3  # first step of differences of multipliers, in units of the parameter
-_BISECTIONS = 60
-_LOOKS = 20  # in a step, where an extreme is looked for
 
 
 @dataclass(frozen=True)
@@ -58,9 +56,13 @@ class Moved:
 
 
 def cycle_sensitivity(
-    cycle: Cycle, names: Sequence[str], multipliers: bool = True
+    cycle: Cycle,
+    names: Sequence[str],
+    multipliers: bool = True,
+    of: Sequence[str] | None = None,
 ) -> xarray.Dataset:
-    """Derivatives of period, drift, speed, extremes, amplitudes and multipliers of a cycle.
+    """Derivatives of period, drift, speed, extremes, amplitudes and multipliers of a cycle, or of
+    chosen measures.
 
     Parameters
     ----------
@@ -69,12 +71,15 @@ def cycle_sensitivity(
         Parameters.
     multipliers : bool
         Whether multipliers are differentiated, too, for which cycles nearby are closed.
+    of : sequence of str, optional
+        Measures, by the names that they have in maps, see
+        :func:`stickslip.orbits.sensitivities.measured.measure_slopes`; then the dataset has these.
 
     Raises
     ------
     DeclarationError
-        If there is no such parameter, or the cycle has no derivative: events coincide, or a guard
-        is touched.
+        If there is no such parameter or measure, or the cycle has no derivative: events coincide,
+        or a guard is touched.
     ConvergenceError
         If there is no cycle nearby (at a fold): then nothing is said.
     """
@@ -91,6 +96,16 @@ def cycle_sensitivity(
             "Change a parameter a little, or follow its branch: such points have a name there",
         )
     system = cycle.system
+    coordinates = {
+        "parameter": ("parameter", list(names)),
+        "parameter_units": ("parameter", [_unit(system, name) for name in names]),
+    }
+    if of is not None:
+        of_measures = measure_slopes(cycle, names, of)
+        measured = {
+            text: ("parameter", slopes, _said(system, text)) for text, slopes in of_measures.items()
+        }
+        return xr.Dataset(measured, coordinates, {"title": cycle.title})
     found = [_moved(cycle.closed, name, multipliers) for name in names]
     direction = np.array([cycle.direction.get(x, 0.0) for x in system.declaration.state])
     drift = np.array([direction @ m.shift for m in found]) / max(direction @ direction, 1.0)
@@ -119,22 +134,21 @@ def cycle_sensitivity(
             said,
         )
     state = system.declaration.state
-    return xr.Dataset(
-        variables,
-        {
-            "parameter": ("parameter", list(names)),
-            "parameter_units": (
-                "parameter",
-                [quantity(system, name).get("units", "1") for name in names],
-            ),
-            "component": ("component", list(state)),
-            "component_units": (
-                "component",
-                [quantity(system, x).get("units", "1") for x in state],
-            ),
-        },
-        {"title": cycle.title},
-    )
+    coordinates |= {
+        "component": ("component", list(state)),
+        "component_units": ("component", [_unit(system, x) for x in state]),
+    }
+    return xr.Dataset(variables, coordinates, {"title": cycle.title})
+
+
+def _unit(system: System, name: str) -> str:
+    return quantity(system, name).get("units", "1")
+
+
+def _said(system: System, measure: str) -> dict[str, str]:
+    """What is said of the derivative of a measure."""
+    said = described(system, measure)
+    return {**said, "long_name": f"derivative of {said['long_name']}", "per": "parameter_units"}
 
 
 def _moved(closed: Closed, name: str, multipliers: bool) -> Moved:
@@ -143,15 +157,6 @@ def _moved(closed: Closed, name: str, multipliers: bool) -> Moved:
     ends = _ends(found.orbit.motion, found.pieces, found.state, found.period)
     spectrum = _multipliers(closed, name) if multipliers else np.zeros(0)
     return Moved(found.period, found.shift, found.state, ends, spectrum)
-
-
-class _Extreme(NamedTuple):
-    """Where a component is least, or largest: the time since the origin, and the knot that it is
-    at (−1: none), from the left or not."""
-
-    clock: float
-    knot: int
-    left: bool
 
 
 def _ends(motion: Trajectory, pieces: Pieces, state: Array, period: float) -> Array:
@@ -169,87 +174,20 @@ def _ends(motion: Trajectory, pieces: Pieces, state: Array, period: float) -> Ar
         That of the period.
     """
     k = motion.knots
-    direction = np.append(state, 1.0)[:, None]
-    found = [[_extreme(motion, j, sign) for sign in (1.0, -1.0)] for j in range(len(state))]
-    times = np.unique([e.clock for pair in found for e in pair])
-    fine, place = with_knots(motion, times + k.origin)
-    change = variation(fine, pieces, direction)
-    at_time = dict(zip(times, place, strict=True))
+    rows = motion._problem.rows.program.rates
+    unit = np.eye(len(state) + 1)
 
-    def slope(j: int, e: _Extreme) -> float:
-        knot = at_time[e.clock]
-        if not e.left:
-            late = change.late[knot, 0]
-            rate = _rate(motion, j, e.clock, e.knot) if np.isfinite(late) else 0.0
-            return float(change.after[knot, j, 0] + rate * np.nan_to_num(late))
-        # Before an event, or at the end of the period, both of which come at another time.
-        arrived = variation(_until(motion, e.knot), pieces, direction).after[-1, j, 0]
-        late = period if e.knot == len(k.clock) - 1 else np.nan_to_num(change.late[knot, 0])
-        return float(arrived + _rate(motion, j, e.clock, e.knot - 1) * late)
+    def component(j: int) -> Traced:
+        def values(clock: Array, index: Array) -> Array:
+            return motion._states_at(clock + k.origin, index)[:, j]
 
-    return np.array([[slope(j, e) for e in pair] for j, pair in enumerate(found)])
+        def rate(clock: float, step: int) -> float:
+            return float(motion._sample_clock(np.array([clock]), np.array([step]))[0, rows[j]])
 
+        return Traced(values, rate, lambda clock, step: unit[j])
 
-def _until(motion: Trajectory, knot: int) -> Trajectory:
-    """A motion up to a knot, without what happens there."""
-    k = motion.knots
-    parts = k.first(knot + 1)
-    state = parts.state.copy()
-    state[-1] = motion._states_at(k.time[[knot]], np.array([knot - 1]))[0]
-    mode, region, cause = (part.copy() for part in (parts.mode, parts.region, parts.cause))
-    mode[-1], region[-1], cause[-1] = mode[-2], region[-2], -1
-    knots = Knots(parts.clock, state, mode, region, cause, k.origin)
-    return Trajectory(motion._problem, motion.t_span, knots, motion.outcome, motion.rtol)
-
-
-def _extreme(motion: Trajectory, j: int, sign: float) -> _Extreme:
-    """Where sign × component is least."""
-    k = motion.knots
-    last = len(k.clock) - 1
-    right = sign * k.state[:-1, j]
-    left = sign * motion._states_at(k.time[1:], np.arange(last))[:, j]
-    steps = np.flatnonzero(np.diff(k.clock) > 0.0)
-    share = np.arange(1, _LOOKS) / _LOOKS
-    clock = (k.clock[steps][:, None] + np.diff(k.clock)[steps][:, None] * share).ravel()
-    index = np.repeat(steps, len(share))
-    inside = sign * motion._states_at(clock + k.origin, index)[:, j]
-    best = min(np.min(right), np.min(left), np.min(inside, initial=np.inf))
-    i = int(np.argmin(inside)) if len(inside) else 0
-    # A turn between two looks goes lower than both.
-    knot = int(index[i])
-    width = np.diff(k.clock)[knot] / _LOOKS
-    turn = _turn(motion, j, (clock[i] - width, clock[i] + width), knot)
-    if turn is not None:
-        value = sign * motion._states_at(np.array([turn + k.origin]), np.array([knot]))[0, j]
-        if value <= best:
-            return _Extreme(turn, -1, False)
-    if np.min(right) <= np.min(left):
-        i = int(np.argmin(right))
-        return _Extreme(float(k.clock[i]), i, False)
-    i = int(np.argmin(left)) + 1
-    return _Extreme(float(k.clock[i]), i, True)
-
-
-def _rate(motion: Trajectory, j: int, clock: float, knot: int) -> float:
-    """Rate of a component within the step of a knot."""
-    row = motion._problem.rows.program.rates[j]
-    return float(motion._sample_clock(np.array([clock]), np.array([knot]))[0, row])
-
-
-def _turn(motion: Trajectory, j: int, ends: tuple[float, float], knot: int) -> float | None:
-    """When a component turns between two times of a step; None if it does not."""
-    k = motion.knots
-    low, high = max(ends[0], k.clock[knot]), min(ends[1], k.clock[knot + 1])
-    start = _rate(motion, j, low, knot)
-    if not start * _rate(motion, j, high, knot) < 0.0:
-        return None
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (low + high)
-        if start * _rate(motion, j, middle, knot) > 0.0:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
+    followed = [component(j) for j in range(len(state))]
+    return slopes_of_extremes(motion, pieces, (state, period), followed)
 
 
 def _multipliers(closed: Closed, name: str) -> Array:

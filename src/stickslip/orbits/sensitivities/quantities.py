@@ -22,6 +22,8 @@ from stickslip.symbolic import expressions as ex
 from stickslip.symbolic.expressions import Expr
 from stickslip.symbolic.formulas import NAME, Scope
 
+SUPPLY_RATE = "supply:"
+"""The supplied power: no name of a user's formula has a colon."""
 _SUMMED_UP = ("dissipated_energy", "supplied_energy")
 
 
@@ -56,7 +58,17 @@ def published(equations: MotionEquations, field: Field) -> dict[str, Expr]:
             found[f"threshold_{key}"] = c.plus
         else:
             found |= {f"threshold_plus_{key}": c.plus, f"threshold_minus_{key}": c.minus}
-    return found | {"energy": field.energy}
+    return found | {"energy": field.energy, SUPPLY_RATE: _supplied_power(equations, field, rates)}
+
+
+def _supplied_power(equations: MotionEquations, field: Field, rates: dict[str, Expr]) -> Expr:
+    """The power that time, belts, forces and internal variables supply, in a mode and region."""
+    known = {f"d_{name}": rate for name, rate in rates.items() if f"d_{name}" not in field.state}
+    for i, (declared, c) in enumerate(zip(equations.contacts, field.contacts, strict=True)):
+        glue = c.plus if declared.opens else ex.ZERO
+        known |= {f"u:{i}": c.u, f"lambda:{i}": c.force + glue, f"glue:{i}": glue}
+    regions = dict(zip(equations.kinks, field.region, strict=True))
+    return ex.substitute(in_region(equations.supply, regions), known)
 
 
 class Observation(NamedTuple):

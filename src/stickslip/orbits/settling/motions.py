@@ -350,7 +350,7 @@ class Block:
             others = np.arange(len(phase)) != i
             kept = phase[others].copy()
             phase[others] = WAITING
-            with watching(limit) as scope:
+            with watching(limit, processor=True) as scope:
                 try:
                     self._until_done(compiled, where)
                 except TimeUp as up:

@@ -46,6 +46,7 @@ from stickslip.motion.outcome import Outcome
 from stickslip.motion.problem import Problem
 from stickslip.orbits.cycles.measure import dissipated_by
 from stickslip.orbits.settling.motions import ATTRACTORS, MEASURED, Observed
+from stickslip.stopping.scopes import TimeUp, watching
 from stickslip.sweeps.request import one_period
 from stickslip.sweeps.request.carry import CARRIED
 from stickslip.sweeps.request.one_period import PeriodRule
@@ -305,7 +306,7 @@ def measured_again(
     measures : sequence of str
     settings : Settings
     time_limit : float, optional
-        Seconds of wall-clock time that each may take.
+        Seconds of processor time that each may take.
     """
     from stickslip.motion.simulate import simulate
 
@@ -323,17 +324,23 @@ def measured_again(
     beyond = any(name in _BEYOND_CYCLES for _, name, _, _ in wanted)
     for i in np.flatnonzero(known if beyond else cycles) if wanted else ():
         begin = float(observed.time[i])
-        motion = simulate(
-            system,
-            (begin, begin + float(observed.duration[i])),
-            initial=dict(zip(system.declaration.state, observed.state[i].tolist(), strict=True)),
-            parameters=dict(zip(system.parameters, table[i].tolist(), strict=True)),
-            rtol=settings.rtol,
-            atol=settings.atol,
-            time_limit=time_limit,
-        )
-        if motion.outcome is Outcome.TIME_UP:
-            observed.outcome[i] = motion.outcome.code
+        with watching(time_limit, processor=True) as scope:
+            try:
+                motion = simulate(
+                    system,
+                    (begin, begin + float(observed.duration[i])),
+                    initial=dict(
+                        zip(system.declaration.state, observed.state[i].tolist(), strict=True)
+                    ),
+                    parameters=dict(zip(system.parameters, table[i].tolist(), strict=True)),
+                    rtol=settings.rtol,
+                    atol=settings.atol,
+                )
+            except TimeUp as up:
+                if not scope.ends(up):
+                    raise
+                observed.outcome[i] = Outcome.TIME_UP.code
+                continue
         repeats = observed.outcome[i] == Outcome.PERIODIC.code
         for m, name, rule, of in wanted:
             suits = cycles[i] or name in _BEYOND_CYCLES

@@ -21,8 +21,8 @@ from stickslip.arguments import validated
 from stickslip.arrays import Array
 from stickslip.errors import DeclarationError, short, suggestion
 from stickslip.kept import cached_property
+from stickslip.model.entries.columns import ENDINGS
 from stickslip.model.entries.samples import SampleKind, Samples
-from stickslip.model.entries.strong_motion import ENDINGS
 from stickslip.model.entries.units import with_unit
 from stickslip.model.names import check_covered, parts_left_out
 from stickslip.model.schema import entry_key

@@ -63,7 +63,7 @@ def measure_chunk(
     start : float, optional
         When the motions begin; by default with the span of the system.
     time_limit : float, optional
-        Seconds of wall-clock time that each point may take.
+        Seconds of processor time that each point may take.
 
     Returns
     -------
@@ -130,7 +130,7 @@ def _over_the_span(
     table, states : arrays, shapes (points, parameters) and (points, n)
     settings : Settings
     time_limit : float, optional
-        Seconds that each may take.
+        Seconds of processor time that each may take.
     """
     from stickslip.motion.simulate import simulate
 
@@ -142,7 +142,7 @@ def _over_the_span(
     found = make_found(len(states), len(names), len(problem.rows.u))
     outcome = np.full(len(states), Outcome.OUTSIDE.code)
     for i in np.flatnonzero(beyond == 0.0):
-        with watching(time_limit) as scope:
+        with watching(time_limit, processor=True) as scope:
             try:
                 motion = simulate(
                     system,

@@ -47,7 +47,7 @@ class Work:
     section, carries : bool
         See :class:`stickslip.sweeps.request.plan.Plan`; whether points carry the state.
     time_limit : float, optional
-        Seconds of wall-clock time that each point may take.
+        Seconds of processor time that each point may take.
     under : Under, optional
         The record that drives the system, of a chunk.
     """

@@ -1,0 +1,334 @@
+"""Derivatives of what is measured of a cycle, with respect to parameters.
+
+An integral over a period, I = ∫ g dt, changes by ∫ (∇g·δy + g_p) dt, by g at the end times the
+change of the period, and at an event that comes δt later by (g⁻ − g⁺) δt. What is dissipated is
+what is supplied less the gain of energy, so impacts need no term of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from stickslip.arrays import Array
+from stickslip.errors import ConvergenceError, DeclarationError, short, suggestion
+from stickslip.kept import cached_property
+from stickslip.model.quantities import contact_key
+from stickslip.motion.between.formulas import Along
+from stickslip.orbits.cycles import measure
+from stickslip.orbits.fields.variational import Variation, variation
+from stickslip.orbits.return_map.slopes import CycleSlope, cycle_slope
+from stickslip.orbits.sensitivities.extremes import Traced, slopes_of_extremes, until
+from stickslip.orbits.sensitivities.motion import with_knots
+from stickslip.orbits.sensitivities.quantities import (
+    SUPPLY_RATE,
+    Observation,
+    gradient,
+    read_observations,
+)
+from stickslip.symbolic import expressions as ex
+
+if TYPE_CHECKING:
+    from stickslip.orbits.cycles.cycle import Cycle
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
+_HALVINGS = 14
+_EXACT = 1e-12  # a change by less, relative to the integral of the modulus, is rounding
+_ROUNDING = 1e-9  # the same of what may be rounding of the variation
+_SHARE = 1e-3  # of what is allowed in a period: what a panel is allowed at least
+_KNOWN = 1e-8  # part of its terms to which an integral has to be known
+
+
+def measure_slopes(cycle: Cycle, names: Sequence[str], of: Sequence[str]) -> dict[str, Array]:
+    """Derivatives of measures of a cycle, by measure, each of shape (names,).
+
+    Parameters
+    ----------
+    cycle : Cycle
+    names : sequence of str
+        Parameters.
+    of : sequence of str
+        Measures, by the names that they have in maps: ``period``, ``speed``, ``shift:x``,
+        ``state:x``, ``low:f``, ``high:f``, ``amplitude:f``, ``mean:f``, ``energy_per_cycle``,
+        ``energy_per_distance`` and ``cost_of_transport:w``.
+
+    Raises
+    ------
+    DeclarationError
+        If there is no such measure, or it has no derivative.
+    """
+    for text in of:
+        if text.partition(":")[0] not in _RULES:
+            reason = "no measure with a derivative has this name"
+            name = short(text.partition(":")[0])
+            raise DeclarationError(f"of: {short(text)}", reason, suggestion(name, _RULES))
+    found = {text: np.empty(len(names)) for text in of}
+    for i, name in enumerate(names):
+        changing = _Changing(cycle, name, cycle_slope(cycle.closed, name))
+        for text in of:
+            rule, _, quantity = text.partition(":")
+            found[text][i] = _RULES[rule](changing, quantity.strip()).slope
+    return found
+
+
+class _Value(NamedTuple):
+    """A number, and its derivative by a parameter."""
+
+    value: float
+    slope: float
+
+    def __sub__(self, other: _Value) -> _Value:
+        return _Value(self.value - other.value, self.slope - other.slope)
+
+    def __truediv__(self, other: _Value) -> _Value:
+        found = self.value / other.value
+        return _Value(found, (self.slope - found * other.slope) / other.value)
+
+
+class _Changing:
+    """A cycle, and how it changes with one parameter.
+
+    Parameters
+    ----------
+    cycle : Cycle
+    name : str
+        The parameter.
+    slope : CycleSlope
+    """
+
+    def __init__(self, cycle: Cycle, name: str, slope: CycleSlope) -> None:
+        self.cycle = cycle
+        self.name = name
+        self.slope = slope
+        self.motion = slope.orbit.motion
+        self.pieces = slope.pieces
+        self.equations = self.motion._problem.compiled.equations
+        self.direction = np.append(slope.state, 1.0)[:, None]
+        self.p = np.array([self.motion.parameters[x] for x in cycle.system.parameters])
+
+    @property
+    def period(self) -> _Value:
+        """The period."""
+        return _Value(self.cycle.period, self.slope.period)
+
+    @cached_property
+    def varied(self) -> Variation:
+        """The first variation along the cycle."""
+        return variation(self.motion, self.pieces, self.direction)
+
+    def observed(self, text: str) -> Observation:
+        """A quantity, or a formula of quantities; without a name the first of the state."""
+        return read_observations(self.motion, (text or self.cycle.system.declaration.state[0],))[0]
+
+    def looked_at(
+        self, observed: Observation, clock: float, step: int
+    ) -> tuple[float, Array, float]:
+        """A quantity at a time since the origin, in a step: its value, its derivatives by (state,
+        parameter), and its rate."""
+        k = self.motion.knots
+        y = self.motion._states_on_clock(np.array([clock]), np.array([step]))[0]
+        t = clock + k.origin
+        piece = self.pieces(k.mode[step], k.region[step])
+        where = np.array([t]), np.ascontiguousarray(y[:, None])
+        made = gradient(self.equations, piece, (observed,), where, self.p)
+        slopes = made.slopes[0, 0]
+        rate = slopes[: len(y)] @ piece.rates(t, y, self.p) + made.time[0, 0]
+        return float(made.values[0, 0]), slopes, float(rate)
+
+    def ends(self, observed: Observation) -> tuple[_Value, _Value]:
+        """A quantity where the period begins, and where it ends."""
+        k = self.motion.knots
+        steps = np.flatnonzero(np.diff(k.clock) > 0.0)
+        value, slopes, _ = self.looked_at(observed, float(k.clock[0]), int(steps[0]))
+        first = _Value(value, float(slopes @ self.direction[:, 0]))
+        value, slopes, rate = self.looked_at(observed, float(k.clock[-1]), int(steps[-1]))
+        moved = slopes @ self.varied.matrix[:, 0] + rate * self.slope.period
+        return first, _Value(value, float(moved))
+
+    def integral(self, observed: Observation) -> _Value:
+        """∫ g dt over the period, by Gauss quadrature whose panels are halved until that changes
+        nothing.
+
+        Raises
+        ------
+        ConvergenceError
+            If it does change something to the end.
+        """
+        k = self.motion.knots
+        steps = np.flatnonzero(np.diff(k.clock) > 0.0)
+        begin, width = k.time[steps], np.diff(k.time)[steps]
+        period = float(np.sum(width))
+        rough, sizes = self._summed(observed, begin, width)
+        total = np.sum(sizes, axis=1, keepdims=True)
+        found, unknown = np.zeros(2), np.zeros(2)
+        before = np.full(rough.shape, np.inf)
+        for halving in range(_HALVINGS):
+            middle, half = begin + 0.5 * width, 0.5 * width
+            halves, _ = self._summed(observed, np.append(begin, middle), np.tile(half, 2))
+            fine = halves[:, : len(begin)] + halves[:, len(begin) :]
+            change = np.abs(fine - rough)
+            # What is small, and no smaller than in the panel that was halved, is rounding.
+            share = total * np.maximum(width / period, _SHARE)
+            rounding = (change <= _ROUNDING * share) & (change > 0.25 * before)
+            left = np.any((change > _EXACT * share) & ~rounding, axis=0)
+            left &= halving < _HALVINGS - 1
+            found += np.sum(fine[:, ~left], axis=1)
+            unknown += np.sum(change[:, ~left], axis=1)
+            if not np.any(left):
+                break
+            rough, before = halves[:, np.tile(left, 2)], np.tile(change[:, left], 2)
+            begin, width = np.append(begin[left], middle[left]), np.tile(half[left], 2)
+        if np.any(unknown > _KNOWN * total[:, 0]):
+            raise ConvergenceError(
+                f"the derivative of the integral of {short(observed.name)}",
+                f"it is known to {np.max(unknown / total[:, 0]):.1g} of its terms only",
+            )
+        late = self.varied.late[:, 0]
+        moved = 0.0
+        for left, right in pairwise(steps.tolist()):
+            delays = late[left + 1 : right + 1]
+            delays = delays[np.isfinite(delays)]
+            if len(delays):
+                clock = float(k.clock[right])
+                before_it, _, _ = self.looked_at(observed, clock, left)
+                after_it, _, _ = self.looked_at(observed, clock, right)
+                moved += (before_it - after_it) * float(delays[-1])
+        at_end, _, _ = self.looked_at(observed, float(k.clock[-1]), int(steps[-1]))
+        return _Value(float(found[0]), float(found[1]) + moved + at_end * self.slope.period)
+
+    def _summed(self, observed: Observation, begin: Array, width: Array) -> tuple[Array, Array]:
+        """Integrals of a quantity and of its derivative at fixed times, and of their moduli, over
+        panels; each of shape (2, panels)."""
+        times = (begin[:, None] + 0.5 * width[:, None] * (1.0 + _NODES)).ravel()
+        fine, place = with_knots(self.motion, times)
+        change = variation(fine, self.pieces, self.direction)
+        k = fine.knots
+        looked = np.empty((2, len(times)))
+        for number in np.unique(change.piece[place]):
+            here = np.flatnonzero(change.piece[place] == number)
+            knots = place[here]
+            at = k.time[knots], np.ascontiguousarray(k.state[knots].T)
+            made = gradient(self.equations, change.made[number], (observed,), at, self.p)
+            looked[0, here] = made.values[0]
+            looked[1, here] = np.sum(made.slopes[:, 0] * change.after[knots, :, 0], axis=1)
+        looked = looked.reshape(2, len(begin), len(_NODES))
+        return looked @ _WEIGHTS * (0.5 * width), np.abs(looked) @ _WEIGHTS * (0.5 * width)
+
+    def dissipated(self) -> _Value:
+        """What is dissipated in the period: what is supplied, less the gain of energy."""
+        supplied = self.integral(Observation(SUPPLY_RATE, ex.sym(SUPPLY_RATE)))
+        first, last = self.ends(self.observed("energy"))
+        found = supplied - (last - first)
+        for gain in self._gains():
+            found = _Value(found.value + gain.value, found.slope + gain.slope)
+        return found
+
+    def _gains(self) -> Iterator[_Value]:
+        """Energy that the declared jumps of the state supply, each that gains."""
+        k = self.motion.knots
+        energy = self.observed("energy")
+        leaps = np.flatnonzero(np.any(self.motion._switches.jumped, axis=1))
+        for knot in (leaps + 1).tolist():
+            clock = float(k.clock[knot])
+            late = float(np.nan_to_num(self.varied.late[knot, 0]))
+            arrived = variation(until(self.motion, knot), self.pieces, self.direction).matrix[:, 0]
+            sides: list[_Value] = []
+            for step, moved in ((knot - 1, arrived), (knot, self.varied.after[knot, :, 0])):
+                value, slopes, rate = self.looked_at(energy, clock, step)
+                sides.append(_Value(value, float(slopes @ moved + rate * late)))
+            gain = sides[1] - sides[0]
+            if gain.value > 0.0:
+                yield gain
+
+    def extremes(self, text: str) -> tuple[_Value, _Value]:
+        """Least and largest value of a quantity."""
+        observed = self.observed(text)
+        along = Along(self.motion, [observed.formula])
+        origin = self.motion.knots.origin
+        followed = Traced(
+            lambda clock, index: along(clock + origin, index)[:, 0],
+            lambda clock, step: self.looked_at(observed, clock, step)[2],
+            lambda clock, step: self.looked_at(observed, clock, step)[1],
+        )
+        change = self.slope.state, self.slope.period
+        ((low, high),) = slopes_of_extremes(self.motion, self.pieces, change, [followed])
+        return _Value(np.nan, float(low)), _Value(np.nan, float(high))
+
+    def distance(self, text: str) -> _Value:
+        """The way along a component of the state, or along the translation."""
+        state = self.cycle.system.declaration.state
+        if text and text not in state:
+            raise DeclarationError(
+                f"of: {short(text)}", "no component of the state", suggestion(text, state)
+            )
+        along = {text: 1.0} if text else self.cycle.direction
+        if not along:
+            raise DeclarationError(
+                "of", f"{self.cycle.system.name} does not drift", "Name a component, like speed:x"
+            )
+        e = np.array([along.get(name, 0.0) for name in state])
+        shift = self.cycle.closed.orbit.shift
+        return _Value(float(e @ shift / (e @ e)), float(e @ self.slope.shift / (e @ e)))
+
+
+def _speed(c: _Changing, of: str) -> _Value:
+    return c.distance(of) / c.period
+
+
+def _shift(c: _Changing, of: str) -> _Value:
+    first, last = c.ends(c.observed(of))
+    return last - first
+
+
+def _amplitude(c: _Changing, of: str) -> _Value:
+    low, high = c.extremes(of)
+    return _Value(np.nan, 0.5 * (high.slope - low.slope))
+
+
+def _mean(c: _Changing, of: str) -> _Value:
+    return c.integral(c.observed(of)) / c.period
+
+
+def _energy(c: _Changing, of: str) -> _Value:
+    """What is dissipated, in all, or by the friction of a contact."""
+    if not of:
+        return c.dissipated()
+    system = c.cycle.system
+    if of not in system.rubbing:
+        raise DeclarationError(
+            f"of: energy_per_cycle:{short(of)}", "no contact", suggestion(of, system.rubbing)
+        )
+    keys = map(contact_key, system.rubbing[of])
+    power = " + ".join(f"friction_{key}*slip_speed_{key}" for key in keys)
+    return c.integral(c.observed(f"-({power})"))
+
+
+def _energy_per_distance(c: _Changing, of: str) -> _Value:
+    way = c.distance(of)
+    return c.dissipated() / (way if way.value > 0.0 else _Value(-way.value, -way.slope))
+
+
+def _cost_of_transport(c: _Changing, of: str) -> _Value:
+    values = c.motion.parameters
+    system = c.cycle.system
+    weight = measure.weight(system, of, values)
+    slope = ex.evaluate(ex.derivative(measure.read_weight(system, of), c.name), values)
+    return _energy_per_distance(c, "") / _Value(weight, slope)
+
+
+_RULES: dict[str, Callable[[_Changing, str], _Value]] = {
+    "period": lambda c, of: c.period,
+    "speed": _speed,
+    "shift": _shift,
+    "state": lambda c, of: c.ends(c.observed(of))[0],
+    "low": lambda c, of: c.extremes(of)[0],
+    "high": lambda c, of: c.extremes(of)[1],
+    "amplitude": _amplitude,
+    "mean": _mean,
+    "energy_per_cycle": _energy,
+    "energy_per_distance": _energy_per_distance,
+    "cost_of_transport": _cost_of_transport,
+}
