@@ -54,9 +54,7 @@ def blade(elements=100, modes=4):
         },
         structures={"u": beam.reduced(keep=[*at, "tip"], modes=modes)},
         forces={"u[tip]": "F*cos(omega*t)"},
-        contacts={
-            name: ss.laws.jenkins(f"d_u[{name}]", F_c="F_c", k="k", unit="N") for name in at
-        },
+        contacts={name: ss.laws.jenkins(f"d_u[{name}]", F_c="F_c", k="k", unit="N") for name in at},
         time_unit="s",
     )
 

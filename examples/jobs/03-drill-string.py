@@ -67,9 +67,7 @@ def record(string, seed=1):
 def calibrated(string, data, starts=4):
     """The two torques of the bit that explain the record."""
     observe = {"table": "Omega + d_a0", "bit": "bit_speed"}
-    return ss.fit(
-        string, data, {"mu_s": (0.01, 0.1), "mu_k": (0.01, 0.1)}, observe, starts=starts
-    )
+    return ss.fit(string, data, {"mu_s": (0.01, 0.1), "mu_k": (0.01, 0.1)}, observe, starts=starts)
 
 
 if __name__ == "__main__":
@@ -77,8 +75,10 @@ if __name__ == "__main__":
     for string in (short, long):
         found = sticking(string)
         stick = found["stick_fraction"].values
-        print(f"{string.name}: sticks at {np.mean(stick > 0):.0%}, "
-              f"not settled {np.mean(np.isnan(stick)):.0%}")
+        print(
+            f"{string.name}: sticks at {np.mean(stick > 0):.0%}, "
+            f"not settled {np.mean(np.isnan(stick)):.0%}"
+        )
         found.plot().savefig(f"{string.name}.png".replace(" ", "-"))
     fit = calibrated(short, record(short))
     for name, truth in TRUTH.items():

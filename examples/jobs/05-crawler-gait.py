@@ -55,7 +55,12 @@ def fastest(iterations=20):
     }
     bounds = [(0.1, 1.0), (0.0, 0.3), (-np.pi, np.pi)]
     return minimize(
-        speed, start, jac=True, method="SLSQP", bounds=bounds, constraints=[same_effort],
+        speed,
+        start,
+        jac=True,
+        method="SLSQP",
+        bounds=bounds,
+        constraints=[same_effort],
         options={"maxiter": iterations},
     )
 

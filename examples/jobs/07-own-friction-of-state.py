@@ -35,8 +35,12 @@ def averaging(epsilons=(0.2, 0.1, 0.05), tolerance=1e-3):
     friction = ss.WeightedL1([f"1 + 0.5*cos(2*pi*(s - {shift}))" for shift in (0.0, 0.3, 0.6)])
     stiffness = np.array([[2.0, -0.5, 0.0], [-0.5, 2.0, -0.5], [0.0, -0.5, 2.0]])
     problem = ss.Evolution(
-        stiffness, ["3*sin(t)", "2*t", "t"], friction, [0.0, 0.0, 0.0],
-        epsilon=epsilons[0], span=(0.0, 3.0),
+        stiffness,
+        ["3*sin(t)", "2*t", "t"],
+        friction,
+        [0.0, 0.0, 0.0],
+        epsilon=epsilons[0],
+        span=(0.0, 3.0),
     )
     return ss.averaging_study(problem, epsilons, tolerance=tolerance)
 

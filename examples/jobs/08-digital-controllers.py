@@ -26,9 +26,7 @@ def carriage(k_i=60.0, delay=0, quantum=0.0, seed=None, until=40.0):
     seen = "x" if seed is None else "(x + sigma*w)"
     internal = {
         "I": ss.Sampled("T", f"I + T*(goal - {seen})", unit="m*s"),
-        "F": ss.Sampled(
-            "T", f"k_p*(goal - {seen}) + k_i*I - k_d*d_x", unit="N", quantum=quantum
-        ),
+        "F": ss.Sampled("T", f"k_p*(goal - {seen}) + k_i*I - k_d*d_x", unit="N", quantum=quantum),
     }
     force = "F"
     for i in range(delay):
@@ -66,6 +64,8 @@ if __name__ == "__main__":
     for name, system in loops.items():
         motion = ss.simulate(system)
         error, swing, rest = hunting(motion)
-        print(f"{name}: {1e3 * error:.2f} mm off, swings by {1e3 * swing:.2f} mm, "
-              f"rests {rest:.0%}, certified: {motion.certificate.ok}")
+        print(
+            f"{name}: {1e3 * error:.2f} mm off, swings by {1e3 * swing:.2f} mm, "
+            f"rests {rest:.0%}, certified: {motion.certificate.ok}"
+        )
     ss.simulate(loops["PID"]).plot("x", "F", "mode_rail").savefig("hunting.png")

@@ -32,6 +32,8 @@ if __name__ == "__main__":
     ss.export(sound(), "string.wav", "x")
     found = schelleng()
     sticks = found["stick_fraction"].values
-    print(f"sounds at {np.mean(sticks > 0):.0%} of the points, no value at "
-          f"{np.mean(np.isnan(sticks)):.0%}")
+    print(
+        f"sounds at {np.mean(sticks > 0):.0%} of the points, no value at "
+        f"{np.mean(np.isnan(sticks)):.0%}"
+    )
     found.plot().savefig("schelleng.png")

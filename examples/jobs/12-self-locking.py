@@ -36,9 +36,7 @@ def capstan(parts=12, turn=math.pi):
         kinetic=" + ".join(f"d_u{i}**2/2" for i in range(parts)),
         functions={f"S{i}": f"1 + 1000*(u{i} - u{i - 1})" for i in range(1, parts)},
         potential="u0 - F*u%d + " % (parts - 1)
-        + " + ".join(
-            f"(u{i} - u{i - 1}) + 500*(u{i} - u{i - 1})**2" for i in range(1, parts)
-        ),
+        + " + ".join(f"(u{i} - u{i - 1}) + 500*(u{i} - u{i - 1})**2" for i in range(1, parts)),
         viscous=" + ".join(f"d_u{i}**2" for i in range(parts)),
         contacts={
             f"c{i}": ss.Contact(f"d_u{i}", f"mu*{share}*({tensions[i]} + {tensions[i + 1]})/2")
@@ -74,7 +72,11 @@ def screw_jack():
     """A load on a thread of slope tan a = lead/(2π r); it stays where μ > tan a."""
     return ss.System(
         "screw jack",
-        parameters={"lead": ss.Parameter(5e-3, "m"), "r": ss.Parameter(0.01, "m"), "mu": ss.Parameter(0.1)},
+        parameters={
+            "lead": ss.Parameter(5e-3, "m"),
+            "r": ss.Parameter(0.01, "m"),
+            "mu": ss.Parameter(0.1),
+        },
         coordinates={"phi": ss.Inertial("rad"), "z": ss.Inertial("m")},
         kinetic="1e-3*d_phi**2/2 + 10*d_z**2/2",
         potential="1000*z",
@@ -114,7 +116,10 @@ def closed_forms():
 
 
 if __name__ == "__main__":
-    found = {system.name: limit(system, "mu", 0.01, 1.0) for system in (wedge(), screw_jack(), lever_shoe())}
+    found = {
+        system.name: limit(system, "mu", 0.01, 1.0)
+        for system in (wedge(), screw_jack(), lever_shoe())
+    }
     found["capstan"] = limit(capstan(), "F", 1.1, 4.0)
     for name, expected in closed_forms().items():
         print(f"{name}: {found[name]:.9f}, closed form {expected:.9f}")

@@ -64,7 +64,15 @@ def _over_time(axes: Axes, catalogue: EventCatalogue) -> None:
         axes.set_ylim(*_decades(size))
         _few_numbers(axes.yaxis, size)
     else:
-        axes.text(0.5, 0.5, "no slip event in this time", transform=axes.transAxes, ha="center", va="center", fontsize=10)
+        axes.text(
+            0.5,
+            0.5,
+            "no slip event in this time",
+            transform=axes.transAxes,
+            ha="center",
+            va="center",
+            fontsize=10,
+        )
         axes.set_yticks([])
     axes.set_xlim(*catalogue.span)
     axes.set_xlabel(_label(catalogue, "start"))
