@@ -138,7 +138,7 @@ def test_09_records() -> None:
     assert moved.certificate.ok
     bearing = ss.catalogue.isolated_floor()
     offset = math.hypot(moved.final["x"], moved.final["y"])
-    assert offset <= bearing.evaluate("largest offset") * (1.0 + 1e-9)
+    assert offset <= bearing.evaluate("largest_offset") * (1.0 + 1e-9)
 
 
 def test_10_bowed_string() -> None:
