@@ -5,8 +5,6 @@ Prints the friction of slow and fast pulls, and draws the map. Directions are th
 vectors: in others nothing repeats, and the mean is that of a long time.
 """
 
-import numpy as np
-
 import stickslip as ss
 
 line = ss.catalogue.prandtl_tomlinson()

@@ -38,7 +38,13 @@ coordinates.x = {{kind = "inertial"}}
 kinetic = "d_x**2/2"
 potential = "x**2/2"
 span = [0, 20]
-contacts.belt = {{law = "{law}", direction = "d_x", surface_speed = "V", F_s = 1.0, F_c = 0.5, v_s = 0.1}}
+[contacts.belt]
+law = "{law}"
+direction = "d_x"
+surface_speed = "V"
+F_s = 1.0
+F_c = 0.5
+v_s = 0.1
 """
 
 
