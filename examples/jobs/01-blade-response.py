@@ -68,7 +68,8 @@ def response(system, forces=(20.0, 60.0, 200.0), points=20):
 
 if __name__ == "__main__":
     found = response(blade())
-    for F, peak, omega in zip(found.levels, found["peak_amplitude"], found["peak_omega"]):
-        print(f"{F:5.0f} N: {1e3 * float(peak):.3f} mm at {float(omega):.2f} rad/s")
+    for i, F in enumerate(found.levels):
+        peak, omega = float(found["peak_amplitude"][i]), float(found["peak_omega"][i])
+        print(f"{F:5.0f} N: {1e3 * peak:.3f} mm at {omega:.2f} rad/s")
     print("all stable:", bool(found["stable"].all()), " certified:", found.certificate.ok)
     found.plot().savefig("blade-response.png")

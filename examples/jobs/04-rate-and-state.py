@@ -73,7 +73,7 @@ if __name__ == "__main__":
     t = np.linspace(*held.t_span, 20_001)
     mu = held.at(t)["mu"]
     ends = 60.0 + np.cumsum([times for times, _ in HOLDS])
-    for (hold, _), begin, end in zip(HOLDS[::2], ends[::2], ends[1::2]):
+    for (hold, _), begin, end in zip(HOLDS[::2], ends[::2], ends[1::2], strict=True):
         peak = mu[(t >= begin) & (t <= end)].max()
         print(f"held for {hold:5.0f} s: peak {peak - mu[-1]:.5f} above sliding")
     held.plot("mu").savefig("holds.png")

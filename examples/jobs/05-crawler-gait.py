@@ -35,7 +35,7 @@ NAMES = ["A", "B", "phi"]
 
 
 def gait(values):
-    return ss.find_cycle(crawler, parameters=dict(zip(NAMES, values)))
+    return ss.find_cycle(crawler, parameters=dict(zip(NAMES, values, strict=True)))
 
 
 def fastest(iterations=20):
@@ -70,5 +70,5 @@ if __name__ == "__main__":
     before, after = gait([crawler.values[name] for name in NAMES]), gait(found.x)
     print(f"{before.speed:.6f} m/s, {before.energy_per_distance:.6f} N")
     print(f"{after.speed:.6f} m/s, {after.energy_per_distance:.6f} N, {found.message}")
-    print(dict(zip(NAMES, found.x.round(6))), f"{found.nfev} gaits")
+    print(dict(zip(NAMES, found.x.round(6), strict=True)), f"{found.nfev} gaits")
     after.plot().savefig("gait.png")

@@ -31,9 +31,7 @@ def slips(records=100, scales=11):
 def floor():
     """A floor on bearings, under two records at once, of 1 m/s²."""
     bearing = ss.catalogue.isolated_floor()
-    names = list(bearing.drives)
-    drives = {name: f for name, f in zip(names, (record(1), record(2)))}
-    return ss.simulate(bearing.configure(drives))
+    return ss.simulate(bearing.configure({"a_x": record(1), "a_y": record(2)}))
 
 
 if __name__ == "__main__":

@@ -35,7 +35,7 @@ def capstan(parts=12, turn=math.pi):
         coordinates={f"u{i}": ss.Inertial("m") for i in range(parts)},
         kinetic=" + ".join(f"d_u{i}**2/2" for i in range(parts)),
         functions={f"S{i}": f"1 + 1000*(u{i} - u{i - 1})" for i in range(1, parts)},
-        potential="u0 - F*u%d + " % (parts - 1)
+        potential=f"u0 - F*u{parts - 1} + "
         + " + ".join(f"(u{i} - u{i - 1}) + 500*(u{i} - u{i - 1})**2" for i in range(1, parts)),
         viscous=" + ".join(f"d_u{i}**2" for i in range(parts)),
         contacts={
