@@ -26,7 +26,8 @@ _ONE_AT_A_TIME = Lock()  # drawing in this process
 
 def found() -> dict[str, Path]:
     """Programs and model files, by the names of their pages."""
-    paths = [*sorted(FOLDER.rglob("*.py")), *sorted(FOLDER.rglob("*.toml"))]
+    models = [path for path in sorted(FOLDER.rglob("*.toml")) if path.name != "pyproject.toml"]
+    paths = [*sorted(FOLDER.rglob("*.py")), *models]
     named = {"-".join(p.relative_to(FOLDER).with_suffix("").parts): p for p in paths}
     assert len(named) == len(paths), "two examples of one name"
     return named

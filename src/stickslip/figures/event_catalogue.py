@@ -117,6 +117,8 @@ def _at_least(axes: Axes, catalogue: EventCatalogue, name: str) -> None:
     what = "events at least as large" if name == "size" else "times at least as long"
     axes.set_ylabel(what, fontsize=11.0)
     if not len(values):
+        axes.set_xticks([])
+        axes.set_yticks([])
         return
     count = np.arange(len(values), 0, -1)
     axes.loglog(values, count, ".", color=BLUE, ms=5, mew=0.0)

@@ -13,10 +13,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from stickslip.errors import DeclarationError, short, suggestion
+from stickslip.errors import DeclarationError, StickslipError, short, suggestion
 from stickslip.model.system import Formula, Inertial, Internal, LawContact, Parameter, System
+
+LAWS_GROUP = "stickslip.laws"
+"""Entry points by which other packages add laws."""
 
 _SHARES = {
     "F_c": (0.3, 0.4, 0.3),
@@ -455,23 +459,49 @@ rate_and_state_cutoff: FrictionLaw = FrictionLaw(
 
 
 def all_names() -> list[str]:
-    """Names of all laws."""
-    return sorted(name for name, value in globals().items() if isinstance(value, FrictionLaw))
+    """Names of all laws, those that other packages add among them."""
+    return sorted({*_own(), *(entry.name for entry in entry_points(group=LAWS_GROUP))})
 
 
 def by_name(name: str, where: str = "laws") -> FrictionLaw:
     """The law of that name; `where` is what an error names.
 
+    A package adds one by an entry point of the group ``stickslip.laws``. Names that are taken stay
+    ours.
+
     Raises
     ------
     DeclarationError
         If there is none.
+    StickslipError
+        If that of another package cannot be loaded, or is no law of that name.
     """
-    known = all_names()
-    if name not in known:
+    own = _own()
+    if name in own:
+        return own[name]
+    added = [*entry_points(group=LAWS_GROUP, name=name)]
+    if not added:
         raise DeclarationError(
             where,
             f"there is no law '{short(name)}'",
-            suggestion(name.replace("-", "_").lower(), known),
+            suggestion(name.replace("-", "_").lower(), all_names()),
         )
-    return globals()[name]
+    return _loaded(added[0])
+
+
+def _own() -> dict[str, FrictionLaw]:
+    return {name: law for name, law in globals().items() if isinstance(law, FrictionLaw)}
+
+
+def _loaded(entry: EntryPoint) -> FrictionLaw:
+    """The law that another package adds."""
+    try:
+        law = entry.load()
+    except Exception as error:
+        reason = f"{entry.value} cannot be loaded ({type(error).__name__}: {short(str(error))})"
+        raise StickslipError(f"law {entry.name}: {reason}") from None
+    if not isinstance(law, FrictionLaw) or law.name != entry.name:
+        raise StickslipError(
+            f"law {entry.name}: {entry.value} is no FrictionLaw of that name. Name them alike"
+        )
+    return law

@@ -130,3 +130,25 @@ def test_what_moves_on_evenly_does_not_rest() -> None:
     free = replace(carried, contacts={})
     with pytest.raises(ConvergenceError, match="come in a family, also beside translations"):
         ss.find_cycle(free, {"x0": 0.4, "d_x1": 0.3})
+
+
+def test_half_a_cell_along_both_axes() -> None:
+    """cos(2πx)·cos(2πy) is the same half a cell further along both: what repeats with that, has
+    settled in a map as it has for a cycle."""
+    tip = ss.System(
+        "tip on a square lattice",
+        parameters={"V": ss.Parameter(0.1), "q": ss.Parameter(0.0)},
+        coordinates={"x": ss.Inertial(), "y": ss.Inertial()},
+        kinetic="(d_x**2 + d_y**2)/2",
+        potential="-cos(2*pi*x)*cos(2*pi*y)/10 + ((x - V*t)**2 + (y - V*t*q)**2)/2",
+        viscous="(d_x**2 + d_y**2)/2",
+        span=(0.0, 200.0),
+    )
+    slopes = [0.0, 0.2, 1.0 / 3.0, 0.5, 1.0]
+    found = ss.sweep(tip, {"V": [0.02, 2.0], "q": slopes}, ["period"])
+    assert found.certificate.ok
+    for V in (0.02, 2.0):
+        for q in slopes:
+            cycle = ss.find_cycle(tip, parameters={"V": V, "q": q})
+            period = float(found["period"].sel(V=V, q=q))
+            assert period == pytest.approx(cycle.period, rel=1e-12)

@@ -30,6 +30,8 @@ class Lattice(NamedTuple):
     ----------
     period : array, shape (motions,)
         After which the system is as before in the frame; 0 where nothing drives it there.
+    parts : array of int, shape (motions,)
+        After so many of these periods the drives are as before, too.
     frame : array, shape (motions, n)
         Velocity of the frame.
     moved : bool
@@ -39,6 +41,7 @@ class Lattice(NamedTuple):
     """
 
     period: Array
+    parts: Array
     frame: Array
     moved: bool
     cells: Array
@@ -55,6 +58,7 @@ def lattice(problem: Problem, table: Array) -> Lattice | None:
     n = len(equations.declaration.state)
     moved = any("t" in line for line in read.lines)
     period, frame = np.zeros(len(table)), np.zeros((len(table), n))
+    parts = np.ones(len(table), int)
     cells: list[Array] = []
     known: dict[frozenset[str], Clock] = {}
     for i, row in enumerate(table):
@@ -69,11 +73,12 @@ def lattice(problem: Problem, table: Array) -> Lattice | None:
             if ticking is None or not ticking.alone:
                 ticking = known[zero] = clock(problem.system, equations, values)
             period[i] = ticking.period(values)
+            parts[i] = ticking.parts
             frame[i] = ticking.drives(values).velocity
         except DeclarationError:
             # Nothing repeats on its way: the frame alone may leave the system unchanged.
             frame[i] = moving_frame(equations, zero).full(values)
-    return Lattice(period, frame, moved, forms_of(cells))
+    return Lattice(period, parts, frame, moved, forms_of(cells))
 
 
 def forms_of(cells: list[Array]) -> Array:

@@ -157,7 +157,9 @@ class Invariance(NamedTuple):
     frame : array, shape (n,)
         Velocity of the frame in which the system does not depend on time, but for its drives.
     period : float
-        Of the drives; 0 if there are none.
+        After which the system is as before; 0 if nothing drives it.
+    parts : int
+        After so many of these periods the drives are as before, too.
     cells : array, shape (n, cells)
         Shifts of the state, each with its multiples, that change nothing.
     crossed : bool
@@ -167,6 +169,7 @@ class Invariance(NamedTuple):
     shifts: Array
     frame: Array
     period: float
+    parts: int
     cells: Array
     crossed: bool
 
@@ -262,9 +265,11 @@ class Block:
         )
         cells = np.zeros((count, 0, 2, n))
         if known is not None:
+            self.prover.parts[:] = known.parts
             cells = np.tile(forms_of([known.cells]), (count, 1, 1, 1))
         elif over is not None:
             drive = np.where(over.period > 0.0, over.period, drive)
+            self.prover.parts[:] = over.parts
             cells = over.cells
         limit = np.full(count, self.rules.real[1])
         if settings.max_time is None:

@@ -91,6 +91,9 @@ class Prover:
     ----------
     acting : array of bool, shape (motions, frequencies)
         Which drives act.
+    parts : array of int, shape (motions,)
+        After so many of its periods a system that is the same after each of them has drives that
+        are as before, too: cos(2πx)·cos(2πy) is the same half a cell further along both.
     """
 
     def __init__(self, problem: Problem, table: Array, rules: Rules) -> None:
@@ -101,6 +104,7 @@ class Prover:
         self.pieces: Pieces = Pieces(problem.compiled.equations)
         self.attraction: Attraction = Attraction(problem, self.pieces, table)
         self.acting: Array = self._acting()
+        self.parts: Array = np.ones(len(table), int)
 
     def _acting(self) -> Array:
         frequencies = self.problem.compiled.layout.frequencies
@@ -137,8 +141,10 @@ class Prover:
         outcome = np.full(len(index), _NOTHING)
         waves = [self.waves(int(i), marks, saved) for i in index]
         periods = np.where(marks.drive[index] > 0.0, marks.real[index, DURATION], 0.0)
+        # A cycle lasts a number of periods, after each of which the system is the same.
+        whole = periods * self.parts[index]
         fits = np.array(
-            [repeats(found, float(period)) for found, period in zip(waves, periods, strict=True)]
+            [repeats(found, float(period)) for found, period in zip(waves, whole, strict=True)]
         )
         cycles = (asked == _PERIODIC) & (fits | (not self.rules.timed))
         outcome[cycles] = _PERIODIC

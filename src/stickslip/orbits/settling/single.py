@@ -68,10 +68,11 @@ def settle_motion(
     """
     values = problem.parameters
     period = clock.period(values) if symmetry.driven and clock is not None else 0.0
+    parts = clock.parts if period > 0.0 and clock is not None else 1
     frame = symmetry.frame if symmetry.frame is not None else symmetry.turn / period
     shifts = np.linalg.qr(symmetry.shifts)[0].T
     crossed = symmetry.driven and bool(np.any(symmetry.turn))
-    known = Invariance(shifts, frame, period, symmetry.cells, crossed)
+    known = Invariance(shifts, frame, period, parts, symmetry.cells, crossed)
     block = Block(
         replace(problem, origin=time),
         np.array([list(values.values())]).reshape(1, -1),

@@ -1,0 +1,50 @@
+"""A map on a local Dask cluster, one of whose workers is killed: the others do its part again, and
+the numbers are the same to the last bit as those of threads.
+
+Prints how many workers were killed, and whether both maps are the same; takes some ten seconds.
+"""
+
+import os
+import signal
+import threading
+
+import numpy as np
+
+import stickslip as ss
+
+
+def over(points):
+    return {"P": f"0.8:1.6:{points}", "delta": f"log:0.01:0.2:{points}"}
+
+
+def on_a_cluster(points=60, kill_after=1.0):
+    """The map, and the workers that were killed."""
+    from distributed import Client, LocalCluster
+
+    killed = []
+    with LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50
+    ) as cluster:
+        with Client(cluster, set_as_default=False) as client:
+            pids = list(client.run(os.getpid).values())
+
+        def kill():
+            os.kill(pids[0], signal.SIGKILL)
+            killed.append(pids[0])
+
+        timer = threading.Timer(kill_after, kill)
+        timer.start()
+        toy = ss.catalogue.rocking_toy()
+        found = ss.sweep(toy, over(points), ["speed"], scheduler=cluster.scheduler_address)
+        timer.cancel()
+    return found, killed
+
+
+def in_threads(points=60):
+    return ss.sweep(ss.catalogue.rocking_toy(), over(points), ["speed"])
+
+
+if __name__ == "__main__":
+    found, killed = on_a_cluster()
+    print("workers killed:", len(killed))
+    print("the same:", np.array_equal(found["speed"], in_threads()["speed"]))
