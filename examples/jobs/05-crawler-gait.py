@@ -1,7 +1,8 @@
 """A crawler of two legs whose spring is lengthened by two harmonics: the gait that is fastest for a
-given effort, by SLSQP with exact derivatives of the cycle.
+given effort, and the one with the least cost of transport at a given speed, by SLSQP with exact
+derivatives of the cycle.
 
-Prints the gait before and after, and its speed.
+Prints speed and cost of transport of the gait at the start, the fastest and the cheapest.
 """
 
 import numpy as np
@@ -16,6 +17,7 @@ crawler = ss.System(
         "B": ss.Parameter(0.05, "m", "second harmonic of the length"),
         "phi": ss.Parameter(0.5, "rad", "phase of the second harmonic"),
         "m": ss.Parameter(0.2, "kg", "mass of a leg"),
+        "g": ss.Parameter(9.81, "m/s^2", "gravity"),
     },
     drives={"L": "1 + A*sin(t) + B*sin(2*t + phi)"},
     coordinates={"x_1": ss.Inertial("m"), "x_2": ss.Inertial("m")},
@@ -32,6 +34,8 @@ crawler = ss.System(
     span=(0.0, 60.0),
 )
 NAMES = ["A", "B", "phi"]
+BOUNDS = [(0.1, 1.0), (0.0, 0.3), (-np.pi, np.pi)]
+COST = "cost_of_transport:2*m*g"
 
 
 def gait(values):
@@ -53,22 +57,51 @@ def fastest(iterations=20):
         "fun": lambda v: v[0] ** 2 + 4 * v[1] ** 2 - effort,
         "jac": lambda v: np.array([2 * v[0], 8 * v[1], 0.0]),
     }
-    bounds = [(0.1, 1.0), (0.0, 0.3), (-np.pi, np.pi)]
     return minimize(
         speed,
         start,
         jac=True,
         method="SLSQP",
-        bounds=bounds,
+        bounds=BOUNDS,
         constraints=[same_effort],
         options={"maxiter": iterations},
     )
 
 
+def cheapest(least_speed, iterations=20):
+    """The gait with the least cost of transport that is at least so fast."""
+    known = {}  # of the last gait: SLSQP asks for the same one several times
+
+    def at(values):
+        if known.get("values") != tuple(values):
+            found = gait(values)
+            slopes = found.sensitivity(NAMES, of=["speed", COST])
+            known.update(values=tuple(values), cycle=found, slopes=slopes)
+        return known["cycle"], known["slopes"]
+
+    fast_enough = {
+        "type": "ineq",
+        "fun": lambda v: at(v)[0].speed - least_speed,
+        "jac": lambda v: at(v)[1]["speed"].values,
+    }
+    return minimize(
+        lambda v: at(v)[0].cost_of_transport("2*m*g"),
+        [crawler.values[name] for name in NAMES],
+        jac=lambda v: at(v)[1][COST].values,
+        method="SLSQP",
+        bounds=BOUNDS,
+        constraints=[fast_enough],
+        options={"maxiter": iterations, "ftol": 1e-9},
+    )
+
+
 if __name__ == "__main__":
-    found = fastest()
-    before, after = gait([crawler.values[name] for name in NAMES]), gait(found.x)
-    print(f"{before.speed:.6f} m/s, {before.energy_per_distance:.6f} N")
-    print(f"{after.speed:.6f} m/s, {after.energy_per_distance:.6f} N, {found.message}")
-    print(dict(zip(NAMES, found.x.round(6), strict=True)), f"{found.nfev} gaits")
-    after.plot().savefig("gait.png")
+    start = gait([crawler.values[name] for name in NAMES])
+    fast = fastest()
+    cheap = cheapest(start.speed)
+    for name, cycle in {"start": start, "fastest": gait(fast.x), "cheapest": gait(cheap.x)}.items():
+        cost = cycle.cost_of_transport("2*m*g")
+        print(f"{name:9} {cycle.speed:.6f} m/s, cost of transport {cost:.6f}")
+    print(dict(zip(NAMES, fast.x.round(6), strict=True)), f"{fast.nfev} gaits, {fast.message}")
+    print(dict(zip(NAMES, cheap.x.round(6), strict=True)), f"{cheap.nfev} gaits, {cheap.message}")
+    gait(fast.x).plot().savefig("gait.png")

@@ -9,13 +9,13 @@ import numpy as np
 import stickslip as ss
 
 
-def record(seed, kind="linear"):
+def record(seed):
     """A record made of noise under an envelope, of 10 s, largest acceleration 1 m/s²."""
     rng = np.random.default_rng(seed)
     t = np.arange(0.0, 10.0, 0.02)
     noise = np.convolve(rng.standard_normal(len(t)), np.hanning(rng.integers(8, 32)), "same")
     a = noise * (t / 3.0) ** 2 * np.exp(2.0 - 2.0 * t / 3.0)
-    return ss.Samples(t, a / np.abs(a).max(), kind=kind)
+    return ss.Samples(t, a / np.abs(a).max())
 
 
 def slips(records=100, scales=11):

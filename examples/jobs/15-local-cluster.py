@@ -8,8 +8,6 @@ import os
 import signal
 import threading
 
-import numpy as np
-
 import stickslip as ss
 
 
@@ -19,14 +17,14 @@ def over(points):
 
 def on_a_cluster(points=60, kill_after=1.0):
     """The map, and the workers that were killed."""
-    from distributed import Client, LocalCluster
+    from distributed import LocalCluster
 
     killed = []
-    with LocalCluster(
+    cluster = LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50
-    ) as cluster:
-        with Client(cluster, set_as_default=False) as client:
-            pids = list(client.run(os.getpid).values())
+    )
+    with cluster:
+        pids = [worker.pid for worker in cluster.workers.values()]
 
         def kill():
             os.kill(pids[0], signal.SIGKILL)
@@ -47,4 +45,4 @@ def in_threads(points=60):
 if __name__ == "__main__":
     found, killed = on_a_cluster()
     print("workers killed:", len(killed))
-    print("the same:", np.array_equal(found["speed"], in_threads()["speed"]))
+    print("the same:", found["speed"].equals(in_threads()["speed"]))

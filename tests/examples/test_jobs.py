@@ -107,6 +107,8 @@ def test_05_crawler() -> None:
     before = crawler.gait([crawler.crawler.values[name] for name in crawler.NAMES])
     assert -found.fun > before.speed
     assert found.x[0] ** 2 + 4 * found.x[1] ** 2 == pytest.approx(0.26, rel=1e-3)
+    cheap = crawler.cheapest(before.speed, iterations=4)
+    assert cheap.fun < before.cost_of_transport("2*m*g")
 
 
 def test_07_own_friction_of_state() -> None:

@@ -10,7 +10,7 @@ def test_an_empty_one_says_so() -> None:
     found = chain.event_catalogue()
     assert len(found) == 0
     figure = found.plot()
-    assert [text.get_text() for text in figure.axes[0].texts] == ["no slip event in this time"]
+    assert [text.get_text() for text in figure.axes[0].texts] == ["no events"]
 
 
 def test_numbers_of_an_axis_do_not_overlap() -> None:

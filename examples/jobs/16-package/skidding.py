@@ -56,7 +56,8 @@ def block():
 def speeds(motion, ax=None):
     """How often each rate occurs."""
     ax = ss.style.new_figure(5.0, 4.0).subplots() if ax is None else ax
-    times = np.linspace(*motion.t_span, 4001)
+    start, end = motion.t_span
+    times = np.linspace(start, end, 4001)
     ax.hist(motion.at(times)["d_x"], bins=50)
     ax.set(xlabel="rate [m/s]", ylabel="times")
     return ax.figure
