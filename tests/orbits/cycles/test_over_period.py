@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from stickslip.orbits.cycles.over_period import harmonics
 
 OMEGA, C = 1.3, 0.2
 
@@ -174,3 +175,29 @@ def test_what_is_undefined_spoils_nothing_else() -> None:
     assert found.certificate.ok
     with pytest.raises(ss.DeclarationError, match="undefined on the cycle"):
         cycle.mean("root")
+
+
+def test_a_slider_that_has_just_begun() -> None:
+    """Its way of 4e-9 is that of the others to rounding; its harmonic is known as well as theirs,
+    and a response is certified up to where a contact begins to slide."""
+    stiff, damping = np.array([[2.0, -1.0], [-1.0, 2.0]]), 0.02
+    omega = 1.3
+    squares, V = np.linalg.eigh(stiff)
+    C = V @ np.diag(2.0 * damping * np.sqrt(squares)) @ V.T
+    held = stiff + np.diag([1.0, 0.0]) - omega**2 * np.eye(2) + 1j * omega * C
+    begins = 0.5 / abs(np.linalg.solve(held, [0.0, 1.0])[0])  # force at which the contact slides
+    beam = ss.Structure(np.eye(2), stiff, ss.ModalDamping(damping), names={"rub": 0, "tip": 1})
+    system = ss.System(
+        "two",
+        parameters={"F": 1.01 * begins, "omega": omega},
+        structures={"u": beam},
+        forces={"u[tip]": "F*cos(omega*t)"},
+        contacts={"rub": ss.laws.jenkins("d_u[rub]", F_c=0.5, k=1.0)},
+    )
+    cycle = ss.find_cycle(system)
+    for over in (1e-4, 1e-6, 1e-8):
+        cycle = ss.find_cycle(system, start=cycle, parameters={"F": begins * (1.0 + over)})
+    low, high = cycle.extrema["r_rub"]
+    assert high - low == pytest.approx(8.1e-9, rel=0.01)
+    _, error = harmonics(cycle.trajectory, cycle.closed.orbit.shift, 1)
+    assert error < 1e-13
