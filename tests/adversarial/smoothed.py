@@ -9,6 +9,11 @@ with c from 1 to 0 where its argument passes 1: static friction above kinetic fr
 speed that vanishes with ε, too, and is large against it, since points of a body that creeps have
 different speeds. Errors are almost of first order in ε, with fractional powers behind it, other
 ones for each law: what two laws and two widths leave open is the error that is allowed for.
+
+So is what a looser integration does differently. Where a stick ends within an implicit step,
+Newton's method may keep the matrix of the stick, by which the excess of a force is no more than a
+velocity of the size of ε: the step passes, and slip begins too late, by both laws and with both
+widths.
 """
 
 from __future__ import annotations
@@ -25,6 +30,9 @@ from .mechanics import Array
 WIDTHS = (4e-9, 2e-9)
 FINE = 0.25  # times as wide where static friction is above kinetic friction
 PRECISE = 1e-10  # relative tolerance of the integration
+STRICT = 1e-12  # … where that turns out not to be enough
+LOOSER = 10.0  # times the tolerance, of the integration that tells
+TOLD = 1e-7  # relative; a difference that calls for the strict one
 
 
 @dataclass(frozen=True)
@@ -344,21 +352,27 @@ class Limit:
     ----------
     states : array, shape (times, 2n)
     doubt : array, shape (times, 2n)
-        What laws and widths leave open.
+        What laws, widths and tolerances leave open.
     """
 
     states: Array
     doubt: Array
 
 
-def limit(system: Smoothable, start: Array, times: Array) -> Limit:
+def limit(system: Smoothable, start: Array, times: Array, precise: float = PRECISE) -> Limit:
     """The limit of both laws, by Richardson's extrapolation in the width."""
     finer = FINE if system.drops else 1.0
-    found, steps = [], []
+    found, steps, finest = [], [], []
     for law in LAWS:
-        wide, narrow = (smoothed(system, start, times, law, finer * w) for w in WIDTHS)
+        wide, narrow = (smoothed(system, start, times, law, finer * w, precise) for w in WIDTHS)
         found.append(2.0 * narrow - wide)
         steps.append(np.abs(narrow - wide))
-    better = np.max(steps[0]) > np.max(steps[1])
-    doubt = np.abs(found[0] - found[1]) + 0.1 * np.maximum(*steps)
-    return Limit(found[int(better)], doubt)
+        finest.append(narrow)
+    better = int(np.max(steps[0]) > np.max(steps[1]))
+    width = finer * WIDTHS[-1]
+    loose = smoothed(system, start, times, LAWS[better], width, LOOSER * precise)
+    unsolved = np.abs(finest[better] - loose)
+    if precise > STRICT and np.max(unsolved) > TOLD * np.max(np.abs(finest[better])):
+        return limit(system, start, times, STRICT)
+    doubt = np.abs(found[0] - found[1]) + 0.1 * np.maximum(*steps) + unsolved
+    return Limit(found[better], doubt)

@@ -18,12 +18,15 @@ from adversarial.verdict import AGREED, WRONG
 
 CHOSEN = [
     ("shifted ellipses", 0),
+    ("shifted ellipses", 44),
     ("sums of norms", 0),
     ("forward and backward", 0),
     ("very flat", 8),
     ("small faces", 6),
     ("small faces", 8),
     ("turned by an angle", 0),
+    ("beside a line", 69),
+    ("beside a line", 77),
 ]
 
 

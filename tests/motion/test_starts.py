@@ -101,3 +101,36 @@ def test_a_refused_start_names_the_nearest_consistent_state() -> None:
     start = {name: float(value) for name, value in offered.items()}
     assert math.hypot(start["x"] - 0.5, start["y"] - 0.1) < 1.01e-4
     assert ss.simulate(system, initial=start).certificate.ok
+
+
+IN_PLANE = {"direction": ("d_x", "d_y")}
+ONE_SIDED = {
+    "forward": ("piecewise(d_y > 0, sqrt(d_y), 0)", IN_PLANE),
+    "backward": ("piecewise(d_y < 0, sqrt(-d_y), 0)", IN_PLANE),
+    "overflow": ("piecewise(d_y > 0, exp(-9e3*d_y), 0)", IN_PLANE),
+    "disc": ("0", {"direction": ("d_x", "d_y", "d_a"), "dissipation": "disc(v1, v2, v3)"}),
+    "ring": ("0", {"direction": ("d_x", "d_y", "d_a"), "dissipation": "ring(v1, v2, v3)"}),
+}
+
+
+@pytest.mark.parametrize("beside", ["", "d_x + 0.1*d_y", "d_a + 0.1*d_x"])
+@pytest.mark.parametrize("kind", ONE_SIDED)
+def test_what_moves_starts_as_given(kind: str, beside: str) -> None:
+    """A formula may have no value on the side of its kink that is tried first: what moves does not
+    rest for that."""
+    force, rub = ONE_SIDED[kind]
+    line = {"line": ss.Contact(beside, 0.2)} if beside else {}
+    system = ss.System(
+        "thrown",
+        coordinates={"x": ss.Inertial(force=force), "y": ss.Inertial(), "a": ss.Inertial()},
+        kinetic="(d_x**2 + d_y**2 + d_a**2)/2",
+        contacts={"rub": ss.Contact(threshold=0.3, **rub), **line},
+        span=(0.0, 0.3),
+    )
+    rng = np.random.default_rng(0)
+    for _ in range(6):
+        x, y, a = rng.choice([-1.0, 1.0], 3) * rng.uniform(0.2, 1.5, 3)
+        rates = {"d_x": float(x), "d_y": float(y), "d_a": float(a)}
+        motion = ss.simulate(system, initial=rates)
+        assert motion.outcome.ok and motion.certificate.ok
+        assert {name: motion[name][0] for name in rates} == rates

@@ -10,7 +10,7 @@ from stickslip.arrays import Array
 from stickslip.equations.codegen.series import SINGULAR, invert
 from stickslip.motion.admissible.sharing import grip, is_gripped
 from stickslip.motion.modes.inverses import resolve
-from stickslip.motion.modes.surfaces import ON_SURFACE, release_or_hold
+from stickslip.motion.modes.surfaces import ON_SURFACE, are_numbers, release_or_hold
 from stickslip.motion.steps.arrays import (
     AIM_SPEED,
     COORDINATES,
@@ -149,6 +149,8 @@ def evaluate_mode(
         status = coefficients(machine, flow, at, 1, W)
         if status != OK:
             return status
+        if not are_numbers(flow, at.mode):
+            return NAN
         held = release_or_hold(flow, at, last, near, span, False)
         if held and not rest_with_others(machine, flow, at):
             break

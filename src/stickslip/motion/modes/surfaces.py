@@ -6,6 +6,8 @@ than a step makes of it, slips or is open.
 
 from __future__ import annotations
 
+import math
+
 from stickslip.arrays import Array
 from stickslip.motion.modes.inverses import resolve
 from stickslip.motion.steps.arrays import (
@@ -136,6 +138,20 @@ def release_or_hold(
                 at.y[q] -= space.Rq[first + i, rows.homes[c, SEAT] - first] * distance
                 if rows.beside[c] == 1 and abs(at.y[q]) <= _NOTHING:
                     at.y[q] = 0.0
+    return True
+
+
+@compiled(brief=True)
+def are_numbers(flow: Flow, mode: Array) -> bool:
+    """Whether the sizes of velocities, rates and forces of what sticks are finite: otherwise
+    nothing says what counts as no velocity. On the wrong side of a kink a formula may have no
+    value, or overflow."""
+    rows = flow.rows
+    mag = flow.space.mag
+    for c in range(rows.sizes[ON_INERTIAL]):
+        known = mag[c] + rate_terms(rows, mag, c) + force_terms(rows, mag, c)
+        if mode[c] == 0 and not math.isfinite(known):
+            return False
     return True
 
 
@@ -315,6 +331,7 @@ def begin_at_rest(machine: Machine, flow: Flow, lane: Lane) -> None:
     known = resolve(rows, flow.k, flow.space, lane.mode)
     for _ in range(_MOST_STOPS):
         known = known and coefficients(machine, flow, here, 1, flow.space.W) == OK
+        known = known and are_numbers(flow, lane.mode)
         if not known or all_on_surface(flow, lane.mode):
             break
         known = release_or_hold(flow, here, recent, 0.0, span, opened >= 0)
