@@ -29,6 +29,15 @@ CHOSEN = [
     ("on three legs", 3),
     ("on three legs", 9),
     ("units", 0),
+    # All begin to slip a little late, by what rest is proved to.
+    ("points on a line", 7),
+    ("points on a line", 46),
+    ("points that slip more easily when fast", 13),
+    ("shaken body", 23),
+    ("ellipses", 27),
+    ("off centre", 23),
+    ("points and lines", 50),
+    ("units", 6),
 ]
 
 
