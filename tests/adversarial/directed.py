@@ -318,6 +318,11 @@ class Directed:
         """Whether static friction is above kinetic friction somewhere."""
         return self.law == "drop"
 
+    def dropping(self, t: float, y: Array) -> Array:
+        """R, if static friction is above kinetic friction."""
+        u = self.slide(t, y[: self.size], y[self.size :])
+        return np.array([self.dissipation(u)[0] if u.any() else 0.0] if self.drops else [])
+
     def _matrix(self, w: str) -> Array:
         n = self.size
         return np.array([[self.numbers[f"{w}_{min(i, j)}_{max(i, j)}"] for j in range(n)]

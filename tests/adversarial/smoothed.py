@@ -14,12 +14,18 @@ So is what a looser integration does differently. Where a stick ends within an i
 Newton's method may keep the matrix of the stick, by which the excess of a force is no more than a
 velocity of the size of ε: the step passes, and slip begins too late, by both laws and with both
 widths.
+
+Within Lε static friction stops more than it should: a point that only passes close to rest, or one
+of several that have broken their thresholds, where the others slip first. In the first case the
+limit is no motion of the exact law, in the second it is one of two. Both laws agree on it, so it
+has to be asked: where a contact comes to rest, kinetic friction alone has to bring it there, or all
+is open from then on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -33,6 +39,10 @@ PRECISE = 1e-10  # relative tolerance of the integration
 STRICT = 1e-12  # … where that turns out not to be enough
 LOOSER = 10.0  # times the tolerance, of the integration that tells
 TOLD = 1e-7  # relative; a difference that calls for the strict one
+CREEPS = 30.0  # widths: the speed of what rests is below it, at almost all points of a body
+MOMENT = 1e-5  # of the span, in which kinetic friction has to bring something to rest
+CLOSER = 0.1  # times as wide then …
+STOPS = 10.0  # … and within so many of these widths
 
 
 @dataclass(frozen=True)
@@ -110,6 +120,10 @@ class Smoothable(Protocol):
         """Whether static friction is above kinetic friction somewhere."""
         ...
 
+    def dropping(self, t: float, y: Array) -> Array:
+        """Speeds of the contacts whose static friction is above kinetic friction."""
+        ...
+
     def rates(self, law: Smooth, width: float) -> Callable[[float, Array], Array]:
         """The equations of motion of a smoothed law."""
         ...
@@ -155,6 +169,13 @@ class Board:
     def drops(self) -> bool:
         """Whether static friction is above kinetic friction somewhere."""
         return any(spot.drop < 1.0 and spot.fast == 0.0 for spot in self.spots)
+
+    def dropping(self, t: float, y: Array) -> Array:
+        """Speeds of the spots whose static friction is above kinetic friction."""
+        touches = self.touches()
+        q, v = y[: self.size], y[self.size :]
+        own = touches.measured(q, touches.slide(t, q, v, *touches.arms(q)))
+        return np.abs(own[(touches.drop < 1.0) & (touches.fast == 0.0)])
 
     def loaded(self, t: float, q: Array, v: Array) -> Array:
         """Forces on the coordinates without friction."""
@@ -322,6 +343,36 @@ def smoothed(
     RuntimeError
         If the integrator gives up.
     """
+    return integrated(system, start, (0.0, float(times[-1])), times, law, width, precise).y.T
+
+
+def integrated(
+    system: Smoothable,
+    start: Array,
+    span: tuple[float, float],
+    times: Array,
+    law: Smooth,
+    width: float,
+    precise: float = PRECISE,
+) -> Any:
+    """A motion by a smoothed law, as SciPy gives it, with its steps.
+
+    Parameters
+    ----------
+    start : array, shape (2n,)
+    span : (float, float)
+    times : array, shape (times,)
+        Where states are wanted.
+    law, width
+        The smoothed law.
+    precise : float
+        Relative tolerance.
+
+    Raises
+    ------
+    RuntimeError
+        If the integrator gives up.
+    """
     rate = system.rates(law, width)
 
     def slopes(t: float, y: Array) -> Array:
@@ -331,17 +382,63 @@ def smoothed(
 
     found = solve_ivp(
         rate,
-        (0.0, float(times[-1])),
+        span,
         start,
         "LSODA",
         times,
+        dense_output=True,
         jac=slopes,
         rtol=precise,
         atol=precise * 1e-2,
     )
     if found.status != 0 or found.y.shape[1] != len(times):
         raise RuntimeError(f"smoothed friction: {found.message}")
-    return found.y.T
+    return found
+
+
+def stopped_too_early(system: Smoothable, path: Any, law: Smooth, width: float) -> float:
+    """When a contact first comes to rest that kinetic friction alone would not bring there;
+    infinite: never.
+
+    Parameters
+    ----------
+    path
+        A motion by the law, with its steps.
+    """
+    clock = path.sol.ts
+    speeds = np.array([system.dropping(t, path.sol(t)) for t in clock]) / width
+    stops = (speeds[:-1] > CREEPS) & (speeds[1:] <= CREEPS)
+    for i, k in np.argwhere(stops):
+        # Before static friction grew, or where it began to move.
+        speed = speeds[: i + 1, k]
+        first = np.flatnonzero((speed > 3.0 * law.long) | (speed <= CREEPS))
+        begin = int(first[-1]) + int(speed[first[-1]] <= CREEPS) if len(first) else 0
+        if not stops_alone(system, path, law, width, int(k), (begin, int(i) + 1)):
+            return float(clock[i + 1])
+    return np.inf
+
+
+def stops_alone(
+    system: Smoothable, path: Any, law: Smooth, width: float, k: int, steps: tuple[int, int]
+) -> bool:
+    """Whether kinetic friction alone brings a contact to rest.
+
+    Parameters
+    ----------
+    path, law, width
+        A motion by the law, with its steps.
+    k : int
+        The contact, among those whose friction drops.
+    steps : (int, int)
+        From where it is followed, and where it comes to rest by the law.
+    """
+    clock = path.sol.ts
+    begin, end = clock[steps[0]], clock[steps[1]]
+    span = begin, end + 10.0 * (end - begin) + MOMENT * (clock[-1] - clock[0])
+    kinetic, near = replace(law, left=np.zeros_like), CLOSER * width
+    alone = integrated(system, path.sol(begin), span, np.array([span[1]]), kinetic, near)
+    least = min(system.dropping(t, alone.sol(t))[k] for t in alone.sol.ts)
+    return bool(least < STOPS * near)
 
 
 @dataclass(frozen=True)
@@ -352,7 +449,8 @@ class Limit:
     ----------
     states : array, shape (times, 2n)
     doubt : array, shape (times, 2n)
-        What laws, widths and tolerances leave open.
+        What laws, widths and tolerances leave open; infinite from where something comes to rest
+        that kinetic friction would not bring there.
     """
 
     states: Array
@@ -362,17 +460,25 @@ class Limit:
 def limit(system: Smoothable, start: Array, times: Array, precise: float = PRECISE) -> Limit:
     """The limit of both laws, by Richardson's extrapolation in the width."""
     finer = FINE if system.drops else 1.0
-    found, steps, finest = [], [], []
-    for law in LAWS:
-        wide, narrow = (smoothed(system, start, times, law, finer * w, precise) for w in WIDTHS)
-        found.append(2.0 * narrow - wide)
-        steps.append(np.abs(narrow - wide))
-        finest.append(narrow)
-    better = int(np.max(steps[0]) > np.max(steps[1]))
     width = finer * WIDTHS[-1]
+    span = 0.0, float(times[-1])
+    found, steps, paths = [], [], []
+    for law in LAWS:
+        wide, narrow = (
+            integrated(system, start, span, times, law, finer * w, precise) for w in WIDTHS
+        )
+        paths.append(narrow)
+        found.append(2.0 * narrow.y.T - wide.y.T)
+        steps.append(np.abs(narrow.y.T - wide.y.T))
+    better = int(np.max(steps[0]) > np.max(steps[1]))
+    finest = paths[better].y.T
     loose = smoothed(system, start, times, LAWS[better], width, LOOSER * precise)
-    unsolved = np.abs(finest[better] - loose)
-    if precise > STRICT and np.max(unsolved) > TOLD * np.max(np.abs(finest[better])):
+    unsolved = np.abs(finest - loose)
+    if precise > STRICT and np.max(unsolved) > TOLD * np.max(np.abs(finest)):
         return limit(system, start, times, STRICT)
     doubt = np.abs(found[0] - found[1]) + 0.1 * np.maximum(*steps) + unsolved
+    if system.drops:
+        # Where the other law does not stop the same, both differ.
+        begin = stopped_too_early(system, paths[0], LAWS[0], width)
+        doubt[times >= begin] = np.inf
     return Limit(found[better], doubt)

@@ -11,8 +11,8 @@ import pytest
 from adversarial import points
 from adversarial.families.points import FAMILIES, Carried, Point, Shape
 from adversarial.points import draw
-from adversarial.smoothed import limit
-from adversarial.verdict import AGREED, REFUSED, WRONG
+from adversarial.smoothed import LAWS, limit, smoothed
+from adversarial.verdict import AGREED, NO_REFERENCE, REFUSED, WRONG
 
 CHOSEN = [
     ("thrown body", 0),
@@ -29,6 +29,15 @@ CHOSEN = [
     ("on three legs", 3),
     ("on three legs", 9),
     ("units", 0),
+    # All begin to slip a little late, by what rest is proved to.
+    ("points on a line", 7),
+    ("points on a line", 46),
+    ("points that slip more easily when fast", 13),
+    ("shaken body", 23),
+    ("ellipses", 27),
+    ("off centre", 23),
+    ("points and lines", 50),
+    ("units", 6),
 ]
 
 
@@ -65,6 +74,32 @@ def test_a_wrong_motion_is_called_wrong(monkeypatch: pytest.MonkeyPatch) -> None
     assert points.judge(case).kind == REFUSED
 
 
+@pytest.mark.parametrize(
+    ("family", "seed", "time"),
+    [("units", 26, 3.8), ("pressed points", 21, 0.2)],
+    ids=["passes close to rest", "all break their thresholds"],
+)
+def test_static_friction_has_no_part_in_what_slips(family: str, seed: int, time: float) -> None:
+    """A point passes with 7e-9 of the natural speed, and more force than kinetic friction holds.
+    And of three points that break their thresholds at the start one could go on to rest."""
+    case = draw(family, seed)
+    found = points.simulated(case)
+    assert not isinstance(found, str)
+    kinetic = replace(LAWS[0], left=np.zeros_like)
+    board, start = case.board(), points.started(case)
+    expected = smoothed(board, start, np.array([time]), kinetic, 1e-10)[0]
+    sampled = found.at(time * case.time)
+    got = [float(np.asarray(sampled[x])) / case.unit(x) for x in case.names]
+    np.testing.assert_allclose(got, expected, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize(("family", "seed"), [("pressed points", 21), ("units", 26)])
+def test_what_static_friction_alone_stops_is_not_judged(family: str, seed: int) -> None:
+    verdict = points.judge(draw(family, seed))
+    assert verdict.kind == NO_REFERENCE
+    assert verdict.numbers["doubt"] == np.inf
+
+
 # -- the reference ---------------------------------------------------------------------------------
 
 
@@ -99,3 +134,21 @@ def test_the_reference_knows_a_rod_that_rests() -> None:
     case = body([1 + 0j, -1 + 0j], G1=0.9, G2=0.05)
     found = limit(case.board(), np.zeros(6), np.array([2.0]))
     assert np.max(np.abs(found.states)) < 1e-7
+
+
+@pytest.mark.parametrize(
+    ("load", "aside", "sure"),
+    [(0.5, 2e-5, True), (0.8, 0.0, True), (0.8, 2e-5, False)],
+    ids=["held", "straight into rest", "beside it"],
+)
+def test_the_reference_doubts_a_point_that_passes_close_to_rest(
+    load: float, aside: float, sure: bool
+) -> None:
+    """Kinetic friction holds 0.6: against a load of 0.8 a point comes to rest only where it goes
+    straight there; beside that, in a distance of the order of 1e-8."""
+    case = body([0j], G0=load, d0=0.6)
+    case = replace(case, shape=Shape((Point(law="drop"),)))
+    start = np.array([0.0, 0.0, 0.0, -0.5, aside, 0.0])
+    doubt = np.max(limit(case.board(), start, np.array([0.3, 1.0])).doubt, axis=1)
+    assert doubt[0] < 1e-7
+    assert doubt[1] < 1e-7 if sure else doubt[1] == np.inf

@@ -47,7 +47,9 @@ from stickslip.motion.steps.response import (
 from stickslip.motion.steps.vectors import direction_and_turn, is_new
 from stickslip.translator import compiled
 
-NEGLIGIBLE = 1e-12  # part of its terms below which an order of |Au| is none
+# Part of its terms below which an order of |Au| is none. Rest of a body is proved up to a part of
+# 1e-11 of the thresholds (`leaving.py`), so a slip may begin late by that.
+NEGLIGIBLE = 1e-10
 MOST_LEADING = 4  # orders of |Au| that may vanish
 _NEW = 1e-20  # square of the part of a velocity that is none of the others
 _ROUNDED = 0.1  # factor by which |u| is rounded off less from turn to turn
