@@ -102,14 +102,15 @@ def settle_mode(
     kept = 0  # times that the forces of such a state were put right
     flipped = lane.counters[CAUSE]
     slack = 1.0
+    breaks = 1  # whether what such a state lets slip has its static threshold to break
     denied = 0.0  # longest step of a mode that was denied
     while True:
         if pivots > 0:
             copy(space.y0, lane.y)
         pivots += 1
         if total > 0 and kept == 0:
-            candidate, total, slack = choose_next(
-                rows, touched, lane.mode, lane.reg, candidate, total, slack
+            candidate, total, slack, breaks = choose_next(
+                rows, touched, lane.mode, lane.reg, candidate, total, slack, breaks
             )
             if total == 0:
                 return SINGULAR, 0.0, 0.0, 0
@@ -271,7 +272,8 @@ def choose_next(
     candidate: int,
     total: int,
     slack: float,
-) -> tuple[int, int, float]:
+    breaks: int,
+) -> tuple[int, int, float, int]:
     """Put the switches concerned into the next of all their states.
 
     Parameters
@@ -285,12 +287,14 @@ def choose_next(
         The number of the next state, and of all states.
     slack : float
         Rounding errors that count as zero.
+    breaks : int
+        1 if what slips is at its threshold, 0 if it has its sliding force.
 
     Returns
     -------
-    candidate, total, slack
-        The number of the state after that, of all states (0: none is left), and rounding errors
-        that count as zero.
+    candidate, total, slack, breaks
+        The number of the state after that, of all states (0: none is left), rounding errors that
+        count as zero, and what slips has.
     """
     nk = len(reg)
     if candidate == total:
@@ -301,14 +305,18 @@ def choose_next(
             asked += 1 - touched[nk + c]
             touched[nk + c] = 1
         total = candidates(rows, touched, nk)
-        if asked == 0:
+        if asked == 0 and breaks == 1:
+            # What has broken its threshold may let others stick by its smaller force.
+            breaks = 0
+        elif asked == 0:
             # A contact may be so close to two modes that rounding denies it both.
             slack *= 1e2
+            breaks = 1
         candidate = 0
     if total > _MOST_CANDIDATES or slack > _SLACKEST:
-        return candidate, 0, slack
-    choose(rows, candidate, touched, mode, reg)
-    return candidate + 1, total, slack
+        return candidate, 0, slack, breaks
+    choose(rows, candidate, touched, mode, reg, breaks)
+    return candidate + 1, total, slack, breaks
 
 
 @compiled()
@@ -322,9 +330,11 @@ def candidates(rows: Rows, touched: Array, nk: int) -> int:
 
 
 @compiled()
-def choose(rows: Rows, candidate: int, touched: Array, mode: Array, reg: Array) -> None:
+def choose(
+    rows: Rows, candidate: int, touched: Array, mode: Array, reg: Array, breaks: int
+) -> None:
     """Put the switches concerned into the states that a number stands for; what does not stick is
-    at its threshold, or open.
+    at its threshold or has its sliding force, or is open.
 
     Parameters
     ----------
@@ -335,6 +345,8 @@ def choose(rows: Rows, candidate: int, touched: Array, mode: Array, reg: Array) 
         1 for each switch concerned.
     mode, reg : arrays of int, shapes (contacts,), (kinks,)
         Are changed.
+    breaks : int
+        As of :func:`choose_next`.
     """
     nk = len(reg)
     for i in range(len(touched)):
@@ -348,4 +360,4 @@ def choose(rows: Rows, candidate: int, touched: Array, mode: Array, reg: Array) 
                 state = candidate % states - 1
                 candidate //= states
                 state = abs(state) if states == 2 else state
-                set_mode(rows, mode, i - nk, state * (1 + rows.drops[i - nk]))
+                set_mode(rows, mode, i - nk, state * (1 + breaks * rows.drops[i - nk]))

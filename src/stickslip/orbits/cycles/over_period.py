@@ -345,7 +345,7 @@ def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Arr
     wave = 2.0 * np.pi * order / period
     fastest = max(wave, float(np.max(np.abs(problem.constants.omega), initial=0.0)))
     every = np.zeros((2, n), complex)  # with panels, and with half as long ones
-    terms = np.zeros(n)  # moduli of what is added up
+    sizes = np.zeros((2, n))  # of what is added up
     known = dict[int, Array]()
     for i in np.flatnonzero(np.diff(k.time) > 0.0):
         number = pieces.number(k.mode[i], k.region[i])
@@ -359,6 +359,7 @@ def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Arr
         a, b = float(k.time[i]), float(k.time[i + 1])
         ends = np.exp(-1j * wave * np.array([a, b]))
         jump = k.state[i + 1] * ends[1] - k.state[i] * ends[0]
+        edge = np.abs(k.state[i + 1]) + np.abs(k.state[i])
         for m in range(2):
             count = (m + 1) * math.ceil(_PARTS * fastest * (b - a) / (2.0 * np.pi))
             width = (b - a) / count
@@ -367,15 +368,14 @@ def _of_linear_pieces(motion: Trajectory, shift: Array, order: int) -> tuple[Arr
             weights = np.tile(0.5 * width * _WEIGHTS, count) * np.exp(-1j * wave * times)
             loads = piece.rates(times, np.zeros((n, len(times))), p)
             every[m] += known[number] @ (loads @ weights - jump)
-        ends = np.abs(k.state[i + 1]) + np.abs(k.state[i])
-        terms += np.abs(known[number]) @ (ends + np.abs(loads) @ np.abs(weights))
+            sizes[m] += np.abs(known[number]) @ (edge + np.abs(loads) @ np.abs(weights))
     drift = shift / period * 1j * period / wave * np.exp(-1j * wave * start)
     found = 2.0 / period * (every - drift)
     size = np.max(np.abs(k.state), axis=0)
     for own in modes_of_structures(motion):
         size[own] = np.max(size[own])
     # What has only begun to slide moves by rounding errors of the others.
-    rounding = 2.0 / period * _ROUNDING * terms
+    rounding = 2.0 / period * _ROUNDING * sizes[1]
     change = np.maximum(np.abs(found[1] - found[0]) - rounding, 0.0)
     return found[1], float(np.max(change / np.maximum(size, 1e-300)))
 
