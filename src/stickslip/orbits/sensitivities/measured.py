@@ -217,6 +217,7 @@ class _Changing:
         looked = looked.reshape(2, len(begin), len(_NODES))
         return looked @ _WEIGHTS * (0.5 * width), np.abs(looked) @ _WEIGHTS * (0.5 * width)
 
+    @cached_property
     def dissipated(self) -> _Value:
         """What is dissipated in the period: what is supplied, less the gain of energy."""
         supplied = self.integral(Observation(SUPPLY_RATE, ex.sym(SUPPLY_RATE)))
@@ -295,7 +296,7 @@ def _mean(c: _Changing, of: str) -> _Value:
 def _energy(c: _Changing, of: str) -> _Value:
     """What is dissipated, in all, or by the friction of a contact."""
     if not of:
-        return c.dissipated()
+        return c.dissipated
     system = c.cycle.system
     if of not in system.rubbing:
         raise DeclarationError(
@@ -308,7 +309,7 @@ def _energy(c: _Changing, of: str) -> _Value:
 
 def _energy_per_distance(c: _Changing, of: str) -> _Value:
     way = c.distance(of)
-    return c.dissipated() / (way if way.value > 0.0 else _Value(-way.value, -way.slope))
+    return c.dissipated / (way if way.value > 0.0 else _Value(-way.value, -way.slope))
 
 
 def _cost_of_transport(c: _Changing, of: str) -> _Value:
