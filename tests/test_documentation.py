@@ -114,7 +114,7 @@ def test_programs(page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 def test_long_pages_are_sessions() -> None:
     for page in LEAST:
         languages = {language for language, _ in BLOCK.findall(WRITTEN[page])}
-        assert languages - {"{code-cell}", "toml"} == {"pycon"}
+        assert languages - {"{code-cell}", "toml", "ini"} == {"pycon"}
 
 
 EXECUTED = [page for page in SESSIONS if WRITTEN[page].startswith("---\nfile_format: mystnb")]

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 import re
+from importlib import import_module
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -134,3 +137,31 @@ def test_what_moves_starts_as_given(kind: str, beside: str) -> None:
         motion = ss.simulate(system, initial=rates)
         assert motion.outcome.ok and motion.certificate.ok
         assert {name: motion[name][0] for name in rates} == rates
+
+
+@pytest.mark.parametrize("name", ["forced_oscillator", "belt_block", "bouncing_ball", "coin"])
+@pytest.mark.parametrize("by", [1e-3, 1e-6, None])
+def test_the_certificate_compares_the_start(
+    name: str, by: float | None, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A motion that begins elsewhere than asked obeys every law, and is not certified, nor is it
+    when it has been stored."""
+    loop = import_module("stickslip.motion.simulate")
+    honest = loop.run_loop
+
+    def moved(problem: Any, start: float, end: float, y: Any, *rest: Any) -> Any:
+        elsewhere = np.zeros_like(y) if by is None else y * (1.0 + by) + by
+        return honest(problem, start, end, elsewhere, *rest)
+
+    system = ss.catalogue.get(name)
+    rates = {rate: 0.7 for rate in system.declaration.state if rate.startswith("d_")}
+    at = {"initial": rates, "t_span": (0.0, 1.0)}
+    assert ss.simulate(system, **at).certificate.ok
+    monkeypatch.setattr(loop, "run_loop", moved)
+    motion = ss.simulate(system, **at)
+    wrong = motion.certificate
+    assert not wrong.ok and "initial state" in wrong.verdict
+    assert wrong["initial state"].value > (by or 1.0) / 10.0
+    assert max(r.value for r in wrong.residuals if r.name != "initial state") < 1e-9
+    motion.save(tmp_path / "wrong.nc")
+    assert ss.open(tmp_path / "wrong.nc").certificate.verdict == wrong.verdict

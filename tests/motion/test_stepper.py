@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
-import signal
-import threading
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +10,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from signals import control_c
 
 CUBIC: Any = "cubic"
 MASS: dict[str, Any] = {
@@ -231,10 +229,7 @@ def test_bad_input(made: Any, reason: str) -> None:
 
 def test_control_c_ends_a_long_step_where_it_is() -> None:
     stepper = ss.Stepper(ss.catalogue.belt_block(), max_events=10**9)
-    asked = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
-    asked.start()
-    with pytest.raises(KeyboardInterrupt):
+    with control_c(0.5), pytest.raises(KeyboardInterrupt):
         stepper.advance(1e9)
-    asked.join()
     assert 0.0 < stepper.time < 1e9
     assert stepper.advance(stepper.time + 1.0).keys() == {"x", "d_x"}

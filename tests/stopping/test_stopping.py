@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import FrameType
@@ -19,6 +17,7 @@ import numpy as np
 import pytest
 
 import stickslip as ss
+from signals import control_c
 from stickslip.errors import DeclarationError, TimeLimitError
 from stickslip.results import Completion
 from stickslip.stopping.scopes import TimeUp, heed, scope, watching
@@ -48,23 +47,6 @@ QUIET = ss.System(
     contacts={"floor": ss.Contact("d_y", "10 - 1e-12*t")},
     span=(0.0, 60.0),
 )
-
-
-@contextmanager
-def control_c(delay: float) -> Iterator[list[float]]:
-    """Ctrl-C after a while; receives when it was."""
-    moments = list[float]()
-
-    def send() -> None:
-        moments.append(time.monotonic())
-        os.kill(os.getpid(), signal.SIGINT)
-
-    timer = threading.Timer(delay, send)
-    timer.start()
-    try:
-        yield moments
-    finally:
-        timer.cancel()
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -8,13 +8,15 @@ All numbers are computed from the stored knots alone, by a method that did not p
 * *friction law*, (S) in the form of forces: |λ| ≤ s always, λ = −σk and σu ≥ 0 in slip, u = 0 in
   stick, and every region on its side of its kink, each relative to the largest force and relative
   velocity of its contact;
+* *initial state*: by how much the first knot misses the start that was asked for, each component
+  relative to its size in the motion, or where it stays zero to the smallest size that counts;
 * *equations of motion*: by how much they fail over a step, relative to the size of each component,
   of a mode of a structure to the largest of its modes;
   where motion is stiff, in the time that a Taylor step would take.
 
-These two are bounds for all times, not for those that were looked at: what could not be enclosed is
-named. The last number is what the *rounding errors of the audit* itself may be, in the units of the
-equations of motion.
+The friction law and the equations are bounds for all times, not for those that were looked at: what
+could not be enclosed is named. *Rounding errors of the audit* is what these may be, in the units of
+the equations of motion.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from stickslip.arrays import Array
 from stickslip.certificates import Certificate, within
 
 if TYPE_CHECKING:
@@ -37,13 +40,27 @@ def certify_trajectory(trajectory: Trajectory) -> Certificate:
     """Measure a trajectory against energy balance, friction law and equations of motion."""
     tolerance = max(_TOLERANCE, _ACCURACY * trajectory.rtol)
     values = [float(v) if np.isfinite(v) else np.inf for v in trajectory.audit.residuals]
+    measured: list[tuple[str, float]] = [*zip(NAMES, values, strict=True)]
+    if trajectory.start is not None:
+        measured.append(("initial state", _missed(trajectory, trajectory.start)))
     outcome = "" if trajectory.outcome.ok else trajectory.outcome.label
     return Certificate(
-        tuple(within(tolerance, zip(NAMES, values, strict=True))),
+        tuple(within(tolerance, measured)),
         outcome,
         _unverified(trajectory),
         tuple(trajectory.system.left_out(*trajectory.t_span)),
     )
+
+
+def _missed(trajectory: Trajectory, start: Array) -> float:
+    """By how much the first knot misses the start, relative to the size of each component."""
+    states = trajectory.knots.state
+    missed = np.abs(states[0] - start)
+    sizes = np.max(np.abs(states), axis=0)
+    missed[(sizes == 0.0) & (missed <= trajectory.atol)] = 0.0
+    changed = missed != 0.0
+    with np.errstate(divide="ignore"):
+        return float(np.max(missed[changed] / sizes[changed], initial=0.0))
 
 
 def _unverified(trajectory: Trajectory) -> tuple[tuple[float, float], ...]:

@@ -109,7 +109,7 @@ def simulate(
         check_stable_start(problem, start, y)
     if outcome is Outcome.FINISHED and rests_forever(problem, knots):
         outcome = Outcome.AT_REST
-    trajectory = Trajectory(problem, (start, end), knots, outcome, rtol)
+    trajectory = Trajectory(problem, (start, end), knots, outcome, rtol, y)
     if outcome is Outcome.UNDEFINED and trajectory.begins_outside_a_table:
         trajectory.outcome = Outcome.OUTSIDE_TABLE
     trajectory.wall_time = time.perf_counter() - started

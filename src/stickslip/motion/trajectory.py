@@ -52,6 +52,8 @@ class Trajectory(Result):
         The span that was asked for.
     outcome : Outcome
         How the computation ended.
+    start : array, shape (n,), or None
+        State that was asked for, where the certificate compares it with the first one.
     """
 
     KIND: ClassVar[str] = "trajectory"
@@ -63,12 +65,14 @@ class Trajectory(Result):
         knots: Knots,
         outcome: Outcome,
         rtol: float = 1e-10,
+        start: Array | None = None,
     ) -> None:
         self._problem = problem
         self.t_span = t_span
         self.knots = knots
         self.outcome = outcome
         self.rtol = rtol
+        self.start = start
         self.wall_time: float = 0.0
 
     def __repr__(self) -> str:
@@ -709,6 +713,7 @@ class Trajectory(Result):
             "rtol": self.rtol,
             "outcome": self.outcome.code,
             "wall_time": self.wall_time,
+            "start": None if self.start is None else self.start.tolist(),
         }
         parts = {
             "system": self.system.to_toml(),
@@ -737,6 +742,11 @@ class Trajectory(Result):
         if knots.state.ndim != 2 or knots.state.shape[1] != n or len(knots.time) == 0:
             raise StickslipError(f"{where}: the stored states do not fit the stored system")
         outcome = Outcome.from_code(settings["outcome"])
-        trajectory = cls(problem, tuple(settings["t_span"]), knots, outcome, settings["rtol"])
+        asked = settings.get("start")
+        start = None if asked is None else np.array(asked, float)
+        if start is not None and start.shape != (n,):
+            raise StickslipError(f"{where}: the stored start does not fit the stored system")
+        span = tuple(settings["t_span"])
+        trajectory = cls(problem, span, knots, outcome, settings["rtol"], start)
         trajectory.wall_time = settings["wall_time"]
         return trajectory
