@@ -78,7 +78,8 @@ def need(package: str, extra: str) -> None:
     """
     if find_spec(package) is None:
         raise MissingPackageError(
-            f'this needs {package}, which is not installed: pip install "stickslip[{extra}]"'
+            f"{package} is required but not installed. Install it with: pip install "
+            f'"stickslip[{extra}]"'
         )
 
 

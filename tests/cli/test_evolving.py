@@ -285,7 +285,7 @@ MATRIX = 'A = [[2, "r"], ["r", 1]]'
 BAD: dict[str, tuple[str, str, list[str]]] = {
     "no TOML": ('name = "small"', "name = ", ["not valid TOML", "line 2"]),
     "no name": ('name = "small"', 'title = "small"', ["name", "missing"]),
-    "a number as name": ('name = "small"', "name = 3", ["name", "expected a text"]),
+    "a number as name": ('name = "small"', "name = 3", ["name", "expected a string"]),
     "unknown key": ("epsilon =", "epsilom =", ["epsilom", "Did you mean 'epsilon'?"]),
     "a system": (
         "initial = [0, 0]",
@@ -303,7 +303,7 @@ BAD: dict[str, tuple[str, str, list[str]]] = {
         L1.replace("weighted l1", "weighted l2"),
         ["dissipation.kind", 'Did you mean "weighted l1"?'],
     ),
-    "kind is a number": (L1, "dissipation = {kind = 1}", ["dissipation.kind", "expected a text"]),
+    "kind is a number": (L1, "dissipation = {kind = 1}", ["dissipation.kind", "expected a string"]),
     "kind only": (
         L1,
         'dissipation = {kind = "ellipsoid"}',
@@ -321,7 +321,7 @@ BAD: dict[str, tuple[str, str, list[str]]] = {
         L1.replace('"1"', '"t"'),
         ["dissipation.lower[1]", "Only s and parameters"],
     ),
-    "phase in the load": ('"2*t"', '"2*s"', ["load[1]", "Only t and parameters"]),
+    "phase in the load": ('"2*t"', '"2*s"', ["load[1]", "Use t and parameters only"]),
     "time in A": (MATRIX, 'A = [["t", 0], [0, 1]]', ["A[0][0]", "Only parameters"]),
     "negative weight": (L1, L1.replace('"1"', '"-1"'), ["dissipation.lower", "negative"]),
     "negative at a phase": (
@@ -365,7 +365,7 @@ BAD: dict[str, tuple[str, str, list[str]]] = {
     "huge": ("epsilon = 0.5", 'epsilon = "9**9**9**9"', ["epsilon"]),
     "epsilon": ("epsilon = 0.5", "epsilon = 0", ["epsilon", "positive"]),
     "span": ("span = [0, 2]", "span = [2, 0]", ["span", "start < end"]),
-    "steps": ("span = [0, 2]", "span = [0, 2]\nsteps = 0", ["steps", "positive whole number"]),
+    "steps": ("span = [0, 2]", "span = [0, 2]\nsteps = 0", ["steps", "positive integer"]),
     "undefined": ("epsilon = 0.5", 'epsilon = "log(-1)"', ["epsilon"]),
 }
 
@@ -422,7 +422,7 @@ def test_an_averaged_start_that_is_not_stable_at_every_phase_names_one_that_is(
 
 
 def test_models_are_checked_in_python_too() -> None:
-    with pytest.raises(DeclarationError, match=r"steps: 0 steps\. Give a positive whole number"):
+    with pytest.raises(DeclarationError, match=r"steps: 0 steps\. Give a positive integer"):
         EVOLUTIONS.loads(SMALL + "steps = 0\n")
     with pytest.raises(DeclarationError, match=r"dissipation\.weights"):
         EVOLUTIONS.loads(SMALL).configure({"rho": "-1"})

@@ -75,7 +75,7 @@ def test_a_motion_ends_at_its_limit() -> None:
 def test_a_cycle_that_is_not_found_in_time() -> None:
     found = RUNNER.invoke(app, "cycle rocking_toy --time-limit 1e-6 --out out".split())
     assert found.exit_code == 1 and found.stderr.count("\n") == 1
-    said = "a cycle of rocking_toy: none was found within the time limit of 1e-06 s"
+    said = "a cycle of rocking_toy: no result within the time limit of 1e-06 s"
     assert said in found.stderr
 
 

@@ -213,7 +213,7 @@ def test_a_cycle_shows_what_was_measured() -> None:
     """The numbers with their limits, in the table and in summary.json."""
     result = stickslip("cycle", "plate_compactor", "--set", "F=800", "--set", "V=0.005")
     assert result.exit_code == 0, result.stderr
-    assert "certified: 9 residuals in limits" in result.stdout
+    assert "certified: all 9 residuals within their limits" in result.stdout
     for name in ("closure", "movement", "multipliers 1", "multipliers 0", "neighbours"):
         assert name in result.stdout
     found = json.loads(Path("out/plate_compactor-cycle/summary.json").read_text(encoding="utf-8"))[

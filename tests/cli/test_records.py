@@ -119,5 +119,5 @@ def test_folders_that_are_none(folder: Path) -> None:
     assert "nothing: there is no record in it." in refused(*begin, "nothing", *SLIP)
     assert "none: there is no such folder. Check" in refused(*begin, "none", *SLIP)
     (folder / "quakes" / "bad.csv").write_text("t,a\n0,0\n1,nan\n")
-    words = "bad.csv, line 3, column 'a': nan is not a number. Leave the row out, or fill it"
+    words = "bad.csv, line 3, column 'a': nan is not a number. Fill it, or delete the row"
     assert words in refused(*WHAT)

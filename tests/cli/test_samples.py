@@ -94,9 +94,9 @@ def test_every_command_that_sets_takes_files(folder: Path, command: str) -> None
         ("t,a", ["0,0", "1", "12,0"], "line 3, column 'a': there is no value. Leave the row"),
         ("t,a", ["0,0", "2,1", "1,0"], "line 4, column 't': the time 1 comes after 2. Sort"),
         ("t,a", ["0,0", "1,1", "1,0"], "line 4, column 't': the time 1 stands twice. Keep one"),
-        ("0,0", ["1,0"], "line 1: there are numbers where names of columns should be. Let it"),
-        ("t,x,y", ["0,0,0"], "which column has the values is not clear: there are t, x, y. Say it"),
-        ("x,y", ["0,0"], "which column has the times is not clear: there are x, y. Say it"),
+        ("0,0", ["1,0"], "line 1: the header line has numbers instead of column names. Add"),
+        ("t,x,y", ["0,0,0"], "it is ambiguous which column has the values: t, x, y. Name it"),
+        ("x,y", ["0,0"], "it is ambiguous which column has the times: x, y. Name it"),
     ],
 )
 def test_what_is_wrong_is_named(folder: Path, heading: str, rows: list[str], said: str) -> None:
@@ -207,7 +207,11 @@ def test_several_components(folder: Path) -> None:
         ("d_ell", [], "'d_ell' may not stand here. A measured drive has no rate here"),
         ("ell", ["--until", "7"], "--until: the samples cover 0 ... 5, the time span is 0 ... 7"),
         ("ell", ["--set", "ell=no.csv"], "no.csv: there is no such file"),
-        ("ell", ["--set", "ell={file = 'three.csv'}"], "which column has the values is not clear"),
+        (
+            "ell",
+            ["--set", "ell={file = 'three.csv'}"],
+            "it is ambiguous which column has the values",
+        ),
     ],
 )
 def test_what_is_wrong_in_an_evolution(folder: Path, load: str, more: list[str], said: str) -> None:

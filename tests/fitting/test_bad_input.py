@@ -99,7 +99,7 @@ def test_names_and_bounds() -> None:
     refused("there is no loss 'l2'", loss="l2")
     refused("noise.y: no such column", noise={"y": 0.1})
     refused("standard deviation is not positive", noise={"x": -1.0})
-    refused("is not a positive whole number", starts=0)
+    refused("is not a positive integer", starts=0)
     refused("drives.q: no drive has this name", drives={"q": "x"})
     refused("depends on x.*Only parameters", initial={"d_x": "x"})
     refused("begins at 1, after the first row", ss.Recording({"t": T, "x": X}, begin=1.0))

@@ -133,7 +133,7 @@ WRONG = {
     "values[1]: nan is not a number": ([0.0, 1.0], [0.0, np.nan], "linear", False),
     "times: expected numbers, got [0.0": ([0.0, "x"], [0.0, 1.0], "linear", False),
     "they begin with 0 and end with 1": ([0.0, 1.0], [0.0, 1.0], "linear", True),
-    "too close to be told apart": ([1e9, 1e9 + 1e-6], [0.0, 1.0], "linear", False),
+    "too close to each other": ([1e9, 1e9 + 1e-6], [0.0, 1.0], "linear", False),
 }
 
 
@@ -290,8 +290,8 @@ def test_what_is_no_table(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "fifo")
     places = {
         tmp_path: "a directory",
-        tmp_path / "fifo": "no file that has an end",
-        Path("/dev/zero"): "no file that has an end",
+        tmp_path / "fifo": "not a regular file",
+        Path("/dev/zero"): "not a regular file",
         tmp_path / "none.csv": "no such file",
         tmp_path / ("x" * 5000): "cannot be read",
     }

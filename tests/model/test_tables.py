@@ -172,7 +172,7 @@ def test_outside() -> None:
     assert mixed([-5.0, 9.0]).tolist() == [1.0, -6.0]
     system = holding(refused)
     assert np.isnan(system.evaluate("F(x)", {"x": 3.1})) and system.evaluate("F(3)") == 0.0
-    with pytest.raises(DeclarationError, match=r"the table 'F' is known from 0 to 3, not at 4"):
+    with pytest.raises(DeclarationError, match=r"the table 'F' covers 0 to 3, not 4"):
         spring("F(4)*x", tables={"F": refused})
 
 
@@ -260,13 +260,13 @@ WRONG: dict[str, tuple[Any, ...]] = {
     "points[2]: the point 0.5 comes after 1. Sort the rows": ([0, 1, 0.5], [0, 1, 2]),
     "values[1]: nan is not a number": ([0, 1], [0, np.nan]),
     "points[1]: inf is not a number": ([0, np.inf], [0, 1]),
-    "too close to be told apart": ([1e9, 1e9 + 1e-6], [0, 1]),
+    "too close to each other": ([1e9, 1e9 + 1e-6], [0, 1]),
     "points: not all of them are numbers": ([0, "x"], [0, 1]),
     "the shape (2, 3), and the axes have 2 and 2": (([0, 1], [0, 1]), [[1, 2, 3], [4, 5, 6]]),
     "values[1][0]: nan is not a number": (([0, 1], [0, 1]), [[1, 2], [np.nan, 2]]),
     "axis 2, points[1]: the point 0 comes after 1": (([0, 1], [1, 0]), [[1, 2], [3, 4]]),
-    "a surface is not monotone in one way": (([0, 1], [0, 1]), [[1, 2], [3, 4]], "pchip"),
-    "a monotone curve is not linear in its values": ([0, 1], [0, "p"], "pchip"),
+    "is not available for surfaces": (([0, 1], [0, 1]), [[1, 2], [3, 4]], "pchip"),
+    "is not available for values that are formulas": ([0, 1], [0, "p"], "pchip"),
 }
 
 
@@ -285,7 +285,7 @@ FILES = {
     "line 4, column 'v': the point 0 stands twice": "# dry\nv;mu\n0;1\n0;2\n",
     "line 3, column 'v': the point 0 comes after 1": "v\tmu\n1\t2\n0\t3",
     "there is no column 'mu'. Known here: v, nu": "v,nu\n0,1\n1,2\n",
-    "there are numbers where names of columns should be": "0,1\n1,2\n",
+    "the header line has numbers instead of column names": "0,1\n1,2\n",
     "decimal points": "v;mu\n0,0;1,0\n1,0;2,0\n",
     "the file is empty": "\n",
     "this is no text file": "\0\1\2",
@@ -309,9 +309,9 @@ def test_wrong_grids(tmp_path: Path) -> None:
     file = tmp_path / "grid.csv"
     for text, reason in (
         ("x y z\n0 0 1\n1 2 4\n1 0 3\n", "no row for x = 0, y = 2"),
-        ("x y z\n0 0 1\n0 0 4\n1 0 3\n", "line 3: x = 0, y = 0 stands in line 2 already"),
+        ("x y z\n0 0 1\n0 0 4\n1 0 3\n", "line 3: x = 0, y = 0 is already in line 2"),
         ("x y z\n0 nan 1\n0 1 4\n1 0 3\n", "line 2, column 'y': nan is not a number"),
-        ("x y z w\n0 0 1 2\n", "which column has the values is not clear"),
+        ("x y z w\n0 0 1 2\n", "it is ambiguous which column has the values"),
     ):
         file.write_text(text)
         with pytest.raises(DeclarationError, match=reason):

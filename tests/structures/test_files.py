@@ -87,7 +87,7 @@ def test_rules_and_reductions_in_files(folder: Path) -> None:
         ('mass = "M.mtx"\nstiffness = "K.npz"\nkeeps = [1]', r"u.keeps: unknown key. Did you"),
         ('mass = "M.mtx"\nstiffness = "K.npz"\nkeep = 3', r"keep: expected a list"),
         ('mass = "M.mtx"\nstiffness = "K.npz"\nkeep = [9]', r"structures.u.keep: 9: there is no"),
-        ('mass = "M.mtx"\nstiffness = "K.npz"\nunit = 3', r"structures.u.unit: expected a text"),
+        ('mass = "M.mtx"\nstiffness = "K.npz"\nunit = 3', r"structures.u.unit: expected a string"),
         ('packed = "zzz"', r"structures.u.packed: the packed arrays are damaged"),
         ('packed = "UEsDBBQ="', r"the packed arrays are damaged"),
         ("packed = 3", r"the packed arrays are damaged"),

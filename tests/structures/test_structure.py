@@ -82,7 +82,7 @@ WRONG: dict[str, tuple[Any, str]] = {
     "a keyword": (lambda: structure(MASS, STIFFNESS, names={"in": 1}), "'in' is not a name"),
     "names as one text": (lambda: structure(MASS, STIFFNESS, names="abc"), "a list of names"),
     "names that are a number": (lambda: structure(MASS, STIFFNESS, names=5), "a list of names"),
-    "no unit": (lambda: structure(MASS, STIFFNESS, unit=3), "unit: expected a text"),
+    "no unit": (lambda: structure(MASS, STIFFNESS, unit=3), "unit: expected a string"),
     "negative ratio": (lambda: modal_damping([0.1, -0.1]), r"ratios\[1\]: -0.1 would feed"),
     "no ratio": (lambda: modal_damping([]), "a list of them"),
     "a ratio that is none": (lambda: modal_damping("x"), "'x' is not a finite number"),

@@ -414,7 +414,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "a slice": ({"potential": "u[0:1]"}, "neither a number nor a name"),
     "a formula": ({"potential": "u[u[0]]"}, "neither a number nor a name"),
     "a fraction": ({"potential": "u[1.5]"}, "neither a number nor a name"),
-    "all of it": ({"potential": "u**2"}, r"Name one of its unknowns, like u\[0\]"),
+    "all of it": ({"potential": "u**2"}, r"Name one of its components, like u\[0\]"),
     "a rate in an energy": ({"potential": "d_u[0]"}, "'d_u' may not stand here"),
     "no structure": ({"potential": "v[0]"}, "unknown structure 'v'. Known here: u"),
     "one number": ({"potential": "t[0]"}, "'t' is one number"),
@@ -450,7 +450,10 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
         {"contacts": {"c": ss.Contact("u[0]", 1.0)}},
         "not a linear combination of rates",
     ),
-    "a direction of zero": ({"contacts": {"c": ss.Contact("0*d_u[0]", 1.0)}}, "neither side moves"),
+    "a direction of zero": (
+        {"contacts": {"c": ss.Contact("0*d_u[0]", 1.0)}},
+        "the direction is zero",
+    ),
     "a law along nothing": (
         {"contacts": {"c": ss.laws.jenkins("d_u[top]", F_c=1.0, k=1.0)}},
         r"contacts.'c'.direction: there is no d_u\[top\]",
@@ -487,7 +490,9 @@ def test_units_are_checked_before_laws_take_them_over() -> None:
     ],
 )
 def test_contacts_without_a_direction_are_refused(contact: Any) -> None:
-    with pytest.raises(ss.DeclarationError, match=r"contacts\.'c'\.direction: neither side moves"):
+    with pytest.raises(
+        ss.DeclarationError, match=r"contacts\.'c'\.direction: the direction is zero"
+    ):
         small(contacts={"c": contact})
 
 

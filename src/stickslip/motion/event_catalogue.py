@@ -125,8 +125,8 @@ class EventCatalogue(Result):
         if len(counted) < 2 or not excess > 0.0:
             raise DeclarationError(
                 "least",
-                f"{len(counted)} events are as large, and differ too little",
-                "Give a smaller one, or a longer motion",
+                f"{len(counted)} events reach this size, and they are too few or all equal",
+                "Give a smaller value, or simulate a longer time span",
             )
         b = float(np.log10(np.e) / excess)
         return b, b / math.sqrt(len(counted))
@@ -145,7 +145,7 @@ class EventCatalogue(Result):
         times = times[np.isfinite(times)]
         if len(times) < 2:
             raise DeclarationError(
-                "recurrence", f"there are {len(self)} events", "Take a longer motion"
+                "recurrence", f"the catalogue has {len(self)} events", "Simulate a longer time span"
             )
         mean = float(np.mean(times))
         return mean, float(np.std(times, ddof=1)) / mean
@@ -256,22 +256,26 @@ class EventCatalogue(Result):
         import xarray as xr
 
         if not pieces:
-            raise DeclarationError("pieces", "there are none", "Give at least one catalogue")
+            raise DeclarationError(
+                "pieces", "no catalogue was given", "Give at least one catalogue"
+            )
         first = pieces[0]
         for before, piece in pairwise(pieces):
             other = piece.dataset.attrs.get("events") != first.dataset.attrs.get("events")
             if other or piece.system != first.system or piece.parameters != first.parameters:
                 raise DeclarationError(
-                    "pieces", "they are of different systems", "Give pieces of one motion"
+                    "pieces",
+                    "they belong to different systems or parameters",
+                    "Give catalogues of one motion",
                 )
             ends = [before.span[0], *(before["start"] + before["duration"]).values[-1:].tolist()]
             # start + duration is rounded
             if piece.span[0] < max(ends) - _ROUNDED * abs(max(ends)):
                 raise DeclarationError(
                     "pieces",
-                    f"one begins at {piece.span[0]:g}, before the end {max(ends):g} of what the "
-                    "one before it lists",
-                    "Give them in the order of time",
+                    f"a catalogue begins at {piece.span[0]:g}, before the end {max(ends):g} of "
+                    "the previous one",
+                    "Give them in order of time, without overlap",
                 )
         data = xr.concat([piece.dataset for piece in pieces], "event", combine_attrs="override")
         data["interevent"].values[:] = _interevent(data["start"].values)
@@ -306,7 +310,7 @@ def catalogue_of(motion: Trajectory, energy: bool = True) -> EventCatalogue:
         raise DeclarationError(
             "contacts",
             f"{system.name} has no dry contacts",
-            "Say from which rate on it is an event: event_catalogue(faster_than=0.01)",
+            "Give the rate above which an event is counted, like event_catalogue(faster_than=0.01)",
         )
     k = motion.knots
     names, columns = _columns(motion)
@@ -365,11 +369,15 @@ def fast_events(motion: Trajectory, rate: float) -> EventCatalogue:
     import xarray as xr
 
     if not 0.0 < rate < math.inf:
-        raise DeclarationError("faster_than", f"it is {rate:g}", "Give a positive rate")
+        raise DeclarationError(
+            "faster_than", f"{rate:g} is not a positive number", "Give a positive rate"
+        )
     system = motion.system
     names = list(system.plain.coordinates)
     if not names:
-        raise DeclarationError("faster_than", "nothing has a rate", "Declare coordinates")
+        raise DeclarationError(
+            "faster_than", f"{system.name} has no coordinates", "Declare a coordinate"
+        )
     k = motion.knots
     start, end = _fast_stretches(motion, names, rate)
     before, after = (motion.at(t + k.origin) for t in (start, end))
@@ -396,8 +404,8 @@ def fast_events(motion: Trajectory, rate: float) -> EventCatalogue:
     attributes = _attributes(system) | {
         "size": described_as("sum of the slips", slip),
         "largest_slip": described_as("largest slip of a coordinate", slip),
-        "contacts": described_as("coordinates that are fast", "1"),
-        "first": described_as("coordinate that is fast first", None),
+        "contacts": described_as("number of fast coordinates", "1"),
+        "first": described_as("first coordinate to become fast", None),
         "largest_rate": described_as("largest rate", speed),
     }
     said = f"while a rate is above {with_unit(rate, speed or '1', 6)}"
@@ -439,8 +447,10 @@ def _ends_of_series(motion: Trajectory) -> Array:
     if ended is not None:
         raise ended
     if code != 0 and motion.outcome.ok:
-        reached = f"its Taylor series end at t = {knots.time[-1]:.9g}"
-        raise ConvergenceError("events faster than a rate", reached, "Take the motion up to there")
+        reached = f"the Taylor series of the motion end at t = {knots.time[-1]:.9g}"
+        raise ConvergenceError(
+            "events faster than a rate", reached, "Catalogue the motion up to that time"
+        )
     return knots.clock[knots.clock <= k.clock[-1]]
 
 
@@ -594,8 +604,8 @@ def _attributes(system: System) -> dict[str, dict[str, str]]:
         "interevent": described_as("time between events", time),
         "size": described_as("sum of the slips", slip),
         "largest_slip": described_as("largest slip of a contact", slip),
-        "contacts": described_as("contacts that slip", "1"),
-        "first": described_as("contact that slips first", None),
-        "energy_drop": described_as("drop of the energy", energy),
+        "contacts": described_as("number of slipping contacts", "1"),
+        "first": described_as("first contact to slip", None),
+        "energy_drop": described_as("energy drop", energy),
         "energy_released": described_as("energy released", energy),
     }

@@ -91,7 +91,7 @@ def simulate(
     start, end = check_span(system.span if t_span is None else t_span)
     system.declaration.check_span(start, end)
     if flow not in ("auto", "taylor"):
-        raise DeclarationError("flow", f"{flow!r} is none", 'Choose "auto" or "taylor"')
+        raise DeclarationError("flow", f"{flow!r} is not a flow", 'Choose "auto" or "taylor"')
     problem = pose(system, parameters, rtol, atol, exact=flow == "auto", origin=start)
     y = problem.initial_state(initial or {})
     y = put_on_contacts(problem, start, numbers_of(problem), y[None])[0]
@@ -120,9 +120,7 @@ def check_positive(**given: object) -> None:
     """Refuse numbers of events or workers that are none."""
     for name, value in given.items():
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < 1:
-            raise DeclarationError(
-                name, f"{value!r} is not a positive whole number", "Give at least 1"
-            )
+            raise DeclarationError(name, f"{value!r} is not a positive integer", "Give at least 1")
 
 
 def check_span(span: object, where: str = "t_span") -> tuple[float, float]:

@@ -184,7 +184,7 @@ def simulate_many(
     if not isinstance(system, System):
         raise DeclarationError(
             "system",
-            f"{system!r} is no System",
+            f"{system!r} is not a System",
             "Give a System, such as ss.catalogue.rocking_toy()",
         )
     check_limit(time_limit)
@@ -364,8 +364,8 @@ def common_length(given: Mapping[str, Array]) -> int:
     if len(lengths) > 1:
         raise DeclarationError(
             "initial, parameters",
-            f"arrays of different lengths {sorted(lengths)}",
-            "Give arrays of one length",
+            f"the arrays have different lengths: {sorted(lengths)}",
+            "Give arrays of the same length",
         )
     return lengths.pop() if lengths else 1
 

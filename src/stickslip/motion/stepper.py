@@ -121,11 +121,13 @@ class Stepper:
         max_events: int = 100_000,
     ) -> None:
         if interpolation not in ("hold", "linear"):
-            reason = f"there is no '{short(str(interpolation))}'"
+            reason = f"unknown interpolation '{short(str(interpolation))}'"
             raise DeclarationError("interpolation", reason, 'Choose "hold" or "linear"')
         begin = float(system.span[0] if time is None else time)
         if not math.isfinite(begin):
-            raise DeclarationError("time", f"it is {begin:g}", "Give a finite number")
+            raise DeclarationError(
+                "time", f"{begin:g} is not a finite number", "Give a finite number"
+            )
         values = {**system.values, **(parameters or {})}
         system.declaration.check_parameters(values)
         known = {name: _value_of(system, name, values, begin) for name in inputs}
@@ -215,8 +217,8 @@ class Stepper:
         """
         end = float(time)
         if not self.time < end < math.inf:
-            reason = f"{end:g} does not come after {self.time:g}"
-            raise DeclarationError("time", reason, "Steps go forward: restore a saved state")
+            reason = f"{end:g} is not later than the current time {self.time:g}"
+            raise DeclarationError("time", reason, "To go back, restore a saved state")
         self._take(inputs or {}, end)
         begin = self.time
         origin = self._problem.origin
@@ -259,7 +261,9 @@ class Stepper:
                 reason = f"'{short(str(name))}' is not an input"
                 raise DeclarationError("inputs", reason, suggestion(str(name), self._inputs))
             if not math.isfinite(value):
-                raise DeclarationError(f"inputs.{name}", f"it is {value:g}", "Give a number")
+                raise DeclarationError(
+                    f"inputs.{name}", f"{value:g} is not a finite number", "Give a finite number"
+                )
         if not self._linear and not given:
             return
         row = self._numbers[0]
@@ -302,7 +306,11 @@ class Stepper:
         if [
             part.shape for part in state.lane
         ] != shapes or state.inputs.keys() != self._inputs.keys():
-            raise DeclarationError("state", "it was saved by another system", "Save one of this")
+            raise DeclarationError(
+                "state",
+                "the state was saved by another system",
+                "Restore a state saved by this stepper",
+            )
         for part, saved in zip(now, state.lane, strict=True):
             part[...] = saved
         self.time = state.time
@@ -318,7 +326,7 @@ def _value_of(system: System, name: str, values: Mapping[str, float], time: floa
         return float(values[name])
     if name not in system.drives:
         known = suggestion(str(name), [*system.parameters, *system.drives])
-        reason = f"'{short(str(name))}' is neither a parameter nor a drive"
+        reason = f"'{short(str(name))}' is not a parameter or a drive"
         raise DeclarationError("inputs", reason, known)
     drive = system.drives[name]
     if isinstance(drive, TimeFunction) and not drive.covers(time, time):

@@ -352,14 +352,14 @@ class Trajectory(Result):
         times = np.atleast_1d(np.asarray(t, dtype=float))
         first, last = float(self.knots.time[0]), float(self.knots.time[-1])
         if side not in ("left", "right"):
-            raise DeclarationError("side", f"{side!r} is no side", "Use 'left' or 'right'")
+            raise DeclarationError("side", f"{side!r} is not a side", "Use 'left' or 'right'")
         shape = times.shape
         clock = np.ascontiguousarray(times.ravel()) - self.knots.origin
         if times.size and not (
             np.all(clock >= self.knots.clock[0]) and np.all(clock <= self.knots.clock[-1])
         ):
             raise DeclarationError(
-                "t", "a time is outside the computed span", f"Ask for {first:g} <= t <= {last:g}"
+                "t", "a time is outside the computed time span", f"Use {first:g} <= t <= {last:g}"
             )
         index = np.searchsorted(self.knots.clock, clock, side=side) - 1
         index = np.clip(index, 0, len(self.knots.clock) - 1)
@@ -740,12 +740,12 @@ class Trajectory(Result):
         problem = Problem(system, checked.parameters, *numbers, origin=origin)
         n = len(system.declaration.state)
         if knots.state.ndim != 2 or knots.state.shape[1] != n or len(knots.time) == 0:
-            raise StickslipError(f"{where}: the stored states do not fit the stored system")
+            raise StickslipError(f"{where}: the stored states do not match the stored system")
         outcome = Outcome.from_code(settings["outcome"])
         asked = settings.get("start")
         start = None if asked is None else np.array(asked, float)
         if start is not None and start.shape != (n,):
-            raise StickslipError(f"{where}: the stored start does not fit the stored system")
+            raise StickslipError(f"{where}: the stored start does not match the stored system")
         span = tuple(settings["t_span"])
         trajectory = cls(problem, span, knots, outcome, settings["rtol"], start)
         trajectory.wall_time = settings["wall_time"]

@@ -95,14 +95,15 @@ class Samples(TimeFunction):
         if kind not in SAMPLE_KINDS:
             raise DeclarationError(
                 f"{where}, kind",
-                f"there is no kind '{short(str(kind))}'",
+                f"unknown kind '{short(str(kind))}'",
                 suggestion(str(kind), SAMPLE_KINDS, '"'),
             )
         t, y = checked(times, values, where)
         if periodic and kind != "hold" and y[0] != y[-1]:
             raise DeclarationError(
                 where,
-                f"they begin with {y[0]:.9g} and end with {y[-1]:.9g}, but are to be periodic",
+                f"periodic samples must end with the first value, but they begin with {y[0]:.9g} "
+                f"and end with {y[-1]:.9g}",
                 "Repeat the first value at the end of the period",
             )
         t.flags.writeable = y.flags.writeable = False
@@ -275,7 +276,7 @@ class Samples(TimeFunction):
         if way is None:
             raise DeclarationError(
                 where,
-                "it says of no samples where they are",
+                "the source of the samples is missing",
                 'Write it like {file = "base.csv", time = "t", value = "a"}',
             )
         known = {*way, "kind", "periodic", "digest"}
@@ -289,7 +290,7 @@ class Samples(TimeFunction):
         if way[0] == "file":
             file, time, value = (table.get(key, "") for key in way)
             if not all(isinstance(part, str) for part in (file, time, value)):
-                raise DeclarationError(where, "a name is no text", 'Write it like time = "t"')
+                raise DeclarationError(where, "a name is not a string", 'Write it like time = "t"')
             found = cls.read(folder / file, time, value, kind, periodic, name=name)
         elif way[0] == "times":
             found = cls(table["times"], table.get("values", ()), kind, periodic, where=where)
@@ -298,11 +299,15 @@ class Samples(TimeFunction):
         else:
             raise DeclarationError(
                 where,
-                "these samples are so many that they were not stored",
-                "Read them from a file, so that it can be found again",
+                "these samples were too many to be stored",
+                "Read them from a file, so that they can be loaded again",
             )
         if table.get("digest", found.digest) != found.digest:
-            raise DeclarationError(where, "the file has changed since", "Bring back what it was")
+            raise DeclarationError(
+                where,
+                "the file has changed since the result was stored",
+                "Restore the original file",
+            )
         return found
 
     def __call__(self, t: ArrayLike) -> Any:
@@ -370,15 +375,17 @@ def noise(
     if not (np.isfinite([start, end]).all() and start < end):
         raise DeclarationError("span", f"({start:g}, {end:g}) is empty", "Give (start, end)")
     if not 0.0 < period < np.inf:
-        raise DeclarationError("period", f"it is {period:g}", "Give a positive number")
+        raise DeclarationError(
+            "period", f"{period:g} is not a positive number", "Give a positive number"
+        )
     if not 0.0 <= deviation < np.inf:
-        raise DeclarationError("deviation", f"it is {deviation:g}", "Give a number that is not < 0")
+        raise DeclarationError("deviation", f"{deviation:g} is negative", "Give a number >= 0")
     if not seed >= 0:
-        raise DeclarationError("seed", f"it is {seed}", "Give a whole number that is not < 0")
+        raise DeclarationError("seed", f"{seed} is negative", "Give an integer >= 0")
     steps = np.ceil((end - start) / period * (1.0 - 1e-12))
     if steps > _MOST_NOISE:
-        reason = f"this makes {steps:.3g} samples (at most {_MOST_NOISE:,})"
-        raise DeclarationError("period", reason, "Give a longer one, or a shorter span")
+        reason = f"it would need {steps:.3g} samples (at most {_MOST_NOISE:,})"
+        raise DeclarationError("period", reason, "Increase it, or shorten the span")
     times = start + period * np.arange(int(max(steps, 1.0)) + 1)
     values = deviation * np.random.default_rng(seed).standard_normal(len(times))
     return Samples(times, values, kind, where="noise")
@@ -457,7 +464,7 @@ def checked(times: Any, values: Any, where: str, argument: str = "time") -> tupl
         raise DeclarationError(
             where,
             f"{t.size} {several} and {y.size} values",
-            f"Give as many {several} as values, at least 2 of each, in a row",
+            "Give two lists of the same length, with at least 2 entries",
         )
     for column, part in enumerate((t, y)):
         finite = np.isfinite(part)
@@ -470,7 +477,7 @@ def checked(times: Any, values: Any, where: str, argument: str = "time") -> tupl
                 k,
                 column,
                 f"{part[k]} is not a number",
-                "Leave the row out, or fill it",
+                "Fill it, or delete the row",
             )
     check_increasing(t, where, argument)
     return t, y
@@ -488,7 +495,7 @@ def check_increasing(t: Array, where: str, argument: str) -> None:
     if not later.all():
         k = int(np.argmin(later)) + 1
         same = t[k] == t[k - 1]
-        what = "stands twice" if same else f"comes after {t[k - 1]:.9g}"
+        what = "occurs twice" if same else f"comes after {t[k - 1]:.9g}"
         remedy = "Keep one of the two rows" if same else f"Sort the rows by {argument}"
         raise WrongRow(where, several, k, 0, f"the {argument} {t[k]:.9g} {what}", remedy)
     close = np.diff(t) > _FINEST * np.max(np.abs(t))
@@ -499,8 +506,8 @@ def check_increasing(t: Array, where: str, argument: str) -> None:
             several,
             k,
             0,
-            f"the {several} {t[k - 1]!r} and {t[k]!r} are too close to be told apart",
-            f"Count {argument} from the first sample",
+            f"the {several} {t[k - 1]!r} and {t[k]!r} are too close to each other",
+            f"Shift {argument} so that the first sample is at 0",
         )
 
 
@@ -513,7 +520,7 @@ def _unpacked(text: object, where: str) -> tuple[Array, Array]:
         t, y = np.frombuffer(content, "<f8").astype(float).reshape(2, -1)
     except (ValueError, zlib.error):
         raise DeclarationError(
-            where, "the packed samples are damaged", "Write the file once more"
+            where, "the packed samples are damaged", "Write the file again"
         ) from None
     return t, y
 
@@ -522,4 +529,4 @@ def _numbers(part: Any, where: str) -> Array:
     try:
         return np.array(part, dtype=float)
     except (TypeError, ValueError, OverflowError):
-        raise DeclarationError(where, "not all of them are numbers", "Give numbers") from None
+        raise DeclarationError(where, "they are not all numbers", "Give numbers") from None

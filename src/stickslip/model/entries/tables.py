@@ -142,7 +142,7 @@ class Table:
             if kind == "pchip":
                 raise DeclarationError(
                     f"{where}, kind",
-                    "a surface is not monotone in one way",
+                    '"pchip" is not available for surfaces',
                     'Write "linear" or "cubic"',
                 )
         else:
@@ -158,14 +158,14 @@ class Table:
         if self.formulas and self.kind == "pchip":
             raise DeclarationError(
                 f"{where}, kind",
-                "a monotone curve is not linear in its values, which are formulas here",
+                '"pchip" is not available for values that are formulas',
                 'Write "linear" or "cubic", or give numbers',
             )
         if len(self.formulas) > _MOST_FORMULAS:
             raise DeclarationError(
                 f"{where}, values",
-                f"{len(self.formulas)} of them are formulas (at most {_MOST_FORMULAS})",
-                "Give numbers, or fewer points",
+                f"{len(self.formulas)} values are formulas (at most {_MOST_FORMULAS})",
+                "Use numbers, or fewer points",
             )
 
     @classmethod
@@ -331,7 +331,7 @@ class Table:
         if way is None:
             raise DeclarationError(
                 where,
-                "it does not say where its points are",
+                "the points of the table are missing",
                 'Write it like {file = "mu.csv", of = "speed", value = "mu"}',
             )
         known = {*way, "kind", "outside", "digest"}
@@ -349,7 +349,9 @@ class Table:
             names = (table["file"], value, *(of if isinstance(of, tuple) else (of,)))
             if not all(isinstance(part, str) for part in names) or len(names) > 4:
                 raise DeclarationError(
-                    where, "a column is no text", 'Write it like of = "speed", or of = ["x", "y"]'
+                    where,
+                    "the name of a column is not a string",
+                    'Write it like of = "speed", or of = ["x", "y"]',
                 )
             found = cls.read(folder / table["file"], of, value, *options, name=name)
         elif way[0] == "points":
@@ -360,11 +362,15 @@ class Table:
         else:
             raise DeclarationError(
                 where,
-                "these points are so many that they were not stored",
-                "Read them from a file, so that it can be found again",
+                "these points were too many to be stored",
+                "Read them from a file, so that they can be loaded again",
             )
         if table.get("digest", found.digest) != found.digest:
-            raise DeclarationError(where, "the file has changed since", "Bring back what it was")
+            raise DeclarationError(
+                where,
+                "the file has changed since the result was stored",
+                "Restore the original file",
+            )
         return found
 
     # -- as a function -----------------------------------------------------------------------------
@@ -383,12 +389,12 @@ class Table:
             If values are formulas, or the number of arguments is wrong.
         """
         if self.formulas:
-            raise DeclarationError(
-                "table", "its values are formulas", "Ask a system, by system.evaluate"
-            )
+            raise DeclarationError("table", "its values are formulas", "Use system.evaluate")
         if len(places) != len(self.axes):
             raise DeclarationError(
-                "table", f"it has {len(self.axes)} argument(s), not {len(places)}", "Give so many"
+                "table",
+                f"the table has {len(self.axes)} argument(s), got {len(places)}",
+                "Give one array for each argument",
             )
         at = np.broadcast_arrays(*(np.asarray(place, float) for place in places))
         found = self._evaluated(*at)
@@ -708,8 +714,7 @@ def _open_ends(x: Expr, knots: Array, table: Table, name: str) -> tuple[bool, bo
     for beyond, side in ((high < first, table.outside[0]), (low > last, table.outside[1])):
         if beyond and side == "refused":
             raise ZeroDivisionError(
-                f"the table '{name}' is known from {first:.9g} to {last:.9g}, not at "
-                f"{short(ex.to_text(x))}"
+                f"the table '{name}' covers {first:.9g} to {last:.9g}, not {short(ex.to_text(x))}"
             )
     return low >= first, high <= last
 
