@@ -536,7 +536,7 @@ NO_ANSWER = (
     "cannot be written",
     "Give a special point of kind",
     "moves at both ends",
-    "no parameter was fitted",
+    "no fitted parameter",
 )
 
 

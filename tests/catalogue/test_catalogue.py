@@ -156,7 +156,7 @@ def test_units_are_given_throughout_or_nowhere():
 
 def test_unknown_system():
     with pytest.raises(
-        DeclarationError, match=r"there is no system 'rocking-toi'\. Did you mean 'rocking_toy'\?"
+        DeclarationError, match=r"unknown system 'rocking-toi'\. Did you mean 'rocking_toy'\?"
     ):
         catalogue.get("rocking-toi")
     with pytest.raises(DeclarationError, match="Known here: belt_block"):

@@ -293,7 +293,7 @@ BAD: dict[str, tuple[str, str, list[str]]] = {
         ["declares a system", "stickslip run"],
     ),
     "no dissipation": (L1, "", ["dissipation", "missing", "kind ="]),
-    "no kind": (
+    "unknown kind": (
         L1,
         L1.replace('kind = "weighted l1", ', ""),
         ["dissipation.kind", '"polytope", "weighted l1", "formula", "group norm"'],
@@ -322,7 +322,7 @@ BAD: dict[str, tuple[str, str, list[str]]] = {
         ["dissipation.lower[1]", "Only s and parameters"],
     ),
     "phase in the load": ('"2*t"', '"2*s"', ["load[1]", "Use t and parameters only"]),
-    "time in A": (MATRIX, 'A = [["t", 0], [0, 1]]', ["A[0][0]", "Only parameters"]),
+    "time in A": (MATRIX, 'A = [["t", 0], [0, 1]]', ["A[0][0]", "Use parameters only"]),
     "negative weight": (L1, L1.replace('"1"', '"-1"'), ["dissipation.lower", "negative"]),
     "negative at a phase": (
         L1,
@@ -385,8 +385,8 @@ def test_a_wrong_file_is_one_clear_line(
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
-        (["evolve", "nowhere.toml"], "nowhere.toml: there is no such file"),
-        (["evolve", "."], "this is a directory"),
+        (["evolve", "nowhere.toml"], "nowhere.toml: no such file"),
+        (["evolve", "."], "it is a directory"),
         (["average", TWO, "--set", "delta=1"], "no parameter or function 'delta'"),
         (["average", TWO, "--set", "epsilon=x"], "parameters.epsilon"),
         (["average", TWO, "--set", "epsilon=-1"], "(0, inf)"),

@@ -158,7 +158,7 @@ def test_basin(tmp_path: Path) -> None:
             "neither a parameter",
         ),
         (["cycle", "rocking_toy", "--initial", "phi=1"], "phi"),
-        (["cycle", "no_such_toy"], "there is no system"),
+        (["cycle", "no_such_toy"], "unknown system"),
         (["equilibria", "forced_oscillator"], "depend on time"),
     ],
 )

@@ -102,10 +102,10 @@ def test_a_point_that_takes_too_long(folder: Path) -> None:
         (["--limit", "slip=much"], "--limit slip=much: not of the form MEASURE=VALUE"),
         (["--drive", "b"], "records.b: sliding_base has no such drive. Known here: a"),
         (["--over", "scale=1,2"], "--over scale: it varies already. Give it once"),
-        (["--kind", "smooth"], "there is no kind 'smooth'"),
+        (["--kind", "smooth"], "unknown kind 'smooth'"),
         (["--pattern", "*.AT2"], "none of its 2 files is called like '*.AT2'"),
         (["--peak", "0"], "peak: 0.0 is no positive number. Give a positive number"),
-        (["--value", "ax"], "there is no column 'ax'"),
+        (["--value", "ax"], "unknown column 'ax'"),
         (["--until", "20"], "the samples cover 0 ... 12, the time span is 0 ... 20. Shorten"),
     ],
 )

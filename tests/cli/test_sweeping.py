@@ -119,7 +119,7 @@ def test_wrong_input_is_one_line_and_leaves_nothing(arguments: list[str], said: 
 
 
 def test_plot_of_what_is_no_map() -> None:
-    assert "there is no such file" in stickslip("plot", "nowhere.zarr").stderr
+    assert "no such file" in stickslip("plot", "nowhere.zarr").stderr
     stickslip(*GIVEN)
     assert "the map has no 'period'" in stickslip("plot", "toy.zarr", "--measure", "period").stderr
     assert "no ending of a picture" in stickslip("plot", "toy.zarr", "--out", "toy.xyz").stderr

@@ -146,16 +146,16 @@ WRONG = {
     ),
     "unit of time": ({"time_unit": "eon"}, "time_unit", "'eon'"),
     # Energy.
-    "energy with rates": ({"potential": "x*d_x"}, "potential", "'d_x' may not stand here"),
+    "energy with rates": ({"potential": "x*d_x"}, "potential", "'d_x' is not allowed here"),
     "mass that depends on a viscous coordinate": (
         {"kinetic": "m/2*(d_x**2 + d_y**2)*(1 + u**2)"},
         "kinetic",
-        "'u' may not stand here",
+        "'u' is not allowed here",
     ),
     "mass of a viscous coordinate": (
         {"kinetic": "m/2*(d_x**2 + d_y**2 + d_u**2)"},
         "kinetic",
-        "'d_u' may not stand",
+        "'d_u' is not allowed",
     ),
     "not quadratic": ({"kinetic": "m*(d_x**4 + d_y**2)"}, "kinetic", "not quadratic"),
     "with a kink": ({"kinetic": "m*(d_x*abs(d_x) + d_y**2)"}, "kinetic", "not quadratic"),
@@ -230,7 +230,7 @@ WRONG = {
     "threshold of viscous rates": (
         {"contacts": {"pad": replace(pad, threshold="1 + d_u**2")}},
         "contacts.'pad'.threshold",
-        "'d_u' may not stand here",
+        "'d_u' is not allowed here",
     ),
     "kinetic above static": (
         {"contacts": {"pad": replace(pad, kinetic="2")}},
@@ -255,7 +255,7 @@ WRONG = {
     "speed in a threshold": (
         {"contacts": {"pad": replace(pad, threshold="1 + speed")}},
         "contacts.'pad'.threshold",
-        "'speed' may not stand here",
+        "'speed' is not allowed here",
     ),
     "direction of a position": (
         {"contacts": {"pad": replace(pad, direction="x")}},
@@ -285,10 +285,10 @@ WRONG = {
     "surface speed of the state": (
         {"contacts": {"pad": replace(pad, surface_speed="x")}},
         "contacts.'pad'.surface_speed",
-        "'x' may not stand here",
+        "'x' is not allowed here",
     ),
     # The rest.
-    "drive of the state": ({"drives": {"ell": "x"}}, "drives.ell", "'x' may not stand here"),
+    "drive of the state": ({"drives": {"ell": "x"}}, "drives.ell", "'x' is not allowed here"),
     "cyclic definition": (
         {"functions": {"f": "g + 1", "g": "2*f"}},
         "functions.f",
@@ -347,14 +347,14 @@ WRONG = {
     "condition without comparison": (
         {"conditions": {"order": Condition("k")}},
         "conditions.order",
-        "compares two",
+        "compare two",
     ),
     "condition of the state": (
         {"conditions": {"order": Condition("x > k")}},
         "conditions.order",
-        "'x' may not stand",
+        "'x' is not allowed",
     ),
-    "fact of the state": ({"facts": {"omega": "x"}}, "facts.omega", "'x' may not stand here"),
+    "fact of the state": ({"facts": {"omega": "x"}}, "facts.omega", "'x' is not allowed here"),
     # Types.
     "parameters as a number": ({"parameters": 3}, "parameters", "expected a table, got a number"),
     "contacts as a list": ({"contacts": [1, 2]}, "contacts", "expected a table, got a list"),

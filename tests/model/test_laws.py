@@ -162,7 +162,8 @@ WRONG = [
     ),
     (
         'law = "dahl", direction = "d_x", F_c = -1, k = 2',
-        "contacts.'foot'.F_c: -1 is outside the admissible range (0, inf). Choose a value in this range",
+        "contacts.'foot'.F_c: -1 is outside the admissible range (0, inf). "
+        "Choose a value in this range",
     ),
     ('law = "dahl", direction = "d_x", F_c = "-F", k = 2', "contacts.'foot'.F_c: -1 is outside"),
     (
@@ -192,7 +193,8 @@ WRONG = [
     ),
     (
         'law = "dahl", direction = "d_x + F", F_c = 1, k = 2',
-        "contacts.'foot'.direction: it contains 'F', which is not a rate. Move it to 'surface_speed'",
+        "contacts.'foot'.direction: it contains 'F', which is not a rate. "
+        "Move it to 'surface_speed'",
     ),
     (
         'law = "bouc_wen", direction = "d_x", F_c = 1, k = 2, sigma = 0.4',
@@ -312,5 +314,5 @@ def test_what_is_added_to_a_force_does_not_end_it(end: str) -> None:
 
 
 def test_lines_after_a_comment_are_not_lost() -> None:
-    with pytest.raises(DeclarationError, match="'#' cannot stand in a formula"):
+    with pytest.raises(DeclarationError, match="'#' is not allowed in a formula"):
         block(ss.Contact("d_x", 1.0), potential="x**2/2 # soft\n + x**4/4 # hard")

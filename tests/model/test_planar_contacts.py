@@ -103,8 +103,8 @@ BAD: dict[str, tuple[Mapping[str, Any], str, str, str]] = {
         "expected 2 half axes, one for each direction, got 3",
         "[",
     ),
-    "axes of the state": ({"axes": ("x", 1)}, "axes", "'x' may not stand here", "parameters"),
-    "axes in time": ({"axes": ("1 + t", 1)}, "axes", "'t' may not stand here", "parameters"),
+    "axes of the state": ({"axes": ("x", 1)}, "axes", "'x' is not allowed here", "parameters"),
+    "axes in time": ({"axes": ("1 + t", 1)}, "axes", "'t' is not allowed here", "parameters"),
     "two thresholds": (
         {"threshold": ("s", "s")},
         "threshold",
@@ -231,7 +231,7 @@ def test_the_good_one_is_accepted(tmp_path: Path) -> None:
 @pytest.mark.parametrize("taken", ["table 1", "table 2"])
 def test_names_of_its_components_are_taken(taken: str) -> None:
     other = Contact("d_u", 1.0)
-    with pytest.raises(DeclarationError, match=f"need the name '{taken}', which is taken"):
+    with pytest.raises(DeclarationError, match=f"need the name '{taken}', which is already used"):
         declared(**{taken.replace(" ", "_"): other, "table": contact({})})
 
 

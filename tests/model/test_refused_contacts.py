@@ -133,9 +133,9 @@ REFUSED: dict[str, Callable[[], System]] = {
         kinetic="(d_x**2 + d_y**2 + d_z**2)/2",
         potential="z",
     ),
-    "it has a dissipation of its own, beside the friction of": rolled,
-    "directions that turn hold": turning,
-    "no law tells how the body shares its weight": lambda: on_legs(4),
+    "acts in a plane on the same body": rolled,
+    "state-dependent contact directions act on": turning,
+    "the normal forces of the body are statically indeterminate": lambda: on_legs(4),
     "in a plane it must be proportional to": lambda: body(
         masses("x", "y", "z"),
         {"floor": Unilateral("z"), "table": Contact(("d_x", "d_y"), "1 + 0.3*normal_floor")},
@@ -148,22 +148,22 @@ REFUSED: dict[str, Callable[[], System]] = {
         kinetic="(d_x**2 + d_z**2)/2",
         potential="z",
     ),
-    "without mass, it slips along forces": lambda: body(
+    "a contact in a plane without mass slips in the direction of the force": lambda: body(
         {"x": Viscous(), "y": Viscous()},
         {"table": Contact(("d_x", "d_y"), 1.0), "rail": Contact("d_x", 1.0)},
         viscous="(d_x**2 + d_y**2)/2",
     ),
-    "the viscosity of its components is not the same": lambda: body(
+    "the viscosities of its components differ": lambda: body(
         {"x": Viscous(), "y": Viscous()},
         {"table": Contact(("d_x", "d_y"), 1.0)},
         viscous="d_x**2/2 + d_y**2",
     ),
-    "each of the two vanishes where the other does not": lambda: body(
+    "each of them vanishes where the other does not": lambda: body(
         masses("x"),
         {"one": Contact("(x - 1)*d_x", 1.0), "two": Contact("(x - 2)*d_x", 1.0)},
         kinetic=FREE,
     ),
-    "whose friction rebounds differently": lambda: body(
+    "but another tangential restitution": lambda: body(
         masses("x", "y"),
         {
             "one": Unilateral("y", "d_x", mu=0.3, tangential_restitution=0.5),

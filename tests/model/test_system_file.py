@@ -321,7 +321,7 @@ WRONG = {
     "unknown kind": (
         SMALLEST + 'coordinates.x = {kind = "viscose"}',
         "model: coordinates.x.kind",
-        "no kind 'viscose'",
+        "unknown kind 'viscose'",
     ),
     "kind of no text": (
         SMALLEST + "coordinates.x = {kind = 1}",
@@ -409,7 +409,7 @@ WRONG = {
         'name = "s"\ncoordinates.z = {kind = "rate-independent"}\n'
         'contacts.c = {direction = "d_z", threshold = [1, 2, 3]}',
         "model: contacts.'c'.threshold",
-        "expected a formula or a pair of them",
+        "expected a formula or a pair of formulas",
     ),
     "function as a table": (
         SMALLEST + "functions.f = {text = 1}",
@@ -508,8 +508,8 @@ def test_wrong_files(tmp_path):
         assert caught.value.remedy
         return str(caught.value)
 
-    assert "there is no such file" in message("missing.toml")
-    assert "this is a directory" in message(".")
+    assert "no such file" in message("missing.toml")
+    assert "it is a directory" in message(".")
     assert "cannot be read" in message("a\0b")
     assert "cannot be read" in message("x" * 300)
     assert "not UTF-8 text (line 2)" in message("latin.toml", b'name = "s"\ntitle = "\xe9"\n')

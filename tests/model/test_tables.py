@@ -252,17 +252,17 @@ def test_files(tmp_path: Path) -> None:
 
 
 WRONG: dict[str, tuple[Any, ...]] = {
-    "kind: there is no 'cubik'": ([0, 1], [0, 1], "cubik"),
-    "outside: there is no 'no'": ([0, 1], [0, 1], "linear", "no"),
+    "kind: unknown option 'cubik'": ([0, 1], [0, 1], "cubik"),
+    "outside: unknown option 'no'": ([0, 1], [0, 1], "linear", "no"),
     "2 points and 3 values": ([0, 1], [0, 1, 2]),
     "1 points and 1 values": ([0], [0]),
-    "points[2]: the point 1 stands twice": ([0, 1, 1], [0, 1, 2]),
+    "points[2]: the point 1 occurs twice": ([0, 1, 1], [0, 1, 2]),
     "points[2]: the point 0.5 comes after 1. Sort the rows": ([0, 1, 0.5], [0, 1, 2]),
     "values[1]: nan is not a number": ([0, 1], [0, np.nan]),
     "points[1]: inf is not a number": ([0, np.inf], [0, 1]),
     "too close to each other": ([1e9, 1e9 + 1e-6], [0, 1]),
-    "points: not all of them are numbers": ([0, "x"], [0, 1]),
-    "the shape (2, 3), and the axes have 2 and 2": (([0, 1], [0, 1]), [[1, 2, 3], [4, 5, 6]]),
+    "points: they are not all numbers": ([0, "x"], [0, 1]),
+    "shape (2, 3), but the axes have 2 and 2": (([0, 1], [0, 1]), [[1, 2, 3], [4, 5, 6]]),
     "values[1][0]: nan is not a number": (([0, 1], [0, 1]), [[1, 2], [np.nan, 2]]),
     "axis 2, points[1]: the point 0 comes after 1": (([0, 1], [1, 0]), [[1, 2], [3, 4]]),
     "is not available for surfaces": (([0, 1], [0, 1]), [[1, 2], [3, 4]], "pchip"),
@@ -280,16 +280,16 @@ def test_wrong_tables(reason: str) -> None:
 
 FILES = {
     "line 3, column 'mu': 'x' is not a number": "v,mu\n0,1\n1,x\n",
-    "line 3, column 'mu': there is no value": "v,mu\n0,1\n1\n",
+    "line 3, column 'mu': the value is missing": "v,mu\n0,1\n1\n",
     "line 3, column 'mu': nan is not a number": "v,mu\n0,1\n1,nan\n",
-    "line 4, column 'v': the point 0 stands twice": "# dry\nv;mu\n0;1\n0;2\n",
+    "line 4, column 'v': the point 0 occurs twice": "# dry\nv;mu\n0;1\n0;2\n",
     "line 3, column 'v': the point 0 comes after 1": "v\tmu\n1\t2\n0\t3",
-    "there is no column 'mu'. Known here: v, nu": "v,nu\n0,1\n1,2\n",
+    "unknown column 'mu'. Known here: v, nu": "v,nu\n0,1\n1,2\n",
     "the header line has numbers instead of column names": "0,1\n1,2\n",
     "decimal points": "v;mu\n0,0;1,0\n1,0;2,0\n",
     "the file is empty": "\n",
-    "this is no text file": "\0\1\2",
-    "there is no such file": None,
+    "not a text file": "\0\1\2",
+    "no such file": None,
 }
 
 
@@ -299,7 +299,7 @@ def test_wrong_files(reason: str, tmp_path: Path) -> None:
     text = FILES[reason]
     if text is not None:
         (tmp_path / "mu.csv").write_text(text)
-    named: Any = () if reason.startswith("there are numbers") else ("v", "mu")
+    named: Any = () if reason.startswith("the header line") else ("v", "mu")
     with pytest.raises(DeclarationError) as error:
         ss.Table.read(tmp_path / "mu.csv", *named)
     assert reason in str(error.value) and error.value.remedy

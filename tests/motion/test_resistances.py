@@ -297,9 +297,9 @@ def test_sliders_that_are_joined():
 REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
     "falls": ({"drag": "2*d_x*exp(-d_x**2)"}, "drag", "does not increase with d_x"),
     "flat at rest": ({"drag": "d_x**3"}, "drag", "at d_x = 0"),
-    "feeds in": ({"drag": "d_x - 1"}, "drag", "feeds energy in"),
+    "feeds in": ({"drag": "d_x - 1"}, "drag", "creates energy"),
     "kink": ({"drag": "d_x + abs(d_x)*d_x"}, "drag", "kinks or jumps in d_x"),
-    "undefined": ({"drag": "d_x*log(x)", "initial": {}}, "drag", "undefined at the start"),
+    "undefined": ({"drag": "d_x*log(x)", "initial": {}}, "drag", "undefined at the initial state"),
     "rate of another": ({"drag": "d_x + d_y"}, "drag", "'d_y' may not"),
     "coupled": ({"viscous": "(d_x - d_y)**2/2"}, "drag", "joins d_x to d_y"),
     "contact": ({"contacts": {"c": Contact("d_x - d_y", 1.0)}}, "contacts", "'x' has a drag"),

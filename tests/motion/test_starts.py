@@ -57,7 +57,7 @@ def test_a_constraint_that_is_missed_by_rounding(seed: int) -> None:
 @pytest.mark.parametrize("height", [-0.1, -1e-6, -1e-9])
 def test_an_overlap_is_no_paradox(height: float) -> None:
     ball = ss.catalogue.bouncing_ball()
-    with pytest.raises(ss.DeclarationError, match=rf"gap: it is {height:g} .* overlap"):
+    with pytest.raises(ss.DeclarationError, match=rf"gap: the gap is {height:g} .* overlap"):
         ss.simulate(ball, initial={"y": height})
     many = ss.simulate_many(ball, initial={"y": [0.5, height]})
     assert [o.label for o in many.counts if not o.ok] == ["no admissible mode"]

@@ -79,7 +79,7 @@ def test_latin_hypercube_has_one_point_in_each_row() -> None:
         (["P=0:1:5", "P,delta=1:2:3"], "two axes"),
         (["P,delta=1:2:3; 1:2:4"], "tied"),
         (["P,delta=1,2;1,2;1,2"], "2 names and 3 lists"),
-        (["P=1,1"], "stands twice"),
+        (["P=1,1"], "occurs twice"),
         (["P=1,x"], "'x' is not a number"),
         (["P=__import__('os')"], "is not a number"),
         (["P=sobol:8"], "bounds"),

@@ -330,7 +330,7 @@ BAD = {
     "empty.csv": ("", "empty.csv: the file is empty"),
     "names.csv": ("t,a\n", "0 times and 0 values"),
     "nan.csv": ("t,a\n0,1\n1,nan\n", "line 3, column 'a': nan is not a number"),
-    "cell.csv": ("t,a\n0,1\n1,\n", "line 3, column 'a': there is no value"),
+    "cell.csv": ("t,a\n0,1\n1,\n", "line 3, column 'a': the value is missing"),
     "order.csv": ("t,a\n0,1\n2,1\n1,1\n", "line 4, column 't': the time 1 comes after 2"),
     "gap.csv": (f"t,a\n{EVEN}\n", "apart, and there is none between 0.5 and 0.7. Fill the gap"),
     "columns.csv": ("t,x,y\n0,1,2\n", "it is ambiguous which column has the values"),
@@ -339,7 +339,7 @@ BAD = {
     "heading.AT2": (AT2.format(heading="nothing"), "line 4: the number of samples"),
     "words.AT2": (AT2.format(heading=HEADINGS[0]) + "end", "line 7: 'end' is not a number"),
     "nan.AT2": (AT2.format(heading=HEADINGS[0]) + "nan", "line 7: nan is not a number"),
-    "step.AT2": (AT2.format(heading="NPTS= 7, DT= 0.0"), "line 4: 7 samples that are 0 apart"),
+    "step.AT2": (AT2.format(heading="NPTS= 7, DT= 0.0"), "line 4: 7 samples with a time step of 0"),
 }
 
 

@@ -152,16 +152,18 @@ def vector_field(
     given = dict(modes or {})
     for name in names:
         if given.get(name) not in _SIGNS:
-            said = f"has no mode '{short(str(given[name]))}'" if name in given else "has no mode"
+            said = (
+                f"has an unknown mode '{short(str(given[name]))}'"
+                if name in given
+                else "has no mode"
+            )
             raise DeclarationError(
                 "modes", f"'{short(name)}' {said}", f"Give one of {', '.join(_SIGNS)}"
             )
     for name in given:
         if name not in names:
             known = ", ".join(names) or "none"
-            raise DeclarationError(
-                "modes", f"there is no contact '{short(name)}'", f"Known: {known}"
-            )
+            raise DeclarationError("modes", f"unknown contact '{short(name)}'", f"Known: {known}")
     point = {**system.values, **(at or {})}
     kinks = [substitute(g, equations.speeds) for g in equations.kinks]
     region = tuple(int(system.declaration.value(g, point) >= 0.0) for g in kinks)
@@ -173,16 +175,16 @@ def vector_field(
             back = " and ".join(f"'{short(c.name)}'" for c in own if c.name in turned)
             raise DeclarationError(
                 "modes",
-                f"{said} {'have one gap' if own[0].gap else 'rub along one direction'}"
+                f"{said} {'share one gap' if own[0].gap else 'share one direction'}"
                 + (f", {back} backward" if back else ""),
-                "Give them modes that fit" if back else "Give them one mode",
+                "Give them consistent modes" if back else "Give them the same mode",
             )
     mode = tuple(signs[own[0].name] for own in equations.members)
     try:
         found = mode_field(equations, mode, region)
     except ZeroDivisionError:
         raise DeclarationError(
-            "modes", "the rates are not determined in this mode", "Let fewer contacts stick"
+            "modes", "the rates are indeterminate in this mode", "Choose fewer sticking contacts"
         ) from None
     return VectorField(system, {name: given[name] for name in names}, point, found)
 

@@ -113,7 +113,7 @@ class Band(Result):
         for kind, value, sd in zip(
             data["kind"].values, data["value"].values, data["value_sd"].values, strict=True
         ):
-            known = f"± {sd:.2g}" if np.isfinite(sd) else "(how uncertain is not known)"
+            known = f"± {sd:.2g}" if np.isfinite(sd) else "(uncertainty unknown)"
             found.append(f"{kind} at {self.parameter} = {value:.9g} {known}")
         return found
 
@@ -180,7 +180,7 @@ def _free_of(fit: Fit, parameter: str) -> tuple[list[str], Array]:
     if not kept:
         raise DeclarationError(
             "continue_cycle",
-            "no parameter was fitted whose uncertainty could move the branch",
+            "no fitted parameter affects the branch",
             "Use stickslip.continue_cycle",
         )
     return [fit.names[j] for j in kept], fit.covariance[np.ix_(kept, kept)]
@@ -212,7 +212,10 @@ def _with_deviations(
                 found[f"amplitude_{x}_slope"][i] = g[-1]
             found["period_sd"][i] = _deviation(slopes["period"].values[:-1], covariance)
     data = points.assign({name: ("point", column) for name, column in found.items()})
-    note = f"{without} points have no derivative (events coincide): there the band is interpolated"
+    note = (
+        f"at {without} points the derivative does not exist (events coincide); the band is "
+        "interpolated there"
+    )
     return data, [note] if without else []
 
 
@@ -241,7 +244,7 @@ def _cycle_at(branch: Branch, i: int) -> Cycle:
     cycle = Cycle(system, parameters, closed)
     near = abs(cycle.period / float(point["period"]) - 1.0)
     if near > 1e-6:
-        raise ConvergenceError("a cycle of the branch", "another one was found", "")
+        raise ConvergenceError("a cycle of the branch", "another cycle was found", "")
     return cycle
 
 
@@ -302,7 +305,7 @@ def _beside(branch: Branch, point: SpecialPoint, width: float) -> Cycle:
                 return _cycle_at(branch, int(i))
             except ConvergenceError:
                 continue
-    raise ConvergenceError(point.describe(), "no cycle beside it can be closed again", "")
+    raise ConvergenceError(point.describe(), "neighbouring cycles do not converge", "")
 
 
 def _again(
@@ -327,4 +330,4 @@ def _again(
         if same:
             return min(same, key=lambda value: abs(value - point.value))
         around *= _WIDER
-    raise ConvergenceError(point.kind, "no such point is near for other parameters", "")
+    raise ConvergenceError(point.kind, "no such point was found nearby for other parameters", "")

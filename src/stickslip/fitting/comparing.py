@@ -94,9 +94,10 @@ class Comparison(Result):
             for j, name in enumerate(self.names)
             if j != i and self.dataset["weight"].values[j] > 1.0 - _DECIDED
         ]
-        others = " and ".join(beside) or "the others together"
+        others = " and ".join(beside) or "the others combined"
         return (
-            f"the data do not decide: {self.names[i]} has the weight {share:.3g}, beside {others}"
+            f"the data do not discriminate: {self.names[i]} has weight {share:.3g}, compared "
+            f"with {others}"
         )
 
     # -- what it says of itself --------------------------------------------------------------------
@@ -121,7 +122,7 @@ class Comparison(Result):
     def message(self) -> str:
         """The verdict, and what the data do not bound."""
         flat = [
-            f"{model}: the data do not bound {', '.join(names)}"
+            f"{model}: the data do not determine {', '.join(names)}"
             for model, names in self.flat.items()
             if names
         ]
@@ -269,7 +270,7 @@ def _named(systems: Mapping[str, System] | Sequence[System]) -> dict[str, System
             many = names.count(system.name) > 1
             table[f"{system.name} {i + 1}" if many else system.name] = system
     if len(table) < 2:
-        raise DeclarationError("systems", f"{len(table)} to compare", "Give at least two")
+        raise DeclarationError("systems", f"{len(table)} systems to compare", "Give at least two")
     return table
 
 
@@ -281,7 +282,9 @@ def _own(value: Any, i: int, name: str, known: set[str]) -> Any:
     if is_list and value and not all(isinstance(item, str) for item in value):
         if i >= len(value):
             raise DeclarationError(
-                "free", f"{len(value)} entries for more systems", "Give one for each"
+                "free",
+                f"the number of entries, {len(value)}, differs from the number of systems",
+                "Give one entry for each system",
             )
         return value[i]
     return value
@@ -308,7 +311,7 @@ def _compared(names: list[str], fits: list[Fit]) -> Comparison:
     data = xr.Dataset(
         {name: ("model", column) for name, column in columns.items()},
         {"model": ("model", names)},
-        {"share of the data that counts": share},
+        {"fraction of the data that counts": share},
     )
     flat = {name: _flat(f) for name, f in zip(names, fits, strict=True)}
     return Comparison(tuple(fits), data, flat)

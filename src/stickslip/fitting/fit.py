@@ -173,7 +173,7 @@ class Fit(Result):
 
         check_positive(count=count)
         if seed < 0:
-            raise DeclarationError("seed", f"{seed} is negative", "Give a whole number from 0 on")
+            raise DeclarationError("seed", f"{seed} is negative", "Give an integer >= 0")
         low, high = self.problem.bounds
         rng = np.random.default_rng(seed)
         root = _root_of(self.covariance)
@@ -288,7 +288,9 @@ class Fit(Result):
     def rows(self) -> list[tuple[str, str]]:
         """What fits on a page, in words."""
         rows = [("unknown", text) for text in self.unknowns_in_words()]
-        rows += [("data", f"{self.count}, of which {100 * self.statistics.weight:.3g} % count")]
+        rows += [
+            ("data", f"{self.count}, effectively {100 * self.statistics.weight:.3g} % of them")
+        ]
         tests = self.statistics.tests
         rows += [
             ("residuals", ", ".join(f"{n.replace('_', ' ')} {v:.3g}" for n, v in tests.items()))

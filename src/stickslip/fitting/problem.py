@@ -172,7 +172,7 @@ class FitProblem:
         p = self._checked(p)
         found = self.evaluate(p)
         if found.reason:
-            raise NoDerivative(f"there is no motion: {found.reason}")
+            raise NoDerivative(f"the motion cannot be computed: {found.reason}")
         parts = [
             self._slopes(m, found.motions[r], r, touching) for r, m in enumerate(self.measured)
         ]
@@ -256,7 +256,7 @@ class FitProblem:
                 motion = m.move(parameters, free, self.rtol)
                 values = m.flat(m.of_motion(motion).values)
                 if not np.all(np.isfinite(values)):
-                    raise GivenUp("a quantity that was measured is not a finite number")
+                    raise GivenUp("a measured quantity is not a finite number")
                 motions.append(motion)
                 parts.append(values)
         except GivenUp as reason:
@@ -270,8 +270,8 @@ class FitProblem:
         found = m.of_motion(motion, names, touching)
         slopes = m.flat(found.slopes)
         if not np.all(np.isfinite(slopes)):
-            when, why = found.missing[0] if found.missing else (m.span[0], "it is not finite")
-            raise NoDerivative(f"no derivative from t = {when:.9g} on: {why}")
+            when, why = found.missing[0] if found.missing else (m.span[0], "not finite")
+            raise NoDerivative(f"no derivative after t = {when:.9g}: {why}")
         every = np.zeros((len(slopes), len(self.unknowns)))
         every[:, own] = slopes
         return every
@@ -286,7 +286,7 @@ class FitProblem:
         if shape != (len(self.unknowns),):
             names = ", ".join(self.names)
             raise DeclarationError(
-                "p", f"its shape is {shape}", f"Give {len(self.unknowns)} values: {names}"
+                "p", f"wrong shape {shape}", f"Give {len(self.unknowns)} values: {names}"
             )
 
     def _checked(self, p: Any) -> Array:
@@ -294,7 +294,7 @@ class FitProblem:
         self.check_shape(values.shape)
         if np.any(np.isnan(values)):
             name = self.names[int(np.argmax(np.isnan(values)))]
-            raise DeclarationError(f"p: {name}", "it is not a number", "Give one")
+            raise DeclarationError(f"p: {name}", "not a number", "Give a number")
         return values
 
     @property
@@ -408,7 +408,7 @@ def fit_problem(
     (50, 1)
     """
     if loss not in LOSSES:
-        raise DeclarationError("loss", f"there is no loss '{loss}'", suggestion(loss, LOSSES, '"'))
+        raise DeclarationError("loss", f"unknown loss '{loss}'", suggestion(loss, LOSSES, '"'))
     given = dict(parameters or {})
     system.plain.declaration.check_parameters({**system.values, **given})
     shared = {
@@ -426,7 +426,9 @@ def fit_problem(
     count = sum(m.count for m in measured)
     if count < len(unknowns):
         raise DeclarationError(
-            "free", f"{len(unknowns)} unknowns and {count} data", "Free fewer, or measure more"
+            "free",
+            f"{len(unknowns)} unknowns and {count} data",
+            "Fit fewer unknowns, or give more data",
         )
     sigma = np.concatenate([_scale(c, measured) for m in measured for c in m.columns])
     fixed = {name: value for name, value in given.items()}
@@ -452,14 +454,13 @@ def _read(
         if not observe:
             raise DeclarationError(
                 f"{recording.source}, observe",
-                f"no column is called like a quantity of {system.name}",
-                f'Say what they are, like {{"{_other(columns)}": "{next(iter(empty._rows))}"}}',
+                f"no column has the name of a quantity of {system.name}",
+                f'Map columns to quantities, like {{"{_other(columns)}": '
+                f'"{next(iter(empty._rows))}"}}',
             )
     for name in noise:
         if name not in observe:
-            raise DeclarationError(
-                f"noise.{name}", "no such column is observed", suggestion(name, observe)
-            )
+            raise DeclarationError(f"noise.{name}", "unknown column", suggestion(name, observe))
     read_observations(empty, [str(formula) for formula in observe.values()])
     return read_recording(system, recording, observe, noise)
 
@@ -490,8 +491,8 @@ def _scale(column: Column, measured: tuple[MeasuredRecord, ...]) -> Array:
     if spread <= 1e-14 * float(np.max(np.abs(every))):
         raise DeclarationError(
             f"column '{column.name}'",
-            f"all {len(every)} values are {every[0]:g}: nothing changes that could be explained",
-            "Leave it out, or give its noise",
+            f"all {len(every)} values are {every[0]:g}, so there is nothing to fit",
+            "Remove it, or give its noise",
         )
     return np.full(len(column.rows), spread)
 

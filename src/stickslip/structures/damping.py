@@ -134,8 +134,10 @@ def damping_of_shapes(damping: Array, shapes: Array) -> Array:
 def _not_negative(value: object, where: str) -> float:
     if not is_finite(value):
         raise DeclarationError(
-            where, f"'{short(str(value))}' is not a finite number", "Give a number"
+            where, f"'{short(str(value))}' is not a finite number", "Give a finite number"
         )
     if value < 0.0:
-        raise DeclarationError(where, f"{value:g} would feed energy in", "Damping is at least zero")
+        raise DeclarationError(
+            where, f"{value:g} is negative and would create energy", "Give a value >= 0"
+        )
     return float(value)

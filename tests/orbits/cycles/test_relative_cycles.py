@@ -380,7 +380,7 @@ def test_means() -> None:
     assert cycle.mean("V*t - X") == pytest.approx(0.0, abs=1e-14)
     with pytest.raises(DeclarationError, match="banana"):
         cycle.mean("banana")
-    with pytest.raises(DeclarationError, match="'speed' may not stand here"):
+    with pytest.raises(DeclarationError, match="'speed' is not allowed here"):
         cycle.mean("speed")
     with pytest.raises(DeclarationError, match="undefined on the cycle"):
         cycle.mean("log(x - 100)")

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 _CONTACT = "law"
 _FORCE = "F"  # the column of the forces
-_RESTING = "Leave it out, or fix F_s by parameters={'F_s': ...}"
+_RESTING = "Remove the point, or fix F_s by parameters={'F_s': ...}"
 _EASILY = 0.25  # of the speeds, the share below which friction falls where a search begins
 _HELD = 1.05  # of the largest force, what is held at rest where a search begins
 _VISCOUS = 0.1  # of it, what the largest speed adds
@@ -165,14 +165,14 @@ def fit_law(
     if not chosen.dry or chosen.points:
         raise DeclarationError(
             "law",
-            f"the force of '{chosen.name}' is not a formula of the speed alone",
-            "Choose one with a sliding force, such as ss.laws.stribeck",
+            f"the force of '{chosen.name}' is not a function of the speed alone",
+            "Choose a law with a sliding force, such as ss.laws.stribeck",
         )
     v, F = _read(points)
     given = dict(parameters or {})
     for name in given:
         if name not in chosen.known():
-            reason = f"'{chosen.name}' has no such parameter"
+            reason = f"unknown parameter of '{chosen.name}'"
             raise DeclarationError(f"parameters.{name}", reason, suggestion(name, chosen.known()))
     if free is None:
         free = [name for name in chosen.known() if name not in given]
@@ -227,24 +227,24 @@ def _read(points: Any) -> tuple[Array, Array]:
         raise DeclarationError(
             "points",
             f"{v.size} speeds and {F.size} forces",
-            "Give as many of both, at least 2, like (v, F)",
+            "Give as many speeds as forces, at least 2, like (v, F)",
         )
     for part, name in ((v, "speed"), (F, "force")):
         if not np.isfinite(part).all():
             k = int(np.argmin(np.isfinite(part)))
             raise DeclarationError(
-                f"points[{k}]", f"the {name} is {part[k]}, not a number", "Leave the point out"
+                f"points[{k}]", f"the {name} is {part[k]}, not a number", "Remove the point"
             )
     if (v == 0.0).any():
         k = int(np.argmax(v == 0.0))
         raise DeclarationError(
-            f"points[{k}]", "at the speed 0 the force is anything up to that of rest", _RESTING
+            f"points[{k}]", "at speed 0 the friction force is indeterminate", _RESTING
         )
     if float(np.median(np.sign(v) * F)) < 0.0:
         raise DeclarationError(
             "points",
-            "most forces have the sign of -v",
-            "Give the force against the motion: change its sign",
+            "most forces have the opposite sign of v",
+            "Change the sign: give the force that opposes the motion",
         )
     order = np.argsort(v, kind="stable")
     return v[order], F[order]
@@ -265,8 +265,9 @@ def _columns(points: Any) -> tuple[Array, Array]:
         if not (v and F):
             raise DeclarationError(
                 "points",
-                f"which columns hold speeds and forces is not clear: {short(', '.join(names))}",
-                "Call them v and F",
+                "it is ambiguous which columns have the speeds and forces: "
+                f"{short(', '.join(names))}",
+                "Name them v and F",
             )
         return _numbers(table[v]), _numbers(table[F])
     if isinstance(points, tuple | list) and len(cast("Sequence[Any]", points)) == 2:
@@ -276,7 +277,7 @@ def _columns(points: Any) -> tuple[Array, Array]:
     array = _numbers(points)
     if array.ndim != 2 or array.shape[1] != 2:
         raise DeclarationError(
-            "points", f"an array of the shape {array.shape}", "Give (v, F), or rows [v, F]"
+            "points", f"the array has shape {array.shape}", "Give (v, F), or rows [v, F]"
         )
     return array[:, 0], array[:, 1]
 
@@ -285,4 +286,4 @@ def _numbers(part: Any) -> Array:
     try:
         return np.array(part, dtype=float)
     except (TypeError, ValueError):
-        raise DeclarationError("points", "not all of them are numbers", "Give numbers") from None
+        raise DeclarationError("points", "they are not all numbers", "Give numbers") from None

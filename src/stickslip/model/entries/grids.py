@@ -22,7 +22,7 @@ MOST_STORED = 200_000
 
 def check_word(word: object, known: Sequence[str], where: str) -> None:
     if word not in known:
-        reason = f"unknown word '{short(str(word))}'"
+        reason = f"unknown option '{short(str(word))}'"
         raise DeclarationError(where, reason, suggestion(str(word), known, '"'))
 
 

@@ -314,7 +314,7 @@ def _table(names: tuple[str, ...], values: Array, spacing: str, where: str) -> A
     twice = np.flatnonzero(np.all(values[:, order[1:]] == values[:, order[:-1]], axis=0))
     if len(twice) and spacing not in SAMPLES:
         again = ", ".join(f"{v:g}" for v in values[:, order[twice[0]]])
-        raise DeclarationError(where, f"the value {again} stands twice", "Give each value once")
+        raise DeclarationError(where, f"the value {again} occurs twice", "Give each value once")
     return Axis(names, np.ascontiguousarray(values), spacing)
 
 
