@@ -534,8 +534,8 @@ CALLS = dict(calls())
 NO_ANSWER = (
     "no such file",
     "cannot be written",
-    "Give a special point of kind",
-    "moves at both ends",
+    "expected a special point of kind",
+    "moves at both ends of the range",
     "no fitted parameter",
 )
 

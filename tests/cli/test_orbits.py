@@ -187,7 +187,7 @@ def test_a_file_of_somebody_else_stays() -> None:
 def test_units_are_said() -> None:
     result = stickslip("cycle", "two_leg_crawler")
     lines = [" ".join(line.split()) for line in result.stdout.splitlines()]
-    assert "drift 0.8 m a period, speed 0.127323954 m/s" in lines
+    assert "drift 0.8 m per period, speed 0.127323954 m/s" in lines
     assert "energy per distance 0.2 N" in lines
     found = json.loads(Path("out/two_leg_crawler-cycle/summary.json").read_text(encoding="utf-8"))
     assert found["units"] == {
@@ -227,7 +227,7 @@ def test_a_cycle_shows_what_was_measured() -> None:
 def test_families_and_irregular_motion_are_named() -> None:
     result = stickslip("cycle", "forced_oscillator", "--set", "F_c=0.2", "--set", "omega=0.5")
     assert result.exit_code == 1
-    assert "the cycles come in a family" in result.stderr
+    assert "the cycles form a continuous family" in result.stderr
     assert "Traceback" not in result.stderr
 
 

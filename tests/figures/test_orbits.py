@@ -211,7 +211,7 @@ def test_whatever_was_measured_is_drawn_in_smooth_curves() -> None:
     figure = branch.plot(*names)
     labels = [axes.get_ylabel().replace("\n", " ") for axes in figure.axes]
     assert labels[0] == r"period  [$\mathrm{s}$]"
-    assert labels[2] == r"energy dissipated in a period  [$\mathrm{N\,m}$]"
+    assert labels[2] == r"energy dissipated per period  [$\mathrm{N\,m}$]"
     assert labels[3].endswith(r"[$\mathrm{N}$]")
     # Between the points, too, the period is that of the drive and the amplitude Den Hartog's.
     omega, period = (np.asarray(v) for v in figure.axes[0].get_lines()[0].get_data())

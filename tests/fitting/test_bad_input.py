@@ -24,7 +24,7 @@ def refused(message: str, data: Any = None, free: Any = None, **options: Any) ->
 
 def test_columns() -> None:
     refused("no column 'position'.*Known here: t, x", observe={"position": "x"})
-    refused("no quantity of this motion", observe={"x": "position"})
+    refused("unknown quantity", observe={"x": "position"})
     refused("no column is named 'time' or 't'", {"clock": T, "x": X}, observe={"x": "x"})
     refused("no column has the name of a quantity", {"t": T, "q": X})
     refused("row 3, column 'x'.*'high' is not a number", _table("t,x\n0,1\n1,2\n2,high\n"))
@@ -88,7 +88,7 @@ def test_unknowns_that_only_act_together_are_named() -> None:
 
 def test_names_and_bounds() -> None:
     refused("there are no unknowns to fit", free={})
-    refused("free.mu: no parameter, and no part of the state", free={"mu": None})
+    refused("free.mu: unknown parameter or part of the state", free={"mu": None})
     refused("is not a pair of bounds", free={"F_c": (0.9, 0.1)})
     refused("is not a pair of bounds", free={"F_c": 0.5})
     refused("exceed the declared range", free={"k": (-1.0, 2.0)})

@@ -62,10 +62,13 @@ WRONG: dict[str, tuple[Any, str]] = {
         lambda: structure(sp.csc_array(changed(1, 1, np.inf)), MASS),
         r"\[1, 1\] is inf",
     ),
-    "other sizes": (lambda: structure(np.eye(2), STIFFNESS), "shape is \(3, 3\).*mass is \(2, 2\)"),
+    "other sizes": (
+        lambda: structure(np.eye(2), STIFFNESS),
+        r"shape is \(3, 3\).*mass is \(2, 2\)",
+    ),
     "other size of damping": (
         lambda: structure(MASS, STIFFNESS, np.eye(2)),
-        "damping: its shape is \(2, 2\)",
+        r"damping: its shape is \(2, 2\)",
     ),
     "not square": (lambda: structure(MASS, STIFFNESS[:2]), "shape is 2 x 3, not square"),
     "ragged": (lambda: structure([[1, 2], [3]], STIFFNESS), "rows have different lengths"),

@@ -544,7 +544,7 @@ def test_whatever_starts_somewhere_starts_at_unknowns() -> None:
 
 def test_what_cannot_start_at_an_unknown_says_so() -> None:
     system = small(forces={"u[tip]": "cos(t)"}, span=(0.0, 5.0))
-    said = r"u\[1\]: an unknown of a structure, and the state has its modes\. .*u_mode_1"
+    said = r"u\[1\]: a degree of freedom of a structure; the state has its modes\. .*u_mode_1"
     with pytest.raises(ss.DeclarationError, match=said):
         ss.sweep(system, {"u[1]": [0.0, 0.1]}, ["high:u[tip]"])
     with pytest.raises(ss.DeclarationError, match=said):

@@ -327,9 +327,9 @@ def test_energy_per_distance() -> None:
     ("system", "name", "said"),
     [
         ("two_leg_crawler", "cost_of_transport", "no weight is named"),
-        ("two_leg_crawler", "cost_of_transport:k", "measured in N/m, a weight in N"),
+        ("two_leg_crawler", "cost_of_transport:k", "N/m, but a weight has the unit N"),
         ("two_leg_crawler", "cost_of_transport:k*D/2", "which no name of a variable may have"),
-        ("two_leg_crawler", "cost_of_transport:-k*D", "A weight is positive"),
+        ("two_leg_crawler", "cost_of_transport:-k*D", "Give a positive weight"),
         ("two_leg_crawler", "relative_phase:d_x", "there is no 'd_x'"),
         ("belt_block", "relative_phase", "nothing drives"),
         ("belt_block", "energy_per_distance", "declares no translation"),

@@ -152,7 +152,7 @@ def test_two_forces_leave_the_phase_of_a_difference_open() -> None:
             "y": ss.Inertial(force="F*sin(omega*t)"),
         },
     )
-    with pytest.raises(DeclarationError, match=r"time acts on x and y.*drive="):
+    with pytest.raises(DeclarationError, match=r"the forces on x and y depend on time.*drive="):
         ss.frequency_response(both, "omega", (0.9, 1.3), of="x - y", points=3)
 
 

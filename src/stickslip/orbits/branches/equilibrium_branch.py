@@ -166,9 +166,9 @@ def _start(
         if not low <= start.parameters[parameter] <= high:
             raise DeclarationError(
                 "start",
-                f"it was found at {parameter} = {start.parameters[parameter]:g}, outside ({low:g}, "
-                f"{high:g})",
-                "Start inside the range",
+                f"the start is at {parameter} = {start.parameters[parameter]:g}, outside "
+                f"({low:g}, {high:g})",
+                "Choose a start in the range, or another range",
             )
         return start
     if start is not None:
@@ -187,12 +187,12 @@ def _start(
         why = (
             "only sets of equilibria in stick"
             if found.sets
-            else found.nearest or "nothing came near"
+            else found.nearest or "no candidate came close"
         )
         tried[f"{parameter} = {value:g}"] = why
     raise ConvergenceError(
         f"equilibria of {system.name}",
-        "there is no isolated equilibrium to start from; "
+        "no isolated equilibrium was found as a start; "
         + "; ".join(f"{at}: {why}" for at, why in tried.items()),
         "Choose another range, or give a start",
     )
@@ -278,7 +278,7 @@ class _Follower:
         towards = np.append(np.zeros(len(x) - 1), sign)
         start = self._start(steady, x, towards if self.tangent is None else -self.tangent)
         found = named_points(tell, sign, (*first.state, self.parameter))
-        ending = follow_branch(start, onward, "no equilibrium was found further on", found)
+        ending = follow_branch(start, onward, "no further equilibrium was found", found)
         if not pieces:
             raise StickslipError(ending.text)
         self.tangent = pieces[0].path.points[0].tangent
@@ -461,9 +461,9 @@ class _Follower:
             return ""
         text = describe_guard(self.eq, guard, piece.steady.field.mode)
         if not onward:
-            return f"{text}; no equilibrium goes on from there"
+            return f"{text}; no equilibrium continues from there"
         turned = piece.path.points[-1].tangent[-1] * onward[0].path.points[0].tangent[-1] < 0.0
-        return f"{text}; the branch " + ("turns back" if turned else "goes on")
+        return f"{text}; the branch " + ("turns back" if turned else "continues")
 
     def _special(self, station: _Station, test: Test, index: int) -> list[SpecialPoint]:
         """What a zero of a test function is; nothing, if its meaning is another."""

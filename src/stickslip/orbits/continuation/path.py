@@ -108,11 +108,11 @@ class StepControl:
         check_fields(self)
         for name in ("first", "smallest", "largest", "tolerance", "turn", "most"):
             if not 0.0 < getattr(self, name) < math.inf:
-                reason = f"{getattr(self, name)} is not positive and finite"
+                reason = f"{getattr(self, name)} is not a positive, finite number"
                 raise DeclarationError(f"steps.{name}", reason, "Give a positive number")
         if self.smallest > self.largest:
-            reason = f"{self.smallest} is above the largest step, {self.largest}"
-            raise DeclarationError("steps.smallest", reason, "Give a smaller one")
+            reason = f"the smallest step, {self.smallest}, exceeds the largest, {self.largest}"
+            raise DeclarationError("steps.smallest", reason, "Reduce it")
 
 
 @dataclass(frozen=True)

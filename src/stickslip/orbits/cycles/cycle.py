@@ -416,7 +416,7 @@ class Cycle(Result):
             speed = with_unit(self.speed, units["speed"], 9)
             energy = with_unit(self.energy_per_distance, units["energy_per_distance"], 9)
             rows += [
-                ("drift", f"{drift} a period, speed {speed}"),
+                ("drift", f"{drift} per period, speed {speed}"),
                 ("energy per distance", energy),
             ]
         return rows
@@ -505,7 +505,7 @@ class Cycle(Result):
             raise DeclarationError(
                 "formula",
                 f"{short(formula)} is undefined on the cycle",
-                "Choose one that is defined all along",
+                "Use a formula that is defined along the whole cycle",
             )
         return found
 
@@ -526,7 +526,11 @@ class Cycle(Result):
         if isinstance(weight, str):
             weight = measure.weight(self.system, weight, self.parameters)
         elif not 0.0 < weight < math.inf:
-            raise DeclarationError("weight", f"{weight} is not a weight", "Give a positive number")
+            raise DeclarationError(
+                "weight",
+                f"{weight} is not a positive number",
+                "Give the weight as a positive number",
+            )
         return self.energy_per_distance / weight
 
     def describe(self) -> str:
@@ -551,7 +555,7 @@ class Cycle(Result):
         if self.drift:
             drift = with_unit(self.drift, units["drift"])
             speed = with_unit(self.speed, units["speed"])
-            lines.append(f"drift {drift} a period, speed {speed}")
+            lines.append(f"drift {drift} per period, speed {speed}")
         lines.append(self.certificate.verdict)
         return "\n".join(lines)
 
@@ -628,8 +632,8 @@ def find_cycle(
         came nearest. A :class:`stickslip.errors.TimeLimitError`, which is one, if the time is up.
     """
     if span is not None and isinstance(start, SpecialPoint | Result):
-        reason = "a motion, a cycle or a Hopf point has a time of its own"
-        raise DeclarationError("span", reason, "Give it with a state, or leave it out")
+        reason = "a motion, a cycle or a Hopf point already defines the initial time"
+        raise DeclarationError("span", reason, "Remove it, or give a state as the start")
     system = with_span(system, span)
     with limited(time_limit, f"a cycle of {system.name}"):
         return _found(system, start, parameters)
@@ -650,13 +654,17 @@ def _found(
     if isinstance(start, Cycle):
         if start.system != system:
             raise DeclarationError(
-                "start", f"a cycle of {start.system.name}, not of {system.name}", "Give its system"
+                "start",
+                f"the start is a cycle of {start.system.name}, not of {system.name}",
+                "Use the same system",
             )
         return make_cycle(from_cycle(start.closed, start.time, parameters))
     if isinstance(start, Trajectory):
         if start.system != system:
             raise DeclarationError(
-                "start", f"a motion of {start.system.name}, not of {system.name}", "Give its system"
+                "start",
+                f"the start is a motion of {start.system.name}, not of {system.name}",
+                "Use the same system",
             )
         if not parameters:
             return make_cycle(from_motion(start))

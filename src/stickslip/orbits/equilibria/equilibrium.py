@@ -285,7 +285,7 @@ class Equilibria(Result):
         if len(self):
             return "\n".join([*(found.describe() for found in self), *open_])
         nothing = f"no equilibrium was found ({self.tried}); "
-        return "\n".join([nothing + (self.nearest or "nothing came near"), *open_])
+        return "\n".join([nothing + (self.nearest or "no candidate came close"), *open_])
 
     @cached_property
     def certificate(self) -> Certificate:
@@ -478,7 +478,7 @@ def describe_guard(equations: MotionEquations, guard: Guard, mode: Mode) -> str:
 def pressed_text(forces: Mapping[str, float]) -> str:
     """Normal forces, to be put behind a state."""
     said = ", ".join(f"{name} = {value:.9g}" for name, value in forces.items())
-    return f", pressed with {said}" if said else ""
+    return f", normal forces {said}" if said else ""
 
 
 def modes_text(modes: Mapping[str, str]) -> str:

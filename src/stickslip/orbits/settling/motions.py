@@ -101,12 +101,12 @@ class Settings:
             )
         if self.max_time is not None and not 0.0 < self.max_time < np.inf:
             raise DeclarationError(
-                "max_time", f"{self.max_time!r} is no duration", "Give a positive number"
+                "max_time", f"{self.max_time!r} is not a duration", "Give a positive number"
             )
         for name in ("max_cycles", "max_events"):
             if getattr(self, name) < 1:
                 raise DeclarationError(
-                    name, f"{getattr(self, name)} is not positive", "Allow at least one"
+                    name, f"{getattr(self, name)} is not positive", "Give at least 1"
                 )
         if not 4 <= self.longest_cycle <= 4096:
             raise DeclarationError(

@@ -294,7 +294,7 @@ def backbone(
     modes = linear_modes(excited, {**excited.values, **values})
     if not 1 <= mode <= len(modes):
         raise DeclarationError(
-            "mode", f"there is no mode {mode}", f"It has {len(modes)}; 1 is the lowest"
+            "mode", f"unknown mode {mode}", f"Choose a mode from 1 to {len(modes)}"
         )
     chosen = modes[mode - 1]
     seeker = Amplitudes(excited, values, chosen, coordinate)
@@ -310,7 +310,7 @@ def backbone(
             ended = why
     if not work.found:
         raise work.failure or ConvergenceError(
-            f"a backbone of {system.name}", "no cycle was found", "Give other amplitudes"
+            f"a backbone of {system.name}", "no cycle was found", "Choose other amplitudes"
         )
     return _result(system, values, coordinate, mode, chosen, work, ended)
 
@@ -326,7 +326,7 @@ def _checked_coordinate(system: System, coordinate: str | None) -> str:
         coordinate[:2] != "d_" and system.unknown(coordinate).keys() & set(inertial)
     ):
         known = suggestion(coordinate, [*own, *unknowns])
-        raise DeclarationError("coordinate", f"no '{coordinate}' has a mass", known)
+        raise DeclarationError("coordinate", f"there is no '{coordinate}' with a mass", known)
     return coordinate
 
 
@@ -512,6 +512,6 @@ def _attributes(system: System, coordinate: str) -> dict[str, dict[str, Any]]:
             f"dissipated_{contact_key(c)}": described_as(f"energy per cycle in {c}", unit)
             for c in system.contacts
         },
-        "stick": described_as("share of the time in stick", "1"),
+        "stick": described_as("fraction of time in stick", "1"),
         "slips": described_as("whether a contact slips", "1"),
     }

@@ -118,7 +118,7 @@ class GaitStudy(Result):
     def _where(self) -> str:
         values = self.dataset[self.parameter].values[self.dataset["walks"].values.astype(bool)]
         if not len(values):
-            return "it walks nowhere"
+            return "it does not walk at any value"
         return f"it walks between {self.parameter} = {values.min():.6g} and {values.max():.6g}"
 
     def facts(self) -> dict[str, Any]:
@@ -327,12 +327,12 @@ def _bisect(
     low, high = (test(end, None) for end in ends)
     if isinstance(low, str) == isinstance(high, str):
         what = (
-            f"it stays at rest at both ends ({low})"
+            f"the system stays at rest at both ends of the range ({low})"
             if isinstance(low, str)
-            else "it moves at both ends"
+            else "the system moves at both ends of the range"
         )
         raise DeclarationError(
-            parameter, f"{what}: ({ends[0]:g}, {ends[1]:g})", "Give a span with a change inside"
+            parameter, f"{what}: ({ends[0]:g}, {ends[1]:g})", "Choose a range in which this changes"
         )
     (still, reason), (moving, motion) = sorted(
         zip(ends, (low, high), strict=True), key=lambda e: not isinstance(e[1], str)

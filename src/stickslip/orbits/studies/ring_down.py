@@ -126,10 +126,10 @@ class RingDown(Result):
     def message(self) -> str:
         """How many half-cycles there are, and how it ends."""
         last = self.dataset["turn_time"].values
-        rest = f"; at rest from t = {last[-1]:.9g} on" if self.stops else ""
-        count = f"{self.coordinate} swings through {_counted(len(self), 'half-cycle')}{rest}"
+        rest = f"; at rest from t = {last[-1]:.9g}" if self.stops else ""
+        count = f"{self.coordinate} makes {_counted(len(self), 'half-cycle')}{rest}"
         turns = _counted(len(last), "turning point")
-        none = f"{self.coordinate} does not swing: it has {turns}"
+        none = f"{self.coordinate} does not oscillate: it has {turns}"
         ended = [f"the motion ends early: {self.ended}"] if self.ended else []
         return "\n".join([count if len(self) else none, *ended, *self.notes])
 
@@ -168,7 +168,7 @@ class RingDown(Result):
             at = with_unit(float(data["turn_time"][-1]), unit, 6)
             unit = str(data["turn_position"].attrs.get("units", "1"))
             where = with_unit(float(data["turn_position"][-1]), unit, 6)
-            rows.append(("at rest", f"from t = {at} on, at {self.coordinate} = {where}"))
+            rows.append(("at rest", f"from t = {at}, at {self.coordinate} = {where}"))
         return [*rows, *shortened([("note", note) for note in self.notes])]
 
     def overview(self, ax: Axes | None = None) -> Figure:
@@ -300,7 +300,7 @@ def ring_down(
     )
     turns, notes = _kept(turning_points(followed), named, motion)
     fault = Residual(
-        "turning points", turns.fault, _TURNS, note="velocity there, relative to the largest one"
+        "turning points", turns.fault, _TURNS, note="velocity there, relative to the largest"
     )
     own = motion.certificate
     return RingDown(
@@ -331,7 +331,7 @@ def _coordinate(system: System, name: str | None) -> str:
         known = [*declared, *shown, *inertial]
         if not known:
             raise DeclarationError(
-                system.name, "no coordinate has a mass", "A ring-down needs an inertial coordinate"
+                system.name, "no coordinate has a mass", "Declare an inertial coordinate"
             )
         return known[0]
     if name in inertial or (name[:2] != "d_" and system.unknown(name)):
@@ -340,11 +340,11 @@ def _coordinate(system: System, name: str | None) -> str:
     if name in others:
         raise DeclarationError(
             "coordinate",
-            f"'{short(name)}' has no mass: it does not swing by itself",
+            f"'{short(name)}' has no mass and does not oscillate by itself",
             suggestion("", [*declared, *shown] or inertial),
         )
     known = suggestion(name.removeprefix("d_"), [*declared, *shown] or inertial)
-    raise DeclarationError("coordinate", f"there is no coordinate '{short(name)}'", known)
+    raise DeclarationError("coordinate", f"unknown coordinate '{short(name)}'", known)
 
 
 def _check_free(system: System, values: Mapping[str, float]) -> None:
@@ -375,15 +375,15 @@ def _check_free(system: System, values: Mapping[str, float]) -> None:
     forces = {x: scope.parse(force, f"forces.{x}") for x, force in system.forces.items()}
     pushed = [x for x, force in forces.items() if acts(force)]
     if drives:
-        what, remedy = f"drive '{drives[0]}'", f'Let it rest, as by {drives[0]}="0"'
+        what, remedy = f"drive '{drives[0]}'", f'Switch it off, as with {drives[0]}="0"'
     elif pushed:
         # What the equations have of it is a force on modes, which nobody has written.
         what = f"the force on {pushed[0]}, {short(str(system.forces[pushed[0]]))}"
-        remedy = "Let it rest, as by an amplitude of 0"
+        remedy = "Switch it off, as with an amplitude of 0"
     else:
-        what, remedy = short(ex.to_text(acting[0])), "Let what is driven rest"
+        what, remedy = short(ex.to_text(acting[0])), "Switch off the drive"
     raise DeclarationError(
-        system.name, f"it depends on time ({what})", f"{remedy}: a ring-down is free"
+        system.name, f"it depends on time ({what})", f"{remedy}; a ring-down is a free motion"
     )
 
 
@@ -407,18 +407,18 @@ def _kept(turns: TurningPoints, name: str, motion: Trajectory) -> tuple[TurningP
     if len(small):
         count = int(small[0]) + 1
         at = turns.clock[count - 1] + motion.knots.origin
-        notes.append(f"from t = {at:.6g} on the amplitude is below {least:.3g}: not followed")
+        notes.append(f"after t = {at:.6g} the amplitude is below {least:.3g} and is not evaluated")
         clock, position, rest = (part[:count] for part in (turns.clock, turns.position, turns.rest))
         turns = TurningPoints(clock, position, rest, turns.fault, False, False)
         amplitude = amplitude[: count - 1]
     elif turns.fades and len(amplitude):
         at = turns.clock[-1] + motion.knots.origin
-        notes.append(f"from t = {at:.6g} on it fades away: not followed")
+        notes.append(f"after t = {at:.6g} the oscillation fades and is not evaluated")
     grows = int(np.count_nonzero(np.diff(amplitude) > 10.0 * motion.rtol * amplitude[:-1]))
     if grows:
         notes.append(
-            f"the amplitude of {name} grows in {grows} of {len(amplitude)} half-cycles: more than "
-            "one mode moves it, or it is fed"
+            f"the amplitude of {name} grows in {grows} of {len(amplitude)} half-cycles: several "
+            "modes contribute, or energy is supplied"
         )
     return turns, notes
 
@@ -468,7 +468,7 @@ def _dataset(motion: Trajectory, name: str, turns: TurningPoints) -> xarray.Data
         ),
         "dissipated": (
             np.diff(there["dissipated_energy"]),
-            described_as("energy dissipated in a half-cycle", energy),
+            described_as("energy dissipated per half-cycle", energy),
         ),
     }
     at_turns: dict[str, tuple[Array, dict[str, str]]] = {
